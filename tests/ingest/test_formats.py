@@ -1,0 +1,702 @@
+"""TDMS, MATLAB, Parquet and Excel: files are made here, and what is read back is what was written."""
+
+from __future__ import annotations
+
+import datetime as dt
+import struct
+import sys
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Literal
+
+import h5py
+import numpy as np
+import openpyxl
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
+from scipy.io import savemat
+
+from winchcascade.errors import LogError
+from winchcascade.ingest import parquet
+from winchcascade.ingest.excel import open_excel
+from winchcascade.ingest.mat import open_mat
+from winchcascade.ingest.parquet import open_parquet
+from winchcascade.ingest.source import Source, Table
+from winchcascade.ingest.tdms import open_tdms
+
+H = 0.04
+T = H * np.arange(500)
+V = np.sin(T)
+P = 20.0 + T
+LABVIEW = Path(__file__).parents[3] / "shared" / "data" / "damaged_logs" / "labview.tdms"
+
+INTERPOLATED = 1e-12
+"""A straight line is interpolated to rounding."""
+
+LAST_DIGIT = 1e-15
+"""openpyxl writes 16 digits of a number."""
+
+
+def names(source: Source) -> list[str]:
+    return [header.name for header in source.headers]
+
+
+def units(source: Source) -> list[str | None]:
+    return [header.unit for header in source.headers]
+
+
+def sentence(call: Callable[[], object], path: Path) -> str:
+    with pytest.raises(LogError) as caught:
+        call()
+    message = str(caught.value)
+    assert message.startswith(f"{path.name}: ")
+    assert "\n" not in message
+    assert message.count("; ") >= 2
+    return message
+
+
+# --- TDMS
+
+
+def wave(name: str, values: Any, group: str = "Crane", **properties: Any) -> ChannelObject:
+    return ChannelObject(group, name, np.asarray(values), {"wf_increment": H, "wf_start_offset": 0.0} | properties)
+
+
+def write_tdms(path: Path, *objects: Any) -> Path:
+    with TdmsWriter(str(path)) as writer:
+        writer.write_segment(list(objects))
+    return path
+
+
+def test_tdms_gives_names_units_clock_and_properties(tmp_path: Path) -> None:
+    path = write_tdms(
+        tmp_path / "a.tdms",
+        RootObject({"load_ohm": 36.0, "operator": "nobody"}),
+        GroupObject("Crane", {"operator": "crane test", "run": 3}),
+        wave("Velocity", V, unit_string="m/s"),
+        wave("Pressure", P.astype(np.float32), NI_UnitDescription="bar"),
+        wave("Phase", np.arange(500, dtype=np.int16), unit=""),
+    )
+    source = open_tdms(path)
+    table = source.load([0, 1, 2], None)
+    assert names(source) == ["Velocity", "Pressure", "Phase"]
+    assert units(source) == ["m/s", "bar", None]
+    assert (source.time_step, source.time_start) == (H, 0.0)
+    assert source.properties == {"load_ohm": 36.0, "operator": "crane test", "run": 3.0}
+    np.testing.assert_array_equal(table.values[0], V)
+    np.testing.assert_allclose(table.values[1], P, rtol=1e-7)
+    assert all(column.dtype == np.float64 for column in table.values.values())
+    assert (table.stamps, table.findings) == (None, ())
+
+
+def test_tdms_start_offset_is_the_stamp_of_the_first_sample(tmp_path: Path) -> None:
+    path = write_tdms(tmp_path / "a.tdms", wave("v", V, wf_start_offset=2.5), wave("p", P, wf_start_offset=2.5))
+    source = open_tdms(path)
+    assert source.time_start == 2.5
+    assert source.load([0, 1], None).stamps is None
+
+
+@pytest.mark.parametrize("late", [7, 24, 60])
+def test_tdms_channels_that_start_whole_samples_apart_are_shifted(tmp_path: Path, late: int) -> None:
+    path = write_tdms(
+        tmp_path / "a.tdms", wave("v", V), wave("x", T), wave("p", P[late:], wf_start_offset=late * H * 1.00001)
+    )
+    table = open_tdms(path).load([0, 1, 2], None)
+    np.testing.assert_array_equal(table.values[0], V[late:])
+    np.testing.assert_array_equal(table.values[2], P[late:])
+    np.testing.assert_allclose(np.asarray(table.stamps), T[late:])
+    assert [f.removed for f in table.findings] == ([late] if late * H > 1.0 else [])
+
+
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(late=st.floats(0.02, 8.0))
+def test_tdms_channels_that_start_apart_agree_on_the_time_of_a_straight_line(tmp_path: Path, late: float) -> None:
+    path = write_tdms(tmp_path / "a.tdms", wave("x", T), wave("y", 2 * T), wave("z", T + late, wf_start_offset=late))
+    table = open_tdms(path).load([0, 1, 2], None)
+    # A shift within 1 % of a sample counts as none.
+    tolerance = 0.01 * H + INTERPOLATED
+    np.testing.assert_allclose(table.values[2], table.values[0], atol=tolerance, rtol=0)
+    np.testing.assert_allclose(np.asarray(table.stamps), table.values[0], atol=INTERPOLATED)
+
+
+def test_tdms_start_times_are_aligned_and_the_cut_is_told(tmp_path: Path) -> None:
+    start = np.datetime64("2026-03-01T10:00:00", "us")
+    late = start + np.timedelta64(2_020_000, "us")
+    path = write_tdms(
+        tmp_path / "a.tdms",
+        wave("x", T, wf_start_time=start),
+        wave("y", T, wf_start_time=start),
+        wave("z", T + 2.02, wf_start_time=late),
+    )
+    source = open_tdms(path)
+    table = source.load([0, 2], None)
+    np.testing.assert_allclose(table.values[0], table.values[2], atol=INTERPOLATED)
+    assert len(table.values[0]) == 449
+    (finding,) = table.findings
+    assert finding.kind == "dropped_samples"
+    assert finding.removed == round((T[-1] + 2.02 - 448 * H) / H)
+    assert source.load([0, 1], None).stamps is None
+
+
+def test_tdms_start_time_that_labview_never_set_is_none(tmp_path: Path) -> None:
+    path = write_tdms(
+        tmp_path / "a.tdms",
+        wave("x", T, wf_start_time=np.datetime64("1904-01-01T00:00:00", "us")),
+        wave("y", T, wf_start_time=np.datetime64("2026-03-01T10:00:00", "us")),
+    )
+    assert len(open_tdms(path).load([0, 1], None).values[0]) == len(T)
+
+
+def test_tdms_coarser_channel_is_interpolated_onto_the_clock_of_most(tmp_path: Path) -> None:
+    path = write_tdms(tmp_path / "a.tdms", wave("x", T), wave("y", T), wave("z", T[::5], wf_increment=5 * H))
+    source = open_tdms(path)
+    table = source.load([0, 1, 2], None)
+    assert source.time_step == H
+    np.testing.assert_allclose(table.values[2], T[:496], atol=INTERPOLATED)
+    assert table.stamps is None
+
+
+def test_tdms_wanted_channels_off_the_usual_clock_bring_their_stamps(tmp_path: Path) -> None:
+    path = write_tdms(tmp_path / "a.tdms", wave("x", T), wave("y", T), wave("z", T[::5], wf_increment=5 * H))
+    np.testing.assert_allclose(np.asarray(open_tdms(path).load([2], None).stamps), T[::5])
+
+
+def test_tdms_channels_without_a_common_moment_are_refused(tmp_path: Path) -> None:
+    path = write_tdms(tmp_path / "a.tdms", wave("x", T), wave("y", T, wf_start_offset=100.0))
+    source = open_tdms(path)
+    assert "overlap" in sentence(lambda: source.load([0, 1], None), path)
+    assert len(source.load([1], None).values[1]) == len(T)
+
+
+def test_tdms_stamps_become_seconds_since_the_first(tmp_path: Path) -> None:
+    stamps = np.datetime64("2026-03-01T10:00:00", "us") + (T * 1e6).astype("timedelta64[us]")
+    path = write_tdms(
+        tmp_path / "a.tdms",
+        ChannelObject("g", "Time", stamps),
+        ChannelObject("g", "v", V[:-3]),
+        ChannelObject("g", "note", ["a"] * 500),
+    )
+    source = open_tdms(path)
+    table = source.load([1, 2], 0)
+    assert source.time_step is None
+    assert table.stamped
+    np.testing.assert_allclose(np.asarray(table.stamps), T[:-3], atol=2e-6)
+    assert np.isnan(table.values[2]).all()
+    assert [(f.kind, f.removed) for f in table.findings] == [("dropped_samples", 3)]
+
+
+def test_tdms_numeric_time_channel_is_handed_over_as_it_is(tmp_path: Path) -> None:
+    path = write_tdms(tmp_path / "a.tdms", ChannelObject("g", "Time", 1e3 * T), ChannelObject("g", "v", V))
+    table = open_tdms(path).load([1], 0)
+    np.testing.assert_array_equal(np.asarray(table.stamps), 1e3 * T)
+    assert not table.stamped
+
+
+def test_tdms_text_time_channel_is_handed_over_as_texts(tmp_path: Path) -> None:
+    texts = [f"10:00:{k:02d}" for k in range(5)]
+    path = write_tdms(tmp_path / "a.tdms", ChannelObject("g", "Time", texts), ChannelObject("g", "v", V[:5]))
+    assert open_tdms(path).load([1], 0).stamps == texts
+
+
+def test_tdms_group_with_the_most_numeric_channels_is_read(tmp_path: Path) -> None:
+    path = write_tdms(
+        tmp_path / "a.tdms", wave("note", T, group="Log"), wave("v", V, group="Crane"), wave("p", P, group="Crane")
+    )
+    assert names(open_tdms(path)) == ["v", "p"]
+
+
+def test_tdms_groups_that_name_channels_alike_are_told_apart(tmp_path: Path) -> None:
+    path = write_tdms(
+        tmp_path / "a.tdms",
+        GroupObject("Raw"),
+        GroupObject("Filtered"),
+        wave("v", V, group="Raw"),
+        wave("v", P, group="Filtered"),
+    )
+    source = open_tdms(path)
+    assert names(source) == ["Raw/v", "Filtered/v"]
+    np.testing.assert_array_equal(source.load([1], None).values[1], P)
+
+
+def test_tdms_channel_that_was_never_filled_is_no_column(tmp_path: Path) -> None:
+    path = write_tdms(tmp_path / "a.tdms", wave("v", V), ChannelObject("Crane", "empty", np.empty(0)))
+    assert names(open_tdms(path)) == ["v"]
+
+
+def test_tdms_that_was_cut_off_is_read_to_the_last_common_sample(tmp_path: Path) -> None:
+    path = tmp_path / "a.tdms"
+    with TdmsWriter(str(path)) as writer:
+        for k in range(0, 500, 100):
+            writer.write_segment([wave("v", V[k : k + 100]), wave("p", P[k : k + 100])])
+    path.write_bytes(path.read_bytes()[:-80])
+    table = open_tdms(path).load([0, 1], None)
+    assert len(table.values[0]) == len(table.values[1]) == 490
+    np.testing.assert_array_equal(table.values[1], P[:490])
+    assert [f.kind for f in table.findings] == ["truncated"]
+
+
+def test_tdms_with_a_channel_lost_to_the_cut_is_refused(tmp_path: Path) -> None:
+    path = write_tdms(tmp_path / "a.tdms", wave("v", V), wave("p", P))
+    path.write_bytes(path.read_bytes()[:-4020])
+    source = open_tdms(path)
+    assert "no samples" in sentence(lambda: source.load([0, 1], None), path)
+
+
+@pytest.mark.parametrize("claimed", [10**6, 2**40, 2**62])
+def test_tdms_that_claims_more_samples_than_bytes_is_refused(tmp_path: Path, claimed: int) -> None:
+    path = write_tdms(tmp_path / "a.tdms", wave("v", V))
+    index = struct.pack("<LLQ", 10, 1, 500)
+    assert path.read_bytes().count(index) == 1
+    path.write_bytes(path.read_bytes().replace(index, struct.pack("<LLQ", 10, 1, claimed)))
+    assert str(claimed) in sentence(lambda: open_tdms(path), path)
+
+
+def test_tdms_without_numbers_is_refused(tmp_path: Path) -> None:
+    path = write_tdms(tmp_path / "a.tdms", ChannelObject("g", "note", ["a", "b"]))
+    assert "channel of numbers" in sentence(lambda: open_tdms(path), path)
+
+
+@pytest.mark.skipif(not LABVIEW.exists(), reason="the example log lies in ../shared/data, which is not here")
+def test_labview_example_opens_with_units_and_load() -> None:
+    source = open_tdms(LABVIEW)
+    assert units(source) == ["m", "m/s", "kgf/cm^2", "kgf", "N*m", "V", "A"]
+    assert source.properties["load_ohm"] == 36.0
+    assert {len(column) for column in source.load(range(7), None).values.values()} == {2767}
+
+
+# --- MATLAB
+
+
+def cells(*texts: str) -> Any:
+    return np.array(texts, dtype=object)
+
+
+def write_mat(path: Path, **variables: Any) -> Path:
+    savemat(path, variables, oned_as="column")
+    return path
+
+
+@pytest.mark.parametrize(("form", "compressed"), [("4", False), ("5", False), ("5", True)])
+def test_mat_vectors_of_the_usual_length_are_columns(tmp_path: Path, form: Literal["4", "5"], compressed: bool) -> None:
+    path = tmp_path / "a.mat"
+    variables = {"t": T, "v": V[np.newaxis, :], "p": P[:, np.newaxis], "other": V[:7], "R_L": 36.0, "Fs": 25.0}
+    savemat(path, variables, format=form, do_compression=compressed)
+    source = open_mat(path)
+    table = source.load([1, 2], 0)
+    assert names(source) == ["t", "v", "p"]
+    assert source.properties == {"R_L": 36.0, "Fs": 25.0}
+    assert source.time_step == H
+    np.testing.assert_array_equal(np.asarray(table.stamps), T)
+    np.testing.assert_array_equal(table.values[1], V)
+    np.testing.assert_array_equal(table.values[2], P)
+
+
+def test_mat_struct_fields_are_columns_with_units_from_a_struct(tmp_path: Path) -> None:
+    path = write_mat(
+        tmp_path / "a.mat",
+        log={"v": V, "p": P, "dt": H, "units": {"v": "m/s", "p": "bar"}, "inner": {"idc": V.astype(np.float32)}},
+        note="crane",
+    )
+    source = open_mat(path)
+    assert names(source) == ["v", "p", "idc"]
+    assert units(source) == ["m/s", "bar", None]
+    assert source.time_step == H
+    assert source.properties == {"dt": H, "note": "crane"}
+
+
+def test_mat_structs_that_name_fields_alike_are_told_apart(tmp_path: Path) -> None:
+    path = write_mat(tmp_path / "a.mat", raw={"v": V, "p": P}, smooth={"v": P})
+    source = open_mat(path)
+    assert names(source) == ["raw.v", "p", "smooth.v"]
+    np.testing.assert_array_equal(source.load([2], None).values[2], P)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_mat_matrix_with_names_is_a_table(tmp_path: Path, turned: bool) -> None:
+    matrix = np.column_stack([T, V, P])
+    path = write_mat(
+        tmp_path / "a.mat",
+        data=matrix.T if turned else matrix,
+        Names=cells("Time", "Velocity", "Pressure"),
+        units=np.array(["s  ", "m/s", "bar"]),
+    )
+    source = open_mat(path)
+    assert names(source) == ["Time", "Velocity", "Pressure"]
+    assert units(source) == ["s", "m/s", "bar"]
+    np.testing.assert_array_equal(source.load([1], None).values[1], V)
+
+
+def test_mat_texts_of_the_usual_length_may_be_stamps(tmp_path: Path) -> None:
+    stamps = [f"2026-03-01 10:00:{k:02d}" for k in range(20)]
+    path = write_mat(tmp_path / "a.mat", when=cells(*stamps), v=V[:20])
+    source = open_mat(path)
+    table = source.load([0, 1], 0)
+    assert table.stamps == stamps
+    assert np.isnan(table.values[0]).all()
+
+
+def test_mat_without_vectors_is_refused(tmp_path: Path) -> None:
+    path = write_mat(tmp_path / "a.mat", note="nothing", load_ohm=36.0, image=np.ones((4, 5)))
+    assert "vectors" in sentence(lambda: open_mat(path), path)
+
+
+def test_mat_that_unpacks_to_more_than_memory_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write_mat(tmp_path / "a.mat", v=V)
+    monkeypatch.setattr("winchcascade.ingest.mat.BYTES_LOADED", 8 * len(V) - 1)
+    assert "GiB" in sentence(lambda: open_mat(path), path)
+
+
+def write_mat73(path: Path, matrix: bool = False) -> Path:
+    """Lay out a file as MATLAB does with `save -v7.3`: dimensions turned round, texts as UTF-16, cells by reference."""
+
+    def numbers(group: Any, name: str, values: Any) -> None:
+        group.create_dataset(name, data=np.atleast_2d(values), dtype="f8").attrs["MATLAB_class"] = np.bytes_("double")
+
+    def text(group: Any, name: str, value: str) -> Any:
+        dataset = group.create_dataset(name, data=np.array([[ord(c)] for c in value], dtype=np.uint16))
+        dataset.attrs["MATLAB_class"] = np.bytes_("char")
+        return dataset.ref
+
+    def cell(group: Any, name: str, *values: str) -> None:
+        refs = [[text(group.file.require_group("#refs#"), f"{name}{k}", v)] for k, v in enumerate(values)]
+        dataset = group.create_dataset(name, data=np.array(refs, dtype=h5py.ref_dtype), dtype=h5py.ref_dtype)
+        dataset.attrs["MATLAB_class"] = np.bytes_("cell")
+
+    with h5py.File(path, "w", userblock_size=512) as file:
+        numbers(file, "load_ohm", 36.0)
+        text(file, "operator", "crane")
+        if matrix:
+            numbers(file, "data", np.array([T, V, P]))
+            cell(file, "names", "Time", "Velocity", "Pressure")
+            cell(file, "units", "s", "m/s", "bar")
+        else:
+            log = file.create_group("log")
+            for name, values in {"t": T, "v": V, "p": P}.items():
+                numbers(log, name, values)
+            text(log.create_group("units"), "v", "m/s")
+        empty = file.create_dataset("nothing", data=np.array([0, 0], dtype=np.uint64))
+        empty.attrs["MATLAB_empty"] = np.uint8(1)
+    content = path.read_bytes()
+    path.write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512, b" ") + content[512:])
+    return path
+
+
+def test_mat73_structs_texts_and_scalars_are_read(tmp_path: Path) -> None:
+    source = open_mat(write_mat73(tmp_path / "a.mat"))
+    assert dict(zip(names(source), units(source), strict=True)) == {"p": None, "t": None, "v": "m/s"}
+    assert source.properties == {"load_ohm": 36.0, "operator": "crane"}
+    v = names(source).index("v")
+    np.testing.assert_array_equal(source.load([v], None).values[v], V)
+
+
+def test_mat73_matrix_with_names_is_a_table(tmp_path: Path) -> None:
+    source = open_mat(write_mat73(tmp_path / "a.mat", matrix=True))
+    assert names(source) == ["Time", "Velocity", "Pressure"]
+    assert units(source) == ["s", "m/s", "bar"]
+    np.testing.assert_array_equal(source.load([2], None).values[2], P)
+
+
+def test_mat73_without_h5py_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write_mat73(tmp_path / "a.mat")
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    assert "pip install winchcascade[mat73]" in sentence(lambda: open_mat(path), path)
+
+
+def test_mat73_that_holds_itself_is_read_once(tmp_path: Path) -> None:
+    path = write_mat73(tmp_path / "a.mat")
+    with h5py.File(path, "r+") as file:
+        file["log/again"] = file["log"]
+    assert "v" in "".join(names(open_mat(path)))
+
+
+# --- Parquet
+
+
+def write_parquet(path: Path, row_group_size: int = 128) -> Path:
+    fields = [
+        pa.field("when", pa.timestamp("ns", tz="UTC")),
+        pa.field("v", pa.float32(), metadata={"unit": "m/s"}),
+        pa.field("p", pa.decimal128(12, 3), metadata={"units": "bar"}),
+        pa.field("text", pa.string()),
+        pa.field("on", pa.bool_()),
+        pa.field("label", pa.dictionary(pa.int8(), pa.string())),
+        pa.field("pair", pa.list_(pa.int64())),
+    ]
+    columns = [
+        pa.array([1_770_000_000_000_000_001 + 40_000_000 * k for k in range(500)], pa.timestamp("ns", tz="UTC")),
+        pa.array([None if k == 7 else float(V[k]) for k in range(500)], pa.float32()),
+        pa.array(np.round(P, 3).astype(str)).cast(pa.float64()).cast(pa.decimal128(12, 3)),
+        pa.array(["1.5" if k % 2 else "off" for k in range(500)]),
+        pa.array([k % 2 == 0 for k in range(500)]),
+        pa.array(["hold"] * 500).dictionary_encode().cast(pa.dictionary(pa.int8(), pa.string())),
+        pa.array([[k] for k in range(500)]),
+    ]
+    schema = pa.schema(fields, metadata={"load_ohm": "36", "operator": "crane", "pandas": "{}"})
+    pq.write_table(pa.table(columns, schema=schema), path, row_group_size=row_group_size)
+    return path
+
+
+def test_parquet_gives_names_units_and_properties(tmp_path: Path) -> None:
+    source = open_parquet(write_parquet(tmp_path / "a.parquet"))
+    assert names(source) == ["when", "v", "p", "text", "on", "label", "pair"]
+    assert units(source) == [None, "m/s", "bar", None, None, None, None]
+    assert source.properties == {"load_ohm": 36.0, "operator": "crane"}
+
+
+@pytest.mark.parametrize("row_group_size", [1, 128, 500])
+def test_parquet_columns_of_any_kind_become_numbers(tmp_path: Path, row_group_size: int) -> None:
+    table = open_parquet(write_parquet(tmp_path / "a.parquet", row_group_size)).load([1, 2, 3, 4, 5, 6], 0)
+    expected = V.astype(np.float32).astype(np.float64)
+    expected[7] = np.nan
+    np.testing.assert_array_equal(table.values[1], expected)
+    np.testing.assert_array_equal(table.values[2], np.round(P, 3))
+    np.testing.assert_array_equal(table.values[3][:4], [np.nan, 1.5, np.nan, 1.5])
+    np.testing.assert_array_equal(table.values[4][:3], [1.0, 0.0, 1.0])
+    assert np.isnan(table.values[5]).all()
+    assert np.isnan(table.values[6]).all()
+    assert table.stamped
+    np.testing.assert_allclose(np.asarray(table.stamps), T, rtol=1e-15)
+
+
+@pytest.mark.parametrize("kind", [pa.timestamp("s"), pa.timestamp("us"), pa.time32("ms"), pa.time64("ns"), pa.date32()])
+def test_parquet_stamps_count_from_the_first_that_is_there(tmp_path: Path, kind: Any) -> None:
+    path = tmp_path / "a.parquet"
+    day = pa.types.is_date(kind)
+    ticks = [None, 3, 4, None, 7]
+    scale = 1 if day else {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}[kind.unit]
+    whole = pa.int32() if day or kind == pa.time32("ms") else pa.int64()
+    column = pa.array([None if k is None else k * scale for k in ticks], whole).cast(kind)
+    pq.write_table(pa.table({"t": column, "v": V[:5]}), path)
+    table = open_parquet(path).load([1], 0)
+    np.testing.assert_array_equal(
+        np.asarray(table.stamps), (86400.0 if day else 1.0) * np.array([np.nan, 0.0, 1.0, np.nan, 4.0])
+    )
+
+
+def test_parquet_text_stamps_are_handed_over_as_texts(tmp_path: Path) -> None:
+    path = tmp_path / "a.parquet"
+    pq.write_table(pa.table({"t": ["10:00:00", None], "v": [1, 2]}), path)
+    table = open_parquet(path).load([1], 0)
+    assert table.stamps == ["10:00:00", ""]
+    assert not table.stamped
+
+
+def test_parquet_names_with_dots_and_twins_are_told_apart(tmp_path: Path) -> None:
+    path = tmp_path / "a.parquet"
+    pq.write_table(pa.Table.from_arrays([pa.array([float(k)]) for k in range(3)], names=["a.b", "a", "a"]), path)
+    table = open_parquet(path).load([0, 1, 2], None)
+    assert [table.values[k][0] for k in range(3)] == [0.0, 1.0, 2.0]
+
+
+def test_parquet_bomb_of_a_few_megabytes_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.parquet"
+    group = pa.table({"v": pa.nulls(2**24, pa.bool_())})
+    with pq.ParquetWriter(path, group.schema) as writer:
+        for _ in range(65):
+            writer.write_table(group)
+    assert path.stat().st_size < 2**22
+    source = open_parquet(path)
+    assert parquet.BYTES_LOADED == 8 * 2**30
+    assert "GiB" in sentence(lambda: source.load([0], None), path)
+
+
+# --- Excel
+
+
+def write_excel(path: Path, *rows: Any, title: str = "Log") -> Path:
+    book = openpyxl.Workbook()
+    book.active.title = "Notes"
+    book.active.append(["Trial of the crane", None])
+    book.active.append(["Operator", "nobody"])
+    sheet = book.create_sheet(title)
+    for row in rows:
+        sheet.append(row)
+    book.save(path)
+    return path
+
+
+def test_excel_finds_the_sheet_the_names_the_units_and_the_numbers(tmp_path: Path) -> None:
+    path = write_excel(
+        tmp_path / "a.xlsx",
+        ["Crane trial"],
+        ["Load", 36, "ohm"],
+        [],
+        ["Time", None, "Velocity", "Pressure", "Remark"],
+        ["[s]", None, "(m/s)", "kgf/cm²", None],
+        *([t, None, v, p, "x"] for t, v, p in zip(T, V, P, strict=True)),
+        [None, None, None, None, None],
+        [None, "", None, None, None],
+    )
+    source = open_excel(path)
+    table = source.load([1, 2, 3], 0)
+    assert names(source) == ["Time", "Velocity", "Pressure", "Remark"]
+    assert units(source) == ["s", "m/s", "kgf/cm²", None]
+    assert "Log" in source.form
+    np.testing.assert_allclose(np.asarray(table.stamps), T, rtol=LAST_DIGIT)
+    np.testing.assert_allclose(table.values[1], V, rtol=LAST_DIGIT)
+    assert np.isnan(table.values[3]).all()
+    assert not table.stamped
+
+
+def test_excel_texts_that_look_like_numbers_are_numbers(tmp_path: Path) -> None:
+    texts = ["1,5", "-2.5", " 3 ", "1.234,5", "1,234.5", "1e3", "n/a", "#N/A", "1_0", "nan", True, None]
+    path = write_excel(tmp_path / "a.xlsx", ["v", "p"], *([text, 1.0] for text in texts))
+    expected = [1.5, -2.5, 3.0, 1234.5, 1234.5, 1000.0, *[np.nan] * 4, 1.0, np.nan]
+    np.testing.assert_array_equal(open_excel(path).load([0], None).values[0], expected)
+
+
+@pytest.mark.parametrize(
+    "first",
+    [dt.datetime(2026, 3, 1, 23, 59, 59), dt.time(10, 0, 0), dt.timedelta(hours=30)],
+    ids=["datetime", "time", "timedelta"],
+)
+def test_excel_stamps_become_seconds_since_the_first(tmp_path: Path, first: Any) -> None:
+    moments = [k * dt.timedelta(milliseconds=40) for k in range(50)]
+    if isinstance(first, dt.time):
+        stamps: list[Any] = [(dt.datetime.combine(dt.date(2026, 3, 1), first) + m).time() for m in moments]
+    else:
+        stamps = [first + m for m in moments]
+    path = write_excel(tmp_path / "a.xlsx", ["Time", "v"], *([s, k] for k, s in enumerate(stamps)), [None, 3.0])
+    table = open_excel(path).load([1], 0)
+    assert table.stamped
+    # A workbook keeps stamps as days; what is read back is rounded to milliseconds.
+    np.testing.assert_allclose(np.asarray(table.stamps), [*T[:50], np.nan], atol=1e-3)
+
+
+def test_excel_text_stamps_are_handed_over_as_texts(tmp_path: Path) -> None:
+    stamps = [f"2026-03-01 10:00:{k:02d}" for k in range(5)]
+    path = write_excel(tmp_path / "a.xlsx", ["Time", "v"], *([s, 1.0] for s in stamps))
+    assert open_excel(path).load([1], 0).stamps == stamps
+
+
+def test_excel_line_of_group_names_above_the_names_is_passed_over(tmp_path: Path) -> None:
+    path = write_excel(tmp_path / "a.xlsx", ["Motion", "Motion"], ["path", "speed"], [1.0, 2.0], [3.0, 4.0])
+    assert names(open_excel(path)) == ["path", "speed"]
+
+
+def test_excel_without_a_table_is_refused(tmp_path: Path) -> None:
+    path = write_excel(tmp_path / "a.xlsx", ["only", "words"])
+    assert "names" in sentence(lambda: open_excel(path), path)
+
+
+def test_excel_stray_cell_does_not_stretch_the_sheet_over_memory(tmp_path: Path) -> None:
+    path = tmp_path / "a.xlsx"
+    book = openpyxl.Workbook()
+    book.active.append(["v"])
+    book.active.append([1.0])
+    book.active.cell(1_048_576, 16_384, 1.0)
+    book.save(path)
+    assert "stray" in sentence(lambda: open_excel(path), path)
+
+
+def test_excel_zip_bomb_is_refused_before_it_unpacks(tmp_path: Path) -> None:
+    path = write_excel(tmp_path / "a.xlsx", ["v"], [1.0])
+    with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as book, book.open("xl/media/zeros", "w") as part:
+        for _ in range(501):
+            part.write(bytes(2**20))
+    assert "500 MB" in sentence(lambda: open_excel(path), path)
+
+
+def compound_file(*streams: str) -> bytes:
+    """Lay out an OLE compound file that holds empty streams: what an encrypted workbook is wrapped in."""
+    end, free, none = 0xFFFFFFFE, 0xFFFFFFFF, 0xFFFFFFFF
+
+    def entry(name: str, kind: int, right: int, child: int) -> bytes:
+        text = f"{name}\0".encode("utf-16-le")
+        head = text.ljust(64, b"\0") + struct.pack("<HBBLLL", len(text), kind, 1, none, right, child)
+        return head + bytes(36) + struct.pack("<LQ", end, 0)
+
+    header = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(16) + struct.pack("<5H", 0x3E, 3, 0xFFFE, 9, 6) + bytes(6)
+    header += struct.pack("<LLLLLLLLL", 0, 1, 1, 0, 4096, end, 0, end, 0) + struct.pack("<109L", 0, *[free] * 108)
+    table = struct.pack("<128L", 0xFFFFFFFD, end, *[free] * 126)
+    entries = [entry("Root Entry", 5, none, 1)]
+    entries += [entry(s, 2, k + 2 if k + 1 < len(streams) else none, none) for k, s in enumerate(streams)]
+    return header + table + b"".join(entries).ljust(512, b"\0")
+
+
+def test_excel_with_a_password_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "a.xlsx"
+    path.write_bytes(compound_file("EncryptionInfo", "EncryptedPackage"))
+    assert "password" in sentence(lambda: open_excel(path), path)
+
+
+# --- every format
+
+
+def _tdms(path: Path) -> Path:
+    return write_tdms(path, RootObject({"load_ohm": 36.0}), wave("v", V, unit_string="m/s"), wave("p", P))
+
+
+def _mat(path: Path) -> Path:
+    return write_mat(path, log={"v": V, "p": P, "units": {"v": "m/s"}}, names=cells("v", "p"), fs=25.0)
+
+
+def _mat4(path: Path) -> Path:
+    savemat(path, {"v": V, "p": P, "fs": 25.0}, format="4")
+    return path
+
+
+def _excel(path: Path) -> Path:
+    return write_excel(path, ["Time", "v"], ["s", "m/s"], *([t, v] for t, v in zip(T, V, strict=True)))
+
+
+FORMATS: dict[str, tuple[Callable[[Path], Path], Callable[[Path], Source]]] = {
+    "tdms": (_tdms, open_tdms),
+    "mat": (_mat, open_mat),
+    "mat4": (_mat4, open_mat),
+    "mat73": (write_mat73, open_mat),
+    "parquet": (write_parquet, open_parquet),
+    "xlsx": (_excel, open_excel),
+}
+
+
+def read_all(path: Path, opener: Callable[[Path], Source]) -> tuple[Source, Table]:
+    source = opener(path)
+    return source, source.load(range(len(source.headers)), None)
+
+
+@pytest.fixture(scope="module", params=list(FORMATS))
+def whole(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, bytes, Any]:
+    make, opener = FORMATS[request.param]
+    path = make(tmp_path_factory.mktemp("cut") / f"a.{request.param}")
+    return path, path.read_bytes(), opener
+
+
+@settings(max_examples=60, suppress_health_check=list(HealthCheck), deadline=None)
+@given(share=st.floats(0.0, 1.0, exclude_max=True))
+def test_file_cut_off_anywhere_is_read_in_part_or_refused_in_one_sentence(
+    whole: tuple[Path, bytes, Any], share: float
+) -> None:
+    path, content, opener = whole
+    path.write_bytes(content[: int(share * len(content))])
+    message, lengths = f"{path.name}: ", []
+    try:
+        source, table = read_all(path, opener)
+        lengths = [len(column) for column in table.values.values()]
+        assert len(lengths) == len(source.headers)
+    except LogError as fault:
+        message = str(fault)
+    assert message.startswith(f"{path.name}: ")
+    assert "\n" not in message
+    assert len(set(lengths)) <= 1
+
+
+@pytest.mark.parametrize("form", list(FORMATS))
+def test_file_of_another_kind_is_refused_in_one_sentence(tmp_path: Path, form: str) -> None:
+    path = tmp_path / f"a.{form}"
+    path.write_bytes(b"time,velocity\n0,1\n" * 50)
+    sentence(lambda: FORMATS[form][1](path), path)
+
+
+@pytest.mark.parametrize("form", list(FORMATS))
+def test_source_hands_over_only_the_wanted_columns(tmp_path: Path, form: str) -> None:
+    make, opener = FORMATS[form]
+    source = opener(make(tmp_path / f"a.{form}"))
+    table = source.load([1], None)
+    assert list(table.values) == [1]
+    assert table.stamps is None

@@ -1,0 +1,112 @@
+"""campaign.toml: the runs of all loads, as data."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from winchcascade.errors import CampaignError
+
+CAMPAIGN_FILE = "campaign.toml"
+
+
+@dataclass(frozen=True, slots=True)
+class CampaignRun:
+    """One log of a campaign: its file, load [ohm], fixed window [s], the cycles that count, and whether it is withheld.
+
+    `load` is None for a rig without one and inf for an open circuit; `window` None where the rig's rule holds.
+    """
+
+    file: Path
+    load: float | None = None
+    window: float | None = None
+    cycles: tuple[int, int] | None = None
+    withheld: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Campaign:
+    """A set of runs on one rig; `rig` is a built-in name, the path of a rig file, or None for the paper's rig."""
+
+    path: Path
+    title: str
+    rig: str | None
+    runs: tuple[CampaignRun, ...]
+
+
+def load_campaign(path: Path) -> Campaign:
+    """Read a campaign.toml, or the one in a folder; CampaignError names what is wrong and where."""
+    if path.is_dir():
+        path = path / CAMPAIGN_FILE
+    try:
+        raw = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except OSError as fault:
+        raise CampaignError(f"{path}: cannot be read ({fault.strerror}); expected a campaign.toml.") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as fault:
+        raise CampaignError(f"{path}: not a valid TOML file: {fault}.") from None
+    for key in raw:
+        if key not in ("title", "rig", "run"):
+            raise CampaignError(f"{path}: {key} is no entry of a campaign; expected title, rig and [[run]] tables.")
+    runs = raw.get("run")
+    if not isinstance(runs, list) or not runs or not all(isinstance(run, dict) for run in runs):
+        raise CampaignError(f"{path}: no runs; expected a [[run]] table with file and load_ohm for each log.")
+    title, rig = raw.get("title", ""), raw.get("rig")
+    if not isinstance(title, str) or not isinstance(rig, str | None):
+        raise CampaignError(f"{path}: title and rig are texts; found {title!r} and {rig!r}.")
+    if rig is not None and (path.parent / rig).is_file():
+        rig = str(path.parent / rig)
+    return Campaign(path, title, rig, tuple(_run(run, k, path) for k, run in enumerate(runs, 1)))
+
+
+def campaign_beside(log: Path) -> tuple[Campaign, CampaignRun] | None:
+    """The campaign in the folder of a log and its entry there, None if there is none or it does not list the log."""
+    path = log.parent / CAMPAIGN_FILE
+    if not path.is_file():
+        return None
+    campaign = load_campaign(path)
+    for run in campaign.runs:
+        if run.file.name == log.name and run.file.resolve() == log.resolve():
+            return campaign, run
+    return None
+
+
+def _run(raw: dict[str, Any], number: int, path: Path) -> CampaignRun:
+    place = f"{path}: run {number}"
+    for key in raw:
+        if key not in ("file", "load_ohm", "window_s", "cycles", "withheld"):
+            raise CampaignError(
+                f"{place}: {key} is no entry of a run; expected file, load_ohm, window_s, cycles or withheld."
+            )
+    file = raw.get("file")
+    if not isinstance(file, str) or not file:
+        raise CampaignError(f'{place}: file is {file!r}; expected the name of a log, such as file = "r36ohm.csv".')
+    withheld = raw.get("withheld", False)
+    if not isinstance(withheld, bool):
+        raise CampaignError(f"{place}: withheld is {withheld!r}; expected true or false.")
+    return CampaignRun(
+        file=path.parent / file,
+        load=_above_zero(raw, "load_ohm", place, "a number of ohms above 0, or inf for an open circuit", math.inf),
+        window=_above_zero(raw, "window_s", place, "a length in seconds above 0", 1e9),
+        cycles=_cycles(raw.get("cycles"), place),
+        withheld=withheld,
+    )
+
+
+def _above_zero(raw: dict[str, Any], key: str, place: str, expected: str, most: float) -> float | None:
+    value = raw.get(key)
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= most:
+        raise CampaignError(f"{place}: {key} is {value!r}; expected {expected}.")
+    return float(value)
+
+
+def _cycles(value: object, place: str) -> tuple[int, int] | None:
+    if value is None:
+        return None
+    if isinstance(value, list) and len(value) == 2 and all(type(n) is int for n in value) and 1 <= value[0] <= value[1]:
+        return value[0], value[1]
+    raise CampaignError(f"{place}: cycles is {value!r}; expected first and last, such as [1, 20].")

@@ -1,0 +1,1 @@
+"""From a Run to powers, energies and efficiencies."""

@@ -1,0 +1,74 @@
+"""Energies to efficiencies, one cycle at a time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+METRICS = (
+    "energy_line", "energy_mech", "energy_gen", "power_line", "power_mech", "power_gen", "eta_trans", "eta_gen", "eta_pto",
+)  # fmt: skip
+"""The nine metrics of a cycle: energies [J], mean powers over the window [W] and efficiencies [1]."""
+
+RATIOS = {
+    "eta_trans": ("energy_mech", "energy_line"),
+    "eta_gen": ("energy_gen", "energy_mech"),
+    "eta_pto": ("energy_gen", "energy_line"),
+}
+"""Each efficiency: what comes out over what goes in (Eq. 6)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Metrics:
+    """The nine metrics of a cycle or of many; None for what a log cannot give."""
+
+    energy_line: float | None = None
+    energy_mech: float | None = None
+    energy_gen: float | None = None
+    power_line: float | None = None
+    power_mech: float | None = None
+    power_gen: float | None = None
+    eta_trans: float | None = None
+    eta_gen: float | None = None
+    eta_pto: float | None = None
+
+
+def ratio(out: float | None, into: float | None) -> float | None:
+    """What comes out over what goes in; None if either is unknown or nothing goes in.
+
+    >>> ratio(4947.0, 6407.0), ratio(1.0, 0.0)
+    (0.772124239113469, None)
+    """
+    if out is None or into is None or into <= 0:
+        return None
+    return out / into
+
+
+def is_efficiency(value: float) -> bool:
+    """Whether a ratio of energies can be called an efficiency: no stage gives out more than it takes in."""
+    return 0.0 <= value <= 1.0
+
+
+def metrics(energy: dict[str, float | None], duration: float, *, open_circuit: bool) -> tuple[Metrics, dict[str, float]]:
+    """Put one cycle's metrics together (Eqs 5 and 6).
+
+    Parameters
+    ----------
+    energy : energy_line, energy_mech, energy_gen over the window [J]
+    duration : length of the window [s]
+    open_circuit : nothing is delivered, so eta_gen and eta_pto are no efficiencies of the machine
+
+    Returns
+    -------
+    the metrics, and the ratios that are no efficiency and therefore None in them, by name
+    """
+    values = dict(energy)
+    for stage in ("line", "mech", "gen"):
+        joule = energy[f"energy_{stage}"]
+        values[f"power_{stage}"] = None if joule is None or duration <= 0 else joule / duration
+    odd = {}
+    for name, (out, into) in RATIOS.items():
+        value = None if open_circuit and name != "eta_trans" else ratio(energy[out], energy[into])
+        if value is not None and not is_efficiency(value):
+            odd[name], value = value, None
+        values[name] = value
+    return Metrics(**values), odd

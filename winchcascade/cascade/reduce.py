@@ -1,0 +1,266 @@
+"""One run to its cycles: phases, windows, energies, efficiencies, repeatability and bins."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from winchcascade.cascade.bins import Bin, bin_powers, engaged
+from winchcascade.cascade.doubt import bridging_error, gaps_of, onset_error, window_of
+from winchcascade.cascade.efficiency import Metrics, metrics
+from winchcascade.cascade.energy import energies
+from winchcascade.cascade.power import STAGES, power, sources
+from winchcascade.cascade.repeatability import ensemble_mean, largest_deviation, total
+from winchcascade.cascade.summary import PhaseSummary, summarise
+from winchcascade.errors import OptionError
+from winchcascade.phases.detect import Cycle, detect, smoothed_velocity
+from winchcascade.phases.window import Plateau, Window, find_plateau, find_window
+from winchcascade.rigfile import Rig, built_in
+from winchcascade.run import Finding
+
+if TYPE_CHECKING:
+    from winchcascade.rigfile import WindowRule
+    from winchcascade.run import Run, Signal
+
+
+@dataclass(frozen=True, slots=True)
+class CycleResult:
+    """One cycle: its instants, its window, what its phases were like and its nine metrics."""
+
+    cycle: int
+    complete: bool
+    phases: Cycle
+    window: Window
+    summary: PhaseSummary
+    metrics: Metrics
+
+
+@dataclass(frozen=True, slots=True)
+class Reduction:
+    """What a log says about the rig: every cycle, their mean and repeatability, and powers over generator speed.
+
+    `mean` and `max_deviation_percent` are over complete cycles; `total` sums their energies and gives ratios of sums.
+    `quality` holds the findings of the log and of the reduction.
+    """
+
+    run: Run
+    rig: Rig
+    window: WindowRule
+    cycles: tuple[CycleResult, ...]
+    mean: Metrics
+    max_deviation_percent: Metrics
+    total: Metrics
+    bins: tuple[Bin, ...]
+    quality: tuple[Finding, ...]
+
+    @property
+    def complete(self) -> tuple[CycleResult, ...]:
+        """The cycles that count."""
+        return tuple(c for c in self.cycles if c.complete)
+
+
+def window_rule(word: str | float) -> WindowRule:
+    """Read a window rule: `auto`, `payout` or a length in seconds; OptionError for anything else.
+
+    >>> window_rule("5.48")
+    5.48
+    """
+    if word == "auto" or word == "payout":
+        return word  # type: ignore[return-value]  # mypy does not narrow str to the literals by ==
+    try:
+        seconds = float(word)
+    except ValueError:
+        seconds = math.nan
+    if not (0.0 < seconds < math.inf):
+        raise OptionError(f"window {word!r}: expected auto, payout or a length in seconds above 0, such as 5.48.")
+    return seconds
+
+
+def reduce(run: Run, *, rig: Rig | None = None, window: str | float | None = None) -> Reduction:
+    """Reduce a run: find its cycles and integrate each one's powers over its window (Sec. 3.2).
+
+    Parameters
+    ----------
+    rig : the rig that the run was measured on; the paper's by default
+    window : "auto", "payout" or a length [s]; by default the rig's rule
+
+    Raises
+    ------
+    OptionError : a window rule that is none
+
+    Examples
+    --------
+    >>> from winchcascade.ingest.read import read_run
+    >>> len(reduce(read_run("fixtures/campaign/r36ohm.csv"), window=5.48).cycles)
+    3
+    """
+    rig = rig or built_in()
+    rule = window_rule(rig.thresholds.window if window is None else window)
+    v_smooth = smoothed_velocity(run, rig.thresholds)
+    cycles = detect(run, v_smooth, rig.thresholds)
+    plateaus = [find_plateau(run.t, v_smooth, c, rig.thresholds) for c in cycles]
+    summaries = summarise(run, v_smooth, cycles, plateaus, rig)
+    windows = _windows(run, cycles, plateaus, summaries, rule, rig)
+    spans = np.array([(w.onset, w.cutoff) for w in windows]).reshape(-1, 2)
+    joules, faults = _energies(run, v_smooth, spans, rule, rig)
+    findings: list[Finding] = []
+    results = _results(run, cycles, windows, summaries, joules, faults, findings)
+    complete = [r.metrics for r in results if r.complete]
+    whole = sum(r.window.cutoff - r.window.onset for r in results if r.complete)
+    return Reduction(
+        run=run,
+        rig=rig,
+        window=rule,
+        cycles=tuple(results),
+        mean=ensemble_mean(complete),
+        max_deviation_percent=largest_deviation(complete),
+        total=total(complete, whole, open_circuit=run.open_circuit),
+        bins=_bins(run, results, plateaus, rig),
+        quality=(*run.findings, *findings),
+    )
+
+
+def _windows(
+    run: Run,
+    cycles: Sequence[Cycle],
+    plateaus: Sequence[Plateau | None],
+    summaries: Sequence[PhaseSummary],
+    rule: WindowRule,
+    rig: Rig,
+) -> list[Window]:
+    """Windows by the rule; where payouts should be alike, one that was aborted is told from the others."""
+    end = float(run.t[-1])
+    windows = [
+        find_window(c, p, s.payout.speed_max, end, rule, rig.thresholds)
+        for c, p, s in zip(cycles, plateaus, summaries, strict=True)
+    ]
+    if rule == "payout":
+        return windows
+    travel = [s.payout.travel for c, s in zip(cycles, summaries, strict=True) if not c.begins_inside]
+    usual = float(np.median(travel)) if travel else 0.0
+    late = [w.cutoff > c.payout_end for c, w in zip(cycles, windows, strict=True) if not c.ends_inside]
+    all_late = sum(late) > 0.5 * len(late)
+    return [
+        _unless_aborted(c, w, s.payout.travel, usual, all_late, rig)
+        for c, w, s in zip(cycles, windows, summaries, strict=True)
+    ]
+
+
+def _unless_aborted(cycle: Cycle, window: Window, travel: float, usual: float, all_late: bool, rig: Rig) -> Window:
+    if window.fault is not None or cycle.ends_inside:
+        return window
+    if travel < rig.thresholds.aborted_below * usual:
+        return Window(
+            window.onset, window.cutoff, f"the payout is aborted after {travel:.2f} m, where others travel {usual:.2f} m"
+        )
+    if window.cutoff > cycle.payout_end and not all_late:
+        early = window.cutoff - cycle.payout_end
+        return Window(window.onset, window.cutoff, f"the payout ends {early:.2f} s before its window does")
+    return window
+
+
+def _energies(
+    run: Run, v_smooth: Signal, spans: Signal, rule: WindowRule, rig: Rig
+) -> tuple[dict[str, Signal | None], dict[int, str]]:
+    """Energy of each stage in each window, and the windows in which gaps make it uncertain, with the reason."""
+    joules: dict[str, Signal | None] = {}
+    faults: dict[int, str] = {}
+    moved = onset_error(run, v_smooth, spans[:, 0]) if isinstance(rule, float) else np.zeros(len(spans))
+    for stage in STAGES:
+        watts = power(run, stage, rig.r_drum)
+        if watts is None or len(spans) == 0:
+            joules[stage] = None
+            continue
+        joules[stage] = joule = energies(run.t, watts, spans)
+        gaps = gaps_of(run, sources(run, stage))
+        if len(gaps):
+            doubt = moved * np.abs(np.interp(spans[:, 1], run.t, watts))
+            _doubt_gaps(run.t, watts, gaps, spans, joule, doubt, stage, rig, faults)
+    return joules, faults
+
+
+def _doubt_gaps(
+    t: Signal,
+    watts: Signal,
+    gaps: Signal,
+    spans: Signal,
+    joule: Signal,
+    doubt: Signal,
+    stage: str,
+    rig: Rig,
+    faults: dict[int, str],
+) -> None:
+    """Name the windows in which a gap is too long, or in which bridging could change the energy by too much."""
+    limits = rig.thresholds
+    for begin, end in gaps[gaps[:, 1] - gaps[:, 0] > limits.gap_max]:
+        for k in np.flatnonzero((spans[:, 0] < end) & (spans[:, 1] > begin)).tolist():
+            faults.setdefault(k, f"a gap of {end - begin:.2f} s lies in its window (E_{stage})")
+    which = window_of(gaps, spans)
+    inside = which >= 0
+    np.add.at(doubt, which[inside], bridging_error(t, watts, gaps[inside]))
+    share = doubt / np.maximum(np.abs(joule), 1e-9)
+    for k in np.flatnonzero((share > limits.gap_energy_max) & np.isin(np.arange(len(spans)), which[inside])).tolist():
+        faults.setdefault(k, f"bridging its gaps could change E_{stage} by {min(share[k], 9.99):.1%}")
+
+
+def _results(
+    run: Run,
+    cycles: Sequence[Cycle],
+    windows: Sequence[Window],
+    summaries: Sequence[PhaseSummary],
+    joules: dict[str, Signal | None],
+    faults: dict[int, str],
+    findings: list[Finding],
+) -> list[CycleResult]:
+    columns = {stage: None if joule is None else joule.tolist() for stage, joule in joules.items()}
+    results = []
+    odd: dict[str, list[tuple[int, float]]] = {}
+    for k, (cycle, window, summary) in enumerate(zip(cycles, windows, summaries, strict=True)):
+        fault = window.fault or faults.get(k)
+        energy = {f"energy_{stage}": None if column is None else column[k] for stage, column in columns.items()}
+        values, no_efficiency = metrics(energy, window.cutoff - window.onset, open_circuit=run.open_circuit)
+        for name, value in no_efficiency.items():
+            odd.setdefault(name, []).append((k + 1, value))
+        if fault is not None:
+            findings.append(_incomplete(run, k + 1, window, fault))
+        results.append(CycleResult(k + 1, fault is None, cycle, window, summary, values))
+    findings += [_no_efficiency(name, places) for name, places in odd.items()]
+    return results
+
+
+def _incomplete(run: Run, number: int, window: Window, fault: str) -> Finding:
+    return Finding(
+        "incomplete_cycle",
+        f"cycle {number} is incomplete: {fault}",
+        "listed, left out of the mean",
+        start=window.onset,
+        end=window.cutoff,
+        removed=int(np.searchsorted(run.t, window.cutoff) - np.searchsorted(run.t, window.onset)),
+    )
+
+
+def _no_efficiency(name: str, places: Sequence[tuple[int, float]]) -> Finding:
+    number, value = max(places, key=lambda place: abs(place[1] - 0.5))
+    return Finding(
+        "out_of_range",
+        f"{name} of {len(places)} cycle{'s' if len(places) > 1 else ''} is no efficiency: more comes out than goes in, or "
+        f"less than nothing; the ratio of cycle {number} is {value:.3f}",
+        "not given as an efficiency",
+        count=len(places),
+    )
+
+
+def _bins(run: Run, results: Sequence[CycleResult], plateaus: Sequence[Plateau | None], rig: Rig) -> tuple[Bin, ...]:
+    """Bins over the payouts of the complete cycles; none where the speed of the generator is unknown."""
+    rpm_per_velocity = rig.rpm_per_velocity
+    if rpm_per_velocity is None:
+        return ()
+    counted = [(r.phases, p) for r, p in zip(results, plateaus, strict=True) if r.complete]
+    driven = np.flatnonzero(engaged(run, [c for c, _ in counted], [p for _, p in counted], rig))
+    rpm = run.channels["velocity"][driven] * rpm_per_velocity
+    powers = {stage: power(run, stage, rig.r_drum) for stage in STAGES}
+    return bin_powers(rpm, {s: None if p is None else p[driven] for s, p in powers.items()}, rig.thresholds.rpm_bin)

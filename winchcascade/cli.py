@@ -1,0 +1,146 @@
+"""The command line: every command reads, calls one function and shows."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from winchcascade.errors import OptionError, WinchcascadeError
+
+if TYPE_CHECKING:
+    from winchcascade.rigfile import Rig
+
+app = typer.Typer(
+    help="From the log of a winch-driven power take-off to energies and efficiencies that can be defended.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+RigOption = Annotated[
+    str | None, typer.Option("--rig", metavar="RIG", help="Rig file, or a built-in rig: hsu2026 (default), kitepower.")
+]
+ForceOption = Annotated[bool, typer.Option("--force", help="Replace existing files whatever made them.")]
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        import platform
+
+        import numpy
+        import pyarrow
+
+        from winchcascade import __version__
+
+        print(
+            f"winchcascade {__version__} (Python {platform.python_version()}, numpy {numpy.__version__}, "
+            f"pyarrow {pyarrow.__version__})"
+        )
+        raise typer.Exit
+
+
+@app.callback()
+def winchcascade(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the versions that matter.")
+    ] = False,
+) -> None:
+    """From the log of a winch-driven power take-off to energies and efficiencies that can be defended."""
+
+
+@app.command("reduce")
+def reduce_command(
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="CSV, .lvm, TDMS, MATLAB, Parquet or Excel.", show_default=False)],
+    rig: RigOption = None,
+    load_ohm: Annotated[
+        float | None, typer.Option("--load-ohm", metavar="OHM", help="Load resistance; inf is an open circuit.")
+    ] = None,
+    window: Annotated[
+        str | None,
+        typer.Option("--window", metavar="RULE", help="auto, payout, or a length in seconds; the rig's rule by default."),
+    ] = None,
+    json: Annotated[
+        str | None, typer.Option("--json", metavar="FILE", help="Write the reduction as JSON; - prints it alone.")
+    ] = None,
+    parquet: Annotated[
+        Path | None, typer.Option("--parquet", metavar="FOLDER", help="Write cycles, bins and findings as Parquet.")
+    ] = None,
+    force: ForceOption = False,
+) -> None:
+    """Reduce one log: its cycles, their energies and efficiencies, and what is wrong with it.
+
+    What the options leave open is taken from a campaign.toml in the log's folder, if it lists the log.
+    """
+    from winchcascade.cascade.reduce import reduce, window_rule
+    from winchcascade.files import check_replaceable
+    from winchcascade.ingest.read import read_run
+    from winchcascade.report.records import parquet_files, reduction_json, write_json, write_parquet
+    from winchcascade.report.terminal import reduction_text
+
+    if load_ohm is not None and not load_ohm > 0:
+        raise OptionError(f"--load-ohm {load_ohm:g}: expected a number of ohms above 0, or inf for an open circuit.")
+    if window is not None:
+        window_rule(window)
+    outputs = [Path(json)] if json not in (None, "-") else []  # type: ignore[arg-type]
+    outputs += [] if parquet is None else [p for p in parquet_files(parquet, log.name).values() if p.exists()]
+    for path in outputs:
+        check_replaceable(path, force=force)
+    chosen, load_ohm, rule = _settings(log, rig, load_ohm, window)
+    reduction = reduce(read_run(log, rig=chosen, load=load_ohm), rig=chosen, window=rule)
+    if json == "-":
+        sys.stdout.buffer.write(reduction_json(reduction))
+    else:
+        print(reduction_text(reduction), end="")
+    if json is not None and json != "-":
+        write_json(reduction, Path(json), force=force)
+    if parquet is not None:
+        write_parquet(reduction, parquet, force=force)
+
+
+def _settings(
+    log: Path, rig: str | None, load_ohm: float | None, window: str | None
+) -> tuple[Rig, float | None, str | float | None]:
+    """Rig, load and window of a log: the options, else the campaign beside it, else the rig's own."""
+    from winchcascade.campaign import campaign_beside
+    from winchcascade.rigfile import DEFAULT_RIG, load_rig
+
+    listed = None if None not in (rig, load_ohm, window) else campaign_beside(log)
+    rule: str | float | None = window
+    if listed is not None:
+        campaign, run = listed
+        rig = rig if rig is not None else campaign.rig
+        load_ohm = load_ohm if load_ohm is not None else run.load
+        rule = rule if rule is not None else run.window
+    return load_rig(rig or DEFAULT_RIG), load_ohm, rule
+
+
+@app.command("rig")
+def rig_command(
+    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="A built-in rig.", show_default=False)] = None,
+) -> None:
+    """Print a built-in rig file, to start one's own from; without a name the paper's."""
+    from winchcascade.rigfile import DEFAULT_RIG, built_in_text
+
+    print(built_in_text(name or DEFAULT_RIG), end="")
+
+
+def main() -> None:
+    """Run the command line: a fault of the input is one sentence on stderr and exit code 2."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
+    try:
+        app()
+    except WinchcascadeError as fault:
+        print(f"winchcascade: {fault}", file=sys.stderr)
+        sys.exit(2)
+    except BrokenPipeError:
+        sys.stderr.close()
+        sys.exit(2)
+
+
+if __name__ == "__main__":
+    main()

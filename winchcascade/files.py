@@ -1,0 +1,70 @@
+"""Output files: written whole or not at all, and never over a file that this tool did not make."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+from winchcascade.errors import OutputError
+
+MARKS = (b"winchcascade/", b"Generator speed (rpm),Stator current (A rms),Air-gap torque (N.m)")
+"""Schema or generator marks by which this tool knows its own files: in JSON and Parquet, and in simulated logs."""
+
+_LOOK = 1 << 16
+
+
+def write_whole(path: Path, write: Callable[[Path], None], *, force: bool = False) -> None:
+    """Write a file through a temporary one beside it and rename it into place.
+
+    Parameters
+    ----------
+    write : is given the temporary path and writes the whole content there
+    force : replace an existing file whatever made it
+
+    Raises
+    ------
+    OutputError : the folder does not exist or cannot be written, or the file is not this tool's own
+    """
+    check_replaceable(path, force=force)
+    try:
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    except OSError as fault:
+        raise OutputError(f"{path}: cannot be written ({fault.strerror}); give a folder that exists.") from None
+    os.close(handle)
+    part = Path(name)
+    try:
+        write(part)
+        os.chmod(part, _usual_mode())
+        os.replace(part, path)
+    except OSError as fault:
+        raise OutputError(f"{path}: cannot be written ({fault.strerror or fault}); free some space or choose another.") from None
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def check_replaceable(path: Path, *, force: bool) -> None:
+    """Refuse to replace what this tool did not write, and a folder; called before long work begins."""
+    if path.is_dir():
+        raise OutputError(f"{path}: is a folder; give the name of a file.")
+    if not path.parent.is_dir():
+        raise OutputError(f"{path}: the folder {path.parent} does not exist; create it first.")
+    if force or not path.exists():
+        return
+    try:
+        with path.open("rb") as file:
+            head = file.read(_LOOK)
+            file.seek(max(0, path.stat().st_size - _LOOK))
+            head += file.read(_LOOK)
+    except OSError as fault:
+        raise OutputError(f"{path}: exists and cannot be read ({fault.strerror}); choose another name.") from None
+    if head and not any(mark in head for mark in MARKS):
+        raise OutputError(f"{path}: exists and was not written by winchcascade; choose another name or add --force.")
+
+
+def _usual_mode() -> int:
+    """Permissions that a plainly created file would get."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return 0o666 & ~mask

@@ -1,0 +1,305 @@
+"""CSV and its kin: comma, semicolon, tab, bar or blanks, decimal point or comma, any encoding, preamble and units row.
+
+The text is read in blocks that end with a line, so that a log of many hours takes no more memory than its numbers; each
+block is parsed by Arrow with all cores.
+"""
+
+from __future__ import annotations
+
+import codecs
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
+from pyarrow import csv
+
+from winchcascade.errors import LogError
+from winchcascade.ingest.layout import NOT_NUMBERS, Layout, find_encoding, find_layout, split_row
+from winchcascade.ingest.source import Source, Table
+from winchcascade.run import Finding
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from winchcascade.run import Signal
+
+BLOCK = 1 << 24
+"""Bytes that are parsed at a time."""
+
+_HEAD = 1 << 18
+_PARALLEL = 1 << 20
+_LONGEST_LINE = 1 << 24
+_ASCII_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?")
+
+
+def open_delimited(path: Path) -> Source:
+    """Open a delimited text log.
+
+    Raises
+    ------
+    LogError : no table of numbers with column names in it
+    """
+    with path.open("rb") as file:
+        head = file.read(_HEAD)
+    encoding = find_encoding(head)
+    text = codecs.getincrementaldecoder(encoding)(errors="replace").decode(head)
+    if text.count("\0") > len(text) // 20:
+        raise LogError(f"{path.name}: is a binary file of no known format; expected CSV, TDMS, MATLAB, Parquet or Excel.")
+    lines = text.split("\n") if "\n" in text else text.split("\r")  # as _blocks counts them
+    if len(head) == _HEAD and len(lines) < 4:
+        raise LogError(f"{path.name}: lines of more than {_HEAD // 4 >> 10} kB; expected a log with a few dozen columns.")
+    layout = find_layout(lines, path.name)
+    step, start = _waveform(layout)
+    return Source(
+        headers=layout.headers,
+        load=lambda wanted, time: _load(path, encoding, layout, wanted, time),
+        form="delimited text",
+        time_step=step,
+        time_start=start,
+        properties=dict(layout.properties),
+    )
+
+
+_STEP_KEYS = {"deltax", "dt", "dts", "sampleinterval", "samplingintervals", "sampleintervals", "samplinginterval", "wfincrement", "timestep"}  # fmt: skip
+_RATE_KEYS = {"samplerate", "samplingrate", "sampleratehz", "samplingratehz", "samplingfrequency", "samplingfrequencyhz", "fs", "fshz", "rate"}  # fmt: skip
+
+
+def _waveform(layout: Layout) -> tuple[float | None, float]:
+    """Sampling interval and first stamp that the preamble states. [s]"""
+    step, start = None, 0.0
+    for key, value in layout.properties.items():
+        letters = "".join(c for c in key.casefold() if c.isalnum())
+        number = re.match(r"[-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?", value)
+        if number is None:
+            continue
+        amount = float(number.group().replace(",", "."))
+        if letters in _STEP_KEYS and amount > 0:
+            step = amount * (1e-3 if "ms" in value[number.end() :] else 1.0)
+        elif letters in _RATE_KEYS and amount > 0:
+            step = 1.0 / amount
+        elif letters == "x0":
+            start = amount
+    return step, start
+
+
+def _load(path: Path, encoding: str, layout: Layout, wanted: Sequence[int], time: int | None) -> Table:
+    """Read the wanted columns, block by block."""
+    parser = _Parser(layout, wanted, time)
+    size = path.stat().st_size
+    for number, block in enumerate(_blocks(path, encoding, layout.first)):
+        before = parser.rows
+        parser.parse(block, last=False)
+        if number == 0 and len(block) and parser.rows > before:
+            parser.expect(int(1.05 * size / len(block) * (parser.rows - before)) + 1000)
+    return parser.table(path.name)
+
+
+def _blocks(path: Path, encoding: str, skip: int) -> Iterator[bytes]:
+    """Text of a file from line `skip` on in ASCII-compatible bytes, cut where lines end; the rest of a line comes last."""
+    recode = encoding.startswith("utf-16")
+    decoder = codecs.getincrementaldecoder(encoding)(errors="replace") if recode else None
+    with path.open("rb") as file:
+        rest = b""
+        while chunk := file.read(BLOCK):
+            raw = decoder.decode(chunk).encode() if decoder is not None else chunk
+            data = rest + raw
+            if skip == 0 and b"\n" not in raw and b"\r" not in raw and len(data) > _LONGEST_LINE:
+                raise LogError(f"{path.name}: a line of more than {_LONGEST_LINE >> 20} MB; expected rows of a few numbers.")
+            if b"\n" not in data[:_PARALLEL] and b"\r" in data:
+                data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+            while skip and (end := data.find(b"\n")) >= 0:
+                data, skip = data[end + 1 :], skip - 1
+            if skip:
+                rest = data
+                continue
+            end = data.rfind(b"\n") + 1
+            rest = data[end:]
+            if end:
+                yield data[:end]
+        if rest and not skip:
+            yield rest
+
+
+@dataclass(slots=True)
+class _Parser:
+    """Columns that grow block by block, and what could not be read on the way."""
+
+    layout: Layout
+    wanted: Sequence[int]
+    time: int | None
+    rows: int = 0
+    columns: dict[int, Signal] = field(default_factory=dict)
+    texts: list[str] = field(default_factory=list)
+    no_numbers: list[str] = field(default_factory=lambda: list(NOT_NUMBERS))
+    ragged: list[int] = field(default_factory=list)
+    cut: bool = False
+    stamped: bool = False
+
+    def __post_init__(self) -> None:
+        self.stamped = self.time is not None and not _is_number(self.layout.example[self.time])
+        self.columns = {k: np.empty(0) for k in self._numeric()}
+
+    def _numeric(self) -> list[int]:
+        return list(self.wanted) + ([self.time] if self.time is not None and not self.stamped else [])
+
+    def expect(self, rows: int) -> None:
+        """Make room for as many rows; what is not used costs no memory until it is written."""
+        for k, column in self.columns.items():
+            if rows > column.size:
+                grown = np.empty(rows)
+                grown[: self.rows] = column[: self.rows]
+                self.columns[k] = grown
+
+    def parse(self, block: bytes, *, last: bool) -> None:
+        """Take in whole lines; an unfinished one is the end of a file that was cut off."""
+        if not block.endswith(b"\n"):
+            block = block.rstrip(b"\0\x1a \t")
+            if not self._finished(block):
+                self.cut = True
+                return
+        elif b"\0" in block:
+            self.cut = True
+            block = block.replace(b"\0", b"")
+        if self.layout.delimiter == " ":
+            block = b"\n".join(re.sub(rb"[ \t]+", b" ", line.strip()) for line in block.splitlines())
+        if not block.strip():
+            return
+        self._store(self._read(block))
+
+    def _finished(self, line: bytes) -> bool:
+        """Whether the last line, which no line end closes, has all its cells and a number in the last of them."""
+        cells = split_row(line.decode("latin-1"), self.layout.delimiter)
+        if not line or len(cells) < self.layout.width:
+            return not line
+        used = max([*self.wanted, self.time if self.time is not None else 0])
+        return used < self.layout.width - 1 or _is_number(cells[used]) or cells[used] in NOT_NUMBERS
+
+    def _read(self, block: bytes) -> pa.Table:
+        """Parse a block as numbers; a cell that is none sends the block through the slow path, which finds its text."""
+        try:
+            return self._arrow(block, pa.float64())
+        except pa.ArrowInvalid:
+            texts = self._arrow(block, pa.string())
+            return self._by_cell(texts)
+
+    def _arrow(self, block: bytes, kind: Any) -> pa.Table:
+        ragged: list[int] = []
+
+        def skip(row: Any) -> str:
+            ragged.append(row.actual_columns)
+            return "skip"
+
+        names = [f"c{k}" for k in range(self.layout.width)]
+        types = {f"c{k}": kind for k in self._numeric()}
+        if self.stamped:
+            types[f"c{self.time}"] = pa.string()
+        table = csv.read_csv(
+            pa.BufferReader(block),
+            read_options=csv.ReadOptions(column_names=names, block_size=_PARALLEL, use_threads=len(block) > _PARALLEL),
+            parse_options=csv.ParseOptions(
+                delimiter=self.layout.delimiter, invalid_row_handler=skip, newlines_in_values=False
+            ),
+            convert_options=csv.ConvertOptions(
+                include_columns=list(types),
+                column_types=types,
+                null_values=self.no_numbers,
+                decimal_point=self.layout.decimal,
+                check_utf8=False,
+            ),
+        )
+        self.ragged = self.ragged + ragged
+        return table
+
+    def _by_cell(self, texts: pa.Table) -> pa.Table:
+        """Numbers of a block in which some cells are none; their texts are known from then on."""
+        columns = {}
+        for k in self._numeric():
+            cells = texts.column(f"c{k}").to_pylist()
+            numbers, strange = _numbers(cells, self.layout.decimal)
+            columns[f"c{k}"] = numbers
+            self.no_numbers += [s for s in strange if s not in self.no_numbers][: max(0, 200 - len(self.no_numbers))]
+        if self.stamped:
+            columns[f"c{self.time}"] = texts.column(f"c{self.time}")
+        return pa.table(columns)
+
+    def _store(self, table: pa.Table) -> None:
+        count = table.num_rows
+        need = self.rows + count
+        if self.columns and need > next(iter(self.columns.values())).size:
+            self.expect(max(need, int(1.5 * self.rows)))
+        for k, column in self.columns.items():
+            at = self.rows
+            for chunk in table.column(f"c{k}").chunks:
+                column[at : at + len(chunk)] = chunk.to_numpy(zero_copy_only=False)
+                at += len(chunk)
+        if self.stamped:
+            self.texts += [text or "" for text in table.column(f"c{self.time}").to_pylist()]
+        self.rows = need
+
+    def table(self, where: str) -> Table:
+        """What was read, rows that hold nothing at all left out, with the findings of the reading."""
+        values = {k: column[: self.rows] for k, column in self.columns.items()}
+        blank = self._blank(values)
+        if blank.any():
+            values = {k: column[~blank] for k, column in values.items()}
+            self.texts = [text for text, no in zip(self.texts, blank.tolist(), strict=False) if not no]
+        findings = self._findings(where)
+        stamps: Signal | list[str] | None = self.texts if self.stamped else None
+        if self.time is not None and not self.stamped:
+            stamps = values[self.time]
+        return Table({k: values[k] for k in self.wanted}, stamps, findings=findings)
+
+    def _blank(self, values: dict[int, Signal]) -> NDArray[np.bool_]:
+        """Rows without a single number: lines of delimiters, or names repeated where logs were joined."""
+        blank = np.ones(self.rows, dtype=bool)
+        for column in values.values():
+            if blank.any():
+                blank &= np.isnan(column)
+        return blank
+
+    def _findings(self, where: str) -> tuple[Finding, ...]:
+        found = []
+        if len(self.ragged) > max(10, 0.5 * self.rows):
+            raise LogError(
+                f"{where}: {len(self.ragged)} rows do not have {self.layout.width} cells like the first one; expected one "
+                f"table with rows of equal length."
+            )
+        if self.ragged:
+            found.append(
+                Finding(
+                    "dropped_samples",
+                    f"{len(self.ragged)} lines do not have {self.layout.width} cells like the others",
+                    "lines left out",
+                    count=len(self.ragged),
+                    removed=len(self.ragged),
+                )
+            )
+        if self.cut:
+            found.append(Finding("truncated", "the file is cut off inside a row", "the row left out", removed=1))
+        return tuple(found)
+
+
+def _is_number(cell: str) -> bool:
+    return _ASCII_NUMBER.fullmatch(cell.strip().strip("\"'").replace(",", ".")) is not None
+
+
+def _numbers(cells: Sequence[str | None], decimal: str) -> tuple[Signal, list[str]]:
+    """Numbers of a column of texts, NaN where there is none, and the texts that are none."""
+    values = np.full(len(cells), np.nan)
+    strange: dict[str, None] = {}
+    for k, cell in enumerate(cells):
+        if cell is None:
+            continue
+        text = cell.strip().strip("\"'")
+        plain = text.replace("\u2212", "-")
+        plain = plain.replace(".", "").replace(",", ".") if decimal == "," and "," in plain else plain
+        plain = plain.replace(",", "") if decimal == "." else plain
+        if _ASCII_NUMBER.fullmatch(plain):
+            values[k] = float(plain.replace("d", "e").replace("D", "E"))
+        elif text:
+            strange[cell] = None
+    return values, list(strange)

@@ -1,0 +1,320 @@
+"""The one table of column names that loggers use, and how a header is matched to a channel by name and unit."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from winchcascade.channels import CHANNELS, SIMULATED_HEADERS
+from winchcascade.errors import LogError
+from winchcascade.quantity import Unit, find_unit
+from winchcascade.run import Finding
+
+if TYPE_CHECKING:
+    from winchcascade.ingest.source import Header
+    from winchcascade.rigfile import Rig
+
+NAMES: dict[str, str] = {
+    "time": """t time timestamp times timestring datetime date_time zeit zeitstempel temps tiempo tempo tid tijd elapsed
+        elapsedtime elapsed_time relative_time reltime time_stamp xvalue x_value 時間 时间 時刻 時戳 시간 время""",
+    "displacement": """displacement disp position pos payout stroke travel delta δ x s length extension excursion
+        verschiebung weg position_line auszug hub déplacement deplacement course desplazamiento posición posicion
+        carrera spostamento corsa verplaatsing forskyvning 位移 線位移 行程 位置 放線長度 変位 ストローク 변위 перемещение""",
+    "velocity": """velocity vel speed v vline v_line linevel linespeed reelout_speed reel_out_speed geschwindigkeit
+        seilgeschwindigkeit vitesse velocidad velocità velocita snelheid hastighet 速度 線速度 线速度 速率 線速 속도
+        скорость""",
+    "pressure": """pressure press p pacc p_acc accumulator_pressure gas_pressure druck gasdruck speicherdruck pression
+        presión presion pressione druk trykk 壓力 压力 蓄壓器壓力 氣壓 圧力 압력 давление""",
+    "force": """force f fline f_line tension load_cell loadcell linetension pull kraft seilkraft zugkraft effort
+        traction fuerza tensión forza tiro kracht spanning trekkracht 力 張力 拉力 张力 荷重 線張力 장력 힘 сила натяжение""",
+    "torque": """torque t tau τ tau_pto taupto m moment drehmoment couple par torsor coppia koppel moment_shaft
+        扭矩 轉矩 转矩 扭力 トルク 토크 момент""",
+    "power_mech": """mechanical_power mech_power power_mech pmech p_mech shaft_power power_shaft pto_power ppto p_pto
+        mechanische_leistung wellenleistung puissance_mécanique potencia_mecánica 機械功率 机械功率""",
+    "vdc": """vdc v_dc dc_voltage voltage_dc voltage udc u_dc u v dclink_voltage dc_link_voltage dcbus_voltage
+        dc_bus_voltage vbus v_bus spannung gleichspannung zwischenkreisspannung tension tension_dc tension_continue
+        voltaje voltaje_dc tensione spanning 直流電壓 直流电压 電壓 电压 直流側電壓 直流電圧 電圧 전압 напряжение""",
+    "idc": """idc i_dc dc_current current_dc current i dclink_current dc_link_current dcbus_current ibus i_bus strom
+        gleichstrom courant courant_dc courant_continu corriente corriente_dc corrente stroom strøm 直流電流 直流电流 電流
+        电流 전류 ток""",
+}
+"""By channel, what loggers call it; matched without case, blanks, punctuation and the words of `QUALIFIERS`."""
+
+QUALIFIERS = frozenset(
+    """line tether rope cable winch drum crane shaft pto accumulator acc gas sensor signal measured meas actual act value
+    val raw channel ch ai dc load bus link seil leine câble cuerda of the de la du am an at""".split()
+)
+"""Words that say where or how a quantity was measured and may stand beside its name."""
+
+_DIMENSION = {"time": "time"} | {name: channel.dimension for name, channel in CHANNELS.items()}
+
+
+def _letters(text: str) -> str:
+    return "".join(c for c in unicodedata.normalize("NFKC", text).casefold() if c.isalnum())
+
+
+def _by_name() -> dict[str, tuple[str, ...]]:
+    table: dict[str, list[str]] = {}
+    for channel, names in NAMES.items():
+        for name in names.split():
+            found = table.setdefault(_letters(name), [])
+            if channel not in found:
+                found.append(channel)
+    return {name: tuple(found) for name, found in table.items()}
+
+
+_CHANNELS_BY_NAME = _by_name()
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """One channel found in a log: index of its header, and SI value = factor * value + offset."""
+
+    index: int
+    factor: float
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Assignment:
+    """Which header is which channel; `time` is None for a log without a time column, `time_unit` if it names none."""
+
+    channels: Mapping[str, Match]
+    time: Match | None
+    time_unit_known: bool
+    findings: tuple[Finding, ...]
+    simulated: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Read:
+    """A header read apart: the name without its unit, the unit, and the bracket that is no known unit."""
+
+    name: str
+    unit: Unit | None
+    unknown_unit: str | None
+
+
+_BRACKETS = re.compile(r"[(\[{<]([^()\[\]{}<>]*(?:\([^()]*\))?[^()\[\]{}<>]*)[)\]}>]")
+_TAIL = re.compile(r"^(.*\S)\s*(?:/|,|;|:|\bin\b)\s*([^,;:\s][^,;:]*)$")
+
+
+def read_header(header: Header) -> _Read:
+    """Read name and unit apart: `Force [kgf]`, `Kraft / N`, `Vdc, V`, `force_kN`, or a row of units below the names."""
+    name = unicodedata.normalize("NFKC", header.name).strip().lstrip("#%").strip().strip("\"'")
+    if header.unit is not None and header.unit.strip():
+        unit = find_unit(header.unit.strip().strip("()[]"))
+        return _Read(_BRACKETS.sub(" ", name), unit, None if unit else header.unit.strip())
+    unknown = None
+    for bracket in _BRACKETS.finditer(name):
+        unit = find_unit(bracket.group(1))
+        if unit is not None:
+            return _Read(_BRACKETS.sub(" ", name), unit, None)
+        unknown = bracket.group(1).strip() or unknown
+    bare = _BRACKETS.sub(" ", name).strip()
+    tail = _TAIL.match(bare)
+    splits = [] if tail is None else [(tail.group(1), tail.group(2))]
+    splits += [(bare[:k], bare[k + 1 :]) for k, c in enumerate(bare) if c in "_. " and 0 < k < len(bare) - 1]
+    for name, end in splits:
+        unit = find_unit(end)
+        if unit is not None and any(_DIMENSION[c] == unit.dimension for c in _candidates(name)):
+            return _Read(name, unit, None)
+    return _Read(bare, None, unknown)
+
+
+def _candidates(name: str) -> tuple[str, ...]:
+    """Channels that a name may mean, with and without the words that say where it was measured."""
+    last = name.replace("\\", "/").rsplit("/", 1)[-1]
+    for text in (name, last):
+        found = _CHANNELS_BY_NAME.get(_letters(text))
+        if found:
+            return found
+    words = [w for w in re.split(r"[\W_]+", unicodedata.normalize("NFKC", last).casefold()) if w]
+    core = [w for w in words if w not in QUALIFIERS and not re.fullmatch(r"(?:ai|ch|channel)?\d+", w)]
+    return _CHANNELS_BY_NAME.get("".join(core), ()) if core else ()
+
+
+def recognise(header: Header) -> str | None:
+    """Channel (or `time`) that a header names, None for a column that is none.
+
+    >>> from winchcascade.ingest.source import Header
+    >>> [recognise(Header(n)) for n in ("V_DC (V)", "直流電壓", "Line velocity", "Speed (rpm)", "Tension (V)")]
+    ['vdc', 'vdc', 'velocity', None, 'vdc']
+    """
+    read = read_header(header)
+    found = _candidates(read.name)
+    if read.unit is not None:
+        found = tuple(c for c in found if _DIMENSION[c] == read.unit.dimension)
+    elif len(found) > 1:
+        found = _by_case(read.name, found)
+    return found[0] if found else None
+
+
+def _by_case(name: str, found: tuple[str, ...]) -> tuple[str, ...]:
+    """A lone letter without a unit: t is the time, T a torque; v stays a velocity; a tension is a force."""
+    if name.strip() == "T":
+        return ("torque",)
+    return found
+
+
+def assign(headers: Sequence[Header], rig: Rig, where: str) -> Assignment:
+    """Match the headers of a log to channels, by the rig file's [columns] first, then by the table of names.
+
+    Raises
+    ------
+    LogError : two columns for one channel, a column of the rig file that the log does not have, a unit that does not
+        fit, no column that could give the line velocity
+    """
+    taken: dict[str, int] = {}
+    named = _named_in_rig(headers, rig, where)
+    simulated = False
+    unknown = []
+    for index, header in enumerate(headers):
+        if index in named.values():
+            continue
+        if header.name.strip() in SIMULATED_HEADERS:
+            simulated = True
+            continue
+        channel = recognise(header)
+        if channel is None or channel in named:
+            unknown.append(header.name.strip() or f"column {index + 1}")
+        elif channel in taken:
+            index = _better(headers, taken[channel], index, channel, where)
+            unknown.extend(headers[k].name.strip() for k in {taken[channel], index} - {index})
+            taken[channel] = index
+        else:
+            taken[channel] = index
+    taken |= named
+    _check_usable(taken, headers, where)
+    return _assignment(taken, headers, rig, unknown, simulated, where)
+
+
+def _named_in_rig(headers: Sequence[Header], rig: Rig, where: str) -> dict[str, int]:
+    names = [h.name.strip() for h in headers]
+    bare = [read_header(h).name.strip() for h in headers]
+    found = {}
+    for channel, column in rig.columns.items():
+        if column.name.strip() in names:
+            found[channel] = names.index(column.name.strip())
+        elif column.name.strip() in bare:
+            found[channel] = bare.index(column.name.strip())
+        elif channel in ("velocity", "time"):
+            raise LogError(
+                f"{where}: no column {column.name!r}, which the rig {rig.name} names for {channel}; the log has "
+                f"{_listed(names)}. Correct [columns] in the rig file or choose the rig with --rig."
+            )
+    return found
+
+
+def _better(headers: Sequence[Header], old: int, new: int, channel: str, where: str) -> int:
+    """Of two columns for one channel, the one whose name is a plain one of the table; a draw is a fault."""
+    plain = [channel in _CHANNELS_BY_NAME.get(_letters(read_header(headers[k]).name), ()) for k in (old, new)]
+    if channel == "time":
+        return old
+    if plain[0] == plain[1]:
+        raise LogError(
+            f"{where}: both {headers[old].name.strip()!r} and {headers[new].name.strip()!r} could be the {channel}; "
+            f"name the right one in a rig file under [columns]."
+        )
+    return old if plain[0] else new
+
+
+def _check_usable(taken: Mapping[str, int], headers: Sequence[Header], where: str) -> None:
+    if "velocity" in taken or "displacement" in taken:
+        return
+    found = _listed([h.name.strip() for h in headers])
+    raise LogError(
+        f"{where}: no column for the line velocity or displacement; the log has {found}. Name the columns in a rig file "
+        f"under [columns]."
+    )
+
+
+def _listed(names: Sequence[str], most: int = 12) -> str:
+    shown = ", ".join((n if len(n) <= 40 else n[:37] + "...") for n in names[:most])
+    return shown + (f" and {len(names) - most} more" if len(names) > most else "") if names else "no columns"
+
+
+def _assignment(
+    taken: Mapping[str, int], headers: Sequence[Header], rig: Rig, unknown: Sequence[str], simulated: bool, where: str
+) -> Assignment:
+    findings = []
+    channels = {}
+    time, time_unit_known = None, False
+    for channel in ("time", *CHANNELS):
+        if channel not in taken:
+            continue
+        index = taken[channel]
+        unit = _unit_of(headers[index], channel, rig, where)
+        if channel == "time":
+            time_unit_known = unit is not None
+            time = Match(index, 1.0 if unit is None else unit.factor)
+            continue
+        if unit is None:
+            assumed = CHANNELS[channel].unit
+            unit = find_unit(assumed)
+            assert unit is not None
+            findings.append(
+                Finding(
+                    "unit_assumed",
+                    f"column {headers[index].name.strip()!r} names no unit that is known; taken as {assumed}",
+                    "assumed",
+                    channel,
+                )
+            )
+        channels[channel] = Match(index, unit.factor, unit.offset)
+    if unknown:
+        count = len(unknown)
+        findings.append(
+            Finding(
+                "unknown_column",
+                f"{count} column{'s' * (count > 1)} that {'are' if count > 1 else 'is'} no channel: {_listed(unknown)}",
+                "not read",
+                count=count,
+            )
+        )
+    return Assignment(channels, time, time_unit_known, tuple(findings), simulated)
+
+
+def _unit_of(header: Header, channel: str, rig: Rig, where: str) -> Unit | None:
+    """Unit of a column: the rig file's word for it, else the log's own; None where neither names one that is known."""
+    column = rig.columns.get(channel)
+    if column is not None and column.unit is not None:
+        named = find_unit(column.unit) or _unit_by_pint(column.unit, channel)
+        if named is None:
+            raise LogError(
+                f"{where}: the rig {rig.name} gives {channel} the unit {column.unit!r}, which is none of "
+                f"{_DIMENSION[channel]}; correct [columns] in the rig file."
+            )
+        return named
+    read = read_header(header)
+    unit = read.unit
+    if unit is None and read.unknown_unit is not None:
+        unit = _unit_by_pint(read.unknown_unit, channel)
+    if unit is not None and unit.dimension != _DIMENSION[channel]:
+        raise LogError(
+            f"{where}: column {header.name.strip()!r} is named for {channel} but its unit is one of {unit.dimension}; "
+            f"expected one of {_DIMENSION[channel]}. Correct the log or [columns] in a rig file."
+        )
+    return unit
+
+
+_PINT_UNIT = {
+    "time": "s", "length": "m", "velocity": "m/s", "pressure": "Pa", "force": "N", "torque": "N*m", "power": "W",
+    "voltage": "V", "current": "A",
+}  # fmt: skip
+
+
+def _unit_by_pint(text: str, channel: str) -> Unit | None:
+    """Ask pint for a unit that the table does not hold; None where pint does not know it for this channel either."""
+    import pint
+
+    registry: pint.UnitRegistry[float] = pint.UnitRegistry()
+    dimension = _DIMENSION[channel]
+    try:
+        at_zero, at_one = (float(registry.Quantity(x, text).to(_PINT_UNIT[dimension]).magnitude) for x in (0.0, 1.0))
+    except Exception:  # pint raises errors of many kinds, tokenizer errors among them, for text that is no unit
+        return None
+    return Unit(dimension, at_one - at_zero, at_zero)

@@ -1,0 +1,188 @@
+"""Parquet: headers from the schema, and only the wanted columns, one row group at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from winchcascade.errors import LogError
+from winchcascade.ingest.source import Header, Source, Table
+
+if TYPE_CHECKING:
+    from winchcascade.run import Signal
+
+BYTES_LOADED = 8 * 2**30
+"""Most that the wanted columns may take as numbers: a few kilobytes of Parquet can claim any number of rows."""
+
+UNIT_KEYS = (b"unit", b"units")
+NOT_PROPERTIES = (b"pandas", b"ARROW:schema")
+
+_TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+
+
+def open_parquet(path: Path) -> Source:
+    """Open the columns of a Parquet file.
+
+    Raises
+    ------
+    LogError
+        the file is damaged or is no Parquet, here or while the columns are read
+    """
+    with _opened(path) as file:
+        schema = file.schema_arrow
+        headers = tuple(Header(field.name, _unit(field.metadata or {})) for field in schema)
+        properties = _properties(schema.metadata or {})
+    return Source(headers=headers, load=partial(_load, path), form="Parquet", properties=properties)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """Open the file and turn whatever its reader trips over into one sentence."""
+    try:
+        with pq.ParquetFile(path) as file:
+            yield file
+    except LogError:
+        raise
+    except Exception as fault:  # damage shows as OSError, ValueError, KeyError, MemoryError and pyarrow's own
+        raise LogError(
+            f"{path.name}: the file is damaged or breaks off ({type(fault).__name__}); a whole Parquet file was "
+            "expected; copy or export it again."
+        ) from fault
+
+
+def _unit(metadata: dict[bytes, bytes]) -> str | None:
+    """Find the unit among what the schema says about a column."""
+    texts = (metadata[key].decode("utf-8", "replace").strip() for key in UNIT_KEYS if key in metadata)
+    return next((text for text in texts if text), None)
+
+
+def _properties(metadata: dict[bytes, bytes]) -> dict[str, str | float]:
+    """Read what the schema says about the file, as numbers where they are."""
+    return {
+        key.decode("utf-8", "replace"): _property(text.decode("utf-8", "replace"))
+        for key, text in metadata.items()
+        if key not in NOT_PROPERTIES
+    }
+
+
+def _property(text: str) -> str | float:
+    number = _number(text)
+    return text if np.isnan(number) else number
+
+
+def _load(path: Path, wanted: Sequence[int], time: int | None) -> Table:
+    """Read the wanted columns into numbers and the time column into what it holds."""
+    with _opened(path) as file:
+        _refuse_bomb(path, file, len({*wanted, *([] if time is None else [time])}))
+        values = {i: _column(file, i) for i in wanted}
+        if time is None:
+            return Table(values)
+        kind = file.schema_arrow[time].type
+        kind = kind.value_type if pa.types.is_dictionary(kind) else kind
+        if pa.types.is_temporal(kind):
+            return Table(values, stamps=_seconds(file, time), stamped=True)
+        if _is_text(kind):
+            return Table(values, stamps=_texts(file, time))
+        return Table(values, stamps=_column(file, time))
+
+
+def _refuse_bomb(path: Path, file: Any, columns: int) -> None:
+    """Compare what the file claims to hold with what is read at most.
+
+    Raises
+    ------
+    LogError
+        the wanted columns would take more than `BYTES_LOADED`
+    """
+    size = file.metadata.num_rows * columns * 8
+    if size > BYTES_LOADED:
+        raise LogError(
+            f"{path.name}: {file.metadata.num_rows} rows in {columns} columns take {size / 2**30:.0f} GiB; at most "
+            f"{BYTES_LOADED / 2**30:.0f} GiB are read; cut the log into shorter files."
+        )
+
+
+def _pieces(file: Any, i: int) -> Iterator[Any]:
+    """Yield one column row group by row group, without dictionaries."""
+    names = file.schema_arrow.names
+    for k in range(file.num_row_groups):
+        table = file.read_row_group(k, columns=[names[i]])
+        # A name may stand twice, and `a` also brings in a column named `a.b`.
+        column = [table.column(j) for j, name in enumerate(table.column_names) if name == names[i]][
+            names[:i].count(names[i])
+        ]
+        yield column.cast(column.type.value_type) if pa.types.is_dictionary(column.type) else column
+
+
+def _column(file: Any, i: int) -> Signal:
+    """Read one column as numbers; NaN for nulls and for what is none."""
+    values = np.empty(file.metadata.num_rows)
+    end = 0
+    for piece in _pieces(file, i):
+        values[end : end + len(piece)] = _numbers(piece)
+        end += len(piece)
+    if end != len(values):
+        raise ValueError(f"{end} rows where {len(values)} were claimed")
+    return values
+
+
+def _numbers(piece: Any) -> Signal:
+    """Convert a piece of a column to numbers."""
+    kind = piece.type
+    if _is_text(kind):
+        return np.array([_number(text or "") for text in piece.to_pylist()], dtype=np.float64)
+    if pa.types.is_decimal(kind):
+        piece = piece.cast(pa.string())  # the direct way to a float is off in the last digit
+    elif pa.types.is_boolean(kind):
+        piece = piece.cast(pa.uint8())
+    elif not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
+        return np.full(len(piece), np.nan)
+    numbers: Signal = pc.fill_null(pc.cast(piece, pa.float64(), safe=False), np.nan).to_numpy()
+    return numbers
+
+
+def _is_text(kind: Any) -> bool:
+    return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_string_view(kind))
+
+
+def _number(text: str) -> float:
+    """Read a text as a number, NaN for any other."""
+    try:
+        return float(text)
+    except ValueError:
+        return float("nan")
+
+
+def _texts(file: Any, i: int) -> list[str]:
+    return [text or "" for piece in _pieces(file, i) for text in piece.to_pylist()]
+
+
+def _seconds(file: Any, i: int) -> Signal:
+    """Read dates and times as seconds since the first one, NaN for nulls. [s]"""
+    pieces = [_ticks(piece) for piece in _pieces(file, i)]
+    ticks = np.concatenate([ticks for ticks, _, _ in pieces]) if pieces else np.empty(0, dtype=np.int64)
+    known = np.concatenate([valid for _, valid, _ in pieces]) if pieces else np.empty(0, dtype=np.bool_)
+    if not known.any():
+        return np.full(len(ticks), np.nan)
+    # Whole ticks are subtracted before they become floats: nanoseconds since 1970 have more digits than a float.
+    seconds: Signal = (ticks - ticks[known][0]) / pieces[0][2]
+    seconds[~known] = np.nan
+    return seconds
+
+
+def _ticks(piece: Any) -> tuple[Any, Any, float]:
+    """Take the whole ticks of dates and times, which of them are known, and their number in a second."""
+    kind = piece.type
+    if pa.types.is_date(kind):
+        piece, kind = piece.cast(pa.timestamp("ms")), pa.timestamp("ms")
+    valid = piece.is_valid().to_numpy()
+    whole = piece.cast(pa.int32()) if pa.types.is_time32(kind) else piece
+    return pc.fill_null(whole.cast(pa.int64()), 0).to_numpy(), valid, _TICKS[kind.unit]

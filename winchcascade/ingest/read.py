@@ -1,0 +1,251 @@
+"""The door: a file of any known format becomes a checked Run, or one sentence says why not."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from threading import Thread
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from winchcascade.errors import LogError
+from winchcascade.ingest.clock import Clock, even_clock, read_clock
+from winchcascade.ingest.dialects import Assignment, assign
+from winchcascade.ingest.quality import check
+from winchcascade.ingest.stamps import seconds
+from winchcascade.rigfile import Rig, built_in
+from winchcascade.run import CLOCK, Finding, Run
+
+if TYPE_CHECKING:
+    from winchcascade.ingest.source import Source, Table
+    from winchcascade.run import Signal
+
+_FEWEST = 10
+"""A log with fewer rows than this shows no motion."""
+
+
+def read_run(path: str | Path, *, rig: Rig | None = None, load: float | None = None) -> Run:
+    """Read a log of any known format and check it.
+
+    Parameters
+    ----------
+    path : CSV of any dialect, LabVIEW's .lvm, TDMS, MATLAB .mat, Parquet or Excel; told apart by content
+    rig : the rig whose sensors and columns are expected; the paper's by default
+    load : resistance at the DC link, inf for an open circuit; by default what the file says of itself, else None [ohm]
+
+    Raises
+    ------
+    LogError : the file cannot be used; the message is one sentence
+
+    Examples
+    --------
+    >>> read_run("fixtures/campaign/r36ohm.csv").samples
+    2767
+    """
+    path = Path(path)
+    rig = rig or built_in()
+    digest = _Digest(path)
+    source = _open(path)
+    found = assign(source.headers, rig, path.name)
+    table = source.load([m.index for m in found.channels.values()], found.time.index if found.time else None)
+    samples = len(next(iter(table.values.values())))
+    if samples < _FEWEST:
+        raise LogError(
+            f"{path.name}: the log has {samples} row{'' if samples == 1 else 's'} of data; expected at least {_FEWEST} "
+            f"samples of a crane trial."
+        )
+    clock, time_findings = _clock(source, table, found, rig, samples, path.name)
+    channels = _channels(table, found, clock)
+    load, load_source = _load(load, source)
+    checked = check(
+        clock.t, channels, rig, simulated=found.simulated, open_circuit=load is not None and load == float("inf")
+    )
+    _check_motion(checked.channels, path.name)
+    gaps = dict(checked.gaps) | ({CLOCK: clock.gaps} if clock.gaps.size else {})
+    findings = (*found.findings, *time_findings, *table.findings, *clock.findings, *checked.findings)
+    return Run(
+        name=path.name,
+        t=clock.t,
+        channels=checked.channels,
+        fs=clock.fs,
+        samples=samples,
+        gaps=gaps,
+        load=load,
+        load_source=load_source,
+        path=str(path),
+        sha256=digest.value(),
+        findings=findings,
+        simulated=found.simulated,
+    )
+
+
+class _Digest:
+    """SHA-256 of a file, computed beside the reading: hashing leaves the interpreter free."""
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._value = path, ""
+        if not path.exists():
+            raise LogError(f"{path}: no such file; give the path of a log.")
+        if not path.is_file():
+            raise LogError(f"{path}: is not a file; give the path of one log.")
+        self._thread = Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        try:
+            with self._path.open("rb") as file:
+                self._value = hashlib.file_digest(file, "sha256").hexdigest()
+        except OSError:
+            self._value = ""  # the reader meets the same fault and tells it in its sentence
+
+    def value(self) -> str:
+        """Wait for the digest and give it in hexadecimal."""
+        self._thread.join()
+        return self._value
+
+
+def _open(path: Path) -> Source:
+    """Open a log by what its first bytes say, whatever its name ends in."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(4096)
+    except OSError as fault:
+        raise LogError(f"{path.name}: cannot be read ({fault.strerror}); check its permissions.") from None
+    if not head:
+        raise LogError(f"{path.name}: the file is empty; expected a log with column names and rows of numbers.")
+    return _reader(head, path.name)(path)
+
+
+def _reader(head: bytes, where: str) -> Callable[[Path], Source]:
+    """Choose the reader; each is imported only when it is needed."""
+    if head.startswith(b"TDSm"):
+        from winchcascade.ingest.tdms import open_tdms
+
+        return open_tdms
+    if head.startswith(b"PAR1"):
+        from winchcascade.ingest.parquet import open_parquet
+
+        return open_parquet
+    if head.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
+        from winchcascade.ingest.excel import open_excel
+
+        return open_excel
+    if head.startswith((b"MATLAB ", b"\x89HDF")):
+        from winchcascade.ingest.mat import open_mat
+
+        return open_mat
+    for magic, name in _NO_LOGS.items():
+        if head.startswith(magic):
+            raise LogError(
+                f"{where}: is {name}, not a log; expected CSV, TDMS, MATLAB, Parquet or Excel. Unpack or export it first."
+            )
+    from winchcascade.ingest.delimited import open_delimited
+
+    return open_delimited
+
+
+_NO_LOGS = {
+    b"\x1f\x8b": "gzip-compressed",
+    b"BZh": "bzip2-compressed",
+    b"\xfd7zXZ": "xz-compressed",
+    b"\x28\xb5\x2f\xfd": "zstd-compressed",
+    b"7z\xbc\xaf": "a 7z archive",
+    b"Rar!": "a RAR archive",
+    b"%PDF": "a PDF document",
+    b"\x89PNG": "a PNG picture",
+    b"\xff\xd8\xff": "a JPEG picture",
+    b"\x7fELF": "a program",
+    b"MZ": "a program",
+    b"SQLite format 3": "an SQLite database",
+}
+
+
+def _clock(
+    source: Source, table: Table, found: Assignment, rig: Rig, samples: int, where: str
+) -> tuple[Clock, list[Finding]]:
+    """Stamps from the time column, else from the increment that the file or the rig file states."""
+    findings: list[Finding] = []
+    if table.stamps is None:
+        if source.time_step is not None:
+            return even_clock(samples, source.time_step, source.time_start), findings
+        if rig.sample_rate is not None:
+            return even_clock(samples, 1.0 / rig.sample_rate), findings
+        raise LogError(
+            f"{where}: no time column and no sampling interval; the log has "
+            f"{', '.join(h.name.strip() for h in source.headers[:8])}. Name the column in a rig file under [columns], or "
+            f"its rate as sample_rate_hz under [log]."
+        )
+    if isinstance(table.stamps, np.ndarray):
+        stamps, stamped = table.stamps, table.stamped
+    else:
+        stamps, stamped = seconds(table.stamps), True
+    if not stamped and found.time is not None:
+        factor = found.time.factor
+        if not found.time_unit_known:
+            factor, finding = _assumed_time(stamps, table, found)
+            findings.append(finding)
+        stamps = stamps * factor if factor != 1.0 else stamps
+    return read_clock(stamps, where), findings
+
+
+def _assumed_time(stamps: Signal, table: Table, found: Assignment) -> tuple[float, Finding]:
+    """Unit of a time column that names none: milliseconds if the displacement says so or the steps are long."""
+    step = np.diff(stamps[np.isfinite(stamps)])
+    usual = float(np.median(step)) if step.size else 0.0
+    factor, why = (1e-3, "its steps are long") if usual >= 2 else (1.0, "the usual unit")
+    moved = found.channels.get("displacement"), found.channels.get("velocity")
+    if moved[0] is not None and moved[1] is not None and usual > 0:
+        path = float(np.nansum(np.abs(np.diff(table.values[moved[0].index])))) * moved[0].factor
+        speed = float(np.nansum(np.abs(table.values[moved[1].index]))) * moved[1].factor
+        if path > 0 and speed > 0:
+            factor = 1e-3 if path / (speed * usual) < 0.03 else 1.0
+            why = "displacement and velocity agree with it"
+    unit = "ms" if factor == 1e-3 else "s"
+    return factor, Finding("unit_assumed", f"the time column names no unit; taken as {unit}, {why}", "assumed")
+
+
+def _channels(table: Table, found: Assignment, clock: Clock) -> dict[str, Signal]:
+    """Columns in SI units, in the rows that the clock kept."""
+    channels = {}
+    for name, match in found.channels.items():
+        x = table.values[match.index]
+        if clock.rows is not None:
+            x = x[clock.rows]
+        if not x.flags.writeable:
+            x = x.copy()
+        if match.factor != 1.0:
+            x *= match.factor
+        if match.offset:
+            x += match.offset
+        channels[name] = x
+    return channels
+
+
+def _load(load: float | None, source: Source) -> tuple[float | None, str]:
+    """The load by the caller's word, else by a property of the file; never from Vdc over Idc."""
+    if load is not None:
+        return load, "given"
+    for key, value in source.properties.items():
+        if key.strip().casefold() in _LOAD_KEYS:
+            ohm = _ohm(value)
+            if ohm is not None:
+                return ohm, f"property {key} of the file"
+    return None, "unknown"
+
+
+_LOAD_KEYS = {"load_ohm", "load (ohm)", "load [ohm]", "r_load_ohm", "load_resistance_ohm", "r_load", "rload", "load"}
+
+
+def _ohm(value: str | float) -> float | None:
+    try:
+        ohm = float(str(value).strip().casefold().removesuffix("ohm").strip())
+    except ValueError:
+        return None
+    return ohm if ohm > 0 else None
+
+
+def _check_motion(channels: dict[str, Signal], where: str) -> None:
+    if "velocity" not in channels:
+        raise LogError(f"{where}: neither velocity nor displacement holds a number; expected the motion of the line.")

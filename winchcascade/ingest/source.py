@@ -1,0 +1,57 @@
+"""What a reader of one file format hands over: the headers first, then only the columns that are wanted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from winchcascade.run import Finding, Signal
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """One column as the file names it; the unit is None where the file keeps none apart from the name."""
+
+    name: str
+    unit: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """The wanted columns of a file, all of one length n.
+
+    Parameters
+    ----------
+    values : (n,) each, by index of the header, in the file's own unit; NaN where a cell is not a number
+    stamps : (n,) numbers in the unit of the time column, or the n texts of stamps, or None without a time column
+    stamped : the stamps were dates and times and are now seconds since the first one
+    """
+
+    values: Mapping[int, Signal]
+    stamps: Signal | Sequence[str] | None = None
+    stamped: bool = False
+    findings: tuple[Finding, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """An opened log: its headers, and a way to load the wanted columns.
+
+    Parameters
+    ----------
+    headers : every column of the file in its order
+    load : called once with the indices of the wanted channels and the index of the time column (or None)
+    time_step : sampling interval that the file states itself (a waveform); None where stamps or nothing say it [s]
+    time_start : stamp of the first sample of such a waveform [s]
+    properties : what the file says about itself, such as `load_ohm`
+    form : the format in words, for messages
+    """
+
+    headers: Sequence[Header]
+    load: Callable[[Sequence[int], int | None], Table]
+    form: str
+    time_step: float | None = None
+    time_start: float = 0.0
+    properties: Mapping[str, str | float] = field(default_factory=dict)

@@ -1,0 +1,1 @@
+"""Payout, hold and haul-in of every cycle, and the integration windows."""

@@ -1,0 +1,1 @@
+"""Results laid out for reading: terminal, JSON, Parquet."""

@@ -1,0 +1,262 @@
+"""A reduction as plain records: the JSON of one log, and the tables of cycles and bins."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from winchcascade import __version__
+from winchcascade.cascade.efficiency import METRICS, Metrics
+from winchcascade.cascade.power import STAGES
+from winchcascade.errors import OutputError
+from winchcascade.files import check_replaceable, write_whole
+from winchcascade.quantity import KGF
+
+if TYPE_CHECKING:
+    from winchcascade.cascade.bins import Bin
+    from winchcascade.cascade.reduce import CycleResult, Reduction
+    from winchcascade.cascade.summary import HaulInSummary, HoldSummary, PayoutSummary
+    from winchcascade.run import Finding
+
+SCHEMA = "winchcascade/reduction/1"
+_KGCM2 = KGF * 1e4
+
+FIELDS = {name: name + ("_j" if name.startswith("energy") else "_w" if name.startswith("power") else "") for name in METRICS}
+"""The nine metrics as written files call them: with their unit."""
+
+
+def reduction_json(reduction: Reduction) -> bytes:
+    """The reduction of one log as JSON, schema `winchcascade/reduction/1`."""
+    import msgspec
+
+    return msgspec.json.format(msgspec.json.encode(reduction_record(reduction)), indent=1) + b"\n"
+
+
+def reduction_record(reduction: Reduction) -> dict[str, Any]:
+    """The reduction of one log as nested records; numbers that do not exist are None."""
+    run = reduction.run
+    return {
+        "schema": SCHEMA,
+        "version": __version__,
+        "log": {
+            "path": run.path,
+            "sha256": run.sha256,
+            "samples": run.samples,
+            "fs_hz": run.fs,
+            "load_ohm": run.load if run.load is not None and math.isfinite(run.load) else None,
+            "load_source": run.load_source,
+            "open_circuit": run.open_circuit,
+            "simulated": run.simulated,
+        },
+        "rig": reduction.rig.name,
+        "window": reduction.window,
+        "quality": [finding_record(f, run.samples) for f in reduction.quality],
+        "cycles": [cycle_record(c) for c in reduction.cycles],
+        "mean": metrics_record(reduction.mean),
+        "max_deviation_percent": metrics_record(reduction.max_deviation_percent),
+        "standard_uncertainty": metrics_record(Metrics()),
+        "interval_95": metrics_record(Metrics()),
+        "total": metrics_record(reduction.total),
+        "bins": [bin_record(b) for b in reduction.bins],
+    }
+
+
+def metrics_record(metrics: Metrics) -> dict[str, float | None]:
+    """The nine metrics under the names of written files."""
+    return {field: getattr(metrics, name) for name, field in FIELDS.items()}
+
+
+def finding_record(finding: Finding, samples: int) -> dict[str, Any]:
+    """One finding, with the share of the log's samples that it removed."""
+    return {
+        "kind": finding.kind,
+        "channel": finding.channel,
+        "start_s": finding.start,
+        "end_s": finding.end,
+        "count": finding.count,
+        "action": finding.action,
+        "message": finding.message,
+        "removed_share": finding.removed / samples if samples else 0.0,
+    }
+
+
+def cycle_record(cycle: CycleResult) -> dict[str, Any]:
+    """One cycle with its phases, their summary, its window and its metrics."""
+    phases, window = cycle.phases, cycle.window
+    return {
+        "cycle": cycle.cycle,
+        "complete": cycle.complete,
+        "phases": {
+            "payout": [phases.onset, phases.payout_end],
+            "hold": None if phases.hold is None else list(phases.hold),
+            "haul_in": None if phases.haul_in is None else list(phases.haul_in),
+        },
+        "phase_summary": {
+            "payout": _payout(cycle.summary.payout),
+            "hold": _hold(cycle.summary.hold),
+            "haul_in": _haul_in(cycle.summary.haul_in),
+        },
+        "window": {
+            "onset_s": window.onset,
+            "cutoff_s": window.cutoff,
+            "duration_s": window.cutoff - window.onset,
+        },
+        **metrics_record(cycle.metrics),
+    }
+
+
+def _payout(payout: PayoutSummary) -> dict[str, Any]:
+    flat = payout.plateau
+    return {
+        "duration_s": payout.duration,
+        "travel_m": payout.travel,
+        "speed_max_mps": payout.speed_max,
+        "plateau": None
+        if flat is None
+        else {
+            "begin_s": flat.begin,
+            "braking_s": flat.braking,
+            "speed_mps": flat.speed,
+            "force_n": flat.force,
+            "torque_nm": flat.torque,
+            "power_line_w": flat.power_line,
+            "power_mech_w": flat.power_mech,
+            "power_gen_w": flat.power_gen,
+        },
+    }
+
+
+def _hold(hold: HoldSummary | None) -> dict[str, Any] | None:
+    if hold is None:
+        return None
+    return {
+        "duration_s": hold.duration,
+        "force_n": hold.force,
+        "torque_nm": hold.torque,
+        "pressure_kgcm2": None if hold.pressure is None else hold.pressure / _KGCM2,
+    }
+
+
+def _haul_in(haul_in: HaulInSummary | None) -> dict[str, Any] | None:
+    if haul_in is None:
+        return None
+    return {
+        "duration_s": haul_in.duration,
+        "speed_max_mps": haul_in.speed_max,
+        "force_n": haul_in.force,
+        "force_min_n": haul_in.force_min,
+        "energy_line_j": haul_in.energy_line,
+    }
+
+
+def bin_record(item: Bin) -> dict[str, Any]:
+    """One bin of generator speed with mean powers and their standard errors."""
+    record: dict[str, Any] = {"rpm_low": item.rpm_low, "rpm_high": item.rpm_high, "count": item.count}
+    for stage in STAGES:
+        record[f"power_{stage}_w"] = item.power[stage]
+        record[f"power_{stage}_w_standard_error"] = item.standard_error[stage]
+    return record
+
+
+def write_json(reduction: Reduction, path: Path, *, force: bool = False) -> None:
+    """Write the JSON of one log; whole or not at all."""
+    text = reduction_json(reduction)
+    write_whole(path, lambda part: _write_bytes(part, text), force=force)
+
+
+def _write_bytes(path: Path, text: bytes) -> None:
+    path.write_bytes(text)
+
+
+def parquet_files(folder: Path, log: str) -> dict[str, Path]:
+    """The Parquet files of one log in a folder, by table."""
+    stem = Path(log).name
+    return {table: folder / f"{stem}.{table}.parquet" for table in ("cycles", "bins", "findings")}
+
+
+def write_parquet(reduction: Reduction, folder: Path, *, force: bool = False) -> list[Path]:
+    """Write cycles, bins and findings of one log as Parquet tables, with names and units as in the JSON.
+
+    Raises
+    ------
+    OutputError : the folder cannot be made, or holds a file of that name that this tool did not write
+    """
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as fault:
+        raise OutputError(f"{folder}: the folder cannot be made ({fault.strerror}); choose another.") from None
+    files = parquet_files(folder, reduction.run.name)
+    for path in files.values():
+        check_replaceable(path, force=force)
+    run = reduction.run
+    rows: dict[str, Sequence[Mapping[str, Any]]] = {
+        "cycles": [_flat_cycle(c) for c in reduction.cycles],
+        "bins": [bin_record(b) for b in reduction.bins],
+        "findings": [finding_record(f, run.samples) for f in reduction.quality],
+    }
+    about = {"schema": SCHEMA, "log": run.name, "sha256": run.sha256, "rig": reduction.rig.name}
+    about |= {} if run.load is None else {"load_ohm": repr(run.load)}
+    for table, path in files.items():
+        first = [pa.field("log", pa.string()), pa.field("load_ohm", pa.float64())]
+        schema = pa.schema(first + [pa.field(*column) for column in _COLUMNS[table]()], metadata=about)
+        records = [{"log": run.name, "load_ohm": run.load, **row} for row in rows[table]]
+        content = pa.Table.from_pylist(records, schema=schema)
+        write_whole(path, lambda part, content=content: parquet.write_table(content, part), force=force)  # type: ignore[misc]
+    return list(files.values())
+
+
+def _flat_cycle(cycle: CycleResult) -> dict[str, Any]:
+    """A cycle in one row: nested names joined, phases as begin and end."""
+    record = cycle_record(cycle)
+    row: dict[str, Any] = {"cycle": record["cycle"], "complete": record["complete"], **record["window"]}
+    row |= {field: record[field] for field in FIELDS.values()}
+    for phase, span in record["phases"].items():
+        row[f"{phase}_begin_s"], row[f"{phase}_end_s"] = span if span is not None else (None, None)
+    for phase, summary in record["phase_summary"].items():
+        for name, value in (summary or {}).items():
+            if name == "plateau":
+                row |= {f"plateau_{key}": inner for key, inner in (value or {}).items()}
+            else:
+                row[f"{phase}_{name}"] = value
+    return row
+
+
+def _cycle_columns() -> list[tuple[str, Any]]:
+    import pyarrow as pa
+
+    phases = ("payout", "hold", "haul_in")
+    names = ["onset_s", "cutoff_s", "duration_s", *FIELDS.values()]
+    names += [f"{phase}_{end}_s" for phase in phases for end in ("begin", "end")]
+    names += ["payout_duration_s", "payout_travel_m", "payout_speed_max_mps"]
+    names += [f"plateau_{n}" for n in ("begin_s", "braking_s", "speed_mps", "force_n", "torque_nm")]
+    names += [f"plateau_power_{stage}_w" for stage in STAGES]
+    names += [f"hold_{n}" for n in ("duration_s", "force_n", "torque_nm", "pressure_kgcm2")]
+    names += [f"haul_in_{n}" for n in ("duration_s", "speed_max_mps", "force_n", "force_min_n", "energy_line_j")]
+    return [("cycle", pa.int64()), ("complete", pa.bool_()), *((name, pa.float64()) for name in names)]
+
+
+def _bin_columns() -> list[tuple[str, Any]]:
+    import pyarrow as pa
+
+    columns: list[tuple[str, Any]] = [("rpm_low", pa.float64()), ("rpm_high", pa.float64()), ("count", pa.int64())]
+    for stage in STAGES:
+        columns += [(f"power_{stage}_w", pa.float64()), (f"power_{stage}_w_standard_error", pa.float64())]
+    return columns
+
+
+def _finding_columns() -> list[tuple[str, Any]]:
+    import pyarrow as pa
+
+    text, number = pa.string(), pa.float64()
+    return [
+        ("kind", text), ("channel", text), ("start_s", number), ("end_s", number), ("count", pa.int64()),
+        ("action", text), ("message", text), ("removed_share", number),
+    ]  # fmt: skip
+
+
+_COLUMNS = {"cycles": _cycle_columns, "bins": _bin_columns, "findings": _finding_columns}

@@ -1,0 +1,86 @@
+"""Run: one log or one simulation, the same type, with what was found wrong with it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Signal = NDArray[np.float64]
+
+FindingKind = Literal[
+    "missing_channel",
+    "dropped_samples",
+    "not_a_number",
+    "repeated_stamp",
+    "backward_stamp",
+    "clock_jitter",
+    "out_of_range",
+    "stuck",
+    "spike",
+    "truncated",
+    "unit_assumed",
+    "sign_flipped",
+    "slack_line",
+    "incomplete_cycle",
+    "unknown_column",
+]
+
+CLOCK = "clock"
+"""Key in `Run.gaps` of the gaps that concern every channel: rows that were never logged or could not be kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that is wrong with a log: where, how much, and what was done about it.
+
+    `start` and `end` are times on the log's clock [s]; `removed` counts the samples that the finding took out of the
+    measurement (bridged, left out or never logged), 0 where the data were kept as they are.
+    """
+
+    kind: FindingKind
+    message: str
+    action: str
+    channel: str | None = None
+    start: float | None = None
+    end: float | None = None
+    count: int = 1
+    removed: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One log, checked at the door: stamps rise, every channel is finite, and what was bridged is known.
+
+    Parameters
+    ----------
+    name : file name, for messages
+    t : (n,) stamps on the log's own clock, for stamped logs since the first sample [s]
+    channels : (n,) each, by the names of `channels.CHANNELS`, SI units, payout positive; pressure is gauge [Pa]
+    gaps : (k, 2) each, by channel or `CLOCK`: last good and first good stamp around what was bridged [s]
+    fs : sampling rate without the gaps [Hz]
+    samples : rows of the log, before any was left out
+    load : resistance at the DC link; inf is an open circuit, None unknown or no load at all [ohm]
+    """
+
+    name: str
+    t: Signal
+    channels: Mapping[str, Signal]
+    fs: float
+    samples: int
+    gaps: Mapping[str, Signal] = field(default_factory=dict)
+    load: float | None = None
+    load_source: str = "unknown"
+    path: str = ""
+    sha256: str = ""
+    findings: tuple[Finding, ...] = ()
+    simulated: bool = False
+
+    @property
+    def open_circuit(self) -> bool:
+        """Whether the DC link carries no load."""
+        return self.load is not None and self.load == float("inf")
