@@ -351,6 +351,18 @@ def test_mat_that_unpacks_to_more_than_memory_is_refused(tmp_path: Path, monkeyp
     assert "GiB" in sentence(lambda: open_mat(path), path)
 
 
+@pytest.mark.parametrize(
+    ("tag", "broken"),
+    [(b"\x10\0\x03\0m/s", b"\xe8\0\x03\0m/s"), (b"\x05\0\0\0\x08\0\0\0", b"\x05\0\0\0\0\0\0\0")],
+    ids=["type", "shape"],
+)
+def test_mat_with_a_broken_tag_is_refused_and_the_process_lives(tmp_path: Path, tag: bytes, broken: bytes) -> None:
+    path = write_mat(tmp_path / "a.mat", v=V, note="m/s")
+    assert tag in path.read_bytes()
+    path.write_bytes(path.read_bytes().replace(tag, broken))
+    assert "damaged" in sentence(lambda: open_mat(path), path)
+
+
 def write_mat73(path: Path, matrix: bool = False) -> Path:
     """Lay out a file as MATLAB does with `save -v7.3`: dimensions turned round, texts as UTF-16, cells by reference."""
 
@@ -541,6 +553,27 @@ def test_excel_finds_the_sheet_the_names_the_units_and_the_numbers(tmp_path: Pat
     np.testing.assert_allclose(table.values[1], V, rtol=LAST_DIGIT)
     assert np.isnan(table.values[3]).all()
     assert not table.stamped
+
+
+def test_ods_is_read_like_a_workbook_of_excel(tmp_path: Path) -> None:
+    def row(*cells: str | float) -> str:
+        texts = "<table:table-cell office:value-type='string'><text:p>{0}</text:p></table:table-cell>"
+        numbers = "<table:table-cell office:value-type='float' office:value='{0}'/>"
+        inner = "".join((texts if isinstance(cell, str) else numbers).format(cell) for cell in cells)
+        return f"<table:table-row>{inner}</table:table-row>"
+
+    spaces = " ".join(f"xmlns:{x}='urn:oasis:names:tc:opendocument:xmlns:{x}:1.0'" for x in ("office", "table", "text"))
+    rows = "".join([row("Time", "v"), row("s", "m/s"), row(0.0, 1.5), row(0.04, "2,5")])
+    sheet = f"<table:table table:name='Log'>{rows}</table:table>"
+    body = f"<office:body><office:spreadsheet>{sheet}</office:spreadsheet></office:body>"
+    path = tmp_path / "a.ods"
+    with zipfile.ZipFile(path, "w") as book:
+        book.writestr("mimetype", "application/vnd.oasis.opendocument.spreadsheet")
+        book.writestr("META-INF/manifest.xml", "<manifest/>")
+        book.writestr("content.xml", f"<office:document-content {spaces}>{body}</office:document-content>")
+    source = open_excel(path)
+    assert list(zip(names(source), units(source), strict=True)) == [("Time", "s"), ("v", "m/s")]
+    np.testing.assert_array_equal(source.load([1], 0).values[1], [1.5, 2.5])
 
 
 def test_excel_texts_that_look_like_numbers_are_numbers(tmp_path: Path) -> None:

@@ -41,8 +41,8 @@ KINDS = frozenset({*range(1, 8), 9, 12, 13, MATRIX, COMPRESSED, 16, 17, 18})
 """Data types that an element of a v5 file may have."""
 
 LEAVES = range(4, 16)
-SPARSE = 5
-"""Classes of a v5 matrix that hold numbers or characters and nothing nested."""
+SPARSE, OPAQUE = 5, 17
+"""Classes of a v5 matrix that hold numbers or characters and nothing nested; two that have a form of their own."""
 
 SMALL = 10**6
 """A matrix up to this size may claim more elements than it has bytes: some writers store blank texts so."""
@@ -123,15 +123,20 @@ def _check_5(path: Path, content: bytes) -> None:
     """Check the structure of a v5 file before scipy trusts it: a wrong tag there ends the whole process."""
     order = "<" if content[126:128] == b"IM" else ">"
     for kind, body in _elements(memoryview(content)[128:], order):
-        if kind == COMPRESSED:
-            inflate = zlib.decompressobj()
-            head = inflate.decompress(body, 8)
-            _, size = struct.unpack(f"{order}II", head)
-            _refuse_bomb(path, size // 8)
-            for _, inner in _elements(memoryview(head + inflate.decompress(inflate.unconsumed_tail, size)), order):
-                _check_matrix(inner, order, 0)
-        else:
-            _check_matrix(body, order, 0)
+        whole = _inflated(path, body, order) if kind == COMPRESSED else [(kind, body)]
+        for inner_kind, inner in whole:
+            if inner_kind != MATRIX:
+                raise ValueError(f"variable of type {inner_kind}")
+            _check_matrix(inner, order, 0)
+
+
+def _inflated(path: Path, body: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
+    """Unpack a compressed variable, as far as the size goes that it states."""
+    inflate = zlib.decompressobj()
+    head = inflate.decompress(body, 8)
+    _, size = struct.unpack(f"{order}II", head)
+    _refuse_bomb(path, size // 8)
+    return _elements(memoryview(head + inflate.decompress(inflate.unconsumed_tail, size)), order)
 
 
 def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
@@ -150,18 +155,23 @@ def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
 
 def _check_matrix(body: memoryview, order: str, depth: int) -> None:
     """Check that a matrix has the parts that its class needs, and no more elements than bytes."""
-    parts = [*_elements(body, order)]
+    kinds, parts = [], []
+    for kind, part in _elements(body, order):
+        kinds.append(kind)
+        parts.append(part)
     if not parts:
         return
-    flags = struct.unpack_from(f"{order}I", parts[0][1])[0]
-    leaf = flags & 0xFF in LEAVES
-    needed = 4 + bool(flags & 0x800) + 2 * (flags & 0xFF == SPARSE) if leaf else 2
-    nested = [part for kind, part in parts if kind in (MATRIX, COMPRESSED)]
-    if len(parts) < needed or depth > 2 * DEPTH or (leaf and nested):
-        raise ValueError(f"matrix of class {flags & 0xFF} with {len(parts)} parts")
-    shape = np.frombuffer(parts[1][1], f"{order}i4") if parts[1][0] == 5 else ()
-    if prod(map(int, shape)) > max(len(body), SMALL) and flags & 0xFF != SPARSE:
-        raise ValueError(f"matrix of shape {shape} in {len(body)} bytes")
+    flags = struct.unpack_from(f"{order}I", parts[0])[0]
+    of_class = flags & 0xFF
+    nested = [part for kind, part in zip(kinds, parts, strict=True) if kind in (MATRIX, COMPRESSED)]
+    needed = 4 + bool(flags & 0x800) + 2 * (of_class == SPARSE) if of_class in LEAVES else 3
+    shaped = kinds[:2] in ([6, 5], [6, 6]) and len(parts[1]) >= 8 and len(parts) >= needed
+    sound = of_class == OPAQUE or (shaped and not (nested and of_class in LEAVES))
+    if not sound or depth > 2 * DEPTH:
+        raise ValueError(f"matrix of class {of_class} with parts {kinds}")
+    elements = 0 if of_class in (SPARSE, OPAQUE) else prod(map(int, np.frombuffer(parts[1], f"{order}i4")))
+    if not 0 <= elements <= max(len(body), SMALL):
+        raise ValueError(f"matrix of {elements} elements in {len(body)} bytes")
     for part in nested:
         _check_matrix(part, order, depth + 1)
 

@@ -32,22 +32,19 @@ IDLE = {"force": 20.0, "torque": 2.0, "power_mech": 20.0, "vdc": 5.0, "idc": 0.1
 def upright(channels: dict[str, Signal]) -> list[Finding]:
     """Turn channels that are logged with the opposite sign, in place of the old ones; tell which.
 
-    The line force, the torque and the voltage are larger in payout, and the pressure rises with it: what most of them
-    say decides the sign of the velocity. The displacement follows the velocity, the others are positive in payout.
+    Line force, torque and voltage are larger in payout, and the pressure rises with it: what most of them say decides the
+    sign of the velocity. The displacement follows the velocity; forces, torques and powers are positive in payout.
     """
     findings: list[Finding] = []
     every = max(1, channels["velocity"].size // ENOUGH)
     some = {name: x[::every] for name, x in channels.items()}
     v = np.nan_to_num(some["velocity"])
-    fast = np.abs(v) > FAST * float(np.max(np.abs(v), initial=0.0))
-    if np.count_nonzero(fast) < 10:
-        return findings
-    if _paid_out_negative(some, v, fast):
+    if _paid_out_negative(some, v):
         v = -v
         findings.append(_flipped("velocity", "payout is logged as negative"))
     if "displacement" in some and _follows(some["displacement"], v) < 0:
         findings.append(_flipped("displacement", "it falls while the line pays out"))
-    out = fast & (v > 0)
+    out = _fast(v)
     for name, least in IDLE.items():
         if name in some and _median(some[name][out]) < -least:
             findings.append(_flipped(name, "it is negative while the line pays out"))
@@ -61,11 +58,20 @@ def _flipped(channel: str, why: str) -> Finding:
     return Finding("sign_flipped", f"{channel} has the opposite sign: {why}", "sign turned", channel)
 
 
-def _paid_out_negative(some: Mapping[str, Signal], v: Signal, fast: Mask) -> bool:
-    up, down = fast & (v > 0), fast & (v < 0)
+def _fast(v: Signal) -> Mask:
+    """Samples that move outward at more than a share of the top speed in that direction."""
+    return v > max(FAST * float(np.max(v, initial=0.0)), 1e-6)
+
+
+def _paid_out_negative(some: Mapping[str, Signal], v: Signal) -> bool:
+    """Whether the channels say that the line pays out where its velocity is negative.
+
+    The line force tells only if both directions were logged; torque and voltage also by their absence.
+    """
+    up, down = _fast(v), _fast(-v)
     votes = 0
-    for name in ("force", "torque", "power_mech", "vdc"):
-        if name not in some:
+    for name in ("force", "torque", "vdc"):
+        if name not in some or (name == "force" and not (up.any() and down.any())):
             continue
         large, small = (_median(np.abs(some[name][part])) for part in (up, down))
         if max(large, small) > IDLE[name]:

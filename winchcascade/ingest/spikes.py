@@ -17,18 +17,21 @@ LEAST_SHARE = 0.02
 """A spike is at least this share of the range in which the channel moves."""
 
 NOISE = 8.0
-"""And so many times the usual change from sample to sample around it."""
+"""And so many times the usual change from sample to sample, in the whole log and around it."""
 
 APART = 6.0
 """And so many times what three in four curvatures around it stay below; ringing has neighbours as large as itself."""
 
 AGREE = 0.3
-"""Its neighbours differ by less than this share of it."""
+"""Its two neighbours on either side differ from each other by less than this share of it: no step, no overshoot."""
 
 AROUND = 12
 """Samples on either side that it is compared with."""
 
 _BLOCK = 1 << 18
+
+_ENOUGH = 400_000
+"""Samples at the beginning of a log that say how noisy a channel is."""
 
 
 def find_spikes(x: Signal) -> Index:
@@ -47,8 +50,9 @@ def find_spikes(x: Signal) -> Index:
     """
     if x.size < 2 * AROUND:
         return np.empty(0, dtype=np.intp)
-    least = LEAST_SHARE * _span(x)
+    least = max(LEAST_SHARE * _span(x), NOISE * _usual_change(x))
     found = _candidates(x, least)
+    found = found[(found >= 2) & (found < x.size - 2)]
     return found[_stands_out(x, found)] if found.size else found
 
 
@@ -60,6 +64,13 @@ def _span(x: Signal) -> float:
         return 0.0
     low, high = np.quantile(some, (0.005, 0.995))
     return float(high - low)
+
+
+def _usual_change(x: Signal) -> float:
+    """Median change from sample to sample where there is any: the noise of the channel."""
+    some = np.abs(np.diff(x[:_ENOUGH]))
+    some = some[some > 0]
+    return float(np.median(some)) if some.size else 0.0
 
 
 def _candidates(x: Signal, least: float) -> Index:
@@ -87,7 +98,8 @@ def _stands_out(x: Signal, found: Index) -> NDArray[np.bool_]:
         off = np.abs(x[block] - 0.5 * (x[block - 1] + x[block + 1]))
         calm = APART * _upper_quartile(curvature)
         quiet = NOISE * np.median(np.where(np.isfinite(change), change, 0.0), axis=1)
-        keep[start : start + block.size] = (2 * off > calm) & (off > quiet)
+        sides = np.maximum(np.abs(x[block - 1] - x[block - 2]), np.abs(x[block + 1] - x[block + 2]))
+        keep[start : start + block.size] = (2 * off > calm) & (off > quiet) & ~(sides >= AGREE * off)
     return keep
 
 
