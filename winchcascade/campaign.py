@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 import tomllib
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 from winchcascade.errors import CampaignError
 
 CAMPAIGN_FILE = "campaign.toml"
 
 
-@dataclass(frozen=True, slots=True)
-class CampaignRun:
+class CampaignRun(msgspec.Struct, frozen=True):
     """One log of a campaign: its file, load [ohm], fixed window [s], the cycles that count, and whether it is withheld.
 
     `load` is None for a rig without one and inf for an open circuit; `window` None where the rig's rule holds.
@@ -27,8 +27,7 @@ class CampaignRun:
     withheld: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Campaign:
+class Campaign(msgspec.Struct, frozen=True):
     """A set of runs on one rig; `rig` is a built-in name, the path of a rig file, or None for the paper's rig."""
 
     path: Path

@@ -53,14 +53,18 @@ def winchcascade(
 
 @app.command("reduce")
 def reduce_command(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="CSV, .lvm, TDMS, MATLAB, Parquet or Excel.", show_default=False)],
+    log: Annotated[
+        Path, typer.Argument(metavar="LOG", help="CSV, .lvm, TDMS, MATLAB, Parquet or Excel.", show_default=False)
+    ],
     rig: RigOption = None,
     load_ohm: Annotated[
         float | None, typer.Option("--load-ohm", metavar="OHM", help="Load resistance; inf is an open circuit.")
     ] = None,
     window: Annotated[
         str | None,
-        typer.Option("--window", metavar="RULE", help="auto, payout, or a length in seconds; the rig's rule by default."),
+        typer.Option(
+            "--window", metavar="RULE", help="auto, payout, or a length in seconds; the rig's rule by default."
+        ),
     ] = None,
     json: Annotated[
         str | None, typer.Option("--json", metavar="FILE", help="Write the reduction as JSON; - prints it alone.")
@@ -77,27 +81,29 @@ def reduce_command(
     from winchcascade.cascade.reduce import reduce, window_rule
     from winchcascade.files import check_replaceable
     from winchcascade.ingest.read import read_run
-    from winchcascade.report.records import parquet_files, reduction_json, write_json, write_parquet
-    from winchcascade.report.terminal import reduction_text
 
     if load_ohm is not None and not load_ohm > 0:
         raise OptionError(f"--load-ohm {load_ohm:g}: expected a number of ohms above 0, or inf for an open circuit.")
     if window is not None:
         window_rule(window)
-    outputs = [Path(json)] if json not in (None, "-") else []  # type: ignore[arg-type]
-    outputs += [] if parquet is None else [p for p in parquet_files(parquet, log.name).values() if p.exists()]
-    for path in outputs:
-        check_replaceable(path, force=force)
+    if json is not None and json != "-":
+        check_replaceable(Path(json), force=force)
     chosen, load_ohm, rule = _settings(log, rig, load_ohm, window)
     reduction = reduce(read_run(log, rig=chosen, load=load_ohm), rig=chosen, window=rule)
-    if json == "-":
-        sys.stdout.buffer.write(reduction_json(reduction))
-    else:
-        print(reduction_text(reduction), end="")
-    if json is not None and json != "-":
-        write_json(reduction, Path(json), force=force)
     if parquet is not None:
+        from winchcascade.report.records import write_parquet
+
         write_parquet(reduction, parquet, force=force)
+    if json is not None:
+        from winchcascade.report.records import reduction_json, write_json
+
+        if json == "-":
+            sys.stdout.buffer.write(reduction_json(reduction))
+            return
+        write_json(reduction, Path(json), force=force)
+    from winchcascade.report.terminal import reduction_text
+
+    print(reduction_text(reduction), end="")
 
 
 def _settings(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -27,6 +26,8 @@ def write_whole(path: Path, write: Callable[[Path], None], *, force: bool = Fals
     ------
     OutputError : the folder does not exist or cannot be written, or the file is not this tool's own
     """
+    import tempfile
+
     check_replaceable(path, force=force)
     try:
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
@@ -39,7 +40,9 @@ def write_whole(path: Path, write: Callable[[Path], None], *, force: bool = Fals
         os.chmod(part, _usual_mode())
         os.replace(part, path)
     except OSError as fault:
-        raise OutputError(f"{path}: cannot be written ({fault.strerror or fault}); free some space or choose another.") from None
+        raise OutputError(
+            f"{path}: cannot be written ({fault.strerror or fault}); free some space or choose another."
+        ) from None
     finally:
         part.unlink(missing_ok=True)
 

@@ -6,7 +6,8 @@ Inside the program every number is in SI units; other units appear only where fi
 from __future__ import annotations
 
 import unicodedata
-from dataclasses import dataclass
+
+import msgspec
 
 KGF = 9.80665
 """Standard gravity: newtons in one kilogram-force (ISO 80000-4)."""
@@ -15,8 +16,7 @@ ATMOSPHERE = 101325.0
 """Standard atmosphere: what an absolute pressure has over a gauge pressure. [Pa]"""
 
 
-@dataclass(frozen=True, slots=True)
-class Unit:
+class Unit(msgspec.Struct, frozen=True):
     """A unit as ``SI value = factor * value + offset``; the dimension is a word that channels share."""
 
     dimension: str
@@ -114,7 +114,9 @@ def _units() -> dict[str, Unit]:
         for name in names.split()
     }
     table |= {
-        _plain(name): Unit("pressure", factor, -ATMOSPHERE) for factor, names in absolute.items() for name in names.split()
+        _plain(name): Unit("pressure", factor, -ATMOSPHERE)
+        for factor, names in absolute.items()
+        for name in names.split()
     }
     return table
 
@@ -148,8 +150,7 @@ def find_unit(text: str) -> Unit | None:
     return UNITS.get(plain) or _FOLDED_CASE.get(plain.casefold())
 
 
-@dataclass(frozen=True, slots=True)
-class Quantity:
+class Quantity(msgspec.Struct, frozen=True):
     """A number in SI units with its source and, where it is known, one standard uncertainty in the same unit."""
 
     value: float

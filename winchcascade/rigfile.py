@@ -9,7 +9,6 @@ import math
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal
@@ -62,16 +61,14 @@ class _Number(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     tolerance_percent: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Winch:
+class Winch(msgspec.Struct, frozen=True):
     """The drum that the tether turns."""
 
     r_drum: Quantity | None = None
     inertia: Quantity | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Restoring:
+class Restoring(msgspec.Struct, frozen=True):
     """Screw, piston and gas-charged accumulator that keep the tether taut."""
 
     lead: Quantity | None = None
@@ -83,8 +80,7 @@ class Restoring:
     volume_gas: Quantity | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Drivetrain:
+class Drivetrain(msgspec.Struct, frozen=True):
     """Clutch, shaft, gear and fast shaft between drum and generator."""
 
     gear_ratio: Quantity | None = None
@@ -96,8 +92,7 @@ class Drivetrain:
     one_way_clutch: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Generator:
+class Generator(msgspec.Struct, frozen=True):
     """Permanent-magnet machine and its diode bridge."""
 
     pole_pairs: Quantity | None = None
@@ -109,8 +104,7 @@ class Generator:
     i_rated: Quantity | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class DcLink:
+class DcLink(msgspec.Struct, frozen=True):
     """Capacitor, bleed resistance and load behind the bridge."""
 
     c_dc: Quantity | None = None
@@ -118,8 +112,7 @@ class DcLink:
     load_tolerance_percent: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Thresholds:
+class Thresholds(msgspec.Struct, frozen=True):
     """What decides where a phase, a window and a finding begins. SI units; defaults are the published rules."""
 
     window: str = "auto"
@@ -152,8 +145,7 @@ class Thresholds:
     """So does a gap whose bridging could change an energy by more than this share. [1]"""
 
 
-@dataclass(frozen=True, slots=True)
-class Rig:
+class Rig(msgspec.Struct, frozen=True):
     """One rig, numbers in SI units. `columns` names columns of logs that the table of names does not know."""
 
     name: str
@@ -164,8 +156,8 @@ class Rig:
     drivetrain: Drivetrain = Drivetrain()
     generator: Generator = Generator()
     dc_link: DcLink = DcLink()
-    sensors: Mapping[str, Sensor] = field(default_factory=dict)
-    columns: Mapping[str, Column] = field(default_factory=dict)
+    sensors: Mapping[str, Sensor] = msgspec.field(default_factory=dict)
+    columns: Mapping[str, Column] = msgspec.field(default_factory=dict)
     sample_rate: float | None = None
     thresholds: Thresholds = Thresholds()
     path: str = ""
@@ -268,7 +260,15 @@ _POSITIVE = {
     "r_drum", "gear_ratio", "eta_mesh", "smoothing", "stroke_min", "v_onset", "rpm_bin", "plateau_hold", "area_piston",
     "volume_gas", "k_e", "lead", "reversal_max",
 }  # fmt: skip
-_SHARES = {"reversal_max", "creep_max", "aborted_below", "plateau_quantile", "plateau_band", "plateau_level", "eta_mesh"}
+_SHARES = {
+    "reversal_max",
+    "creep_max",
+    "aborted_below",
+    "plateau_quantile",
+    "plateau_band",
+    "plateau_level",
+    "eta_mesh",
+}
 _OWN_UNITS = {"value", "resolution", "accuracy", "u_zero", "low", "high"}
 
 
@@ -289,7 +289,11 @@ def _rig(raw: dict[str, Any], where: str) -> Rig:
     rate = log.pop("sample_rate_hz", None)
     if log:
         raise RigError(f"{where}: [log] {next(iter(log))} is no entry of a rig file; expected sample_rate_hz.")
-    rate = None if rate is None else _finite(_convert(rate, float, where, "[log] sample_rate_hz"), where, "[log] sample_rate_hz")
+    rate = (
+        None
+        if rate is None
+        else _finite(_convert(rate, float, where, "[log] sample_rate_hz"), where, "[log] sample_rate_hz")
+    )
     if rate is not None and rate <= 0:
         raise RigError(f"{where}: [log] sample_rate_hz is {rate:g}; expected a number above 0.")
     return Rig(
@@ -330,8 +334,8 @@ def _finite(value: float, where: str, place: str) -> float:
 
 def _entry(value: object, where: str, section: str, name: str, cls: type[Any]) -> Any:
     place = f"[{section}] {name}"
-    if name not in cls.__dataclass_fields__:
-        raise RigError(f"{where}: {place} is no entry of a rig file; expected {', '.join(cls.__dataclass_fields__)}.")
+    if name not in cls.__struct_fields__:
+        raise RigError(f"{where}: {place} is no entry of a rig file; expected {', '.join(cls.__struct_fields__)}.")
     if name == "one_way_clutch":
         return _convert(value, bool, where, place)
     if name == "load_tolerance_percent":
@@ -357,7 +361,7 @@ def _quantity(value: object, where: str, place: str, name: str) -> Quantity:
 
 
 def _check_sign(value: float, where: str, place: str, name: str) -> None:
-    if name in _POSITIVE and value <= 0 or value < 0:
+    if (name in _POSITIVE and value <= 0) or value < 0:
         raise RigError(f"{where}: {place} is {value:g}; expected a number above 0.")
     if name in _SHARES and value > 1:
         raise RigError(f"{where}: {place} is {value:g}; expected a share between 0 and 1.")
@@ -404,8 +408,8 @@ def _thresholds(raw: dict[str, Any], where: str) -> Thresholds:
     values: dict[str, Any] = {}
     for name, value in raw.items():
         place = f"[thresholds] {name}"
-        if name not in Thresholds.__dataclass_fields__:
-            known = ", ".join(Thresholds.__dataclass_fields__)
+        if name not in Thresholds.__struct_fields__:
+            known = ", ".join(Thresholds.__struct_fields__)
             raise RigError(f"{where}: {place} is no entry of a rig file; expected {known}.")
         if name == "window":
             values[name] = _window(value, where, place)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
+
+import msgspec
 
 if TYPE_CHECKING:
     import numpy as np
@@ -34,8 +35,7 @@ CLOCK = "clock"
 """Key in `Run.gaps` of the gaps that concern every channel: rows that were never logged or could not be kept."""
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
+class Finding(msgspec.Struct, frozen=True):
     """One thing that is wrong with a log: where, how much, and what was done about it.
 
     `start` and `end` are times on the log's clock [s]; `removed` counts the samples that the finding took out of the
@@ -52,8 +52,7 @@ class Finding:
     removed: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Run:
+class Run(msgspec.Struct, frozen=True):
     """One log, checked at the door: stamps rise, every channel is finite, and what was bridged is known.
 
     Parameters
@@ -72,7 +71,7 @@ class Run:
     channels: Mapping[str, Signal]
     fs: float
     samples: int
-    gaps: Mapping[str, Signal] = field(default_factory=dict)
+    gaps: Mapping[str, Signal] = msgspec.field(default_factory=dict)
     load: float | None = None
     load_source: str = "unknown"
     path: str = ""

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from winchcascade.order import median
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -42,7 +44,7 @@ def local_quadratic(t: Signal, x: Signal, width: float) -> Signal:
     if t.size < 3:
         return x.copy()
     interval = np.diff(t)
-    usual = float(np.median(interval))
+    usual = median(interval)
     half = int(width / 2 / usual + 1e-6)
     if half < 1:
         return x.copy()

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
 from winchcascade.run import CLOCK
@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     Mask = NDArray[np.bool_]
 
 
-@dataclass(frozen=True, slots=True)
-class Bin:
+class Bin(msgspec.Struct, frozen=True):
     """One bin of generator speed [rpm]: samples in it, and of each stage's power mean and standard error [W].
 
     The standard error is s/sqrt(n) of the samples as if they were independent; it is None for a single sample.

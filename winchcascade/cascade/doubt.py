@@ -36,7 +36,7 @@ def window_of(gaps: Signal, windows: Signal) -> NDArray[np.intp]:
 def bridging_error(t: Signal, x: Signal, gaps: Signal) -> Signal:
     """What a straight line over each gap may miss of the integral of x: the larger of what the same line would miss if the
     gap lay just before or just after, where the data are known. (k,) in the unit of x times seconds
-    """  # noqa: D205
+    """
     error = np.zeros(len(gaps))
     width = gaps[:, 1] - gaps[:, 0]
     for shift in (-1.0, 1.0):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import msgspec
 
 METRICS = (
     "energy_line", "energy_mech", "energy_gen", "power_line", "power_mech", "power_gen", "eta_trans", "eta_gen", "eta_pto",
@@ -17,8 +17,7 @@ RATIOS = {
 """Each efficiency: what comes out over what goes in (Eq. 6)."""
 
 
-@dataclass(frozen=True, slots=True)
-class Metrics:
+class Metrics(msgspec.Struct, frozen=True):
     """The nine metrics of a cycle or of many; None for what a log cannot give."""
 
     energy_line: float | None = None
@@ -48,7 +47,9 @@ def is_efficiency(value: float) -> bool:
     return 0.0 <= value <= 1.0
 
 
-def metrics(energy: dict[str, float | None], duration: float, *, open_circuit: bool) -> tuple[Metrics, dict[str, float]]:
+def metrics(
+    energy: dict[str, float | None], duration: float, *, open_circuit: bool
+) -> tuple[Metrics, dict[str, float]]:
     """Put one cycle's metrics together (Eqs 5 and 6).
 
     Parameters

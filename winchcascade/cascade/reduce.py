@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
 from winchcascade.cascade.bins import Bin, bin_powers, engaged
@@ -17,6 +17,7 @@ from winchcascade.cascade.power import STAGES, power, sources
 from winchcascade.cascade.repeatability import ensemble_mean, largest_deviation, total
 from winchcascade.cascade.summary import PhaseSummary, summarise
 from winchcascade.errors import OptionError
+from winchcascade.order import median
 from winchcascade.phases.detect import Cycle, detect, smoothed_velocity
 from winchcascade.phases.window import Plateau, Window, find_plateau, find_window
 from winchcascade.rigfile import Rig, built_in
@@ -27,8 +28,7 @@ if TYPE_CHECKING:
     from winchcascade.run import Run, Signal
 
 
-@dataclass(frozen=True, slots=True)
-class CycleResult:
+class CycleResult(msgspec.Struct, frozen=True):
     """One cycle: its instants, its window, what its phases were like and its nine metrics."""
 
     cycle: int
@@ -39,8 +39,7 @@ class CycleResult:
     metrics: Metrics
 
 
-@dataclass(frozen=True, slots=True)
-class Reduction:
+class Reduction(msgspec.Struct, frozen=True):
     """What a log says about the rig: every cycle, their mean and repeatability, and powers over generator speed.
 
     `mean` and `max_deviation_percent` are over complete cycles; `total` sums their energies and gives ratios of sums.
@@ -141,7 +140,7 @@ def _windows(
     if rule == "payout":
         return windows
     travel = [s.payout.travel for c, s in zip(cycles, summaries, strict=True) if not c.begins_inside]
-    usual = float(np.median(travel)) if travel else 0.0
+    usual = median(np.array(travel)) if travel else 0.0
     late = [w.cutoff > c.payout_end for c, w in zip(cycles, windows, strict=True) if not c.ends_inside]
     all_late = sum(late) > 0.5 * len(late)
     return [
@@ -155,7 +154,9 @@ def _unless_aborted(cycle: Cycle, window: Window, travel: float, usual: float, a
         return window
     if travel < rig.thresholds.aborted_below * usual:
         return Window(
-            window.onset, window.cutoff, f"the payout is aborted after {travel:.2f} m, where others travel {usual:.2f} m"
+            window.onset,
+            window.cutoff,
+            f"the payout is aborted after {travel:.2f} m, where others travel {usual:.2f} m",
         )
     if window.cutoff > cycle.payout_end and not all_late:
         early = window.cutoff - cycle.payout_end

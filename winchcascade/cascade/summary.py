@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
 from winchcascade.cascade.energy import energies, means
@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from winchcascade.run import Run, Signal
 
 
-@dataclass(frozen=True, slots=True)
-class PlateauSummary:
+class PlateauSummary(msgspec.Struct, frozen=True):
     """Time means from the plateau's beginning to the start of braking; SI units, None for what is not measured."""
 
     begin: float
@@ -32,8 +31,7 @@ class PlateauSummary:
     power_gen: float | None
 
 
-@dataclass(frozen=True, slots=True)
-class PayoutSummary:
+class PayoutSummary(msgspec.Struct, frozen=True):
     """Payout: duration [s], travel [m], top speed of the smoothed velocity [m/s], and its plateau if it has one."""
 
     duration: float
@@ -42,8 +40,7 @@ class PayoutSummary:
     plateau: PlateauSummary | None
 
 
-@dataclass(frozen=True, slots=True)
-class HoldSummary:
+class HoldSummary(msgspec.Struct, frozen=True):
     """Hold: duration [s] and time means of force [N], torque [N m] and gauge pressure [Pa]."""
 
     duration: float
@@ -52,8 +49,7 @@ class HoldSummary:
     pressure: float | None
 
 
-@dataclass(frozen=True, slots=True)
-class HaulInSummary:
+class HaulInSummary(msgspec.Struct, frozen=True):
     """Haul-in: duration [s], top speed as a magnitude [m/s], mean and least force [N], line energy, negative [J]."""
 
     duration: float
@@ -63,8 +59,7 @@ class HaulInSummary:
     energy_line: float | None
 
 
-@dataclass(frozen=True, slots=True)
-class PhaseSummary:
+class PhaseSummary(msgspec.Struct, frozen=True):
     """The three phases of one cycle; None for one that the log does not hold."""
 
     payout: PayoutSummary
@@ -116,9 +111,7 @@ def summarise(
         payout = PayoutSummary(cycle.payout_end - cycle.onset, travel[k], top[k], flat)
         hold = None
         if cycle.hold is not None:
-            hold = HoldSummary(
-                cycle.hold[1] - cycle.hold[0], held["force"][k], held["torque"][k], held["pressure"][k]
-            )
+            hold = HoldSummary(cycle.hold[1] - cycle.hold[0], held["force"][k], held["torque"][k], held["pressure"][k])
         haul_in = None
         if cycle.haul_in is not None:
             haul_in = HaulInSummary(

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
 from winchcascade.errors import LogError
+from winchcascade.order import median
 from winchcascade.run import Finding
 
 if TYPE_CHECKING:
@@ -33,8 +34,7 @@ MANY = 1000
 """More backward steps than this and the stamps are no clock."""
 
 
-@dataclass(frozen=True, slots=True)
-class Clock:
+class Clock(msgspec.Struct, frozen=True):
     """Stamps that rise [s], the rows they belong to (None: all, in order), gaps (k, 2) [s] and the sampling rate [Hz]."""
 
     t: Signal
@@ -82,7 +82,7 @@ def read_clock(stamps: Signal, where: str) -> Clock:
 
 def _median(interval: Signal) -> float:
     """Usual interval; of a long log from a sample spread over it, which says the same at no cost."""
-    return float(np.median(interval[:: max(1, interval.size // 100_000)]))
+    return median(interval[:: max(1, interval.size // 100_000)])
 
 
 def _with_all_stamps(stamps: Signal, findings: list[Finding], where: str) -> tuple[Signal, Index]:
@@ -119,7 +119,7 @@ def _spread(t: Signal, findings: list[Finding]) -> Signal:
     first = np.flatnonzero(np.diff(t, prepend=-np.inf) != 0)
     count = np.diff(first, append=t.size)
     step = np.diff(t[first])
-    usual_step, usual_count = float(np.median(step)), float(np.median(count[1:-1] if count.size > 2 else count))
+    usual_step, usual_count = median(step), median((count[1:-1] if count.size > 2 else count).astype(np.float64))
     if step.size > 2 and np.all(np.abs(step - usual_step) < 1e-6 * max(usual_step, 1e-9)):
         whole = slice(1, None)  # the first stamp may stand for a part of its samples
         dt = (t[first[whole]][-1] - t[first[1]]) / (first[-1] - first[1])

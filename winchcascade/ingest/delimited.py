@@ -9,10 +9,10 @@ from __future__ import annotations
 import codecs
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
 import pyarrow as pa
 from pyarrow import csv
@@ -48,10 +48,14 @@ def open_delimited(path: Path) -> Source:
     encoding = find_encoding(head)
     text = codecs.getincrementaldecoder(encoding)(errors="replace").decode(head)
     if text.count("\0") > len(text) // 20:
-        raise LogError(f"{path.name}: is a binary file of no known format; expected CSV, TDMS, MATLAB, Parquet or Excel.")
+        raise LogError(
+            f"{path.name}: is a binary file of no known format; expected CSV, TDMS, MATLAB, Parquet or Excel."
+        )
     lines = text.split("\n") if "\n" in text else text.split("\r")  # as _blocks counts them
     if len(head) == _HEAD and len(lines) < 4:
-        raise LogError(f"{path.name}: lines of more than {_HEAD // 4 >> 10} kB; expected a log with a few dozen columns.")
+        raise LogError(
+            f"{path.name}: lines of more than {_HEAD // 4 >> 10} kB; expected a log with a few dozen columns."
+        )
     layout = find_layout(lines, path.name)
     step, start = _waveform(layout)
     return Source(
@@ -64,8 +68,12 @@ def open_delimited(path: Path) -> Source:
     )
 
 
-_STEP_KEYS = {"deltax", "dt", "dts", "sampleinterval", "samplingintervals", "sampleintervals", "samplinginterval", "wfincrement", "timestep"}  # fmt: skip
-_RATE_KEYS = {"samplerate", "samplingrate", "sampleratehz", "samplingratehz", "samplingfrequency", "samplingfrequencyhz", "fs", "fshz", "rate"}  # fmt: skip
+_STEP_KEYS = frozenset(
+    "deltax dt dts sampleinterval samplingintervals sampleintervals samplinginterval wfincrement timestep".split()
+)
+_RATE_KEYS = frozenset(
+    "samplerate samplingrate sampleratehz samplingratehz samplingfrequency samplingfrequencyhz fs fshz rate".split()
+)
 
 
 def _waveform(layout: Layout) -> tuple[float | None, float]:
@@ -92,7 +100,7 @@ def _load(path: Path, encoding: str, layout: Layout, wanted: Sequence[int], time
     size = path.stat().st_size
     for number, block in enumerate(_blocks(path, encoding, layout.first)):
         before = parser.rows
-        parser.parse(block, last=False)
+        parser.parse(block)
         if number == 0 and len(block) and parser.rows > before:
             parser.expect(int(1.05 * size / len(block) * (parser.rows - before)) + 1000)
     return parser.table(path.name)
@@ -108,7 +116,9 @@ def _blocks(path: Path, encoding: str, skip: int) -> Iterator[bytes]:
             raw = decoder.decode(chunk).encode() if decoder is not None else chunk
             data = rest + raw
             if skip == 0 and b"\n" not in raw and b"\r" not in raw and len(data) > _LONGEST_LINE:
-                raise LogError(f"{path.name}: a line of more than {_LONGEST_LINE >> 20} MB; expected rows of a few numbers.")
+                raise LogError(
+                    f"{path.name}: a line of more than {_LONGEST_LINE >> 20} MB; expected rows of a few numbers."
+                )
             if b"\n" not in data[:_PARALLEL] and b"\r" in data:
                 data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
             while skip and (end := data.find(b"\n")) >= 0:
@@ -124,18 +134,17 @@ def _blocks(path: Path, encoding: str, skip: int) -> Iterator[bytes]:
             yield rest
 
 
-@dataclass(slots=True)
-class _Parser:
+class _Parser(msgspec.Struct):
     """Columns that grow block by block, and what could not be read on the way."""
 
     layout: Layout
     wanted: Sequence[int]
     time: int | None
     rows: int = 0
-    columns: dict[int, Signal] = field(default_factory=dict)
-    texts: list[str] = field(default_factory=list)
-    no_numbers: list[str] = field(default_factory=lambda: list(NOT_NUMBERS))
-    ragged: list[int] = field(default_factory=list)
+    columns: dict[int, Signal] = msgspec.field(default_factory=dict)
+    texts: list[str] = msgspec.field(default_factory=list)
+    no_numbers: list[str] = msgspec.field(default_factory=lambda: list(NOT_NUMBERS))
+    ragged: list[int] = msgspec.field(default_factory=list)
     cut: bool = False
     stamped: bool = False
 
@@ -154,7 +163,7 @@ class _Parser:
                 grown[: self.rows] = column[: self.rows]
                 self.columns[k] = grown
 
-    def parse(self, block: bytes, *, last: bool) -> None:
+    def parse(self, block: bytes) -> None:
         """Take in whole lines; an unfinished one is the end of a file that was cut off."""
         if not block.endswith(b"\n"):
             block = block.rstrip(b"\0\x1a \t")
@@ -210,6 +219,7 @@ class _Parser:
                 decimal_point=self.layout.decimal,
                 check_utf8=False,
             ),
+            memory_pool=pa.system_memory_pool() if len(block) < _PARALLEL else None,  # the default pool starts slowly
         )
         self.ragged = self.ragged + ragged
         return table
@@ -220,7 +230,7 @@ class _Parser:
         for k in self._numeric():
             cells = texts.column(f"c{k}").to_pylist()
             numbers, strange = _numbers(cells, self.layout.decimal)
-            columns[f"c{k}"] = numbers
+            columns[f"c{k}"] = pa.Array.from_buffers(pa.float64(), numbers.size, [None, pa.py_buffer(numbers)])
             self.no_numbers += [s for s in strange if s not in self.no_numbers][: max(0, 200 - len(self.no_numbers))]
         if self.stamped:
             columns[f"c{self.time}"] = texts.column(f"c{self.time}")
@@ -234,7 +244,7 @@ class _Parser:
         for k, column in self.columns.items():
             at = self.rows
             for chunk in table.column(f"c{k}").chunks:
-                column[at : at + len(chunk)] = chunk.to_numpy(zero_copy_only=False)
+                column[at : at + len(chunk)] = _floats(chunk)
                 at += len(chunk)
         if self.stamped:
             self.texts += [text or "" for text in table.column(f"c{self.time}").to_pylist()]
@@ -281,6 +291,17 @@ class _Parser:
         if self.cut:
             found.append(Finding("truncated", "the file is cut off inside a row", "the row left out", removed=1))
         return tuple(found)
+
+
+def _floats(chunk: pa.Array) -> Signal:
+    """Numbers of an Arrow array, NaN for null; read from its buffers because `to_numpy` imports pandas."""
+    valid, data = chunk.buffers()
+    part = slice(chunk.offset, chunk.offset + len(chunk))
+    numbers: Signal = np.frombuffer(data, dtype=np.float64)[part]
+    if chunk.null_count:
+        known = np.unpackbits(np.frombuffer(valid, dtype=np.uint8), bitorder="little")[part]
+        numbers = np.where(known == 1, numbers, np.nan)
+    return numbers
 
 
 def _is_number(cell: str) -> bool:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+import msgspec
 
 from winchcascade.channels import CHANNELS, SIMULATED_HEADERS
 from winchcascade.errors import LogError
@@ -69,8 +70,7 @@ def _by_name() -> dict[str, tuple[str, ...]]:
 _CHANNELS_BY_NAME = _by_name()
 
 
-@dataclass(frozen=True, slots=True)
-class Match:
+class Match(msgspec.Struct, frozen=True):
     """One channel found in a log: index of its header, and SI value = factor * value + offset."""
 
     index: int
@@ -78,8 +78,7 @@ class Match:
     offset: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Assignment:
+class Assignment(msgspec.Struct, frozen=True):
     """Which header is which channel; `time` is None for a log without a time column, `time_unit` if it names none."""
 
     channels: Mapping[str, Match]
@@ -89,8 +88,7 @@ class Assignment:
     simulated: bool
 
 
-@dataclass(frozen=True, slots=True)
-class _Read:
+class _Read(msgspec.Struct, frozen=True):
     """A header read apart: the name without its unit, the unit, and the bracket that is no known unit."""
 
     name: str

@@ -5,12 +5,12 @@ from __future__ import annotations
 import codecs
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+import msgspec
 
 from winchcascade.errors import LogError
 from winchcascade.ingest.dialects import recognise
 from winchcascade.ingest.source import Header
-from winchcascade.ingest.stamps import looks_like_a_stamp
 from winchcascade.quantity import find_unit
 
 NOT_NUMBERS = ("", "-", "--", "---", "nan", "NaN", "NAN", "-nan", "+nan", "#N/A", "N/A", "NA", "n/a", "null", "NULL", "None", "inf",
@@ -26,8 +26,7 @@ _MANY_LINES = 400
 """A preamble is shorter than this."""
 
 
-@dataclass(frozen=True, slots=True)
-class Layout:
+class Layout(msgspec.Struct, frozen=True):
     """Where and how a text file keeps its table.
 
     Parameters
@@ -71,7 +70,9 @@ def _readable(head: bytes, encoding: str) -> tuple[int, int]:
         return -1, 0
     cells = {cell for line in text.splitlines()[:50] for cell in re.split(r"[,;\t|]", line) if not _NUMBER.match(cell)}
     units = sum(find_unit(inside) is not None for c in cells for inside in re.findall(r"[(\[]([^)\]]+)[)\]]", c))
-    return sum(recognise(Header(cell)) is not None for cell in cells if cell.strip()) + units, -_ENCODINGS.index(encoding)
+    return sum(recognise(Header(cell)) is not None for cell in cells if cell.strip()) + units, -_ENCODINGS.index(
+        encoding
+    )
 
 
 def find_layout(lines: Sequence[str], where: str) -> Layout:
@@ -123,9 +124,17 @@ def _cells(line: str, delimiter: str) -> list[str]:
 def _is_data(cells: Sequence[str]) -> bool:
     """Whether a row holds data: a number or a stamp in most cells that are not empty, and in more than one."""
     full = [c for c in cells if c]
-    good = sum(bool(_NUMBER.match(c)) or c in NOT_NUMBERS or looks_like_a_stamp(c) for c in full)
+    good = sum(bool(_NUMBER.match(c)) or c in NOT_NUMBERS or _is_stamp(c) for c in full)
     numbers = sum(bool(_NUMBER.match(c)) for c in full)
     return numbers >= 1 and len(full) >= 2 and good >= 0.6 * len(full)
+
+
+def _is_stamp(cell: str) -> bool:
+    if ":" not in cell:
+        return False
+    from winchcascade.ingest.stamps import looks_like_a_stamp
+
+    return looks_like_a_stamp(cell)
 
 
 def _first_data(lines: Sequence[str], delimiter: str) -> tuple[int, int] | None:
@@ -153,7 +162,9 @@ def _headers(above: Sequence[str], delimiter: str, width: int) -> tuple[Header, 
     if not candidates:
         return None
     units = next((row for _, row in candidates[:4] if _is_units(row)), None)
-    named = [(sum(recognise(Header(c)) is not None for c in row if c), k, row) for k, row in candidates if row is not units]
+    named = [
+        (sum(recognise(Header(c)) is not None for c in row if c), k, row) for k, row in candidates if row is not units
+    ]
     if not named:
         return None
     names = max(named)[2]

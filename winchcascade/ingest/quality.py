@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
 from winchcascade.channels import CHANNELS
@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     Mask = NDArray[np.bool_]
 
 
-@dataclass(frozen=True, slots=True)
-class Checked:
+class Checked(msgspec.Struct, frozen=True):
     """Channels without holes, the gaps that were bridged in each, (k, 2) stamps [s], and what was found."""
 
     channels: dict[str, Signal]

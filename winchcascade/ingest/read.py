@@ -14,7 +14,7 @@ from winchcascade.errors import LogError
 from winchcascade.ingest.clock import Clock, even_clock, read_clock
 from winchcascade.ingest.dialects import Assignment, assign
 from winchcascade.ingest.quality import check
-from winchcascade.ingest.stamps import seconds
+from winchcascade.order import median
 from winchcascade.rigfile import Rig, built_in
 from winchcascade.run import CLOCK, Finding, Run
 
@@ -180,6 +180,8 @@ def _clock(
     if isinstance(table.stamps, np.ndarray):
         stamps, stamped = table.stamps, table.stamped
     else:
+        from winchcascade.ingest.stamps import seconds
+
         stamps, stamped = seconds(table.stamps), True
     if not stamped and found.time is not None:
         factor = found.time.factor
@@ -193,7 +195,7 @@ def _clock(
 def _assumed_time(stamps: Signal, table: Table, found: Assignment) -> tuple[float, Finding]:
     """Unit of a time column that names none: milliseconds if the displacement says so or the steps are long."""
     step = np.diff(stamps[np.isfinite(stamps)])
-    usual = float(np.median(step)) if step.size else 0.0
+    usual = median(step) if step.size else 0.0
     factor, why = (1e-3, "its steps are long") if usual >= 2 else (1.0, "the usual unit")
     moved = found.channels.get("displacement"), found.channels.get("velocity")
     if moved[0] is not None and moved[1] is not None and usual > 0:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from winchcascade.order import median
 from winchcascade.run import Finding
 
 if TYPE_CHECKING:
@@ -89,4 +90,4 @@ def _follows(x: Signal, v: Signal) -> int:
 def _median(x: Signal) -> float:
     """Median of what is finite; 0 where nothing is, as when the line never moves that way."""
     x = x[np.isfinite(x)]
-    return float(np.median(x)) if x.size else 0.0
+    return median(x) if x.size else 0.0

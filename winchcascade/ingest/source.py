@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
+
+import msgspec
 
 if TYPE_CHECKING:
     from winchcascade.run import Finding, Signal
 
 
-@dataclass(frozen=True, slots=True)
-class Header:
+class Header(msgspec.Struct, frozen=True):
     """One column as the file names it; the unit is None where the file keeps none apart from the name."""
 
     name: str
     unit: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Table:
+class Table(msgspec.Struct, frozen=True):
     """The wanted columns of a file, all of one length n.
 
     Parameters
@@ -35,8 +34,7 @@ class Table:
     findings: tuple[Finding, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Source:
+class Source(msgspec.Struct, frozen=True):
     """An opened log: its headers, and a way to load the wanted columns.
 
     Parameters
@@ -54,4 +52,4 @@ class Source:
     form: str
     time_step: float | None = None
     time_start: float = 0.0
-    properties: Mapping[str, str | float] = field(default_factory=dict)
+    properties: Mapping[str, str | float] = msgspec.field(default_factory=dict)

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from winchcascade.order import median, quantile
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -62,15 +64,14 @@ def _span(x: Signal) -> float:
     some = some[np.isfinite(some)]
     if some.size == 0:
         return 0.0
-    low, high = np.quantile(some, (0.005, 0.995))
-    return float(high - low)
+    return quantile(some, 0.995) - quantile(some, 0.005)
 
 
 def _usual_change(x: Signal) -> float:
     """Median change from sample to sample where there is any: the noise of the channel."""
     some = np.abs(np.diff(x[:_ENOUGH]))
     some = some[some > 0]
-    return float(np.median(some)) if some.size else 0.0
+    return median(some) if some.size else 0.0
 
 
 def _candidates(x: Signal, least: float) -> Index:

@@ -12,12 +12,9 @@ import numpy as np
 if TYPE_CHECKING:
     from winchcascade.run import Signal
 
-_MONTHS = {
-    name: k % 12 + 1
-    for k, name in enumerate(
-        "jan feb mar apr may jun jul aug sep oct nov dec jan feb mär apr mai jun jul aug sep okt nov dez".split()
-    )
-}
+_MONTHS = {name: k % 12 + 1 for k, name in enumerate(
+    "jan feb mar apr may jun jul aug sep oct nov dec jan feb mär apr mai jun jul aug sep okt nov dez".split()
+)}  # fmt: skip
 _STAMP = re.compile(
     r"""\s*"?(?:(?P<a>\d{1,4})[-/.年\s](?P<b>\d{1,2}|[A-Za-zä]{3})[a-z]*[-/.月\s](?P<c>\d{1,4})日?[\sT_,]*)?
     (?P<noon1>[AaPp]\.?[Mm]\.?|上午|下午)?\s*

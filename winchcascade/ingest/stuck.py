@@ -7,9 +7,9 @@ nothing drives it. So only stretches in which the line moves count, and for what
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
 if TYPE_CHECKING:
@@ -47,8 +47,7 @@ _ENOUGH = 400_000
 DRIVEN = ("torque", "power_mech", "vdc", "idc")
 
 
-@dataclass(frozen=True, slots=True)
-class Motion:
+class Motion(msgspec.Struct, frozen=True):
     """What the line does: stamps [s], its velocity [m/s], and its position by integration [m]."""
 
     t: Signal

@@ -7,13 +7,15 @@ of a payout and is followed by more payout belongs to it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
-from winchcascade.smooth import local_quadratic
+from winchcascade.order import median
 from winchcascade.run import CLOCK
+from winchcascade.smooth import local_quadratic
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -30,8 +32,7 @@ OVERTAKEN = 1.5
 """A reversal is one inside a motion only if the motion then goes on by more than this many times the reversal."""
 
 
-@dataclass(frozen=True, slots=True)
-class Cycle:
+class Cycle(msgspec.Struct, frozen=True):
     """Instants of one cycle on the log's clock [s].
 
     `haul_in` is None where the log ends before it. `begins_inside` and `ends_inside` tell a payout that the log's first
@@ -46,8 +47,7 @@ class Cycle:
     ends_inside: bool
 
 
-@dataclass(frozen=True, slots=True)
-class _Runs:
+class _Runs(msgspec.Struct, frozen=True):
     """Stretches of samples on one side of the threshold, in order: [start, stop), travel [m], peak speed [m/s]."""
 
     start: Index
@@ -72,7 +72,7 @@ def detect(run: Run, v_smooth: Signal, thresholds: Thresholds) -> list[Cycle]:
     runs = _find_runs(run, v_smooth, thresholds.v_onset, gaps)
     position = np.concatenate(([0.0], np.cumsum(runs.travel)))
     turns = _without_reversals(_turning_points(position.tolist(), thresholds.stroke_min), position, thresholds)
-    legs = list(zip(turns[:-1], turns[1:], strict=True))
+    legs = list(pairwise(turns))
     upward = [position[b] > position[a] for a, b in legs]
     cycles = []
     for k, (a, b) in enumerate(legs):
@@ -98,7 +98,8 @@ def _find_runs(run: Run, v: Signal, v_onset: float, gaps: Signal) -> _Runs:
     for a, b in zip(first, last, strict=True):
         side[a:b] = 0
     edges = np.flatnonzero(np.diff(side)) + 1
-    start = np.unique(np.concatenate(([0], edges, last[last < v.size]))).astype(np.intp)
+    start = np.sort(np.concatenate(([0], edges, last[last < v.size])))
+    start = start[np.append(True, np.diff(start) > 0)]
     stop = np.append(start[1:], v.size)
     moving = side[start] != 0
     travel = np.add.reduceat(v * np.gradient(run.t) if gaps.size == 0 else v * _intervals(run.t, gaps), start)
@@ -117,7 +118,7 @@ def _find_runs(run: Run, v: Signal, v_onset: float, gaps: Signal) -> _Runs:
 def _intervals(t: Signal, gaps: Signal) -> Signal:
     """Time that each sample stands for, half of either neighbouring interval, long gaps left out. [s]"""
     interval = np.diff(t)
-    usual = float(np.median(interval))
+    usual = median(interval)
     before = np.searchsorted(t, gaps[:, 0], side="right") - 1
     interval[before[before < interval.size]] = usual
     return 0.5 * (np.append(interval, usual) + np.append(usual, interval))
@@ -213,7 +214,5 @@ def _with_holds(cycles: list[Cycle], end: float) -> list[Cycle]:
     for cycle in cycles:
         until = cycle.haul_in[0] if cycle.haul_in is not None else end
         hold = None if cycle.ends_inside else (cycle.payout_end, max(until, cycle.payout_end))
-        held.append(
-            Cycle(cycle.onset, cycle.payout_end, hold, cycle.haul_in, cycle.begins_inside, cycle.ends_inside)
-        )
+        held.append(Cycle(cycle.onset, cycle.payout_end, hold, cycle.haul_in, cycle.begins_inside, cycle.ends_inside))
     return held

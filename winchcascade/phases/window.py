@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
+from winchcascade.order import median, quantile
 from winchcascade.phases.detect import crossing
 
 if TYPE_CHECKING:
@@ -18,8 +19,7 @@ STEADY = 1.03
 """A payout cut by the log's end has reached its plateau if its top speed exceeds the plateau's by no more than this."""
 
 
-@dataclass(frozen=True, slots=True)
-class Plateau:
+class Plateau(msgspec.Struct, frozen=True):
     """The quasi-steady part of a payout: speed [m/s], its beginning and the start of braking [s]."""
 
     speed: float
@@ -27,8 +27,7 @@ class Plateau:
     braking: float
 
 
-@dataclass(frozen=True, slots=True)
-class Window:
+class Window(msgspec.Struct, frozen=True):
     """Integration window of one payout [s], and why it does not lie whole in the payout, where it does not."""
 
     onset: float
@@ -47,8 +46,8 @@ def find_plateau(t: Signal, v_smooth: Signal, cycle: Cycle, thresholds: Threshol
     v = v_smooth[first:last]
     if v.size < 3:
         return None
-    top = _quantile(v, thresholds.plateau_quantile)
-    speed = float(np.median(v[v >= thresholds.plateau_band * top]))
+    top = quantile(v, thresholds.plateau_quantile)
+    speed = median(v[v >= thresholds.plateau_band * top])
     level = thresholds.plateau_level * speed
     high = np.concatenate(([False], v >= level, [False])).astype(np.int8)
     edges = np.flatnonzero(np.diff(high)) + first
@@ -62,14 +61,6 @@ def find_plateau(t: Signal, v_smooth: Signal, cycle: Cycle, thresholds: Threshol
 
 def _end(t: Signal, v: Signal, k: int, level: float, last: int) -> float:
     return crossing(t, v, k, level) if k < last else float(t[min(k, t.size) - 1])
-
-
-def _quantile(x: Signal, q: float) -> float:
-    """Quantile by linear interpolation; np.quantile does the same with ten times the overhead on a few hundred values."""
-    place = q * (x.size - 1)
-    k = int(place)
-    part = np.partition(x, (k, min(k + 1, x.size - 1)))
-    return float(part[k] + (place - k) * (part[min(k + 1, x.size - 1)] - part[k]))
 
 
 def find_window(

@@ -23,7 +23,9 @@ if TYPE_CHECKING:
 SCHEMA = "winchcascade/reduction/1"
 _KGCM2 = KGF * 1e4
 
-FIELDS = {name: name + ("_j" if name.startswith("energy") else "_w" if name.startswith("power") else "") for name in METRICS}
+FIELDS = {
+    name: name + ("_j" if name.startswith("energy") else "_w" if name.startswith("power") else "") for name in METRICS
+}
 """The nine metrics as written files call them: with their unit."""
 
 

@@ -32,7 +32,9 @@ def reduction_text(reduction: Reduction) -> str:
         rows.append(_row("all together", reduction.total, energy=0, power=0, eta=3))
     lines = [*_title(reduction), "", *_aligned(rows)]
     if len(shown) < len(cycles):
-        lines.insert(-(len(rows) - 2 - _MOST_CYCLES // 2), f"  ... {len(cycles) - len(shown)} cycles more, all in --json ...")
+        lines.insert(
+            -(len(rows) - 2 - _MOST_CYCLES // 2), f"  ... {len(cycles) - len(shown)} cycles more, all in --json ..."
+        )
     if not cycles:
         lines = [*_title(reduction), "", "no payout found: the line never pays out at more than the onset speed"]
     return "\n".join([*lines, "", *_findings(reduction)]) + "\n"
@@ -103,7 +105,9 @@ def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     """Columns under each other, numbers to the right; a column without any entry is left out."""
     used = [k for k in range(len(rows[0])) if k == 0 or any(row[k] not in ("", "-") for row in rows[2:])]
     width = {k: max(len(row[k]) for row in rows) for k in used}
-    return ["  ".join(row[k].ljust(width[k]) if k == 0 else row[k].rjust(width[k]) for k in used).rstrip() for row in rows]
+    return [
+        "  ".join(row[k].ljust(width[k]) if k == 0 else row[k].rjust(width[k]) for k in used).rstrip() for row in rows
+    ]
 
 
 def _findings(reduction: Reduction) -> list[str]:
