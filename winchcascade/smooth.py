@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 EVEN = 0.05
 """Intervals that differ from the usual one by less than this share count as even: the fit moves by far less than noise."""
 
+_BLOCK = 1 << 18
+
 _CELLS = 2_000_000
 """Size of the matrices in which uneven stretches are fitted, so that a long log needs no more memory than a short one."""
 
@@ -43,8 +45,7 @@ def local_quadratic(t: Signal, x: Signal, width: float) -> Signal:
     """
     if t.size < 3:
         return x.copy()
-    interval = np.diff(t)
-    usual = median(interval)
+    usual = median(np.diff(t[:_BLOCK]))
     half = int(width / 2 / usual + 1e-6)
     if half < 1:
         return x.copy()
@@ -52,7 +53,7 @@ def local_quadratic(t: Signal, x: Signal, width: float) -> Signal:
         smoothed = np.convolve(x, _kernel(half), mode="same")
     else:
         smoothed = x.copy()
-    by_fit = _near(np.flatnonzero(np.abs(interval - usual) > EVEN * usual), half, t.size)
+    by_fit = _near(_uneven(t, usual), half, t.size)
     smoothed[by_fit] = _fit(t, x, by_fit, max(width / 2, usual) * (1 + 1e-6))
     return smoothed
 
@@ -64,12 +65,23 @@ def _kernel(half: int) -> Signal:
     return weights / ((2.0 * half - 1.0) * (2.0 * half + 1.0) * (2.0 * half + 3.0))
 
 
+def _uneven(t: Signal, usual: float) -> NDArray[np.intp]:
+    """Intervals that are not the usual one, block by block, so that a long log needs no more memory."""
+    found = []
+    for start in range(0, t.size - 1, _BLOCK):
+        interval = np.diff(t[start : start + _BLOCK + 1])
+        found.append(np.flatnonzero(np.abs(interval - usual) > EVEN * usual) + start)
+    return np.concatenate(found)
+
+
 def _near(breaks: NDArray[np.intp], half: int, n: int) -> NDArray[np.intp]:
     """Indices of the samples whose neighbourhood holds an uneven interval or an end of the log."""
-    touched = np.zeros(n + 1, dtype=np.int64)
-    np.add.at(touched, np.maximum(breaks + 1 - half, 0), 1)
-    np.add.at(touched, np.minimum(breaks + 1 + half, n), -1)
-    near = np.cumsum(touched[:-1]) > 0
+    near = np.zeros(n, dtype=bool)
+    if breaks.size:
+        touched = np.zeros(n + 1, dtype=np.int32)
+        np.add.at(touched, np.maximum(breaks + 1 - half, 0), 1)
+        np.add.at(touched, np.minimum(breaks + 1 + half, n), -1)
+        near = np.cumsum(touched[:-1]) > 0
     near[:half] = True
     near[-half:] = True
     return np.flatnonzero(near)

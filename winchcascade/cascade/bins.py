@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -62,13 +62,13 @@ def engaged(run: Run, cycles: Sequence[Cycle], plateaus: Sequence[Plateau | None
     return driven
 
 
-def bin_powers(rpm: Signal, powers: Mapping[str, Signal | None], width: float) -> tuple[Bin, ...]:
+def bin_powers(rpm: Signal, powers: Iterable[tuple[str, Signal | None]], width: float) -> tuple[Bin, ...]:
     """Average each power in bins of generator speed; bins without a sample are left out.
 
     Parameters
     ----------
     rpm : (n,) generator speed of the samples to be binned [rpm]
-    powers : (n,) of each stage, None for a stage that is not measured [W]
+    powers : stage by stage its (n,) power, None for one that is not measured [W]
     width : of a bin [rpm]
     """
     if rpm.size == 0:
@@ -77,10 +77,7 @@ def bin_powers(rpm: Signal, powers: Mapping[str, Signal | None], width: float) -
     low = int(number.min())
     number -= low
     count = np.bincount(number)
-    mean, error = {}, {}
-    for stage, power in powers.items():
-        if power is not None:
-            mean[stage], error[stage] = _mean_and_error(number, power, count)
+    found = [(stage, None if power is None else _mean_and_error(number, power, count)) for stage, power in powers]
     bins = []
     for k in np.flatnonzero(count).tolist():
         n = int(count[k])
@@ -89,8 +86,8 @@ def bin_powers(rpm: Signal, powers: Mapping[str, Signal | None], width: float) -
                 (low + k) * width,
                 (low + k + 1) * width,
                 n,
-                {s: float(mean[s][k]) if s in mean else None for s in powers},
-                {s: float(error[s][k]) if s in error and n > 1 else None for s in powers},
+                {stage: None if both is None else float(both[0][k]) for stage, both in found},
+                {stage: None if both is None or n < 2 else float(both[1][k]) for stage, both in found},
             )
         )
     return tuple(bins)
@@ -99,6 +96,6 @@ def bin_powers(rpm: Signal, powers: Mapping[str, Signal | None], width: float) -
 def _mean_and_error(number: NDArray[np.int64], power: Signal, count: NDArray[np.intp]) -> tuple[Signal, Signal]:
     n = np.maximum(count, 1)
     mean: Signal = np.bincount(number, weights=power, minlength=count.size) / n
-    square = np.bincount(number, weights=(power - mean[number]) ** 2, minlength=count.size)
-    error: Signal = np.sqrt(square / np.maximum(n - 1, 1) / n)
+    square = np.bincount(number, weights=power * power, minlength=count.size) / n
+    error: Signal = np.sqrt(np.maximum(square - mean * mean, 0.0) / np.maximum(n - 1, 1))
     return mean, error

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from winchcascade.run import Run, Signal
+    from winchcascade.run import Signal
 
 STAGES = ("line", "mech", "gen")
 """The stages of the cascade in the order of the power's way."""
@@ -26,12 +27,15 @@ def power_gen(v_dc: Signal, i_dc: Signal) -> Signal:
     return v_dc * i_dc
 
 
-def power(run: Run, stage: str, r_drum: float | None) -> Signal | None:
+POWER_CHANNELS = ("velocity", "force", "torque", "power_mech", "vdc", "idc")
+"""Channels that the powers are made of."""
+
+
+def power(channels: Mapping[str, Signal], stage: str, r_drum: float | None) -> Signal | None:
     """Power stream of one stage, None where the log or the rig lacks what it needs. [W]
 
     A logged mechanical power is taken as it is; otherwise torque and drum radius give it.
     """
-    channels = run.channels
     if stage == "line" and "force" in channels:
         return power_line(channels["force"], channels["velocity"])
     if stage == "mech" and "power_mech" in channels:
@@ -43,10 +47,10 @@ def power(run: Run, stage: str, r_drum: float | None) -> Signal | None:
     return None
 
 
-def sources(run: Run, stage: str) -> tuple[str, ...]:
+def sources(channels: Mapping[str, Signal], stage: str) -> tuple[str, ...]:
     """Channels that a stage's power is made of."""
     if stage == "line":
         return ("force", "velocity")
     if stage == "mech":
-        return ("power_mech",) if "power_mech" in run.channels else ("torque", "velocity")
+        return ("power_mech",) if "power_mech" in channels else ("torque", "velocity")
     return ("vdc", "idc")

@@ -12,8 +12,8 @@ import numpy as np
 from winchcascade.cascade.bins import Bin, bin_powers, engaged
 from winchcascade.cascade.doubt import bridging_error, gaps_of, onset_error, window_of
 from winchcascade.cascade.efficiency import Metrics, metrics
-from winchcascade.cascade.energy import energies
-from winchcascade.cascade.power import STAGES, power, sources
+from winchcascade.cascade.energy import cut, integrals
+from winchcascade.cascade.power import POWER_CHANNELS, STAGES, power, sources
 from winchcascade.cascade.repeatability import ensemble_mean, largest_deviation, total
 from winchcascade.cascade.summary import PhaseSummary, summarise
 from winchcascade.errors import OptionError
@@ -24,6 +24,8 @@ from winchcascade.rigfile import Rig, built_in
 from winchcascade.run import Finding
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from winchcascade.rigfile import WindowRule
     from winchcascade.run import Run, Signal
 
@@ -170,28 +172,25 @@ def _energies(
     """Energy of each stage in each window, and the windows in which gaps make it uncertain, with the reason."""
     joules: dict[str, Signal | None] = {}
     faults: dict[int, str] = {}
-    moved = onset_error(run, v_smooth, spans[:, 0]) if isinstance(rule, float) else np.zeros(len(spans))
+    part = cut(run.t, spans)
+    channels = part.channels(run, POWER_CHANNELS)
     for stage in STAGES:
-        watts = power(run, stage, rig.r_drum)
-        if watts is None or len(spans) == 0:
-            joules[stage] = None
-            continue
-        joules[stage] = joule = energies(run.t, watts, spans)
-        gaps = gaps_of(run, sources(run, stage))
-        if len(gaps):
-            doubt = moved * np.abs(np.interp(spans[:, 1], run.t, watts))
-            _doubt_gaps(run.t, watts, gaps, spans, joule, doubt, stage, rig, faults)
+        watts = power(channels, stage, rig.r_drum)
+        joules[stage] = joule = None if watts is None or len(spans) == 0 else integrals(part, watts)
+        gaps = gaps_of(run, sources(run.channels, stage))
+        if joule is not None and len(gaps):
+            _doubt(run, v_smooth, gaps, spans, joule, stage, rule, rig, faults)
     return joules, faults
 
 
-def _doubt_gaps(
-    t: Signal,
-    watts: Signal,
+def _doubt(
+    run: Run,
+    v_smooth: Signal,
     gaps: Signal,
     spans: Signal,
     joule: Signal,
-    doubt: Signal,
     stage: str,
+    rule: WindowRule,
     rig: Rig,
     faults: dict[int, str],
 ) -> None:
@@ -200,11 +199,16 @@ def _doubt_gaps(
     for begin, end in gaps[gaps[:, 1] - gaps[:, 0] > limits.gap_max]:
         for k in np.flatnonzero((spans[:, 0] < end) & (spans[:, 1] > begin)).tolist():
             faults.setdefault(k, f"a gap of {end - begin:.2f} s lies in its window (E_{stage})")
+    watts = power(run.channels, stage, rig.r_drum)
+    assert watts is not None
     which = window_of(gaps, spans)
     inside = which >= 0
-    np.add.at(doubt, which[inside], bridging_error(t, watts, gaps[inside]))
+    doubt = np.zeros(len(spans))
+    np.add.at(doubt, which[inside], bridging_error(run.t, watts, gaps[inside]))
+    if isinstance(rule, float):  # a window of fixed length moves as a whole with its onset
+        doubt += onset_error(run, v_smooth, spans[:, 0]) * np.abs(np.interp(spans[:, 1], run.t, watts))
     share = doubt / np.maximum(np.abs(joule), 1e-9)
-    for k in np.flatnonzero((share > limits.gap_energy_max) & np.isin(np.arange(len(spans)), which[inside])).tolist():
+    for k in np.flatnonzero(share > limits.gap_energy_max).tolist():
         faults.setdefault(k, f"bridging its gaps could change E_{stage} by {min(share[k], 9.99):.1%}")
 
 
@@ -263,5 +267,10 @@ def _bins(run: Run, results: Sequence[CycleResult], plateaus: Sequence[Plateau |
     counted = [(r.phases, p) for r, p in zip(results, plateaus, strict=True) if r.complete]
     driven = np.flatnonzero(engaged(run, [c for c, _ in counted], [p for _, p in counted], rig))
     rpm = run.channels["velocity"][driven] * rpm_per_velocity
-    powers = {stage: power(run, stage, rig.r_drum) for stage in STAGES}
-    return bin_powers(rpm, {s: None if p is None else p[driven] for s, p in powers.items()}, rig.thresholds.rpm_bin)
+    powers = ((stage, power(_part(run, stage, driven), stage, rig.r_drum)) for stage in STAGES)
+    return bin_powers(rpm, powers, rig.thresholds.rpm_bin)
+
+
+def _part(run: Run, stage: str, rows: NDArray[np.intp]) -> dict[str, Signal]:
+    """Channels of one stage in some rows, those that the run has."""
+    return {name: run.channels[name][rows] for name in sources(run.channels, stage) if name in run.channels}

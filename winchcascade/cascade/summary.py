@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.cascade.energy import energies, means
+from winchcascade.cascade.energy import Cut, cut, integrals, largest, means
 from winchcascade.cascade.power import STAGES, power
 
 if TYPE_CHECKING:
@@ -67,6 +67,9 @@ class PhaseSummary(msgspec.Struct, frozen=True):
     haul_in: HaulInSummary | None
 
 
+Span = tuple[float, float]
+
+
 def summarise(
     run: Run, v_smooth: Signal, cycles: Sequence[Cycle], plateaus: Sequence[Plateau | None], rig: Rig
 ) -> list[PhaseSummary]:
@@ -77,100 +80,80 @@ def summarise(
     v_smooth : (n,) line velocity, smoothed [m/s]
     plateaus : of each cycle, None for one without
     """
-    payouts = [(c.onset, c.payout_end) for c in cycles]
-    holds = [c.hold for c in cycles]
-    hauls = [c.haul_in for c in cycles]
-    plateau_spans = [None if p is None else (p.begin, max(p.braking, p.begin)) for p in plateaus]
-    channels = run.channels
-    powers = {stage: power(run, stage, rig.r_drum) for stage in STAGES}
-    force, torque = channels.get("force"), channels.get("torque")
-    mean_over = {
-        name: _means(run.t, x, plateau_spans)
-        for name, x in {"speed": channels["velocity"], "force": force, "torque": torque}.items()
-    }
-    power_over = {stage: _means(run.t, x, plateau_spans) for stage, x in powers.items()}
-    held = {name: _means(run.t, channels.get(name), holds) for name in ("force", "torque", "pressure")}
-    hauled = _means(run.t, force, hauls)
-    hauled_energy = _sums(run.t, powers["line"], hauls)
-    travel = _travel(run, payouts)
-    top = [_top(run.t, v_smooth, span) for span in payouts]
-    summaries = []
-    for k, cycle in enumerate(cycles):
-        plateau, span = plateaus[k], plateau_spans[k]
-        flat = None
-        if plateau is not None and span is not None:
-            speed = mean_over["speed"][k]
-            flat = PlateauSummary(
-                span[0],
-                span[1],
-                plateau.speed if speed is None else speed,
-                mean_over["force"][k],
-                mean_over["torque"][k],
-                *(power_over[stage][k] for stage in STAGES),
-            )
-        payout = PayoutSummary(cycle.payout_end - cycle.onset, travel[k], top[k], flat)
-        hold = None
-        if cycle.hold is not None:
-            hold = HoldSummary(cycle.hold[1] - cycle.hold[0], held["force"][k], held["torque"][k], held["pressure"][k])
-        haul_in = None
-        if cycle.haul_in is not None:
-            haul_in = HaulInSummary(
-                cycle.haul_in[1] - cycle.haul_in[0],
-                _top(run.t, v_smooth, cycle.haul_in),
-                hauled[k],
-                None if force is None else _least(run.t, force, cycle.haul_in),
-                hauled_energy[k],
-            )
-        summaries.append(PhaseSummary(payout, hold, haul_in))
+    payouts = _payouts(run, v_smooth, cycles, _plateaus(run, plateaus, rig))
+    holds = _holds(run, [c.hold for c in cycles])
+    hauls = _haul_ins(run, v_smooth, [c.haul_in for c in cycles], rig)
+    return [PhaseSummary(*phases) for phases in zip(payouts, holds, hauls, strict=True)]
+
+
+def _present(run: Run, spans: Sequence[Span | None]) -> tuple[list[int], Cut]:
+    """The cycles that have a phase, and its samples."""
+    present = [k for k, span in enumerate(spans) if span is not None]
+    return present, cut(run.t, np.array([span for span in spans if span is not None]).reshape(-1, 2))
+
+
+def _column(x: Signal | None, count: int) -> list[float | None]:
+    """Values as plain numbers, None for what is not measured and for a mean over no time."""
+    if x is None:
+        return [None] * count
+    return [value if np.isfinite(value) else None for value in x.tolist()]
+
+
+def _plateaus(run: Run, plateaus: Sequence[Plateau | None], rig: Rig) -> list[PlateauSummary | None]:
+    spans = [None if p is None else (p.begin, max(p.braking, p.begin)) for p in plateaus]
+    present, part = _present(run, spans)
+    channels = part.channels(run, ("velocity", "force", "torque", "power_mech", "vdc", "idc"))
+    columns = [channels["velocity"], channels.get("force"), channels.get("torque")]
+    columns += [power(channels, stage, rig.r_drum) for stage in STAGES]
+    means_of = [_column(None if x is None else means(part, x), len(present)) for x in columns]
+    summaries: list[PlateauSummary | None] = [None] * len(plateaus)
+    for k, (begin, end), speed, *rest in zip(present, part.windows.tolist(), *means_of, strict=True):
+        plateau = plateaus[k]
+        assert plateau is not None
+        summaries[k] = PlateauSummary(begin, end, plateau.speed if speed is None else speed, *rest)
     return summaries
 
 
-_Span = tuple[float, float]
-
-
-def _per_cycle(values: Signal, present: Sequence[int], count: int) -> list[float | None]:
-    column: list[float | None] = [None] * count
-    for k, value in zip(present, values.tolist(), strict=True):
-        column[k] = value if np.isfinite(value) else None
-    return column
-
-
-def _means(t: Signal, x: Signal | None, spans: Sequence[_Span | None]) -> list[float | None]:
-    """Time mean over each cycle's span; None without the channel, the phase, or any length of it."""
-    return _over(t, x, spans, means)
-
-
-def _sums(t: Signal, x: Signal | None, spans: Sequence[_Span | None]) -> list[float | None]:
-    return _over(t, x, spans, energies)
-
-
-def _over(t: Signal, x: Signal | None, spans: Sequence[_Span | None], integral: object) -> list[float | None]:
-    if x is None:
-        return [None] * len(spans)
-    present = [k for k, span in enumerate(spans) if span is not None]
-    windows = np.array([span for span in spans if span is not None]).reshape(-1, 2)
-    return _per_cycle(integral(t, x, windows), present, len(spans))  # type: ignore[operator]
-
-
-def _travel(run: Run, payouts: Sequence[_Span]) -> list[float]:
-    """Travel of each payout, from the displacement where there is one, else the integral of the velocity. [m]"""
-    spans = np.array(payouts).reshape(-1, 2)
+def _payouts(
+    run: Run, v_smooth: Signal, cycles: Sequence[Cycle], plateaus: Sequence[PlateauSummary | None]
+) -> list[PayoutSummary]:
+    """Payouts; their travel from the displacement where there is one, else the integral of the velocity."""
+    part = cut(run.t, np.array([(c.onset, c.payout_end) for c in cycles]).reshape(-1, 2))
+    top = largest(part, v_smooth[part.rows])
     displacement = run.channels.get("displacement")
     if displacement is None:
-        return energies(run.t, run.channels["velocity"], spans).tolist()
-    ends = np.interp(spans, run.t, displacement)
-    return (ends[:, 1] - ends[:, 0]).tolist()
+        travel = integrals(part, run.channels["velocity"][part.rows])
+    else:
+        ends = np.interp(part.windows, run.t, displacement)
+        travel = ends[:, 1] - ends[:, 0]
+    rows = zip((part.windows[:, 1] - part.windows[:, 0]).tolist(), travel.tolist(), top.tolist(), plateaus, strict=True)
+    return [PayoutSummary(*row) for row in rows]
 
 
-def _inside(t: Signal, span: _Span) -> slice:
-    first = int(np.searchsorted(t, span[0], side="left"))
-    last = int(np.searchsorted(t, span[1], side="right"))
-    return slice(min(first, t.size - 1), max(last, first + 1))
+def _holds(run: Run, spans: Sequence[Span | None]) -> list[HoldSummary | None]:
+    present, part = _present(run, spans)
+    channels = part.channels(run, ("force", "torque", "pressure"))
+    columns = [
+        _column(means(part, channels[name]) if name in channels else None, len(present))
+        for name in ("force", "torque", "pressure")
+    ]
+    holds: list[HoldSummary | None] = [None] * len(spans)
+    for k, (begin, end), *rest in zip(present, part.windows.tolist(), *columns, strict=True):
+        holds[k] = HoldSummary(end - begin, *rest)
+    return holds
 
 
-def _top(t: Signal, v: Signal, span: _Span) -> float:
-    return float(np.max(np.abs(v[_inside(t, span)])))
-
-
-def _least(t: Signal, x: Signal, span: _Span) -> float:
-    return float(np.min(x[_inside(t, span)]))
+def _haul_ins(run: Run, v_smooth: Signal, spans: Sequence[Span | None], rig: Rig) -> list[HaulInSummary | None]:
+    present, part = _present(run, spans)
+    channels = part.channels(run, ("velocity", "force"))
+    force, watts = channels.get("force"), power(channels, "line", rig.r_drum)
+    columns = [
+        _column(largest(part, -v_smooth[part.rows]), len(present)),
+        _column(None if force is None else means(part, force), len(present)),
+        _column(None if force is None else -largest(part, -force), len(present)),
+        _column(None if watts is None else integrals(part, watts), len(present)),
+    ]
+    hauls: list[HaulInSummary | None] = [None] * len(spans)
+    for k, (begin, end), top, *rest in zip(present, part.windows.tolist(), *columns, strict=True):
+        hauls[k] = HaulInSummary(end - begin, top or 0.0, *rest)
+    return hauls

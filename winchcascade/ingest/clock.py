@@ -30,6 +30,8 @@ UNEVEN = 0.2
 GLITCH = 5
 """A backward step that at most this many samples explain is their fault; otherwise the clock was set back."""
 
+_BLOCK = 1 << 18
+
 MANY = 1000
 """More backward steps than this and the stamps are no clock."""
 
@@ -60,6 +62,8 @@ def read_clock(stamps: Signal, where: str) -> Clock:
     ------
     LogError : fewer than three stamps, stamps that do not move, or a clock that runs backward again and again
     """
+    if _steady(stamps):
+        return Clock(stamps, None, np.empty((0, 2)), _rate((stamps[-1] - stamps[0]) / (stamps.size - 1)), ())
     findings: list[Finding] = []
     t, rows = _with_all_stamps(stamps, findings, where)
     interval = np.diff(t)
@@ -83,6 +87,20 @@ def read_clock(stamps: Signal, where: str) -> Clock:
 def _median(interval: Signal) -> float:
     """Usual interval; of a long log from a sample spread over it, which says the same at no cost."""
     return median(interval[:: max(1, interval.size // 100_000)])
+
+
+def _steady(stamps: Signal) -> bool:
+    """Whether every interval is the usual one, as in most logs; block by block, so that a long log needs no more memory."""
+    if stamps.size < 3:
+        return False
+    usual = _median(np.diff(stamps[:_BLOCK]))
+    if not 0 < usual < np.inf:
+        return False
+    for start in range(0, stamps.size - 1, _BLOCK):
+        interval = np.diff(stamps[start : start + _BLOCK + 1])
+        if not (interval.min() > (1 - JITTER) * usual and interval.max() < (1 + JITTER) * usual):
+            return False
+    return True
 
 
 def _with_all_stamps(stamps: Signal, findings: list[Finding], where: str) -> tuple[Signal, Index]:
@@ -230,7 +248,7 @@ def _intervals(t: Signal, rows: Index, usual: float, findings: list[Finding]) ->
     interval = np.diff(t)
     off = np.abs(interval - usual) > _tolerance(t, interval, usual)
     if not off.any():
-        return np.empty((0, 2)), _rate(interval)
+        return np.empty((0, 2)), _rate(np.mean(interval))
     long = interval > LOST * usual
     whole = np.abs(interval / usual - np.rint(interval / usual)) < 2 * JITTER
     jitters = off & ~(long & whole)
@@ -247,7 +265,7 @@ def _intervals(t: Signal, rows: Index, usual: float, findings: list[Finding]) ->
     lost = unlogged > 0
     if lost.any():
         findings.append(_dropped(gaps[lost], int(unlogged[lost].sum())))
-    return gaps, _rate(interval[~long])
+    return gaps, _rate(np.mean(interval[~long]))
 
 
 def _tolerance(t: Signal, interval: Signal, usual: float) -> float:
@@ -257,9 +275,9 @@ def _tolerance(t: Signal, interval: Signal, usual: float) -> float:
     return max(JITTER * usual, 1.05 * _resolution(t, usual)) if rounded else JITTER * usual
 
 
-def _rate(interval: Signal) -> float:
+def _rate(interval: float) -> float:
     """Sampling rate from the mean interval, to the digits that stamps carry. [Hz]"""
-    return float(f"{1.0 / float(np.mean(interval)):.6g}")
+    return float(f"{1.0 / float(interval):.6g}")
 
 
 def _resolution(t: Signal, usual: float) -> float:

@@ -7,8 +7,9 @@ block is parsed by Arrow with all cores.
 from __future__ import annotations
 
 import codecs
+import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,11 +28,15 @@ if TYPE_CHECKING:
 
     from winchcascade.run import Signal
 
-BLOCK = 1 << 24
+BLOCK = 1 << 23
 """Bytes that are parsed at a time."""
+
+Bytes = bytes | memoryview
+"""Text as bytes, or a view of a part of it."""
 
 _HEAD = 1 << 18
 _PARALLEL = 1 << 20
+_WORKERS = max(2, min(8, os.cpu_count() or 2))
 _LONGEST_LINE = 1 << 24
 _ASCII_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?")
 
@@ -97,41 +102,84 @@ def _waveform(layout: Layout) -> tuple[float | None, float]:
 def _load(path: Path, encoding: str, layout: Layout, wanted: Sequence[int], time: int | None) -> Table:
     """Read the wanted columns, block by block."""
     parser = _Parser(layout, wanted, time)
+    blocks = _blocks(path, encoding, layout.first)
+    first = next(blocks, b"")
+    parser.store(parser.parse(first))
     size = path.stat().st_size
-    for number, block in enumerate(_blocks(path, encoding, layout.first)):
-        before = parser.rows
-        parser.parse(block)
-        if number == 0 and len(block) and parser.rows > before:
-            parser.expect(int(1.05 * size / len(block) * (parser.rows - before)) + 1000)
+    if size > len(first) and parser.rows:
+        parser.expect(int(1.05 * size / len(first) * parser.rows) + 1000)
+    for table in _in_parallel(parser.parse, blocks) if size > BLOCK else map(parser.parse, blocks):
+        parser.store(table)
     return parser.table(path.name)
 
 
-def _blocks(path: Path, encoding: str, skip: int) -> Iterator[bytes]:
-    """Text of a file from line `skip` on in ASCII-compatible bytes, cut where lines end; the rest of a line comes last."""
-    recode = encoding.startswith("utf-16")
-    decoder = codecs.getincrementaldecoder(encoding)(errors="replace") if recode else None
-    with path.open("rb") as file:
-        rest = b""
-        while chunk := file.read(BLOCK):
-            raw = decoder.decode(chunk).encode() if decoder is not None else chunk
-            data = rest + raw
-            if skip == 0 and b"\n" not in raw and b"\r" not in raw and len(data) > _LONGEST_LINE:
-                raise LogError(
-                    f"{path.name}: a line of more than {_LONGEST_LINE >> 20} MB; expected rows of a few numbers."
-                )
-            if b"\n" not in data[:_PARALLEL] and b"\r" in data:
-                data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-            while skip and (end := data.find(b"\n")) >= 0:
-                data, skip = data[end + 1 :], skip - 1
+def _in_parallel(parse: Callable[[Bytes], pa.Table | None], blocks: Iterator[Bytes]) -> Iterator[pa.Table | None]:
+    """Parse blocks in threads, a few ahead, and hand them on in their order."""
+    from collections import deque
+    from concurrent.futures import Future, ThreadPoolExecutor
+
+    ahead: deque[Future[pa.Table | None]] = deque()
+    with ThreadPoolExecutor(_WORKERS) as pool:
+        for block in blocks:
+            ahead.append(pool.submit(parse, block))
+            if len(ahead) > _WORKERS:
+                yield ahead.popleft().result()
+        while ahead:
+            yield ahead.popleft().result()
+
+
+def _blocks(path: Path, encoding: str, skip: int) -> Iterator[Bytes]:
+    """Text of a file from line `skip` on in ASCII-compatible bytes, cut where lines end; an unfinished line comes last."""
+    rest = b""
+    for data in _chunks(path, encoding):
+        whole = rest + bytes(data) if skip or (rest and b"\n" not in data[: 1 << 16].tobytes()) else None
+        if whole is not None:
+            while skip and (end := whole.find(b"\n")) >= 0:
+                whole, skip = whole[end + 1 :], skip - 1
+            data, rest = memoryview(whole), b""
             if skip:
-                rest = data
+                rest = whole
                 continue
-            end = data.rfind(b"\n") + 1
-            rest = data[end:]
-            if end:
-                yield data[:end]
-        if rest and not skip:
-            yield rest
+        end = _last_line_end(data)
+        if end == 0 and len(rest) + len(data) > _LONGEST_LINE:
+            raise LogError(
+                f"{path.name}: a line of more than {_LONGEST_LINE >> 20} MB; expected rows of a few numbers."
+            )
+        if end and rest:
+            begin = data[: 1 << 16].tobytes().find(b"\n") + 1
+            yield rest + bytes(data[:begin])
+            data, end, rest = data[begin:], end - begin, b""
+        if end:
+            yield data[:end]
+        rest += bytes(data[end:])
+    if rest and not skip:
+        yield rest
+
+
+def _chunks(path: Path, encoding: str) -> Iterator[memoryview]:
+    """The bytes of a file as ASCII-compatible text with line feeds, a block at a time."""
+    decoder = codecs.getincrementaldecoder(encoding)(errors="replace") if encoding.startswith("utf-16") else None
+    old_mac = False
+    with path.open("rb") as file:
+        while True:
+            buffer = bytearray(BLOCK)
+            size = file.readinto(buffer)
+            if not size:
+                return
+            data = memoryview(buffer)[:size]
+            if decoder is not None:
+                data = memoryview(decoder.decode(data).encode())
+            old_mac = old_mac or (_last_line_end(data) == 0 and b"\r" in data[:_PARALLEL].tobytes())
+            yield memoryview(data.tobytes().replace(b"\r\n", b"\n").replace(b"\r", b"\n")) if old_mac else data
+
+
+def _last_line_end(data: memoryview) -> int:
+    """Position after the last line feed of a block, 0 if there is none."""
+    for size in (1 << 12, len(data)):
+        found = data[-size:].tobytes().rfind(b"\n") if size else -1
+        if found >= 0:
+            return max(len(data) - size, 0) + found + 1
+    return 0
 
 
 class _Parser(msgspec.Struct):
@@ -163,21 +211,16 @@ class _Parser(msgspec.Struct):
                 grown[: self.rows] = column[: self.rows]
                 self.columns[k] = grown
 
-    def parse(self, block: bytes) -> None:
-        """Take in whole lines; an unfinished one is the end of a file that was cut off."""
-        if not block.endswith(b"\n"):
-            block = block.rstrip(b"\0\x1a \t")
+    def parse(self, block: Bytes) -> pa.Table | None:
+        """Read whole lines; an unfinished one is the end of a file that was cut off. None if nothing is left."""
+        if block[-1:] != b"\n":
+            block = bytes(block).rstrip(b"\0\x1a \t")
             if not self._finished(block):
                 self.cut = True
-                return
-        elif b"\0" in block:
-            self.cut = True
-            block = block.replace(b"\0", b"")
+                return None
         if self.layout.delimiter == " ":
-            block = b"\n".join(re.sub(rb"[ \t]+", b" ", line.strip()) for line in block.splitlines())
-        if not block.strip():
-            return
-        self._store(self._read(block))
+            block = b"\n".join(re.sub(rb"[ \t]+", b" ", line.strip()) for line in bytes(block).splitlines())
+        return self._read(block) if len(block) else None
 
     def _finished(self, line: bytes) -> bool:
         """Whether the last line, which no line end closes, has all its cells and a number in the last of them."""
@@ -187,15 +230,18 @@ class _Parser(msgspec.Struct):
         used = max([*self.wanted, self.time if self.time is not None else 0])
         return used < self.layout.width - 1 or _is_number(cells[used]) or cells[used] in NOT_NUMBERS
 
-    def _read(self, block: bytes) -> pa.Table:
+    def _read(self, block: Bytes) -> pa.Table | None:
         """Parse a block as numbers; a cell that is none sends the block through the slow path, which finds its text."""
         try:
             return self._arrow(block, pa.float64())
         except pa.ArrowInvalid:
-            texts = self._arrow(block, pa.string())
-            return self._by_cell(texts)
+            text = bytes(block)
+            if b"\0" in text:  # what a logger leaves that lost power while it wrote
+                self.cut = True
+                text = text.replace(b"\0", b"")
+            return self._by_cell(self._arrow(text, pa.string())) if text.strip() else None
 
-    def _arrow(self, block: bytes, kind: Any) -> pa.Table:
+    def _arrow(self, block: Bytes, kind: Any) -> pa.Table:
         ragged: list[int] = []
 
         def skip(row: Any) -> str:
@@ -207,8 +253,8 @@ class _Parser(msgspec.Struct):
         if self.stamped:
             types[f"c{self.time}"] = pa.string()
         table = csv.read_csv(
-            pa.BufferReader(block),
-            read_options=csv.ReadOptions(column_names=names, block_size=_PARALLEL, use_threads=len(block) > _PARALLEL),
+            pa.BufferReader(pa.py_buffer(block)),
+            read_options=csv.ReadOptions(column_names=names, block_size=_PARALLEL, use_threads=False),
             parse_options=csv.ParseOptions(
                 delimiter=self.layout.delimiter, invalid_row_handler=skip, newlines_in_values=False
             ),
@@ -221,7 +267,7 @@ class _Parser(msgspec.Struct):
             ),
             memory_pool=pa.system_memory_pool() if len(block) < _PARALLEL else None,  # the default pool starts slowly
         )
-        self.ragged = self.ragged + ragged
+        self.ragged += ragged
         return table
 
     def _by_cell(self, texts: pa.Table) -> pa.Table:
@@ -236,7 +282,10 @@ class _Parser(msgspec.Struct):
             columns[f"c{self.time}"] = texts.column(f"c{self.time}")
         return pa.table(columns)
 
-    def _store(self, table: pa.Table) -> None:
+    def store(self, table: pa.Table | None) -> None:
+        """Append the rows of a block."""
+        if table is None:
+            return
         count = table.num_rows
         need = self.rows + count
         if self.columns and need > next(iter(self.columns.values())).size:

@@ -48,22 +48,25 @@ DRIVEN = ("torque", "power_mech", "vdc", "idc")
 
 
 class Motion(msgspec.Struct, frozen=True):
-    """What the line does: stamps [s], its velocity [m/s], and its position by integration [m]."""
+    """What the line does: stamps [s], its velocity [m/s], when it moves and when it pays out, its top speed [m/s]."""
 
     t: Signal
     v: Signal
-    position: Signal
     moving: Mask
     paying_out: Mask
     top_speed: float
 
+    def position(self) -> Signal:
+        """Where the line is, by integration. [m]"""
+        position = np.zeros(self.v.size)
+        np.cumsum(0.5 * (self.v[1:] + self.v[:-1]) * np.diff(self.t), out=position[1:])
+        return position
+
 
 def motion(t: Signal, v: Signal, v_onset: float) -> Motion:
     """Prepare what every channel is held against; v finite, payout positive."""
-    position = np.zeros(v.size)
-    np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t), out=position[1:])
-    top = float(np.max(np.abs(v), initial=0.0))
-    return Motion(t, v, position, np.abs(v) > v_onset, v > v_onset, top)
+    out = v > v_onset
+    return Motion(t, v, out | (v < -v_onset), out, float(max(v.max(initial=0.0), -v.min(initial=0.0))))
 
 
 def find_stuck(name: str, x: Signal, line: Motion, channels: Mapping[str, Signal]) -> list[tuple[int, int]]:
@@ -85,6 +88,8 @@ def find_stuck(name: str, x: Signal, line: Motion, channels: Mapping[str, Signal
     np.cumsum(where, out=active[1:])
     long = active[last] - active[first] >= FEWEST
     first, last = first[long], last[long]
+    if first.size == 0:
+        return []
     repeats = _repeats(x, where, first, last)
     return [
         (a, b)
@@ -118,8 +123,9 @@ def _outrun(a: int, b: int, v: Signal, line: Motion, channels: Mapping[str, Sign
 def _must_change(name: str, x: Signal, a: int, b: int, line: Motion, where: Mask) -> bool:
     """Whether physics moves the channel in a stretch in which it holds still."""
     if name in ("displacement", "pressure"):
-        travel = float(np.ptp(line.position[a:b]))
-        span, whole = float(np.ptp(x[np.isfinite(x)])), float(np.ptp(line.position))
+        position = line.position()
+        travel, whole = float(np.ptp(position[a:b])), float(np.ptp(position))
+        span = float(np.ptp(x[np.isfinite(x)]))
         if span == 0:
             return travel > TRAVEL
         step = _smallest_step(x)
@@ -139,8 +145,6 @@ def _smallest_step(x: Signal) -> float:
 
 def _repeats(x: Signal, where: Mask, first: Index, last: Index) -> float:
     """Chance that a sample repeats the one before while the line moves, 1 for a channel without noise."""
-    if first.size == 0:
-        return 1.0
     free = where[1:_ENOUGH].copy()
     for a, b in zip(first[first < _ENOUGH], last[first < _ENOUGH], strict=True):
         free[max(a - 1, 0) : b] = False

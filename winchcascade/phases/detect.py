@@ -7,7 +7,7 @@ of a payout and is followed by more payout belongs to it.
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -50,10 +50,10 @@ class Cycle(msgspec.Struct, frozen=True):
 class _Runs(msgspec.Struct, frozen=True):
     """Stretches of samples on one side of the threshold, in order: [start, stop), travel [m], peak speed [m/s]."""
 
-    start: Index
-    stop: Index
-    travel: Signal
-    peak: Signal
+    start: list[int]
+    stop: list[int]
+    travel: list[float]
+    peak: list[float]
 
 
 def smoothed_velocity(run: Run, thresholds: Thresholds) -> Signal:
@@ -70,8 +70,8 @@ def detect(run: Run, v_smooth: Signal, thresholds: Thresholds) -> list[Cycle]:
     """
     gaps = long_gaps(run, thresholds.gap_max)
     runs = _find_runs(run, v_smooth, thresholds.v_onset, gaps)
-    position = np.concatenate(([0.0], np.cumsum(runs.travel)))
-    turns = _without_reversals(_turning_points(position.tolist(), thresholds.stroke_min), position, thresholds)
+    position = list(accumulate(runs.travel, initial=0.0))
+    turns = _without_reversals(_turning_points(position, thresholds.stroke_min), position, thresholds)
     legs = list(pairwise(turns))
     upward = [position[b] > position[a] for a, b in legs]
     cycles = []
@@ -102,26 +102,34 @@ def _find_runs(run: Run, v: Signal, v_onset: float, gaps: Signal) -> _Runs:
     start = start[np.append(True, np.diff(start) > 0)]
     stop = np.append(start[1:], v.size)
     moving = side[start] != 0
-    travel = np.add.reduceat(v * np.gradient(run.t) if gaps.size == 0 else v * _intervals(run.t, gaps), start)
-    peak = np.maximum.reduceat(np.abs(v), start)
+    moved = _intervals(run.t, gaps)
+    moved *= v
+    travel = np.add.reduceat(moved, start)
+    peak = np.maximum(np.maximum.reduceat(v, start), -np.minimum.reduceat(v, start))
     start, stop, travel, peak = start[moving], stop[moving], travel[moving], peak[moving]
     if gaps.size:
-        moved = _moved_unseen(run, first, last)
+        unseen = _moved_unseen(run, first, last)
         order = np.argsort(np.concatenate((start, last - 0.5)), kind="stable")
         start = np.concatenate((start, first))[order]
         stop = np.concatenate((stop, last))[order]
-        travel = np.concatenate((travel, moved))[order]
-        peak = np.concatenate((peak, np.zeros(moved.size)))[order]
-    return _Runs(start, stop, travel, peak)
+        travel = np.concatenate((travel, unseen))[order]
+        peak = np.concatenate((peak, np.zeros(unseen.size)))[order]
+    return _Runs(start.tolist(), stop.tolist(), travel.tolist(), peak.tolist())
 
 
 def _intervals(t: Signal, gaps: Signal) -> Signal:
     """Time that each sample stands for, half of either neighbouring interval, long gaps left out. [s]"""
     interval = np.diff(t)
-    usual = median(interval)
+    usual = median(interval[:: max(1, interval.size // 100_000)])
     before = np.searchsorted(t, gaps[:, 0], side="right") - 1
     interval[before[before < interval.size]] = usual
-    return 0.5 * (np.append(interval, usual) + np.append(usual, interval))
+    stands_for = np.empty(t.size)
+    stands_for[1:] = interval
+    stands_for[0] = usual
+    stands_for[:-1] += interval
+    stands_for[-1] += usual
+    stands_for *= 0.5
+    return stands_for
 
 
 def _moved_unseen(run: Run, first: Index, last: Index) -> Signal:
@@ -154,13 +162,14 @@ def _turning_points(position: list[float], least: float) -> list[int]:
     return turns
 
 
-def _without_reversals(turns: list[int], position: Signal, thresholds: Thresholds) -> list[int]:
+def _without_reversals(turns: list[int], position: list[float], thresholds: Thresholds) -> list[int]:
     """Join the legs around a reversal that takes back little and is then overtaken."""
     kept: list[int] = []
     for turn in turns:
         kept.append(turn)
         while len(kept) >= 4:
-            before, back, onward = np.abs(np.diff(position[kept[-4:]]))
+            a, b, c, d = (position[k] for k in kept[-4:])
+            before, back, onward = abs(b - a), abs(c - b), abs(d - c)
             if back >= thresholds.reversal_max * before or onward < OVERTAKEN * back:
                 break
             del kept[-3:-1]
@@ -172,12 +181,12 @@ def _cycle(
 ) -> Cycle:
     """Instants of the payout between two turning points and of the haul-in between the next two."""
     first, last = _motion(runs, leg, thresholds, sign=1.0)
-    begin, end = int(runs.start[first]), int(runs.stop[last])
+    begin, end = runs.start[first], runs.stop[last]
     haul_in = None
     if after is not None:
         down, up = _motion(runs, after, thresholds, sign=-1.0)
         level = -thresholds.v_onset
-        haul_in = (crossing(t, v, int(runs.start[down]), level), crossing(t, v, int(runs.stop[up]), level))
+        haul_in = (crossing(t, v, runs.start[down], level), crossing(t, v, runs.stop[up], level))
     return Cycle(
         onset=crossing(t, v, begin, thresholds.v_onset),
         payout_end=crossing(t, v, end, thresholds.v_onset),
@@ -190,12 +199,11 @@ def _cycle(
 
 def _motion(runs: _Runs, leg: tuple[int, int], thresholds: Thresholds, *, sign: float) -> tuple[int, int]:
     """First and last run of a leg that are motions in its direction, not noise about the threshold and not creep."""
-    part = slice(*leg)
-    along = sign * runs.travel[part] > 0
-    top = float(runs.peak[part][along].max())
+    along = [k for k in range(*leg) if sign * runs.travel[k] > 0]
+    top = max(runs.peak[k] for k in along)
     least = min(max(NOISE * thresholds.v_onset, thresholds.creep_max * top), top)
-    motions = np.flatnonzero(along & (runs.peak[part] >= least)) + leg[0]
-    return int(motions[0]), int(motions[-1])
+    motions = [k for k in along if runs.peak[k] >= least]
+    return motions[0], motions[-1]
 
 
 def crossing(t: Signal, v: Signal, k: int, level: float) -> float:
