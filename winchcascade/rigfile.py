@@ -233,7 +233,7 @@ def _merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
     for key, value in over.items():
         old = merged.get(key)
         whole = not isinstance(old, dict) or not isinstance(value, dict) or "value" in value or "name" in value
-        merged[key] = value if whole else _merged(old, value)
+        merged[key] = value if whole else _merged(base[key], value)
     return merged
 
 

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
+from winchcascade.cascade.energy import BLOCK
 from winchcascade.run import CLOCK
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from winchcascade.cascade.energy import Stream
     from winchcascade.phases.detect import Cycle
     from winchcascade.phases.window import Plateau
     from winchcascade.rigfile import Rig
@@ -62,40 +64,55 @@ def engaged(run: Run, cycles: Sequence[Cycle], plateaus: Sequence[Plateau | None
     return driven
 
 
-def bin_powers(rpm: Signal, powers: Iterable[tuple[str, Signal | None]], width: float) -> tuple[Bin, ...]:
+def bin_powers(
+    v_line: Signal,
+    rpm_per_velocity: float,
+    driven: Mask,
+    powers: Mapping[str, Stream | None],
+    width: float,
+) -> tuple[Bin, ...]:
     """Average each power in bins of generator speed; bins without a sample are left out.
 
     Parameters
     ----------
-    rpm : (n,) generator speed of the samples to be binned [rpm]
-    powers : stage by stage its (n,) power, None for one that is not measured [W]
+    v_line : (n,) line velocity [m/s], and what turns it into generator speed [rpm s/m]
+    driven : (n,) samples that count
+    powers : of each stage, as a function of the rows of the log, None for one that is not measured [W]
     width : of a bin [rpm]
     """
-    if rpm.size == 0:
+    rows = np.flatnonzero(driven)
+    if rows.size == 0:
         return ()
-    number = np.floor(rpm / width).astype(np.int64)
+    number = np.floor(v_line[rows] * (rpm_per_velocity / width)).astype(np.int64)
     low = int(number.min())
     number -= low
     count = np.bincount(number)
-    found = [(stage, None if power is None else _mean_and_error(number, power, count)) for stage, power in powers]
-    bins = []
-    for k in np.flatnonzero(count).tolist():
-        n = int(count[k])
-        bins.append(
-            Bin(
-                (low + k) * width,
-                (low + k + 1) * width,
-                n,
-                {stage: None if both is None else float(both[0][k]) for stage, both in found},
-                {stage: None if both is None or n < 2 else float(both[1][k]) for stage, both in found},
-            )
+    found = {s: None if x is None else _mean_and_error(rows, number, x, count) for s, x in powers.items()}
+    return tuple(
+        Bin(
+            (low + k) * width,
+            (low + k + 1) * width,
+            int(count[k]),
+            {stage: None if both is None else float(both[0][k]) for stage, both in found.items()},
+            {stage: None if both is None or count[k] < 2 else float(both[1][k]) for stage, both in found.items()},
         )
-    return tuple(bins)
+        for k in np.flatnonzero(count).tolist()
+    )
 
 
-def _mean_and_error(number: NDArray[np.int64], power: Signal, count: NDArray[np.intp]) -> tuple[Signal, Signal]:
+def _mean_and_error(
+    rows: NDArray[np.intp], number: NDArray[np.int64], power: Stream, count: NDArray[np.intp]
+) -> tuple[Signal, Signal]:
+    """Mean and standard error of a power in each bin, summed block by block."""
+    total, square = np.zeros(count.size), np.zeros(count.size)
+    for start in range(int(rows[0]), int(rows[-1]) + 1, BLOCK):
+        first, last = np.searchsorted(rows, (start, start + BLOCK))
+        if first == last:
+            continue
+        x = power(slice(start, start + BLOCK))[rows[first:last] - start]
+        total += np.bincount(number[first:last], weights=x, minlength=count.size)
+        square += np.bincount(number[first:last], weights=x * x, minlength=count.size)
     n = np.maximum(count, 1)
-    mean: Signal = np.bincount(number, weights=power, minlength=count.size) / n
-    square = np.bincount(number, weights=power * power, minlength=count.size) / n
-    error: Signal = np.sqrt(np.maximum(square - mean * mean, 0.0) / np.maximum(n - 1, 1))
+    mean = total / n
+    error: Signal = np.sqrt(np.maximum(square / n - mean * mean, 0.0) / np.maximum(n - 1, 1))
     return mean, error

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from winchcascade.cascade.energy import energies
+from winchcascade.cascade.energy import integrals
 from winchcascade.run import CLOCK
 
 if TYPE_CHECKING:
@@ -43,7 +43,9 @@ def bridging_error(t: Signal, x: Signal, gaps: Signal) -> Signal:
         tried = gaps + shift * width[:, None]
         inside = (tried[:, 0] >= t[0]) & (tried[:, 1] <= t[-1])
         ends = np.interp(tried, t, x)
-        missed = np.abs(energies(t, x, np.clip(tried, t[0], t[-1])) - 0.5 * width * (ends[:, 0] + ends[:, 1]))
+        missed = np.abs(
+            integrals(t, x.__getitem__, np.clip(tried, t[0], t[-1])) - 0.5 * width * (ends[:, 0] + ends[:, 1])
+        )
         error = np.maximum(error, np.where(inside, missed, 0.0))
     return error
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from winchcascade.cascade.energy import Stream
     from winchcascade.run import Signal
 
 STAGES = ("line", "mech", "gen")
@@ -27,24 +28,27 @@ def power_gen(v_dc: Signal, i_dc: Signal) -> Signal:
     return v_dc * i_dc
 
 
-POWER_CHANNELS = ("velocity", "force", "torque", "power_mech", "vdc", "idc")
-"""Channels that the powers are made of."""
-
-
-def power(channels: Mapping[str, Signal], stage: str, r_drum: float | None) -> Signal | None:
-    """Power stream of one stage, None where the log or the rig lacks what it needs. [W]
+def stream(channels: Mapping[str, Signal], stage: str, r_drum: float | None) -> Stream | None:
+    """Power stream of one stage as a function of the rows of the log, None where log or rig lack what it needs. [W]
 
     A logged mechanical power is taken as it is; otherwise torque and drum radius give it.
     """
-    if stage == "line" and "force" in channels:
-        return power_line(channels["force"], channels["velocity"])
-    if stage == "mech" and "power_mech" in channels:
-        return channels["power_mech"]
-    if stage == "mech" and "torque" in channels and r_drum is not None:
-        return power_mech(channels["torque"], channels["velocity"], r_drum)
-    if stage == "gen" and "vdc" in channels and "idc" in channels:
-        return power_gen(channels["vdc"], channels["idc"])
-    return None
+    if any(name not in channels for name in sources(channels, stage)):
+        return None
+    x, y = (channels[name] for name in (*sources(channels, stage), "velocity")[:2])
+    if stage == "line":
+        return lambda part: power_line(x[part], y[part])
+    if stage == "gen":
+        return lambda part: power_gen(x[part], y[part])
+    if "power_mech" in channels:
+        return x.__getitem__
+    return None if r_drum is None else lambda part: power_mech(x[part], y[part], r_drum)
+
+
+def power(channels: Mapping[str, Signal], stage: str, r_drum: float | None) -> Signal | None:
+    """Power stream of one stage over the whole log, (n,), None where log or rig lack what it needs. [W]"""
+    part = stream(channels, stage, r_drum)
+    return None if part is None else part(slice(None))
 
 
 def sources(channels: Mapping[str, Signal], stage: str) -> tuple[str, ...]:

@@ -12,20 +12,19 @@ import numpy as np
 from winchcascade.cascade.bins import Bin, bin_powers, engaged
 from winchcascade.cascade.doubt import bridging_error, gaps_of, onset_error, window_of
 from winchcascade.cascade.efficiency import Metrics, metrics
-from winchcascade.cascade.energy import cut, integrals
-from winchcascade.cascade.power import POWER_CHANNELS, STAGES, power, sources
+from winchcascade.cascade.energy import integrals
+from winchcascade.cascade.power import STAGES, power, sources, stream
 from winchcascade.cascade.repeatability import ensemble_mean, largest_deviation, total
-from winchcascade.cascade.summary import PhaseSummary, summarise
+from winchcascade.cascade.summary import PhaseSummary, summarise, travel_and_top
 from winchcascade.errors import OptionError
 from winchcascade.order import median
 from winchcascade.phases.detect import Cycle, detect, smoothed_velocity
 from winchcascade.phases.window import Plateau, Window, find_plateau, find_window
 from winchcascade.rigfile import Rig, built_in
 from winchcascade.run import Finding
+from winchcascade.threads import side_by_side
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from winchcascade.rigfile import WindowRule
     from winchcascade.run import Run, Signal
 
@@ -104,12 +103,15 @@ def reduce(run: Run, *, rig: Rig | None = None, window: str | float | None = Non
     v_smooth = smoothed_velocity(run, rig.thresholds)
     cycles = detect(run, v_smooth, rig.thresholds)
     plateaus = [find_plateau(run.t, v_smooth, c, rig.thresholds) for c in cycles]
-    summaries = summarise(run, v_smooth, cycles, plateaus, rig)
-    windows = _windows(run, cycles, plateaus, summaries, rule, rig)
-    spans = np.array([(w.onset, w.cutoff) for w in windows]).reshape(-1, 2)
-    joules, faults = _energies(run, v_smooth, spans, rule, rig)
+    payouts = travel_and_top(run, v_smooth, cycles)
+    windows = _windows(run, cycles, plateaus, payouts, rule, rig)
+    summaries, (energy, bins) = side_by_side(
+        lambda: summarise(run, v_smooth, cycles, plateaus, payouts, rig),
+        lambda: _energies_and_bins(run, v_smooth, cycles, plateaus, windows, rule, rig),
+        samples=run.samples,
+    )
     findings: list[Finding] = []
-    results = _results(run, cycles, windows, summaries, joules, faults, findings)
+    results = _results(run, cycles, summaries, energy, findings)
     complete = [r.metrics for r in results if r.complete]
     whole = sum(r.window.cutoff - r.window.onset for r in results if r.complete)
     return Reduction(
@@ -120,7 +122,7 @@ def reduce(run: Run, *, rig: Rig | None = None, window: str | float | None = Non
         mean=ensemble_mean(complete),
         max_deviation_percent=largest_deviation(complete),
         total=total(complete, whole, open_circuit=run.open_circuit),
-        bins=_bins(run, results, plateaus, rig),
+        bins=bins,
         quality=(*run.findings, *findings),
     )
 
@@ -129,58 +131,76 @@ def _windows(
     run: Run,
     cycles: Sequence[Cycle],
     plateaus: Sequence[Plateau | None],
-    summaries: Sequence[PhaseSummary],
+    payouts: Sequence[tuple[float, float]],
     rule: WindowRule,
     rig: Rig,
 ) -> list[Window]:
     """Windows by the rule; where payouts should be alike, one that was aborted is told from the others."""
     end = float(run.t[-1])
     windows = [
-        find_window(c, p, s.payout.speed_max, end, rule, rig.thresholds)
-        for c, p, s in zip(cycles, plateaus, summaries, strict=True)
+        find_window(c, p, top, end, rule, rig.thresholds)
+        for c, p, (_, top) in zip(cycles, plateaus, payouts, strict=True)
     ]
     if rule == "payout":
         return windows
-    travel = [s.payout.travel for c, s in zip(cycles, summaries, strict=True) if not c.begins_inside]
-    usual = median(np.array(travel)) if travel else 0.0
+    whole = [travel for c, (travel, _) in zip(cycles, payouts, strict=True) if not c.begins_inside]
+    usual = median(np.array(whole)) if whole else 0.0
     late = [w.cutoff > c.payout_end for c, w in zip(cycles, windows, strict=True) if not c.ends_inside]
     all_late = sum(late) > 0.5 * len(late)
     return [
-        _unless_aborted(c, w, s.payout.travel, usual, all_late, rig)
-        for c, w, s in zip(cycles, windows, summaries, strict=True)
+        _unless_aborted(c, w, travel, usual, all_late, rig)
+        for c, w, (travel, _) in zip(cycles, windows, payouts, strict=True)
     ]
 
 
 def _unless_aborted(cycle: Cycle, window: Window, travel: float, usual: float, all_late: bool, rig: Rig) -> Window:
     if window.fault is not None or cycle.ends_inside:
         return window
+    fault = None
     if travel < rig.thresholds.aborted_below * usual:
-        return Window(
-            window.onset,
-            window.cutoff,
-            f"the payout is aborted after {travel:.2f} m, where others travel {usual:.2f} m",
-        )
-    if window.cutoff > cycle.payout_end and not all_late:
-        early = window.cutoff - cycle.payout_end
-        return Window(window.onset, window.cutoff, f"the payout ends {early:.2f} s before its window does")
-    return window
+        fault = f"the payout is aborted after {travel:.2f} m, where others travel {usual:.2f} m"
+    elif window.cutoff > cycle.payout_end and not all_late:
+        fault = f"the payout ends {window.cutoff - cycle.payout_end:.2f} s before its window does"
+    return Window(window.onset, window.cutoff, fault)
 
 
-def _energies(
-    run: Run, v_smooth: Signal, spans: Signal, rule: WindowRule, rig: Rig
-) -> tuple[dict[str, Signal | None], dict[int, str]]:
-    """Energy of each stage in each window, and the windows in which gaps make it uncertain, with the reason."""
-    joules: dict[str, Signal | None] = {}
+class _Energy(msgspec.Struct, frozen=True):
+    """Windows with what is wrong with them, and the energy of each stage in each, None for one not measured. [J]"""
+
+    windows: list[Window]
+    joules: dict[str, list[float] | None]
+
+
+def _energies_and_bins(
+    run: Run,
+    v_smooth: Signal,
+    cycles: Sequence[Cycle],
+    plateaus: Sequence[Plateau | None],
+    windows: Sequence[Window],
+    rule: WindowRule,
+    rig: Rig,
+) -> tuple[_Energy, tuple[Bin, ...]]:
+    energy = _energies(run, v_smooth, windows, rule, rig)
+    counted = [(c, p) for c, p, w in zip(cycles, plateaus, energy.windows, strict=True) if w.fault is None]
+    return energy, _bins(run, counted, rig)
+
+
+def _energies(run: Run, v_smooth: Signal, windows: Sequence[Window], rule: WindowRule, rig: Rig) -> _Energy:
+    """Integrate each stage's power over each window; gaps that make an energy uncertain become the window's fault."""
+    spans = np.array([(w.onset, w.cutoff) for w in windows]).reshape(-1, 2)
+    joules: dict[str, list[float] | None] = {}
     faults: dict[int, str] = {}
-    part = cut(run.t, spans)
-    channels = part.channels(run, POWER_CHANNELS)
     for stage in STAGES:
-        watts = power(channels, stage, rig.r_drum)
-        joules[stage] = joule = None if watts is None or len(spans) == 0 else integrals(part, watts)
+        watts = stream(run.channels, stage, rig.r_drum)
+        if watts is None:
+            joules[stage] = None
+            continue
+        joule = integrals(run.t, watts, spans)
+        joules[stage] = joule.tolist()
         gaps = gaps_of(run, sources(run.channels, stage))
-        if joule is not None and len(gaps):
+        if len(gaps):
             _doubt(run, v_smooth, gaps, spans, joule, stage, rule, rig, faults)
-    return joules, faults
+    return _Energy([Window(w.onset, w.cutoff, w.fault or faults.get(k)) for k, w in enumerate(windows)], joules)
 
 
 def _doubt(
@@ -215,24 +235,20 @@ def _doubt(
 def _results(
     run: Run,
     cycles: Sequence[Cycle],
-    windows: Sequence[Window],
     summaries: Sequence[PhaseSummary],
-    joules: dict[str, Signal | None],
-    faults: dict[int, str],
+    energy: _Energy,
     findings: list[Finding],
 ) -> list[CycleResult]:
-    columns = {stage: None if joule is None else joule.tolist() for stage, joule in joules.items()}
     results = []
     odd: dict[str, list[tuple[int, float]]] = {}
-    for k, (cycle, window, summary) in enumerate(zip(cycles, windows, summaries, strict=True)):
-        fault = window.fault or faults.get(k)
-        energy = {f"energy_{stage}": None if column is None else column[k] for stage, column in columns.items()}
-        values, no_efficiency = metrics(energy, window.cutoff - window.onset, open_circuit=run.open_circuit)
+    for k, (cycle, window, summary) in enumerate(zip(cycles, energy.windows, summaries, strict=True)):
+        joules = {f"energy_{stage}": None if column is None else column[k] for stage, column in energy.joules.items()}
+        values, no_efficiency = metrics(joules, window.cutoff - window.onset, open_circuit=run.open_circuit)
         for name, value in no_efficiency.items():
             odd.setdefault(name, []).append((k + 1, value))
-        if fault is not None:
-            findings.append(_incomplete(run, k + 1, window, fault))
-        results.append(CycleResult(k + 1, fault is None, cycle, window, summary, values))
+        if window.fault is not None:
+            findings.append(_incomplete(run, k + 1, window, window.fault))
+        results.append(CycleResult(k + 1, window.fault is None, cycle, window, summary, values))
     findings += [_no_efficiency(name, places) for name, places in odd.items()]
     return results
 
@@ -259,18 +275,11 @@ def _no_efficiency(name: str, places: Sequence[tuple[int, float]]) -> Finding:
     )
 
 
-def _bins(run: Run, results: Sequence[CycleResult], plateaus: Sequence[Plateau | None], rig: Rig) -> tuple[Bin, ...]:
+def _bins(run: Run, counted: Sequence[tuple[Cycle, Plateau | None]], rig: Rig) -> tuple[Bin, ...]:
     """Bins over the payouts of the complete cycles; none where the speed of the generator is unknown."""
     rpm_per_velocity = rig.rpm_per_velocity
     if rpm_per_velocity is None:
         return ()
-    counted = [(r.phases, p) for r, p in zip(results, plateaus, strict=True) if r.complete]
-    driven = np.flatnonzero(engaged(run, [c for c, _ in counted], [p for _, p in counted], rig))
-    rpm = run.channels["velocity"][driven] * rpm_per_velocity
-    powers = ((stage, power(_part(run, stage, driven), stage, rig.r_drum)) for stage in STAGES)
-    return bin_powers(rpm, powers, rig.thresholds.rpm_bin)
-
-
-def _part(run: Run, stage: str, rows: NDArray[np.intp]) -> dict[str, Signal]:
-    """Channels of one stage in some rows, those that the run has."""
-    return {name: run.channels[name][rows] for name in sources(run.channels, stage) if name in run.channels}
+    driven = engaged(run, [c for c, _ in counted], [p for _, p in counted], rig)
+    powers = {stage: stream(run.channels, stage, rig.r_drum) for stage in STAGES}
+    return bin_powers(run.channels["velocity"], rpm_per_velocity, driven, powers, rig.thresholds.rpm_bin)

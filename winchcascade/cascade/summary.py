@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
-from winchcascade.cascade.energy import Cut, cut, integrals, largest, means
-from winchcascade.cascade.power import STAGES, power
+from winchcascade.cascade.energy import extremes, integrals, means
+from winchcascade.cascade.power import STAGES, stream
 
 if TYPE_CHECKING:
+    from winchcascade.cascade.energy import Stream
     from winchcascade.phases.detect import Cycle
     from winchcascade.phases.window import Plateau
     from winchcascade.rigfile import Rig
@@ -70,8 +72,24 @@ class PhaseSummary(msgspec.Struct, frozen=True):
 Span = tuple[float, float]
 
 
+def travel_and_top(run: Run, v_smooth: Signal, cycles: Sequence[Cycle]) -> list[tuple[float, float]]:
+    """Travel [m] and top speed [m/s] of each payout; travel from the displacement, else the integral of the velocity."""
+    windows = np.array([(c.onset, c.payout_end) for c in cycles]).reshape(-1, 2)
+    displacement = run.channels.get("displacement")
+    if displacement is None:
+        travel = integrals(run.t, run.channels["velocity"].__getitem__, windows)
+    else:
+        travel = np.diff(np.interp(windows, run.t, displacement), axis=1)[:, 0]
+    return list(zip(travel.tolist(), extremes(run.t, v_smooth, windows)[1].tolist(), strict=True))
+
+
 def summarise(
-    run: Run, v_smooth: Signal, cycles: Sequence[Cycle], plateaus: Sequence[Plateau | None], rig: Rig
+    run: Run,
+    v_smooth: Signal,
+    cycles: Sequence[Cycle],
+    plateaus: Sequence[Plateau | None],
+    payouts: Sequence[tuple[float, float]],
+    rig: Rig,
 ) -> list[PhaseSummary]:
     """Summarise the phases of every cycle.
 
@@ -79,81 +97,72 @@ def summarise(
     ----------
     v_smooth : (n,) line velocity, smoothed [m/s]
     plateaus : of each cycle, None for one without
+    payouts : travel [m] and top speed [m/s] of each
     """
-    payouts = _payouts(run, v_smooth, cycles, _plateaus(run, plateaus, rig))
+    flat = _plateaus(run, plateaus, rig)
+    paid_out = [
+        PayoutSummary(c.payout_end - c.onset, travel, top, p)
+        for c, (travel, top), p in zip(cycles, payouts, flat, strict=True)
+    ]
     holds = _holds(run, [c.hold for c in cycles])
     hauls = _haul_ins(run, v_smooth, [c.haul_in for c in cycles], rig)
-    return [PhaseSummary(*phases) for phases in zip(payouts, holds, hauls, strict=True)]
+    return [PhaseSummary(*phases) for phases in zip(paid_out, holds, hauls, strict=True)]
 
 
-def _present(run: Run, spans: Sequence[Span | None]) -> tuple[list[int], Cut]:
-    """The cycles that have a phase, and its samples."""
+def _present(spans: Sequence[Span | None]) -> tuple[list[int], Signal]:
+    """The cycles that have a phase, and its begin and end, (k, 2) [s]."""
     present = [k for k, span in enumerate(spans) if span is not None]
-    return present, cut(run.t, np.array([span for span in spans if span is not None]).reshape(-1, 2))
+    return present, np.array([span for span in spans if span is not None]).reshape(-1, 2)
 
 
-def _column(x: Signal | None, count: int) -> list[float | None]:
-    """Values as plain numbers, None for what is not measured and for a mean over no time."""
-    if x is None:
-        return [None] * count
-    return [value if np.isfinite(value) else None for value in x.tolist()]
+def _means(run: Run, signals: Sequence[Stream | None], windows: Signal) -> list[list[float | None]]:
+    """Time means of signals over windows; None for what is not measured and for a mean over no time."""
+    return [
+        [None] * len(windows) if x is None else [_finite(value) for value in means(run.t, x, windows).tolist()]
+        for x in signals
+    ]
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _channel(run: Run, name: str) -> Stream | None:
+    return run.channels[name].__getitem__ if name in run.channels else None
 
 
 def _plateaus(run: Run, plateaus: Sequence[Plateau | None], rig: Rig) -> list[PlateauSummary | None]:
-    spans = [None if p is None else (p.begin, max(p.braking, p.begin)) for p in plateaus]
-    present, part = _present(run, spans)
-    channels = part.channels(run, ("velocity", "force", "torque", "power_mech", "vdc", "idc"))
-    columns = [channels["velocity"], channels.get("force"), channels.get("torque")]
-    columns += [power(channels, stage, rig.r_drum) for stage in STAGES]
-    means_of = [_column(None if x is None else means(part, x), len(present)) for x in columns]
+    present, windows = _present([None if p is None else (p.begin, max(p.braking, p.begin)) for p in plateaus])
+    signals = [_channel(run, name) for name in ("velocity", "force", "torque")]
+    signals += [stream(run.channels, stage, rig.r_drum) for stage in STAGES]
     summaries: list[PlateauSummary | None] = [None] * len(plateaus)
-    for k, (begin, end), speed, *rest in zip(present, part.windows.tolist(), *means_of, strict=True):
+    for k, (begin, end), speed, *rest in zip(present, windows.tolist(), *_means(run, signals, windows), strict=True):
         plateau = plateaus[k]
         assert plateau is not None
         summaries[k] = PlateauSummary(begin, end, plateau.speed if speed is None else speed, *rest)
     return summaries
 
 
-def _payouts(
-    run: Run, v_smooth: Signal, cycles: Sequence[Cycle], plateaus: Sequence[PlateauSummary | None]
-) -> list[PayoutSummary]:
-    """Payouts; their travel from the displacement where there is one, else the integral of the velocity."""
-    part = cut(run.t, np.array([(c.onset, c.payout_end) for c in cycles]).reshape(-1, 2))
-    top = largest(part, v_smooth[part.rows])
-    displacement = run.channels.get("displacement")
-    if displacement is None:
-        travel = integrals(part, run.channels["velocity"][part.rows])
-    else:
-        ends = np.interp(part.windows, run.t, displacement)
-        travel = ends[:, 1] - ends[:, 0]
-    rows = zip((part.windows[:, 1] - part.windows[:, 0]).tolist(), travel.tolist(), top.tolist(), plateaus, strict=True)
-    return [PayoutSummary(*row) for row in rows]
-
-
 def _holds(run: Run, spans: Sequence[Span | None]) -> list[HoldSummary | None]:
-    present, part = _present(run, spans)
-    channels = part.channels(run, ("force", "torque", "pressure"))
-    columns = [
-        _column(means(part, channels[name]) if name in channels else None, len(present))
-        for name in ("force", "torque", "pressure")
-    ]
+    present, windows = _present(spans)
+    columns = _means(run, [_channel(run, name) for name in ("force", "torque", "pressure")], windows)
     holds: list[HoldSummary | None] = [None] * len(spans)
-    for k, (begin, end), *rest in zip(present, part.windows.tolist(), *columns, strict=True):
+    for k, (begin, end), *rest in zip(present, windows.tolist(), *columns, strict=True):
         holds[k] = HoldSummary(end - begin, *rest)
     return holds
 
 
 def _haul_ins(run: Run, v_smooth: Signal, spans: Sequence[Span | None], rig: Rig) -> list[HaulInSummary | None]:
-    present, part = _present(run, spans)
-    channels = part.channels(run, ("velocity", "force"))
-    force, watts = channels.get("force"), power(channels, "line", rig.r_drum)
+    present, windows = _present(spans)
+    top = -extremes(run.t, v_smooth, windows)[0]
+    force, line = run.channels.get("force"), stream(run.channels, "line", rig.r_drum)
+    nothing: list[float | None] = [None] * len(windows)
     columns = [
-        _column(largest(part, -v_smooth[part.rows]), len(present)),
-        _column(None if force is None else means(part, force), len(present)),
-        _column(None if force is None else -largest(part, -force), len(present)),
-        _column(None if watts is None else integrals(part, watts), len(present)),
+        _means(run, [_channel(run, "force")], windows)[0],
+        nothing if force is None else extremes(run.t, force, windows)[0].tolist(),
+        nothing if line is None else integrals(run.t, line, windows).tolist(),
     ]
     hauls: list[HaulInSummary | None] = [None] * len(spans)
-    for k, (begin, end), top, *rest in zip(present, part.windows.tolist(), *columns, strict=True):
-        hauls[k] = HaulInSummary(end - begin, top or 0.0, *rest)
+    for k, (begin, end), speed, *rest in zip(present, windows.tolist(), top.tolist(), *columns, strict=True):
+        hauls[k] = HaulInSummary(end - begin, speed, *rest)
     return hauls

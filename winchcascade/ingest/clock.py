@@ -48,7 +48,7 @@ class Clock(msgspec.Struct, frozen=True):
 
 def even_clock(n: int, step: float, start: float = 0.0) -> Clock:
     """Stamp n samples of a waveform that states its own increment. [s]"""
-    return Clock(start + step * np.arange(n), None, np.empty((0, 2)), 1.0 / step, ())
+    return Clock(start + step * np.arange(n, dtype=np.float64), None, np.empty((0, 2)), 1.0 / step, ())
 
 
 def read_clock(stamps: Signal, where: str) -> Clock:
@@ -141,7 +141,7 @@ def _spread(t: Signal, findings: list[Finding]) -> Signal:
     if step.size > 2 and np.all(np.abs(step - usual_step) < 1e-6 * max(usual_step, 1e-9)):
         whole = slice(1, None)  # the first stamp may stand for a part of its samples
         dt = (t[first[whole]][-1] - t[first[1]]) / (first[-1] - first[1])
-        spread = t[first[1]] + dt * (np.arange(t.size) - first[1])
+        spread: Signal = t[first[1]] + dt * (np.arange(t.size) - first[1])
     else:
         width = np.append(step, usual_step)
         each = np.where(np.arange(count.size) == count.size - 1, np.maximum(count, usual_count), count)
@@ -248,7 +248,7 @@ def _intervals(t: Signal, rows: Index, usual: float, findings: list[Finding]) ->
     interval = np.diff(t)
     off = np.abs(interval - usual) > _tolerance(t, interval, usual)
     if not off.any():
-        return np.empty((0, 2)), _rate(np.mean(interval))
+        return np.empty((0, 2)), _rate(float(np.mean(interval)))
     long = interval > LOST * usual
     whole = np.abs(interval / usual - np.rint(interval / usual)) < 2 * JITTER
     jitters = off & ~(long & whole)
@@ -265,7 +265,7 @@ def _intervals(t: Signal, rows: Index, usual: float, findings: list[Finding]) ->
     lost = unlogged > 0
     if lost.any():
         findings.append(_dropped(gaps[lost], int(unlogged[lost].sum())))
-    return gaps, _rate(np.mean(interval[~long]))
+    return gaps, _rate(float(np.mean(interval[~long])))
 
 
 def _tolerance(t: Signal, interval: Signal, usual: float) -> float:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from winchcascade.run import Signal
 
-BLOCK = 1 << 23
+BLOCK = 1 << 22
 """Bytes that are parsed at a time."""
 
 Bytes = bytes | memoryview

@@ -13,9 +13,11 @@ from winchcascade.ingest.dialects import recognise
 from winchcascade.ingest.source import Header
 from winchcascade.quantity import find_unit
 
-NOT_NUMBERS = ("", "-", "--", "---", "nan", "NaN", "NAN", "-nan", "+nan", "#N/A", "N/A", "NA", "n/a", "null", "NULL", "None", "inf",
-               "-inf", "Inf", "-Inf", "+inf", "Infinity", "-Infinity", "1.#QNAN", "-1.#IND", "#NUM!", "#VALUE!", "#DIV/0!", "OVL", "OVER",
-               "ERR", "Error", "*****", "?")  # fmt: skip
+NOT_NUMBERS = (
+    "", "-", "--", "---", "nan", "NaN", "NAN", "-nan", "+nan", "#N/A", "N/A", "NA", "n/a", "null", "NULL", "None", "inf",
+    "-inf", "Inf", "-Inf", "+inf", "Infinity", "-Infinity", "1.#QNAN", "-1.#IND", "#NUM!", "#VALUE!", "#DIV/0!", "OVL",
+    "OVER", "ERR", "Error", "*****", "?",
+)  # fmt: skip
 """Cells that loggers write where they have no number."""
 
 _ENCODINGS = ("cp950", "cp1252", "cp932", "gb18030", "cp949", "cp1251")

@@ -46,10 +46,10 @@ def read_run(path: str | Path, *, rig: Rig | None = None, load: float | None = N
     """
     path = Path(path)
     rig = rig or built_in()
-    digest = _Digest(path)
     source = _open(path)
     found = assign(source.headers, rig, path.name)
     table = source.load([m.index for m in found.channels.values()], found.time.index if found.time else None)
+    digest = _Digest(path)
     samples = len(next(iter(table.values.values())))
     if samples < _FEWEST:
         raise LogError(
@@ -82,32 +82,31 @@ def read_run(path: str | Path, *, rig: Rig | None = None, load: float | None = N
 
 
 class _Digest:
-    """SHA-256 of a file, computed beside the reading: hashing leaves the interpreter free."""
+    """SHA-256 of a file, computed beside other work: hashing leaves the interpreter free."""
 
     def __init__(self, path: Path) -> None:
         self._path, self._value = path, ""
-        if not path.exists():
-            raise LogError(f"{path}: no such file; give the path of a log.")
-        if not path.is_file():
-            raise LogError(f"{path}: is not a file; give the path of one log.")
         self._thread = Thread(target=self._run, daemon=True)
         self._thread.start()
 
     def _run(self) -> None:
-        try:
-            with self._path.open("rb") as file:
-                self._value = hashlib.file_digest(file, "sha256").hexdigest()
-        except OSError:
-            self._value = ""  # the reader meets the same fault and tells it in its sentence
+        with self._path.open("rb") as file:
+            self._value = hashlib.file_digest(file, "sha256").hexdigest()
 
     def value(self) -> str:
-        """Wait for the digest and give it in hexadecimal."""
+        """Wait for the digest and give it in hexadecimal; LogError if the file has gone since it was read."""
         self._thread.join()
+        if not self._value:
+            raise LogError(f"{self._path}: could not be read to its end; check that the file is still there.")
         return self._value
 
 
 def _open(path: Path) -> Source:
     """Open a log by what its first bytes say, whatever its name ends in."""
+    if not path.exists():
+        raise LogError(f"{path}: no such file; give the path of a log.")
+    if not path.is_file():
+        raise LogError(f"{path}: is not a file; give the path of one log.")
     try:
         with path.open("rb") as file:
             head = file.read(4096)

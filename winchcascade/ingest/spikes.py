@@ -80,11 +80,13 @@ def _candidates(x: Signal, least: float) -> Index:
     for start in range(0, x.size - 2, _BLOCK):
         part = x[start : start + _BLOCK + 2]
         step = np.diff(part)
+        if step.max() <= least and step.min() >= -least:
+            continue
         before, after = step[:-1], -step[1:]
         off = np.minimum(np.abs(before), np.abs(after))
         hit = (off > least) & (before * after > 0) & (np.abs(before - after) < AGREE * off)
         found.append(np.flatnonzero(hit) + start + 1)
-    return np.concatenate(found)
+    return np.concatenate(found) if found else np.empty(0, dtype=np.intp)
 
 
 def _stands_out(x: Signal, found: Index) -> NDArray[np.bool_]:

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 NOISE = 1.5
 """A run that peaks below this many times the onset speed is noise about the threshold, not a motion."""
 
+_BLOCK = 1 << 18
+
 OVERTAKEN = 1.5
 """A reversal is one inside a motion only if the motion then goes on by more than this many times the reversal."""
 
@@ -102,9 +104,7 @@ def _find_runs(run: Run, v: Signal, v_onset: float, gaps: Signal) -> _Runs:
     start = start[np.append(True, np.diff(start) > 0)]
     stop = np.append(start[1:], v.size)
     moving = side[start] != 0
-    moved = _intervals(run.t, gaps)
-    moved *= v
-    travel = np.add.reduceat(moved, start)
+    travel = np.add.reduceat(_moved(run.t, v, gaps), start)
     peak = np.maximum(np.maximum.reduceat(v, start), -np.minimum.reduceat(v, start))
     start, stop, travel, peak = start[moving], stop[moving], travel[moving], peak[moving]
     if gaps.size:
@@ -117,19 +117,21 @@ def _find_runs(run: Run, v: Signal, v_onset: float, gaps: Signal) -> _Runs:
     return _Runs(start.tolist(), stop.tolist(), travel.tolist(), peak.tolist())
 
 
-def _intervals(t: Signal, gaps: Signal) -> Signal:
-    """Time that each sample stands for, half of either neighbouring interval, long gaps left out. [s]"""
-    interval = np.diff(t)
-    usual = median(interval[:: max(1, interval.size // 100_000)])
+def _moved(t: Signal, v: Signal, gaps: Signal) -> Signal:
+    """What the line travels in the time that each sample stands for: half of either neighbouring interval, of a long gap
+    only the usual interval; block by block, which is several times as fast on a long log. [m]
+    """
+    usual = median(np.diff(t[:_BLOCK]))
     before = np.searchsorted(t, gaps[:, 0], side="right") - 1
-    interval[before[before < interval.size]] = usual
-    stands_for = np.empty(t.size)
-    stands_for[1:] = interval
-    stands_for[0] = usual
-    stands_for[:-1] += interval
-    stands_for[-1] += usual
-    stands_for *= 0.5
-    return stands_for
+    moved = np.empty(t.size)
+    for start in range(0, t.size, _BLOCK):
+        stop = min(start + _BLOCK, t.size)
+        inner = np.diff(t[max(start - 1, 0) : stop + 1])
+        interval = np.concatenate(([usual] * (start == 0), inner, [usual] * (stop == t.size)))
+        inside = before[(before >= start - 1) & (before < stop)]
+        interval[inside - start + 1] = usual
+        moved[start:stop] = 0.5 * (interval[1:] + interval[:-1]) * v[start:stop]
+    return moved
 
 
 def _moved_unseen(run: Run, first: Index, last: Index) -> Signal:

@@ -49,8 +49,9 @@ def find_plateau(t: Signal, v_smooth: Signal, cycle: Cycle, thresholds: Threshol
     top = quantile(v, thresholds.plateau_quantile)
     speed = median(v[v >= thresholds.plateau_band * top])
     level = thresholds.plateau_level * speed
-    high = np.concatenate(([False], v >= level, [False])).astype(np.int8)
-    edges = np.flatnonzero(np.diff(high)) + first
+    high = np.zeros(v.size + 2, dtype=bool)
+    high[1:-1] = v >= level
+    edges = np.flatnonzero(high[1:] != high[:-1]) + first
     stretches = [
         (crossing(t, v_smooth, int(a), level) if a > first else float(t[a]), _end(t, v_smooth, int(b), level, last))
         for a, b in zip(edges[::2], edges[1::2], strict=True)
