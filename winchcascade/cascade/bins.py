@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.cascade.energy import BLOCK
+from winchcascade.integrate import BLOCK
 from winchcascade.run import CLOCK
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from winchcascade.cascade.energy import Stream
+    from winchcascade.integrate import Stream
     from winchcascade.phases.detect import Cycle
     from winchcascade.phases.window import Plateau
     from winchcascade.rigfile import Rig

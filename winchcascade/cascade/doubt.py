@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from winchcascade.cascade.energy import integrals
+from winchcascade.integrate import integrals
 from winchcascade.run import CLOCK
 
 if TYPE_CHECKING:

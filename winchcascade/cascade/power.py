@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from winchcascade.cascade.energy import Stream
+    from winchcascade.integrate import Stream
     from winchcascade.run import Signal
 
 STAGES = ("line", "mech", "gen")

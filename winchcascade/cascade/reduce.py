@@ -12,11 +12,11 @@ import numpy as np
 from winchcascade.cascade.bins import Bin, bin_powers, engaged
 from winchcascade.cascade.doubt import bridging_error, gaps_of, onset_error, window_of
 from winchcascade.cascade.efficiency import Metrics, metrics
-from winchcascade.cascade.energy import integrals
 from winchcascade.cascade.power import STAGES, power, sources, stream
 from winchcascade.cascade.repeatability import ensemble_mean, largest_deviation, total
 from winchcascade.cascade.summary import PhaseSummary, summarise, travel_and_top
 from winchcascade.errors import OptionError
+from winchcascade.integrate import integrals
 from winchcascade.order import median
 from winchcascade.phases.detect import Cycle, detect, smoothed_velocity
 from winchcascade.phases.window import Plateau, Window, find_plateau, find_window

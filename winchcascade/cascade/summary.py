@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.cascade.energy import extremes, integrals, means
 from winchcascade.cascade.power import STAGES, stream
+from winchcascade.integrate import extremes, integrals, means
 
 if TYPE_CHECKING:
-    from winchcascade.cascade.energy import Stream
+    from winchcascade.integrate import Stream
     from winchcascade.phases.detect import Cycle
     from winchcascade.phases.window import Plateau
     from winchcascade.rigfile import Rig

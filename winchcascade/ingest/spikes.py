@@ -30,7 +30,7 @@ AGREE = 0.3
 AROUND = 12
 """Samples on either side that it is compared with."""
 
-_BLOCK = 1 << 18
+_BLOCK = 1 << 16
 
 _ENOUGH = 400_000
 """Samples at the beginning of a log that say how noisy a channel is."""
@@ -80,21 +80,20 @@ def _candidates(x: Signal, least: float) -> Index:
     for start in range(0, x.size - 2, _BLOCK):
         part = x[start : start + _BLOCK + 2]
         step = np.diff(part)
-        if step.max() <= least and step.min() >= -least:
-            continue
-        before, after = step[:-1], -step[1:]
-        off = np.minimum(np.abs(before), np.abs(after))
-        hit = (off > least) & (before * after > 0) & (np.abs(before - after) < AGREE * off)
-        found.append(np.flatnonzero(hit) + start + 1)
-    return np.concatenate(found) if found else np.empty(0, dtype=np.intp)
+        large = np.abs(step) > least
+        there = np.flatnonzero(large[:-1] & large[1:])
+        before, back = step[there], -step[there + 1]
+        off = np.minimum(np.abs(before), np.abs(back))
+        found.append(there[(before * back > 0) & (np.abs(before - back) < AGREE * off)] + start + 1)
+    return np.concatenate(found)
 
 
 def _stands_out(x: Signal, found: Index) -> NDArray[np.bool_]:
     """Whether each candidate exceeds the changes and curvatures around it by far."""
     offset = np.concatenate((np.arange(-AROUND, -1), np.arange(2, AROUND + 1)))
     keep = np.zeros(found.size, dtype=bool)
-    for start in range(0, found.size, _BLOCK // 32):
-        block = found[start : start + _BLOCK // 32]
+    for start in range(0, found.size, _BLOCK // 8):
+        block = found[start : start + _BLOCK // 8]
         centre = np.clip(block[:, None] + offset, 1, x.size - 2)
         curvature = np.abs(x[centre - 1] - 2 * x[centre] + x[centre + 1])
         change = np.abs(x[centre + 1] - x[centre])

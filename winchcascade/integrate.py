@@ -1,4 +1,4 @@
-"""Integrals, means and extremes over windows and phases, in blocks that stay in the processor's cache."""
+"""Integrals, means and extremes of signals over windows, in blocks that stay in the processor's cache."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     Stream = Callable[[slice | NDArray[np.intp]], Signal]
 
-BLOCK = 1 << 16
+BLOCK = 1 << 17
 """Samples that are worked on at a time."""
 
 
@@ -41,14 +41,14 @@ def integrals(t: Signal, stream: Stream, windows: Signal) -> Signal:
     ends = at.ravel()
     order = np.argsort(ends, kind="stable")
     whole = np.empty(ends.size)
-    whole[order] = _running(t, stream, ends[order])
+    whole[order] = running(t, stream, ends[order])
     until = whole.reshape(-1, 2) + _within(t, stream, at, windows)
     integral: Signal = until[:, 1] - until[:, 0]
     return integral
 
 
-def _running(t: Signal, stream: Stream, ends: NDArray[np.intp]) -> Signal:
-    """Integral from the first of some samples, in rising order, to each of them."""
+def running(t: Signal, stream: Stream, ends: NDArray[np.intp]) -> Signal:
+    """Integrate a signal from the first of some samples, (k,) in rising order, to each of them, (k,)."""
     steps = np.zeros(ends.size)
     if ends.size == 0:
         return steps
