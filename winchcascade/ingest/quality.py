@@ -14,7 +14,6 @@ from winchcascade.ingest.stuck import find_stuck, motion
 from winchcascade.quantity import find_unit
 from winchcascade.run import Finding
 from winchcascade.smooth import local_quadratic
-from winchcascade.threads import side_by_side
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -61,31 +60,15 @@ def check(t: Signal, channels: dict[str, Signal], rig: Rig, *, simulated: bool, 
         return Checked({}, {}, tuple(findings))
     _derive_velocity(t, channels, findings)
     findings += upright(channels)
-    half = len(channels) // 2
-    first, second = dict(list(channels.items())[:half]), dict(list(channels.items())[half:])
-    for odd in side_by_side(
-        lambda: _odd_samples(t, first, rig, lost, simulated),
-        lambda: _odd_samples(t, second, rig, lost, simulated),
-        samples=t.size,
-    ):
-        findings += odd
+    for name, x in channels.items():
+        findings += _odd_values(t, name, x, rig, simulated)
+        _take_out_spikes(t, name, x, lost, findings)
     if not simulated:
         _take_out_stuck(t, channels, rig, lost, findings, open_circuit)
     gaps = {name: _bridge(t, name, channels, bad) for name, bad in lost.items() if name in channels}
     if "force" in channels and channels["force"].min() < 0:
         findings.append(_at(t, channels["force"] < 0, "slack_line", "force", "samples have a line force below zero"))
     return Checked(channels, gaps, tuple(findings))
-
-
-def _odd_samples(
-    t: Signal, channels: dict[str, Signal], rig: Rig, lost: dict[str, Mask], simulated: bool
-) -> list[Finding]:
-    """Values out of range, which are kept, and spikes, which are lost."""
-    findings: list[Finding] = []
-    for name, x in channels.items():
-        findings += _odd_values(t, name, x, rig, simulated)
-        _take_out_spikes(t, name, x, lost, findings)
-    return findings
 
 
 def _missing(channels: dict[str, Signal], rig: Rig) -> list[Finding]:
