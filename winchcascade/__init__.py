@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from winchcascade.cascade.reduce import Reduction, reduce
     from winchcascade.ingest.read import read_run
-    from winchcascade.rigfile import Rig, load_rig
+    from winchcascade.rigfile import Rig
+    from winchcascade.rigtoml import load_rig
     from winchcascade.run import Finding, Run
 
 __version__ = "0.1.0"
@@ -24,7 +25,7 @@ _HOME = {
     "Reduction": "winchcascade.cascade.reduce",
     "Rig": "winchcascade.rigfile",
     "Run": "winchcascade.run",
-    "load_rig": "winchcascade.rigfile",
+    "load_rig": "winchcascade.rigtoml",
     "read_run": "winchcascade.ingest.read",
     "reduce": "winchcascade.cascade.reduce",
 }

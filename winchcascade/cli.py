@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -88,8 +88,9 @@ def reduce_command(
         window_rule(window)
     if json is not None and json != "-":
         check_replaceable(Path(json), force=force)
-    chosen, load_ohm, rule = _settings(log, rig, load_ohm, window)
-    reduction = reduce(read_run(log, rig=chosen, load=load_ohm), rig=chosen, window=rule)
+    settings = _settings(log, rig, load_ohm, window)
+    run = read_run(log, rig=settings.rig, load=settings.load, load_source=settings.load_source)
+    reduction = reduce(run, rig=settings.rig, window=settings.window)
     if parquet is not None:
         from winchcascade.report.records import write_parquet
 
@@ -106,21 +107,28 @@ def reduce_command(
     print(reduction_text(reduction), end="")
 
 
-def _settings(
-    log: Path, rig: str | None, load_ohm: float | None, window: str | None
-) -> tuple[Rig, float | None, str | float | None]:
-    """Rig, load and window of a log: the options, else the campaign beside it, else the rig's own."""
-    from winchcascade.campaign import campaign_beside
-    from winchcascade.rigfile import DEFAULT_RIG, load_rig
+class _Settings(NamedTuple):
+    rig: Rig
+    load: float | None
+    load_source: str
+    window: str | float | None
 
-    listed = None if None not in (rig, load_ohm, window) else campaign_beside(log)
+
+def _settings(log: Path, rig: str | None, load_ohm: float | None, window: str | None) -> _Settings:
+    """Rig, load and window of a log: the options, else the campaign beside it, else the file's or the rig's own."""
+    from winchcascade.campaign import campaign_beside
+    from winchcascade.rigtoml import DEFAULT_RIG, load_rig
+
     rule: str | float | None = window
+    source = "--load-ohm"
+    listed = None if None not in (rig, load_ohm, window) else campaign_beside(log)
     if listed is not None:
         campaign, run = listed
         rig = rig if rig is not None else campaign.rig
-        load_ohm = load_ohm if load_ohm is not None else run.load
         rule = rule if rule is not None else run.window
-    return load_rig(rig or DEFAULT_RIG), load_ohm, rule
+        if load_ohm is None:
+            load_ohm, source = run.load, campaign.path.name
+    return _Settings(load_rig(rig or DEFAULT_RIG), load_ohm, source, rule)
 
 
 @app.command("rig")
@@ -128,7 +136,7 @@ def rig_command(
     name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="A built-in rig.", show_default=False)] = None,
 ) -> None:
     """Print a built-in rig file, to start one's own from; without a name the paper's."""
-    from winchcascade.rigfile import DEFAULT_RIG, built_in_text
+    from winchcascade.rigtoml import DEFAULT_RIG, built_in_text
 
     print(built_in_text(name or DEFAULT_RIG), end="")
 

@@ -82,7 +82,7 @@ def means(t: Signal, stream: Stream, windows: Signal) -> Signal:
 
 
 def extremes(t: Signal, x: Signal, windows: Signal) -> tuple[Signal, Signal]:
-    """Least and largest sample in each window, both (k,); the next one for a window between two samples."""
+    """Least and largest sample in each of k windows in order of time; the next one for a window between two samples."""
     first = np.minimum(np.searchsorted(t, windows[:, 0], side="left"), t.size - 1)
     last = np.maximum(np.searchsorted(t, windows[:, 1], side="right"), first + 1)
     if first.size == 0:

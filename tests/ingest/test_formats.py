@@ -347,7 +347,7 @@ def test_mat_without_vectors_is_refused(tmp_path: Path) -> None:
 
 def test_mat_that_unpacks_to_more_than_memory_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write_mat(tmp_path / "a.mat", v=V)
-    monkeypatch.setattr("winchcascade.ingest.mat.BYTES_LOADED", 8 * len(V) - 1)
+    monkeypatch.setattr("winchcascade.ingest.mat_tags.BYTES_LOADED", 8 * len(V) - 1)
     assert "GiB" in sentence(lambda: open_mat(path), path)
 
 

@@ -20,7 +20,8 @@ from winchcascade.integrate import integrals
 from winchcascade.order import median
 from winchcascade.phases.detect import Cycle, detect, smoothed_velocity
 from winchcascade.phases.window import Plateau, Window, find_plateau, find_window
-from winchcascade.rigfile import Rig, built_in
+from winchcascade.rigfile import Rig
+from winchcascade.rigtoml import built_in
 from winchcascade.run import Finding
 from winchcascade.threads import side_by_side
 

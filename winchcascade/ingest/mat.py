@@ -1,53 +1,29 @@
-"""MATLAB files: v4 to v7.2 through scipy, v7.3 through h5py, both as one tree in which the columns are then found."""
+"""MATLAB files: columns, units and properties found in the tree of their variables."""
 
 from __future__ import annotations
 
-import struct
-import warnings
-import zlib
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
-from math import prod
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.io import loadmat, whosmat
-from scipy.io.matlab import MatReadWarning, matfile_version
 
 from winchcascade.errors import LogError
+from winchcascade.ingest.mat_tree import read_tree
 from winchcascade.ingest.source import Header, Source, Table
 
 if TYPE_CHECKING:
+    from winchcascade.ingest.mat_tree import Node
     from winchcascade.run import Signal
 
-    Node = float | str | Signal | list["Node"] | dict[str, "Node"]
     Column = Signal | list[str]
-
-BYTES_LOADED = 8 * 2**30
-"""Most that the variables of a file may take as numbers; compressed zeros take a thousandth of that."""
-
-DEPTH = 4
-"""Deepest nesting that is followed: an HDF5 file may hold itself."""
 
 NAMES = ("names", "labels", "channels", "headers", "varnames")
 RATES = ("fs", "sample_rate", "samplerate", "sampling_rate")
 STEPS = ("dt", "ts", "sample_time")
-
-MATRIX, COMPRESSED = 14, 15
-KINDS = frozenset({*range(1, 8), 9, 12, 13, MATRIX, COMPRESSED, 16, 17, 18})
-"""Data types that an element of a v5 file may have."""
-
-LEAVES = range(4, 16)
-SPARSE, OPAQUE = 5, 17
-"""Classes of a v5 matrix that hold numbers or characters and nothing nested; two that have a form of their own."""
-
-SMALL = 10**6
-"""A matrix up to this size may claim more elements than it has bytes: some writers store blank texts so."""
-
-_HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
 def open_mat(path: Path) -> Source:
@@ -59,7 +35,7 @@ def open_mat(path: Path) -> Source:
         the file is damaged, too large, needs h5py that is not installed, or holds nothing like a column
     """
     with _told(path):
-        tree = _read_73(path) if _is_hdf5(path) else _read_72(path)
+        tree = read_tree(path)
     columns = _matrix_columns(tree) or _vectors(tree)
     if not any(isinstance(column, np.ndarray) for column in columns.values()):
         raise LogError(
@@ -89,161 +65,6 @@ def _told(path: Path) -> Iterator[None]:
             f"{path.name}: the file is damaged or breaks off ({type(fault).__name__}); a whole MATLAB file was "
             "expected; copy or save it again."
         ) from fault
-
-
-def _is_hdf5(path: Path) -> bool:
-    """Look for the HDF5 signature, at the start or behind the 512 bytes that MATLAB puts before it."""
-    with path.open("rb") as stream:
-        start = stream.read(512 + len(_HDF5))
-    return start.startswith(_HDF5) or start[512:] == _HDF5 or start.startswith(b"MATLAB 7.3 MAT-file")
-
-
-def _refuse_bomb(path: Path, numbers: int) -> None:
-    if 8 * numbers > BYTES_LOADED:
-        raise LogError(
-            f"{path.name}: its variables take {8 * numbers / 2**30:.0f} GiB; at most {BYTES_LOADED / 2**30:.0f} GiB "
-            "are read; save the channels alone or cut the log into shorter files."
-        )
-
-
-def _read_72(path: Path) -> dict[str, Node]:
-    """Read MATLAB v4 to v7.2."""
-    with warnings.catch_warnings():
-        # scipy turns a variable that breaks off into a warning and a text in its place.
-        warnings.simplefilter("ignore")
-        warnings.simplefilter("error", MatReadWarning)
-        if matfile_version(path)[0] == 1:
-            _check_5(path, path.read_bytes())
-        _refuse_bomb(path, sum(prod(map(int, shape)) for _, shape, _ in whosmat(path)))
-        raw = loadmat(path, simplify_cells=True)
-    return _nodes_72({name: value for name, value in raw.items() if not name.startswith("__")})
-
-
-def _check_5(path: Path, content: bytes) -> None:
-    """Check the structure of a v5 file before scipy trusts it: a wrong tag there ends the whole process."""
-    order = "<" if content[126:128] == b"IM" else ">"
-    for kind, body in _elements(memoryview(content)[128:], order):
-        whole = _inflated(path, body, order) if kind == COMPRESSED else [(kind, body)]
-        for inner_kind, inner in whole:
-            if inner_kind != MATRIX:
-                raise ValueError(f"variable of type {inner_kind}")
-            _check_matrix(inner, order, 0)
-
-
-def _inflated(path: Path, body: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
-    """Unpack a compressed variable, as far as the size goes that it states."""
-    inflate = zlib.decompressobj()
-    head = inflate.decompress(body, 8)
-    _, size = struct.unpack(f"{order}II", head)
-    _refuse_bomb(path, size // 8)
-    return _elements(memoryview(head + inflate.decompress(inflate.unconsumed_tail, size)), order)
-
-
-def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
-    """Yield type and content of the elements that follow one another, each behind a tag of 8 bytes."""
-    at = 0
-    while at < len(data):
-        kind, size = struct.unpack(f"{order}II", data[at : at + 8])
-        start = at + 8
-        if kind >> 16:  # up to 4 bytes stand in the tag itself
-            kind, size, start = kind & 0xFFFF, kind >> 16, at + 4
-        if kind not in KINDS or size > len(data) - start or (start == at + 4 and size > 4):
-            raise ValueError(f"element of type {kind} and {size} bytes")
-        yield kind, data[start : start + size]
-        at = at + 8 if start == at + 4 else start + size + (0 if kind == COMPRESSED else -size % 8)
-
-
-def _check_matrix(body: memoryview, order: str, depth: int) -> None:
-    """Check that a matrix has the parts that its class needs, and no more elements than bytes."""
-    kinds, parts = [], []
-    for kind, part in _elements(body, order):
-        kinds.append(kind)
-        parts.append(part)
-    if not parts:
-        return
-    flags = struct.unpack_from(f"{order}I", parts[0])[0]
-    of_class = flags & 0xFF
-    nested = [part for kind, part in zip(kinds, parts, strict=True) if kind in (MATRIX, COMPRESSED)]
-    needed = 4 + bool(flags & 0x800) + 2 * (of_class == SPARSE) if of_class in LEAVES else 3
-    shaped = kinds[:2] in ([6, 5], [6, 6]) and len(parts[1]) >= 8 and len(parts) >= needed
-    sound = of_class == OPAQUE or (shaped and not (nested and of_class in LEAVES))
-    if not sound or depth > 2 * DEPTH:
-        raise ValueError(f"matrix of class {of_class} with parts {kinds}")
-    elements = 0 if of_class in (SPARSE, OPAQUE) else prod(map(int, np.frombuffer(parts[1], f"{order}i4")))
-    if not 0 <= elements <= max(len(body), SMALL):
-        raise ValueError(f"matrix of {elements} elements in {len(body)} bytes")
-    for part in nested:
-        _check_matrix(part, order, depth + 1)
-
-
-def _nodes_72(items: Mapping[str, Any]) -> dict[str, Node]:
-    nodes = {str(name): _node_72(value) for name, value in items.items()}
-    return {name: node for name, node in nodes.items() if node is not None}
-
-
-def _node_72(value: Any) -> Node | None:
-    """Translate what scipy hands over; None for what no log is made of (sparse, complex, objects)."""
-    if isinstance(value, str):
-        return str(value)
-    if isinstance(value, dict):
-        return _nodes_72(value)
-    if isinstance(value, list):
-        return ["" if node is None else node for node in map(_node_72, value)]
-    array = np.asarray(value)
-    if array.dtype.kind in "OU" and array.ndim == 1:
-        return _node_72(array.tolist())
-    return _numbers(array)
-
-
-def _numbers(array: Any) -> Node | None:
-    """Squeeze an array to a number, a vector or a matrix; None for one that is empty or not real."""
-    if array.dtype.kind not in "biuf" or array.size == 0:
-        return None
-    squeezed: Signal = np.asarray(array.squeeze(), dtype=np.float64)
-    return float(squeezed) if squeezed.ndim == 0 else squeezed
-
-
-def _read_73(path: Path) -> dict[str, Node]:
-    """Read MATLAB v7.3, which is HDF5."""
-    try:
-        import h5py
-    except ImportError as fault:
-        raise LogError(
-            f"{path.name}: a MATLAB v7.3 file was found, which takes h5py to read; h5py is not installed; run "
-            "`pip install winchcascade[mat73]` or save it with `save -v7`."
-        ) from fault
-    with h5py.File(path, "r") as file:
-        sizes: list[int] = []
-        file.visititems(lambda _, item: sizes.append(getattr(item, "size", None) or 0))
-        _refuse_bomb(path, sum(sizes))
-        return _nodes_73(file, file, 0)
-
-
-def _nodes_73(file: Any, group: Any, depth: int) -> dict[str, Node]:
-    """Read a struct; `#refs#` and `#subsystem#` are MATLAB's own."""
-    nodes = {str(name): _node_73(file, group[name], depth + 1) for name in group if not name.startswith("#")}
-    return {name: node for name, node in nodes.items() if node is not None}
-
-
-def _node_73(file: Any, item: Any, depth: int) -> Node | None:
-    """Read one variable; HDF5 holds the dimensions in MATLAB's order turned round."""
-    if depth > DEPTH:
-        return None
-    if not hasattr(item, "dtype"):
-        return _nodes_73(file, item, depth)
-    if item.size is None or item.attrs.get("MATLAB_empty", 0):
-        return None
-    if "ref" in (item.dtype.metadata or {}):  # a cell array
-        cells = [_node_73(file, file[reference], depth + 1) for reference in np.asarray(item).T.ravel()]
-        return ["" if cell is None else cell for cell in cells]
-    array = np.asarray(item).T
-    return _text_73(array) if item.attrs.get("MATLAB_class") == b"char" else _numbers(array)
-
-
-def _text_73(array: Any) -> Node:
-    """Read UTF-16 characters: one text, or one for each row of a matrix."""
-    rows = [row.astype("<u2").tobytes().decode("utf-16-le", "replace").rstrip() for row in np.atleast_2d(array)]
-    return rows[0] if len(rows) == 1 else [*rows]
 
 
 def _texts(node: Node | None) -> list[str]:

@@ -15,7 +15,8 @@ from winchcascade.ingest.clock import Clock, even_clock, read_clock
 from winchcascade.ingest.dialects import Assignment, assign
 from winchcascade.ingest.quality import check
 from winchcascade.order import median
-from winchcascade.rigfile import Rig, built_in
+from winchcascade.rigfile import Rig
+from winchcascade.rigtoml import built_in
 from winchcascade.run import CLOCK, Finding, Run
 
 if TYPE_CHECKING:
@@ -26,7 +27,9 @@ _FEWEST = 10
 """A log with fewer rows than this shows no motion."""
 
 
-def read_run(path: str | Path, *, rig: Rig | None = None, load: float | None = None) -> Run:
+def read_run(
+    path: str | Path, *, rig: Rig | None = None, load: float | None = None, load_source: str = "given"
+) -> Run:
     """Read a log of any known format and check it.
 
     Parameters
@@ -34,6 +37,7 @@ def read_run(path: str | Path, *, rig: Rig | None = None, load: float | None = N
     path : CSV of any dialect, LabVIEW's .lvm, TDMS, MATLAB .mat, Parquet or Excel; told apart by content
     rig : the rig whose sensors and columns are expected; the paper's by default
     load : resistance at the DC link, inf for an open circuit; by default what the file says of itself, else None [ohm]
+    load_source : who says so, for the reports
 
     Raises
     ------
@@ -58,7 +62,8 @@ def read_run(path: str | Path, *, rig: Rig | None = None, load: float | None = N
         )
     clock, time_findings = _clock(source, table, found, rig, samples, path.name)
     channels = _channels(table, found, clock)
-    load, load_source = _load(load, source)
+    if load is None:
+        load, load_source = _load(source)
     checked = check(
         clock.t, channels, rig, simulated=found.simulated, open_circuit=load is not None and load == float("inf")
     )
@@ -131,7 +136,7 @@ def _reader(head: bytes, where: str) -> Callable[[Path], Source]:
         from winchcascade.ingest.excel import open_excel
 
         return open_excel
-    if head.startswith((b"MATLAB ", b"\x89HDF")):
+    if head.startswith((b"MATLAB ", b"\x89HDF")) or _is_mat_v4(head):
         from winchcascade.ingest.mat import open_mat
 
         return open_mat
@@ -143,6 +148,15 @@ def _reader(head: bytes, where: str) -> Callable[[Path], Source]:
     from winchcascade.ingest.delimited import open_delimited
 
     return open_delimited
+
+
+def _is_mat_v4(head: bytes) -> bool:
+    """Tell MATLAB v4, which has no magic bytes; no text has a zero among its first four bytes, but for UTF-16."""
+    if 0 not in head[:4]:
+        return False
+    from winchcascade.ingest.mat_tags import is_v4
+
+    return is_v4(head)
 
 
 _NO_LOGS = {
@@ -224,10 +238,8 @@ def _channels(table: Table, found: Assignment, clock: Clock) -> dict[str, Signal
     return channels
 
 
-def _load(load: float | None, source: Source) -> tuple[float | None, str]:
-    """The load by the caller's word, else by a property of the file; never from Vdc over Idc."""
-    if load is not None:
-        return load, "given"
+def _load(source: Source) -> tuple[float | None, str]:
+    """The load by a property of the file; never from Vdc over Idc. [ohm]"""
     for key, value in source.properties.items():
         if key.strip().casefold() in _LOAD_KEYS:
             ohm = _ohm(value)

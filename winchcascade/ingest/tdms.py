@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import logging
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
 from nptdms import TdmsFile
 from nptdms.log import log_manager
 
 from winchcascade.errors import LogError
+from winchcascade.ingest.align import Waveform, at, common_stamps, shared
 from winchcascade.ingest.source import Header, Source, Table
 from winchcascade.run import Finding
 
@@ -27,30 +27,14 @@ UNIT_PROPERTIES = ("unit_string", "NI_UnitDescription", "Unit", "unit")
 UNSET = np.datetime64("1904-01-02", "us")
 """A start time before this one was never set: LabVIEW counts from 1904 and writes a zero."""
 
-WHOLE = 0.01
-"""A shift that is this close to a whole number of samples is one. [samples]"""
-
-TRIM_TOLD = 1.0
-"""Longest stretch that may be cut from the ends without a finding. [s]"""
-
-
-@dataclass(frozen=True, slots=True)
-class _Clock:
-    """The stamps ``start + k * step`` of a channel. [s]"""
-
-    step: float
-    start: float
-
-
-@dataclass(frozen=True, slots=True)
-class _Column:
+class _Column(msgspec.Struct, frozen=True):
     """One channel as its metadata describe it; the clock is None for a channel that is no waveform of numbers."""
 
     header: Header
     group: str
     channel: str
     length: int
-    clock: _Clock | None
+    clock: Waveform | None
 
 
 def open_tdms(path: Path) -> Source:
@@ -66,7 +50,7 @@ def open_tdms(path: Path) -> Source:
         columns = _columns(groups, tdms.file_status.incomplete_final_segment)
         properties = _properties([tdms.properties, groups[0].properties])
         findings = _truncation(tdms)
-    clock = _shared(column.clock for column in columns)
+    clock = shared(column.clock for column in columns)
     return Source(
         headers=tuple(column.header for column in columns),
         load=partial(_load, path, columns, clock, findings),
@@ -164,14 +148,14 @@ def _start_time(channel: Any) -> Any | None:
     return start if isinstance(start, np.datetime64) and start > UNSET else None
 
 
-def _clock(channel: Any, earliest: Any | None) -> _Clock | None:
+def _clock(channel: Any, earliest: Any | None) -> Waveform | None:
     """Read the clock of a waveform, its stamps counted from the earliest start time of all channels."""
     step = _finite(channel.properties.get("wf_increment"))
     if step <= 0.0 or not _is_numeric(channel):
         return None
     start = _start_time(channel)
     late = 0.0 if start is None else float((start - earliest) / np.timedelta64(1, "us")) / 1e6
-    return _Clock(step, late + _finite(channel.properties.get("wf_start_offset")))
+    return Waveform(step, late + _finite(channel.properties.get("wf_start_offset")))
 
 
 def _finite(value: Any) -> float:
@@ -196,16 +180,10 @@ def _truncation(tdms: Any) -> tuple[Finding, ...]:
     return (Finding("truncated", message, "read up to the last sample that every channel has"),)
 
 
-def _shared(clocks: Iterable[_Clock | None]) -> _Clock | None:
-    """Find the clock of most channels, the finer one of two alike."""
-    counts = Counter(clock for clock in clocks if clock is not None)
-    return max(counts, key=lambda clock: (counts[clock], -clock.step), default=None)
-
-
 def _load(
     path: Path,
     columns: Sequence[_Column],
-    usual: _Clock | None,
+    usual: Waveform | None,
     findings: tuple[Finding, ...],
     wanted: Sequence[int],
     time: int | None,
@@ -220,12 +198,12 @@ def _load(
                 f"{path.name}: the channels {', '.join(empty)} have no samples; as many as in the others were "
                 "expected; copy the file again or leave these channels out of the rig file."
             )
-        reference = _shared(columns[i].clock for i in wanted) if time is None else None
+        reference = shared(columns[i].clock for i in wanted) if time is None else None
         if reference is None:
             return _by_rows(raw, wanted, time, findings)
         clocks = {i: columns[i].clock or reference for i in wanted}
-        t, cut = _common_stamps(path, reference, [(clocks[i], len(raw[i])) for i in wanted])
-        values = {i: _at(t, _numbers(raw[i]), clocks[i], reference.step) for i in wanted}
+        t, cut = common_stamps(path, reference, [(clocks[i], len(raw[i])) for i in wanted])
+        values = {i: at(t, _numbers(raw[i]), clocks[i], reference.step) for i in wanted}
         told = reference == usual and t[0] == reference.start
         return Table(values, stamps=None if told else t, findings=findings + cut)
 
@@ -247,48 +225,6 @@ def _by_rows(raw: Mapping[int, Any], wanted: Sequence[int], time: int | None, fi
     return Table(
         values, stamps=[*map(str, stamps)] if stamps.dtype.kind == "O" else _numbers(stamps), findings=findings
     )
-
-
-def _common_stamps(
-    path: Path, reference: _Clock, tracks: Sequence[tuple[_Clock, int]]
-) -> tuple[Signal, tuple[Finding, ...]]:
-    """Find the stamps of the reference clock at which every channel was sampled, and tell what lies outside. [s]
-
-    Raises
-    ------
-    LogError
-        there is no such stamp
-    """
-    begins = [clock.start for clock, _ in tracks]
-    ends = [clock.start + clock.step * (length - 1) for clock, length in tracks]
-    first = int(np.ceil((max(begins) - reference.start) / reference.step - WHOLE))
-    last = int(np.floor((min(ends) - reference.start) / reference.step + WHOLE))
-    if last < first:
-        raise LogError(
-            f"{path.name}: one channel begins at {max(begins):.3f} s and another ends at {min(ends):.3f} s; channels "
-            "that overlap in time were expected; check their wf_start_time and wf_start_offset."
-        )
-    t = reference.start + reference.step * np.arange(first, last + 1, dtype=np.float64)
-    trimmed = max(ends) - min(begins) - (t[-1] - t[0])
-    if trimmed <= TRIM_TOLD:
-        return t, ()
-    lost = round(trimmed / reference.step)
-    message = (
-        f"the channels begin or end apart: {lost} samples between {min(begins):.3f} and {max(ends):.3f} s are not in "
-        "every one"
-    )
-    action = f"left out what lies outside {t[0]:.3f} to {t[-1]:.3f} s"
-    return t, (Finding("dropped_samples", message, action, count=lost, removed=lost),)
-
-
-def _at(t: Signal, values: Signal, clock: _Clock, step: float) -> Signal:
-    """Take a channel at stamps of another clock: its own samples where they coincide, else interpolated. [s]"""
-    shift = (t[0] - clock.start) / clock.step
-    whole = round(shift)
-    drift = abs(clock.step - step) * len(t) / step
-    if abs(shift - whole) <= WHOLE and drift <= WHOLE:
-        return values[whole : whole + len(t)]
-    return np.interp(t, clock.start + clock.step * np.arange(len(values)), values)
 
 
 def _numbers(samples: Any) -> Signal:

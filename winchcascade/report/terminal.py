@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -13,31 +13,58 @@ if TYPE_CHECKING:
 
 _MOST_CYCLES = 20
 _MOST_FINDINGS = 12
-_HEAD = ("cycle", "onset", "window", "payout", "hold", "haul-in", "travel", "plateau", "E_line", "E_mech", "E_gen",
-         "P_line", "P_mech", "P_gen", "eta_trans", "eta_gen", "eta_pto")  # fmt: skip
-_UNITS = ("", "s", "s", "s", "s", "s", "m", "m/s", "J", "J", "J", "W", "W", "W", "", "", "")
+_RESULTS = (
+    ("cycle", "window", "E_line", "E_mech", "E_gen", "eta_trans", "eta_gen", "eta_pto"),
+    ("", "s", "J", "J", "J", "", "", ""),
+)
+_PHASES = (
+    ("cycle", "onset", "payout", "hold", "haul-in", "travel", "plateau", "P_line", "P_mech", "P_gen"),
+    ("", "s", "s", "s", "s", "m", "m/s", "W", "W", "W"),
+)
 
 
 def reduction_text(reduction: Reduction) -> str:
-    """Cycles, phases, efficiencies, their mean and largest deviation, and the findings, as lines of text."""
+    """Energies and efficiencies of the cycles, their mean and largest deviation, the phases and the findings.
+
+    Mean powers are those of the window; a cycle in brackets is incomplete and not in the mean. At most 80 columns wide
+    for a crane trial.
+    """
     cycles = reduction.cycles
-    shown = cycles if len(cycles) <= _MOST_CYCLES else cycles[: _MOST_CYCLES // 2] + cycles[-_MOST_CYCLES // 2 :]
-    rows = [_HEAD, _UNITS, *(_cycle_row(c) for c in shown)]
-    complete = len(reduction.complete)
-    if complete:
-        rows.append(_row(f"mean of {complete}", reduction.mean, energy=0, power=0, eta=3))
-    if complete > 1:
-        rows.append(_row("largest dev. %", reduction.max_deviation_percent, energy=2, power=2, eta=2))
-    if complete and _total_tells_more(reduction):
-        rows.append(_row("all together", reduction.total, energy=0, power=0, eta=3))
-    lines = [*_title(reduction), "", *_aligned(rows)]
-    if len(shown) < len(cycles):
-        lines.insert(
-            -(len(rows) - 2 - _MOST_CYCLES // 2), f"  ... {len(cycles) - len(shown)} cycles more, all in --json ..."
-        )
+    lines = [*_title(reduction), ""]
     if not cycles:
-        lines = [*_title(reduction), "", "no payout found: the line never pays out at more than the onset speed"]
+        lines += ["no payout found: the line never pays out at more than the onset speed"]
+    else:
+        lines += [*_table(_RESULTS, cycles, _result_row, _summary_rows(reduction)), ""]
+        lines += _table(_PHASES, cycles, _phase_row, [])
     return "\n".join([*lines, "", *_findings(reduction)]) + "\n"
+
+
+def _table(
+    head: tuple[tuple[str, ...], ...],
+    cycles: Sequence[CycleResult],
+    row: Callable[[CycleResult], tuple[str, ...]],
+    below: Sequence[tuple[str, ...]],
+) -> list[str]:
+    """A table of cycles under a head of two lines; of many cycles the first and the last."""
+    few = len(cycles) <= _MOST_CYCLES
+    half = _MOST_CYCLES // 2
+    shown = cycles if few else [*cycles[:half], *cycles[-half:]]
+    lines = _aligned([*head, *(row(c) for c in shown), *below])
+    if not few:
+        lines.insert(len(head) + half, f"... {len(cycles) - _MOST_CYCLES} cycles more, all in --json and --parquet ...")
+    return lines
+
+
+def _summary_rows(reduction: Reduction) -> list[tuple[str, ...]]:
+    complete = len(reduction.complete)
+    rows = []
+    if complete:
+        rows.append(_metrics_row(f"mean of {complete}", "", reduction.mean, energy=0, eta=3))
+    if complete > 1:
+        rows.append(_metrics_row("largest dev. %", "", reduction.max_deviation_percent, energy=2, eta=2))
+    if complete > 1 and reduction.window == "payout":  # windows differ in length, so sums tell what a mean does not
+        rows.append(_metrics_row("all together", "", reduction.total, energy=0, eta=3))
+    return rows
 
 
 def _title(reduction: Reduction) -> list[str]:
@@ -46,13 +73,15 @@ def _title(reduction: Reduction) -> list[str]:
     kind = "simulated log, " if run.simulated else ""
     first = f"{_plain(run.name)}: {kind}{run.samples} samples at {run.fs:.6g} Hz, {_duration(seconds)}"
     window = reduction.window if isinstance(reduction.window, str) else f"{reduction.window:g} s from the onset"
-    return [first, f"load {_load(run.load, run.load_source)}; rig {_plain(rig.name)}; window {window}"]
+    parts = [_load(reduction), f"rig {_plain(rig.name)}", f"window {window}"]
+    return [first, "; ".join(part for part in parts if part), *([f"rig note: {_plain(rig.note)}"] if rig.note else [])]
 
 
-def _load(load: float | None, source: str) -> str:
-    if load is None:
-        return "unknown (--load-ohm tells it)" if source == "unknown" else source
-    return f"{'open circuit' if math.isinf(load) else f'{load:g} ohm'} ({_plain(source)})"
+def _load(reduction: Reduction) -> str:
+    run = reduction.run
+    if run.load is None:
+        return "load unknown (--load-ohm tells it)" if "vdc" in run.channels else ""
+    return f"{'open circuit' if math.isinf(run.load) else f'load {run.load:g} ohm'} ({_plain(run.load_source)})"
 
 
 def _duration(seconds: float) -> str:
@@ -66,39 +95,40 @@ def _plain(text: str) -> str:
     return "".join(c if c.isprintable() else "?" for c in text)
 
 
-def _cycle_row(cycle: CycleResult) -> tuple[str, ...]:
-    payout, hold, haul_in = cycle.summary.payout, cycle.summary.hold, cycle.summary.haul_in
-    flat = payout.plateau
-    row = _row(f"{cycle.cycle}" if cycle.complete else f"({cycle.cycle})", cycle.metrics, energy=0, power=0, eta=3)
+def _label(cycle: CycleResult) -> str:
+    return f"{cycle.cycle}" if cycle.complete else f"({cycle.cycle})"
+
+
+def _result_row(cycle: CycleResult) -> tuple[str, ...]:
+    window = f"{cycle.window.cutoff - cycle.window.onset:.2f}"
+    return _metrics_row(_label(cycle), window, cycle.metrics, energy=0, eta=3)
+
+
+def _metrics_row(name: str, window: str, m: Metrics, *, energy: int, eta: int) -> tuple[str, ...]:
     return (
-        row[0],
+        name,
+        window,
+        *(_number(value, energy) for value in (m.energy_line, m.energy_mech, m.energy_gen)),
+        *(_number(value, eta) for value in (m.eta_trans, m.eta_gen, m.eta_pto)),
+    )
+
+
+def _phase_row(cycle: CycleResult) -> tuple[str, ...]:
+    payout, hold, haul_in = cycle.summary.payout, cycle.summary.hold, cycle.summary.haul_in
+    return (
+        _label(cycle),
         f"{cycle.window.onset:.2f}",
-        f"{cycle.window.cutoff - cycle.window.onset:.2f}",
         f"{payout.duration:.2f}",
         _number(None if hold is None else hold.duration, 2),
         _number(None if haul_in is None else haul_in.duration, 2),
         f"{payout.travel:.2f}",
-        _number(None if flat is None else flat.speed, 3),
-        *row[8:],
+        _number(None if payout.plateau is None else payout.plateau.speed, 3),
+        *(_number(p, 0) for p in (cycle.metrics.power_line, cycle.metrics.power_mech, cycle.metrics.power_gen)),
     )
-
-
-def _row(name: str, m: Metrics, *, energy: int, power: int, eta: int) -> tuple[str, ...]:
-    return (
-        name, *[""] * 7,
-        _number(m.energy_line, energy), _number(m.energy_mech, energy), _number(m.energy_gen, energy),
-        _number(m.power_line, power), _number(m.power_mech, power), _number(m.power_gen, power),
-        _number(m.eta_trans, eta), _number(m.eta_gen, eta), _number(m.eta_pto, eta),
-    )  # fmt: skip
 
 
 def _number(value: float | None, digits: int) -> str:
     return "-" if value is None else f"{value:.{digits}f}"
-
-
-def _total_tells_more(reduction: Reduction) -> bool:
-    """Windows that follow the payout differ in length, so sums say what a mean of unlike cycles does not."""
-    return reduction.window == "payout" and len(reduction.complete) > 1
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:

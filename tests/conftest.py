@@ -1,0 +1,21 @@
+"""What the tests share: the shipped fixtures, and the data beside the project, which users do not have."""
+
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+
+
+@pytest.fixture
+def fixtures() -> Path:
+    return ROOT / "fixtures"
+
+
+@pytest.fixture
+def shared() -> Path:
+    """Data beside the project; a test that needs it is skipped where it is absent."""
+    folder = ROOT.parent / "shared" / "data"
+    if not folder.is_dir():
+        pytest.skip("needs ../shared/data, which only the project's own machines have")
+    return folder

@@ -1,0 +1,57 @@
+import math
+from pathlib import Path
+
+import pytest
+
+from winchcascade.campaign import campaign_beside, load_campaign
+from winchcascade.errors import CampaignError
+
+
+def test_the_shipped_campaign_has_an_open_circuit_and_six_loads(fixtures: Path) -> None:
+    campaign = load_campaign(fixtures / "campaign")
+    assert [run.load for run in campaign.runs] == [math.inf, 45.0, 36.0, 27.0, 18.0, 9.0, 4.5]
+    assert [run.window for run in campaign.runs] == [None, 5.48, 5.48, 5.96, 5.96, 5.96, 5.96]
+    assert all(run.file.is_file() for run in campaign.runs)
+
+
+def test_a_log_finds_the_campaign_that_lists_it(fixtures: Path) -> None:
+    found = campaign_beside(fixtures / "campaign" / "r9ohm.csv")
+    assert found is not None
+    assert found[1].load == 9.0
+
+
+def test_a_log_that_no_campaign_lists_stands_alone(tmp_path: Path) -> None:
+    (tmp_path / "campaign.toml").write_text('[[run]]\nfile = "other.csv"\n')
+    assert campaign_beside(tmp_path / "log.csv") is None
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("[[run]\n", "not a valid TOML file"),
+        ('title = "x"\n', "no runs"),
+        ("run = 3\n", "no runs"),
+        ("colour = 1\n[[run]]\nfile = 'a'\n", "colour is no entry of a campaign"),
+        ("rig = 3\n[[run]]\nfile = 'a'\n", "title and rig are texts"),
+        ("[[run]]\nload_ohm = 3.0\n", "run 1: file is None"),
+        ("[[run]]\nfile = 'a'\nload = 3.0\n", "run 1: load is no entry of a run"),
+        ("[[run]]\nfile = 'a'\nload_ohm = -3.0\n", "run 1: load_ohm is -3.0; expected a number of ohms above 0"),
+        ("[[run]]\nfile = 'a'\nload_ohm = nan\n", "run 1: load_ohm is nan"),
+        ("[[run]]\nfile = 'a'\nload_ohm = true\n", "run 1: load_ohm is True"),
+        ("[[run]]\nfile = 'a'\nwindow_s = inf\n", "run 1: window_s is inf"),
+        ("[[run]]\nfile = 'a'\n[[run]]\nfile = 'b'\ncycles = [3, 1]\n", "run 2: cycles is [3, 1]"),
+        ("[[run]]\nfile = 'a'\nwithheld = 'no'\n", "run 1: withheld is 'no'"),
+    ],
+)
+def test_a_wrong_entry_is_one_sentence_with_its_place(tmp_path: Path, text: str, says: str) -> None:
+    path = tmp_path / "campaign.toml"
+    path.write_text(text)
+    with pytest.raises(CampaignError) as fault:
+        load_campaign(path)
+    assert says in str(fault.value)
+    assert str(path) in str(fault.value)
+
+
+def test_a_campaign_that_is_not_there_is_told(tmp_path: Path) -> None:
+    with pytest.raises(CampaignError, match="cannot be read"):
+        load_campaign(tmp_path)

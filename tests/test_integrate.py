@@ -1,0 +1,57 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from winchcascade import integrate
+from winchcascade.integrate import extremes, integrals, means, running
+
+EXACT = 1e-9
+
+
+def by_hand(t: np.ndarray, x: np.ndarray, begin: float, end: float) -> float:
+    inside = (t > begin) & (t < end)
+    nodes = np.concatenate(([begin], t[inside], [end]))
+    return float(np.trapezoid(np.interp(nodes, t, x), nodes))
+
+
+@given(st.integers(2, 80), st.integers(0, 2**32 - 1), st.integers(1, 6))
+def test_integrals_are_trapezoids_with_interpolated_ends(n: int, seed: int, k: int) -> None:
+    rng = np.random.default_rng(seed)
+    t = np.cumsum(rng.uniform(0.01, 0.2, n))
+    x = rng.normal(size=n)
+    windows = np.sort(rng.uniform(t[0], t[-1], (k, 2)), axis=1)
+    expected = [by_hand(t, x, *w) for w in windows]
+    assert integrals(t, x.__getitem__, windows) == pytest.approx(expected, abs=EXACT)
+
+
+def test_windows_that_end_on_samples_or_at_the_ends_of_the_log_are_whole() -> None:
+    t, x = np.arange(10.0), np.arange(10.0) ** 2
+    windows = np.array([[0.0, 9.0], [3.0, 4.0], [8.5, 9.0], [2.0, 2.0]])
+    assert integrals(t, x.__getitem__, windows) == pytest.approx([by_hand(t, x, *w) for w in windows])
+
+
+def test_blocks_do_not_show(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(3)
+    t, x = np.arange(1000.0), rng.normal(size=1000)
+    windows = np.sort(rng.uniform(0, 999, (40, 2)), axis=1)
+    whole = integrals(t, x.__getitem__, windows)
+    monkeypatch.setattr(integrate, "BLOCK", 64)
+    assert integrals(t, x.__getitem__, windows) == pytest.approx(whole, abs=EXACT)
+
+
+def test_a_running_integral_begins_at_nothing() -> None:
+    t, x = np.arange(5.0), np.ones(5)
+    assert running(t, x.__getitem__, np.array([1, 1, 3, 4])).tolist() == [0.0, 0.0, 2.0, 3.0]
+
+
+def test_a_mean_over_no_time_is_not_a_number() -> None:
+    t = np.arange(5.0)
+    assert np.isnan(means(t, t.__getitem__, np.array([[2.0, 2.0]])))[0]
+
+
+def test_extremes_are_those_of_the_samples_inside() -> None:
+    t, x = np.arange(6.0), np.array([9.0, 1.0, 5.0, 2.0, -4.0, 8.0])
+    least, largest = extremes(t, x, np.array([[0.5, 2.1], [2.2, 2.4], [4.0, 5.0]]))
+    assert least.tolist() == [1.0, 2.0, -4.0]
+    assert largest.tolist() == [5.0, 2.0, 8.0]

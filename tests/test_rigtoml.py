@@ -1,0 +1,135 @@
+import pytest
+
+from winchcascade.errors import RigError
+from winchcascade.rigtoml import BUILT_IN, built_in, built_in_text, load_rig, parse_rig
+
+MINIMAL = 'name = "mine"\n'
+
+
+@pytest.mark.parametrize(
+    ("section", "entry", "si", "tolerance"),
+    [
+        ("winch", "r_drum", 0.13, None),
+        ("winch", "inertia", 0.3, None),
+        ("restoring", "lead", 0.01, None),
+        ("restoring", "area_piston", 7850e-6, 0.002 * 7850e-6),
+        ("restoring", "p_precharge", 20.5 * 98066.5, 0.001 * 20.5 * 98066.5),
+        ("restoring", "volume_gas", 4e-3, 0.003 * 4e-3),
+        ("restoring", "mu_screw", 0.04, 0.0005),
+        ("drivetrain", "gear_ratio", 50.0, None),
+        ("drivetrain", "eta_mesh", 0.95, 0.002),
+        ("drivetrain", "b_rotor", 7.5e-4, 7.5e-6),
+        ("drivetrain", "inertia_rotor", 6260e-7, None),
+        ("generator", "k_e", 0.062, 0.001 * 0.062),
+        ("generator", "r_s", 0.61, 0.005 * 0.61),
+        ("generator", "l_s", 3.35e-3, 0.007 * 3.35e-3),
+        ("dc_link", "c_dc", 2.2e-3, 2.2e-4),
+    ],
+)
+def test_a_number_of_the_papers_rig_is_in_si_units_with_its_tolerance(
+    section: str, entry: str, si: float, tolerance: float | None
+) -> None:
+    quantity = getattr(getattr(built_in("hsu2026"), section), entry)
+    assert quantity.value == pytest.approx(si, rel=1e-12)
+    assert quantity.tolerance == (None if tolerance is None else pytest.approx(tolerance, rel=1e-9))
+    assert quantity.source
+
+
+@pytest.mark.parametrize(
+    ("sensor", "field", "si"),
+    [
+        ("force", "high", 2000 * 9.80665),
+        ("force", "resolution", 0.2 * 9.80665),
+        ("force", "accuracy_full_scale", 0.002),
+        ("force", "u_zero", 2.0),
+        ("torque", "high", 500.0),
+        ("pressure", "high", 20e6),
+        ("pressure", "u_zero", 0.03 * 98066.5),
+        ("idc", "u_zero", 0.005),
+    ],
+)
+def test_a_sensor_of_table_1_is_in_si_units(sensor: str, field: str, si: float) -> None:
+    assert getattr(built_in("hsu2026").sensors[sensor], field) == pytest.approx(si, rel=1e-3)
+
+
+def test_one_metre_a_second_turns_the_generator_at_3673_rpm() -> None:
+    assert built_in("hsu2026").rpm_per_velocity == pytest.approx(50 / 0.13 * 30 / 3.141592653589793)
+
+
+def test_the_field_winch_has_no_drum_radius_and_says_so() -> None:
+    rig = built_in("kitepower")
+    assert rig.r_drum is None
+    assert rig.rpm_per_velocity is None
+    assert "drum radius not published" in rig.note
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_a_built_in_rig_can_be_written_out_and_read_back(name: str, tmp_path) -> None:  # type: ignore[no-untyped-def]
+    path = tmp_path / "my rig.toml"
+    path.write_text(built_in_text(name), encoding="utf-8")
+    assert load_rig(path).winch == built_in(name).winch
+
+
+def test_a_rig_based_on_another_says_only_what_differs() -> None:
+    rig = parse_rig(
+        'based_on = "hsu2026"\nname = "mine"\n[winch]\nr_drum = { value = 200, unit = "mm" }\n'
+        '[columns]\nforce = { name = "LC1", unit = "kN" }\nvelocity = "enc"\n[thresholds]\nsettle = 1\nwindow = 5.48\n',
+        "mine.toml",
+    )
+    assert rig.r_drum == 0.2
+    assert rig.drivetrain == built_in().drivetrain
+    assert rig.columns["force"].name == "LC1"
+    assert rig.columns["velocity"].unit is None
+    assert rig.thresholds.settle == 1.0
+    assert rig.thresholds.window == "5.48"
+
+
+def test_a_sensor_of_a_rig_based_on_another_keeps_nothing_of_the_old_one() -> None:
+    rig = parse_rig('based_on = "hsu2026"\n[sensors.force]\nunit = "N"\nhigh = 5000\n', "mine.toml")
+    assert rig.sensors["force"].high == 5000.0
+    assert rig.sensors["force"].resolution is None
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("name = ", "not a valid TOML file"),
+        ('title = "x"\n', "the entry name is missing"),
+        (MINIMAL + "colour = 1\n", "colour is no entry of a rig file"),
+        (MINIMAL + "winch = 3\n", "winch is 3; expected a table"),
+        (MINIMAL + "[winch]\nr_drumm = 0.13\n", "[winch] r_drumm is no entry"),
+        (MINIMAL + "[winch]\nr_drum = 0.13\n", "expected { value = ..., unit ="),
+        (MINIMAL + '[winch]\nr_drum = { value = "a", unit = "m" }\n', "[winch] r_drum value: expected `float`, got `str`"),
+        (MINIMAL + '[winch]\nr_drum = { value = 1, unit = "kg" }\n', "the unit 'kg' is none of length"),
+        (MINIMAL + '[winch]\nr_drum = { value = -1, unit = "m" }\n', "expected a number above 0"),
+        (MINIMAL + '[winch]\nr_drum = { value = nan, unit = "m" }\n', "expected a finite number"),
+        (MINIMAL + '[winch]\nr_drum = { value = 1, unit = "m", sorce = "x" }\n', "unknown field `sorce`"),
+        (MINIMAL + '[drivetrain]\neta_mesh = { value = 1.2, unit = "1" }\n', "expected a share between 0 and 1"),
+        (MINIMAL + '[drivetrain]\none_way_clutch = "yes"\n', "expected `bool`"),
+        (MINIMAL + '[sensors.weight]\nunit = "N"\n', "[sensors.weight] is no channel"),
+        (MINIMAL + '[sensors.force]\nunit = "bar"\n', "'bar' is none of force"),
+        (MINIMAL + '[sensors.force]\nunit = "N"\nlow = 3\nhigh = 2\n', "low 3 is not below high 2"),
+        (MINIMAL + "[sensors.force]\nhigh = 2\n", "missing required field `unit`"),
+        (MINIMAL + '[columns]\nwind = "w"\n', "[columns] wind is no channel"),
+        (MINIMAL + '[columns]\nforce = { name = "F", unit = "V" }\n', "'V' is none of force"),
+        (MINIMAL + "[thresholds]\nwindow = 0\n", "[thresholds] window is 0"),
+        (MINIMAL + '[thresholds]\nwindow = "soon"\n', "[thresholds] window is 'soon'"),
+        (MINIMAL + "[thresholds]\nonset = 1\n", "[thresholds] onset is no entry"),
+        (MINIMAL + "[thresholds]\nv_onset = inf\n", "expected a finite number"),
+        (MINIMAL + "[log]\nsample_rate_hz = 0\n", "expected a number above 0"),
+        (MINIMAL + "[log]\nrate = 25\n", "[log] rate is no entry"),
+        ('based_on = "other"\n', "based_on = 'other' is no built-in rig"),
+    ],
+)
+def test_a_wrong_entry_is_one_sentence_with_its_place(text: str, says: str) -> None:
+    with pytest.raises(RigError) as fault:
+        parse_rig(text, "mine.toml")
+    message = str(fault.value)
+    assert message.startswith("mine.toml: ")
+    assert says in message
+    assert "\n" not in message
+
+
+def test_a_name_that_is_no_rig_is_told_with_those_there_are() -> None:
+    with pytest.raises(RigError, match="no such file and no built-in rig of that name; give a rig file or one of hsu2026"):
+        load_rig("hsu2025")

@@ -1,0 +1,31 @@
+"""What `reduce` of a plain log must not import: each of these takes longer than the reduction."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SLOW = ("pandas", "scipy", "matplotlib", "pint", "numpy.ma", "pyarrow.compute", "pyarrow.parquet", "rich", "nptdms", "h5py")
+
+
+def modules_after(arguments: list[str]) -> set[str]:
+    """Modules that a command line leaves imported, seen in a process of its own."""
+    code = (
+        "import sys\n"
+        "from winchcascade.cli import main\n"
+        "try:\n    main()\nexcept SystemExit:\n    pass\n"
+        "sys.stderr.write('\\nMODULES ' + ' '.join(sys.modules))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
+    return set(done.stderr.split("MODULES ")[1].split())
+
+
+@pytest.mark.parametrize("json", [[], ["--json", "-"]], ids=["table", "json"])
+def test_reduce_of_a_csv_log_imports_nothing_slow(fixtures: Path, json: list[str]) -> None:
+    loaded = modules_after(["reduce", str(fixtures / "campaign" / "r36ohm.csv"), *json])
+    assert not {name for name in SLOW if name in loaded}
+
+
+def test_help_imports_no_arrays() -> None:
+    assert not {"numpy", "pyarrow"} & modules_after(["--help"])

@@ -1,0 +1,78 @@
+"""Waveforms that were sampled apart, brought onto the clock of one of them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from winchcascade.errors import LogError
+from winchcascade.run import Finding
+
+if TYPE_CHECKING:
+    from winchcascade.run import Signal
+
+WHOLE = 0.01
+"""A shift that is this close to a whole number of samples is one. [samples]"""
+
+TRIM_TOLD = 1.0
+"""Longest stretch that may be cut from the ends without a finding. [s]"""
+
+
+class Waveform(msgspec.Struct, frozen=True):
+    """The stamps ``start + k * step`` of a channel. [s]"""
+
+    step: float
+    start: float
+
+
+def shared(clocks: Iterable[Waveform | None]) -> Waveform | None:
+    """Find the clock of most channels, the finer one of two alike."""
+    counts = Counter(clock for clock in clocks if clock is not None)
+    return max(counts, key=lambda clock: (counts[clock], -clock.step), default=None)
+
+
+def common_stamps(
+    path: Path, reference: Waveform, tracks: Sequence[tuple[Waveform, int]]
+) -> tuple[Signal, tuple[Finding, ...]]:
+    """Find the stamps of the reference clock at which every channel was sampled, and tell what lies outside. [s]
+
+    Raises
+    ------
+    LogError
+        there is no such stamp
+    """
+    begins = [clock.start for clock, _ in tracks]
+    ends = [clock.start + clock.step * (length - 1) for clock, length in tracks]
+    first = int(np.ceil((max(begins) - reference.start) / reference.step - WHOLE))
+    last = int(np.floor((min(ends) - reference.start) / reference.step + WHOLE))
+    if last < first:
+        raise LogError(
+            f"{path.name}: one channel begins at {max(begins):.3f} s and another ends at {min(ends):.3f} s; channels "
+            "that overlap in time were expected; check their wf_start_time and wf_start_offset."
+        )
+    t = reference.start + reference.step * np.arange(first, last + 1, dtype=np.float64)
+    trimmed = max(ends) - min(begins) - (t[-1] - t[0])
+    if trimmed <= TRIM_TOLD:
+        return t, ()
+    lost = round(trimmed / reference.step)
+    message = (
+        f"the channels begin or end apart: {lost} samples between {min(begins):.3f} and {max(ends):.3f} s are not in "
+        "every one"
+    )
+    action = f"left out what lies outside {t[0]:.3f} to {t[-1]:.3f} s"
+    return t, (Finding("dropped_samples", message, action, count=lost, removed=lost),)
+
+
+def at(t: Signal, values: Signal, clock: Waveform, step: float) -> Signal:
+    """Take a channel at stamps of another clock: its own samples where they coincide, else interpolated. [s]"""
+    shift = (t[0] - clock.start) / clock.step
+    whole = round(shift)
+    drift = abs(clock.step - step) * len(t) / step
+    if abs(shift - whole) <= WHOLE and drift <= WHOLE:
+        return values[whole : whole + len(t)]
+    return np.interp(t, clock.start + clock.step * np.arange(len(values)), values)

@@ -1,0 +1,111 @@
+"""The table in a sheet of a workbook: its row of names, its row of units, and what its cells hold."""
+
+from __future__ import annotations
+
+import datetime as dt
+import re
+from collections.abc import Sequence
+
+import msgspec
+
+from winchcascade.ingest.source import Header
+from winchcascade.quantity import find_unit
+
+Cell = int | float | str | bool | dt.time | dt.date | dt.datetime | dt.timedelta
+Row = Sequence[Cell]
+
+ROWS_SEARCHED = 200
+ROWS_LOOKED_AT = 20
+"""Rows at the top in which the names may stand, and rows below them that tell numbers from prose."""
+
+_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
+
+
+class Layout(msgspec.Struct, frozen=True):
+    """Where the table of a sheet lies: its names, their units, its first row, how many names stand over data."""
+
+    columns: tuple[int, ...]
+    headers: tuple[Header, ...]
+    first: int
+    share: int
+
+
+def find_table(rows: Sequence[Row]) -> Layout | None:
+    """Find the row of names by its content: right above data, with the most names that stand over numbers or stamps."""
+    best: Layout | None = None
+    for k in range(min(len(rows), ROWS_SEARCHED)):
+        units = k + 1 < len(rows) and _is_units(rows[k + 1])
+        first = next((n for n in range(k + 1 + units, len(rows)) if any(cell != "" for cell in rows[n])), len(rows))
+        columns = tuple(j for j, cell in enumerate(rows[k]) if is_name(cell))
+        share = sum(_holds_data(rows[first : first + ROWS_LOOKED_AT], j) for j in columns)
+        if share > (best.share if best else 0) and any(_is_datum(cell) for cell in rows[first]):
+            headers = tuple(Header(str(rows[k][j]).strip(), _unit(rows[k + 1][j]) if units else None) for j in columns)
+            best = Layout(columns, headers, first, share)
+    return best
+
+
+def is_name(cell: Cell) -> bool:
+    """Tell a text that is no number."""
+    return isinstance(cell, str) and bool(cell.strip()) and _NUMBER.fullmatch(cell.strip()) is None
+
+
+def _is_units(row: Row) -> bool:
+    """Tell a row of units: nothing but texts, at least half of them known units."""
+    filled = [cell for cell in row if cell != ""]
+    texts = [cell for cell in filled if isinstance(cell, str)]
+    known = sum(find_unit(_unit(text) or "") is not None for text in texts)
+    return bool(filled) and len(texts) == len(filled) and 2 * known >= len(filled)
+
+
+def _unit(cell: Cell) -> str | None:
+    """Strip the brackets around a unit; None for an empty cell."""
+    text = str(cell).strip()
+    inner = re.fullmatch(r"\[(.*)\]|\((.*)\)", text)
+    return (inner[1] or inner[2] or "" if inner else text).strip() or None
+
+
+def _holds_data(rows: Sequence[Row], j: int) -> bool:
+    """Tell a column of numbers or stamps: at least half of what is filled below the name, and something is."""
+    filled = [row[j] for row in rows if row[j] != ""]
+    return 0 < len(filled) <= 2 * sum(_is_datum(cell) for cell in filled)
+
+
+def _is_datum(cell: Cell) -> bool:
+    """Tell a number or a stamp, also one written as text such as 2026-03-01 10:00:00,040."""
+    if not isinstance(cell, str):
+        return True
+    return cell.strip() != "" and (not is_name(cell) or re.search(r"\d[:/.\-]\d", cell) is not None)
+
+
+def without_empty_end(rows: list[Row], layout: Layout) -> list[Row]:
+    """Drop the rows below the table that have nothing in any named column."""
+    end = len(rows)
+    while end > layout.first and all(rows[end - 1][j] == "" for j in layout.columns):
+        end -= 1
+    return rows[:end]
+
+
+def number(cell: Cell) -> float:
+    """Read a cell as a number, decimal comma included; NaN for anything else."""
+    if isinstance(cell, int | float):
+        return float(cell)
+    if not isinstance(cell, str):
+        return float("nan")
+    text = cell.strip()
+    if "," in text and "." in text:
+        text = text.replace(min(",.", key=text.find), "")  # the sign that comes first parts thousands
+    return float(text.replace(",", ".")) if _NUMBER.fullmatch(text) else float("nan")
+
+
+def seconds(cell: Cell) -> float:
+    """Read a cell as seconds on the calendar of spreadsheets; NaN for one that is no time. [s]"""
+    if isinstance(cell, dt.timedelta):
+        return cell.total_seconds()
+    if isinstance(cell, dt.time):
+        return (dt.datetime.combine(dt.date.min, cell) - dt.datetime.min).total_seconds()
+    if not isinstance(cell, dt.date):
+        return float("nan")
+    moment = cell if isinstance(cell, dt.datetime) else dt.datetime.combine(cell, dt.time())
+    # Day 60 of that calendar is a 29 February 1900 that never was: a duration of more than a day lies before it.
+    zero = dt.datetime(1899, 12, 31) if moment < dt.datetime(1900, 3, 1) else dt.datetime(1899, 12, 30)
+    return (moment - zero).total_seconds()
