@@ -99,7 +99,10 @@ def test_a_sensor_of_a_rig_based_on_another_keeps_nothing_of_the_old_one() -> No
         (MINIMAL + "winch = 3\n", "winch is 3; expected a table"),
         (MINIMAL + "[winch]\nr_drumm = 0.13\n", "[winch] r_drumm is no entry"),
         (MINIMAL + "[winch]\nr_drum = 0.13\n", "expected { value = ..., unit ="),
-        (MINIMAL + '[winch]\nr_drum = { value = "a", unit = "m" }\n', "[winch] r_drum value: expected `float`, got `str`"),
+        (
+            MINIMAL + '[winch]\nr_drum = { value = "a", unit = "m" }\n',
+            "[winch] r_drum value: expected `float`, got `str`",
+        ),
         (MINIMAL + '[winch]\nr_drum = { value = 1, unit = "kg" }\n', "the unit 'kg' is none of length"),
         (MINIMAL + '[winch]\nr_drum = { value = -1, unit = "m" }\n', "expected a number above 0"),
         (MINIMAL + '[winch]\nr_drum = { value = nan, unit = "m" }\n', "expected a finite number"),
@@ -131,5 +134,7 @@ def test_a_wrong_entry_is_one_sentence_with_its_place(text: str, says: str) -> N
 
 
 def test_a_name_that_is_no_rig_is_told_with_those_there_are() -> None:
-    with pytest.raises(RigError, match="no such file and no built-in rig of that name; give a rig file or one of hsu2026"):
+    with pytest.raises(
+        RigError, match="no such file and no built-in rig of that name; give a rig file or one of hsu2026"
+    ):
         load_rig("hsu2025")

@@ -6,7 +6,18 @@ from pathlib import Path
 
 import pytest
 
-SLOW = ("pandas", "scipy", "matplotlib", "pint", "numpy.ma", "pyarrow.compute", "pyarrow.parquet", "rich", "nptdms", "h5py")
+SLOW = (
+    "pandas",
+    "scipy",
+    "matplotlib",
+    "pint",
+    "numpy.ma",
+    "pyarrow.compute",
+    "pyarrow.parquet",
+    "rich",
+    "nptdms",
+    "h5py",
+)
 
 
 def modules_after(arguments: list[str]) -> set[str]:

@@ -21,13 +21,16 @@ from hypothesis import strategies as st
 from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
 from scipy.io import savemat
 
+from winchcascade import read_run, reduce
 from winchcascade.errors import LogError
 from winchcascade.ingest import parquet
 from winchcascade.ingest.excel import open_excel
 from winchcascade.ingest.mat import open_mat
+from winchcascade.ingest.mat_tags import is_v4
 from winchcascade.ingest.parquet import open_parquet
 from winchcascade.ingest.source import Source, Table
 from winchcascade.ingest.tdms import open_tdms
+from winchcascade.run import Run
 
 H = 0.04
 T = H * np.arange(500)
@@ -203,24 +206,85 @@ def test_tdms_text_time_channel_is_handed_over_as_texts(tmp_path: Path) -> None:
     assert open_tdms(path).load([1], 0).stamps == texts
 
 
-def test_tdms_group_with_the_most_numeric_channels_is_read(tmp_path: Path) -> None:
-    path = write_tdms(
-        tmp_path / "a.tdms", wave("note", T, group="Log"), wave("v", V, group="Crane"), wave("p", P, group="Crane")
-    )
-    assert names(open_tdms(path)) == ["v", "p"]
-
-
-def test_tdms_groups_that_name_channels_alike_are_told_apart(tmp_path: Path) -> None:
+def test_tdms_groups_with_other_channels_are_one_log_the_largest_first(tmp_path: Path) -> None:
     path = write_tdms(
         tmp_path / "a.tdms",
-        GroupObject("Raw"),
-        GroupObject("Filtered"),
-        wave("v", V, group="Raw"),
-        wave("v", P, group="Filtered"),
+        GroupObject("Electrical", {"operator": "of the converter", "converter": "B6"}),
+        GroupObject("Motion", {"operator": "of the crane"}),
+        wave("vdc", T[5:], group="Electrical", wf_start_offset=5 * H),
+        wave("v", V, group="Motion"),
+        wave("x", T, group="Motion"),
+        ChannelObject("Notes", "remark", ["a", "b"]),
     )
     source = open_tdms(path)
-    assert names(source) == ["Raw/v", "Filtered/v"]
-    np.testing.assert_array_equal(source.load([1], None).values[1], P)
+    table = source.load([1, 2], None)
+    assert names(source) == ["v", "x", "vdc"]
+    assert source.properties == {"operator": "of the crane", "converter": "B6"}
+    np.testing.assert_array_equal(table.values[1], table.values[2])
+    assert table.findings == ()
+
+
+def test_tdms_second_recording_of_the_same_channels_is_told_and_not_read(tmp_path: Path) -> None:
+    groups = {"Run 1": V, "Run 2": P, "Run 3": T}
+    channels = [wave(name, values, group=group) for group, values in groups.items() for name in ("v", "p")]
+    source = open_tdms(write_tdms(tmp_path / "a.tdms", *channels))
+    table = source.load([0], None)
+    assert names(source) == ["v", "p"]
+    np.testing.assert_array_equal(table.values[0], V)
+    (finding,) = table.findings
+    assert (finding.kind, finding.count, finding.action) == ("unknown_column", 2, "not read")
+    assert "beside 'Run 1' with channels of the same names, another recording: 'Run 2', 'Run 3'" in finding.message
+
+
+def test_tdms_group_that_shares_one_name_is_another_recording_and_the_larger_one_is_read(tmp_path: Path) -> None:
+    small = [wave(name, V, group="Short") for name in ("v", "vdc")]
+    large = [wave(name, P, group="Long") for name in ("v", "p", "f")]
+    source = open_tdms(write_tdms(tmp_path / "a.tdms", *small, *large))
+    assert names(source) == ["v", "p", "f"]
+    assert [f.kind for f in source.load([0], None).findings] == ["unknown_column"]
+
+
+@pytest.mark.parametrize("other", [0.0, 1e-3], ids=["one clock", "two clocks"])
+def test_tdms_groups_may_share_a_clock_that_both_wrote_down(tmp_path: Path, other: float) -> None:
+    path = write_tdms(
+        tmp_path / "a.tdms",
+        *(ChannelObject("Motion", name, values) for name, values in {"Time": T, "v": V, "x": T}.items()),
+        *(ChannelObject("Electrical", name, values) for name, values in {"Time": T + other, "vdc": P}.items()),
+    )
+    source = open_tdms(path)
+    assert names(source) == ["Time", "v", "x"] + ["vdc"] * (other == 0.0)
+    assert len(source.load([1], 0).findings) == (other > 0.0)
+
+
+@pytest.mark.parametrize(
+    ("values", "properties", "why"),
+    [
+        (T, {"wf_start_offset": 100.0}, "sampled at another time"),
+        (T[::5], {"wf_increment": 0.0}, "with neither a clock nor as many rows"),
+        (T[3:], {"wf_increment": 0.0}, None),
+        (T[::5], {"wf_increment": 5 * H}, None),
+    ],
+)
+def test_tdms_group_is_joined_only_where_its_place_in_time_is_known(
+    tmp_path: Path, values: Any, properties: dict[str, float], why: str | None
+) -> None:
+    first = [wave("v", V), wave("p", P)]
+    source = open_tdms(write_tdms(tmp_path / "a.tdms", *first, wave("vdc", values, group="Other", **properties)))
+    assert names(source) == ["v", "p"] + ["vdc"] * (why is None)
+    assert [f.message for f in source.load([0], None).findings] == (
+        [f"1 group beside 'Crane' {why}: 'Other'"] * bool(why)
+    )
+
+
+def test_tdms_stamps_of_one_group_do_not_serve_a_group_on_another_clock(tmp_path: Path) -> None:
+    path = write_tdms(
+        tmp_path / "a.tdms",
+        *(wave(name, values, group="Motion") for name, values in {"Time": 1e3 * T, "x": T, "y": T}.items()),
+        wave("vdc", T[::5], group="Electrical", wf_increment=5 * H),
+    )
+    table = open_tdms(path).load([1, 3], 0)
+    np.testing.assert_allclose(table.values[3], table.values[1], atol=INTERPOLATED)
+    assert table.stamps is None or table.stamped
 
 
 def test_tdms_channel_that_was_never_filled_is_no_column(tmp_path: Path) -> None:
@@ -363,39 +427,45 @@ def test_mat_with_a_broken_tag_is_refused_and_the_process_lives(tmp_path: Path, 
     assert "damaged" in sentence(lambda: open_mat(path), path)
 
 
+def h5_numbers(group: Any, name: str, values: Any) -> None:
+    group.create_dataset(name, data=np.atleast_2d(values), dtype="f8").attrs["MATLAB_class"] = np.bytes_("double")
+
+
+def h5_text(group: Any, name: str, value: str) -> Any:
+    dataset = group.create_dataset(name, data=np.array([[ord(c)] for c in value], dtype=np.uint16))
+    dataset.attrs["MATLAB_class"] = np.bytes_("char")
+    return dataset.ref
+
+
+def h5_cell(group: Any, name: str, *values: str) -> None:
+    refs = [[h5_text(group.file.require_group("#refs#"), f"{name}{k}", v)] for k, v in enumerate(values)]
+    dataset = group.create_dataset(name, data=np.array(refs, dtype=h5py.ref_dtype), dtype=h5py.ref_dtype)
+    dataset.attrs["MATLAB_class"] = np.bytes_("cell")
+
+
+def stamp_mat73(path: Path) -> Path:
+    path.write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512, b" ") + path.read_bytes()[512:])
+    return path
+
+
 def write_mat73(path: Path, matrix: bool = False) -> Path:
     """Lay out a file as MATLAB does with `save -v7.3`: dimensions turned round, texts as UTF-16, cells by reference."""
 
-    def numbers(group: Any, name: str, values: Any) -> None:
-        group.create_dataset(name, data=np.atleast_2d(values), dtype="f8").attrs["MATLAB_class"] = np.bytes_("double")
-
-    def text(group: Any, name: str, value: str) -> Any:
-        dataset = group.create_dataset(name, data=np.array([[ord(c)] for c in value], dtype=np.uint16))
-        dataset.attrs["MATLAB_class"] = np.bytes_("char")
-        return dataset.ref
-
-    def cell(group: Any, name: str, *values: str) -> None:
-        refs = [[text(group.file.require_group("#refs#"), f"{name}{k}", v)] for k, v in enumerate(values)]
-        dataset = group.create_dataset(name, data=np.array(refs, dtype=h5py.ref_dtype), dtype=h5py.ref_dtype)
-        dataset.attrs["MATLAB_class"] = np.bytes_("cell")
-
     with h5py.File(path, "w", userblock_size=512) as file:
-        numbers(file, "load_ohm", 36.0)
-        text(file, "operator", "crane")
+        h5_numbers(file, "load_ohm", 36.0)
+        h5_text(file, "operator", "crane")
         if matrix:
-            numbers(file, "data", np.array([T, V, P]))
-            cell(file, "names", "Time", "Velocity", "Pressure")
-            cell(file, "units", "s", "m/s", "bar")
+            h5_numbers(file, "data", np.array([T, V, P]))
+            h5_cell(file, "names", "Time", "Velocity", "Pressure")
+            h5_cell(file, "units", "s", "m/s", "bar")
         else:
             log = file.create_group("log")
             for name, values in {"t": T, "v": V, "p": P}.items():
-                numbers(log, name, values)
-            text(log.create_group("units"), "v", "m/s")
+                h5_numbers(log, name, values)
+            h5_text(log.create_group("units"), "v", "m/s")
         empty = file.create_dataset("nothing", data=np.array([0, 0], dtype=np.uint64))
         empty.attrs["MATLAB_empty"] = np.uint8(1)
-    content = path.read_bytes()
-    path.write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512, b" ") + content[512:])
-    return path
+    return stamp_mat73(path)
 
 
 def test_mat73_structs_texts_and_scalars_are_read(tmp_path: Path) -> None:
@@ -733,3 +803,170 @@ def test_source_hands_over_only_the_wanted_columns(tmp_path: Path, form: str) ->
     table = source.load([1], None)
     assert list(table.values) == [1]
     assert table.stamps is None
+
+
+# --- through the door
+
+LOG = Path(__file__).parents[2] / "fixtures" / "campaign" / "r36ohm.csv"
+CHANNELS = ["Time", "Displacement", "Velocity", "Pressure", "Force", "Torque", "Vdc", "Idc"]
+UNITS = ["s", "m", "m/s", "kg/cm2", "N", "N.m", "V", "A"]
+DATA = dict(zip(CHANNELS, np.loadtxt(LOG, delimiter=",", skiprows=1).T, strict=True))
+UNIT = dict(zip(CHANNELS, UNITS, strict=True))
+
+SAME = 1e-6
+"""A ratio of energies that differ by the rounding of stamps and of the last digits of numbers."""
+
+
+def _log_tdms(path: Path) -> Path:
+    waves = [wave(name, DATA[name], unit_string=UNIT[name]) for name in CHANNELS[1:]]
+    return write_tdms(path, RootObject({"load_ohm": 36.0}), *waves)
+
+
+def _log_tdms_in_groups(path: Path) -> Path:
+    start = np.datetime64("2026-03-01T10:00:00", "us")
+    group = {name: "Electrical" if name in ("Vdc", "Idc") else "Motion" for name in CHANNELS[1:]}
+    late = {name: 3 * (group[name] == "Electrical") for name in group}  # samples by which the second loop starts later
+    waves = [
+        wave(
+            name,
+            DATA[name][late[name] :],
+            group[name],
+            unit_string=UNIT[name],
+            wf_start_time=start + np.timedelta64(40_000 * late[name], "us"),
+        )
+        for name in group
+    ]
+    return write_tdms(path, GroupObject("Electrical", {"Load (ohm)": "36"}), *waves)
+
+
+def _log_mat5(path: Path) -> Path:
+    return write_mat(path, log=DATA | {"units": UNIT}, load_ohm=36.0)
+
+
+def _log_mat4(path: Path) -> Path:
+    savemat(path, DATA | {"load_ohm": 36.0}, format="4")
+    return path
+
+
+def _log_mat73(path: Path) -> Path:
+    with h5py.File(path, "w", userblock_size=512) as file:
+        h5_numbers(file, "load_ohm", 36.0)
+        log = file.create_group("log")
+        units = log.create_group("units")
+        for name in CHANNELS:
+            h5_numbers(log, name, DATA[name])
+            h5_text(units, name, UNIT[name])
+    return stamp_mat73(path)
+
+
+def _log_parquet(path: Path) -> Path:
+    fields = [pa.field(name, pa.float64(), metadata={"unit": UNIT[name]}) for name in CHANNELS]
+    pq.write_table(pa.table(list(DATA.values()), schema=pa.schema(fields, metadata={"load_ohm": "36"})), path)
+    return path
+
+
+def _log_parquet_named(path: Path) -> Path:
+    table = pa.table({f"{name} [{UNIT[name]}]": values for name, values in DATA.items()})
+    pq.write_table(table.replace_schema_metadata({"load_ohm": "36"}), path)
+    return path
+
+
+def _log_excel(path: Path) -> Path:
+    return write_excel(path, CHANNELS, UNITS, *zip(*(column.tolist() for column in DATA.values()), strict=True))
+
+
+def _log_excel_stamped(path: Path) -> Path:
+    stamps = [dt.datetime(2026, 3, 1, 10) + dt.timedelta(milliseconds=round(1e3 * t)) for t in DATA["Time"]]
+    columns = [stamps, *(DATA[name].tolist() for name in CHANNELS[1:])]
+    headers = ["Timestamp", *(f"{name} ({UNIT[name]})" for name in CHANNELS[1:])]
+    return write_excel(path, headers, *zip(*columns, strict=True))
+
+
+LOGS: dict[str, Callable[[Path], Path]] = {
+    "tdms": _log_tdms,
+    "tdms in groups": _log_tdms_in_groups,
+    "mat5": _log_mat5,
+    "mat4": _log_mat4,
+    "mat73": _log_mat73,
+    "parquet": _log_parquet,
+    "parquet named": _log_parquet_named,
+    "xlsx": _log_excel,
+    "xlsx stamped": _log_excel_stamped,
+}
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """The paper's run at 36 ohm in every format, each with an ending that is none of its own."""
+    folder = tmp_path_factory.mktemp("door")
+    return {form: make(folder / f"r36ohm {form}.csv") for form, make in LOGS.items()}
+
+
+def etas(run: Run) -> list[float]:
+    mean = reduce(run, window=5.48).mean
+    return [mean.eta_trans, mean.eta_gen, mean.eta_pto]
+
+
+@pytest.fixture(scope="module")
+def etas_of_csv() -> list[float]:
+    return etas(read_run(LOG))
+
+
+@pytest.mark.parametrize("form", [form for form in LOGS if form != "mat4"])
+def test_log_is_told_by_content_and_gives_what_its_csv_gives(
+    logs: dict[str, Path], etas_of_csv: list[float], form: str
+) -> None:
+    run = read_run(logs[form])
+    assert run.findings == ()
+    assert run.fs == pytest.approx(25.0)
+    assert etas(run) == pytest.approx(etas_of_csv, abs=SAME)
+
+
+def test_log_in_mat4_needs_only_units_that_it_cannot_name(logs: dict[str, Path], etas_of_csv: list[float]) -> None:
+    run = read_run(logs["mat4"])
+    assert {finding.kind for finding in run.findings} == {"unit_assumed"}
+    assert etas(run) == pytest.approx(etas_of_csv, abs=SAME)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".tdms", ".mat", ".parquet", ".xlsx", ".xls", ""])
+@pytest.mark.parametrize("form", ["tdms", "mat5", "mat4", "mat73", "parquet", "xlsx"])
+def test_the_ending_of_a_name_says_nothing(logs: dict[str, Path], tmp_path: Path, form: str, suffix: str) -> None:
+    path = tmp_path / f"log{suffix}"
+    path.write_bytes(logs[form].read_bytes())
+    assert read_run(path).channels.keys() == read_run(logs[form]).channels.keys()
+
+
+@pytest.mark.parametrize("form", list(LOGS))
+def test_load_that_a_file_states_is_the_load_of_the_run(logs: dict[str, Path], form: str) -> None:
+    run, given = read_run(logs[form]), read_run(logs[form], load=18.0)
+    assert (run.load, "property" in run.load_source) == ((None, False) if "xlsx" in form else (36.0, True))
+    assert given.load == 18.0
+
+
+@pytest.mark.parametrize(("order", "mopt"), [("<", 0), (">", 1000)])
+def test_mat4_is_told_in_either_byte_order(tmp_path: Path, order: str, mopt: int) -> None:
+    path = tmp_path / "a"
+    with path.open("wb") as file:
+        for name, values in DATA.items():
+            file.write(struct.pack(f"{order}5i", mopt, len(values), 1, 0, len(name) + 1) + name.encode() + b"\0")
+            file.write(values.astype(f"{order}f8").tobytes())
+    assert read_run(path).samples == 2767
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        bytes(64),
+        LOG.read_text()[:100].encode("utf-16-le"),
+        LOG.read_text()[:100].encode("utf-32"),
+        struct.pack("<5i", 0, 500, 1, 0, 5) + b"time",
+        struct.pack("<5i", 0, 500, 1, 0, 5) + b"ti,e\0",
+        struct.pack("<5i", 60, 500, 1, 0, 5) + b"time\0",
+        struct.pack("<5i", 1000, 500, 1, 0, 5) + b"time\0",
+        struct.pack("<5i", 0, -1, 1, 0, 5) + b"time\0",
+        struct.pack("<5i", 0, 500, 1, 2, 5) + b"time\0",
+        struct.pack("<5i", 0, 500, 1, 0, 5)[:17],
+    ],
+)
+def test_mat4_is_told_only_by_a_whole_header(head: bytes) -> None:
+    assert not is_v4(head)

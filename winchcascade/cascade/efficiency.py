@@ -34,8 +34,8 @@ class Metrics(msgspec.Struct, frozen=True):
 def ratio(out: float | None, into: float | None) -> float | None:
     """What comes out over what goes in; None if either is unknown or nothing goes in.
 
-    >>> ratio(4947.0, 6407.0), ratio(1.0, 0.0)
-    (0.772124239113469, None)
+    >>> ratio(3.0, 4.0), ratio(1.0, 0.0)
+    (0.75, None)
     """
     if out is None or into is None or into <= 0:
         return None

@@ -12,8 +12,8 @@ def ensemble_mean(cycles: Sequence[Metrics]) -> Metrics:
 
     A metric that any cycle cannot give has no mean: one over the rest would not be of the same cycles.
 
-    >>> ensemble_mean([Metrics(eta_trans=0.8), Metrics(eta_trans=0.9)]).eta_trans
-    0.85
+    >>> ensemble_mean([Metrics(eta_trans=0.5), Metrics(eta_trans=0.75)]).eta_trans
+    0.625
     """
     return Metrics(**{name: _mean(_column(cycles, name)) for name in METRICS})
 

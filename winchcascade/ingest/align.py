@@ -36,6 +36,19 @@ def shared(clocks: Iterable[Waveform | None]) -> Waveform | None:
     return max(counts, key=lambda clock: (counts[clock], -clock.step), default=None)
 
 
+def alike(clocks: Sequence[Waveform]) -> bool:
+    """Tell clocks that tick together: their steps are the same and they start less than a step apart."""
+    steps, starts = [clock.step for clock in clocks], [clock.start for clock in clocks]
+    return max(steps) - min(steps) <= WHOLE * min(steps) and max(starts) - min(starts) <= min(steps)
+
+
+def overlap(some: Sequence[tuple[Waveform, int]], others: Sequence[tuple[Waveform, int]]) -> bool:
+    """Tell whether two sets of waveforms, each with its number of samples, were sampled at the same time."""
+    begin = max(min(clock.start for clock, _ in tracks) for tracks in (some, others))
+    end = min(max(clock.start + clock.step * (n - 1) for clock, n in tracks) for tracks in (some, others))
+    return begin <= end
+
+
 def common_stamps(
     path: Path, reference: Waveform, tracks: Sequence[tuple[Waveform, int]]
 ) -> tuple[Signal, tuple[Finding, ...]]:

@@ -161,9 +161,8 @@ def _load(layout: Layout, rows: Sequence[Row], wanted: Sequence[int], time: int 
         return Table(values)
     cells = [row[layout.columns[time]] for row in data]
     if any(isinstance(cell, dt.date | dt.time | dt.timedelta) for cell in cells):
-        seconds = np.array([seconds(cell) for cell in cells])
-        known = seconds[np.isfinite(seconds)]
-        return Table(values, stamps=seconds - known[0], stamped=True)
+        t = np.array([seconds(cell) for cell in cells])
+        return Table(values, stamps=t - t[np.isfinite(t)][0], stamped=True)
     if any(is_name(cell) for cell in cells):
         return Table(values, stamps=[str(cell) for cell in cells])
     return Table(values, stamps=_numbers(cells))

@@ -1,4 +1,4 @@
-"""Single-sample spikes: one sample far off while its neighbours agree."""
+"""Single-sample spikes: one sample far off while its neighbours go on as if it were not there."""
 
 from __future__ import annotations
 
@@ -18,30 +18,40 @@ if TYPE_CHECKING:
 LEAST_SHARE = 0.02
 """A spike is at least this share of the range in which the channel moves."""
 
-NOISE = 8.0
-"""And so many times the usual change from sample to sample, in the whole log and around it."""
+NOISE = 4.5
+"""And so many times the usual curvature of the whole log; of white noise these are 7.5 standard deviations."""
 
-APART = 6.0
+APART = 3.0
 """And so many times what three in four curvatures around it stay below; ringing has neighbours as large as itself."""
 
 AGREE = 0.3
-"""Its two neighbours on either side differ from each other by less than this share of it: no step, no overshoot."""
+"""Without it, its two neighbours on either side lie on a line within this share of it: no step, no overshoot."""
 
 AROUND = 12
 """Samples on either side that it is compared with."""
+
+ALONG = 5
+"""Samples on either side whose usual change is the slope of the line."""
+
+NEAR = 6
+"""Neighbours are at most so many samples away where the channel has holes."""
 
 _BLOCK = 1 << 16
 
 _ENOUGH = 400_000
 """Samples at the beginning of a log that say how noisy a channel is."""
 
+_ROWS = _BLOCK // 8
+
+_END = 64
+
 
 def find_spikes(x: Signal) -> Index:
-    """Find single samples far off both neighbours, which agree with each other, in a calm surrounding.
+    """Find single samples far off their neighbours, which agree with each other, in a calm surrounding.
 
     Parameters
     ----------
-    x : (n,) a channel; NaN is never a spike nor a neighbour of one
+    x : (n,) a channel, NaN where it has holes; the samples next to a hole are compared across it
 
     Examples
     --------
@@ -50,63 +60,79 @@ def find_spikes(x: Signal) -> Index:
     >>> find_spikes(x).tolist()
     [40]
     """
+    if not np.isfinite(x.sum()):
+        good = np.flatnonzero(np.isfinite(x))
+        found = find_spikes(x[good]) if good.size else good
+        near = good[np.minimum(found + 1, good.size - 1)] - good[np.maximum(found - 1, 0)] <= NEAR
+        return good[found[near]]
     if x.size < 2 * AROUND:
         return np.empty(0, dtype=np.intp)
-    least = max(LEAST_SHARE * _span(x), NOISE * _usual_change(x))
+    least = max(LEAST_SHARE * _span(x), NOISE * _usual_curvature(x))
     found = _candidates(x, least)
-    found = found[(found >= 2) & (found < x.size - 2)]
-    return found[_stands_out(x, found)] if found.size else found
+    inside = found[_stands_out(x, found, least)] if found.size else found
+    head, tail = _at_start(x[:_END], least), x.size - 1 - _at_start(x[: -_END - 1 : -1], least)[::-1]
+    return np.concatenate((head, inside[(inside >= 2) & (inside < x.size - 2)], tail))
+
+
+def _at_start(x: Signal, least: float) -> Index:
+    """Spikes among the first two samples, held against the mirrored beginning of the log."""
+    mirrored = np.concatenate((x[3:0:-1], x))
+    found = _candidates(mirrored, least)
+    found = found[(found == 3) | (found == 4)]
+    return found[_stands_out(mirrored, found, least)] - 3
 
 
 def _span(x: Signal) -> float:
     """Range in which a channel moves, a few wild values left out."""
     some = x[:: max(1, x.size // 20_000)]
-    some = some[np.isfinite(some)]
-    if some.size == 0:
-        return 0.0
     return quantile(some, 0.995) - quantile(some, 0.005)
 
 
-def _usual_change(x: Signal) -> float:
-    """Median change from sample to sample where there is any: the noise of the channel."""
-    some = np.abs(np.diff(x[:_ENOUGH]))
+def _usual_curvature(x: Signal) -> float:
+    """Median second difference where there is any: the noise of the channel."""
+    some = np.abs(np.diff(x[:_ENOUGH], 2))
     some = some[some > 0]
     return median(some) if some.size else 0.0
 
 
 def _candidates(x: Signal, least: float) -> Index:
-    """Samples that lie to one side of both neighbours by at least `least`, block by block."""
+    """Samples that lie off the middle of their two neighbours by at least `least`, block by block."""
     found = []
     for start in range(0, x.size - 2, _BLOCK):
         part = x[start : start + _BLOCK + 2]
         step = np.diff(part)
-        large = np.abs(step) > least
-        there = np.flatnonzero(large[:-1] & large[1:])
-        before, back = step[there], -step[there + 1]
-        off = np.minimum(np.abs(before), np.abs(back))
-        found.append(there[(before * back > 0) & (np.abs(before - back) < AGREE * off)] + start + 1)
+        found.append(np.flatnonzero(np.abs(step[1:] - step[:-1]) > 2 * least) + start + 1)
     return np.concatenate(found)
 
 
-def _stands_out(x: Signal, found: Index) -> NDArray[np.bool_]:
-    """Whether each candidate exceeds the changes and curvatures around it by far."""
+def _stands_out(x: Signal, found: Index, least: float) -> NDArray[np.bool_]:
+    """Whether each candidate exceeds the curvatures around it by far, on a line through its neighbours."""
     offset = np.concatenate((np.arange(-AROUND, -1), np.arange(2, AROUND + 1)))
+    line = np.concatenate((np.arange(-ALONG, -1), np.arange(1, ALONG)))
     keep = np.zeros(found.size, dtype=bool)
-    for start in range(0, found.size, _BLOCK // 8):
-        block = found[start : start + _BLOCK // 8]
-        centre = np.clip(block[:, None] + offset, 1, x.size - 2)
-        curvature = np.abs(x[centre - 1] - 2 * x[centre] + x[centre + 1])
-        change = np.abs(x[centre + 1] - x[centre])
-        off = np.abs(x[block] - 0.5 * (x[block - 1] + x[block + 1]))
-        calm = APART * _upper_quartile(curvature)
-        quiet = NOISE * np.median(np.where(np.isfinite(change), change, 0.0), axis=1)
-        sides = np.maximum(np.abs(x[block - 1] - x[block - 2]), np.abs(x[block + 1] - x[block + 2]))
-        keep[start : start + block.size] = (2 * off > calm) & (off > quiet) & ~(sides >= AGREE * off)
+    for start in range(0, found.size, _ROWS):
+        k = found[start : start + _ROWS]
+        centre = np.clip(k[:, None] + offset, 1, x.size - 2)
+        calm = APART * _upper_quartile(np.abs(x[centre - 1] - 2 * x[centre] + x[centre + 1]))
+        along = np.clip(k[:, None] + line, 0, x.size - 2)
+        slope = _middle(x[along + 1] - x[along])
+        off = np.abs(x[k] - 0.5 * (x[k - 1] + x[k + 1]))
+        before = x[k - 1] - x[np.maximum(k - 2, 0)] - slope
+        after = x[np.minimum(k + 2, x.size - 1)] - x[k + 1] - slope
+        step = x[k + 1] - x[k - 1] - 2 * slope
+        bent = np.maximum(np.maximum(np.abs(before), np.abs(after)), np.abs(step))
+        keep[start : start + k.size] = (off > np.maximum(least, calm)) & (bent < AGREE * off)
     return keep
 
 
-def _upper_quartile(curvature: Signal) -> Signal:
-    filled = np.where(np.isfinite(curvature), curvature, 0.0)
-    place = int(0.75 * (filled.shape[1] - 1))
-    quartile: Signal = np.partition(filled, place, axis=1)[:, place]
+def _upper_quartile(rows: Signal) -> Signal:
+    place = int(0.75 * (rows.shape[1] - 1))
+    quartile: Signal = np.partition(rows, place, axis=1)[:, place]
     return quartile
+
+
+def _middle(rows: Signal) -> Signal:
+    place = rows.shape[1] // 2
+    part = np.partition(rows, (place - 1, place), axis=1)
+    middle: Signal = 0.5 * (part[:, place - 1] + part[:, place])
+    return middle

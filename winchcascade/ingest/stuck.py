@@ -1,7 +1,7 @@
-"""Stuck channels: one value held while the line moves and the channel should have changed.
+"""Stuck channels: one value held while the channel should have changed.
 
 A channel at rest is not stuck: an encoder holds its value while the line does, and what a stage gives out is zero while
-nothing drives it. So only stretches in which the line moves count, and for what the generator does only the payout.
+nothing drives it. So either physics moves the channel while it holds still, or its noise is missing.
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from winchcascade.order import quantile
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
     Index = NDArray[np.intp]
     Mask = NDArray[np.bool_]
 
-HELD = 0.5
+HELD = 0.3
 """A value must be held this long to be looked at. [s]"""
 
 FEWEST = 10
@@ -29,17 +31,29 @@ FEWEST = 10
 SPEED_RANGE = 0.3
 """A channel that depends on speed must change when the speed does by this share of its top."""
 
+RISE = 0.05
+"""The line speeds up if it gains this share of its top speed in 0.6 s."""
+
+IDLE = 0.02
+"""A stage gives nothing out below this share of its largest value."""
+
+LOADED = 0.2
+"""With more than this share of its largest torque the shaft turns."""
+
 TRAVEL = 0.1
-"""The displacement must follow what the velocity says to within this. [m]"""
+"""What depends on the displacement must change when the line travels so far. [m]"""
+
+APART = 0.03
+"""Velocity and displacement may differ by so much over a stretch. [m]"""
 
 STEPS = 5.0
-"""What depends on the displacement must change when the travel says so by this many of its own steps."""
+"""A change must be expected to be so many of the channel's own steps."""
 
-UNLIKELY = -25.0
-"""Logarithm of the chance below which a noisy channel does not repeat itself by accident."""
+UNLIKELY = -18.0
+"""Logarithm of the chance below which a noisy channel does not repeat itself by accident: once in 60 million samples."""
 
 NOISY = 0.3
-"""A channel is noisy if this share of its changes turn back at once."""
+"""A channel is noisy if this share of its changes turn back at once and as many are larger than its smallest step."""
 
 _ENOUGH = 400_000
 """Samples at the beginning of a log that say how its channels behave."""
@@ -48,12 +62,13 @@ DRIVEN = ("torque", "power_mech", "vdc", "idc")
 
 
 class Motion(msgspec.Struct, frozen=True):
-    """What the line does: stamps [s], its velocity [m/s], when it moves and when it pays out, its top speed [m/s]."""
+    """What the line does: stamps [s], its velocity [m/s], the threshold of motion [m/s], when it pays out or hauls in."""
 
     t: Signal
     v: Signal
-    moving: Mask
-    paying_out: Mask
+    v_onset: float
+    out: Mask
+    back: Mask
     top_speed: float
 
     def position(self) -> Signal:
@@ -65,8 +80,8 @@ class Motion(msgspec.Struct, frozen=True):
 
 def motion(t: Signal, v: Signal, v_onset: float) -> Motion:
     """Prepare what every channel is held against; v finite, payout positive."""
-    out = v > v_onset
-    return Motion(t, v, out | (v < -v_onset), out, float(max(v.max(initial=0.0), -v.min(initial=0.0))))
+    top = float(max(v.max(initial=0.0), -v.min(initial=0.0)))
+    return Motion(t, v, v_onset, v > v_onset, v < -v_onset, top)
 
 
 def find_stuck(name: str, x: Signal, line: Motion, channels: Mapping[str, Signal]) -> list[tuple[int, int]]:
@@ -76,26 +91,21 @@ def find_stuck(name: str, x: Signal, line: Motion, channels: Mapping[str, Signal
     ----------
     name : channel, which says what it depends on
     x : (n,) its values, finite or NaN
-    channels : the other channels of the log, of which the displacement is held against a velocity that is stuck
+    channels : the other channels of the log: displacement and torque tell whether a velocity is stuck
     """
     first, last = _held(x, line.t)
     if first.size == 0:
         return []
+    stuck = _too_still(name, x, line, first, last)
+    if name in ("velocity", "displacement"):
+        stuck |= _loaded(first, last, x, line, channels, at_rest=name == "velocity")
     if name == "velocity":
-        return [(a, b) for a, b in zip(first.tolist(), last.tolist(), strict=True) if _outrun(a, b, x, line, channels)]
-    where = line.paying_out if name in DRIVEN else line.moving
-    active = np.zeros(where.size + 1, dtype=np.int32)
-    np.cumsum(where, out=active[1:])
-    long = active[last] - active[first] >= FEWEST
-    first, last = first[long], last[long]
-    if first.size == 0:
-        return []
-    repeats = _repeats(x, where, first, last)
-    return [
-        (a, b)
-        for a, b in zip(first.tolist(), last.tolist(), strict=True)
-        if _must_change(name, x, a, b, line, where) or _too_still(name, x[a], int(active[b] - active[a]), repeats)
-    ]
+        stuck |= _apart(first, last, x, line, channels)
+    elif name in ("displacement", "pressure"):
+        stuck |= _unmoved(name, first, last, x, line)
+    else:
+        stuck |= _unchanged(name, first, last, x, line)
+    return list(zip(first[stuck].tolist(), last[stuck].tolist(), strict=True))
 
 
 def _held(x: Signal, t: Signal) -> tuple[Index, Index]:
@@ -111,53 +121,136 @@ def _held(x: Signal, t: Signal) -> tuple[Index, Index]:
     return first[long], last[long]
 
 
-def _outrun(a: int, b: int, v: Signal, line: Motion, channels: Mapping[str, Signal]) -> bool:
-    """Whether the displacement moved on other than a held velocity says."""
+def _among(mask: Mask, first: Index, last: Index) -> Index:
+    """Samples of each stretch at which a mask is set."""
+    total = np.zeros(mask.size + 1, dtype=np.intp)
+    np.cumsum(mask, out=total[1:])
+    count: Index = total[last] - total[first]
+    return count
+
+
+def _apart(first: Index, last: Index, v: Signal, line: Motion, channels: Mapping[str, Signal]) -> Mask:
+    """Whether the displacement moved on other than a held velocity says, in blocks of 0.5 s."""
     displacement = channels.get("displacement")
+    apart = np.zeros(first.size, dtype=bool)
     if displacement is None:
-        return False
-    moved = displacement[b - 1] - displacement[a]
-    return bool(abs(moved - v[a] * (line.t[b - 1] - line.t[a])) > max(TRAVEL, 0.2 * abs(moved)))
+        return apart
+    slack = max(line.v_onset, 2 * _smallest_step(v))
+    for k, (a, b) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
+        seconds, moved = _blocks(line.t[a:b], displacement[a:b], 0.5)
+        off = np.abs(moved - v[a] * seconds)
+        off = off[(moved != 0) & (off > np.maximum(slack * seconds, 0.2 * np.abs(moved)))]
+        apart[k] = off.sum() > APART
+    return apart
 
 
-def _must_change(name: str, x: Signal, a: int, b: int, line: Motion, where: Mask) -> bool:
-    """Whether physics moves the channel in a stretch in which it holds still."""
-    if name in ("displacement", "pressure"):
-        position = line.position()
-        travel, whole = float(np.ptp(position[a:b])), float(np.ptp(position))
-        span = float(np.ptp(x[np.isfinite(x)]))
-        if span == 0:
-            return travel > TRAVEL
-        step = _smallest_step(x)
-        share = 1.0 if name == "displacement" else span / whole
-        return travel > TRAVEL and travel * share > STEPS * step
-    speeds = line.v[a:b][where[a:b]]
-    if name in DRIVEN:
-        speeds = speeds[speeds > SPEED_RANGE * line.top_speed]
-    return speeds.size >= FEWEST and float(np.ptp(speeds)) > SPEED_RANGE * line.top_speed
+def _blocks(t: Signal, x: Signal, seconds: float) -> tuple[Signal, Signal]:
+    """Durations [s] and changes of x over blocks of a stretch."""
+    good = np.isfinite(x)
+    t, x = t[good], x[good]
+    if t.size < 2:
+        return np.empty(0), np.empty(0)
+    ends = np.linspace(0, t.size - 1, 1 + max(1, round((t[-1] - t[0]) / seconds))).astype(np.intp)
+    return np.diff(t[ends]), np.diff(x[ends])
+
+
+def _loaded(
+    first: Index, last: Index, x: Signal, line: Motion, channels: Mapping[str, Signal], *, at_rest: bool
+) -> Mask:
+    """Whether the shaft carries torque while an encoder says that the line rests."""
+    torque = channels.get("torque")
+    if torque is None or not np.isfinite(torque).any():
+        return np.zeros(first.size, dtype=bool)
+    top = quantile(torque[np.isfinite(torque)][:_ENOUGH], 0.995)
+    loaded = _among(torque > max(LOADED * top, 5.0), first, last)
+    stuck: Mask = (loaded >= FEWEST) & (loaded * np.median(np.diff(line.t[:1000])) >= HELD)
+    return stuck & (np.abs(x[first]) < line.v_onset) if at_rest else stuck
+
+
+def _unmoved(name: str, first: Index, last: Index, x: Signal, line: Motion) -> Mask:
+    """Whether a channel that depends on where the line is holds still while the line travels."""
+    stuck = np.zeros(first.size, dtype=bool)
+    often = _among(line.out | line.back, first, last) >= FEWEST
+    if not often.any():
+        return stuck
+    position = line.position()
+    span = _ptp(x)
+    share = 1.0 if name == "displacement" else span / max(float(np.ptp(position)), 1e-9)
+    least = max(TRAVEL, STEPS * _smallest_step(x) / share if share else 0.0)
+    for k in np.flatnonzero(often).tolist():
+        a, b = first[k], last[k]
+        seconds, moved = _blocks(line.t[a:b], position[a:b], 1.0)
+        stuck[k] = np.abs(moved[np.abs(moved) > line.v_onset * seconds]).sum() > least
+    return stuck
+
+
+def _unchanged(name: str, first: Index, last: Index, x: Signal, line: Motion) -> Mask:
+    """Whether a channel that depends on speed holds still while the speed of payout changes."""
+    stuck = np.zeros(first.size, dtype=bool)
+    often = _among(line.out, first, last) >= FEWEST
+    if not often.any():
+        return stuck
+    span, step = _ptp(x), _smallest_step(x)
+    idle = IDLE * float(np.nanmax(np.abs(x)))
+    for k in np.flatnonzero(often).tolist():
+        part = slice(first[k], last[k])
+        driven = line.out[part]
+        if name in DRIVEN:
+            driven = driven & (line.v[part] > SPEED_RANGE * line.top_speed)
+            if abs(x[first[k]]) <= idle:
+                driven &= _speeds_up(line, part)
+        speeds = line.v[part][driven]
+        change = _ptp(speeds) / line.top_speed if speeds.size >= FEWEST else 0.0
+        stuck[k] = change > SPEED_RANGE and (span == 0 or change * span > STEPS * step)
+    return stuck
+
+
+def _speeds_up(line: Motion, part: slice) -> Mask:
+    """When the line gains speed: slowing down, the rotor runs on alone and its shaft carries nothing."""
+    t = line.t[part]
+    gain = np.interp(t + 0.3, line.t, line.v) - np.interp(t - 0.3, line.t, line.v)
+    rising: Mask = gain > RISE * line.top_speed
+    return rising
+
+
+def _ptp(x: Signal) -> float:
+    good = x[np.isfinite(x)]
+    return float(np.ptp(good)) if good.size else 0.0
 
 
 def _smallest_step(x: Signal) -> float:
     some = np.abs(np.diff(x[:_ENOUGH]))
     some = some[some > 0]
-    return float(np.min(some, initial=np.inf)) if some.size else 0.0
+    return float(np.min(some)) if some.size else 0.0
 
 
-def _repeats(x: Signal, where: Mask, first: Index, last: Index) -> float:
-    """Chance that a sample repeats the one before while the line moves, 1 for a channel without noise."""
-    free = where[1:_ENOUGH].copy()
-    for a, b in zip(first[first < _ENOUGH], last[first < _ENOUGH], strict=True):
+def _too_still(name: str, x: Signal, line: Motion, first: Index, last: Index) -> Mask:
+    """Whether a noisy channel holds still for longer than chance allows, by its noise in the same kind of motion."""
+    free = np.ones(min(x.size, _ENOUGH) - 1, dtype=bool)
+    for a, b in zip(first[first < _ENOUGH].tolist(), last[first < _ENOUGH].tolist(), strict=True):
         free[max(a - 1, 0) : b] = False
-    change = np.diff(x[:_ENOUGH])[free]
-    change = change[np.isfinite(change)]
-    if change.size < 50:
+    change = np.diff(x[:_ENOUGH])
+    free &= np.isfinite(change)
+    whole = _repeats(change[free])
+    if whole == 1.0:
+        return np.zeros(first.size, dtype=bool)
+    chance = np.zeros(first.size)
+    for where in (line.out, line.back, ~(line.out | line.back)):
+        here = change[free & where[1:_ENOUGH]]
+        repeats = _repeats(here) if here.size >= 50 else whole
+        chance += np.maximum(_among(where, first, last) - 1, 0) * np.log(repeats)
+    still: Mask = chance < UNLIKELY
+    return still & (x[first] != 0) if name in DRIVEN else still
+
+
+def _repeats(change: Signal) -> float:
+    """Chance that a sample repeats the one before; 1 for a channel without noise or with steps as coarse as its noise."""
+    some = change[change != 0]
+    if some.size < 20:
         return 1.0
-    turning = float(np.mean(change[1:] * change[:-1] < 0))
-    return max(float(np.mean(change == 0)), 0.02) if turning > NOISY else 1.0
-
-
-def _too_still(name: str, value: float, samples: int, repeats: float) -> bool:
-    """Whether a noisy channel holds still for longer than chance allows; nothing given out is no sign of it."""
-    if name in DRIVEN and value == 0:
-        return False
-    return repeats < 1 and samples * float(np.log(repeats)) < UNLIKELY
+    turning = float(np.mean(some[1:] * some[:-1] < 0))
+    size = np.abs(some)
+    coarse = float(np.mean(size < 1.5 * size.min()))
+    if turning < NOISY or coarse > 1 - NOISY:
+        return 1.0
+    return max(1.0 - some.size / change.size, 0.02)

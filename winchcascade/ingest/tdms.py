@@ -1,4 +1,4 @@
-"""LabVIEW TDMS: one group of channels, brought onto one clock where they were sampled apart."""
+"""LabVIEW TDMS: the channels that make one log, brought onto one clock where they were sampled apart."""
 
 from __future__ import annotations
 
@@ -9,36 +9,22 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import msgspec
 import numpy as np
 from nptdms import TdmsFile
 from nptdms.log import log_manager
 
 from winchcascade.errors import LogError
-from winchcascade.ingest.align import Waveform, at, common_stamps, shared
-from winchcascade.ingest.source import Header, Source, Table
+from winchcascade.ingest.align import Waveform, alike, at, common_stamps, shared
+from winchcascade.ingest.source import Source, Table
+from winchcascade.ingest.tdms_groups import NUMERIC, Column, describe, one_log
 from winchcascade.run import Finding
 
 if TYPE_CHECKING:
     from winchcascade.run import Signal
 
-UNIT_PROPERTIES = ("unit_string", "NI_UnitDescription", "Unit", "unit")
-
-UNSET = np.datetime64("1904-01-02", "us")
-"""A start time before this one was never set: LabVIEW counts from 1904 and writes a zero."""
-
-class _Column(msgspec.Struct, frozen=True):
-    """One channel as its metadata describe it; the clock is None for a channel that is no waveform of numbers."""
-
-    header: Header
-    group: str
-    channel: str
-    length: int
-    clock: Waveform | None
-
 
 def open_tdms(path: Path) -> Source:
-    """Open the group with the most numeric channels.
+    """Open the group with the most numeric channels, and those that hold other channels of the same log.
 
     Raises
     ------
@@ -46,10 +32,13 @@ def open_tdms(path: Path) -> Source:
         the file is damaged, claims more than it holds, or has no numeric channel, here or while channels are read
     """
     with _opened(path) as tdms:
-        groups = _groups(path, tdms)
-        columns = _columns(groups, tdms.file_status.incomplete_final_segment)
-        properties = _properties([tdms.properties, groups[0].properties])
-        findings = _truncation(tdms)
+        _refuse_lies(path, tdms)
+        channels, not_read = one_log(tdms.groups(), tdms.file_status.incomplete_final_segment)
+        columns = describe(channels)
+        _refuse_words(path, columns)
+        groups = dict.fromkeys(column.group for column in reversed(columns))
+        properties = _properties([tdms.properties, *(tdms[group].properties for group in groups)])
+        findings = _truncation(tdms) + not_read
     clock = shared(column.clock for column in columns)
     return Source(
         headers=tuple(column.header for column in columns),
@@ -82,23 +71,12 @@ def _opened(path: Path) -> Iterator[Any]:
         ) from fault
 
 
-def _groups(path: Path, tdms: Any) -> list[Any]:
-    """Pick the group with the most numeric channels, and behind it those that name their channels alike.
-
-    Raises
-    ------
-    LogError
-        no group has a numeric channel, or a channel claims more samples than the file has bytes for
-    """
-    _refuse_lies(path, tdms)
-    names = {group.name: {c.name for c in group.channels() if _is_numeric(c)} for group in tdms.groups()}
-    groups = sorted(tdms.groups(), key=lambda group: -len(names[group.name]))
-    if not groups or not names[groups[0].name]:
+def _refuse_words(path: Path, columns: Sequence[Column]) -> None:
+    if not any(column.kind in NUMERIC for column in columns):
         raise LogError(
             f"{path.name}: no group holds a channel of numbers; at least one was expected; export the log again with "
             "its samples."
         )
-    return [group for group in groups if group is groups[0] or names[group.name] == names[groups[0].name]]
 
 
 def _refuse_lies(path: Path, tdms: Any) -> None:
@@ -115,56 +93,8 @@ def _refuse_lies(path: Path, tdms: Any) -> None:
             )
 
 
-def _is_numeric(channel: Any) -> bool:
-    return channel.dtype.kind in "biuf"
-
-
-def _columns(groups: Sequence[Any], cut_off: bool) -> list[_Column]:
-    """Describe the channels; their names carry the group where two groups name them alike.
-
-    A channel without samples is no column, but in a file that was cut off it is one that was lost.
-    """
-    channels = [channel for group in groups for channel in group.channels() if len(channel) or cut_off]
-    starts = [start for c in channels if (start := _start_time(c)) is not None]
-    return [
-        _Column(
-            Header(f"{c.group_name}/{c.name}" if len(groups) > 1 else c.name, _unit(c.properties)),
-            c.group_name,
-            c.name,
-            len(c),
-            _clock(c, min(starts, default=None)),
-        )
-        for c in channels
-    ]
-
-
-def _unit(properties: Mapping[str, Any]) -> str | None:
-    units = (str(properties[key]).strip() for key in UNIT_PROPERTIES if key in properties)
-    return next((unit for unit in units if unit), None)
-
-
-def _start_time(channel: Any) -> Any | None:
-    start = channel.properties.get("wf_start_time")
-    return start if isinstance(start, np.datetime64) and start > UNSET else None
-
-
-def _clock(channel: Any, earliest: Any | None) -> Waveform | None:
-    """Read the clock of a waveform, its stamps counted from the earliest start time of all channels."""
-    step = _finite(channel.properties.get("wf_increment"))
-    if step <= 0.0 or not _is_numeric(channel):
-        return None
-    start = _start_time(channel)
-    late = 0.0 if start is None else float((start - earliest) / np.timedelta64(1, "us")) / 1e6
-    return Waveform(step, late + _finite(channel.properties.get("wf_start_offset")))
-
-
-def _finite(value: Any) -> float:
-    """Take a property as a number; 0 for one that is absent or none."""
-    return float(value) if isinstance(value, int | float | np.number) and np.isfinite(value) else 0.0
-
-
 def _properties(levels: Sequence[Mapping[str, Any]]) -> dict[str, str | float]:
-    """Merge the texts and numbers of the file and of the group; the group's win."""
+    """Merge the texts and numbers of the file and of its groups; the later ones win."""
     merged = {str(name): value for level in levels for name, value in level.items()}
     return {
         name: value if isinstance(value, str) else float(value)
@@ -182,30 +112,45 @@ def _truncation(tdms: Any) -> tuple[Finding, ...]:
 
 def _load(
     path: Path,
-    columns: Sequence[_Column],
+    columns: Sequence[Column],
     usual: Waveform | None,
     findings: tuple[Finding, ...],
     wanted: Sequence[int],
     time: int | None,
 ) -> Table:
     """Read the wanted channels: on one clock, or row by row where a time channel or nothing has the stamps."""
+    raw = _samples(path, columns, wanted if time is None else [*wanted, time])
+    own = [columns[i].clock for i in wanted]
+    reference = shared(own)
+    # A column of stamps belongs to every row, unless it is that of one of several clocks.
+    apart = all(own) and not alike([clock for clock in own if clock])
+    if reference is None or (time is not None and not apart):
+        return _by_rows(raw, wanted, time, findings)
+    clocks = {i: columns[i].clock or reference for i in wanted}
+    t, cut = common_stamps(path, reference, [(clocks[i], len(raw[i])) for i in wanted])
+    values = {i: at(t, _numbers(raw[i]), clocks[i], reference.step) for i in wanted}
+    told = reference == usual and t[0] == reference.start
+    # These stamps are seconds, whatever the unit of a column of stamps: `stamped` says so.
+    return Table(values, stamps=None if told else t, stamped=time is not None, findings=findings + cut)
+
+
+def _samples(path: Path, columns: Sequence[Column], needed: Sequence[int]) -> dict[int, Any]:
+    """Read the samples of channels as they are stored.
+
+    Raises
+    ------
+    LogError
+        a channel has none
+    """
     with _opened(path) as tdms:
-        needed = [*wanted] if time is None else [*wanted, time]
         raw = {i: tdms[columns[i].group][columns[i].channel].read_data() for i in needed}
-        empty = [columns[i].header.name for i in needed if len(raw[i]) == 0]
-        if empty:
-            raise LogError(
-                f"{path.name}: the channels {', '.join(empty)} have no samples; as many as in the others were "
-                "expected; copy the file again or leave these channels out of the rig file."
-            )
-        reference = shared(columns[i].clock for i in wanted) if time is None else None
-        if reference is None:
-            return _by_rows(raw, wanted, time, findings)
-        clocks = {i: columns[i].clock or reference for i in wanted}
-        t, cut = common_stamps(path, reference, [(clocks[i], len(raw[i])) for i in wanted])
-        values = {i: at(t, _numbers(raw[i]), clocks[i], reference.step) for i in wanted}
-        told = reference == usual and t[0] == reference.start
-        return Table(values, stamps=None if told else t, findings=findings + cut)
+    empty = [columns[i].header.name for i in needed if len(raw[i]) == 0]
+    if empty:
+        raise LogError(
+            f"{path.name}: the channels {', '.join(empty)} have no samples; as many as in the others were "
+            "expected; copy the file again or leave these channels out of the rig file."
+        )
+    return raw
 
 
 def _by_rows(raw: Mapping[int, Any], wanted: Sequence[int], time: int | None, findings: tuple[Finding, ...]) -> Table:
@@ -229,6 +174,6 @@ def _by_rows(raw: Mapping[int, Any], wanted: Sequence[int], time: int | None, fi
 
 def _numbers(samples: Any) -> Signal:
     """Convert samples to numbers; NaN for texts, stamps and complex numbers."""
-    if samples.dtype.kind not in "biuf":
+    if samples.dtype.kind not in NUMERIC:
         return np.full(len(samples), np.nan)
     return np.asarray(samples, dtype=np.float64)

@@ -1,0 +1,34 @@
+# The two commands of the README, and what the project's own checks run.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+
+.PHONY: demo test test-all bench clean
+
+demo: $(VENV)/installed
+	@mkdir -p demo
+	@for log in fixtures/campaign/*.csv; do \
+	  $(BIN)/winchcascade reduce "$$log" --json "demo/$$(basename $$log .csv).json" --parquet demo/tables || exit $$?; echo; \
+	done
+	@echo "Results: demo/*.json (one a log) and demo/tables/*.parquet (cycles, bins and findings)"
+
+test: $(VENV)/installed
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/pytest -m "not slow"
+
+test-all: $(VENV)/installed
+	$(BIN)/pytest -m slow
+
+bench: $(VENV)/installed
+	$(BIN)/python benchmarks/run.py
+
+$(VENV)/installed: pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev]"
+	$(BIN)/python -m compileall -q winchcascade
+	@touch $@
+
+clean:
+	rm -rf $(VENV) demo build dist

@@ -1,0 +1,184 @@
+"""Whole reductions: the published table, made logs with a known truth, measured field data."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from synthetic import SCENARIOS, make_log, truth, write_csv
+
+from winchcascade import load_rig, read_run, reduce
+from winchcascade.campaign import load_campaign
+from winchcascade.cascade.reduce import window_rule
+from winchcascade.errors import OptionError
+
+TABLE_2 = {
+    45.0: (5937, 5222, 3988, 0.879, 0.763, 0.671),
+    36.0: (7123, 6407, 4947, 0.898, 0.771, 0.693),
+    27.0: (8616, 7898, 6119, 0.915, 0.773, 0.707),
+    18.0: (11738, 11080, 8576, 0.944, 0.774, 0.730),
+    9.0: (7621, 7275, 5311, 0.955, 0.730, 0.697),
+    4.5: (4820, 4618, 2898, 0.958, 0.627, 0.600),
+}
+"""Published energies [J] and efficiencies by load [ohm] (Hsu et al. 2026, Table 2)."""
+
+REBUILT_ENERGY, REBUILT_ETA = 0.015, 0.011
+"""How closely the shipped logs were rebuilt from the table; the reduction cannot be closer."""
+
+
+@pytest.mark.parametrize("load", TABLE_2)
+def test_a_rebuilt_log_reduces_to_the_published_row(fixtures: Path, load: float) -> None:
+    run = next(r for r in load_campaign(fixtures / "campaign").runs if r.load == load)
+    reduction = reduce(read_run(run.file, load=run.load), window=run.window)
+    m, row = reduction.mean, TABLE_2[load]
+    assert len(reduction.complete) == 3
+    assert (m.energy_line, m.energy_mech, m.energy_gen) == pytest.approx(row[:3], rel=REBUILT_ENERGY)
+    assert (m.eta_trans, m.eta_gen, m.eta_pto) == pytest.approx(row[3:], abs=REBUILT_ETA)
+
+
+@pytest.mark.parametrize(
+    "path", sorted((Path(__file__).parents[2] / "fixtures" / "campaign").glob("*.csv")), ids=lambda p: p.stem
+)
+def test_a_clean_log_gives_no_finding(path: Path) -> None:
+    assert reduce(read_run(path)).quality == ()
+
+
+def test_an_open_circuit_has_no_electrical_efficiency(fixtures: Path) -> None:
+    reduction = reduce(read_run(fixtures / "campaign" / "open_circuit.csv", load=math.inf))
+    assert reduction.mean.eta_trans is not None
+    assert reduction.mean.eta_gen is None
+    assert reduction.mean.eta_pto is None
+
+
+FIXED_ENERGY, FIXED_ETA = 0.007, 0.003
+AUTO_ONSET, AUTO_CUTOFF, AUTO_ENERGY, AUTO_ETA = 0.05, 0.15, 0.03, 0.004
+"""What a reduction of a log with sensor noise must reach against the noise-free truth, means over the cycles."""
+
+FLAT_ONSET = {"slow_ramp", "everything"}
+"""A ramp so slow that noise of 4 mm/s moves the onset, and with it a window of fixed length, by more than that allows."""
+
+ILL_CONDITIONED = {"lag_ramp", "open_circuit"}
+"""A speed that creeps through 98 % of its plateau for a second; an open circuit, whose torque is as small as its zero."""
+
+KNOWN = sorted(set(SCENARIOS) - ILL_CONDITIONED - {"aborted_payout", "steep_linear", "noisy", "ten_hertz"})
+
+
+def made(name: str, folder: Path, rule: str | float, seed: int = 11):  # type: ignore[no-untyped-def]
+    """A reduction of a made log whose sensors have noise but no zero error, and the truth of its motion."""
+    scenario = replace(SCENARIOS[name], zeros=0.0)
+    path = folder / f"{name}.csv"
+    write_csv(make_log(scenario, np.random.default_rng(seed)), path)
+    reduction = reduce(read_run(path, load=scenario.load), window=rule)
+    return reduction, truth(scenario, rule=rule, smoothed=True)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_a_fixed_window_meets_the_truth(name: str, tmp_path: Path) -> None:
+    reduction, true = made(name, tmp_path, 5.0)
+    assert len(reduction.cycles) == len(true.cycles)
+    assert [c.complete for c in reduction.cycles] == [c.complete for c in true.cycles]
+    m = reduction.mean
+    energy = 2 * FIXED_ENERGY if name in FLAT_ONSET else FIXED_ENERGY
+    for metric in ("energy_line", "energy_mech", "energy_gen"):
+        assert getattr(m, metric) == pytest.approx(true.mean[f"{metric}_j"], rel=energy)
+    for metric in ("eta_trans", "eta_gen", "eta_pto"):
+        assert getattr(m, metric) == pytest.approx(true.mean[metric], abs=FIXED_ETA)
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_an_automatic_window_meets_the_truth(name: str, tmp_path: Path) -> None:
+    reduction, true = made(name, tmp_path, "auto")
+    assert [c.complete for c in reduction.cycles] == [c.complete for c in true.cycles]
+    for cycle, expected in zip(reduction.complete, (c for c in true.cycles if c.complete), strict=True):
+        assert cycle.window.onset == pytest.approx(expected.onset, abs=AUTO_ONSET)
+        assert cycle.window.cutoff == pytest.approx(expected.cutoff, abs=AUTO_CUTOFF)
+        assert cycle.phases.payout_end == pytest.approx(expected.payout[1], abs=AUTO_ONSET)
+        assert (cycle.phases.haul_in is None) == (expected.haul_in is None)
+    for metric in ("energy_line", "energy_mech", "energy_gen"):
+        assert getattr(reduction.mean, metric) == pytest.approx(true.mean[f"{metric}_j"], rel=AUTO_ENERGY)
+    for metric in ("eta_trans", "eta_gen", "eta_pto"):
+        assert getattr(reduction.mean, metric) == pytest.approx(true.mean[metric], abs=AUTO_ETA)
+
+
+def test_without_noise_the_truth_is_met_exactly(tmp_path: Path) -> None:
+    reduction, true = made("exact", tmp_path, "auto")
+    for metric in ("energy_line", "energy_mech", "energy_gen"):
+        assert getattr(reduction.mean, metric) == pytest.approx(
+            true.mean[f"{metric}_j"], rel=5e-4
+        )  # 25 samples a second
+
+
+def test_an_aborted_payout_is_listed_and_left_out(tmp_path: Path) -> None:
+    reduction, _ = made("aborted_payout", tmp_path, 5.0)
+    assert [c.complete for c in reduction.cycles] == [True, False, True]
+    (finding,) = reduction.quality
+    assert finding.kind == "incomplete_cycle"
+    assert "aborted after 2.0" in finding.message
+
+
+def test_forty_three_cycles_of_the_measured_field_winch(shared: Path) -> None:
+    rig = load_rig("kitepower")
+    reduction = reduce(read_run(shared / "kitepower-2019-10-08" / "ground_station_cycles_01_43.csv", rig=rig), rig=rig)
+    assert len(reduction.complete) == 43
+    assert reduction.total.energy_line == pytest.approx(12.88e6, rel=0.01)
+    assert reduction.total.energy_mech == pytest.approx(11.22e6, rel=0.01)
+    assert reduction.total.eta_trans == pytest.approx(0.871, rel=0.01)
+    assert reduction.bins == ()
+
+
+@pytest.mark.parametrize("name", ["20191008_0001.csv", "20191008_0004.csv"])
+def test_an_original_field_log_reduces_with_the_same_rig(shared: Path, name: str) -> None:
+    rig = load_rig("kitepower")
+    reduction = reduce(read_run(shared / "kitepower-2019-10-08" / name, rig=rig), rig=rig)
+    assert len(reduction.complete) == 1
+    assert [f.kind for f in reduction.quality] == ["unknown_column"]
+
+
+def test_haul_in_of_the_field_winch_is_summarised_but_never_given_an_efficiency(shared: Path) -> None:
+    rig = load_rig("kitepower")
+    reduction = reduce(read_run(shared / "kitepower-2019-10-08" / "20191008_0001.csv", rig=rig), rig=rig)
+    haul_in = reduction.cycles[0].summary.haul_in
+    assert haul_in is not None
+    assert haul_in.energy_line is not None
+    assert haul_in.energy_line < 0
+
+
+DAMAGED = {
+    "semicolon_comma.csv": set(),
+    "units_row.csv": set(),
+    "labview.tdms": set(),
+    "dropouts.csv": {"dropped_samples", "not_a_number"},
+    "truncated.csv": {"truncated"},
+    "aborted.csv": {"incomplete_cycle"},
+    "no_torque.csv": {"missing_channel"},
+}
+
+
+@pytest.mark.parametrize("name", DAMAGED)
+def test_a_damaged_log_reduces_to_the_clean_runs_efficiencies(fixtures: Path, name: str) -> None:
+    clean = reduce(read_run(fixtures / "campaign" / "r36ohm.csv"), window=5.48).mean
+    reduction = reduce(read_run(fixtures / "damaged_logs" / name), window=5.48)
+    assert {f.kind for f in reduction.quality} == DAMAGED[name]
+    for metric in ("eta_trans", "eta_gen", "eta_pto"):
+        found = getattr(reduction.mean, metric)
+        if name == "no_torque.csv" and metric != "eta_pto":
+            assert found is None
+        else:
+            assert found == pytest.approx(getattr(clean, metric), abs=0.005)
+
+
+@pytest.mark.slow
+def test_labelled_logs_are_clean_but_for_torque_above_the_sensors_range(shared: Path) -> None:
+    kinds = []
+    for path in sorted((shared / "labelled").glob("*/*.csv")):
+        reduction = reduce(read_run(path))
+        assert len(reduction.complete) == 3
+        kinds += [(f.kind, f.channel, f.removed) for f in reduction.quality]
+    assert kinds == [("out_of_range", "torque", 0)] * 28
+
+
+@pytest.mark.parametrize("word", ["soon", "0", "-3", "nan", "inf", ""])
+def test_a_window_that_is_none_is_told(word: str) -> None:
+    with pytest.raises(OptionError, match="expected auto, payout or a length in seconds"):
+        window_rule(word)

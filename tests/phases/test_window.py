@@ -1,0 +1,107 @@
+import numpy as np
+import pytest
+
+from winchcascade.phases.detect import Cycle
+from winchcascade.phases.window import find_plateau, find_window
+from winchcascade.rigfile import Thresholds
+
+RULES = Thresholds()
+T = np.arange(0.0, 30.0, 0.04)
+ONE_SAMPLE = 0.04
+
+
+def cycle(*, ends_inside: bool = False, begins_inside: bool = False) -> Cycle:
+    return Cycle(5.0, 17.0, None, None, begins_inside, ends_inside)
+
+
+def trapezoid(speed: float = 0.9) -> np.ndarray:
+    """From 5 s up in 2 s, from 16 s down in 1 s."""
+    return np.interp(T, [5.0, 7.0, 16.0, 17.0], [0.0, speed, speed, 0.0])
+
+
+def test_the_plateau_is_where_the_speed_stays_above_98_percent() -> None:
+    plateau = find_plateau(T, trapezoid(), cycle(), RULES)
+    assert plateau is not None
+    assert plateau.speed == pytest.approx(0.9)
+    assert plateau.begin == pytest.approx(5.0 + 0.98 * 2.0, abs=ONE_SAMPLE)
+    assert plateau.braking == pytest.approx(16.0 + 0.02, abs=ONE_SAMPLE)
+
+
+def test_a_single_overshoot_is_no_plateau() -> None:
+    v = trapezoid()
+    v[(T > 5.7) & (T < 5.85)] = 0.9
+    plateau = find_plateau(T, v, cycle(), RULES)
+    assert plateau is not None
+    assert plateau.begin > 6.5
+
+
+def test_braking_begins_after_the_last_sample_at_the_level_even_if_the_plateau_dips() -> None:
+    v = trapezoid()
+    v[(T > 10.0) & (T < 11.0)] = 0.8
+    plateau = find_plateau(T, v, cycle(), RULES)
+    assert plateau is not None
+    assert plateau.braking > 15.9
+
+
+def test_a_payout_that_only_rises_and_falls_has_no_plateau() -> None:
+    assert (
+        find_plateau(
+            T, np.interp(T, [5.0, 5.1, 5.2], [0.0, 0.9, 0.0]), Cycle(5.0, 5.2, None, None, False, False), RULES
+        )
+        is None
+    )
+
+
+def test_auto_ends_half_a_second_after_the_plateau_begins() -> None:
+    plateau = find_plateau(T, trapezoid(), cycle(), RULES)
+    window = find_window(cycle(), plateau, 0.9, T[-1], "auto", RULES)
+    assert plateau is not None
+    assert window.onset == 5.0
+    assert window.cutoff == pytest.approx(plateau.begin + 0.5)
+    assert window.fault is None
+
+
+def test_auto_never_passes_the_start_of_braking() -> None:
+    v = np.interp(T, [5.0, 7.0, 7.3, 8.0], [0.0, 0.9, 0.9, 0.0])
+    short = Cycle(5.0, 8.0, None, None, False, False)
+    plateau = find_plateau(T, v, short, RULES)
+    assert plateau is not None
+    assert find_window(short, plateau, 0.9, T[-1], "auto", RULES).cutoff == plateau.braking
+
+
+def test_a_fixed_window_ends_its_length_after_the_onset() -> None:
+    assert find_window(cycle(), None, 0.9, T[-1], 5.48, RULES).cutoff == pytest.approx(10.48)
+
+
+def test_the_rule_payout_ends_with_the_payout() -> None:
+    assert find_window(cycle(), None, 0.9, T[-1], "payout", RULES).cutoff == 17.0
+
+
+@pytest.mark.parametrize("rule", ["auto", "payout", 5.0])
+def test_a_payout_without_an_onset_has_no_whole_window(rule: str | float) -> None:
+    window = find_window(cycle(begins_inside=True), None, 0.9, T[-1], rule, RULES)  # type: ignore[arg-type]
+    assert window.fault == "the log begins inside the payout, so its onset is unknown"
+
+
+def test_a_fixed_window_past_the_end_of_the_log_is_not_whole() -> None:
+    window = find_window(cycle(ends_inside=True), None, 0.9, 8.0, 5.48, RULES)
+    assert window.fault == "the log ends 2.48 s before the window does"
+    assert window.cutoff == 8.0
+
+
+def test_a_payout_cut_on_its_ramp_has_not_settled() -> None:
+    """The speed reached so far always has a quantile; that is no plateau."""
+    for end in np.arange(5.6, 7.0, 0.1):
+        kept = end >= T
+        cut = Cycle(5.0, float(T[kept][-1]), None, None, False, True)
+        v = trapezoid()[kept]
+        window = find_window(cut, find_plateau(T[kept], v, cut, RULES), float(v.max()), cut.payout_end, "auto", RULES)
+        assert window.fault is not None
+
+
+def test_a_payout_cut_late_on_its_plateau_has_a_whole_window() -> None:
+    kept = T <= 10.0
+    cut = Cycle(5.0, float(T[kept][-1]), None, None, False, True)
+    v = trapezoid()[kept]
+    window = find_window(cut, find_plateau(T[kept], v, cut, RULES), float(v.max()), cut.payout_end, "auto", RULES)
+    assert window.fault is None

@@ -1,0 +1,100 @@
+"""Written files: the fields that other programs rely on."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+import pytest
+
+from winchcascade import read_run, reduce
+from winchcascade.cascade.reduce import Reduction
+from winchcascade.report.records import reduction_json, reduction_record, write_parquet
+
+NINE = {
+    "energy_line_j", "energy_mech_j", "energy_gen_j", "power_line_w", "power_mech_w", "power_gen_w", "eta_trans", "eta_gen",
+    "eta_pto",
+}  # fmt: skip
+
+
+@pytest.fixture
+def reduction(fixtures: Path) -> Reduction:
+    return reduce(read_run(fixtures / "campaign" / "r36ohm.csv", load=36.0), window=5.48)
+
+
+@pytest.fixture
+def record(reduction: Reduction) -> dict[str, Any]:
+    return json.loads(reduction_json(reduction))  # type: ignore[no-any-return]
+
+
+def test_the_json_has_the_fields_of_the_contract(record: dict[str, Any]) -> None:
+    assert record["schema"] == "winchcascade/reduction/1"
+    assert {"path", "sha256", "samples", "fs_hz", "load_ohm", "open_circuit"} <= set(record["log"])
+    for group in ("mean", "max_deviation_percent", "standard_uncertainty", "interval_95"):
+        assert set(record[group]) == NINE
+    (cycle, *_) = record["cycles"]
+    assert NINE | {"cycle", "complete", "phases", "phase_summary", "window"} == set(cycle)
+    assert set(cycle["phases"]) == {"payout", "hold", "haul_in"}
+    assert {"onset_s", "cutoff_s", "duration_s"} == set(cycle["window"])
+    summary = cycle["phase_summary"]
+    assert {"duration_s", "travel_m", "speed_max_mps", "plateau"} == set(summary["payout"])
+    plateau = {"speed_mps", "force_n", "torque_nm", "power_line_w", "power_mech_w", "power_gen_w"}
+    assert plateau <= set(summary["payout"]["plateau"])
+    assert {"duration_s", "force_n", "torque_nm", "pressure_kgcm2"} == set(summary["hold"])
+    assert {"duration_s", "speed_max_mps", "force_n", "force_min_n", "energy_line_j"} == set(summary["haul_in"])
+
+
+def test_bins_have_means_and_standard_errors(record: dict[str, Any]) -> None:
+    stages = ("power_line_w", "power_mech_w", "power_gen_w")
+    wanted = {"rpm_low", "rpm_high", "count", *stages, *(f"{s}_standard_error" for s in stages)}
+    assert all(set(b) == wanted for b in record["bins"])
+    assert all(b["rpm_high"] - b["rpm_low"] == 100.0 for b in record["bins"])
+    assert max(b["rpm_low"] for b in record["bins"]) == pytest.approx(3200.0, abs=150.0)  # 0.88 m/s on the plateau
+
+
+def test_phases_of_a_cycle_follow_each_other(record: dict[str, Any]) -> None:
+    for cycle in record["cycles"]:
+        payout, hold, haul_in = (cycle["phases"][p] for p in ("payout", "hold", "haul_in"))
+        assert payout[0] < payout[1] == hold[0] < hold[1] == haul_in[0] < haul_in[1]
+
+
+def test_what_is_not_built_or_not_known_is_null(fixtures: Path) -> None:
+    record = json.loads(reduction_json(reduce(read_run(fixtures / "campaign" / "r36ohm.csv"))))
+    assert record["log"]["load_ohm"] is None
+    assert set(record["standard_uncertainty"].values()) == {None}
+    assert set(record["interval_95"].values()) == {None}
+
+
+def test_an_open_circuit_has_no_load_in_ohms(fixtures: Path) -> None:
+    run = read_run(fixtures / "campaign" / "open_circuit.csv", load=float("inf"))
+    log = json.loads(reduction_json(reduce(run)))["log"]
+    assert log["load_ohm"] is None
+    assert log["open_circuit"] is True
+
+
+def test_the_same_log_gives_the_same_bytes(fixtures: Path) -> None:
+    path = fixtures / "campaign" / "r9ohm.csv"
+    assert reduction_json(reduce(read_run(path))) == reduction_json(reduce(read_run(path)))
+
+
+def test_parquet_holds_the_same_rows_as_the_json(reduction: Reduction, tmp_path: Path) -> None:
+    files = write_parquet(reduction, tmp_path / "tables")
+    cycles, bins, findings = (pq.read_table(path).to_pylist() for path in files)
+    record = reduction_record(reduction)
+    assert [c["eta_trans"] for c in cycles] == [c["eta_trans"] for c in record["cycles"]]
+    assert [c["haul_in_force_min_n"] for c in cycles] == [
+        c["phase_summary"]["haul_in"]["force_min_n"] for c in record["cycles"]
+    ]
+    assert [{k: v for k, v in b.items() if k not in ("log", "load_ohm")} for b in bins] == record["bins"]
+    assert findings == []
+    assert {c["load_ohm"] for c in cycles} == {36.0}
+
+
+def test_parquet_of_a_log_without_cycles_keeps_its_columns(tmp_path: Path) -> None:
+    path = tmp_path / "rest.csv"
+    rows = "\n".join(f"{0.04 * k:.2f},0.0,0.0,200.0" for k in range(500))
+    path.write_text("Time (s),Displacement (m),Velocity (m/s),Force (N)\n" + rows + "\n")
+    cycles, _, findings = write_parquet(reduce(read_run(path)), tmp_path / "tables")
+    assert pq.read_table(cycles).num_rows == 0
+    assert "eta_pto" in pq.read_table(cycles).column_names
+    assert pq.read_table(findings).num_rows == 4  # pressure, torque, Vdc and Idc are missing

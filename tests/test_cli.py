@@ -1,0 +1,178 @@
+"""The command line as a user meets it: in a process of its own."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from winchcascade.rigtoml import built_in_text
+
+
+def winchcascade(
+    *arguments: str | Path, cwd: Path | None = None, **environment: str
+) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "winchcascade", *map(str, arguments)],
+        capture_output=True, text=True, encoding="utf-8", cwd=cwd, env=os.environ | environment, check=False,
+    )  # fmt: skip
+
+
+def refusal(*arguments: str | Path, cwd: Path | None = None) -> str:
+    """The one sentence of a refusal: exit code 2, nothing on stdout, no traceback."""
+    done = winchcascade(*arguments, cwd=cwd)
+    assert done.returncode == 2, done.stderr
+    assert done.stdout == ""
+    assert "Traceback" not in done.stderr
+    return done.stderr
+
+
+def one_sentence(*arguments: str | Path, cwd: Path | None = None) -> str:
+    text = refusal(*arguments, cwd=cwd)
+    assert text.startswith("winchcascade: ")
+    assert text.count("\n") == 1
+    return text
+
+
+@pytest.fixture
+def log(fixtures: Path, tmp_path: Path) -> Path:
+    """A log on its own, without the campaign beside it, in a folder with a blank and other letters in its name."""
+    folder = tmp_path / "mes essais 測試"
+    folder.mkdir()
+    return Path(shutil.copy(fixtures / "campaign" / "r36ohm.csv", folder / "run 1 é.csv"))
+
+
+@pytest.mark.parametrize("command", [[], ["reduce"], ["rig"]], ids=["all", "reduce", "rig"])
+def test_every_command_has_help(command: list[str]) -> None:
+    done = winchcascade(*command, "--help")
+    assert done.returncode == 0
+    assert "Usage" in done.stdout
+
+
+def test_the_version_names_what_matters() -> None:
+    assert winchcascade("--version").stdout.startswith("winchcascade 0.")
+
+
+def test_a_log_with_blanks_and_other_letters_in_its_name_reduces(log: Path) -> None:
+    done = winchcascade("reduce", log)
+    assert done.returncode == 0
+    assert "run 1 é.csv" in done.stdout
+    assert "mean of 3" in done.stdout
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "cp1252", "cp950"])
+def test_a_terminal_of_few_letters_does_not_stop_a_reduction(log: Path, encoding: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "winchcascade", "reduce", str(log)],
+        capture_output=True, env=os.environ | {"PYTHONIOENCODING": encoding}, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0
+    assert b"mean of 3" in done.stdout
+
+
+def test_json_on_stdout_is_json_alone(log: Path) -> None:
+    done = winchcascade("reduce", log, "--json", "-", "--load-ohm", "36")
+    record = json.loads(done.stdout)
+    assert record["log"]["load_ohm"] == 36.0
+    assert done.stderr == ""
+
+
+def test_json_and_parquet_are_written_where_asked(log: Path, tmp_path: Path) -> None:
+    done = winchcascade("reduce", log, "--json", tmp_path / "out.json", "--parquet", tmp_path / "tables")
+    assert done.returncode == 0
+    assert json.loads((tmp_path / "out.json").read_text())["schema"] == "winchcascade/reduction/1"
+    assert sorted(p.name.split(".")[-2] for p in (tmp_path / "tables").iterdir()) == ["bins", "cycles", "findings"]
+    assert winchcascade("reduce", log, "--json", tmp_path / "out.json").returncode == 0  # its own file is replaced
+
+
+def test_the_load_is_never_inferred(log: Path) -> None:
+    record = json.loads(winchcascade("reduce", log, "--json", "-").stdout)
+    assert record["log"]["load_ohm"] is None
+    assert record["log"]["open_circuit"] is False
+
+
+def test_what_options_leave_open_comes_from_the_campaign_beside_the_log(fixtures: Path) -> None:
+    record = json.loads(winchcascade("reduce", fixtures / "campaign" / "r18ohm.csv", "--json", "-").stdout)
+    assert record["log"]["load_ohm"] == 18.0
+    assert record["log"]["load_source"] == "campaign.toml"
+    assert record["window"] == 5.96
+
+
+def test_options_win_over_the_campaign(fixtures: Path) -> None:
+    arguments = ("--json", "-", "--load-ohm", "20", "--window", "auto")
+    record = json.loads(winchcascade("reduce", fixtures / "campaign" / "r18ohm.csv", *arguments).stdout)
+    assert (record["log"]["load_ohm"], record["window"]) == (20.0, "auto")
+
+
+def test_an_infinite_load_is_an_open_circuit(log: Path) -> None:
+    record = json.loads(winchcascade("reduce", log, "--json", "-", "--load-ohm", "inf").stdout)
+    assert record["log"]["open_circuit"] is True
+    assert record["mean"]["eta_gen"] is None
+
+
+def test_a_log_that_is_not_there_is_told(tmp_path: Path) -> None:
+    assert "no such file" in one_sentence("reduce", tmp_path / "nothing.csv")
+
+
+def test_a_folder_is_no_log(tmp_path: Path) -> None:
+    assert "is not a file" in one_sentence("reduce", tmp_path)
+
+
+def test_an_empty_file_is_told(tmp_path: Path) -> None:
+    (tmp_path / "empty.csv").touch()
+    assert "the file is empty" in one_sentence("reduce", tmp_path / "empty.csv")
+
+
+def test_a_broken_campaign_beside_the_log_is_told(log: Path) -> None:
+    (log.parent / "campaign.toml").write_text("[[run]\n")
+    assert "not a valid TOML file" in one_sentence("reduce", log)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("--window", "soon"), "expected auto, payout or a length in seconds"),
+        (("--load-ohm", "-3"), "expected a number of ohms above 0"),
+        (("--load-ohm", "nan"), "expected a number of ohms above 0"),
+        (("--rig", "nothing.toml"), "no such file and no built-in rig"),
+        (("--json", "no/such/folder/out.json"), "does not exist"),
+    ],
+)
+def test_an_option_that_cannot_be_used_is_told(log: Path, arguments: tuple[str, ...], says: str) -> None:
+    assert says in one_sentence("reduce", log, *arguments)
+
+
+def test_a_load_that_is_no_number_is_refused(log: Path) -> None:
+    assert "load-ohm" in refusal("reduce", log, "--load-ohm", "ten")
+
+
+def test_a_foreign_file_is_kept_unless_forced(log: Path, tmp_path: Path) -> None:
+    mine = tmp_path / "thesis.json"
+    mine.write_text("mine")
+    assert "was not written by winchcascade" in one_sentence("reduce", log, "--json", mine)
+    assert mine.read_text() == "mine"
+    assert winchcascade("reduce", log, "--json", mine, "--force").returncode == 0
+
+
+def test_a_refused_log_leaves_no_file_behind(tmp_path: Path) -> None:
+    (tmp_path / "bad.csv").write_text("name,colour\nanchor,red\n")
+    one_sentence("reduce", tmp_path / "bad.csv", "--json", tmp_path / "out.json", "--parquet", tmp_path / "tables")
+    assert [p.name for p in tmp_path.iterdir()] == ["bad.csv"]
+
+
+@pytest.mark.parametrize("name", ["hsu2026", "kitepower"])
+def test_rig_prints_a_built_in_rig_file(name: str) -> None:
+    assert winchcascade("rig", name).stdout == built_in_text(name)
+
+
+def test_a_rig_that_is_not_built_in_is_told() -> None:
+    assert "no such built-in rig" in one_sentence("rig", "mine")
+
+
+def test_a_reader_that_stops_early_sees_no_traceback(log: Path) -> None:
+    command = f'"{sys.executable}" -m winchcascade reduce "{log}" --json - | head -c 10'
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
+    assert "Traceback" not in done.stderr
