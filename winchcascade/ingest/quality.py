@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from winchcascade.rigfile import Rig, Sensor
     from winchcascade.run import FindingKind, Signal
 
+    Index = NDArray[np.intp]
     Mask = NDArray[np.bool_]
 
 
@@ -44,31 +45,44 @@ def check(t: Signal, channels: dict[str, Signal], rig: Rig, *, simulated: bool, 
     """
     findings: list[Finding] = []
     lost: dict[str, Mask] = {}
-    for name, x in list(channels.items()):
-        if np.isfinite(x.sum()):
-            continue
-        bad = ~np.isfinite(x)
-        if bad.all():
-            del channels[name]
-            findings.append(Finding("missing_channel", f"the column for {name} holds no number", "left out", name))
-        elif bad.any():
-            x[bad] = np.nan
-            lost[name] = bad
-            findings.append(_at(t, bad, "not_a_number", name, "cells are empty or not a number", removed=True))
+    for name in list(channels):
+        _take_out_holes(t, name, channels, lost, findings)
     findings += _missing(channels, rig)
+    wild = {name: _take_out_spikes(t, name, x, lost, findings) for name, x in channels.items()}
+    if not simulated:
+        _drop_dead_velocity(t, channels, lost, findings)
     if "velocity" not in channels and "displacement" not in channels:
         return Checked({}, {}, tuple(findings))
-    _derive_velocity(t, channels, findings)
-    findings += upright(channels)
-    for name, x in channels.items():
-        findings += _odd_values(t, name, x, rig, simulated)
-        _take_out_spikes(t, name, x, lost, findings)
+    _derive_velocity(t, channels, lost, findings)
+    turned = upright(channels)
+    findings += turned
     if not simulated:
+        signs = {f.channel: -1.0 for f in turned}
+        for name, x in channels.items():
+            if name in rig.sensors:
+                findings += _out_of_range(t, name, x, wild.get(name), signs.get(name, 1.0), rig.sensors[name])
         _take_out_stuck(t, channels, rig, lost, findings, open_circuit)
     gaps = {name: _bridge(t, name, channels, bad) for name, bad in lost.items() if name in channels}
     if "force" in channels and channels["force"].min() < 0:
         findings.append(_at(t, channels["force"] < 0, "slack_line", "force", "samples have a line force below zero"))
     return Checked(channels, gaps, tuple(findings))
+
+
+def _take_out_holes(
+    t: Signal, name: str, channels: dict[str, Signal], lost: dict[str, Mask], findings: list[Finding]
+) -> None:
+    """Report cells that are empty or not a number; a channel that holds nothing else is missing."""
+    x = channels[name]
+    if np.isfinite(x.sum()):
+        return
+    bad = ~np.isfinite(x)
+    if bad.all():
+        del channels[name]
+        findings.append(Finding("missing_channel", f"the column for {name} holds no number", "left out", name))
+    elif bad.any():
+        x[bad] = np.nan
+        lost[name] = bad
+        findings.append(_at(t, bad, "not_a_number", name, "cells are empty or not a number", removed=True))
 
 
 def _missing(channels: dict[str, Signal], rig: Rig) -> list[Finding]:
@@ -82,10 +96,27 @@ def _missing(channels: dict[str, Signal], rig: Rig) -> list[Finding]:
     ]
 
 
-def _derive_velocity(t: Signal, channels: dict[str, Signal], findings: list[Finding]) -> None:
+def _drop_dead_velocity(
+    t: Signal, channels: dict[str, Signal], lost: dict[str, Mask], findings: list[Finding]
+) -> None:
+    """Leave out a velocity that is one value through the whole log while the displacement moves."""
+    v, displacement = channels.get("velocity"), channels.get("displacement")
+    if v is None or displacement is None or np.nanmin(v) < np.nanmax(v) or np.nanmax(np.abs(np.diff(displacement))) == 0:
+        return
+    del channels["velocity"]
+    lost.pop("velocity", None)
+    findings.append(_dead(t, "velocity", "derived from the displacement"))
+
+
+def _derive_velocity(
+    t: Signal, channels: dict[str, Signal], lost: dict[str, Mask], findings: list[Finding]
+) -> None:
+    """Make the velocity that the log lacks from its displacement, whose holes are then the velocity's too."""
     if "velocity" in channels:
         return
     channels["velocity"] = _slope(t, channels["displacement"])
+    if "displacement" in lost:
+        lost["velocity"] = lost["displacement"].copy()
     findings[:] = [
         Finding(f.kind, f.message, "derived from the displacement", f.channel)
         if f.kind == "missing_channel" and f.channel == "velocity"
@@ -117,12 +148,14 @@ def _at(t: Signal, bad: Mask, kind: FindingKind, channel: str, what: str, *, rem
     )
 
 
-def _odd_values(t: Signal, name: str, x: Signal, rig: Rig, simulated: bool) -> list[Finding]:
+def _out_of_range(
+    t: Signal, name: str, x: Signal, wild: tuple[Index, Signal] | None, sign: float, sensor: Sensor
+) -> list[Finding]:
     """Values outside the sensor's range are reported and kept: clipping or dropping them would hide what happened."""
-    sensor = rig.sensors.get(name)
-    if sensor is None or simulated:
-        return []
     low, high = _range(sensor)
+    if wild is not None:
+        x = x.copy()
+        x[wild[0]] = sign * wild[1]
     top, bottom = float(np.nanmax(x)), float(np.nanmin(x))
     if bottom >= low and top <= high:
         return []
@@ -131,7 +164,11 @@ def _odd_values(t: Signal, name: str, x: Signal, rig: Rig, simulated: bool) -> l
     known = find_unit(unit)
     factor = known.factor if known is not None else 1.0
     what = f"samples lie outside the sensor's range, up to {worst / factor:.5g} {unit} where it ends at {limit / factor:.5g}"
-    return [_at(t, (x < low) | (x > high), "out_of_range", name, what)]
+    found = _at(t, (x < low) | (x > high), "out_of_range", name, what)
+    spikes = 0 if wild is None else int(np.count_nonzero((x[wild[0]] < low) | (x[wild[0]] > high)))
+    if spikes:
+        found = msgspec.structs.replace(found, action=f"reported and kept, but for {spikes} bridged as spikes")
+    return [found]
 
 
 def _range(sensor: Sensor) -> tuple[float, float]:
@@ -143,15 +180,20 @@ def _range(sensor: Sensor) -> tuple[float, float]:
     return sensor.low - zero, high
 
 
-def _take_out_spikes(t: Signal, name: str, x: Signal, lost: dict[str, Mask], findings: list[Finding]) -> None:
+def _take_out_spikes(
+    t: Signal, name: str, x: Signal, lost: dict[str, Mask], findings: list[Finding]
+) -> tuple[Index, Signal] | None:
+    """Take single-sample spikes out of a channel; which they were, and what was logged there."""
     spikes = find_spikes(x)
     if spikes.size == 0:
-        return
+        return None
     bad = np.zeros(x.size, dtype=bool)
     bad[spikes] = True
+    logged = x[spikes]
     x[spikes] = np.nan
     lost[name] = lost[name] | bad if name in lost else bad
     findings.append(_at(t, bad, "spike", name, "single samples stand far off their neighbours", removed=True))
+    return spikes, logged
 
 
 def _take_out_stuck(
@@ -163,32 +205,31 @@ def _take_out_stuck(
     open_circuit: bool,
 ) -> None:
     line = motion(t, _whole(t, channels["velocity"]), rig.thresholds.v_onset)
-    stuck = {
-        name: find_stuck(name, x, line, channels)
-        for name, x in channels.items()
-        if not (open_circuit and name == "idc")
-    }
-    for name, stretches in stuck.items():
+    names = [name for name in channels if name != "velocity" and not (open_circuit and name == "idc")]
+    for name in ("velocity", *names):
+        stretches = find_stuck(name, channels[name], line, channels)
         if not stretches:
             continue
         bad = np.zeros(t.size, dtype=bool)
         for a, b in stretches:
             bad[a + 1 : b] = True  # the first sample of a held value is still a measurement
-        if bad.sum() >= t.size - 2:
+        if bad.sum() >= t.size - 2 and name != "velocity":
             del channels[name]
-            findings.append(_dead(t, name))
+            findings.append(_dead(t, name, "channel left out, metrics that need it are null"))
             continue
         channels[name][bad] = np.nan
         lost[name] = lost[name] | bad if name in lost else bad
-        what = f"samples repeat one value while the line moves, in {len(stretches)} stretch"
+        what = f"samples repeat one value where it should change, in {len(stretches)} stretch"
         findings.append(_at(t, bad, "stuck", name, what + ("es" if len(stretches) > 1 else ""), removed=True))
+        if name == "velocity":
+            line = motion(t, _bridged(t, name, channels, bad), rig.thresholds.v_onset)
 
 
-def _dead(t: Signal, name: str) -> Finding:
+def _dead(t: Signal, name: str, action: str) -> Finding:
     return Finding(
         "stuck",
         f"{name} holds one value through the whole log while the line moves",
-        "channel left out, metrics that need it are null",
+        action,
         name,
         float(t[0]),
         float(t[-1]),
@@ -203,14 +244,17 @@ def _whole(t: Signal, x: Signal) -> Signal:
     return x if good.all() else np.interp(t, t[good], x[good])
 
 
-def _bridge(t: Signal, name: str, channels: dict[str, Signal], bad: Mask) -> Signal:
-    """Bridge a channel's holes in place, the velocity by the displacement where that goes on; (k, 2) gaps [s]."""
-    x = channels[name]
-    good = ~bad
+def _bridged(t: Signal, name: str, channels: dict[str, Signal], bad: Mask) -> Signal:
+    """A channel whose holes are bridged by straight lines, the velocity's by the displacement."""
+    x = _whole(t, channels[name])
     if name == "velocity" and "displacement" in channels and np.isfinite(channels["displacement"]).any():
-        x[bad] = _slope(t, channels["displacement"])[bad]
-    else:
-        x[bad] = np.interp(t[bad], t[good], x[good])
+        x = np.where(bad, _slope(t, channels["displacement"]), x)
+    return x
+
+
+def _bridge(t: Signal, name: str, channels: dict[str, Signal], bad: Mask) -> Signal:
+    """Bridge a channel's holes; (k, 2) gaps [s], from the last good sample to the next."""
+    channels[name] = _bridged(t, name, channels, bad)
     edges = np.flatnonzero(np.diff(np.concatenate(([False], bad, [False])).astype(np.int8)))
     before, after = np.maximum(edges[::2] - 1, 0), np.minimum(edges[1::2], t.size - 1)
     return np.column_stack((t[before], t[after]))

@@ -26,8 +26,14 @@ CLEAR = 1.2
 ENOUGH = 400_000
 """Of a longer log this many samples, spread over it, tell the signs."""
 
-IDLE = {"force": 20.0, "torque": 2.0, "power_mech": 20.0, "vdc": 5.0, "idc": 0.1}
+CERTAIN = 4.0
+"""A channel follows the velocity if noise would do so once in ten thousand logs: so many standard deviations."""
+
+IDLE = {"force": 20.0, "torque": 2.0, "power_mech": 20.0, "vdc": 5.0, "idc": 0.03}
 """What a channel of the other sign must exceed to be called flipped: well above zeros and noise. [N, N m, W, V, A]"""
+
+VACUUM = -1.05e5
+"""No gauge pressure lies below it. [Pa]"""
 
 
 def upright(channels: dict[str, Signal]) -> list[Finding]:
@@ -40,6 +46,9 @@ def upright(channels: dict[str, Signal]) -> list[Finding]:
     every = max(1, channels["velocity"].size // ENOUGH)
     some = {name: x[::every] for name, x in channels.items()}
     v = np.nan_to_num(some["velocity"])
+    if "pressure" in some and _median(some["pressure"]) < VACUUM:
+        some["pressure"] = -some["pressure"]
+        findings.append(_flipped("pressure", "it lies below the vacuum"))
     if _paid_out_negative(some, v):
         v = -v
         findings.append(_flipped("velocity", "payout is logged as negative"))
@@ -83,8 +92,11 @@ def _paid_out_negative(some: Mapping[str, Signal], v: Signal) -> bool:
 
 
 def _follows(x: Signal, v: Signal) -> int:
-    """Sign of how a channel changes with the velocity."""
-    return int(np.sign(float(np.dot(np.nan_to_num(np.diff(x)), v[1:]))))
+    """Sign of how a channel changes with the velocity, 0 if that could be noise."""
+    change = np.nan_to_num(np.diff(x))
+    together = float(np.dot(change, v[1:]))
+    by_chance = float(np.linalg.norm(change) * np.linalg.norm(v)) / np.sqrt(v.size)
+    return int(np.sign(together)) if abs(together) > CERTAIN * by_chance else 0
 
 
 def _median(x: Signal) -> float:

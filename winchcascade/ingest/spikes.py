@@ -64,7 +64,8 @@ def find_spikes(x: Signal) -> Index:
         good = np.flatnonzero(np.isfinite(x))
         found = find_spikes(x[good]) if good.size else good
         near = good[np.minimum(found + 1, good.size - 1)] - good[np.maximum(found - 1, 0)] <= NEAR
-        return good[found[near]]
+        single: Index = good[found[near]]
+        return single
     if x.size < 2 * AROUND:
         return np.empty(0, dtype=np.intp)
     least = max(LEAST_SHARE * _span(x), NOISE * _usual_curvature(x))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.order import quantile
+from winchcascade.order import median
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -40,6 +40,9 @@ IDLE = 0.02
 LOADED = 0.2
 """With more than this share of its largest torque the shaft turns."""
 
+LEAST_TORQUE = 5.0
+"""And with more than this. [N m]"""
+
 TRAVEL = 0.1
 """What depends on the displacement must change when the line travels so far. [m]"""
 
@@ -53,7 +56,8 @@ UNLIKELY = -18.0
 """Logarithm of the chance below which a noisy channel does not repeat itself by accident: once in 60 million samples."""
 
 NOISY = 0.3
-"""A channel is noisy if this share of its changes turn back at once and as many are larger than its smallest step."""
+"""A channel is noisy if this share of its changes turn back at once, and of those this share are two steps or more:
+finer noise leaves it at one value or not, depending on where between two steps it lies."""
 
 _ENOUGH = 400_000
 """Samples at the beginning of a log that say how its channels behave."""
@@ -161,9 +165,9 @@ def _loaded(
     torque = channels.get("torque")
     if torque is None or not np.isfinite(torque).any():
         return np.zeros(first.size, dtype=bool)
-    top = quantile(torque[np.isfinite(torque)][:_ENOUGH], 0.995)
-    loaded = _among(torque > max(LOADED * top, 5.0), first, last)
-    stuck: Mask = (loaded >= FEWEST) & (loaded * np.median(np.diff(line.t[:1000])) >= HELD)
+    alive = np.append(True, torque[1:] != torque[:-1])  # a torque that is stuck itself says nothing
+    loaded = _among(alive & (torque > max(LOADED * float(np.nanmax(torque)), LEAST_TORQUE)), first, last)
+    stuck: Mask = (loaded >= FEWEST) & (loaded * median(np.diff(line.t[:1000])) >= HELD)
     return stuck & (np.abs(x[first]) < line.v_onset) if at_rest else stuck
 
 
@@ -248,9 +252,9 @@ def _repeats(change: Signal) -> float:
     some = change[change != 0]
     if some.size < 20:
         return 1.0
-    turning = float(np.mean(some[1:] * some[:-1] < 0))
-    size = np.abs(some)
-    coarse = float(np.mean(size < 1.5 * size.min()))
-    if turning < NOISY or coarse > 1 - NOISY:
+    turn = some[1:] * some[:-1] < 0
+    size = np.minimum(np.abs(some[1:]), np.abs(some[:-1]))[turn]
+    large = size > 1.5 * np.abs(some).min()
+    if np.mean(turn) < NOISY or np.mean(large) < NOISY:
         return 1.0
-    return max(1.0 - some.size / change.size, 0.02)
+    return float(max(1.0 - some.size / change.size, 0.02))
