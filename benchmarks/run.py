@@ -59,13 +59,17 @@ def main() -> None:
     start = 3 * pairs
     compare("--help / imports of typer, numpy, arrow", winchcascade("--help"), IMPORTS, start, "at most 1.5")
     compare("reduce one log / those imports", winchcascade("reduce", LOG), IMPORTS, start, "at most 1.5")
-    compare("reduce --json - / those imports", winchcascade("reduce", LOG, "--json", "-"), IMPORTS, start, "at most 1.5")
+    compare(
+        "reduce --json - / those imports", winchcascade("reduce", LOG, "--json", "-"), IMPORTS, start, "at most 1.5"
+    )
     with tempfile.TemporaryDirectory() as folder:
         long = Path(folder) / "long.csv"
         maker = [sys.executable, str(ROOT / "benchmarks" / "make_long_log.py"), str(long), "--rows", str(options.rows)]
         subprocess.run(maker, check=True, stdout=subprocess.DEVNULL)
         name = f"reduce {options.rows / 1e6:g} M rows, {long.stat().st_size / 1e9:.2f} GB / read_csv"
-        compare(name, winchcascade("reduce", long), [sys.executable, "-c", READ_CSV, str(long)], pairs, "at most 2, 1600 MB")
+        compare(
+            name, winchcascade("reduce", long), [sys.executable, "-c", READ_CSV, str(long)], pairs, "at most 2, 1600 MB"
+        )
 
 
 if __name__ == "__main__":

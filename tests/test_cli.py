@@ -126,9 +126,15 @@ def test_an_empty_file_is_told(tmp_path: Path) -> None:
     assert "the file is empty" in one_sentence("reduce", tmp_path / "empty.csv")
 
 
+def test_a_log_without_a_payout_is_told(tmp_path: Path) -> None:
+    rows = "\n".join(f"{0.04 * k:.2f},0.0,0.0,200.0" for k in range(500))
+    (tmp_path / "rest.csv").write_text("Time (s),Displacement (m),Velocity (m/s),Force (N)\n" + rows + "\n")
+    assert "no payout found" in one_sentence("reduce", tmp_path / "rest.csv", "--json", "-")
+
+
 def test_a_broken_campaign_beside_the_log_is_told(log: Path) -> None:
     (log.parent / "campaign.toml").write_text("[[run]\n")
-    assert "not a valid TOML file" in one_sentence("reduce", log)
+    assert "To reduce run 1 é.csv without it, give --rig" in one_sentence("reduce", log)
 
 
 @pytest.mark.parametrize(

@@ -65,7 +65,10 @@ def campaign_beside(log: Path) -> tuple[Campaign, CampaignRun] | None:
     path = log.parent / CAMPAIGN_FILE
     if not path.is_file():
         return None
-    campaign = load_campaign(path)
+    try:
+        campaign = load_campaign(path)
+    except CampaignError as fault:
+        raise CampaignError(f"{fault} To reduce {log.name} without it, give --rig, --load-ohm and --window.") from None
     for run in campaign.runs:
         if run.file.name == log.name and run.file.resolve() == log.resolve():
             return campaign, run

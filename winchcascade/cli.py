@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from winchcascade.errors import OptionError, WinchcascadeError
+from winchcascade.errors import LogError, OptionError, WinchcascadeError
 
 if TYPE_CHECKING:
     from winchcascade.rigfile import Rig
@@ -91,6 +91,12 @@ def reduce_command(
     settings = _settings(log, rig, load_ohm, window)
     run = read_run(log, rig=settings.rig, load=settings.load, load_source=settings.load_source)
     reduction = reduce(run, rig=settings.rig, window=settings.window)
+    if not reduction.cycles:
+        limits = settings.rig.thresholds
+        raise LogError(
+            f"{run.name}: no payout found; expected the line to pay out more than {limits.stroke_min:g} m at more than "
+            f"{limits.v_onset:g} m/s. Check name, unit and sign of the velocity column."
+        )
     if parquet is not None:
         from winchcascade.report.records import write_parquet
 

@@ -12,6 +12,7 @@ from winchcascade import load_rig, read_run, reduce
 from winchcascade.campaign import load_campaign
 from winchcascade.cascade.reduce import window_rule
 from winchcascade.errors import OptionError
+from winchcascade.rigtoml import parse_rig
 
 TABLE_2 = {
     45.0: (5937, 5222, 3988, 0.879, 0.763, 0.671),
@@ -142,6 +143,14 @@ def test_haul_in_of_the_field_winch_is_summarised_but_never_given_an_efficiency(
     assert haul_in is not None
     assert haul_in.energy_line is not None
     assert haul_in.energy_line < 0
+
+
+def test_torque_without_a_drum_radius_is_told(fixtures: Path) -> None:
+    rig = parse_rig('name = "bare"\n', "bare.toml")
+    reduction = reduce(read_run(fixtures / "campaign" / "r36ohm.csv", rig=rig), rig=rig)
+    assert reduction.mean.energy_mech is None
+    assert reduction.mean.eta_pto is not None
+    assert [f.channel for f in reduction.quality if "drum radius" in f.message] == ["torque"]
 
 
 DAMAGED = {

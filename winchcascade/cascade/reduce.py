@@ -111,7 +111,7 @@ def reduce(run: Run, *, rig: Rig | None = None, window: str | float | None = Non
         lambda: _energies_and_bins(run, v_smooth, cycles, plateaus, windows, rule, rig),
         samples=run.samples,
     )
-    findings: list[Finding] = []
+    findings = _not_given(run, rig)
     results = _results(run, cycles, summaries, energy, findings)
     complete = [r.metrics for r in results if r.complete]
     whole = sum(r.window.cutoff - r.window.onset for r in results if r.complete)
@@ -126,6 +126,14 @@ def reduce(run: Run, *, rig: Rig | None = None, window: str | float | None = Non
         bins=bins,
         quality=(*run.findings, *findings),
     )
+
+
+def _not_given(run: Run, rig: Rig) -> list[Finding]:
+    """Why a stage has no power although its channel is there."""
+    if "torque" not in run.channels or "power_mech" in run.channels or rig.r_drum is not None:
+        return []
+    message = f"torque alone gives no power: the rig {rig.name} has no drum radius (r_drum under [winch])"
+    return [Finding("missing_channel", message, "metrics that need it are null", "torque")]
 
 
 def _windows(

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from winchcascade.cascade.reduce import CycleResult, Reduction
     from winchcascade.run import Finding
 
+_WIDTH = 80
 _MOST_CYCLES = 20
 _MOST_FINDINGS = 12
 _RESULTS = (
@@ -31,11 +32,8 @@ def reduction_text(reduction: Reduction) -> str:
     """
     cycles = reduction.cycles
     lines = [*_title(reduction), ""]
-    if not cycles:
-        lines += ["no payout found: the line never pays out at more than the onset speed"]
-    else:
-        lines += [*_table(_RESULTS, cycles, _result_row, _summary_rows(reduction)), ""]
-        lines += _table(_PHASES, cycles, _phase_row, [])
+    lines += [*_table(_RESULTS, cycles, _result_row, _summary_rows(reduction)), ""]
+    lines += _table(_PHASES, cycles, _phase_row, [])
     return "\n".join([*lines, "", *_findings(reduction)]) + "\n"
 
 
@@ -141,11 +139,14 @@ def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def _findings(reduction: Reduction) -> list[str]:
+    import textwrap
+
     quality, samples = reduction.quality, reduction.run.samples
     if not quality:
         return ["findings: none"]
     lines = [f"findings: {len(quality)}"]
-    lines += [f"  {_finding(f, samples)}" for f in quality[:_MOST_FINDINGS]]
+    for finding in quality[:_MOST_FINDINGS]:
+        lines += textwrap.wrap(_finding(finding, samples), _WIDTH, initial_indent="  ", subsequent_indent="    ")
     if len(quality) > _MOST_FINDINGS:
         lines.append(f"  ... {len(quality) - _MOST_FINDINGS} more, all in --json")
     return lines
