@@ -41,7 +41,7 @@ def test_the_readme_shows_every_command() -> None:
     listed = subprocess.run(
         [sys.executable, "-m", "winchcascade", "--help"], capture_output=True, text=True, check=True
     ).stdout
-    assert {name for name in re.findall(r"^[│ ]+([a-z]+) {2,}", listed, re.MULTILINE)} == shown
+    assert set(re.findall(r"^[│ ]+([a-z]+) {2,}", listed, re.MULTILINE)) == shown
 
 
 def test_the_python_of_the_readme_gives_what_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -56,9 +56,8 @@ def onset_error(run: Run, v_smooth: Signal, onsets: Signal) -> Signal:
     gaps = gaps_of(run, ("velocity",))
     if len(gaps) == 0:
         return moved
-    v = run.channels["velocity"]
     at = np.searchsorted(onsets, gaps[:, 0] - NEAR_ONSET)
-    for gap, error, k in zip(gaps, bridging_error(run.t, v, gaps), at.tolist(), strict=True):
+    for gap, error, k in zip(gaps, bridging_error(run.t, v_smooth, gaps), at.tolist(), strict=True):
         if k < len(onsets) and gap[0] - NEAR_ONSET <= onsets[k] <= gap[1] + NEAR_ONSET:
             width = gap[1] - gap[0]
             before, after = np.interp([onsets[k] - width, onsets[k] + width], run.t, v_smooth)

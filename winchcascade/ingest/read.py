@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING
@@ -13,6 +13,7 @@ import numpy as np
 from winchcascade.errors import LogError
 from winchcascade.ingest.clock import Clock, even_clock, read_clock
 from winchcascade.ingest.dialects import Assignment, assign
+from winchcascade.ingest.formats import open_log
 from winchcascade.ingest.quality import check
 from winchcascade.order import median
 from winchcascade.rigfile import Rig
@@ -27,9 +28,7 @@ _FEWEST = 10
 """A log with fewer rows than this shows no motion."""
 
 
-def read_run(
-    path: str | Path, *, rig: Rig | None = None, load: float | None = None, load_source: str = "given"
-) -> Run:
+def read_run(path: str | Path, *, rig: Rig | None = None, load: float | None = None, load_source: str = "given") -> Run:
     """Read a log of any known format and check it.
 
     Parameters
@@ -50,7 +49,7 @@ def read_run(
     """
     path = Path(path)
     rig = rig or built_in()
-    source = _open(path)
+    source = open_log(path)
     found = assign(source.headers, rig, path.name)
     table = source.load([m.index for m in found.channels.values()], found.time.index if found.time else None)
     digest = _Digest(path)
@@ -95,7 +94,7 @@ class _Digest:
         self._thread.start()
 
     def _run(self) -> None:
-        with self._path.open("rb") as file:
+        with suppress(OSError), self._path.open("rb") as file:  # `value` tells it: a thread has nobody to tell
             self._value = hashlib.file_digest(file, "sha256").hexdigest()
 
     def value(self) -> str:
@@ -104,75 +103,6 @@ class _Digest:
         if not self._value:
             raise LogError(f"{self._path}: could not be read to its end; check that the file is still there.")
         return self._value
-
-
-def _open(path: Path) -> Source:
-    """Open a log by what its first bytes say, whatever its name ends in."""
-    if not path.exists():
-        raise LogError(f"{path}: no such file; give the path of a log.")
-    if not path.is_file():
-        raise LogError(f"{path}: is not a file; give the path of one log.")
-    try:
-        with path.open("rb") as file:
-            head = file.read(4096)
-    except OSError as fault:
-        raise LogError(f"{path.name}: cannot be read ({fault.strerror}); check its permissions.") from None
-    if not head:
-        raise LogError(f"{path.name}: the file is empty; expected a log with column names and rows of numbers.")
-    return _reader(head, path.name)(path)
-
-
-def _reader(head: bytes, where: str) -> Callable[[Path], Source]:
-    """Choose the reader; each is imported only when it is needed."""
-    if head.startswith(b"TDSm"):
-        from winchcascade.ingest.tdms import open_tdms
-
-        return open_tdms
-    if head.startswith(b"PAR1"):
-        from winchcascade.ingest.parquet import open_parquet
-
-        return open_parquet
-    if head.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
-        from winchcascade.ingest.excel import open_excel
-
-        return open_excel
-    if head.startswith((b"MATLAB ", b"\x89HDF")) or _is_mat_v4(head):
-        from winchcascade.ingest.mat import open_mat
-
-        return open_mat
-    for magic, name in _NO_LOGS.items():
-        if head.startswith(magic):
-            raise LogError(
-                f"{where}: is {name}, not a log; expected CSV, TDMS, MATLAB, Parquet or Excel. Unpack or export it first."
-            )
-    from winchcascade.ingest.delimited import open_delimited
-
-    return open_delimited
-
-
-def _is_mat_v4(head: bytes) -> bool:
-    """Tell MATLAB v4, which has no magic bytes; no text has a zero among its first four bytes, but for UTF-16."""
-    if 0 not in head[:4]:
-        return False
-    from winchcascade.ingest.mat_tags import is_v4
-
-    return is_v4(head)
-
-
-_NO_LOGS = {
-    b"\x1f\x8b": "gzip-compressed",
-    b"BZh": "bzip2-compressed",
-    b"\xfd7zXZ": "xz-compressed",
-    b"\x28\xb5\x2f\xfd": "zstd-compressed",
-    b"7z\xbc\xaf": "a 7z archive",
-    b"Rar!": "a RAR archive",
-    b"%PDF": "a PDF document",
-    b"\x89PNG": "a PNG picture",
-    b"\xff\xd8\xff": "a JPEG picture",
-    b"\x7fELF": "a program",
-    b"MZ": "a program",
-    b"SQLite format 3": "an SQLite database",
-}
 
 
 def _clock(
@@ -230,10 +160,11 @@ def _channels(table: Table, found: Assignment, clock: Clock) -> dict[str, Signal
             x = x[clock.rows]
         if not x.flags.writeable:
             x = x.copy()
-        if match.factor != 1.0:
-            x *= match.factor
-        if match.offset:
-            x += match.offset
+        with np.errstate(over="ignore"):  # a number too large for a double is no number, and told as such
+            if match.factor != 1.0:
+                x *= match.factor
+            if match.offset:
+                x += match.offset
         channels[name] = x
     return channels
 
@@ -241,19 +172,20 @@ def _channels(table: Table, found: Assignment, clock: Clock) -> dict[str, Signal
 def _load(source: Source) -> tuple[float | None, str]:
     """The load by a property of the file; never from Vdc over Idc. [ohm]"""
     for key, value in source.properties.items():
-        if key.strip().casefold() in _LOAD_KEYS:
+        if "".join(c for c in key.casefold() if c.isalpha()).removesuffix("ohm") in _LOAD_KEYS:
             ohm = _ohm(value)
             if ohm is not None:
                 return ohm, f"property {key} of the file"
     return None, "unknown"
 
 
-_LOAD_KEYS = {"load_ohm", "load (ohm)", "load [ohm]", "r_load_ohm", "load_resistance_ohm", "r_load", "rload", "load"}
+_LOAD_KEYS = {"load", "rload", "loadresistance", "resistiveload", "rl"}
 
 
 def _ohm(value: str | float) -> float | None:
+    text = str(value).strip().casefold().removesuffix("ohm").removesuffix("ω")
     try:
-        ohm = float(str(value).strip().casefold().removesuffix("ohm").strip())
+        ohm = float(text)
     except ValueError:
         return None
     return ohm if ohm > 0 else None

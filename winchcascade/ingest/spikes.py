@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     Index = NDArray[np.intp]
 
-LEAST_SHARE = 0.02
+LEAST_SHARE = 0.015
 """A spike is at least this share of the range in which the channel moves."""
 
 NOISE = 4.5
@@ -66,21 +66,21 @@ def find_spikes(x: Signal) -> Index:
         near = good[np.minimum(found + 1, good.size - 1)] - good[np.maximum(found - 1, 0)] <= NEAR
         single: Index = good[found[near]]
         return single
-    if x.size < 2 * AROUND:
+    if x.size < 4 * AROUND:
         return np.empty(0, dtype=np.intp)
     least = max(LEAST_SHARE * _span(x), NOISE * _usual_curvature(x))
     found = _candidates(x, least)
     inside = found[_stands_out(x, found, least)] if found.size else found
-    head, tail = _at_start(x[:_END], least), x.size - 1 - _at_start(x[: -_END - 1 : -1], least)[::-1]
-    return np.concatenate((head, inside[(inside >= 2) & (inside < x.size - 2)], tail))
+    ends = ([0] if _begins(x, least) else []), ([x.size - 1] if _begins(x[::-1], least) else [])
+    spikes: Index = np.concatenate((ends[0], inside, ends[1])).astype(np.intp)
+    return spikes
 
 
-def _at_start(x: Signal, least: float) -> Index:
-    """Spikes among the first two samples, held against the mirrored beginning of the log."""
-    mirrored = np.concatenate((x[3:0:-1], x))
-    found = _candidates(mirrored, least)
-    found = found[(found == 3) | (found == 4)]
-    return found[_stands_out(mirrored, found, least)] - 3
+def _begins(x: Signal, least: float) -> bool:
+    """Whether the first sample is a spike, held against the mirrored beginning of the log."""
+    beginning = x[: 4 * AROUND]
+    mirrored = np.concatenate((beginning[2:0:-1], beginning))
+    return bool(_stands_out(mirrored, np.array([2]), least)[0])
 
 
 def _span(x: Signal) -> float:
@@ -108,14 +108,14 @@ def _candidates(x: Signal, least: float) -> Index:
 
 def _stands_out(x: Signal, found: Index, least: float) -> NDArray[np.bool_]:
     """Whether each candidate exceeds the curvatures around it by far, on a line through its neighbours."""
-    offset = np.concatenate((np.arange(-AROUND, -1), np.arange(2, AROUND + 1)))
+    around = np.concatenate((np.arange(-AROUND, -1), np.arange(2, AROUND + 1)))
     line = np.concatenate((np.arange(-ALONG, -1), np.arange(1, ALONG)))
     keep = np.zeros(found.size, dtype=bool)
     for start in range(0, found.size, _ROWS):
         k = found[start : start + _ROWS]
-        centre = np.clip(k[:, None] + offset, 1, x.size - 2)
+        centre = _within(k[:, None] + around, 1, x.size - 2)
         calm = APART * _upper_quartile(np.abs(x[centre - 1] - 2 * x[centre] + x[centre + 1]))
-        along = np.clip(k[:, None] + line, 0, x.size - 2)
+        along = _within(k[:, None] + line, 0, x.size - 2)
         slope = _middle(x[along + 1] - x[along])
         off = np.abs(x[k] - 0.5 * (x[k - 1] + x[k + 1]))
         before = x[k - 1] - x[np.maximum(k - 2, 0)] - slope
@@ -124,6 +124,13 @@ def _stands_out(x: Signal, found: Index, least: float) -> NDArray[np.bool_]:
         bent = np.maximum(np.maximum(np.abs(before), np.abs(after)), np.abs(step))
         keep[start : start + k.size] = (off > np.maximum(least, calm)) & (bent < AGREE * off)
     return keep
+
+
+def _within(place: Index, first: int, last: int) -> Index:
+    """Take what lies beyond an end of the log from beyond the other side of the surrounding."""
+    place = np.where(place < first, place + 2 * AROUND + 1, place)
+    within: Index = np.where(place > last, place - 2 * AROUND - 1, place)
+    return within
 
 
 def _upper_quartile(rows: Signal) -> Signal:

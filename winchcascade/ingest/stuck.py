@@ -152,10 +152,11 @@ def _blocks(t: Signal, x: Signal, seconds: float) -> tuple[Signal, Signal]:
     """Durations [s] and changes of x over blocks of a stretch."""
     good = np.isfinite(x)
     t, x = t[good], x[good]
-    if t.size < 2:
+    if t.size < 3:
         return np.empty(0), np.empty(0)
-    ends = np.linspace(0, t.size - 1, 1 + max(1, round((t[-1] - t[0]) / seconds))).astype(np.intp)
-    return np.diff(t[ends]), np.diff(x[ends])
+    ends = np.linspace(1, t.size - 2, 1 + max(1, round((t[-1] - t[0]) / seconds))).astype(np.intp)
+    around = np.sort((x[ends - 1], x[ends], x[ends + 1]), axis=0)  # the middle one of three is never a single wild one
+    return np.diff(t[ends]), np.diff(around[1])
 
 
 def _loaded(
