@@ -7,25 +7,29 @@ from winchcascade.errors import OutputError
 from winchcascade.files import write_whole
 
 
+def write_new(part: Path) -> None:
+    part.write_text("new")
+
+
 def test_a_file_of_somebody_else_is_not_replaced(tmp_path: Path) -> None:
     path = tmp_path / "thesis.json"
     path.write_text("mine")
     with pytest.raises(OutputError, match="was not written by winchcascade; choose another name or add --force"):
-        write_whole(path, lambda part: part.write_text("new") and None)
+        write_whole(path, write_new)
     assert path.read_text() == "mine"
 
 
 def test_force_replaces_any_file(tmp_path: Path) -> None:
     path = tmp_path / "thesis.json"
     path.write_text("mine")
-    write_whole(path, lambda part: part.write_text("new") and None, force=True)
+    write_whole(path, write_new, force=True)
     assert path.read_text() == "new"
 
 
 def test_ones_own_file_is_replaced(tmp_path: Path) -> None:
     path = tmp_path / "reduction.json"
     path.write_text('{"schema": "winchcascade/reduction/1"}')
-    write_whole(path, lambda part: part.write_text("new") and None)
+    write_whole(path, write_new)
     assert path.read_text() == "new"
 
 

@@ -11,7 +11,7 @@ EXACT = 1e-9
 
 
 def test_the_inside_of_an_even_log_is_smoothed_as_savitzky_and_golay_do() -> None:
-    t = np.arange(200) * 0.04
+    t = np.arange(200, dtype=np.float64) * 0.04
     x = np.random.default_rng(1).normal(size=t.size)
     ours = local_quadratic(t, x, 0.6)
     assert ours[7:-7] == pytest.approx(savgol_filter(x, 15, 2)[7:-7], abs=EXACT)
@@ -26,25 +26,25 @@ def test_a_quadratic_survives_smoothing_on_any_stamps(steps: list[float], c: tup
 
 
 def test_near_a_gap_only_samples_in_reach_count() -> None:
-    t = np.concatenate((np.arange(50) * 0.04, 30.0 + np.arange(50) * 0.04))
+    t = np.concatenate((np.arange(50, dtype=np.float64) * 0.04, 30.0 + np.arange(50, dtype=np.float64) * 0.04))
     x = np.where(t < 10, 1.0, 5.0)
     assert local_quadratic(t, x, 0.6) == pytest.approx(x, abs=EXACT)
 
 
 def test_jitter_hardly_moves_the_smoothed_value() -> None:
     rng = np.random.default_rng(2)
-    t = np.arange(300) * 0.04 + rng.uniform(-0.008, 0.008, 300)
+    t = np.arange(300, dtype=np.float64) * 0.04 + rng.uniform(-0.008, 0.008, 300)
     assert local_quadratic(t, np.sin(t), 0.6) == pytest.approx(np.sin(t), abs=2e-3)  # the bias of the fit itself
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 3, 10])
 def test_a_short_signal_comes_back_in_its_length(n: int) -> None:
-    t = np.arange(n) * 0.04
+    t = np.arange(n, dtype=np.float64) * 0.04
     assert local_quadratic(t, t, 0.6).size == n
 
 
 def test_the_smoothed_signal_does_not_depend_on_the_blocks_of_a_long_log() -> None:
-    t = np.arange(600_000) * 0.04
+    t = np.arange(600_000, dtype=np.float64) * 0.04
     x = np.sin(0.3 * t)
     at = slice(262_100, 262_200)  # across the border of two blocks
     assert local_quadratic(t, x, 0.6)[at] == pytest.approx(local_quadratic(t[at], x[at], 0.6), abs=1e-3)

@@ -902,7 +902,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return {form: make(folder / f"r36ohm {form}.csv") for form, make in LOGS.items()}
 
 
-def etas(run: Run) -> list[float]:
+def etas(run: Run) -> list[float | None]:
     mean = reduce(run, window=5.48).mean
     return [mean.eta_trans, mean.eta_gen, mean.eta_pto]
 

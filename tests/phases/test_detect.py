@@ -23,7 +23,7 @@ def profile(*pieces: tuple[float, float]) -> np.ndarray:
 
 
 def run_of(v: np.ndarray, *, noise: float = 0.0, seed: int = 1, gaps: Sequence[tuple[float, float]] = ()) -> Run:
-    t = np.arange(v.size) * DT
+    t = np.arange(v.size, dtype=np.float64) * DT
     displacement = np.concatenate(([0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * DT)))
     noisy = v + noise * np.random.default_rng(seed).normal(size=v.size)
     known = {CLOCK: np.array(gaps)} if gaps else {}

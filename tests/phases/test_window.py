@@ -16,7 +16,8 @@ def cycle(*, ends_inside: bool = False, begins_inside: bool = False) -> Cycle:
 
 def trapezoid(speed: float = 0.9) -> np.ndarray:
     """From 5 s up in 2 s, from 16 s down in 1 s."""
-    return np.interp(T, [5.0, 7.0, 16.0, 17.0], [0.0, speed, speed, 0.0])
+    v: np.ndarray = np.interp(T, [5.0, 7.0, 16.0, 17.0], [0.0, speed, speed, 0.0])
+    return v
 
 
 def test_the_plateau_is_where_the_speed_stays_above_98_percent() -> None:
