@@ -21,7 +21,8 @@ def test_the_inside_of_an_even_log_is_smoothed_as_savitzky_and_golay_do() -> Non
 def test_a_quadratic_survives_smoothing_on_any_stamps(steps: list[float], c: tuple[float, float, float]) -> None:
     t = np.cumsum(steps)
     x = c[0] + c[1] * t + c[2] * t * t
-    taken_as_even = EVEN * 0.3**2 * abs(c[2])  # intervals that differ by less than EVEN are convolved
+    steepest = abs(c[1]) + 2 * abs(c[2]) * t[-1]
+    taken_as_even = EVEN * 0.3 * steepest  # intervals that differ by less than EVEN are convolved
     assert local_quadratic(t, x, 0.6) == pytest.approx(x, abs=taken_as_even + 1e-5 * (1 + np.abs(x).max()))
 
 

@@ -24,101 +24,92 @@ class Unit(msgspec.Struct, frozen=True):
     offset: float = 0.0
 
 
-def _units() -> dict[str, Unit]:
-    spelled: dict[tuple[str, float], str] = {
-        ("time", 1.0): "s sec secs second seconds 秒 sek",
-        ("time", 1e-3): "ms msec millisecond milliseconds 毫秒",
-        ("time", 1e-6): "us µs μs microsecond microseconds",
-        ("time", 60.0): "min minute minutes",
-        ("time", 3600.0): "h hr hour hours",
-        ("time", 86400.0): "d day days",
-        ("length", 1.0): "m meter metre meters metres 公尺 米",
-        ("length", 1e-2): "cm 公分 厘米",
-        ("length", 1e-3): "mm millimeter millimetre 公釐 毫米",
-        ("length", 0.0254): "in inch inches",
-        ("length", 0.3048): "ft foot feet",
-        ("velocity", 1.0): "m/s mps m/sec ms-1 m.s-1 m_s m_per_s 公尺/秒 米/秒",
-        ("velocity", 1e-2): "cm/s cm/sec",
-        ("velocity", 1e-3): "mm/s mm/sec mmps mm_s",
-        ("velocity", 1.0 / 60.0): "m/min mpm",
-        ("velocity", 1.0 / 3.6): "km/h kmh kph",
-        ("velocity", 0.3048): "ft/s fps",
-        ("pressure", 1.0): "Pa",
-        ("pressure", 1e2): "hPa mbar",
-        ("pressure", 1e3): "kPa",
-        ("pressure", 1e6): "MPa Mpa MPA N/mm2",
-        ("pressure", 1e5): "bar barg bar(g) bar_g bargauge",
-        ("pressure", 6894.757293168): "psi psig psi(g) lbf/in2",
-        ("pressure", KGF * 1e4): "kg/cm2 kgf/cm2 kg/cm2g kgf/cm2g kg/cm2(g) kgcm2 kgfcm2 kg_cm2 at 公斤/平方公分",
-        ("force", 1.0): "N newton newtons 牛頓 牛",
-        ("force", 10.0): "daN",
-        ("force", 1e3): "kN",
-        ("force", KGF): "kgf kg kp 公斤 公斤力",
-        ("force", KGF * 1e3): "tf t tonf ton tonne",
-        ("force", 4.4482216152605): "lbf lb lbs",
-        ("torque", 1.0): "N.m Nm N-m N_m newtonmeter 牛頓米 牛米",
-        ("torque", 1e-3): "mN.m mNm",
-        ("torque", 1e3): "kN.m kNm kN-m",
-        ("torque", KGF): "kgf.m kgfm kg.m kgm kgf-m kg-m",
-        ("torque", KGF * 1e-2): "kgf.cm kg.cm kgf-cm",
-        ("torque", 1.3558179483314): "lbf.ft ft.lbf ft.lb lb.ft lbft ftlb lb-ft ft-lb",
-        ("torque", 0.1129848290276): "lbf.in in.lbf in.lb lb.in lb-in in-lb",
-        ("voltage", 1.0): "V volt volts Vdc VDC V_dc 伏特 伏",
-        ("voltage", 1e-3): "mV",
-        ("voltage", 1e3): "kV",
-        ("current", 1.0): "A amp amps ampere amperes Adc ADC 安培 安",
-        ("current", 1e-3): "mA MA ma",
-        ("power", 1.0): "W watt watts 瓦 瓦特",
-        ("power", 1e3): "kW",
-        ("power", 1e6): "MW",
-        ("rotation", 1.0): "rad/s rads",
-        ("rotation", 0.10471975511965977): "rpm r/min 1/min min-1 rev/min 轉/分",
-        ("angle", 1.0): "rad",
-        ("angle", 0.017453292519943295): "deg ° degree degrees",
-        ("resistance", 1.0): "ohm ohms Ohm Ω",
-        ("resistance", 1e-3): "mohm mΩ",
-        ("inductance", 1.0): "H",
-        ("inductance", 1e-3): "mH",
-        ("capacitance", 1.0): "F",
-        ("capacitance", 1e-3): "mF",
-        ("capacitance", 1e-6): "uF µF μF",
-        ("area", 1.0): "m2",
-        ("area", 1e-4): "cm2",
-        ("area", 1e-6): "mm2",
-        ("volume", 1.0): "m3",
-        ("volume", 1e-3): "L l liter litre dm3",
-        ("volume", 1e-6): "mL ml cm3",
-        ("inertia", 1.0): "kg.m2 kgm2",
-        ("inertia", 1e-7): "g.cm2 gcm2",
-        ("damping", 1.0): "N.m.s/rad Nms/rad",
-        ("stiffness", 1.0): "N.m/rad Nm/rad",
-        ("back_emf", 1.0): "V/rpm",
-        ("lead", 1.0): "m/rev",
-        ("lead", 1e-3): "mm/rev",
-        ("number", 1.0): "1 -",
-        ("number", 1e-2): "% percent",
-        ("frequency", 1.0): "Hz 1/s",
-        ("frequency", 1e3): "kHz",
-    }
-    absolute: dict[float, str] = {
-        1.0: "Pa(a)",
-        1e3: "kPa(a) kPaa kPaabs",
-        1e6: "MPa(a) MPaa MPaabs",
-        1e5: "bar(a) bara barabs bar_a",
-        6894.757293168: "psia psi(a)",
-        KGF * 1e4: "kgf/cm2a kg/cm2a kgf/cm2(a) kg/cm2(a) ata",
-    }
-    table = {
-        _plain(name): Unit(dimension, factor)
-        for (dimension, factor), names in spelled.items()
-        for name in names.split()
-    }
-    table |= {
-        _plain(name): Unit("pressure", factor, -ATMOSPHERE)
-        for factor, names in absolute.items()
-        for name in names.split()
-    }
-    return table
+_SPELLED: dict[tuple[str, float], str] = {
+    ("time", 1.0): "s sec secs second seconds 秒 sek",
+    ("time", 1e-3): "ms msec millisecond milliseconds 毫秒",
+    ("time", 1e-6): "us µs μs microsecond microseconds",
+    ("time", 60.0): "min minute minutes",
+    ("time", 3600.0): "h hr hour hours",
+    ("time", 86400.0): "d day days",
+    ("length", 1.0): "m meter metre meters metres 公尺 米",
+    ("length", 1e-2): "cm 公分 厘米",
+    ("length", 1e-3): "mm millimeter millimetre 公釐 毫米",
+    ("length", 0.0254): "in inch inches",
+    ("length", 0.3048): "ft foot feet",
+    ("velocity", 1.0): "m/s mps m/sec ms-1 m.s-1 m_s m_per_s 公尺/秒 米/秒",
+    ("velocity", 1e-2): "cm/s cm/sec",
+    ("velocity", 1e-3): "mm/s mm/sec mmps mm_s",
+    ("velocity", 1.0 / 60.0): "m/min mpm",
+    ("velocity", 1.0 / 3.6): "km/h kmh kph",
+    ("velocity", 0.3048): "ft/s fps",
+    ("pressure", 1.0): "Pa",
+    ("pressure", 1e2): "hPa mbar",
+    ("pressure", 1e3): "kPa",
+    ("pressure", 1e6): "MPa Mpa MPA N/mm2",
+    ("pressure", 1e5): "bar barg bar(g) bar_g bargauge",
+    ("pressure", 6894.757293168): "psi psig psi(g) lbf/in2",
+    ("pressure", KGF * 1e4): "kg/cm2 kgf/cm2 kg/cm2g kgf/cm2g kg/cm2(g) kgcm2 kgfcm2 kg_cm2 at 公斤/平方公分",
+    ("force", 1.0): "N newton newtons 牛頓 牛",
+    ("force", 10.0): "daN",
+    ("force", 1e3): "kN",
+    ("force", KGF): "kgf kg kp 公斤 公斤力",
+    ("force", KGF * 1e3): "tf t tonf ton tonne",
+    ("force", 4.4482216152605): "lbf lb lbs",
+    ("torque", 1.0): "N.m Nm N-m N_m newtonmeter 牛頓米 牛米",
+    ("torque", 1e-3): "mN.m mNm",
+    ("torque", 1e3): "kN.m kNm kN-m",
+    ("torque", KGF): "kgf.m kgfm kg.m kgm kgf-m kg-m",
+    ("torque", KGF * 1e-2): "kgf.cm kg.cm kgf-cm",
+    ("torque", 1.3558179483314): "lbf.ft ft.lbf ft.lb lb.ft lbft ftlb lb-ft ft-lb",
+    ("torque", 0.1129848290276): "lbf.in in.lbf in.lb lb.in lb-in in-lb",
+    ("voltage", 1.0): "V volt volts Vdc VDC V_dc 伏特 伏",
+    ("voltage", 1e-3): "mV",
+    ("voltage", 1e3): "kV",
+    ("current", 1.0): "A amp amps ampere amperes Adc ADC 安培 安",
+    ("current", 1e-3): "mA MA ma",
+    ("power", 1.0): "W watt watts 瓦 瓦特",
+    ("power", 1e3): "kW",
+    ("power", 1e6): "MW",
+    ("rotation", 1.0): "rad/s rads",
+    ("rotation", 0.10471975511965977): "rpm r/min 1/min min-1 rev/min 轉/分",
+    ("angle", 1.0): "rad",
+    ("angle", 0.017453292519943295): "deg ° degree degrees",
+    ("resistance", 1.0): "ohm ohms Ohm Ω",
+    ("resistance", 1e-3): "mohm mΩ",
+    ("inductance", 1.0): "H",
+    ("inductance", 1e-3): "mH",
+    ("capacitance", 1.0): "F",
+    ("capacitance", 1e-3): "mF",
+    ("capacitance", 1e-6): "uF µF μF",
+    ("area", 1.0): "m2",
+    ("area", 1e-4): "cm2",
+    ("area", 1e-6): "mm2",
+    ("volume", 1.0): "m3",
+    ("volume", 1e-3): "L l liter litre dm3",
+    ("volume", 1e-6): "mL ml cm3",
+    ("inertia", 1.0): "kg.m2 kgm2",
+    ("inertia", 1e-7): "g.cm2 gcm2",
+    ("damping", 1.0): "N.m.s/rad Nms/rad",
+    ("stiffness", 1.0): "N.m/rad Nm/rad",
+    ("back_emf", 1.0): "V/rpm",
+    ("lead", 1.0): "m/rev",
+    ("lead", 1e-3): "mm/rev",
+    ("number", 1.0): "1 -",
+    ("number", 1e-2): "% percent",
+    ("frequency", 1.0): "Hz 1/s",
+    ("frequency", 1e3): "kHz",
+}
+"""By dimension and factor, how loggers write a unit; pressures are gauge."""
+
+_ABSOLUTE: dict[float, str] = {
+    1.0: "Pa(a)",
+    1e3: "kPa(a) kPaa kPaabs",
+    1e6: "MPa(a) MPaa MPaabs",
+    1e5: "bar(a) bara barabs bar_a",
+    6894.757293168: "psia psi(a)",
+    KGF * 1e4: "kgf/cm2a kg/cm2a kgf/cm2(a) kg/cm2(a) ata",
+}
+"""By factor, how loggers write an absolute pressure."""
 
 
 def _plain(text: str) -> str:
@@ -129,7 +120,11 @@ def _plain(text: str) -> str:
 
 _FOLDED = str.maketrans({"·": ".", "⋅": ".", "•": ".", "∙": ".", "*": ".", "×": ".", "^": None, " ": None, "⁻": "-"})
 
-UNITS: dict[str, Unit] = _units()
+UNITS: dict[str, Unit] = {
+    _plain(name): Unit(dimension, factor) for (dimension, factor), names in _SPELLED.items() for name in names.split()
+} | {
+    _plain(name): Unit("pressure", factor, -ATMOSPHERE) for factor, names in _ABSOLUTE.items() for name in names.split()
+}
 """Every unit a log or a rig file may name without an import of pint; pressures are gauge unless they say absolute."""
 
 _FOLDED_CASE: dict[str, Unit | None] = {}
