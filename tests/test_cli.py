@@ -151,8 +151,35 @@ def test_an_option_that_cannot_be_used_is_told(log: Path, arguments: tuple[str, 
     assert says in one_sentence("reduce", log, *arguments)
 
 
-def test_a_load_that_is_no_number_is_refused(log: Path) -> None:
-    assert "load-ohm" in refusal("reduce", log, "--load-ohm", "ten")
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("reduce", "x.csv", "--load-ohm", "ten"), "--load-ohm"),
+        (("reduce",), "LOG"),
+        (("reduce", "x.csv", "--colour"), "--colour"),
+        (("redcue", "x.csv"), "redcue"),
+    ],
+)
+def test_a_wrong_use_is_one_sentence(arguments: tuple[str, ...], says: str) -> None:
+    assert says in one_sentence(*arguments)
+
+
+def test_without_a_command_there_is_help() -> None:
+    assert "Usage" in (done := winchcascade()).stdout + done.stderr
+
+
+def test_a_window_that_reaches_into_the_next_payout_makes_its_cycle_incomplete(log: Path) -> None:
+    record = json.loads(winchcascade("reduce", log, "--json", "-", "--window", "50").stdout)
+    assert [c["complete"] for c in record["cycles"]] == [False, False, False]
+    text = winchcascade("reduce", log, "--window", "50").stdout
+    assert "no mean: no complete cycle" in text
+
+
+def test_a_window_longer_than_the_payouts_is_noted(log: Path) -> None:
+    assert (
+        "note: the window ends after the payout in 3 of 3 cycles"
+        in winchcascade("reduce", log, "--window", "20").stdout
+    )
 
 
 def test_a_foreign_file_is_kept_unless_forced(log: Path, tmp_path: Path) -> None:

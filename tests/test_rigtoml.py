@@ -1,6 +1,9 @@
+import tomllib
+
 import pytest
 
 from winchcascade.errors import RigError
+from winchcascade.rigfile import Thresholds
 from winchcascade.rigtoml import BUILT_IN, built_in, built_in_text, load_rig, parse_rig
 
 MINIMAL = 'name = "mine"\n'
@@ -50,6 +53,11 @@ def test_a_number_of_the_papers_rig_is_in_si_units_with_its_tolerance(
 )
 def test_a_sensor_of_table_1_is_in_si_units(sensor: str, field: str, si: float) -> None:
     assert getattr(built_in("hsu2026").sensors[sensor], field) == pytest.approx(si, rel=1e-3)
+
+
+def test_the_papers_rig_states_every_threshold_and_as_the_code_has_it() -> None:
+    assert set(tomllib.loads(built_in_text("hsu2026"))["thresholds"]) == set(Thresholds.__struct_fields__)
+    assert built_in("hsu2026").thresholds == Thresholds()
 
 
 def test_one_metre_a_second_turns_the_generator_at_3673_rpm() -> None:

@@ -1,4 +1,4 @@
-"""From the log of a winch-driven power take-off to energies and efficiencies that can be defended.
+"""Energies and efficiencies from the log of a winch-driven power take-off.
 
 >>> from winchcascade import read_run, reduce
 >>> round(reduce(read_run("fixtures/campaign/r36ohm.csv"), window=5.48).mean.eta_trans, 2)
@@ -10,7 +10,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from winchcascade.cascade.reduce import Reduction, reduce
+    from winchcascade.cascade.bins import Bin
+    from winchcascade.cascade.efficiency import Metrics
+    from winchcascade.cascade.reduce import CycleResult, Reduction, reduce
+    from winchcascade.errors import LogError, OptionError, RigError, WinchcascadeError
     from winchcascade.ingest.read import read_run
     from winchcascade.rigfile import Rig
     from winchcascade.rigtoml import load_rig
@@ -18,17 +21,41 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-__all__ = ["Finding", "Reduction", "Rig", "Run", "__version__", "load_rig", "read_run", "reduce"]
+__all__ = [
+    "Bin",
+    "CycleResult",
+    "Finding",
+    "LogError",
+    "Metrics",
+    "OptionError",
+    "Reduction",
+    "Rig",
+    "RigError",
+    "Run",
+    "WinchcascadeError",
+    "__version__",
+    "load_rig",
+    "read_run",
+    "reduce",
+]
 
 _HOME = {
-    "Finding": "winchcascade.run",
-    "Reduction": "winchcascade.cascade.reduce",
-    "Rig": "winchcascade.rigfile",
-    "Run": "winchcascade.run",
-    "load_rig": "winchcascade.rigtoml",
-    "read_run": "winchcascade.ingest.read",
-    "reduce": "winchcascade.cascade.reduce",
+    "Bin": "cascade.bins",
+    "CycleResult": "cascade.reduce",
+    "Finding": "run",
+    "LogError": "errors",
+    "Metrics": "cascade.efficiency",
+    "OptionError": "errors",
+    "Reduction": "cascade.reduce",
+    "Rig": "rigfile",
+    "RigError": "errors",
+    "Run": "run",
+    "WinchcascadeError": "errors",
+    "load_rig": "rigtoml",
+    "read_run": "ingest.read",
+    "reduce": "cascade.reduce",
 }
+"""Where each public name lives."""
 
 
 def __getattr__(name: str) -> Any:
@@ -37,4 +64,4 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'winchcascade' has no attribute {name!r}")
     import importlib
 
-    return getattr(importlib.import_module(_HOME[name]), name)
+    return getattr(importlib.import_module(f"winchcascade.{_HOME[name]}"), name)

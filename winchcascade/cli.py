@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple, NoReturn
 
 import typer
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from winchcascade.rigfile import Rig
 
 app = typer.Typer(
-    help="From the log of a winch-driven power take-off to energies and efficiencies that can be defended.",
+    help="Energies and efficiencies from the log of a winch-driven power take-off.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -23,7 +23,9 @@ app = typer.Typer(
 RigOption = Annotated[
     str | None, typer.Option("--rig", metavar="RIG", help="Rig file, or a built-in rig: hsu2026 (default), kitepower.")
 ]
-ForceOption = Annotated[bool, typer.Option("--force", help="Replace existing files whatever made them.")]
+ForceOption = Annotated[
+    bool, typer.Option("--force", help="Replace existing files, also those that another program wrote.")
+]
 
 
 def _version(wanted: bool) -> None:
@@ -45,10 +47,10 @@ def _version(wanted: bool) -> None:
 @app.callback()
 def winchcascade(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the versions that matter.")
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    """From the log of a winch-driven power take-off to energies and efficiencies that can be defended."""
+    """Energies and efficiencies from the log of a winch-driven power take-off."""
 
 
 @app.command("reduce")
@@ -89,7 +91,7 @@ def reduce_command(
     if json is not None and json != "-":
         check_replaceable(Path(json), force=force)
     settings = _settings(log, rig, load_ohm, window)
-    run = read_run(log, rig=settings.rig, load=settings.load, load_source=settings.load_source)
+    run = read_run(log, rig=settings.rig, load=settings.load, load_source=settings.load_source, about=settings.about)
     reduction = reduce(run, rig=settings.rig, window=settings.window)
     if not reduction.cycles:
         limits = settings.rig.thresholds
@@ -118,6 +120,7 @@ class _Settings(NamedTuple):
     load: float | None
     load_source: str
     window: str | float | None
+    about: str
 
 
 def _settings(log: Path, rig: str | None, load_ohm: float | None, window: str | None) -> _Settings:
@@ -126,15 +129,16 @@ def _settings(log: Path, rig: str | None, load_ohm: float | None, window: str | 
     from winchcascade.rigtoml import DEFAULT_RIG, load_rig
 
     rule: str | float | None = window
-    source = "--load-ohm"
-    listed = None if None not in (rig, load_ohm, window) else campaign_beside(log)
+    source, about = "--load-ohm", ""
+    listed = campaign_beside(log) if None in (rig, load_ohm, window) else None
     if listed is not None:
         campaign, run = listed
+        about = campaign.title
         rig = rig if rig is not None else campaign.rig
         rule = rule if rule is not None else run.window
         if load_ohm is None:
             load_ohm, source = run.load, campaign.path.name
-    return _Settings(load_rig(rig or DEFAULT_RIG), load_ohm, source, rule)
+    return _Settings(load_rig(rig or DEFAULT_RIG), load_ohm, source, rule, about)
 
 
 @app.command("rig")
@@ -153,13 +157,28 @@ def main() -> None:
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
     try:
-        app()
+        sys.exit(app(standalone_mode=False))
     except WinchcascadeError as fault:
-        print(f"winchcascade: {fault}", file=sys.stderr)
-        sys.exit(2)
+        _refuse(str(fault))
+    except (KeyboardInterrupt, typer.Abort):
+        _refuse("interrupted; no file was left half-written.", code=130)
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(2)
+    except Exception as fault:
+        if not hasattr(
+            fault, "format_message"
+        ):  # not a fault of usage but one of this program, which must be seen whole
+            raise
+        if not fault.format_message().strip() or type(fault).__name__ == "NoArgsIsHelpError":
+            fault.show()  # type: ignore[attr-defined]  # the help of a command that was given nothing
+            sys.exit(2)
+        _refuse(f"{fault.format_message().rstrip('.?')}; --help lists what a command takes.")
+
+
+def _refuse(sentence: str, *, code: int = 2) -> NoReturn:
+    print(f"winchcascade: {' '.join(sentence.split())}", file=sys.stderr)
+    sys.exit(code)
 
 
 if __name__ == "__main__":

@@ -63,6 +63,8 @@ class Run(msgspec.Struct, frozen=True):
     gaps : (k, 2) each, by channel or `CLOCK`: last good and first good stamp around what was bridged [s]
     fs : sampling rate without the gaps [Hz]
     samples : rows of the log, before any was left out
+    about : what its campaign says of it
+    simulated : made by `simulate`, which its columns tell; a log without that mark may be simulated too
     load : resistance at the DC link; inf is an open circuit, None unknown or no load at all [ohm]
     """
 
@@ -78,6 +80,11 @@ class Run(msgspec.Struct, frozen=True):
     sha256: str = ""
     findings: tuple[Finding, ...] = ()
     simulated: bool = False
+    about: str = ""
+
+    def __repr__(self) -> str:
+        """One line instead of the arrays."""
+        return f"Run({self.name!r}, {self.samples} samples at {self.fs:g} Hz, channels {', '.join(self.channels)})"
 
     @property
     def open_circuit(self) -> bool:

@@ -58,6 +58,10 @@ class Reduction(msgspec.Struct, frozen=True):
     bins: tuple[Bin, ...]
     quality: tuple[Finding, ...]
 
+    def __repr__(self) -> str:
+        """One line instead of every number."""
+        return f"Reduction({self.run.name!r}, {len(self.complete)} of {len(self.cycles)} cycles complete)"
+
     @property
     def complete(self) -> tuple[CycleResult, ...]:
         """The cycles that count."""
@@ -152,6 +156,7 @@ def _windows(
     ]
     if rule == "payout":
         return windows
+    windows = _apart(windows)
     whole = [travel for c, (travel, _) in zip(cycles, payouts, strict=True) if not c.begins_inside]
     usual = median(np.array(whole)) if whole else 0.0
     late = [w.cutoff > c.payout_end for c, w in zip(cycles, windows, strict=True) if not c.ends_inside]
@@ -159,6 +164,15 @@ def _windows(
     return [
         _unless_aborted(c, w, travel, usual, all_late, rig)
         for c, w, (travel, _) in zip(cycles, windows, payouts, strict=True)
+    ]
+
+
+def _apart(windows: Sequence[Window]) -> list[Window]:
+    """A window that reaches into the next payout is no window of one cycle."""
+    following = [*(w.onset for w in windows[1:]), math.inf][: len(windows)]
+    return [
+        Window(w.onset, w.cutoff, w.fault or "its window reaches into the next payout") if w.cutoff > after else w
+        for w, after in zip(windows, following, strict=True)
     ]
 
 
@@ -277,9 +291,9 @@ def _no_efficiency(name: str, places: Sequence[tuple[int, float]]) -> Finding:
     number, value = max(places, key=lambda place: abs(place[1] - 0.5))
     return Finding(
         "out_of_range",
-        f"{name} of {len(places)} cycle{'s' if len(places) > 1 else ''} is no efficiency: more comes out than goes in, or "
-        f"less than nothing; the ratio of cycle {number} is {value:.3f}",
-        "not given as an efficiency",
+        f"{name} is no efficiency in {len(places)} cycle{'s' if len(places) > 1 else ''} ({value:.3f} in cycle {number}); "
+        f"check unit, gain and sign of what it is made of",
+        "not reported",
         count=len(places),
     )
 

@@ -28,7 +28,14 @@ _FEWEST = 10
 """A log with fewer rows than this shows no motion."""
 
 
-def read_run(path: str | Path, *, rig: Rig | None = None, load: float | None = None, load_source: str = "given") -> Run:
+def read_run(
+    path: str | Path,
+    *,
+    rig: Rig | None = None,
+    load: float | None = None,
+    load_source: str = "given",
+    about: str = "",
+) -> Run:
     """Read a log of any known format and check it.
 
     Parameters
@@ -36,7 +43,7 @@ def read_run(path: str | Path, *, rig: Rig | None = None, load: float | None = N
     path : CSV of any dialect, LabVIEW's .lvm, TDMS, MATLAB .mat, Parquet or Excel; told apart by content
     rig : the rig whose sensors and columns are expected; the paper's by default
     load : resistance at the DC link, inf for an open circuit; by default what the file says of itself, else None [ohm]
-    load_source : who says so, for the reports
+    load_source, about : who says so, and what is to be said of the log, for the reports
 
     Raises
     ------
@@ -82,6 +89,7 @@ def read_run(path: str | Path, *, rig: Rig | None = None, load: float | None = N
         sha256=digest.value(),
         findings=findings,
         simulated=found.simulated,
+        about=about,
     )
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from winchcascade import __version__
-from winchcascade.cascade.efficiency import METRICS, Metrics
+from winchcascade.cascade.efficiency import METRICS
 from winchcascade.cascade.power import STAGES
 from winchcascade.errors import OutputError
 from winchcascade.files import check_replaceable, write_whole
@@ -16,6 +16,7 @@ from winchcascade.quantity import KGF
 
 if TYPE_CHECKING:
     from winchcascade.cascade.bins import Bin
+    from winchcascade.cascade.efficiency import Metrics
     from winchcascade.cascade.reduce import CycleResult, Reduction
     from winchcascade.cascade.summary import HaulInSummary, HoldSummary, PayoutSummary
     from winchcascade.run import Finding
@@ -50,7 +51,8 @@ def reduction_record(reduction: Reduction) -> dict[str, Any]:
             "load_ohm": run.load if run.load is not None and math.isfinite(run.load) else None,
             "load_source": run.load_source,
             "open_circuit": run.open_circuit,
-            "simulated": run.simulated,
+            "simulated": True if run.simulated else None,
+            "about": run.about or None,
         },
         "rig": reduction.rig.name,
         "window": reduction.window,
@@ -58,8 +60,8 @@ def reduction_record(reduction: Reduction) -> dict[str, Any]:
         "cycles": [cycle_record(c) for c in reduction.cycles],
         "mean": metrics_record(reduction.mean),
         "max_deviation_percent": metrics_record(reduction.max_deviation_percent),
-        "standard_uncertainty": metrics_record(Metrics()),
-        "interval_95": metrics_record(Metrics()),
+        "standard_uncertainty": None,
+        "interval_95": None,
         "total": metrics_record(reduction.total),
         "bins": [bin_record(b) for b in reduction.bins],
     }
@@ -103,16 +105,21 @@ def cycle_record(cycle: CycleResult) -> dict[str, Any]:
         "window": {
             "onset_s": window.onset,
             "cutoff_s": window.cutoff,
-            "duration_s": window.cutoff - window.onset,
+            "duration_s": _seconds(window.cutoff - window.onset),
         },
         **metrics_record(cycle.metrics),
     }
 
 
+def _seconds(duration: float) -> float:
+    """A difference of stamps without the dust of their subtraction."""
+    return round(duration, 9)
+
+
 def _payout(payout: PayoutSummary) -> dict[str, Any]:
     flat = payout.plateau
     return {
-        "duration_s": payout.duration,
+        "duration_s": _seconds(payout.duration),
         "travel_m": payout.travel,
         "speed_max_mps": payout.speed_max,
         "plateau": None
@@ -134,7 +141,7 @@ def _hold(hold: HoldSummary | None) -> dict[str, Any] | None:
     if hold is None:
         return None
     return {
-        "duration_s": hold.duration,
+        "duration_s": _seconds(hold.duration),
         "force_n": hold.force,
         "torque_nm": hold.torque,
         "pressure_kgcm2": None if hold.pressure is None else hold.pressure / _KGCM2,
@@ -145,7 +152,7 @@ def _haul_in(haul_in: HaulInSummary | None) -> dict[str, Any] | None:
     if haul_in is None:
         return None
     return {
-        "duration_s": haul_in.duration,
+        "duration_s": _seconds(haul_in.duration),
         "speed_max_mps": haul_in.speed_max,
         "force_n": haul_in.force,
         "force_min_n": haul_in.force_min,

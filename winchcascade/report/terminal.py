@@ -56,6 +56,8 @@ def _table(
 def _summary_rows(reduction: Reduction) -> list[tuple[str, ...]]:
     complete = len(reduction.complete)
     rows = []
+    if not complete:
+        rows.append(("no mean: no complete cycle", *[""] * (len(_RESULTS[0]) - 1)))
     if complete:
         rows.append(_metrics_row(f"mean of {complete}", "", reduction.mean, energy=0, eta=3))
     if complete > 1:
@@ -71,14 +73,20 @@ def _title(reduction: Reduction) -> list[str]:
     kind = "simulated log, " if run.simulated else ""
     first = f"{_plain(run.name)}: {kind}{run.samples} samples at {run.fs:.6g} Hz, {_duration(seconds)}"
     window = reduction.window if isinstance(reduction.window, str) else f"{reduction.window:g} s from the onset"
-    parts = [_load(reduction), f"rig {_plain(rig.name)}", f"window {window}"]
-    return [first, "; ".join(part for part in parts if part), *([f"rig note: {_plain(rig.note)}"] if rig.note else [])]
+    drum = "" if rig.r_drum is None else f" (drum radius {rig.r_drum:g} m)"
+    parts = [_load(reduction), f"rig {_plain(rig.name)}{drum}", f"window {window}"]
+    lines = [first, "; ".join(part for part in parts if part)]
+    lines += [f"campaign: {_plain(run.about)}"] if run.about else []
+    lines += [f"rig note: {_plain(rig.note)}"] if rig.note else []
+    late = sum(c.window.cutoff > c.phases.payout_end + 1e-9 for c in reduction.complete)
+    lines += [f"note: the window ends after the payout in {late} of {len(reduction.complete)} cycles"] if late else []
+    return lines
 
 
 def _load(reduction: Reduction) -> str:
     run = reduction.run
     if run.load is None:
-        return "load unknown (--load-ohm tells it)" if "vdc" in run.channels else ""
+        return "load unknown" if "vdc" in run.channels else ""
     return f"{'open circuit' if math.isinf(run.load) else f'load {run.load:g} ohm'} ({_plain(run.load_source)})"
 
 
