@@ -25,18 +25,19 @@ class Unit(msgspec.Struct, frozen=True):
 
 
 _SPELLED: dict[tuple[str, float], str] = {
-    ("time", 1.0): "s sec secs second seconds 秒 sek",
+    ("time", 1.0): "s sec secs second seconds 秒 sek с",
     ("time", 1e-3): "ms msec millisecond milliseconds 毫秒",
     ("time", 1e-6): "us µs μs microsecond microseconds",
+    ("time", 1e-9): "ns",
     ("time", 60.0): "min minute minutes",
     ("time", 3600.0): "h hr hour hours",
     ("time", 86400.0): "d day days",
-    ("length", 1.0): "m meter metre meters metres 公尺 米",
+    ("length", 1.0): "m meter metre meters metres 公尺 米 м",
     ("length", 1e-2): "cm 公分 厘米",
     ("length", 1e-3): "mm millimeter millimetre 公釐 毫米",
     ("length", 0.0254): "in inch inches",
     ("length", 0.3048): "ft foot feet",
-    ("velocity", 1.0): "m/s mps m/sec ms-1 m.s-1 m_s m_per_s 公尺/秒 米/秒",
+    ("velocity", 1.0): "m/s mps m/sec ms-1 m.s-1 m_s m_per_s 公尺/秒 米/秒 м/с",
     ("velocity", 1e-2): "cm/s cm/sec",
     ("velocity", 1e-3): "mm/s mm/sec mmps mm_s",
     ("velocity", 1.0 / 60.0): "m/min mpm",
@@ -48,24 +49,25 @@ _SPELLED: dict[tuple[str, float], str] = {
     ("pressure", 1e6): "MPa Mpa MPA N/mm2",
     ("pressure", 1e5): "bar barg bar(g) bar_g bargauge",
     ("pressure", 6894.757293168): "psi psig psi(g) lbf/in2",
-    ("pressure", KGF * 1e4): "kg/cm2 kgf/cm2 kg/cm2g kgf/cm2g kg/cm2(g) kgcm2 kgfcm2 kg_cm2 at 公斤/平方公分",
-    ("force", 1.0): "N newton newtons 牛頓 牛",
+    ("pressure", KGF * 1e4): "kg/cm2 kgf/cm2 kg/cm2g kgf/cm2g kg/cm2(g) kgcm2 kgfcm2 kg_cm2 kgf.cm-2 kg.cm-2"
+    " kg/sq.cm kgf/sq.cm at 公斤/平方公分 кгс/см2",
+    ("force", 1.0): "N newton newtons 牛頓 牛 Н",
     ("force", 10.0): "daN",
     ("force", 1e3): "kN",
     ("force", KGF): "kgf kg kp 公斤 公斤力",
     ("force", KGF * 1e3): "tf t tonf ton tonne",
     ("force", 4.4482216152605): "lbf lb lbs",
-    ("torque", 1.0): "N.m Nm N-m N_m newtonmeter 牛頓米 牛米",
+    ("torque", 1.0): "N.m Nm N-m N_m newtonmeter 牛頓米 牛米 Н.м",
     ("torque", 1e-3): "mN.m mNm",
     ("torque", 1e3): "kN.m kNm kN-m",
     ("torque", KGF): "kgf.m kgfm kg.m kgm kgf-m kg-m",
     ("torque", KGF * 1e-2): "kgf.cm kg.cm kgf-cm",
     ("torque", 1.3558179483314): "lbf.ft ft.lbf ft.lb lb.ft lbft ftlb lb-ft ft-lb",
     ("torque", 0.1129848290276): "lbf.in in.lbf in.lb lb.in lb-in in-lb",
-    ("voltage", 1.0): "V volt volts Vdc VDC V_dc 伏特 伏",
+    ("voltage", 1.0): "V volt volts Vdc VDC V_dc voltdc 伏特 伏 В",
     ("voltage", 1e-3): "mV",
     ("voltage", 1e3): "kV",
-    ("current", 1.0): "A amp amps ampere amperes Adc ADC 安培 安",
+    ("current", 1.0): "A amp amps ampere amperes Adc ADC 安培 安 А",
     ("current", 1e-3): "mA MA ma",
     ("power", 1.0): "W watt watts 瓦 瓦特",
     ("power", 1e3): "kW",
@@ -118,7 +120,7 @@ def _plain(text: str) -> str:
     return text.translate(_FOLDED)
 
 
-_FOLDED = str.maketrans({"·": ".", "⋅": ".", "•": ".", "∙": ".", "*": ".", "×": ".", "^": None, " ": None, "⁻": "-"})
+_FOLDED = str.maketrans(dict.fromkeys("·⋅•∙*×", ".") | dict.fromkeys("^ ", "") | dict.fromkeys("⁻\u2212", "-"))
 
 UNITS: dict[str, Unit] = {
     _plain(name): Unit(dimension, factor) for (dimension, factor), names in _SPELLED.items() for name in names.split()

@@ -908,7 +908,7 @@ def etas(run: Run) -> list[float | None]:
 
 
 @pytest.fixture(scope="module")
-def etas_of_csv() -> list[float]:
+def etas_of_csv() -> list[float | None]:
     return etas(read_run(LOG))
 
 

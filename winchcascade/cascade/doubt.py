@@ -1,4 +1,4 @@
-"""How much the bridging of gaps could change an energy: the same gap is tried on intact data next to it."""
+"""How much the bridging of gaps could change an energy: what intact data beside a gap say that it may hide."""
 
 from __future__ import annotations
 
@@ -14,15 +14,22 @@ if TYPE_CHECKING:
 
     from winchcascade.run import Run, Signal
 
-NEAR_ONSET = 0.3
-"""A gap of the velocity this close to the onset moves the onset itself. [s]"""
+NEAR = 0.3
+"""A gap of the velocity this close to an instant moves it: half the width that smooths the velocity. [s]"""
+
+BESIDE = 0.2
+"""Slopes beside a gap are taken over at least this long. [s]"""
+
+TOUCH = 1e-9
+"""A window that ends where a gap begins touches it: the gap is why it ends there. [s]"""
 
 
 def gaps_of(run: Run, channels: tuple[str, ...]) -> Signal:
     """Gaps that touch any of the channels, (k, 2) in order of time [s]."""
     known = [run.gaps[name] for name in (CLOCK, *channels) if name in run.gaps]
     gaps = np.concatenate(known) if known else np.empty((0, 2))
-    return gaps[np.argsort(gaps[:, 0], kind="stable")]
+    gaps = gaps[np.argsort(gaps[:, 0], kind="stable")] + (-TOUCH, TOUCH)
+    return np.clip(gaps, run.t[0], run.t[-1])
 
 
 def window_of(gaps: Signal, windows: Signal) -> NDArray[np.intp]:
@@ -34,33 +41,61 @@ def window_of(gaps: Signal, windows: Signal) -> NDArray[np.intp]:
 
 
 def bridging_error(t: Signal, x: Signal, gaps: Signal) -> Signal:
-    """What a straight line over each gap may miss of the integral of x: the larger of what the same line would miss if the
-    gap lay just before or just after, where the data are known. (k,) in the unit of x times seconds
+    """What a straight line over each gap may miss of the integral of x, (k,) in the unit of x times seconds.
+
+    The largest of what the same line would miss if the gap lay just before or just after, where the data are known, and
+    of what a kink or a jump inside would hide, by the slopes on either side.
     """
-    error = np.zeros(len(gaps))
+    error = _hidden(t, x, gaps)
     width = gaps[:, 1] - gaps[:, 0]
     for shift in (-1.0, 1.0):
         tried = gaps + shift * width[:, None]
         inside = (tried[:, 0] >= t[0]) & (tried[:, 1] <= t[-1])
+        tried = np.clip(tried, t[0], t[-1])
         ends = np.interp(tried, t, x)
-        missed = np.abs(
-            integrals(t, x.__getitem__, np.clip(tried, t[0], t[-1])) - 0.5 * width * (ends[:, 0] + ends[:, 1])
-        )
+        missed = np.abs(integrals(t, x.__getitem__, tried) - 0.5 * width * (ends[:, 0] + ends[:, 1]))
         error = np.maximum(error, np.where(inside, missed, 0.0))
     return error
 
 
-def onset_error(run: Run, v_smooth: Signal, onsets: Signal) -> Signal:
-    """What a gap of the velocity at an onset may move it, (k,) [s]: the velocity's bridging error over its slope there."""
-    moved = np.zeros(len(onsets))
+def _hidden(t: Signal, x: Signal, gaps: Signal) -> Signal:
+    """Area between the line over each gap and the lines that go on from either side: to where they meet, else a jump."""
+    width = np.maximum(gaps[:, 1] - gaps[:, 0], TOUCH)
+    reach = np.maximum(0.5 * width, BESIDE)
+    first, last = np.interp(gaps.T, t, x)
+    chord = (last - first) / width
+    bend_in = (first - np.interp(gaps[:, 0] - reach, t, x)) / reach - chord
+    bend_out = chord - (np.interp(gaps[:, 1] + reach, t, x) - last) / reach
+    total = bend_in + bend_out
+    kink = bend_in * bend_out > 0
+    height = width * np.where(kink, bend_in * bend_out / np.where(kink, total, 1.0), bend_in)
+    jump = width * np.maximum(np.abs(bend_in), np.abs(bend_out))
+    area: Signal = 0.5 * width * np.where(kink, np.abs(height), jump)
+    return area
+
+
+def instant_error(run: Run, v_smooth: Signal, instants: Signal) -> Signal:
+    """What gaps of the velocity may move the instants at which it passes a level, (k,) in rising order [s]."""
+    moved = np.zeros(len(instants))
     gaps = gaps_of(run, ("velocity",))
     if len(gaps) == 0:
         return moved
-    at = np.searchsorted(onsets, gaps[:, 0] - NEAR_ONSET)
-    for gap, error, k in zip(gaps, bridging_error(run.t, v_smooth, gaps), at.tolist(), strict=True):
-        if k < len(onsets) and gap[0] - NEAR_ONSET <= onsets[k] <= gap[1] + NEAR_ONSET:
+    first = np.searchsorted(instants, gaps[:, 0] - NEAR)
+    error = bridging_error(run.t, run.channels["velocity"], gaps)
+    for gap, metres, k in zip(gaps, error, first.tolist(), strict=True):
+        if k < len(instants) and instants[k] <= gap[1] + NEAR:
             width = gap[1] - gap[0]
-            before, after = np.interp([onsets[k] - width, onsets[k] + width], run.t, v_smooth)
-            slope = max((after - before) / (2 * width), 1e-3)
-            moved[k] = max(moved[k], min(1.5 * error / width / slope, width))
+            reach = max(width, NEAR)
+            before, after = np.interp([instants[k] - reach, instants[k] + reach], run.t, v_smooth)
+            slope = max((after - before) / (2 * reach), 1e-3)
+            weight = _weight(max(gap[0] - instants[k], instants[k] - gap[1], 0.0) / NEAR)
+            moved[k] += min(metres * min(1.5 / width, weight / (2 * NEAR)) / slope, width + NEAR)
     return moved
+
+
+def _weight(u: float) -> float:
+    """Weight of the smoothing quadratic over its mean, at a share u of its half width (Savitzky and Golay 1964)."""
+    return abs(9 / 4 - 15 / 4 * u * u)
+
+
+onset_error = instant_error

@@ -36,6 +36,16 @@ MANY = 1000
 """More backward steps than this and the stamps are no clock."""
 
 
+SHORTEST = 1e-9
+"""No log is sampled more often. [s]"""
+
+LATEST = 1e17
+"""A stamp beyond this is no time: three thousand million years. [s]"""
+
+MOST = 1e12
+"""Samples that one gap may have lost; a gap that would hold more comes from a wrong stamp."""
+
+
 class Clock(msgspec.Struct, frozen=True):
     """Stamps that rise [s], the rows they belong to (None: all, in order), gaps (k, 2) [s] and the sampling rate [Hz]."""
 
@@ -66,22 +76,39 @@ def read_clock(stamps: Signal, where: str) -> Clock:
         return Clock(stamps, None, np.empty((0, 2)), _rate((stamps[-1] - stamps[0]) / (stamps.size - 1)), ())
     findings: list[Finding] = []
     t, rows = _with_all_stamps(stamps, findings, where)
-    interval = np.diff(t)
-    if interval.size < 2 or not np.any(interval > 0):
-        raise LogError(f"{where}: the time column does not advance; expected stamps that rise from row to row.")
-    usual = _median(interval[interval > 0] if np.any(interval <= 0) else interval)
-    if np.count_nonzero(interval == 0) > 0.3 * interval.size:
+    usual = _usual(np.diff(t), where)
+    if np.count_nonzero(np.diff(t) == 0) > 0.3 * t.size:
         t = _spread(t, findings)
-        interval = np.diff(t)
-        usual = _median(interval[interval > 0])
-    if np.any(interval < 0):
+        usual = _usual(np.diff(t), where)
+    even = _even(t, np.diff(t), usual)
+    if even is not None:
+        t = _counted(t, even, _resolution(t, usual), findings)
+        return Clock(t, _kept(rows, stamps.size), np.empty((0, 2)), _rate(even[1] - even[0]), tuple(findings))
+    if np.any(np.diff(t) < 0):
         t, rows = _forward(t, rows, usual, findings, where)
-        interval = np.diff(t)
-    if np.any(interval == 0):
+    if np.any(np.diff(t) == 0):
         t, rows = _without_repeats(t, rows, usual, findings)
+    if t.size < 3:
+        raise LogError(f"{where}: {t.size} stamps are left that rise from row to row; expected at least three.")
     gaps, fs = _intervals(t, rows, usual, findings)
-    untouched = rows.size == stamps.size and bool(np.all(rows[1:] > rows[:-1]))
-    return Clock(t, None if untouched else rows, gaps, fs, tuple(findings))
+    return Clock(t, _kept(rows, stamps.size), gaps, fs, tuple(findings))
+
+
+def _usual(interval: Signal, where: str) -> float:
+    """Usual interval of a clock that advances. [s]"""
+    ahead = interval[interval > 0]
+    usual = _median(ahead) if ahead.size else 0.0
+    if usual < SHORTEST:
+        raise LogError(
+            f"{where}: the time column does not advance; expected stamps that rise from row to row. Name the right column "
+            f"in a rig file under [columns]."
+        )
+    return usual
+
+
+def _kept(rows: Index, n: int) -> Index | None:
+    """Rows that the stamps belong to; None for all of them in their order."""
+    return None if rows.size == n and bool(np.all(rows[1:] > rows[:-1])) else rows
 
 
 def _median(interval: Signal) -> float:
@@ -105,7 +132,7 @@ def _steady(stamps: Signal) -> bool:
 
 def _with_all_stamps(stamps: Signal, findings: list[Finding], where: str) -> tuple[Signal, Index]:
     """Fill stamps that could not be read between their neighbours; leave out rows at the ends that have none."""
-    good = np.flatnonzero(np.isfinite(stamps))
+    good = np.flatnonzero(np.abs(stamps) < LATEST)
     if good.size < 3:
         raise LogError(
             f"{where}: the time column holds {good.size} readable stamp{'' if good.size == 1 else 's'}; expected seconds, "
@@ -117,7 +144,7 @@ def _with_all_stamps(stamps: Signal, findings: list[Finding], where: str) -> tup
     t = np.interp(rows, good, stamps[good])
     lost = stamps.size - good.size
     outside = stamps.size - rows.size
-    at = t[~np.isfinite(stamps[rows])]
+    at = t[np.isin(rows, good, invert=True)]
     findings.append(
         Finding(
             "not_a_number",
@@ -130,6 +157,39 @@ def _with_all_stamps(stamps: Signal, findings: list[Finding], where: str) -> tup
         )
     )
     return t, rows
+
+
+def _even(t: Signal, interval: Signal, usual: float) -> Signal | None:
+    """Even stamps that the log's own are a rounding of, as 75 Hz in steps of 0.01 s; None where rows are missing. [s]"""
+    off = np.count_nonzero(np.abs(interval - usual) > JITTER * usual)
+    if off < GLITCH or abs(float(np.mean(interval)) - usual) < 0.01 * usual:
+        return None
+    step = _resolution(t, usual)
+    if not 0 < step < 1.01 * usual:
+        return None
+    place = np.arange(t.size) - 0.5 * (t.size - 1)
+    dt = float(place @ (t - t[0])) / float(place @ place)
+    even: Signal = np.multiply(place, dt, dtype=np.float64) + float(np.mean(t))
+    return even if float(np.ptp(t - even)) < 1.1 * step else None
+
+
+def _counted(t: Signal, even: Signal, step: float, findings: list[Finding]) -> Signal:
+    """The stamps as they are if all differ, else the even ones that they are a rounding of."""
+    repeated = int(np.count_nonzero(np.diff(t) == 0))
+    if repeated == 0:
+        return t
+    findings.append(
+        Finding(
+            "repeated_stamp",
+            f"{repeated} stamp{'s repeat' if repeated > 1 else ' repeats'} the one before: the clock counts in steps of "
+            f"{step:g} s",
+            "samples spread evenly",
+            start=float(t[0]),
+            end=float(t[-1]),
+            count=repeated,
+        )
+    )
+    return even
 
 
 def _spread(t: Signal, findings: list[Finding]) -> Signal:
@@ -261,16 +321,18 @@ def _intervals(t: Signal, rows: Index, usual: float, findings: list[Finding]) ->
         findings.append(_jitter(t, interval, jitters, usual))
     at = np.flatnonzero(long)
     gaps = np.column_stack((t[at], t[at + 1]))
-    unlogged = np.rint(interval[at] / usual).astype(np.int64) - 1 - np.maximum(rows[at + 1] - rows[at] - 1, 0)
+    steps = np.rint(np.minimum(interval[at] / usual, MOST)).astype(np.int64)
+    unlogged = steps - 1 - np.maximum(rows[at + 1] - rows[at] - 1, 0)
     lost = unlogged > 0
     if lost.any():
         findings.append(_dropped(gaps[lost], int(unlogged[lost].sum())))
-    return gaps, _rate(float(np.mean(interval[~long])))
+    return gaps, _rate(usual if long.all() else float(np.mean(interval[~long])))
 
 
 def _tolerance(t: Signal, interval: Signal, usual: float) -> float:
     """What an interval may be off; stamps rounded so coarsely that the rate does not fit them differ by their step. [s]"""
-    mean = float(np.mean(interval[interval < LOST * usual]))
+    near = interval[interval < LOST * usual]
+    mean = float(np.mean(near)) if near.size else usual
     rounded = abs(mean - usual) > 0.01 * usual
     return max(JITTER * usual, 1.05 * _resolution(t, usual)) if rounded else JITTER * usual
 

@@ -1,15 +1,13 @@
 """CSV and its kin: comma, semicolon, tab, bar or blanks, decimal point or comma, any encoding, preamble and units row.
 
-The text is read in blocks that end with a line, so that a log of many hours takes no more memory than its numbers; each
-block is parsed by Arrow with all cores.
+Each block of text is parsed by Arrow, with all cores; only a block with something strange in it is looked at cell by cell.
 """
 
 from __future__ import annotations
 
 import codecs
-import os
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +17,10 @@ import pyarrow as pa
 from pyarrow import csv
 
 from winchcascade.errors import LogError
-from winchcascade.ingest.layout import NOT_NUMBERS, Layout, find_encoding, find_layout, split_row
+from winchcascade.ingest.blocks import BLOCK, Bytes, in_parallel, text_blocks
+from winchcascade.ingest.cells import NOT_NUMBERS, is_cut, is_stamp, is_value, numbers, split_row
+from winchcascade.ingest.dialects import read_header
+from winchcascade.ingest.layout import Layout, find_encoding, find_layout
 from winchcascade.ingest.source import Source, Table
 from winchcascade.run import Finding
 
@@ -28,17 +29,14 @@ if TYPE_CHECKING:
 
     from winchcascade.run import Signal
 
-BLOCK = 1 << 22
-"""Bytes that are parsed at a time."""
-
-Bytes = bytes | memoryview
-"""Text as bytes, or a view of a part of it."""
-
 _HEAD = 1 << 18
-_PARALLEL = 1 << 20
-_WORKERS = max(2, min(8, os.cpu_count() or 2))
-_LONGEST_LINE = 1 << 24
-_ASCII_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?")
+_PIECE = 1 << 20
+_MINUS_SIGN = "\u2212".encode()
+_D_EXPONENT = re.compile(rb"(?<=[\d.])[dD](?=[-+]?\d)")
+"""As Fortran writes it."""
+
+_MOST_MARKS = 200
+"""Texts for "no number" that are handed to Arrow; a file with more of them is read cell by cell."""
 
 
 def open_delimited(path: Path) -> Source:
@@ -51,21 +49,27 @@ def open_delimited(path: Path) -> Source:
     with path.open("rb") as file:
         head = file.read(_HEAD)
     encoding = find_encoding(head)
-    text = codecs.getincrementaldecoder(encoding)(errors="replace").decode(head)
-    if text.count("\0") > len(text) // 20:
+    text = codecs.getincrementaldecoder(encoding)(errors="replace").decode(head).rstrip("\0")
+    if not text or text.count("\0") > len(text) // 20:
         raise LogError(
-            f"{path.name}: is a binary file of no known format; expected CSV, TDMS, MATLAB, Parquet or Excel."
+            f"{path.name}: is a binary file of no known format; expected CSV, TDMS, MATLAB, Parquet or Excel. Check that "
+            f"this is a log."
         )
-    lines = text.split("\n") if "\n" in text else text.split("\r")  # as _blocks counts them
+    lines = text.split("\n") if "\n" in text else text.split("\r")  # as text_blocks counts them
     if len(head) == _HEAD and len(lines) < 4:
         raise LogError(
-            f"{path.name}: lines of more than {_HEAD // 4 >> 10} kB; expected a log with a few dozen columns."
+            f"{path.name}: lines of more than {_HEAD // 4 >> 10} kB; expected a log with a few dozen columns. Check that "
+            f"this is a log."
         )
     layout = find_layout(lines, path.name)
-    step, start = _waveform(layout)
+    step, start = None, 0.0
+    if any(value[0] in "+-.0123456789" for value in layout.properties.values()):
+        from winchcascade.ingest.stamps import waveform
+
+        step, start = waveform(layout.properties)
     return Source(
         headers=layout.headers,
-        load=lambda wanted, time: _load(path, encoding, layout, wanted, time),
+        load=lambda wanted, time: _load(path, encoding, layout, step, wanted, time),
         form="delimited text",
         time_step=step,
         time_start=start,
@@ -73,119 +77,28 @@ def open_delimited(path: Path) -> Source:
     )
 
 
-_STEP_KEYS = frozenset(
-    "deltax dt dts sampleinterval samplingintervals sampleintervals samplinginterval wfincrement timestep".split()
-)
-_RATE_KEYS = frozenset(
-    "samplerate samplingrate sampleratehz samplingratehz samplingfrequency samplingfrequencyhz fs fshz rate".split()
-)
-
-
-def _waveform(layout: Layout) -> tuple[float | None, float]:
-    """Sampling interval and first stamp that the preamble states. [s]"""
-    step, start = None, 0.0
-    for key, value in layout.properties.items():
-        letters = "".join(c for c in key.casefold() if c.isalnum())
-        number = re.match(r"[-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?", value)
-        if number is None:
-            continue
-        amount = float(number.group().replace(",", "."))
-        if letters in _STEP_KEYS and amount > 0:
-            step = amount * (1e-3 if "ms" in value[number.end() :] else 1.0)
-        elif letters in _RATE_KEYS and amount > 0:
-            step = 1.0 / amount
-        elif letters == "x0":
-            start = amount
-    return step, start
-
-
-def _load(path: Path, encoding: str, layout: Layout, wanted: Sequence[int], time: int | None) -> Table:
+def _load(
+    path: Path, encoding: str, layout: Layout, step: float | None, wanted: Sequence[int], time: int | None
+) -> Table:
     """Read the wanted columns, block by block."""
-    parser = _Parser(layout, wanted, time)
-    blocks = _blocks(path, encoding, layout.first)
+    parser = _Parser(layout, encoding if encoding[:3] != "utf" else "utf-8", step, wanted, time)
+    blocks = text_blocks(path, encoding, layout.first)
     first = next(blocks, b"")
     parser.store(parser.parse(first))
     size = path.stat().st_size
     if size > len(first) and parser.rows:
         parser.expect(int(1.05 * size / len(first) * parser.rows) + 1000)
-    for table in _in_parallel(parser.parse, blocks) if size > BLOCK else map(parser.parse, blocks):
+    for table in in_parallel(parser.parse, blocks) if size > BLOCK else map(parser.parse, blocks):
         parser.store(table)
     return parser.table(path.name)
-
-
-def _in_parallel(parse: Callable[[Bytes], pa.Table | None], blocks: Iterator[Bytes]) -> Iterator[pa.Table | None]:
-    """Parse blocks in threads, a few ahead, and hand them on in their order."""
-    from collections import deque
-    from concurrent.futures import Future, ThreadPoolExecutor
-
-    ahead: deque[Future[pa.Table | None]] = deque()
-    with ThreadPoolExecutor(_WORKERS) as pool:
-        for block in blocks:
-            ahead.append(pool.submit(parse, block))
-            if len(ahead) > _WORKERS:
-                yield ahead.popleft().result()
-        while ahead:
-            yield ahead.popleft().result()
-
-
-def _blocks(path: Path, encoding: str, skip: int) -> Iterator[Bytes]:
-    """Text of a file from line `skip` on in ASCII-compatible bytes, cut where lines end; an unfinished line comes last."""
-    rest = b""
-    for data in _chunks(path, encoding):
-        whole = rest + bytes(data) if skip or (rest and b"\n" not in data[: 1 << 16].tobytes()) else None
-        if whole is not None:
-            while skip and (end := whole.find(b"\n")) >= 0:
-                whole, skip = whole[end + 1 :], skip - 1
-            data, rest = memoryview(whole), b""
-            if skip:
-                rest = whole
-                continue
-        end = _last_line_end(data)
-        if end == 0 and len(rest) + len(data) > _LONGEST_LINE:
-            raise LogError(
-                f"{path.name}: a line of more than {_LONGEST_LINE >> 20} MB; expected rows of a few numbers."
-            )
-        if end and rest:
-            begin = data[: 1 << 16].tobytes().find(b"\n") + 1
-            yield rest + bytes(data[:begin])
-            data, end, rest = data[begin:], end - begin, b""
-        if end:
-            yield data[:end]
-        rest += bytes(data[end:])
-    if rest and not skip:
-        yield rest
-
-
-def _chunks(path: Path, encoding: str) -> Iterator[memoryview]:
-    """The bytes of a file as ASCII-compatible text with line feeds, a block at a time."""
-    decoder = codecs.getincrementaldecoder(encoding)(errors="replace") if encoding.startswith("utf-16") else None
-    old_mac = False
-    with path.open("rb") as file:
-        while True:
-            buffer = bytearray(BLOCK)
-            size = file.readinto(buffer)
-            if not size:
-                return
-            data = memoryview(buffer)[:size]
-            if decoder is not None:
-                data = memoryview(decoder.decode(data).encode())
-            old_mac = old_mac or (_last_line_end(data) == 0 and b"\r" in data[:_PARALLEL].tobytes())
-            yield memoryview(data.tobytes().replace(b"\r\n", b"\n").replace(b"\r", b"\n")) if old_mac else data
-
-
-def _last_line_end(data: memoryview) -> int:
-    """Position after the last line feed of a block, 0 if there is none."""
-    for size in (1 << 12, len(data)):
-        found = data[-size:].tobytes().rfind(b"\n") if size else -1
-        if found >= 0:
-            return max(len(data) - size, 0) + found + 1
-    return 0
 
 
 class _Parser(msgspec.Struct):
     """Columns that grow block by block, and what could not be read on the way."""
 
     layout: Layout
+    encoding: str
+    step: float | None
     wanted: Sequence[int]
     time: int | None
     rows: int = 0
@@ -193,15 +106,19 @@ class _Parser(msgspec.Struct):
     texts: list[str] = msgspec.field(default_factory=list)
     no_numbers: list[str] = msgspec.field(default_factory=lambda: list(NOT_NUMBERS))
     ragged: list[int] = msgspec.field(default_factory=list)
-    cut: bool = False
+    cut: list[str] = msgspec.field(default_factory=list)
     stamped: bool = False
 
     def __post_init__(self) -> None:
-        self.stamped = self.time is not None and not _is_number(self.layout.example[self.time])
+        if self.time is not None:
+            self.stamped = any(is_stamp(cell) for cell in self.layout.column(self.time))
         self.columns = {k: np.empty(0) for k in self._numeric()}
 
     def _numeric(self) -> list[int]:
         return list(self.wanted) + ([self.time] if self.time is not None and not self.stamped else [])
+
+    def _used(self) -> list[int]:
+        return [*self.wanted, *([] if self.time is None else [self.time])]
 
     def expect(self, rows: int) -> None:
         """Make room for as many rows; what is not used costs no memory until it is written."""
@@ -214,50 +131,49 @@ class _Parser(msgspec.Struct):
     def parse(self, block: Bytes) -> pa.Table | None:
         """Read whole lines; an unfinished one is the end of a file that was cut off. None if nothing is left."""
         if block[-1:] != b"\n":
-            block = bytes(block).rstrip(b"\0\x1a \t")
-            if not self._finished(block):
-                self.cut = True
-                return None
+            block = self._end(bytes(block))
         if self.layout.delimiter == " ":
             block = b"\n".join(re.sub(rb"[ \t]+", b" ", line.strip()) for line in bytes(block).splitlines())
         return self._read(block) if len(block) else None
 
-    def _finished(self, line: bytes) -> bool:
-        """Whether the last line, which no line end closes, has all its cells and a number in the last of them."""
-        cells = split_row(line.decode("latin-1"), self.layout.delimiter)
-        if not line or len(cells) < self.layout.width:
-            return not line
-        used = max([*self.wanted, self.time if self.time is not None else 0])
-        return used < self.layout.width - 1 or _is_number(cells[used]) or cells[used] in NOT_NUMBERS
+    def _end(self, line: bytes) -> bytes:
+        """The last line of a file, which no line end closes, if it is whole."""
+        text = line.rstrip(b"\0")
+        if len(text) < len(line):
+            self.cut.append("the file ends in NUL bytes, as a loss of power leaves it")
+        text = text.rstrip(b"\x1a")
+        cells = split_row(text.decode(self.encoding, "replace"), self.layout.delimiter)
+        last = max(k for k in range(self.layout.width) if any(self.layout.column(k)))
+        if cells == [""] or (len(cells) == 1 and cells[0][:1].isalpha()):  # a remark
+            return b""
+        whole = len(cells) > last + 1 or (len(cells) > last and not is_cut(cells[last], self.layout.column(last)))
+        if whole and text.count(b'"') % 2 == 0:
+            return text
+        self.cut.append("the file is cut off inside a row")
+        return b""
 
     def _read(self, block: Bytes) -> pa.Table | None:
-        """Parse a block as numbers; a cell that is none sends the block through the slow path, which finds its text."""
+        """Parse a block as numbers; one with odd rows or cells is mended line by line, then if need be cell by cell."""
         try:
-            return self._arrow(block, pa.float64())
+            return self._arrow(block, pa.float64(), quoted=self.layout.quoted)
         except pa.ArrowInvalid:
-            text = bytes(block)
-            if b"\0" in text:  # what a logger leaves that lost power while it wrote
-                self.cut = True
-                text = text.replace(b"\0", b"")
-            return self._by_cell(self._arrow(text, pa.string())) if text.strip() else None
+            block = self._mended(bytes(block))
+        if not block:
+            return None
+        try:
+            return self._arrow(block, pa.float64(), quoted=True)
+        except pa.ArrowInvalid:
+            return self._by_cell(self._arrow(block, pa.binary(), quoted=True))
 
-    def _arrow(self, block: Bytes, kind: Any) -> pa.Table:
-        ragged: list[int] = []
-
-        def skip(row: Any) -> str:
-            ragged.append(row.actual_columns)
-            return "skip"
-
+    def _arrow(self, block: Bytes, kind: Any, *, quoted: bool) -> pa.Table:
         names = [f"c{k}" for k in range(self.layout.width)]
         types = {f"c{k}": kind for k in self._numeric()}
         if self.stamped:
-            types[f"c{self.time}"] = pa.string()
-        table = csv.read_csv(
+            types[f"c{self.time}"] = pa.binary()
+        return csv.read_csv(
             pa.BufferReader(pa.py_buffer(block)),
-            read_options=csv.ReadOptions(column_names=names, block_size=_PARALLEL, use_threads=False),
-            parse_options=csv.ParseOptions(
-                delimiter=self.layout.delimiter, invalid_row_handler=skip, newlines_in_values=False
-            ),
+            read_options=csv.ReadOptions(column_names=names, block_size=max(_PIECE, len(block)), use_threads=False),
+            parse_options=csv.ParseOptions(delimiter=self.layout.delimiter, quote_char='"' if quoted else False),
             convert_options=csv.ConvertOptions(
                 include_columns=list(types),
                 column_types=types,
@@ -265,22 +181,55 @@ class _Parser(msgspec.Struct):
                 decimal_point=self.layout.decimal,
                 check_utf8=False,
             ),
-            memory_pool=pa.system_memory_pool() if len(block) < _PARALLEL else None,  # the default pool starts slowly
+            memory_pool=pa.system_memory_pool() if len(block) < _PIECE else None,  # the default pool starts slowly
         )
-        self.ragged += ragged
-        return table
+
+    def _mended(self, text: bytes) -> bytes:
+        """The lines of a block that are rows, each with the same number of cells."""
+        delimiter, most = self.layout.delimiter.encode(), self.layout.width - 1
+        rows = []
+        for line in text.splitlines():
+            if b"\0" in line:
+                self.cut.append("lines hold NUL bytes, as a loss of power leaves them")
+            elif line.count(delimiter) == most and b'"' not in line:
+                rows.append(line)
+            elif line.strip():
+                rows += self._fitted(line)
+        return _D_EXPONENT.sub(b"E", b"\n".join(rows).replace(_MINUS_SIGN, b"-"))
+
+    def _fitted(self, line: bytes) -> list[bytes]:
+        """A line with cells too many or too few, fitted where none is lost that is wanted; else left out and counted."""
+        cells = split_row(line.decode("latin-1"), self.layout.delimiter)
+        width, used = self.layout.width, self._used()
+        spare = max(used, default=0) < min(
+            width - 1, len(cells)
+        )  # too much or too little, in columns that are not read
+        remark = len(cells) > width and (self.layout.more or not any(cells[width:]))
+        if len(cells) != width and not spare and not remark:
+            return self._left_out(cells)
+        cells = [cell.replace('"', "") for cell in (cells + [""] * width)[:width]]
+        quote = '"{}"' if any(self.layout.delimiter in cell for cell in cells) else "{}"
+        return [self.layout.delimiter.join(quote.format(cell) for cell in cells).encode("latin-1")]
+
+    def _left_out(self, cells: Sequence[str]) -> list[bytes]:
+        if is_value(cells[0]) and len(cells) > 1:  # anything else is a remark, or a preamble where logs were joined
+            self.ragged.append(len(cells))
+        return []
 
     def _by_cell(self, texts: pa.Table) -> pa.Table:
         """Numbers of a block in which some cells are none; their texts are known from then on."""
         columns = {}
         for k in self._numeric():
-            cells = texts.column(f"c{k}").to_pylist()
-            numbers, strange = _numbers(cells, self.layout.decimal)
-            columns[f"c{k}"] = pa.Array.from_buffers(pa.float64(), numbers.size, [None, pa.py_buffer(numbers)])
-            self.no_numbers += [s for s in strange if s not in self.no_numbers][: max(0, 200 - len(self.no_numbers))]
+            values, strange = numbers(self._decoded(texts, k), self.layout.decimal)
+            columns[f"c{k}"] = pa.Array.from_buffers(pa.float64(), values.size, [None, pa.py_buffer(values)])
+            room = max(0, _MOST_MARKS - len(self.no_numbers))
+            self.no_numbers += [s for s in strange if s not in self.no_numbers][:room]
         if self.stamped:
             columns[f"c{self.time}"] = texts.column(f"c{self.time}")
         return pa.table(columns)
+
+    def _decoded(self, table: pa.Table, k: int) -> list[str]:
+        return [(cell or b"").decode(self.encoding, "replace") for cell in table.column(f"c{k}").to_pylist()]
 
     def store(self, table: pa.Table | None) -> None:
         """Append the rows of a block."""
@@ -295,8 +244,8 @@ class _Parser(msgspec.Struct):
             for chunk in table.column(f"c{k}").chunks:
                 column[at : at + len(chunk)] = _floats(chunk)
                 at += len(chunk)
-        if self.stamped:
-            self.texts += [text or "" for text in table.column(f"c{self.time}").to_pylist()]
+        if self.stamped and self.time is not None:
+            self.texts += self._decoded(table, self.time)
         self.rows = need
 
     def table(self, where: str) -> Table:
@@ -307,38 +256,52 @@ class _Parser(msgspec.Struct):
             values = {k: column[~blank] for k, column in values.items()}
             self.texts = [text for text, no in zip(self.texts, blank.tolist(), strict=False) if not no]
         findings = self._findings(where)
-        stamps: Signal | list[str] | None = self.texts if self.stamped else None
-        if self.time is not None and not self.stamped:
-            stamps = values[self.time]
-        return Table({k: values[k] for k in self.wanted}, stamps, findings=findings)
+        stamps, stamped = self._stamps(values)
+        return Table({k: values[k] for k in self.wanted}, stamps, stamped, findings)
 
     def _blank(self, values: dict[int, Signal]) -> NDArray[np.bool_]:
-        """Rows without a single number: lines of delimiters, or names repeated where logs were joined."""
+        """Rows without a number or a stamp: lines of delimiters, or names repeated where logs were joined."""
         blank = np.ones(self.rows, dtype=bool)
         for column in values.values():
             if blank.any():
                 blank &= np.isnan(column)
+        if self.stamped:
+            for k in np.flatnonzero(blank).tolist():
+                blank[k] = not is_stamp(self.texts[k])
         return blank
+
+    def _stamps(self, values: dict[int, Signal]) -> tuple[Signal | list[str] | None, bool]:
+        """The time column, and whether it is in seconds; none if it is empty, or counts rows beside a stated interval."""
+        if self.time is None or self.stamped:
+            return (self.texts if self.stamped else None), False
+        stamps = values[self.time]
+        first = stamps[:1000]
+        empty = stamps.size == 0 or (np.isnan(first).all() and np.isnan(stamps).all())
+        counts = bool(np.all(np.diff(first) == 1.0)) and read_header(self.layout.headers[self.time]).unit is None
+        if (empty and not any(self.layout.column(self.time))) or (self.step is not None and (empty or counts)):
+            return None, False
+        if first.size > 1 and 0 < first[1] - first[0] < 1e-4:
+            from winchcascade.ingest.stamps import serial_days
+
+            days = serial_days(stamps)
+            return (stamps, False) if days is None else (days, True)
+        return stamps, False
 
     def _findings(self, where: str) -> tuple[Finding, ...]:
         found = []
-        if len(self.ragged) > max(10, 0.5 * self.rows):
+        odd, width = len(self.ragged), self.layout.width
+        if odd > max(10, 0.5 * self.rows):
             raise LogError(
-                f"{where}: {len(self.ragged)} rows do not have {self.layout.width} cells like the first one; expected one "
-                f"table with rows of equal length."
+                f"{where}: {odd} rows do not have {width} cells like the first one; expected one table with rows of equal "
+                f"length. Check the delimiter."
             )
-        if self.ragged:
-            found.append(
-                Finding(
-                    "dropped_samples",
-                    f"{len(self.ragged)} lines do not have {self.layout.width} cells like the others",
-                    "lines left out",
-                    count=len(self.ragged),
-                    removed=len(self.ragged),
-                )
-            )
+        if odd:
+            message = f"{odd} line{'s do' if odd > 1 else ' does'} not have {width} cells like the others"
+            found.append(Finding("dropped_samples", message, "left out", count=odd, removed=odd))
         if self.cut:
-            found.append(Finding("truncated", "the file is cut off inside a row", "the row left out", removed=1))
+            lost = sum("ends" not in why for why in self.cut)
+            action = f"{lost} row{'s' * (lost > 1)} left out" if lost else "nothing was lost"
+            found.append(Finding("truncated", " and ".join(dict.fromkeys(self.cut)), action, removed=lost))
         return tuple(found)
 
 
@@ -346,30 +309,8 @@ def _floats(chunk: pa.Array) -> Signal:
     """Numbers of an Arrow array, NaN for null; read from its buffers because `to_numpy` imports pandas."""
     valid, data = chunk.buffers()
     part = slice(chunk.offset, chunk.offset + len(chunk))
-    numbers: Signal = np.frombuffer(data, dtype=np.float64)[part]
+    values: Signal = np.frombuffer(data, dtype=np.float64)[part]
     if chunk.null_count:
         known = np.unpackbits(np.frombuffer(valid, dtype=np.uint8), bitorder="little")[part]
-        numbers = np.where(known == 1, numbers, np.nan)
-    return numbers
-
-
-def _is_number(cell: str) -> bool:
-    return _ASCII_NUMBER.fullmatch(cell.strip().strip("\"'").replace(",", ".")) is not None
-
-
-def _numbers(cells: Sequence[str | None], decimal: str) -> tuple[Signal, list[str]]:
-    """Numbers of a column of texts, NaN where there is none, and the texts that are none."""
-    values = np.full(len(cells), np.nan)
-    strange: dict[str, None] = {}
-    for k, cell in enumerate(cells):
-        if cell is None:
-            continue
-        text = cell.strip().strip("\"'")
-        plain = text.replace("\u2212", "-")
-        plain = plain.replace(".", "").replace(",", ".") if decimal == "," and "," in plain else plain
-        plain = plain.replace(",", "") if decimal == "." else plain
-        if _ASCII_NUMBER.fullmatch(plain):
-            values[k] = float(plain.replace("d", "e").replace("D", "E"))
-        elif text:
-            strange[cell] = None
-    return values, list(strange)
+        values = np.where(known == 1, values, np.nan)
+    return values

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -19,30 +19,35 @@ if TYPE_CHECKING:
     from winchcascade.rigfile import Rig
 
 NAMES: dict[str, str] = {
-    "time": """t time timestamp times timestring datetime date_time zeit zeitstempel temps tiempo tempo tid tijd elapsed
-        elapsedtime elapsed_time relative_time reltime time_stamp xvalue x_value 時間 时间 時刻 時戳 시간 время""",
+    "time": """t time timestamp times timestring datetime date_time unix_time epoch zeit zeitstempel temps tiempo tempo tid
+        tijd czas čas aika zaman elapsed elapsedtime elapsed_time relative_time reltime time_stamp xvalue x_value 時間 时间
+        時刻 時戳 시간 время""",
     "displacement": """displacement disp position pos payout stroke travel delta δ x s length extension excursion
-        verschiebung weg position_line auszug hub déplacement deplacement course desplazamiento posición posicion
-        carrera spostamento corsa verplaatsing forskyvning 位移 線位移 行程 位置 放線長度 変位 ストローク 변위 перемещение""",
+        verschiebung weg position_line auszug hub déplacement course desplazamiento posición carrera spostamento corsa
+        verplaatsing forskyvning deslocamento läge sträcka przemieszczenie położenie siirtymä posun yer_değiştirme 位移
+        線位移 行程 位置 放線長度 変位 ストローク 변위 перемещение""",
     "velocity": """velocity vel speed v vline v_line linevel linespeed reelout_speed reel_out_speed geschwindigkeit
-        seilgeschwindigkeit vitesse velocidad velocità velocita snelheid hastighet 速度 線速度 线速度 速率 線速 속도
-        скорость""",
+        seilgeschwindigkeit vitesse velocidad velocità snelheid hastighet hastighed velocidade prędkość nopeus rychlost hız
+        速度 線速度 线速度 速率 線速 속도 скорость""",
     "pressure": """pressure press p pacc p_acc accumulator_pressure gas_pressure druck gasdruck speicherdruck pression
-        presión presion pressione druk trykk 壓力 压力 蓄壓器壓力 氣壓 圧力 압력 давление""",
+        presión pressione druk trykk pressão tryck tryk ciśnienie paine tlak basınç 壓力 压力 蓄壓器壓力 氣壓 圧力 압력
+        давление""",
     "force": """force f fline f_line tension load_cell loadcell linetension pull kraft seilkraft zugkraft effort
-        traction fuerza tensión forza tiro kracht spanning trekkracht 力 張力 拉力 张力 荷重 線張力 장력 힘 сила натяжение""",
-    "torque": """torque t tau τ tau_pto taupto m moment drehmoment couple par torsor coppia koppel moment_shaft
-        扭矩 轉矩 转矩 扭力 トルク 토크 момент""",
+        traction fuerza tensión forza tiro kracht spanning trekkracht força siła voima síla kuvvet 力 張力 拉力 张力 荷重
+        線張力 장력 힘 сила натяжение""",
+    "torque": """torque t tau τ tau_pto taupto m moment drehmoment couple par torsor coppia koppel moment_shaft vridmoment
+        momento binário moment_obrotowy vääntömomentti kroutící_moment tork 扭矩 轉矩 转矩 扭力 トルク 토크 момент""",
     "power_mech": """mechanical_power mech_power power_mech pmech p_mech shaft_power power_shaft pto_power ppto p_pto
         mechanische_leistung wellenleistung puissance_mécanique potencia_mecánica 機械功率 机械功率""",
     "vdc": """vdc v_dc dc_voltage voltage_dc voltage udc u_dc u v dclink_voltage dc_link_voltage dcbus_voltage
         dc_bus_voltage vbus v_bus spannung gleichspannung zwischenkreisspannung tension tension_dc tension_continue
-        voltaje voltaje_dc tensione spanning 直流電壓 直流电压 電壓 电压 直流側電壓 直流電圧 電圧 전압 напряжение""",
+        voltaje voltaje_dc tensione spanning tensão spänning spænding spenning napięcie jännite napětí gerilim 直流電壓
+        直流电压 電壓 电压 直流側電壓 直流電圧 電圧 전압 напряжение""",
     "idc": """idc i_dc dc_current current_dc current i dclink_current dc_link_current dcbus_current ibus i_bus strom
-        gleichstrom courant courant_dc courant_continu corriente corriente_dc corrente stroom strøm 直流電流 直流电流 電流
-        电流 전류 ток""",
+        gleichstrom courant courant_dc courant_continu corriente corriente_dc corrente stroom strøm ström prąd virta proud
+        akım 直流電流 直流电流 電流 电流 전류 ток""",
 }
-"""By channel, what loggers call it; matched without case, blanks, punctuation and the words of `QUALIFIERS`."""
+"""By channel, what loggers call it; matched without case, accents, blanks, punctuation and the words of `QUALIFIERS`."""
 
 QUALIFIERS = frozenset(
     """line tether rope cable winch drum crane shaft pto accumulator acc gas sensor signal measured meas actual act value
@@ -50,11 +55,20 @@ QUALIFIERS = frozenset(
 )
 """Words that say where or how a quantity was measured and may stand beside its name."""
 
+_DATES = frozenset("date datum fecha data dato päivä 日期 날짜 дата".split())
+_COUNTS = frozenset(
+    """no nr n index idx row rownumber rowno record recordno recordnumber recnum rn recno sample samples sampleno
+    samplenumber sampleindex scan scanno scannumber count counter line lineno 序號 序号 編號 编号 番号 번호 номер""".split()
+)
+"""Columns that number the rows: no channels, and nobody misses them."""
+
 _DIMENSION = {"time": "time"} | {name: channel.dimension for name, channel in CHANNELS.items()}
 
 
 def _letters(text: str) -> str:
-    return "".join(c for c in unicodedata.normalize("NFKC", text).casefold() if c.isalnum())
+    if text.isascii():
+        return "".join(c for c in text.casefold() if c.isalnum())
+    return "".join(c for c in unicodedata.normalize("NFKD", text).casefold() if c.isalnum()).replace("ı", "i")
 
 
 def _by_name() -> dict[str, tuple[str, ...]]:
@@ -97,30 +111,34 @@ class _Read(msgspec.Struct, frozen=True):
 
 
 _BRACKETS = re.compile(r"[(\[{<]([^()\[\]{}<>]*(?:\([^()]*\))?[^()\[\]{}<>]*)[)\]}>]")
-_TAIL = re.compile(r"^(.*\S)\s*(?:/|,|;|:|\bin\b)\s*([^,;:\s][^,;:]*)$")
+_LONGEST_NAME = 120
+"""More of a name is not looked at: what is longer is no name."""
+
+_BEFORE_UNIT = re.compile(r"(?<=\S)(?:\s+in\s+|\s*[/,;:_.\s]\s*)(?=\S)")
 
 
 def read_header(header: Header) -> _Read:
     """Read name and unit apart: `Force [kgf]`, `Kraft / N`, `Vdc, V`, `force_kN`, or a row of units below the names."""
-    name = unicodedata.normalize("NFKC", header.name).strip().lstrip("#%").strip().strip("\"'")
+    name = unicodedata.normalize("NFKC", header.name[:_LONGEST_NAME]).strip().lstrip("#%").strip().strip("\"'")
     if header.unit is not None and header.unit.strip():
         unit = find_unit(header.unit.strip().strip("()[]"))
         return _Read(_BRACKETS.sub(" ", name), unit, None if unit else header.unit.strip())
-    unknown = None
-    for bracket in _BRACKETS.finditer(name):
-        unit = find_unit(bracket.group(1))
-        if unit is not None:
-            return _Read(_BRACKETS.sub(" ", name), unit, None)
-        unknown = bracket.group(1).strip() or unknown
     bare = _BRACKETS.sub(" ", name).strip()
-    tail = _TAIL.match(bare)
-    splits = [] if tail is None else [(tail.group(1), tail.group(2))]
-    splits += [(bare[:k], bare[k + 1 :]) for k, c in enumerate(bare) if c in "_. " and 0 < k < len(bare) - 1]
-    for name, end in splits:
+    inside = [bracket.group(1).strip() for bracket in _BRACKETS.finditer(name)]
+    splits = [(bare, end) for end in inside] + [(n[: m.start()], n[m.end() :]) for n, m in _before_units(name, bare)]
+    for start, end in splits:
         unit = find_unit(end)
-        if unit is not None and any(_DIMENSION[c] == unit.dimension for c in _candidates(name)):
-            return _Read(name, unit, None)
-    return _Read(bare, None, unknown)
+        if unit is not None and any(_DIMENSION[c] == unit.dimension for c in _candidates(start)):
+            return _Read(start, unit, None)
+    other = next((unit for end in inside if (unit := find_unit(end)) is not None), None)
+    return _Read(bare, other, None if other or not inside else inside[-1] or None)
+
+
+def _before_units(*names: str) -> Iterator[tuple[str, re.Match[str]]]:
+    """Each place in a name, with or without its brackets, where a unit may begin."""
+    for name in dict.fromkeys(names):
+        for between in _BEFORE_UNIT.finditer(name):
+            yield name, between
 
 
 def _candidates(name: str) -> tuple[str, ...]:
@@ -131,8 +149,14 @@ def _candidates(name: str) -> tuple[str, ...]:
         if found:
             return found
     words = [w for w in re.split(r"[\W_]+", unicodedata.normalize("NFKC", last).casefold()) if w]
-    core = [w for w in words if w not in QUALIFIERS and not re.fullmatch(r"(?:ai|ch|channel)?\d+", w)]
-    return _CHANNELS_BY_NAME.get("".join(core), ()) if core else ()
+    words = [w for w in words if not re.fullmatch(r"(?:ai|ch|channel)?\d+", w)]
+    place = next((k for k, w in enumerate(words) if w not in QUALIFIERS), 0)
+    shorter = [words[k:] for k in range(place + 1)] + [[w for w in words if w not in QUALIFIERS]]
+    for part in shorter:
+        found = _CHANNELS_BY_NAME.get(_letters("".join(part)))
+        if found:
+            return found
+    return ()
 
 
 def recognise(header: Header) -> str | None:
@@ -166,28 +190,31 @@ def assign(headers: Sequence[Header], rig: Rig, where: str) -> Assignment:
     LogError : two columns for one channel, a column of the rig file that the log does not have, a unit that does not
         fit, no column that could give the line velocity
     """
-    taken: dict[str, int] = {}
     named = _named_in_rig(headers, rig, where)
-    simulated = False
-    unknown = []
+    taken: dict[str, int] = dict(named)
+    dates: list[int] = []
+    unknown: list[int] = []
+    simulated = any(header.name.strip() in SIMULATED_HEADERS for header in headers)
     for index, header in enumerate(headers):
-        if index in named.values():
-            continue
-        if header.name.strip() in SIMULATED_HEADERS:
-            simulated = True
+        if index in named.values() or header.name.strip() in SIMULATED_HEADERS:
             continue
         channel = recognise(header)
-        if channel is None or channel in named:
-            unknown.append(header.name.strip() or f"column {index + 1}")
+        letters = _letters(header.name)
+        if channel is None and letters in _DATES:
+            dates.append(index)
+        elif channel is None and (not header.name.strip() or letters in _COUNTS or set(header.name) <= set("# ")):
+            continue
+        elif channel is None or channel in named:
+            unknown.append(index)
         elif channel in taken:
-            index = _better(headers, taken[channel], index, channel, where)
-            unknown.extend(headers[k].name.strip() for k in {taken[channel], index} - {index})
-            taken[channel] = index
+            taken[channel], other = _better(headers, taken[channel], index, channel, where)
+            unknown += [other] if channel != "time" else []
         else:
             taken[channel] = index
-    taken |= named
+    if dates:
+        taken.setdefault("time", dates[0])
     _check_usable(taken, headers, where)
-    return _assignment(taken, headers, rig, unknown, simulated, where)
+    return _assignment(taken, headers, rig, [headers[k].name.strip() for k in sorted(unknown)], simulated, where)
 
 
 def _named_in_rig(headers: Sequence[Header], rig: Rig, where: str) -> dict[str, int]:
@@ -207,17 +234,28 @@ def _named_in_rig(headers: Sequence[Header], rig: Rig, where: str) -> dict[str, 
     return found
 
 
-def _better(headers: Sequence[Header], old: int, new: int, channel: str, where: str) -> int:
-    """Of two columns for one channel, the one whose name is a plain one of the table; a draw is a fault."""
-    plain = [channel in _CHANNELS_BY_NAME.get(_letters(read_header(headers[k]).name), ()) for k in (old, new)]
+def _better(headers: Sequence[Header], old: int, new: int, channel: str, where: str) -> tuple[int, int]:
+    """Of two columns for one channel, the one whose name is a plain one of the table, and the other; a draw is a fault.
+
+    Of two time columns it is the one that names a unit of time, as a stamp may be coarser than the time elapsed.
+    """
+    read = [read_header(headers[k]) for k in (old, new)]
+    better = [channel in _CHANNELS_BY_NAME.get(_letters(r.name), ()) for r in read]
     if channel == "time":
-        return old
-    if plain[0] == plain[1]:
+        coarse = read[0].unit is None and read[1].unit is not None
+        better = [not coarse, coarse]
+    names = [headers[k].name.strip() for k in (old, new)]
+    if better[0] == better[1] and names[0] == names[1]:
         raise LogError(
-            f"{where}: both {headers[old].name.strip()!r} and {headers[new].name.strip()!r} could be the {channel}; "
-            f"name the right one in a rig file under [columns]."
+            f"{where}: columns {old + 1} and {new + 1} are both named {names[0]!r}; expected one {channel}. Rename or "
+            f"delete one of them."
         )
-    return old if plain[0] else new
+    if better[0] == better[1]:
+        raise LogError(
+            f"{where}: both {names[0]!r} and {names[1]!r} could be the {channel}; expected one. Name the right one in a "
+            f"rig file under [columns]."
+        )
+    return (old, new) if better[0] else (new, old)
 
 
 def _check_usable(taken: Mapping[str, int], headers: Sequence[Header], where: str) -> None:
@@ -251,29 +289,22 @@ def _assignment(
             time = Match(index, 1.0 if unit is None else unit.factor)
             continue
         if unit is None:
-            assumed = CHANNELS[channel].unit
-            unit = find_unit(assumed)
-            assert unit is not None
-            findings.append(
-                Finding(
-                    "unit_assumed",
-                    f"column {headers[index].name.strip()!r} names no unit that is known; taken as {assumed}",
-                    "assumed",
-                    channel,
-                )
-            )
+            unit, finding = _assumed(headers[index], channel)
+            findings.append(finding)
         channels[channel] = Match(index, unit.factor, unit.offset)
     if unknown:
-        count = len(unknown)
-        findings.append(
-            Finding(
-                "unknown_column",
-                f"{count} column{'s' * (count > 1)} that {'are' if count > 1 else 'is'} no channel: {_listed(unknown)}",
-                "not read",
-                count=count,
-            )
-        )
+        what = f"{len(unknown)} columns that are no channel" if len(unknown) > 1 else "1 column that is no channel"
+        findings.append(Finding("unknown_column", f"{what}: {_listed(unknown)}", "not read", count=len(unknown)))
     return Assignment(channels, time, time_unit_known, tuple(findings), simulated)
+
+
+def _assumed(header: Header, channel: str) -> tuple[Unit, Finding]:
+    """The usual unit of a channel, for a column that names none, and the finding that says so."""
+    usual = CHANNELS[channel].unit
+    unit = find_unit(usual)
+    assert unit is not None
+    message = f"column {header.name.strip()!r} names no unit that is known; taken as {usual}"
+    return unit, Finding("unit_assumed", message, "assumed", channel)
 
 
 def _unit_of(header: Header, channel: str, rig: Rig, where: str) -> Unit | None:

@@ -5,27 +5,36 @@ from __future__ import annotations
 import codecs
 import re
 from collections.abc import Sequence
+from itertools import pairwise
 
 import msgspec
 
 from winchcascade.errors import LogError
+from winchcascade.ingest.cells import is_value, looks_like_a_number, split_row
 from winchcascade.ingest.dialects import recognise
 from winchcascade.ingest.source import Header
 from winchcascade.quantity import find_unit
 
-NOT_NUMBERS = (
-    "", "-", "--", "---", "nan", "NaN", "NAN", "-nan", "+nan", "#N/A", "N/A", "NA", "n/a", "null", "NULL", "None", "inf",
-    "-inf", "Inf", "-Inf", "+inf", "Infinity", "-Infinity", "1.#QNAN", "-1.#IND", "#NUM!", "#VALUE!", "#DIV/0!", "OVL",
-    "OVER", "ERR", "Error", "*****", "?",
-)  # fmt: skip
-"""Cells that loggers write where they have no number."""
-
-_ENCODINGS = ("cp950", "cp1252", "cp932", "gb18030", "cp949", "cp1251")
-_BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
-_NUMBER = re.compile(r"\s*[\"']?[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eEdD][-+]?\d+)?[\"']?\s*$")
-_SPACES = re.compile(r"[ \t]+")
+_ENCODINGS = ("cp950", "cp1252", "cp932", "gb18030", "cp949", "cp1251", "cp1250", "euc_jp", "koi8-r", "cp850")
+_BOMS = (
+    (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF32_LE, "utf-32"),
+    (codecs.BOM_UTF32_BE, "utf-32"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+)
+_WIDE_BLANKS = re.compile(r"\t| {2,}")
+_AFTER_BRACKET = re.compile(r"(?<=[)\]])\s+")
+_DATE = re.compile(r"\d{1,4}([-/.])\d{1,2}\1\d{1,4}$")
+_PROPERTY = re.compile(r"\s*[#%]?\s*\"?([^:=;,\t|\"]{1,60}?)\"?\s*[:=;,\t|]\s*([^;\t|]*)")
 _MANY_LINES = 400
 """A preamble is shorter than this."""
+
+_LONG = 200
+"""A name is shorter than this."""
+
+_SAMPLE = 50
+"""Rows that are looked at to learn the habits of a file."""
 
 
 class Layout(msgspec.Struct, frozen=True):
@@ -34,20 +43,31 @@ class Layout(msgspec.Struct, frozen=True):
     Parameters
     ----------
     delimiter : one character; a blank stands for any run of blanks
-    headers : the columns in order
+    headers : the columns in order; one that is empty or only counts rows has no name
+    more : there are names beyond the last column that rows usually have, of remarks as a rule
     first : index of the first line of data
-    width : cells in a row of data
-    example : cells of the first row of data
+    rows : cells of the first rows of data
+    quoted : cells may stand in quotation marks
     properties : `key: value` lines of the preamble, keys as written
     """
 
     delimiter: str
     decimal: str
     headers: tuple[Header, ...]
+    more: bool
     first: int
-    width: int
-    example: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    quoted: bool
     properties: dict[str, str]
+
+    @property
+    def width(self) -> int:
+        """Cells in a row of data."""
+        return len(self.headers)
+
+    def column(self, k: int) -> list[str]:
+        """Cells of one column in the first rows."""
+        return [row[k] for row in self.rows if len(row) > k]
 
 
 def find_encoding(head: bytes) -> str:
@@ -61,20 +81,21 @@ def find_encoding(head: bytes) -> str:
         codecs.getincrementaldecoder("utf-8")().decode(head)
         return "utf-8"
     except UnicodeDecodeError:
-        return max(_ENCODINGS, key=lambda name: _readable(head, name))
+        # letters beyond ASCII stand alone or in twos in European words, in long runs in Chinese, Japanese and Korean
+        alone = max(map(len, re.findall(rb"[\x80-\xff]+", head[:4096])), default=0) <= 2
+        order = _ENCODINGS[1:] + _ENCODINGS[:1] if alone else _ENCODINGS
+        return max(order, key=lambda name: _readable(head, name))  # the first of equals
 
 
-def _readable(head: bytes, encoding: str) -> tuple[int, int]:
-    """How many headers an encoding lets us recognise; less for one that cannot decode the text at all."""
+def _readable(head: bytes, encoding: str) -> int:
+    """How many headers and units an encoding lets us recognise; less for one that cannot decode the text at all."""
     try:
         text = codecs.getincrementaldecoder(encoding)().decode(head)
     except UnicodeDecodeError:
-        return -1, 0
-    cells = {cell for line in text.splitlines()[:50] for cell in re.split(r"[,;\t|]", line) if not _NUMBER.match(cell)}
+        return -1
+    cells = {cell[:_LONG] for line in text.splitlines()[:50] for cell in re.split(r"[,;\t|]", line[: 100 * _LONG])}
     units = sum(find_unit(inside) is not None for c in cells for inside in re.findall(r"[(\[]([^)\]]+)[)\]]", c))
-    return sum(recognise(Header(cell)) is not None for cell in cells if cell.strip()) + units, -_ENCODINGS.index(
-        encoding
-    )
+    return sum(recognise(Header(cell)) is not None for cell in cells if cell.strip()) + units
 
 
 def find_layout(lines: Sequence[str], where: str) -> Layout:
@@ -84,98 +105,126 @@ def find_layout(lines: Sequence[str], where: str) -> Layout:
     ------
     LogError : no rows of numbers, or rows without names above them
     """
-    best: tuple[float, str, int, int] | None = None
+    best: tuple[float, str, int, list[list[str]]] | None = None
     for delimiter in (",", ";", "\t", "|", " "):
-        found = _first_data(lines, delimiter)
+        if delimiter == " " and best is not None:
+            break  # blanks also stand inside of stamps and names
+        found = _first_data(lines[:_MANY_LINES], delimiter)
         if found is not None:
-            first, width = found
-            score = (width if delimiter != " " else width - 0.5) - first / (10 * _MANY_LINES)
+            score = _good(found[1]) - found[0] / (10 * _MANY_LINES)
             if best is None or score > best[0]:
-                best = (score, delimiter, first, width)
+                best = (score, delimiter, *found)
     if best is None:
         raise LogError(_no_table(lines, where))
-    _, delimiter, first, width = best
-    rows = [_cells(line, delimiter) for line in lines[first : first + 50] if line.strip()]
-    headers = _headers(lines[:first], delimiter, width)
-    if headers is None:
-        raise LogError(
-            f"{where}: rows of {width} numbers but no column names above them; expected a first row such as "
-            f"'Time (s),Displacement (m),Velocity (m/s),Force (N)'. Add one."
-        )
+    _, delimiter, first, rows = best
+    headers = _headers(lines[:first], delimiter, rows, where)
+    width = _width(rows)
     return Layout(
-        delimiter, _decimal(rows, delimiter), headers, first, width, tuple(rows[0]), _properties(lines[:first])
+        delimiter,
+        _decimal(rows, delimiter),
+        headers[:width],
+        len(headers) > width,
+        first,
+        tuple(map(tuple, rows)),
+        any('"' in line for line in lines[first:]),
+        _properties(lines[:first]),
     )
-
-
-def split_row(line: str, delimiter: str) -> list[str]:
-    """Cells of one row, quotes taken off."""
-    return _cells(line, delimiter)
-
-
-def _cells(line: str, delimiter: str) -> list[str]:
-    line = line.rstrip("\r\n")
-    if delimiter == " ":
-        return _SPACES.split(line.strip())
-    if '"' in line:
-        import csv
-
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
-    return [cell.strip() for cell in line.split(delimiter)]
 
 
 def _is_data(cells: Sequence[str]) -> bool:
     """Whether a row holds data: a number or a stamp in most cells that are not empty, and in more than one."""
     full = [c for c in cells if c]
-    good = sum(bool(_NUMBER.match(c)) or c in NOT_NUMBERS or _is_stamp(c) for c in full)
-    numbers = sum(bool(_NUMBER.match(c)) for c in full)
-    return numbers >= 1 and len(full) >= 2 and good >= 0.6 * len(full)
+    numbers = sum(map(looks_like_a_number, full))
+    return numbers >= 1 and len(full) >= 2 and sum(map(is_value, full)) >= 0.6 * len(full)
 
 
-def _is_stamp(cell: str) -> bool:
-    if ":" not in cell:
-        return False
-    from winchcascade.ingest.stamps import looks_like_a_stamp
-
-    return looks_like_a_stamp(cell)
-
-
-def _first_data(lines: Sequence[str], delimiter: str) -> tuple[int, int] | None:
-    """First line of data under a delimiter and the width of its rows; None without two such rows in a row."""
-    if delimiter != " " and not any(delimiter in line for line in lines[:_MANY_LINES]):
+def _first_data(lines: Sequence[str], delimiter: str) -> tuple[int, list[list[str]]] | None:
+    """First line of data under a delimiter and the rows from there; None without two such rows in a row."""
+    if delimiter != " " and not any(delimiter in line for line in lines):
         return None
-    rows = [_cells(line, delimiter) for line in lines[:_MANY_LINES]]
+    rows = [split_row(line, delimiter) for line in lines]
+    data = [len(row) > 1 and _is_data(row) for row in rows]
     for k, row in enumerate(rows):
-        if len(row) < 2 or not _is_data(row):
+        if not data[k] or _channels(row) > 1:
             continue
-        after = [r for r in rows[k + 1 : k + 6] if r != [""]]
-        alike = sum(len(r) == len(row) and _is_data(r) for r in after)
-        if after and alike >= max(1, len(after) - 2):
-            return k, len(row)
+        after = [j for j in range(k + 1, min(k + 6, len(rows))) if rows[j] != [""]]
+        width = _width([rows[j] for j in after if data[j]])
+        alike = sum(data[j] and abs(len(rows[j]) - width) <= 1 for j in after) if len(row) >= width - 1 else 0
+        if alike >= max(1, len(after) - 2) and not any(_channels(rows[j]) > 1 for j in after if not data[j]):
+            return k, [rows[j] for j in range(k, min(k + _SAMPLE, len(rows))) if data[j]]
     return None
 
 
-def _headers(above: Sequence[str], delimiter: str, width: int) -> tuple[Header, ...] | None:
+def _width(rows: Sequence[Sequence[str]]) -> int:
+    """How many cells most rows have."""
+    lengths = [len(row) for row in rows]
+    return max(lengths, key=lengths.count, default=0)
+
+
+def _good(rows: Sequence[Sequence[str]]) -> float:
+    """How many cells of a row hold a value, on average."""
+    return sum(bool(cell) and is_value(cell) for row in rows for cell in row) / len(rows)
+
+
+def _channels(cells: Sequence[str]) -> int:
+    """How many different channels a row names."""
+    return len({recognise(Header(c)) for c in cells if c} - {None})
+
+
+def _headers(above: Sequence[str], delimiter: str, rows: list[list[str]], where: str) -> tuple[Header, ...]:
     """Names and units from the lines above the data: the line that names most channels, the line that is all units."""
-    candidates: list[tuple[int, list[str]]] = []
-    for k in range(len(above) - 1, max(-1, len(above) - 12), -1):
-        cells = _cells(above[k].lstrip("#%").strip(" ") if delimiter != "\t" else above[k].lstrip("#%"), delimiter)
-        if sum(bool(c) for c in cells) >= 2 and len(cells) >= width - 1:
-            candidates.append((k, cells))
-    if not candidates:
-        return None
-    units = next((row for _, row in candidates[:4] if _is_units(row)), None)
-    named = [
-        (sum(recognise(Header(c)) is not None for c in row if c), k, row) for k, row in candidates if row is not units
-    ]
-    if not named:
-        return None
-    names = max(named)[2]
-    names, units = _wide(names, width), None if units is None else _wide(units, width)
-    return tuple(Header(name, units[k] or None if units else None) for k, name in enumerate(names[:width]))
+    width = _width(rows)
+    columns = [[row[k] for row in rows if len(row) > k] for k in range(width)]
+    filled = max(k + 1 for k, column in enumerate(columns) if any(column))
+    found = [_names(line, delimiter, width) for line in above[-12:]][::-1]
+    near = [row for row in found if sum(map(bool, row)) >= 2 and len(row) >= filled - 1]
+    units = next((r for k, r in enumerate(near) if _is_units(r) and (k < 4 or "unit" in r[0].casefold())), [])
+    names = max((row for row in near if row is not units), key=_channels, default=None)
+    if names is None:
+        raise LogError(_no_names(found, filled, where))
+    first = "Date" if any(map(_DATE.match, columns[0])) else "" if _counts(columns[0]) else None
+    if len(names) < filled and first is not None:  # rows begin with a number or a date that has no name
+        names, units = [first, *names], ["", *units] if len(units) < filled else units
+    if any(recognise(Header(name)) for name in names[width:] if name):
+        raise LogError(_no_names([names], filled, where))
+    if any(line.startswith("***End_of_Header***") for line in above):  # LabVIEW's own columns: the axis, and remarks
+        units = [
+            "s" if name == "X_Value" else unit for name, unit in zip(names, _wide(units, len(names)), strict=False)
+        ]
+        names = ["" if name == "Comment" else name for name in names]
+    names, units = _wide(names, width), _wide(units, width)
+    more = [Header(name) for name in names[width:]]
+    return (*(_header(k, names[k], units[k] or None, columns[k]) for k in range(width)), *more)
+
+
+def _header(k: int, name: str, unit: str | None, column: Sequence[str]) -> Header:
+    """Name of a column; none for an empty time column, nor for one without a name that only counts rows or is text."""
+    header = Header(name, unit)
+    if name:
+        return header if any(column) or recognise(header) != "time" else Header("")
+    return Header("" if _counts(column) or not any(map(looks_like_a_number, column)) else f"column {k + 1}", unit)
+
+
+def _names(line: str, delimiter: str, width: int) -> list[str]:
+    """Cells of a line that may hold names, taken apart in the way that fits the number of columns."""
+    line = line.lstrip("#%") if delimiter == "\t" else line.strip().lstrip("#%").strip()
+    cells = split_row(line, delimiter)
+    if delimiter == " " and len(cells) != width:
+        for other in (_WIDE_BLANKS.split(line), _AFTER_BRACKET.split(line)):
+            if len(other) == width:
+                return [cell.strip() for cell in other]
+    if len(cells) == 2 * width and all(map(find_unit, cells[1::2])):  # Time, s, Force, N
+        return [f"{name} [{unit}]" for name, unit in zip(cells[::2], cells[1::2], strict=True)]
+    return cells
 
 
 def _wide(row: list[str], width: int) -> list[str]:
     return row + [""] * (width - len(row))
+
+
+def _counts(column: Sequence[str]) -> bool:
+    """Whether the cells of a column number the rows."""
+    return all(c.isdecimal() and len(c) < 16 for c in column) and all(int(b) == int(a) + 1 for a, b in pairwise(column))
 
 
 def _is_units(row: Sequence[str]) -> bool:
@@ -190,7 +239,7 @@ def _decimal(rows: Sequence[Sequence[str]], delimiter: str) -> str:
     """Decimal sign: a comma if numbers hold commas and no points, unless the comma parts the cells."""
     if delimiter == "," and not any("," in c for row in rows for c in row):
         return "."
-    numbers = [c for row in rows for c in row if _NUMBER.match(c)]
+    numbers = [c for row in rows for c in row if looks_like_a_number(c)]
     return "," if sum("," in c for c in numbers) > sum("." in c for c in numbers) else "."
 
 
@@ -198,22 +247,34 @@ def _properties(above: Sequence[str]) -> dict[str, str]:
     """Lines of the preamble that say `key: value`, `key = value` or `key<delimiter>value`."""
     found: dict[str, str] = {}
     for line in above:
-        parts = re.match(r"\s*[#%]?\s*([^:=;,\t]{1,60}?)\s*[:=;,\t]\s*([^;\t]*?)[;,\t\s]*$", line)
-        if parts and parts.group(2) and parts.group(1) not in found:
-            found[parts.group(1)] = parts.group(2).split("\t")[0].strip()
+        parts = _PROPERTY.match(line)
+        value = parts.group(2).strip(' \r\n,"') if parts else ""
+        if parts and value:
+            found.setdefault(parts.group(1), re.sub(r"^([-+]?\d+),(\d+)(?!\d*,)", r"\1.\2", value))
     return found
+
+
+def _no_names(found: Sequence[Sequence[str]], filled: int, where: str) -> str:
+    names = next((row for row in found if _channels(row) > 1), None)
+    if names is None:
+        return (
+            f"{where}: rows of {filled} numbers but no column names above them; expected a first row such as "
+            f"'Time (s),Displacement (m),Velocity (m/s),Force (N)'. Add one."
+        )
+    return (
+        f"{where}: {len(names)} column names above rows of {filled} cells; expected one name for each column. Check for a "
+        f"delimiter inside of names, or for decimal commas in a file that commas delimit."
+    )
 
 
 def _no_table(lines: Sequence[str], where: str) -> str:
     named = [line.strip() for line in lines if line.strip()]
     for delimiter in (",", ";", "\t"):
-        for line in named[:_MANY_LINES]:
-            cells = _cells(line, delimiter)
-            if sum(recognise(Header(c)) is not None for c in cells) >= 2:
-                return (
-                    f"{where}: column names but no rows of numbers below them; expected at least a few seconds of samples. "
-                    f"Check that the logger wrote its data."
-                )
+        if any(_channels(split_row(line, delimiter)) > 1 for line in named[:_MANY_LINES]):
+            return (
+                f"{where}: column names but no rows of numbers below them; expected at least a few seconds of samples. "
+                f"Check that the logger wrote its data."
+            )
     first = named[0][:40] if named else ""
     return (
         f"{where}: no table of numbers found (it begins with {first!r}); expected column names and rows of numbers. Check "

@@ -10,7 +10,7 @@ import numpy as np
 from winchcascade.channels import CHANNELS
 from winchcascade.ingest.signs import upright
 from winchcascade.ingest.spikes import find_spikes
-from winchcascade.ingest.stuck import find_stuck, motion
+from winchcascade.ingest.stuck import Motion, find_stuck, motion
 from winchcascade.quantity import find_unit
 from winchcascade.run import Finding
 from winchcascade.smooth import local_quadratic
@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
     Index = NDArray[np.intp]
     Mask = NDArray[np.bool_]
+
+
+_FEW = 1000
 
 
 class Checked(msgspec.Struct, frozen=True):
@@ -47,7 +50,7 @@ def check(t: Signal, channels: dict[str, Signal], rig: Rig, *, simulated: bool, 
     lost: dict[str, Mask] = {}
     for name in list(channels):
         _take_out_holes(t, name, channels, lost, findings)
-    findings += _missing(channels, rig)
+    findings += _missing(channels, rig, {f.channel for f in findings if f.kind == "missing_channel"})
     wild = {name: _take_out_spikes(t, name, x, lost, findings) for name, x in channels.items()}
     if not simulated:
         _drop_dead_velocity(t, channels, lost, findings)
@@ -85,9 +88,9 @@ def _take_out_holes(
         findings.append(_at(t, bad, "not_a_number", name, "cells are empty or not a number", removed=True))
 
 
-def _missing(channels: dict[str, Signal], rig: Rig) -> list[Finding]:
+def _missing(channels: dict[str, Signal], rig: Rig, told: set[str | None]) -> list[Finding]:
     """Channels that the rig's sensors promise and the log does not have; mechanical power stands in for torque."""
-    absent = [name for name in rig.sensors if name not in channels]
+    absent = [name for name in rig.sensors if name not in channels and name not in told]
     if "power_mech" in channels and "torque" in absent:
         absent.remove("torque")
     return [
@@ -96,21 +99,22 @@ def _missing(channels: dict[str, Signal], rig: Rig) -> list[Finding]:
     ]
 
 
-def _drop_dead_velocity(
-    t: Signal, channels: dict[str, Signal], lost: dict[str, Mask], findings: list[Finding]
-) -> None:
+def _drop_dead_velocity(t: Signal, channels: dict[str, Signal], lost: dict[str, Mask], findings: list[Finding]) -> None:
     """Leave out a velocity that is one value through the whole log while the displacement moves."""
     v, displacement = channels.get("velocity"), channels.get("displacement")
-    if v is None or displacement is None or np.nanmin(v) < np.nanmax(v) or np.nanmax(np.abs(np.diff(displacement))) == 0:
+    if v is None or displacement is None or not _constant(v) or _constant(displacement):
         return
     del channels["velocity"]
     lost.pop("velocity", None)
     findings.append(_dead(t, "velocity", "derived from the displacement"))
 
 
-def _derive_velocity(
-    t: Signal, channels: dict[str, Signal], lost: dict[str, Mask], findings: list[Finding]
-) -> None:
+def _constant(x: Signal) -> bool:
+    """Whether a channel is one value throughout; most show within a few samples that they are not."""
+    return all(np.ptp(part[np.isfinite(part)]) == 0 for part in (x[:_FEW], x) if np.isfinite(part).any())
+
+
+def _derive_velocity(t: Signal, channels: dict[str, Signal], lost: dict[str, Mask], findings: list[Finding]) -> None:
     """Make the velocity that the log lacks from its displacement, whose holes are then the velocity's too."""
     if "velocity" in channels:
         return
@@ -207,22 +211,30 @@ def _take_out_stuck(
     line = motion(t, _whole(t, channels["velocity"]), rig.thresholds.v_onset)
     names = [name for name in channels if name != "velocity" and not (open_circuit and name == "idc")]
     for name in ("velocity", *names):
-        stretches = find_stuck(name, channels[name], line, channels)
+        bad, stretches = _stuck(name, rig, line, channels)
         if not stretches:
             continue
-        bad = np.zeros(t.size, dtype=bool)
-        for a, b in stretches:
-            bad[a + 1 : b] = True  # the first sample of a held value is still a measurement
         if bad.sum() >= t.size - 2 and name != "velocity":
             del channels[name]
             findings.append(_dead(t, name, "channel left out, metrics that need it are null"))
             continue
         channels[name][bad] = np.nan
         lost[name] = lost[name] | bad if name in lost else bad
-        what = f"samples repeat one value where it should change, in {len(stretches)} stretch"
-        findings.append(_at(t, bad, "stuck", name, what + ("es" if len(stretches) > 1 else ""), removed=True))
+        what = f"samples repeat one value where it should change, in {stretches} stretch{'es' if stretches > 1 else ''}"
+        findings.append(_at(t, bad, "stuck", name, what, removed=True))
         if name == "velocity":
             line = motion(t, _bridged(t, name, channels, bad), rig.thresholds.v_onset)
+
+
+def _stuck(name: str, rig: Rig, line: Motion, channels: dict[str, Signal]) -> tuple[Mask, int]:
+    """Samples that only repeat a stuck value, and in how many stretches; a value beyond the sensor's range is kept."""
+    x = channels[name]
+    low, high = _range(rig.sensors[name]) if name in rig.sensors else (-np.inf, np.inf)
+    stretches = [(a, b) for a, b in find_stuck(name, x, line, channels) if low <= x[a] <= high]
+    bad = np.zeros(x.size, dtype=bool)
+    for a, b in stretches:
+        bad[a + 1 : b] = True  # the first sample of a held value is still a measurement
+    return bad, len(stretches)
 
 
 def _dead(t: Signal, name: str, action: str) -> Finding:

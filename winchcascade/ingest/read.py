@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from contextlib import suppress
 from pathlib import Path
 from threading import Thread
@@ -23,6 +24,9 @@ from winchcascade.run import CLOCK, Finding, Run
 if TYPE_CHECKING:
     from winchcascade.ingest.source import Source, Table
     from winchcascade.run import Signal
+
+OVERFLOW = 1e30
+"""Instruments write 9.9e37 where they have no reading (SCPI); nothing measured comes near."""
 
 _FEWEST = 10
 """A log with fewer rows than this shows no motion."""
@@ -143,20 +147,25 @@ def _clock(
     return read_clock(stamps, where), findings
 
 
+_TIME_UNITS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
+
+
 def _assumed_time(stamps: Signal, table: Table, found: Assignment) -> tuple[float, Finding]:
-    """Unit of a time column that names none: milliseconds if the displacement says so or the steps are long."""
+    """Unit of a time column that names none: the one with which the velocity gives the displacement, else by its steps."""
     step = np.diff(stamps[np.isfinite(stamps)])
     usual = median(step) if step.size else 0.0
-    factor, why = (1e-3, "its steps are long") if usual >= 2 else (1.0, "the usual unit")
-    moved = found.channels.get("displacement"), found.channels.get("velocity")
-    if moved[0] is not None and moved[1] is not None and usual > 0:
-        path = float(np.nansum(np.abs(np.diff(table.values[moved[0].index])))) * moved[0].factor
-        speed = float(np.nansum(np.abs(table.values[moved[1].index]))) * moved[1].factor
-        if path > 0 and speed > 0:
-            factor = 1e-3 if path / (speed * usual) < 0.03 else 1.0
-            why = "displacement and velocity agree with it"
-    unit = "ms" if factor == 1e-3 else "s"
-    return factor, Finding("unit_assumed", f"the time column names no unit; taken as {unit}, {why}", "assumed")
+    unit, why = ("ms", "its steps are long") if usual >= 2 else ("s", "the usual unit")
+    moved, speed = found.channels.get("displacement"), found.channels.get("velocity")
+    if moved is not None and speed is not None and usual > 0:
+        travelled = float(np.nansum(np.abs(np.diff(table.values[moved.index])))) * moved.factor
+        expected = float(np.nansum(np.abs(table.values[speed.index]))) * speed.factor * usual
+        if travelled > 0 and expected > 0:
+            ratio = math.log(travelled / expected)
+            unit = min(_TIME_UNITS, key=lambda name: abs(math.log(_TIME_UNITS[name]) - ratio))
+            why = "with which velocity and displacement agree"
+    return _TIME_UNITS[unit], Finding(
+        "unit_assumed", f"the time column names no unit; taken as {unit}, {why}", "assumed"
+    )
 
 
 def _channels(table: Table, found: Assignment, clock: Clock) -> dict[str, Signal]:
@@ -168,11 +177,12 @@ def _channels(table: Table, found: Assignment, clock: Clock) -> dict[str, Signal
             x = x[clock.rows]
         if not x.flags.writeable:
             x = x.copy()
-        with np.errstate(over="ignore"):  # a number too large for a double is no number, and told as such
-            if match.factor != 1.0:
-                x *= match.factor
-            if match.offset:
-                x += match.offset
+        if not (x.max(initial=0.0) < OVERFLOW and x.min(initial=0.0) > -OVERFLOW):
+            x[np.abs(x) >= OVERFLOW] = np.nan
+        if match.factor != 1.0:
+            x *= match.factor
+        if match.offset:
+            x += match.offset
         channels[name] = x
     return channels
 

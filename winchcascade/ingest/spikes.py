@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 
     Index = NDArray[np.intp]
 
-LEAST_SHARE = 0.015
+LEAST_SHARE = 0.019
 """A spike is at least this share of the range in which the channel moves."""
 
-NOISE = 4.5
-"""And so many times the usual curvature of the whole log; of white noise these are 7.5 standard deviations."""
+NOISE = 5.0
+"""And so many times the usual curvature of the whole log; of white noise these are 8.3 standard deviations."""
 
 APART = 3.0
 """And so many times what three in four curvatures around it stay below; ringing has neighbours as large as itself."""

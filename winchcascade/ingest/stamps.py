@@ -1,28 +1,52 @@
-"""Texts of dates and times to seconds."""
+"""Texts of dates and times to seconds, and what else a file says of its clock: days of a spreadsheet, a sampling rate."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import date
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from winchcascade.order import median
+from winchcascade.quantity import find_unit
+
 if TYPE_CHECKING:
     from winchcascade.run import Signal
 
-_MONTHS = {name: k % 12 + 1 for k, name in enumerate(
-    "jan feb mar apr may jun jul aug sep oct nov dec jan feb mär apr mai jun jul aug sep okt nov dez".split()
-)}  # fmt: skip
+_MONTHS = {
+    name: month
+    for month, names in enumerate(
+        (
+            "jan ene gen", "feb fév fev", "mar mär mrt", "apr avr abr", "may mai mei maj mag", "jun juin giu", "jul juil lug",
+            "aug aoû aou ago", "sep set", "oct okt ott out", "nov", "dec dez déc dic",
+        ),
+        start=1,
+    )
+    for name in names.split()
+}  # fmt: skip
 _STAMP = re.compile(
-    r"""\s*"?(?:(?P<a>\d{1,4})[-/.年\s](?P<b>\d{1,2}|[A-Za-zä]{3})[a-z]*[-/.月\s](?P<c>\d{1,4})日?[\sT_,]*)?
+    r"""[\s"'\[]*(?:[^\W\d_]{2,9}\.?,?\s+(?=\S+\s+\S+\s))?                            # a weekday says nothing new
+    (?:(?:(?P<a>\d{4})(?P<b>\d\d)(?P<c>\d\d)(?=[T\s])
+      |(?P<d>\d{1,4})[-/.年\s](?P<e>\d{1,2}|[^\W\d_]{3,9}\.?)[-/.月\s]+(?P<f>\d{1,4})日?
+      |(?P<month>[^\W\d_]{3,9})\.?\s+(?P<day>\d{1,2}),?\s+(?P<year>\d{4}))[\sT_,-]*)?
     (?P<noon1>[AaPp]\.?[Mm]\.?|上午|下午)?\s*
-    (?P<h>\d{1,3}):(?P<m>\d{2})(?::(?P<s>\d{2}))?(?:[.,:](?P<f>\d+))?
-    \s*(?P<noon2>[AaPp]\.?[Mm]\.?)?\s*(?P<zone>Z|UTC|GMT|[+-]\d{2}:?\d{2})?"?\s*$""",
+    (?:(?P<h>\d{1,3})[:時时](?P<m>\d\d)(?:[:分](?P<s>\d\d))?|(?<=T)(?P<hms>\d{6}))(?:[.,:](?P<frac>\d+))?秒?
+    \s*(?P<noon2>[AaPp][.,]?[Mm][.,]?)?\s*(?:Z|(?:UTC|GMT)?(?:[+-]\d\d?(?::?\d\d)?)?)[\]"'\s]*$""",
     re.VERBOSE,
 )
 DAY = 86400.0
+_LONG = 64
+"""A stamp is shorter than this."""
+
+_SERIAL = ((0.0, 1.0), (20000.0, 80000.0), (700_000.0, 780_000.0))
+"""A part of a day, days since 1900 or 1904 (1954 to 2119), MATLAB's days since the year 0 (1916 to 2135)."""
+
+_SHORTEST_DAY_STEP = 1e-5
+"""Stamps this close together would be 100 kHz if they were seconds; as days they are less than a second apart."""
+
+_Day = tuple[str, str, str]
 
 
 def looks_like_a_stamp(text: str) -> bool:
@@ -31,7 +55,7 @@ def looks_like_a_stamp(text: str) -> bool:
     >>> looks_like_a_stamp("2026-04-18T10:00:00.040"), looks_like_a_stamp("12.5")
     (True, False)
     """
-    return _STAMP.match(text) is not None
+    return len(text) < _LONG and _STAMP.match(text) is not None
 
 
 def seconds(texts: Sequence[str]) -> Signal:
@@ -40,46 +64,137 @@ def seconds(texts: Sequence[str]) -> Signal:
     >>> seconds(["18.04.2026 23:59:59,96", "19.04.2026 00:00:00,00"]).round(3).tolist()
     [0.0, 0.04]
     """
-    days: dict[tuple[str, str, str], float] = {}
-    since = np.array([_seconds_of_day(text, days) for text in texts])
+    days: dict[_Day | None, list[int]] = {}
+    since = np.empty(len(texts))
+    period = DAY
+    for k, text in enumerate(texts):
+        since[k], day, minutes = _in_day(text)
+        days.setdefault(day, []).append(k)
+        period = 3600.0 if minutes else period
     good = np.flatnonzero(np.isfinite(since))
-    if good.size and not days:
-        wraps = np.cumsum(np.diff(since[good], prepend=since[good[0]]) < -DAY / 2)
-        since[good] += DAY * wraps
+    if good.size == 0:
+        return since
+    if any(day is not None for day in days):
+        for day, number in _numbers_of(days).items():
+            since[days[day]] += DAY * number
+        good = np.flatnonzero(np.isfinite(since))
+    else:
+        since[good] += period * np.cumsum(np.diff(since[good], prepend=since[good[0]]) < -period / 2)
     return since - since[good[0]] if good.size else since
 
 
-def _seconds_of_day(text: str, days: dict[tuple[str, str, str], float]) -> float:
-    found = _STAMP.match(text)
+def _in_day(text: str) -> tuple[float, _Day | None, bool]:
+    """Seconds since midnight, the parts of the date, and whether a text shows minutes and seconds alone."""
+    found = _STAMP.match(text) if len(text) < _LONG else None
     if found is None:
-        return float("nan")
-    h, m, s = found["h"], found["m"], found["s"]
-    if s is None and found["f"] is not None:  # 00:01.2, as a spreadsheet shows minutes and seconds
+        return float("nan"), None, False
+    h, m, s, frac = found.group("h", "m", "s", "frac")
+    if found["hms"]:
+        h, m, s = found["hms"][:2], found["hms"][2:4], found["hms"][4:]
+    minutes = s is None and frac is not None
+    if minutes:  # 00:01.2, as a spreadsheet shows minutes and seconds
         h, m, s = "0", h, m
     hour = int(h)
     noon = (found["noon1"] or found["noon2"] or "").lower()
     if noon:
         hour = hour % 12 + (12 if noon.startswith("p") or noon == "下午" else 0)
-    in_day = hour * 3600.0 + int(m) * 60.0 + int(s or 0) + (float("0." + found["f"]) if found["f"] else 0.0)
-    if found["a"] is None:
-        return in_day
-    key = (found["a"], found["b"], found["c"])
-    if key not in days:
-        days[key] = _day(*key)
-    return days[key] * DAY + in_day
+    in_day = hour * 3600.0 + int(m) * 60.0 + int(s or 0) + (float("0." + frac) if frac else 0.0)
+    for names in (("a", "b", "c"), ("d", "e", "f"), ("day", "month", "year")):
+        if found[names[0]] is not None:
+            return in_day, (found[names[0]], found[names[1]], found[names[2]]), False
+    return in_day, None, minutes
 
 
-def _day(a: str, b: str, c: str) -> float:
-    """Number of the day of a date in any order; NaN for one that does not exist."""
-    month = _MONTHS.get(b.lower()[:3])
-    if month is not None:
-        year, day = (int(a), int(c)) if len(a) == 4 else (int(c), int(a))
-    elif len(a) == 4:
-        year, month, day = int(a), int(b), int(c)
-    else:
-        year, first, second = int(c), int(a), int(b)
-        month, day = (first, second) if second > 12 else (second, first)
+def _numbers_of(days: Mapping[_Day | None, object]) -> dict[_Day | None, float]:
+    """Number each day from the first; of day before month and month before day the order that exists and spans fewer days."""
+    best: dict[_Day | None, float] = {}
+    rank = (float("inf"), float("inf"))
+    for month_first in (False, True):
+        numbers = {day: float("nan") if day is None else _number_of(day, month_first) for day in days}
+        real = [n for n in numbers.values() if np.isfinite(n)]
+        this = (float(len(numbers) - len(real)), max(real) - min(real) if real else 0.0)
+        if this < rank:
+            best, rank = {day: n - min(real, default=0.0) for day, n in numbers.items()}, this
+    return best
+
+
+def _number_of(day: _Day, month_first: bool) -> float:
+    """Number of a day; NaN for one that does not exist."""
+    first, second, third = day
+    if len(first) > 2:
+        first, third = third, first
+    elif month_first and second.isdecimal():
+        first, second = second, first
+    year = int(third) + (2000 if int(third) < 100 else 0)
+    name = second.casefold().rstrip(".")
+    month = int(name) if name.isdecimal() else _MONTHS.get(name[:4], _MONTHS.get(name[:3], 0))
     try:
-        return float(date(year + 2000 if year < 100 else year, month, day).toordinal())
+        return float(date(year, month, int(first)).toordinal())
     except ValueError:
         return float("nan")
+
+
+def serial_days(values: Signal) -> Signal | None:
+    """Seconds since the first stamp, if the stamps are days as a spreadsheet or MATLAB counts them; else None. [s]
+
+    >>> serial_days(np.array([46130.25, 46130.2500005, 46130.250001])).round(3).tolist()
+    [0.0, 0.043, 0.086]
+    """
+    good = values[np.isfinite(values)]
+    step = np.diff(good[:1000])
+    if not step.any() or not 0 < median(step[step != 0]) < _SHORTEST_DAY_STEP:
+        return None
+    low, high = float(good.min()), float(good.max())
+    if not any(a <= low and high <= b for a, b in _SERIAL):
+        return None
+    since: Signal = (values - good[0]) * DAY
+    return since
+
+
+_STEP_KEYS = frozenset(
+    """deltax dt dts step sampleinterval sampleintervals samplinginterval samplingintervals sampleperiod samplingperiod
+    sampletime samplingtime scaninterval loginterval logginginterval wfincrement timestep timeinterval abtastintervall
+    abtastzeit périodedéchantillonnage 取樣間隔 取樣週期 採樣間隔 採樣週期 采样间隔 采样周期 サンプリング間隔""".split()
+)
+_RATE_KEYS = frozenset(
+    """samplerate samplingrate samplefrequency samplingfrequency samplespersecond scanrate lograte loggingrate datarate
+    acquisitionrate fs rate abtastrate abtastfrequenz messrate fréquencedéchantillonnage 取樣率 取樣頻率 採樣率 採樣頻率
+    采样率 采样频率 サンプリング周波数 サンプリングレート""".split()
+)
+_AMOUNT = re.compile(r"\s*([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)[\s,;]*([^\s,;()\[\]]*)")
+
+
+def waveform(properties: Mapping[str, str]) -> tuple[float | None, float]:
+    """Sampling interval and first stamp that a preamble states. [s]
+
+    >>> waveform({"Sample rate": "25 Hz"}), waveform({"Sampling interval [ms]": "40"})
+    ((0.04, 0.0), (0.04, 0.0))
+    """
+    step, start = None, 0.0
+    for key, value in properties.items():
+        name, _, bracket = re.sub(r"[(\[（]", "\n", key).partition("\n")
+        letters = "".join(c for c in name.casefold() if c.isalnum())
+        known = next((k for k in (letters, letters.removesuffix("hz"), letters.removesuffix("s")) if k in _KEYS), "")
+        amount = _AMOUNT.match(value)
+        if amount is None:
+            continue
+        number, unit = float(amount[1].replace(",", ".")), bracket.strip(" )]）") or amount[2]
+        if known in _STEP_KEYS and number > 0:
+            scale = find_unit(unit or "s")
+            step = number * scale.factor if scale is not None and scale.dimension == "time" else step
+        elif known in _RATE_KEYS and number > 0:
+            step = 1.0 / (number * _per_second(unit))
+        elif letters == "x0":
+            start = number
+    return step, start
+
+
+_KEYS = _STEP_KEYS | _RATE_KEYS
+
+
+def _per_second(unit: str) -> float:
+    """What one of a unit of rates is per second: Hz, kHz, S/s, kS/s, samples per minute."""
+    small = unit.casefold()
+    if "min" in small:
+        return 1.0 / 60.0
+    return {"k": 1e3, "m": 1e6}.get(small[:1], 1.0)

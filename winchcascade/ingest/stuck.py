@@ -28,8 +28,11 @@ HELD = 0.3
 FEWEST = 10
 """And for this many samples; `_held` is written for ten."""
 
-SPEED_RANGE = 0.3
-"""A channel that depends on speed must change when the speed does by this share of its top."""
+SPEED_RANGE = 0.15
+"""A channel that depends on speed must change when the speed of payout does by this share of its top."""
+
+DRIVES = 0.3
+"""The generator is driven, for sure, above this share of the top speed of payout."""
 
 RISE = 0.05
 """The line speeds up if it gains this share of its top speed in 0.6 s."""
@@ -46,18 +49,27 @@ LEAST_TORQUE = 5.0
 TRAVEL = 0.1
 """What depends on the displacement must change when the line travels so far. [m]"""
 
-APART = 0.03
+APART = 0.01
 """Velocity and displacement may differ by so much over a stretch. [m]"""
 
 STEPS = 5.0
-"""A change must be expected to be so many of the channel's own steps."""
+"""The change that travel brings must be expected to be so many of the channel's own steps."""
+
+SPEED_STEPS = 60.0
+"""The change that speed brings, of which other things may take a part away, so many."""
+
+LAG = 5
+"""The few slowest and fastest samples do not count: a logger that repeats each value lags behind the speed."""
 
 UNLIKELY = -18.0
 """Logarithm of the chance below which a noisy channel does not repeat itself by accident: once in 60 million samples."""
 
-NOISY = 0.3
-"""A channel is noisy if this share of its changes turn back at once, and of those this share are two steps or more:
-finer noise leaves it at one value or not, depending on where between two steps it lies."""
+TURNS = 0.15
+"""A channel is noisy if this share of its changes turn back at once,"""
+
+LARGE = 0.3
+"""and if this share of those are two of its steps or more: finer noise leaves it at one value or not, depending on where
+between two steps it lies."""
 
 _ENOUGH = 400_000
 """Samples at the beginning of a log that say how its channels behave."""
@@ -66,7 +78,8 @@ DRIVEN = ("torque", "power_mech", "vdc", "idc")
 
 
 class Motion(msgspec.Struct, frozen=True):
-    """What the line does: stamps [s], its velocity [m/s], the threshold of motion [m/s], when it pays out or hauls in."""
+    """What the line does: stamps [s], its velocity [m/s], the threshold of motion [m/s], when it pays out or hauls in,
+    top speed of payout [m/s]."""
 
     t: Signal
     v: Signal
@@ -84,8 +97,7 @@ class Motion(msgspec.Struct, frozen=True):
 
 def motion(t: Signal, v: Signal, v_onset: float) -> Motion:
     """Prepare what every channel is held against; v finite, payout positive."""
-    top = float(max(v.max(initial=0.0), -v.min(initial=0.0)))
-    return Motion(t, v, v_onset, v > v_onset, v < -v_onset, top)
+    return Motion(t, v, v_onset, v > v_onset, v < -v_onset, float(v.max(initial=v_onset)))
 
 
 def find_stuck(name: str, x: Signal, line: Motion, channels: Mapping[str, Signal]) -> list[tuple[int, int]]:
@@ -102,7 +114,7 @@ def find_stuck(name: str, x: Signal, line: Motion, channels: Mapping[str, Signal
         return []
     stuck = _too_still(name, x, line, first, last)
     if name in ("velocity", "displacement"):
-        stuck |= _loaded(first, last, x, line, channels, at_rest=name == "velocity")
+        stuck |= _loaded(first, last, x, line, channels, velocity=name == "velocity")
     if name == "velocity":
         stuck |= _apart(first, last, x, line, channels)
     elif name in ("displacement", "pressure"):
@@ -134,16 +146,19 @@ def _among(mask: Mask, first: Index, last: Index) -> Index:
 
 
 def _apart(first: Index, last: Index, v: Signal, line: Motion, channels: Mapping[str, Signal]) -> Mask:
-    """Whether the displacement moved on other than a held velocity says, in blocks of 0.5 s."""
-    displacement = channels.get("displacement")
+    """Whether the displacement moved on other than a held velocity says, in blocks of 0.25 s."""
     apart = np.zeros(first.size, dtype=bool)
-    if displacement is None:
+    if "displacement" not in channels:
         return apart
+    displacement = channels["displacement"].copy()
+    for a, b in zip(*_held(displacement, line.t), strict=True):
+        displacement[a + 1 : b] = np.nan  # at rest, or stuck itself
     slack = max(line.v_onset, 2 * _smallest_step(v))
     for k, (a, b) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
-        seconds, moved = _blocks(line.t[a:b], displacement[a:b], 0.5)
+        seconds, moved = _blocks(line.t[a:b], displacement[a:b], 0.25)
         off = np.abs(moved - v[a] * seconds)
-        off = off[(moved != 0) & (off > np.maximum(slack * seconds, 0.2 * np.abs(moved)))]
+        jump = np.nanmax(np.abs(np.diff(displacement[a:b])), initial=0.0)
+        off = off[(off > np.maximum(slack * seconds, 0.2 * np.abs(moved))) & (off > 1.5 * jump)]
         apart[k] = off.sum() > APART
     return apart
 
@@ -154,22 +169,25 @@ def _blocks(t: Signal, x: Signal, seconds: float) -> tuple[Signal, Signal]:
     t, x = t[good], x[good]
     if t.size < 3:
         return np.empty(0), np.empty(0)
-    ends = np.linspace(1, t.size - 2, 1 + max(1, round((t[-1] - t[0]) / seconds))).astype(np.intp)
+    blocks = max(1, round(t.size * median(np.diff(t)) / seconds))
+    ends = np.linspace(1, t.size - 2, 1 + blocks).astype(np.intp)
     around = np.sort((x[ends - 1], x[ends], x[ends + 1]), axis=0)  # the middle one of three is never a single wild one
     return np.diff(t[ends]), np.diff(around[1])
 
 
 def _loaded(
-    first: Index, last: Index, x: Signal, line: Motion, channels: Mapping[str, Signal], *, at_rest: bool
+    first: Index, last: Index, x: Signal, line: Motion, channels: Mapping[str, Signal], *, velocity: bool
 ) -> Mask:
-    """Whether the shaft carries torque while an encoder says that the line rests."""
+    """Whether the shaft carries torque, so that the line pays out, while an encoder says that it does not."""
     torque = channels.get("torque")
     if torque is None or not np.isfinite(torque).any():
         return np.zeros(first.size, dtype=bool)
     alive = np.append(True, torque[1:] != torque[:-1])  # a torque that is stuck itself says nothing
-    loaded = _among(alive & (torque > max(LOADED * float(np.nanmax(torque)), LEAST_TORQUE)), first, last)
+    high = alive & (torque > max(LOADED * float(np.nanmax(torque)), LEAST_TORQUE))
+    high[1:-1] &= high[:-2] & high[2:]  # three in a row are no noise
+    loaded = _among(high, first, last)
     stuck: Mask = (loaded >= FEWEST) & (loaded * median(np.diff(line.t[:1000])) >= HELD)
-    return stuck & (np.abs(x[first]) < line.v_onset) if at_rest else stuck
+    return stuck & (x[first] < line.v_onset) if velocity else stuck
 
 
 def _unmoved(name: str, first: Index, last: Index, x: Signal, line: Motion) -> Mask:
@@ -201,12 +219,15 @@ def _unchanged(name: str, first: Index, last: Index, x: Signal, line: Motion) ->
         part = slice(first[k], last[k])
         driven = line.out[part]
         if name in DRIVEN:
-            driven = driven & (line.v[part] > SPEED_RANGE * line.top_speed)
+            driven = driven & (line.v[part] > DRIVES * line.top_speed)
             if abs(x[first[k]]) <= idle:
                 driven &= _speeds_up(line, part)
         speeds = line.v[part][driven]
-        change = _ptp(speeds) / line.top_speed if speeds.size >= FEWEST else 0.0
-        stuck[k] = change > SPEED_RANGE and (span == 0 or change * span > STEPS * step)
+        if speeds.size < FEWEST:
+            continue
+        speeds.sort()
+        change = (speeds[-LAG] - speeds[LAG - 1]) / line.top_speed
+        stuck[k] = change > SPEED_RANGE and (span == 0 or change * span > SPEED_STEPS * step)
     return stuck
 
 
@@ -241,8 +262,11 @@ def _too_still(name: str, x: Signal, line: Motion, first: Index, last: Index) ->
         return np.zeros(first.size, dtype=bool)
     chance = np.zeros(first.size)
     for where in (line.out, line.back, ~(line.out | line.back)):
-        here = change[free & where[1:_ENOUGH]]
+        inside = where[1:_ENOUGH]
+        here = change[free & inside]
         repeats = _repeats(here) if here.size >= 50 else whole
+        if 2 * here.size < np.count_nonzero(inside):  # it holds still most of the time
+            repeats = 1.0
         chance += np.maximum(_among(where, first, last) - 1, 0) * np.log(repeats)
     still: Mask = chance < UNLIKELY
     return still & (x[first] != 0) if name in DRIVEN else still
@@ -256,6 +280,6 @@ def _repeats(change: Signal) -> float:
     turn = some[1:] * some[:-1] < 0
     size = np.minimum(np.abs(some[1:]), np.abs(some[:-1]))[turn]
     large = size > 1.5 * np.abs(some).min()
-    if np.mean(turn) < NOISY or np.mean(large) < NOISY:
+    if np.mean(turn) < TURNS or np.mean(large) < LARGE:
         return 1.0
     return float(max(1.0 - some.size / change.size, 0.02))

@@ -1,0 +1,107 @@
+"""What bridging may hide is bounded from the data beside a gap, and never far above what smooth signals can hide."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from winchcascade.cascade.doubt import bridging_error, gaps_of, instant_error, window_of
+from winchcascade.run import CLOCK, Run
+from winchcascade.smooth import local_quadratic
+
+Signal = NDArray[np.float64]
+
+T: Signal = np.arange(1000, dtype=np.float64) / 25.0
+
+ROUNDING = 1e-9
+"""Sums of a thousand numbers of order one."""
+
+AMPLE = 4.0
+"""A smooth curve's bound may exceed what the line misses by so much: a kink at the worst place hides 1.5 times as much."""
+
+
+def run(v: Signal, **gaps: list[tuple[float, float]]) -> Run:
+    return Run("log", T, {"velocity": v}, 25.0, T.size, {name: np.array(g) for name, g in gaps.items()})
+
+
+def missed(x: Signal, gap: tuple[float, float]) -> float:
+    a, b = np.searchsorted(T, np.array(gap) - 0.01)
+    return abs(float(np.trapezoid(x[a : b + 1], T[a : b + 1]) - 0.5 * (x[a] + x[b]) * (T[b] - T[a])))
+
+
+@pytest.mark.parametrize("samples", [2, 5, 12, 25])
+def test_a_straight_line_hides_nothing(samples: int) -> None:
+    gap = np.array([[10.0, 10.0 + 0.04 * samples]])
+    assert bridging_error(T, 3.0 * T - 2.0, gap) == pytest.approx([0.0], abs=ROUNDING)
+
+
+@given(curve=st.floats(-50, 50), samples=st.integers(5, 25), start=st.integers(100, 800))
+def test_a_parabola_hides_what_its_curvature_says(curve: float, samples: int, start: int) -> None:
+    gap = (T[start], T[start + samples])
+    found = bridging_error(T, curve * (T - 20) ** 2, np.array([gap]))[0]
+    hidden = missed(curve * (T - 20) ** 2, gap)
+    assert hidden - ROUNDING * 1e3 <= found <= AMPLE * hidden + ROUNDING * 1e3
+
+
+@pytest.mark.parametrize("at", [10.1, 10.2, 10.3, 10.4])
+def test_a_kink_inside_a_gap_is_bounded(at: float) -> None:
+    x = np.maximum(T - at, 0.0)
+    assert bridging_error(T, x, np.array([[10.0, 10.48]]))[0] >= missed(x, (10.0, 10.48)) * (1 - 0.01)
+
+
+@pytest.mark.parametrize("at", [10.1, 10.2, 10.3, 10.4])
+def test_a_jump_inside_a_gap_is_bounded(at: float) -> None:
+    x = np.where(at < T, 1.0, 0.0)
+    assert bridging_error(T, x, np.array([[10.0, 10.48]]))[0] >= missed(x, (10.0, 10.48))
+
+
+@pytest.mark.parametrize("gap", [(0.0, 0.4), (39.5, 39.96)])
+def test_a_gap_at_an_end_of_the_log_is_judged_by_its_one_side(gap: tuple[float, float]) -> None:
+    assert np.isfinite(bridging_error(T, np.sin(T), np.array([gap]))).all()
+
+
+def test_gaps_of_a_stage_are_those_of_its_channels_and_of_the_clock_in_order() -> None:
+    found = gaps_of(
+        run(T, velocity=[(9.0, 9.2)], force=[(2.0, 2.4)], vdc=[(1.0, 1.2)], **{CLOCK: [(5.0, 5.4)]}), ("force",)
+    )
+    assert found == pytest.approx(np.array([[2.0, 2.4], [5.0, 5.4]]))
+
+
+def test_a_log_without_gaps_has_none() -> None:
+    assert gaps_of(run(T), ("velocity",)).shape == (0, 2)
+    assert instant_error(run(T), T, np.array([1.0])).tolist() == [0.0]
+
+
+def test_a_window_that_ends_where_a_gap_begins_touches_it() -> None:
+    gaps = gaps_of(run(T, velocity=[(5.0, 9.0)]), ("velocity",))
+    windows = np.array([[1.0, 4.9], [4.95, 5.0], [12.0, 15.0]])
+    assert window_of(gaps, windows).tolist() == [1]
+    assert window_of(gaps, windows[[0, 2]]).tolist() == [-1]
+
+
+@pytest.mark.parametrize("samples", [2, 6, 12])
+def test_a_gap_of_the_velocity_moves_an_onset_by_no_more_than_it_says(samples: int) -> None:
+    u = np.clip((T - 10.0) / 4.0, 0.0, 1.0)
+    v = 0.86 * u**2 * (3 - 2 * u)
+    onset = np.interp(0.03, v[250:350], T[250:350])
+    for first in range(252, 275):
+        bridged = v.copy()
+        inside = slice(first + 1, first + samples)
+        bridged[inside] = np.interp(T[inside], T[[first, first + samples]], v[[first, first + samples]])
+        smooth = local_quadratic(T, bridged, 0.6)
+        k = int(np.flatnonzero(smooth > 0.03)[0])
+        moved = abs(np.interp(0.03, smooth[k - 1 : k + 1], T[k - 1 : k + 1]) - _onset(v))
+        said = instant_error(run(bridged, velocity=[(T[first], T[first + samples])]), smooth, np.array([onset]))[0]
+        assert moved <= said + 0.004  # a tenth of a sample: half a thousandth of an energy
+
+
+def _onset(v: Signal) -> float:
+    smooth = local_quadratic(T, v, 0.6)
+    k = int(np.flatnonzero(smooth > 0.03)[0])
+    return float(np.interp(0.03, smooth[k - 1 : k + 1], T[k - 1 : k + 1]))
+
+
+def test_a_gap_far_from_an_instant_does_not_move_it() -> None:
+    v = np.sin(T)
+    assert instant_error(run(v, velocity=[(20.0, 20.4)]), v, np.array([10.0])).tolist() == [0.0]

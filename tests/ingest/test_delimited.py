@@ -1,0 +1,253 @@
+"""Cells and rows of text logs: numbers in any spelling, cells that are none, files that are cut off or spoilt."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+import pytest
+from campaign_log import HEAD, LOST, ROWS, SAME, SOURCE, changed, clean, efficiencies, kinds, read, scaled, text, write
+from hypothesis import given
+from hypothesis import strategies as st
+
+from winchcascade import read_run
+from winchcascade.errors import LogError
+from winchcascade.ingest.cells import is_cut, looks_like_a_number, numbers
+
+SIX_DIGITS = 1e-5
+"""Numbers are written with six digits behind the point, or seven in all."""
+
+
+def grouped(cell: str, group: str, point: str) -> str:
+    return f"{float(cell):,.6f}".replace(",", "_").replace(".", point).replace("_", group)
+
+
+MILLIMETRES = [[*row[:2], repr(1e3 * float(row[2])), *row[3:]] for row in ROWS]
+IN_MM = [*HEAD[:2], "Velocity (mm/s)", *HEAD[3:]]
+
+
+@pytest.mark.parametrize("delimiter", [";", "\t", ","])
+@pytest.mark.parametrize(
+    "cell",
+    [
+        lambda c: f"{float(c):.6E}", lambda c: f"{float(c):.6e}".replace("e", "D"), lambda c: f"{float(c):+.6f}",
+        lambda c: c.replace("-", "\u2212"), lambda c: c.replace("-", "–"), lambda c: f"  {c} ", lambda c: f"\u00a0{c}",
+        lambda c: c.removesuffix(".0"), lambda c: c.replace("0.", ".") if c[:3] in (c[:3], "-0.") and abs(float(c)) < 1 else c,
+    ],
+)  # fmt: skip
+def test_a_number_reads_the_same_in_any_spelling(cell: Callable[[str], str], delimiter: str, tmp_path: Path) -> None:
+    run = read(tmp_path, text(changed(cell), HEAD, delimiter=delimiter, decimal="." if delimiter == "," else ","))
+    assert kinds(run) == set()
+    assert efficiencies(run) == pytest.approx(clean(), abs=SIX_DIGITS)
+
+
+@pytest.mark.parametrize(
+    ("group", "point"), [(",", "."), (".", ","), ("'", "."), ("’", "."), (" ", ","), ("\u00a0", ","), ("\u202f", ",")]
+)
+@pytest.mark.parametrize("delimiter", [";", "\t"])
+def test_thousands_may_be_set_apart(group: str, point: str, delimiter: str, tmp_path: Path) -> None:
+    rows = changed(lambda c: grouped(c, group, point), MILLIMETRES)
+    run = read(tmp_path, delimiter.join(IN_MM) + "\n" + "".join(delimiter.join(row) + "\n" for row in rows))
+    assert kinds(run) == set()
+    assert efficiencies(run) == pytest.approx(clean(), abs=SIX_DIGITS)
+
+
+def test_thousands_may_be_set_apart_by_commas_in_quotes(tmp_path: Path) -> None:
+    rows = changed(lambda c: f'"{c}"' if "," in (c := grouped(c, ",", ".")) else c, MILLIMETRES)
+    assert efficiencies(read(tmp_path, text(rows, IN_MM))) == pytest.approx(clean(), abs=SIX_DIGITS)
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "utf-16", "utf-8"])
+def test_a_sign_beyond_ascii_is_read_in_the_encoding_of_the_file(encoding: str, tmp_path: Path) -> None:
+    run = read(tmp_path, text(changed(lambda c: c.replace("-", "–"))), encoding)
+    assert kinds(run) == set()
+    assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
+
+
+@given(st.floats(-1e12, 1e12), st.sampled_from([".", ","]), st.sampled_from(["{:.6f}", "{:+.9e}", "{:,.6f}"]))
+def test_a_number_survives_being_written_and_read(value: float, decimal: str, form: str) -> None:
+    written = form.format(value)
+    if decimal == ",":
+        written = written.translate(str.maketrans(",.", ".,"))
+    assert looks_like_a_number(written)
+    assert numbers([written], decimal)[0][0] == pytest.approx(value, rel=1e-9, abs=1e-6)
+
+
+MARKS = [
+    "OVL", "#N/A", "1.#QNAN", "-1.#IND", "1.#INF", "--", "***", "*****.**", "", " ", "NaN", "Over", "n.a.", "+OL", "####",
+    "NULL", "-inf", "INF", "No Data", "1e400", "0x1F", "?", "12.3.4", "1 2", "1_000", "\u221e", "\u20ac",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("mark", MARKS)
+@pytest.mark.parametrize("delimiter", [",", ";"])
+def test_a_cell_that_is_no_number_is_told_and_bridged(mark: str, delimiter: str, tmp_path: Path) -> None:
+    rows = [[*row[:4], mark, *row[5:]] if k in (300, 700, 1200) else row for k, row in enumerate(ROWS)]
+    run = read(
+        tmp_path, text(rows, delimiter=delimiter, decimal="." if delimiter == "," else ",").replace("12,3,4", "12.3.4")
+    )
+    assert [(f.kind, f.channel, f.count) for f in run.findings] == [("not_a_number", "force", 3)]
+    assert efficiencies(run) == pytest.approx(clean(), abs=LOST)
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+@pytest.mark.parametrize("remark", ["run", '"a, b"', "größer", "12:30", ""])
+def test_a_column_of_text_in_between_is_told_and_not_read(remark: str, delimiter: str, tmp_path: Path) -> None:
+    rows = [[*row[:3], remark if k >= 100 else "go", *row[3:]] for k, row in enumerate(ROWS)]
+    run = read(tmp_path, text(rows, [*HEAD[:3], "State", *HEAD[3:]], delimiter=delimiter), "cp1252")
+    assert kinds(run) == {"unknown_column"}
+    assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
+
+
+@pytest.mark.parametrize("remark", ["begin", "begin, slowly", '"begin, ""slowly"""', '5" line'])
+def test_a_remark_after_a_few_rows_costs_no_row(remark: str, tmp_path: Path) -> None:
+    lines = [
+        ",".join([*HEAD, "Comment"]),
+        *(",".join(row) + f",{remark}" * (k in (0, 900)) for k, row in enumerate(ROWS)),
+    ]
+    run = read(tmp_path, "\n".join(lines) + "\n")
+    assert kinds(run) <= {"unknown_column"}
+    assert run.samples == len(ROWS)
+    assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
+
+
+@pytest.mark.parametrize("row", [ROWS[9][:5], [*ROWS[9], "7"], ["12.3", "4"]])
+def test_rows_with_cells_too_many_or_too_few_are_left_out_and_counted(row: list[str], tmp_path: Path) -> None:
+    run = read(tmp_path, text([row if k in (500, 900, 1500) else r for k, r in enumerate(ROWS)]))
+    assert run.findings[0].message == "3 lines do not have 8 cells like the others"
+    assert run.samples == len(ROWS) - 3
+    assert efficiencies(run) == pytest.approx(clean(), abs=LOST)
+
+
+def test_a_table_that_falls_apart_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="rows do not have 8 cells like the first one; expected one table"):
+        read(tmp_path, text([*ROWS[:60], *(row[:6] for row in ROWS)]))
+
+
+def test_a_stray_quote_spoils_one_cell_at_most(tmp_path: Path) -> None:
+    run = read(tmp_path, text().replace("\n28.0,", '\n28.0,"', 1))
+    assert kinds(run) == set()
+    assert run.samples == len(ROWS)
+
+
+@pytest.mark.parametrize("tail", ["\0", "\0" * 5000, "\0" * 3_000_000])
+@pytest.mark.parametrize("cut", [0, 20])
+def test_nul_bytes_at_the_end_are_a_loss_of_power(tail: str, cut: int, tmp_path: Path) -> None:
+    run = read(tmp_path, text()[: len(text()) - cut] + tail)
+    assert kinds(run) == {"truncated"}
+    assert run.samples == len(ROWS) - (cut > 0)
+
+
+def test_nul_bytes_amid_the_rows_cost_those_rows(tmp_path: Path) -> None:
+    whole = text()
+    run = read(tmp_path, whole[:60_000] + "\0" * 3000 + whole[60_000:])
+    assert kinds(run) == {"truncated", "dropped_samples"}
+    assert run.samples == len(ROWS) - 1
+
+
+CUT = {
+    "comma": text(),
+    "semicolon": text(delimiter=";", decimal=",", end="\r\n"),
+    "quoted": text(changed(lambda c: f'"{c}"')),
+    "UTF-16": text(),
+}
+
+
+@pytest.mark.parametrize("what", CUT)
+def test_a_file_cut_anywhere_in_its_last_rows_gives_whole_rows(what: str, tmp_path: Path) -> None:
+    whole = CUT[what].encode("utf-16" if what == "UTF-16" else "utf-8")
+    for end in range(len(whole) - 60, len(whole) + 1):
+        run = read(tmp_path, whole[:end])
+        assert kinds(run) <= {"truncated"}
+        assert len(ROWS) - 3 <= run.samples <= len(ROWS)
+        missing = {name: np.abs(x[-1]) > 2 * np.abs(x[-60:]).max() for name, x in run.channels.items()}
+        assert not any(missing.values()), end
+
+
+def test_a_file_cut_amid_a_cell_is_told_wherever_that_is(tmp_path: Path) -> None:
+    whole = SOURCE.read_bytes()
+    for end in random.Random(5).sample(range(2000, len(whole)), 60):
+        last = whole[:end].rsplit(b"\n", 1)[-1]
+        run = read(tmp_path, whole[:end])
+        if last and (last.count(b",") < 7 or last.endswith((b",", b"-", b"."))):
+            assert "truncated" in kinds(run), last
+
+
+def test_a_last_cell_is_cut_if_it_lacks_what_the_others_have() -> None:
+    assert [is_cut(c, ["0.125", "-3.500"]) for c in ("0.125", "0.12", "0.", "-", "")] == [False, True, True, True, True]
+    assert [is_cut(c, ["1.5E+00", "2.5E-01"]) for c in ("1.5E+00", "1.5E+0", "1.5E", "1.5")] == [
+        False,
+        True,
+        True,
+        True,
+    ]
+    assert not is_cut("", ["", "", "1.0"])
+
+
+def test_a_unit_from_outside_the_table_still_scales(tmp_path: Path) -> None:
+    assert efficiencies(read(tmp_path, scaled(4, 1 / 4448.2216, "Force (kip)"))) == pytest.approx(
+        clean(), abs=SIX_DIGITS
+    )
+
+
+SPOIL = [
+    b"\0", b'"', b"'", b",", b";", b"\t", b"\n", b"\r", b"\r\n", b"-", b"e9", b"NaN", b"1e999", b"\xff", b"\xfe\xff", b"OVL",
+    b" ", b"Time (s),", b"(", b")", b":", b"2026-01-01 00:00:00", b"9" * 20, b"***End_of_Header***\n", b"\xa4\xa4", b"#",
+]  # fmt: skip
+EXCERPT = ROWS[:400]
+BASES = [
+    text(EXCERPT).encode(),
+    text(EXCERPT, delimiter=";", decimal=",", end="\r\n").encode("utf-16"),
+    text(EXCERPT, ["時間 (s)", *HEAD[1:6], "直流電壓 (V)", "直流電流 (A)"], delimiter="\t").encode("cp950"),
+    b"Sample rate: 25 Hz\n\n" + text(changed(lambda c: f'"{c}"', EXCERPT), decimal=",").encode(),
+    text([["2026-04-18 10:00:0" + row[0][:1], *row[1:]] for row in EXCERPT]).encode(),
+]  # fmt: skip
+
+
+def spoilt(seed: int) -> bytes:
+    """A short log with bytes changed, put in, taken out, repeated, and lines moved about."""
+    chance = random.Random(seed)
+    data = bytearray(chance.choice(BASES))
+    for _ in range(chance.choice((1, 1, 2, 5, 20, 100))):
+        at = chance.randrange(len(data)) if chance.random() < 0.6 else min(chance.randrange(400), len(data) - 1)
+        kind = chance.randrange(5)
+        if kind == 0:
+            data[at] = chance.randrange(256)
+        elif kind == 1:
+            data[at:at] = chance.choice(SPOIL)
+        elif kind == 2:
+            del data[at : at + chance.choice((1, 2, 5, 50, 500))]
+        elif kind == 3:
+            other = chance.randrange(len(data))
+            data[at:at] = data[other : other + chance.choice((3, 40, 400, 4000))]
+        else:
+            lines = bytes(data).split(b"\n")
+            chance.shuffle(lines[-20:])
+            lines.insert(chance.randrange(len(lines)), chance.randbytes(60))
+            data = bytearray(b"\n".join(lines))
+        data = data or bytearray(b"x")
+    return bytes(data)
+
+
+def outcome(path: Path) -> str:
+    """What becomes of a file: nothing to say of a checked run, or the sentence that refuses it."""
+    try:
+        run = read_run(path)
+    except LogError as fault:
+        return str(fault)
+    rises = bool(np.all(np.diff(run.t) > 0))
+    finite = all(np.isfinite(x).all() for x in run.channels.values())
+    return "" if rises and finite else "unchecked"
+
+
+@pytest.mark.parametrize("first", range(0, 400, 50))
+def test_a_spoilt_file_gives_a_run_or_one_sentence(first: int, tmp_path: Path) -> None:
+    for seed in range(first, first + 50):
+        path = write(tmp_path, spoilt(seed))
+        begun = perf_counter()
+        told = outcome(path)
+        assert told == "" or (told.startswith("log.csv: ") and told.endswith(".") and "\n" not in told), seed
+        assert perf_counter() - begun < 5.0, seed  # a pattern that never ends is a fault; all else takes milliseconds

@@ -1,0 +1,302 @@
+"""Findings of the door: faults planted in clean logs are told by kind, place and number; clean logs give none."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from synthetic import KGCM2, SCENARIOS, SENSORS, make_log
+
+from winchcascade import Finding, Reduction, Run, load_rig, read_run, reduce
+from winchcascade.ingest.quality import Checked, check
+
+Signal = NDArray[np.float64]
+
+CAMPAIGN = sorted((Path(__file__).parents[2] / "fixtures" / "campaign").glob("*.csv"))
+SOURCE = next(path for path in CAMPAIGN if path.stem == "r36ohm")
+RIG = load_rig("hsu2026")
+NAMES = tuple(SENSORS)
+POWERS = ("force", "velocity", "torque", "vdc", "idc")
+WINDOW = 5.48
+"""Of the 36 ohm runs. [s]"""
+
+ENERGY = 0.005
+"""A complete cycle's energy is within this share of the clean log's: the rule by which bridging makes it incomplete."""
+
+EFFICIENCY = 0.005
+"""A velocity from the displacement is smoothed, which moves an efficiency by less than the paper's last digit."""
+
+STATED = 0.01
+"""The measured campaign's energies as its owners sum them."""
+
+
+@cache
+def table(path: Path = SOURCE) -> Signal:
+    return np.loadtxt(path, delimiter=",", skiprows=1)
+
+
+def channels(rows: Signal) -> dict[str, Signal]:
+    return {name: rows[:, k + 1] * (KGCM2 if name == "pressure" else 1.0) for k, name in enumerate(NAMES)}
+
+
+def written(folder: Path, rows: Signal, without: str | None = None) -> Run:
+    """Write rows as a log, perhaps without a column, and read it through the door."""
+    keep = [0] + [k + 1 for k, name in enumerate(NAMES) if name != without]
+    headers = ["Time (s)", *(sensor.header for sensor in SENSORS.values())]
+    path = folder / "log.csv"
+    np.savetxt(path, rows[:, keep], "%.9g", ",", header=",".join(headers[k] for k in keep), comments="")
+    return read_run(path)
+
+
+def checked(t: Signal, signals: Mapping[str, Signal], *, open_circuit: bool = False) -> Checked:
+    copies = {name: np.array(x) for name, x in signals.items()}
+    return check(t, copies, RIG, simulated=False, open_circuit=open_circuit)
+
+
+def unexpected(found: Checked, torque: Signal) -> list[Finding]:
+    over = bool(np.abs(torque).max() > 500)
+    return [f for f in found.findings if not (over and (f.kind, f.channel) == ("out_of_range", "torque"))]
+
+
+def only(run: Run, kind: str) -> Finding:
+    (finding,) = run.findings
+    assert finding.kind == kind
+    return finding
+
+
+@cache
+def clean() -> Reduction:
+    return reduce(read_run(SOURCE), window=WINDOW)
+
+
+def energies(result: Reduction, cycle: int) -> list[float]:
+    m = result.cycles[cycle].metrics
+    return [e for e in (m.energy_line, m.energy_mech, m.energy_gen) if e is not None]
+
+
+def row_at(t: float) -> int:
+    return int(np.searchsorted(table()[:, 0], t))
+
+
+def second_cycle(after_onset: float) -> int:
+    return row_at(clean().cycles[1].window.onset + after_onset)
+
+
+# ----------------------------------------------------------------------------------------------------- clean logs
+@pytest.mark.parametrize("path", CAMPAIGN, ids=lambda p: p.stem)
+def test_a_log_of_the_campaign_gives_no_finding(path: Path) -> None:
+    load = float("inf") if path.stem == "open_circuit" else 36.0
+    assert reduce(read_run(path, load=load), window=WINDOW).quality == ()
+
+
+def test_28_labelled_logs_have_torque_above_its_range_and_no_log_anything_else(shared: Path) -> None:
+    found = {path: read_run(path).findings for path in sorted((shared / "labelled").glob("*/*.csv"))}
+    assert sum(bool(f) for f in found.values()) == 28
+    assert {(f.kind, f.channel) for fs in found.values() for f in fs} == {("out_of_range", "torque")}
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.05, 0.25, 1.0, 4.0])
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_a_clean_log_gives_no_finding_whatever_its_motion_and_noise(name: str, noise: float) -> None:
+    rates = {SCENARIOS[name].rate, 5.0} if noise < 1 else {SCENARIOS[name].rate}
+    for rate in rates:
+        scenario = replace(SCENARIOS[name], noise=noise, rate=rate)
+        log = make_log(scenario, np.random.default_rng(7))
+        written = [np.round(x, d) for x, d in zip(log.columns.values(), log.decimals[1:], strict=True)]
+        signals = channels(np.column_stack((log.t, *written)))
+        assert unexpected(checked(log.t, signals, open_circuit=np.isinf(scenario.load)), signals["torque"]) == []
+
+
+@pytest.mark.parametrize("repeats", [2, 3, 4])
+@pytest.mark.parametrize("noise", [0.0, 0.1, 1.0, 2.0])
+@pytest.mark.parametrize("name", ["smooth", "steep_linear", "heavy_load", "reversal", "ten_hertz", "hundred_hertz"])
+def test_a_logger_that_is_faster_than_its_sensors_is_neither_stuck_nor_spiky(
+    name: str, noise: float, repeats: int
+) -> None:
+    log = make_log(replace(SCENARIOS[name], noise=noise), np.random.default_rng(3))
+    row = np.arange(log.t.size) // repeats * repeats
+    signals = channels(np.column_stack((log.t, *log.columns.values()))[row])
+    assert unexpected(checked(log.t, signals), signals["torque"]) == []
+
+
+@pytest.mark.parametrize("coarse", [0.3, 1.0, 3.0])
+@pytest.mark.parametrize("noise", [0.0, 0.25, 1.0])
+@pytest.mark.parametrize("name", ["smooth", "lag_ramp", "heavy_load", "open_circuit", "wavy_1_percent"])
+def test_coarse_resolution_is_neither_stuck_nor_spiky(name: str, noise: float, coarse: float) -> None:
+    steps = dict(zip(NAMES, (0.01, 0.02, 0.5 * KGCM2, 20.0, 5.0, 2.0, 0.1), strict=True))
+    log = make_log(replace(SCENARIOS[name], noise=noise), np.random.default_rng(3))
+    fine = channels(np.column_stack((log.t, *log.columns.values())))
+    signals = {n: np.round(x / (coarse * steps[n])) * coarse * steps[n] for n, x in fine.items()}
+    assert unexpected(checked(log.t, signals, open_circuit=name == "open_circuit"), signals["torque"]) == []
+
+
+# ----------------------------------------------------------------------------------------------- holes and channels
+@pytest.mark.parametrize("name", NAMES)
+def test_empty_cells_are_counted_placed_and_bridged(tmp_path: Path, name: str) -> None:
+    rows = table().copy()
+    k = second_cycle(8.0)
+    rows[k : k + 5, 1 + NAMES.index(name)] = np.nan
+    run = written(tmp_path, rows)
+    finding = only(run, "not_a_number")
+    assert (finding.channel, finding.count, finding.removed) == (name, 5, 5)
+    assert (finding.start, finding.end) == pytest.approx((rows[k, 0], rows[k + 4, 0]))
+    assert np.isfinite(run.channels[name]).all()
+    assert run.gaps[name] == pytest.approx(rows[[[k - 1, k + 5]], 0])
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if n != "velocity"])
+def test_metrics_that_need_a_missing_channel_are_null_and_cycles_stay_complete(tmp_path: Path, name: str) -> None:
+    result = reduce(written(tmp_path, table(), without=name), window=WINDOW)
+    assert [(f.kind, f.channel) for f in result.quality] == [("missing_channel", name)]
+    assert [c.complete for c in result.cycles] == [True, True, True]
+    lost = {"force": ("energy_line", "eta_trans", "eta_pto"), "torque": ("energy_mech", "eta_trans", "eta_gen")}
+    lost |= dict.fromkeys(("vdc", "idc"), ("energy_gen", "eta_gen", "eta_pto"))
+    for metric in ("energy_line", "energy_mech", "energy_gen", "eta_trans", "eta_gen", "eta_pto"):
+        assert (getattr(result.mean, metric) is None) == (metric in lost.get(name, ()))
+
+
+@pytest.mark.parametrize(
+    ("without", "value", "kind"),
+    [("velocity", 1.0, "missing_channel"), (None, np.nan, "missing_channel"), (None, 0.0, "stuck")],
+    ids=["missing", "empty", "dead"],
+)
+def test_a_velocity_that_is_missing_empty_or_dead_is_derived_from_the_displacement(
+    tmp_path: Path, without: str | None, value: float, kind: str
+) -> None:
+    rows = table().copy()
+    rows[:, 1 + NAMES.index("velocity")] = value
+    run = written(tmp_path, rows, without=without)
+    finding = only(run, kind)
+    assert finding.channel == "velocity"
+    assert "derived from the displacement" in finding.action
+    mean = reduce(run, window=WINDOW).mean
+    for eta in ("eta_trans", "eta_gen", "eta_pto"):
+        assert getattr(mean, eta) == pytest.approx(getattr(clean().mean, eta), abs=EFFICIENCY)
+
+
+def test_a_hole_of_the_displacement_is_one_of_the_velocity_that_is_derived_from_it(tmp_path: Path) -> None:
+    rows = table().copy()
+    k = second_cycle(2.0)
+    rows[k : k + 40, 1] = np.nan
+    result = reduce(written(tmp_path, rows, without="velocity"), window=WINDOW)
+    assert [c.complete for c in result.cycles] == [True, False, True]
+
+
+# --------------------------------------------------------------------------------------------------- range and slack
+@pytest.mark.parametrize("samples", [2, 5, 50])
+@pytest.mark.parametrize("after_onset", [-2.0, 2.0, 5.0, 9.0])
+def test_values_outside_the_range_are_reported_and_kept(tmp_path: Path, samples: int, after_onset: float) -> None:
+    rows = table().copy()
+    k = second_cycle(after_onset)
+    rows[k : k + samples, 1 + NAMES.index("torque")] = 612.0
+    run = written(tmp_path, rows)
+    finding = only(run, "out_of_range")
+    assert (finding.channel, finding.count, finding.removed) == ("torque", samples, 0)
+    assert "612 N.m" in finding.message
+    assert "ends at 500" in finding.message
+    assert run.channels["torque"][k : k + samples] == pytest.approx(612.0)
+
+
+def test_a_single_wild_value_outside_the_range_is_both_a_spike_and_out_of_range(tmp_path: Path) -> None:
+    rows = table().copy()
+    rows[second_cycle(5.0), 1 + NAMES.index("torque")] = 5000.0
+    run = written(tmp_path, rows)
+    assert {(f.kind, f.count) for f in run.findings} == {("spike", 1), ("out_of_range", 1)}
+    assert "but for 1 bridged as spikes" in next(f.action for f in run.findings if f.kind == "out_of_range")
+    assert run.channels["torque"].max() < 500
+
+
+def test_a_line_force_below_zero_is_a_slack_line(tmp_path: Path) -> None:
+    rows = table().copy()
+    k = second_cycle(20.0)
+    rows[k : k + 20, 1 + NAMES.index("force")] -= 400.0
+    run = written(tmp_path, rows)
+    finding = only(run, "slack_line")
+    assert finding.removed == 0
+    assert run.channels["force"].min() < 0
+
+
+# ------------------------------------------------------------------------------------------- gaps and completeness
+@pytest.mark.parametrize("samples", [1, 5, 12, 30, 100])
+@pytest.mark.parametrize("after_onset", [-0.2, 0.0, 1.3, 2.5, 3.8, 5.2, 7.0])
+@pytest.mark.parametrize("name", [*POWERS, "row"])
+def test_a_cycle_that_counts_has_the_energies_of_the_clean_log(
+    tmp_path: Path, name: str, after_onset: float, samples: int
+) -> None:
+    rows = table().copy()
+    k = second_cycle(after_onset)
+    if name == "row":
+        rows = np.delete(rows, slice(k, k + samples), axis=0)
+    else:
+        rows[k : k + samples, 1 + NAMES.index(name)] = np.nan
+    result = reduce(written(tmp_path, rows), window=WINDOW)
+    assert result.cycles[0].complete
+    assert result.cycles[2].complete
+    if result.cycles[1].complete:
+        assert energies(result, 1) == pytest.approx(energies(clean(), 1), rel=ENERGY)
+
+
+@pytest.mark.parametrize("after_onset", [0.5, 1.5, 4.0])
+@pytest.mark.parametrize("name", [*POWERS, "row"])
+def test_a_gap_of_more_than_a_second_in_the_window_makes_the_cycle_incomplete(
+    tmp_path: Path, name: str, after_onset: float
+) -> None:
+    rows = table().copy()
+    k = second_cycle(after_onset)
+    if name == "row":
+        rows = np.delete(rows, slice(k, k + 30), axis=0)
+    else:
+        rows[k : k + 30, 1 + NAMES.index(name)] = np.nan
+    result = reduce(written(tmp_path, rows), window=WINDOW)
+    assert [c.complete for c in result.cycles] == [True, False, True]
+    assert "a gap of 1.24 s lies in its window" in result.quality[-1].message
+
+
+@pytest.mark.parametrize("name", [*NAMES, "row"])
+@pytest.mark.parametrize(("after_onset", "samples"), [(4.8, 1), (8.0, 1), (16.0, 100), (-4.0, 50)])
+def test_a_gap_that_changes_no_energy_leaves_the_cycle_complete(
+    tmp_path: Path, name: str, after_onset: float, samples: int
+) -> None:
+    rows = table().copy()
+    k = second_cycle(after_onset)
+    if name == "row":
+        rows = np.delete(rows, slice(k, k + samples), axis=0)
+    else:
+        rows[k : k + samples, 1 + NAMES.index(name)] = np.nan
+    assert [c.complete for c in reduce(written(tmp_path, rows), window=WINDOW).cycles] == [True, True, True]
+
+
+@pytest.mark.parametrize("rows_lost", [False, True], ids=["cells", "rows"])
+@pytest.mark.parametrize("share", [0.01, 0.05, 0.2])
+def test_losses_all_over_the_log_never_falsify_a_cycle_that_counts(
+    tmp_path: Path, share: float, rows_lost: bool
+) -> None:
+    rng = np.random.default_rng(11)
+    for _ in range(4):
+        rows = table().copy()
+        if rows_lost:
+            rows = rows[rng.random(len(rows)) >= share]
+        else:
+            rows[:, 1:][rng.random((len(rows), 7)) < share] = np.nan
+        run = written(tmp_path, rows)
+        assert {f.kind for f in run.findings} == {"dropped_samples" if rows_lost else "not_a_number"}
+        result = reduce(run, window=WINDOW)
+        assert len(result.cycles) == 3
+        assert share > 0.01 or any(c.complete for c in result.cycles)
+        for k, cycle in enumerate(result.cycles):
+            if cycle.complete:
+                assert energies(result, k) == pytest.approx(energies(clean(), k), rel=ENERGY)
+
+
+# ------------------------------------------------------------------------------------------------------- measured
+def test_the_kite_campaign_gives_its_owners_energies(shared: Path) -> None:
+    rig = load_rig("kitepower")
+    run = read_run(shared / "kitepower-2019-10-08" / "ground_station_cycles_01_43.csv", rig=rig)
+    result = reduce(run, rig=rig)
+    assert [c.complete for c in result.cycles] == [True] * 43
+    assert result.total.energy_line == pytest.approx(12.88e6, rel=STATED)
+    assert result.total.energy_mech == pytest.approx(11.22e6, rel=STATED)
+    assert result.total.eta_trans == pytest.approx(0.871, rel=STATED)

@@ -1,0 +1,137 @@
+"""Stuck channels are told by physics and by the noise they lack; an encoder at rest is not stuck."""
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from synthetic import KGCM2, SCENARIOS, SENSORS, make_log, truth
+
+from winchcascade import load_rig
+from winchcascade.ingest.quality import Checked, check
+
+Signal = NDArray[np.float64]
+RIG = load_rig("hsu2026")
+NAMES = tuple(SENSORS)
+NOISY = tuple(name for name in NAMES if name != "displacement")
+
+
+@cache
+def log(name: str) -> tuple[Signal, dict[str, Signal]]:
+    made = make_log(SCENARIOS[name], np.random.default_rng(3))
+    return made.t, {
+        n: x * (KGCM2 if n == "pressure" else 1.0) for n, x in zip(NAMES, made.columns.values(), strict=True)
+    }
+
+
+@cache
+def places(name: str) -> dict[str, float]:
+    """Instants in the second cycle [s]."""
+    cycle = truth(SCENARIOS[name]).cycles[1]
+    assert cycle.hold is not None
+    assert cycle.haul_in is not None
+    return {
+        "rest": cycle.onset - 4.0,
+        "ramp": cycle.onset + 0.8,
+        "plateau": cycle.onset + 5.0,
+        "braking": cycle.payout[1] - 1.2,
+        "hold": cycle.hold[0] + 1.08,  # where no torque happens to read 0, which is what a stage gives out at rest
+        "haul_in": cycle.haul_in[0] + 1.0,
+    }
+
+
+def freeze(name: str, which: Sequence[str], start: float, seconds: float, value: float | None = None) -> Checked:
+    t, signals = log(name)
+    inside = (t >= start - 1e-9) & (t <= start + seconds + 1e-9)
+    copies = {n: x.copy() for n, x in signals.items()}
+    for n in which:
+        copies[n][inside] = copies[n][inside][0] if value is None else value
+    return check(t, copies, RIG, simulated=False, open_circuit=False)
+
+
+def stuck(found: Checked) -> set[str | None]:
+    others = {(f.kind, f.channel) for f in found.findings if f.kind != "stuck"}
+    assert others <= {("out_of_range", "torque")}  # which the heavy load really has
+    return {f.channel for f in found.findings if f.kind == "stuck"}
+
+
+@pytest.mark.parametrize("seconds", [1.0, 3.0, 10.0])
+@pytest.mark.parametrize("where", ["rest", "ramp", "plateau", "braking", "hold", "haul_in"])
+@pytest.mark.parametrize("channel", NOISY)
+@pytest.mark.parametrize("name", ["smooth", "hundred_hertz"])
+def test_a_noisy_channel_that_holds_one_value_for_a_second_is_stuck(
+    name: str, channel: str, where: str, seconds: float
+) -> None:
+    found = freeze(name, [channel], places(name)[where], seconds)
+    assert stuck(found) == {channel}
+    (finding,) = found.findings
+    assert finding.start == pytest.approx(places(name)[where], abs=0.1)
+    assert finding.count == pytest.approx(seconds * SCENARIOS[name].rate, abs=2)
+
+
+@pytest.mark.parametrize("channel", ["force", "torque", "vdc", "idc"])
+@pytest.mark.parametrize("where", ["ramp", "plateau", "braking"])
+def test_ten_samples_of_one_value_are_enough_where_noise_never_repeats(channel: str, where: str) -> None:
+    assert stuck(freeze("smooth", [channel], places("smooth")[where], 0.4)) == {channel}
+
+
+@pytest.mark.parametrize("seconds", [1.0, 3.0])
+@pytest.mark.parametrize("where", ["ramp", "braking"])
+@pytest.mark.parametrize("channel", NAMES)
+def test_a_noise_free_channel_is_stuck_where_speed_or_travel_should_change_it(
+    channel: str, where: str, seconds: float
+) -> None:
+    assert stuck(freeze("exact", [channel], places("exact")[where], seconds)) == {channel}
+
+
+@pytest.mark.parametrize("where", ["ramp", "plateau", "braking", "haul_in"])
+@pytest.mark.parametrize("seconds", [0.4, 1.0, 3.0, 10.0])
+def test_a_displacement_that_stops_while_the_line_moves_is_stuck(where: str, seconds: float) -> None:
+    assert stuck(freeze("smooth", ["displacement"], places("smooth")[where], seconds)) == {"displacement"}
+
+
+@pytest.mark.parametrize("name", ["smooth", "exact", "creep_for_hours", "idle_for_hours"])
+def test_an_encoder_at_rest_is_not_stuck(name: str) -> None:
+    t, signals = log(name)
+    assert check(t, dict(signals), RIG, simulated=False, open_circuit=False).findings == ()
+
+
+@pytest.mark.parametrize("where", ["ramp", "plateau", "braking"])
+def test_an_encoder_that_stops_counting_is_told_by_the_torque(where: str) -> None:
+    t, signals = log("smooth")
+    inside = (t >= places("smooth")[where]) & (t <= places("smooth")[where] + 3.0)
+    copies = {n: x.copy() for n, x in signals.items()}
+    copies["velocity"][inside] = 0.0
+    copies["displacement"][inside] = copies["displacement"][inside][0]
+    assert "velocity" in stuck(check(t, copies, RIG, simulated=False, open_circuit=False))
+
+
+@pytest.mark.parametrize("value", [None, 0.0])
+@pytest.mark.parametrize("channel", [n for n in NAMES if n not in ("velocity", "displacement")])
+@pytest.mark.parametrize("name", ["smooth", "exact", "heavy_load"])
+def test_a_channel_that_is_one_value_throughout_is_left_out(name: str, channel: str, value: float | None) -> None:
+    t, _ = log(name)
+    found = freeze(name, [channel], t[0], t[-1], value)
+    assert stuck(found) == {channel}
+    assert channel not in found.channels
+
+
+@pytest.mark.parametrize("name", ["smooth", "exact"])
+def test_a_dead_displacement_is_left_out_and_a_dead_velocity_derived_from_it(name: str) -> None:
+    t, _ = log(name)
+    assert "displacement" not in freeze(name, ["displacement"], t[0], t[-1]).channels
+    derived = freeze(name, ["velocity"], t[0], t[-1])
+    assert stuck(derived) == {"velocity"}
+    assert np.ptp(derived.channels["velocity"]) > 1
+
+
+def test_no_current_is_not_stuck_in_open_circuit() -> None:
+    t, signals = log("open_circuit")
+    copies = {n: x.copy() for n, x in signals.items()} | {"idc": np.zeros(t.size)}
+    assert check(t, dict(copies), RIG, simulated=False, open_circuit=True).findings == ()
+
+
+def test_a_torque_that_hangs_does_not_blame_the_encoder_at_rest() -> None:
+    start = places("smooth")["plateau"]
+    assert stuck(freeze("smooth", ["torque"], start, 14.0)) == {"torque"}
