@@ -96,6 +96,3 @@ def instant_error(run: Run, v_smooth: Signal, instants: Signal) -> Signal:
 def _weight(u: float) -> float:
     """Weight of the smoothing quadratic over its mean, at a share u of its half width (Savitzky and Golay 1964)."""
     return abs(9 / 4 - 15 / 4 * u * u)
-
-
-onset_error = instant_error

@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.cascade.bins import Bin, bin_powers, engaged
-from winchcascade.cascade.doubt import bridging_error, gaps_of, onset_error, window_of
+from winchcascade.cascade.doubt import bridging_error, gaps_of, instant_error, window_of
 from winchcascade.cascade.efficiency import Metrics, metrics
 from winchcascade.cascade.power import STAGES, power, sources, stream
 from winchcascade.cascade.repeatability import ensemble_mean, largest_deviation, total
@@ -246,10 +246,13 @@ def _doubt(
     assert watts is not None
     which = window_of(gaps, spans)
     inside = which >= 0
-    doubt = np.zeros(len(spans))
-    np.add.at(doubt, which[inside], bridging_error(run.t, watts, gaps[inside]))
-    if isinstance(rule, float):  # a window of fixed length moves as a whole with its onset
-        doubt += onset_error(run, v_smooth, spans[:, 0]) * np.abs(np.interp(spans[:, 1], run.t, watts))
+    square = np.zeros(len(spans))  # gaps err independently of each other
+    np.add.at(square, which[inside], bridging_error(run.t, watts, gaps[inside]) ** 2)
+    if rule != "payout":  # onset or plateau, wherever the cutoff hangs, moves it
+        hung_on = spans[:, 0] if isinstance(rule, float) else spans[:, 1] - limits.settle
+        moved = instant_error(run, v_smooth, hung_on)
+        square += (moved * np.interp(spans[:, 1], run.t, watts)) ** 2
+    doubt = np.sqrt(square)
     share = doubt / np.maximum(np.abs(joule), 1e-9)
     for k in np.flatnonzero(share > limits.gap_energy_max).tolist():
         faults.setdefault(k, f"bridging its gaps could change E_{stage} by {min(share[k], 9.99):.1%}")
