@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from winchcascade.errors import LogError
-from winchcascade.ingest.clock import MANY, read_clock
+from winchcascade.ingest.clock import read_clock
+from winchcascade.ingest.repair import MANY
 
 H = 0.04
 STAMPS = np.array(T)

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from winchcascade.errors import LogError
+from winchcascade.ingest.assign import Assignment, assign
 from winchcascade.ingest.clock import Clock, even_clock, read_clock
-from winchcascade.ingest.dialects import Assignment, assign
 from winchcascade.ingest.formats import open_log
 from winchcascade.ingest.quality import check
 from winchcascade.order import median
