@@ -190,6 +190,12 @@ def test_a_foreign_file_is_kept_unless_forced(log: Path, tmp_path: Path) -> None
     assert winchcascade("reduce", log, "--json", mine, "--force").returncode == 0
 
 
+def test_a_log_is_never_replaced_by_its_result(log: Path) -> None:
+    before = log.read_bytes()
+    assert "is the log itself" in one_sentence("reduce", log, "--json", log, "--force")
+    assert log.read_bytes() == before
+
+
 def test_a_refused_log_leaves_no_file_behind(tmp_path: Path) -> None:
     (tmp_path / "bad.csv").write_text("name,colour\nanchor,red\n")
     one_sentence("reduce", tmp_path / "bad.csv", "--json", tmp_path / "out.json", "--parquet", tmp_path / "tables")

@@ -89,6 +89,8 @@ def reduce_command(
     if window is not None:
         window_rule(window)
     if json is not None and json != "-":
+        if log.exists() and Path(json).exists() and log.samefile(json):
+            raise OptionError(f"--json {json}: is the log itself; give the result another name.")
         check_replaceable(Path(json), force=force)
     settings = _settings(log, rig, load_ohm, window)
     run = read_run(log, rig=settings.rig, load=settings.load, load_source=settings.load_source, about=settings.about)

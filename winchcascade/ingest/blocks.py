@@ -71,11 +71,13 @@ def _chunks(path: Path, encoding: str) -> Iterator[memoryview]:
     decoder = codecs.getincrementaldecoder(encoding)(errors="replace") if encoding[:6] in ("utf-16", "utf-32") else None
     old_mac = False
     with path.open("rb") as file:
+        left = os.fstat(file.fileno()).st_size
         while True:
-            buffer = bytearray(BLOCK)
+            buffer = bytearray(min(BLOCK, max(left, 0) + 1))
             size = file.readinto(buffer)
             if not size:
                 return
+            left -= size
             data = memoryview(buffer)[:size]
             if data[0] == 0 and not any(buffer[:size].strip(b"\0")):
                 data = data[:1]  # one tells as much as the megabytes that a logger reserved and never wrote

@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import re
 from collections.abc import Sequence
+from functools import cache
 from itertools import pairwise
 
 import msgspec
@@ -143,15 +144,19 @@ def _first_data(lines: Sequence[str], delimiter: str) -> tuple[int, list[list[st
     if delimiter != " " and not any(delimiter in line for line in lines):
         return None
     rows = [split_row(line, delimiter) for line in lines]
-    data = [len(row) > 1 and _is_data(row) for row in rows]
+
+    @cache  # most logs show their table in the first lines
+    def data(k: int) -> bool:
+        return len(rows[k]) > 1 and _is_data(rows[k])
+
     for k, row in enumerate(rows):
-        if not data[k] or _channels(row) > 1:
+        if not data(k) or _channels(row) > 1:
             continue
         after = [j for j in range(k + 1, min(k + 6, len(rows))) if rows[j] != [""]]
-        width = _width([rows[j] for j in after if data[j]])
-        alike = sum(data[j] and abs(len(rows[j]) - width) <= 1 for j in after) if len(row) >= width - 1 else 0
-        if alike >= max(1, len(after) - 2) and not any(_channels(rows[j]) > 1 for j in after if not data[j]):
-            return k, [rows[j] for j in range(k, min(k + _SAMPLE, len(rows))) if data[j]]
+        width = _width([rows[j] for j in after if data(j)])
+        alike = sum(data(j) and abs(len(rows[j]) - width) <= 1 for j in after) if len(row) >= width - 1 else 0
+        if alike >= max(1, len(after) - 2) and not any(_channels(rows[j]) > 1 for j in after if not data(j)):
+            return k, [rows[j] for j in range(k, min(k + _SAMPLE, len(rows))) if data(j)]
     return None
 
 
