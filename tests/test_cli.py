@@ -192,8 +192,42 @@ def test_a_foreign_file_is_kept_unless_forced(log: Path, tmp_path: Path) -> None
 
 def test_a_log_is_never_replaced_by_its_result(log: Path) -> None:
     before = log.read_bytes()
-    assert "is the log itself" in one_sentence("reduce", log, "--json", log, "--force")
+    assert "is an input of this command" in one_sentence("reduce", log, "--json", log, "--force")
     assert log.read_bytes() == before
+
+
+def test_a_rig_file_is_never_replaced_by_a_result(log: Path, tmp_path: Path) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text('based_on = "hsu2026"\n')
+    assert "is an input of this command" in one_sentence("reduce", log, "--rig", rig, "--json", rig, "--force")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_a_full_disk_behind_standard_output_is_told(log: Path) -> None:
+    command = [sys.executable, "-m", "winchcascade", "reduce", str(log), "--json", "-"]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 2
+    assert "standard output: cannot be used" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_device_or_a_pipe_is_not_replaced(log: Path, tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    assert "is a device or a pipe" in one_sentence("reduce", log, "--json", pipe, "--force")
+    assert pipe.is_fifo()
+
+
+def test_a_link_to_a_result_stays_a_link(log: Path, tmp_path: Path) -> None:
+    (tmp_path / "link.json").symlink_to(tmp_path / "target.json")
+    assert winchcascade("reduce", log, "--json", tmp_path / "link.json").returncode == 0
+    assert (tmp_path / "link.json").is_symlink()
+    assert "schema" in (tmp_path / "target.json").read_text()
+
+
+def test_a_name_that_is_too_long_is_told() -> None:
+    assert "too long" in one_sentence("reduce", "x" * 300)
 
 
 def test_a_refused_log_leaves_no_file_behind(tmp_path: Path) -> None:

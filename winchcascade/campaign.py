@@ -101,7 +101,7 @@ def _above_zero(raw: dict[str, Any], key: str, place: str, expected: str, most: 
     value = raw.get(key)
     if value is None:
         return None
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= most:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not (0 < value < 1e12 or value == most):
         raise CampaignError(f"{place}: {key} is {value!r}; expected {expected}.")
     return float(value)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple, NoReturn
@@ -89,8 +90,9 @@ def reduce_command(
     if window is not None:
         window_rule(window)
     if json is not None and json != "-":
-        if log.exists() and Path(json).exists() and log.samefile(json):
-            raise OptionError(f"--json {json}: is the log itself; give the result another name.")
+        _keep_inputs(Path(json), [log, log.parent / "campaign.toml", *([Path(rig)] if rig else [])])
+        if parquet is not None and parquet.absolute() == Path(json).absolute():
+            raise OptionError(f"--json and --parquet both name {json}; give the tables a folder of their own.")
         check_replaceable(Path(json), force=force)
     settings = _settings(log, rig, load_ohm, window)
     run = read_run(log, rig=settings.rig, load=settings.load, load_source=settings.load_source, about=settings.about)
@@ -115,6 +117,13 @@ def reduce_command(
     from winchcascade.report.terminal import reduction_text
 
     print(reduction_text(reduction), end="")
+
+
+def _keep_inputs(result: Path, inputs: list[Path]) -> None:
+    """Refuse to write a result over what it is made from, also with --force."""
+    for source in inputs:
+        if result.exists() and source.exists() and source.samefile(result):
+            raise OptionError(f"--json {result}: is an input of this command; give the result another name.")
 
 
 class _Settings(NamedTuple):
@@ -158,8 +167,12 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
+    if sys.stdout is None:  # closed by the caller
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     try:
-        sys.exit(app(standalone_mode=False))
+        code = app(standalone_mode=False)
+        sys.stdout.flush()
+        sys.exit(code)
     except WinchcascadeError as fault:
         _refuse(str(fault))
     except (KeyboardInterrupt, typer.Abort):
@@ -167,6 +180,11 @@ def main() -> None:
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(2)
+    except OSError as fault:
+        where = "standard output" if fault.filename is None else str(fault.filename)[:200]
+        if fault.filename is None:  # what is left in its buffer must not fail again at the end
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        _refuse(f"{where}: cannot be used ({fault.strerror}); check the path, its permissions and the space left.")
     except Exception as fault:
         if not hasattr(
             fault, "format_message"

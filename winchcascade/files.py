@@ -28,11 +28,14 @@ def write_whole(path: Path, write: Callable[[Path], None], *, force: bool = Fals
     """
     import tempfile
 
+    path = Path(os.path.realpath(path))  # a link stays a link to what is written
     check_replaceable(path, force=force)
     try:
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
     except OSError as fault:
-        raise OutputError(f"{path}: cannot be written ({fault.strerror}); give a folder that exists.") from None
+        raise OutputError(
+            f"{path}: cannot be written ({fault.strerror}); choose a folder that can be written."
+        ) from None
     os.close(handle)
     part = Path(name)
     try:
@@ -51,6 +54,8 @@ def check_replaceable(path: Path, *, force: bool) -> None:
     """Refuse to replace what this tool did not write, and a folder; called before long work begins."""
     if path.is_dir():
         raise OutputError(f"{path}: is a folder; give the name of a file.")
+    if path.exists() and not path.is_file():
+        raise OutputError(f"{path}: is a device or a pipe; give the name of a file, or - for standard output.")
     if not path.parent.is_dir():
         raise OutputError(f"{path}: the folder {path.parent} does not exist; create it first.")
     if force or not path.exists():

@@ -60,8 +60,10 @@ def load_rig(rig: str | Path) -> Rig:
         )
     try:
         text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as fault:
-        raise RigError(f"{path}: the rig file cannot be read as UTF-8 text ({fault}); save it as UTF-8.") from None
+    except OSError as fault:
+        raise RigError(f"{path}: the rig file cannot be read ({fault.strerror}); check its permissions.") from None
+    except UnicodeDecodeError as fault:
+        raise RigError(f"{path}: the rig file is no UTF-8 text ({fault}); save it as UTF-8.") from None
     return parse_rig(text, str(path))
 
 
@@ -126,7 +128,12 @@ _SHARES = {
     "plateau_level",
     "eta_mesh",
 }
-_OWN_UNITS = {"value", "resolution", "accuracy", "u_zero", "low", "high"}
+_LIMITS = {
+    "r_drum": (1e-3, 100.0), "gear_ratio": (1e-3, 1e5), "rpm_bin": (1.0, 1e5), "smoothing": (1e-3, 10.0),
+    "v_onset": (1e-6, 100.0), "stroke_min": (1e-6, 1e4), "plateau_hold": (1e-3, 1e3), "settle": (0.0, 1e6),
+    "gap_max": (0.0, 1e6),
+}  # fmt: skip
+"""What no rig goes beyond: a number outside is a wrong unit or a slip. SI units, bins in rpm."""
 
 
 def _rig(raw: dict[str, Any], where: str) -> Rig:
@@ -221,6 +228,9 @@ def _quantity(value: object, where: str, place: str, name: str) -> Quantity:
 def _check_sign(value: float, where: str, place: str, name: str) -> None:
     if (name in _POSITIVE and value <= 0) or value < 0:
         raise RigError(f"{where}: {place} is {value:g}; expected a number above 0.")
+    low, high = _LIMITS.get(name, (-math.inf, math.inf))
+    if not low <= value <= high:
+        raise RigError(f"{where}: {place} is {value:g} in SI units; expected between {low:g} and {high:g}.")
     if name in _SHARES and value > 1:
         raise RigError(f"{where}: {place} is {value:g}; expected a share between 0 and 1.")
 
@@ -237,6 +247,10 @@ def _sensors(raw: dict[str, Any], where: str) -> dict[str, Sensor]:
             raise RigError(f"{where}: {place} unit {sensor.unit!r} is none of {CHANNELS[name].dimension}.")
         if sensor.low is not None and sensor.high is not None and sensor.low >= sensor.high:
             raise RigError(f"{where}: {place} low {sensor.low:g} is not below high {sensor.high:g}.")
+        for key in ("resolution", "accuracy", "accuracy_full_scale", "accuracy_reading", "u_zero", "u_gain"):
+            share = getattr(sensor, key)
+            if share is not None and not 0 <= share < math.inf:
+                raise RigError(f"{where}: {place} {key} is {share:g}; expected a number that is not negative.")
         in_si = {
             key: _finite(value, where, f"{place} {key}") * unit.factor
             for key in ("low", "high", "resolution", "accuracy", "u_zero")
@@ -247,7 +261,7 @@ def _sensors(raw: dict[str, Any], where: str) -> dict[str, Sensor]:
 
 
 def _columns(raw: dict[str, Any], where: str) -> dict[str, Column]:
-    columns = {}
+    columns: dict[str, Column] = {}
     for name, entry in raw.items():
         place = f"[columns] {name}"
         if name not in CHANNELS and name != "time":
@@ -258,6 +272,9 @@ def _columns(raw: dict[str, Any], where: str) -> dict[str, Column]:
             unit = find_unit(column.unit)
             if unit is not None and unit.dimension != dimension:
                 raise RigError(f"{where}: {place}: the unit {column.unit!r} is none of {dimension}.")
+        for other, taken in columns.items():
+            if taken.name == column.name:
+                raise RigError(f"{where}: {place} and {other} both name the column {column.name!r}; expected one each.")
         columns[name] = column
     return columns
 
@@ -281,7 +298,7 @@ def _thresholds(raw: dict[str, Any], where: str) -> Thresholds:
 
 def _window(value: object, where: str, place: str) -> str:
     """A window rule of a rig: a word, or the length in seconds."""
-    seconds = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value) and value > 0
+    seconds = isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < 1e9
     if value not in ("auto", "payout") and not seconds:
         raise RigError(f'{where}: {place} is {value!r}; expected "auto", "payout" or a length in seconds.')
     return str(value)

@@ -153,6 +153,12 @@ def test_torque_without_a_drum_radius_is_told(fixtures: Path) -> None:
     assert [f.channel for f in reduction.quality if "drum radius" in f.message] == ["torque"]
 
 
+def test_a_column_that_the_rig_names_and_the_log_lacks_is_told(fixtures: Path) -> None:
+    rig = parse_rig('based_on = "hsu2026"\n[columns]\nforce = "LC-17"\n', "mine.toml")
+    (finding,) = read_run(fixtures / "campaign" / "r36ohm.csv", rig=rig).findings
+    assert (finding.kind, finding.channel, finding.action) == ("missing_channel", "force", "'Force (N)' read instead")
+
+
 DAMAGED = {
     "semicolon_comma.csv": set(),
     "units_row.csv": set(),

@@ -68,7 +68,20 @@ def assign(headers: Sequence[Header], rig: Rig, where: str) -> Assignment:
     if dates:
         taken.setdefault("time", dates[0])
     _check_usable(taken, headers, where)
-    return _assignment(taken, headers, rig, [headers[k].name.strip() for k in sorted(unknown)], simulated, where)
+    found = _assignment(taken, headers, rig, [headers[k].name.strip() for k in sorted(unknown)], simulated, where)
+    absent = _absent(headers, rig, named, taken)
+    return msgspec.structs.replace(found, findings=(*found.findings, *absent))
+
+
+def _absent(headers: Sequence[Header], rig: Rig, named: Mapping[str, int], taken: Mapping[str, int]) -> list[Finding]:
+    """Columns that the rig file names and the log does not have, and what was read in their place."""
+    findings = []
+    for channel, column in rig.columns.items():
+        if channel not in named and channel in taken:
+            instead = headers[taken[channel]].name.strip()
+            message = f"no column {column.name!r}, which the rig names for {channel}"
+            findings.append(Finding("missing_channel", message, f"{instead!r} read instead", channel))
+    return findings
 
 
 def _named_in_rig(headers: Sequence[Header], rig: Rig, where: str) -> dict[str, int]:

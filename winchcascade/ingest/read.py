@@ -81,7 +81,7 @@ def read_run(
     gaps = dict(checked.gaps) | ({CLOCK: clock.gaps} if clock.gaps.size else {})
     findings = (*found.findings, *time_findings, *table.findings, *clock.findings, *checked.findings)
     return Run(
-        name=path.name,
+        name=_readable(path.name),
         t=clock.t,
         channels=checked.channels,
         fs=clock.fs,
@@ -89,12 +89,17 @@ def read_run(
         gaps=gaps,
         load=load,
         load_source=load_source,
-        path=str(path),
+        path=_readable(str(path)),
         sha256=digest.value(),
         findings=findings,
         simulated=found.simulated,
         about=about,
     )
+
+
+def _readable(name: str) -> str:
+    """A file's name without the bytes that are no UTF-8, which no JSON can hold."""
+    return name.encode("utf-8", "replace").decode("utf-8")
 
 
 class _Digest:
