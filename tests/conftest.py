@@ -3,6 +3,10 @@
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+settings.register_profile("steady", deadline=None, derandomize=True)  # a busy machine is no fault of the code
+settings.load_profile("steady")
 
 ROOT = Path(__file__).parent.parent
 
