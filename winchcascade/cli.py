@@ -82,18 +82,13 @@ def reduce_command(
     What the options leave open is taken from a campaign.toml in the log's folder, if it lists the log.
     """
     from winchcascade.cascade.reduce import reduce, window_rule
-    from winchcascade.files import check_replaceable
     from winchcascade.ingest.read import read_run
 
     if load_ohm is not None and not load_ohm > 0:
         raise OptionError(f"--load-ohm {load_ohm:g}: expected a number of ohms above 0, or inf for an open circuit.")
     if window is not None:
         window_rule(window)
-    if json is not None and json != "-":
-        _keep_inputs(Path(json), [log, log.parent / "campaign.toml", *([Path(rig)] if rig else [])])
-        if parquet is not None and parquet.absolute() == Path(json).absolute():
-            raise OptionError(f"--json and --parquet both name {json}; give the tables a folder of their own.")
-        check_replaceable(Path(json), force=force)
+    _check_outputs(log, rig, json, parquet, force)
     settings = _settings(log, rig, load_ohm, window)
     run = read_run(log, rig=settings.rig, load=settings.load, load_source=settings.load_source, about=settings.about)
     reduction = reduce(run, rig=settings.rig, window=settings.window)
@@ -117,6 +112,18 @@ def reduce_command(
     from winchcascade.report.terminal import reduction_text
 
     print(reduction_text(reduction), end="")
+
+
+def _check_outputs(log: Path, rig: str | None, json: str | None, parquet: Path | None, force: bool) -> None:
+    """Refuse, before any work, a file that the result must not replace."""
+    from winchcascade.files import check_replaceable
+
+    if json is None or json == "-":
+        return
+    _keep_inputs(Path(json), [log, log.parent / "campaign.toml", *([Path(rig)] if rig else [])])
+    if parquet is not None and parquet.absolute() == Path(json).absolute():
+        raise OptionError(f"--json and --parquet both name {json}; give the tables a folder of their own.")
+    check_replaceable(Path(json), force=force)
 
 
 def _keep_inputs(result: Path, inputs: list[Path]) -> None:

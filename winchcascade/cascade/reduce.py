@@ -213,6 +213,7 @@ def _energies(run: Run, v_smooth: Signal, windows: Sequence[Window], rule: Windo
     spans = np.array([(w.onset, w.cutoff) for w in windows]).reshape(-1, 2)
     joules: dict[str, list[float] | None] = {}
     faults: dict[int, str] = {}
+    moved = _cutoff_error(run, v_smooth, spans, rule, rig)
     for stage in STAGES:
         watts = stream(run.channels, stage, rig.r_drum)
         if watts is None:
@@ -222,18 +223,24 @@ def _energies(run: Run, v_smooth: Signal, windows: Sequence[Window], rule: Windo
         joules[stage] = joule.tolist()
         gaps = gaps_of(run, sources(run.channels, stage))
         if len(gaps):
-            _doubt(run, v_smooth, gaps, spans, joule, stage, rule, rig, faults)
+            _doubt(run, gaps, spans, joule, moved, stage, rig, faults)
     return _Energy([Window(w.onset, w.cutoff, w.fault or faults.get(k)) for k, w in enumerate(windows)], joules)
+
+
+def _cutoff_error(run: Run, v_smooth: Signal, spans: Signal, rule: WindowRule, rig: Rig) -> Signal:
+    """What gaps may move each cutoff, by moving the onset or the plateau that it hangs on, (k,) [s]."""
+    if rule == "payout":
+        return np.zeros(len(spans))
+    return instant_error(run, v_smooth, spans[:, 0] if isinstance(rule, float) else spans[:, 1] - rig.thresholds.settle)
 
 
 def _doubt(
     run: Run,
-    v_smooth: Signal,
     gaps: Signal,
     spans: Signal,
     joule: Signal,
+    moved: Signal,
     stage: str,
-    rule: WindowRule,
     rig: Rig,
     faults: dict[int, str],
 ) -> None:
@@ -246,14 +253,9 @@ def _doubt(
     assert watts is not None
     which = window_of(gaps, spans)
     inside = which >= 0
-    square = np.zeros(len(spans))  # gaps err independently of each other
+    square = (moved * np.interp(spans[:, 1], run.t, watts)) ** 2  # gaps err independently of each other
     np.add.at(square, which[inside], bridging_error(run.t, watts, gaps[inside]) ** 2)
-    if rule != "payout":  # onset or plateau, wherever the cutoff hangs, moves it
-        hung_on = spans[:, 0] if isinstance(rule, float) else spans[:, 1] - limits.settle
-        moved = instant_error(run, v_smooth, hung_on)
-        square += (moved * np.interp(spans[:, 1], run.t, watts)) ** 2
-    doubt = np.sqrt(square)
-    share = doubt / np.maximum(np.abs(joule), 1e-9)
+    share = np.sqrt(square) / np.maximum(np.abs(joule), 1e-9)
     for k in np.flatnonzero(share > limits.gap_energy_max).tolist():
         faults.setdefault(k, f"bridging its gaps could change E_{stage} by {min(share[k], 9.99):.1%}")
 

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 
 _FEW = 1000
+"""Samples that show whether a channel changes at all, before the whole of it is looked at."""
 
 
 class Checked(msgspec.Struct, frozen=True):

@@ -65,11 +65,7 @@ def read_run(
     table = source.load([m.index for m in found.channels.values()], found.time.index if found.time else None)
     digest = _Digest(path)
     samples = len(next(iter(table.values.values())))
-    if samples < _FEWEST:
-        raise LogError(
-            f"{path.name}: the log has {samples} row{'' if samples == 1 else 's'} of data; expected at least {_FEWEST} "
-            f"samples of a crane trial."
-        )
+    _check_length(samples, path.name)
     clock, time_findings = _clock(source, table, found, rig, samples, path.name)
     channels = _channels(table, found, clock)
     if load is None:
@@ -212,6 +208,12 @@ def _ohm(value: str | float) -> float | None:
     except ValueError:
         return None
     return ohm if ohm > 0 else None
+
+
+def _check_length(samples: int, where: str) -> None:
+    if samples < _FEWEST:
+        rows = f"{samples} row{'' if samples == 1 else 's'}"
+        raise LogError(f"{where}: the log has {rows} of data; expected at least {_FEWEST} samples of a crane trial.")
 
 
 def _check_motion(channels: dict[str, Signal], where: str) -> None:

@@ -81,17 +81,7 @@ def counted(t: Signal, even: Signal, step: float, findings: list[Finding]) -> Si
     repeated = int(np.count_nonzero(np.diff(t) == 0))
     if repeated == 0:
         return t
-    findings.append(
-        Finding(
-            "repeated_stamp",
-            f"{repeated} stamp{'s repeat' if repeated > 1 else ' repeats'} the one before: the clock counts in steps of "
-            f"{step:g} s",
-            "samples spread evenly",
-            start=float(t[0]),
-            end=float(t[-1]),
-            count=repeated,
-        )
-    )
+    findings.append(_coarse(t, repeated, f"steps of {step:g} s"))
     return even
 
 
@@ -110,19 +100,20 @@ def spread(t: Signal, findings: list[Finding]) -> Signal:
         each = np.where(np.arange(count.size) == count.size - 1, np.maximum(count, usual_count), count)
         group = np.repeat(np.arange(first.size), count)
         spread = t[first][group] + (np.arange(t.size) - first[group]) * width[group] / each[group]
-    repeated = t.size - first.size
-    findings.append(
-        Finding(
-            "repeated_stamp",
-            f"{repeated} stamps repeat the one before: the clock counts in steps of {usual_step:g} s with {usual_count:g} "
-            f"samples each",
-            "samples spread evenly over each step",
-            start=float(t[0]),
-            end=float(t[-1]),
-            count=repeated,
-        )
-    )
+    findings.append(_coarse(t, t.size - first.size, f"steps of {usual_step:g} s with {usual_count:g} samples each"))
     return spread
+
+
+def _coarse(t: Signal, repeated: int, counts: str) -> Finding:
+    """What is said of a clock that counts in steps longer than the samples are apart."""
+    return Finding(
+        "repeated_stamp",
+        f"{repeated} stamp{'s repeat' if repeated > 1 else ' repeats'} the one before: the clock counts in {counts}",
+        "samples spread evenly",
+        start=float(t[0]),
+        end=float(t[-1]),
+        count=repeated,
+    )
 
 
 def forward(t: Signal, rows: Index, usual: float, findings: list[Finding], where: str) -> tuple[Signal, Index]:
