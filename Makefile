@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-all bench clean
+.PHONY: demo test test-all test-browser bench clean
 
 demo: $(VENV)/installed
 	@mkdir -p demo
@@ -20,6 +20,11 @@ test: $(VENV)/installed
 
 test-all: $(VENV)/installed
 	$(BIN)/pytest -m slow
+
+# The reports in a real browser; needs Chromium on the path.
+test-browser: $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[browser]"
+	WINCHCASCADE_BROWSER=1 $(BIN)/pytest tests/report/test_browser.py
 
 bench: $(VENV)/installed
 	$(BIN)/python benchmarks/run.py

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple, NoReturn
 
@@ -75,6 +76,10 @@ def reduce_command(
     parquet: Annotated[
         Path | None, typer.Option("--parquet", metavar="FOLDER", help="Write cycles, bins and findings as Parquet.")
     ] = None,
+    html: Annotated[
+        Path | None, typer.Option("--html", metavar="FILE", help="Write the report as one self-contained page.")
+    ] = None,
+    pdf: Annotated[Path | None, typer.Option("--pdf", metavar="FILE", help="Write the report as PDF.")] = None,
     force: ForceOption = False,
 ) -> None:
     """Reduce one log: its cycles, their energies and efficiencies, and what is wrong with it.
@@ -83,12 +88,15 @@ def reduce_command(
     """
     from winchcascade.cascade.reduce import reduce, window_rule
     from winchcascade.ingest.read import read_run
+    from winchcascade.report.terminal import reduction_text
 
     if load_ohm is not None and not load_ohm > 0:
         raise OptionError(f"--load-ohm {load_ohm:g}: expected a number of ohms above 0, or inf for an open circuit.")
     if window is not None:
         window_rule(window)
-    _check_outputs(log, rig, json, parquet, force)
+    results = {"--json": Path(json) if json else None, "--html": html, "--pdf": pdf, "--parquet": parquet}
+    inputs = [log, log.parent / "campaign.toml", *([Path(rig)] if rig else [])]
+    _check_outputs(results, inputs, force=force)
     settings = _settings(log, rig, load_ohm, window)
     run = read_run(log, rig=settings.rig, load=settings.load, load_source=settings.load_source, about=settings.about)
     reduction = reduce(run, rig=settings.rig, window=settings.window)
@@ -102,35 +110,48 @@ def reduce_command(
         from winchcascade.report.records import write_parquet
 
         write_parquet(reduction, parquet, force=force)
-    if json is not None:
-        from winchcascade.report.records import reduction_json, write_json
+    if json is not None or html is not None or pdf is not None:
+        from winchcascade.cascade.montecarlo import uncertainty
 
-        if json == "-":
-            sys.stdout.buffer.write(reduction_json(reduction))
-            return
-        write_json(reduction, Path(json), force=force)
-    from winchcascade.report.terminal import reduction_text
+        found = uncertainty(reduction)
+        if html is not None or pdf is not None:
+            from winchcascade.report.document import write_reports
 
+            write_reports(reduction, found, html=html, pdf=pdf, command=_command(), force=force)
+        if json is not None:
+            from winchcascade.report.records import reduction_json, write_json
+
+            if json == "-":
+                sys.stdout.buffer.write(reduction_json(reduction, found))
+                return
+            write_json(reduction, found, Path(json), force=force)
     print(reduction_text(reduction), end="")
 
 
-def _check_outputs(log: Path, rig: str | None, json: str | None, parquet: Path | None, force: bool) -> None:
-    """Refuse, before any work, a file that the result must not replace."""
+def _command() -> str:
+    """The command as it was given, to be given again."""
+    import shlex
+
+    return shlex.join(["winchcascade", *sys.argv[1:]])
+
+
+def _check_outputs(results: Mapping[str, Path | None], inputs: Sequence[Path], *, force: bool) -> None:
+    """Refuse, before any work, a file that a result must not replace, and two results of one name."""
     from winchcascade.files import check_replaceable
 
-    if json is None or json == "-":
-        return
-    _keep_inputs(Path(json), [log, log.parent / "campaign.toml", *([Path(rig)] if rig else [])])
-    if parquet is not None and parquet.absolute() == Path(json).absolute():
-        raise OptionError(f"--json and --parquet both name {json}; give the tables a folder of their own.")
-    check_replaceable(Path(json), force=force)
-
-
-def _keep_inputs(result: Path, inputs: list[Path]) -> None:
-    """Refuse to write a result over what it is made from, also with --force."""
-    for source in inputs:
-        if result.exists() and source.exists() and source.samefile(result):
-            raise OptionError(f"--json {result}: is an input of this command; give the result another name.")
+    taken: dict[Path, str] = {}
+    for option, result in results.items():
+        if result is None or (option == "--json" and str(result) == "-"):
+            continue
+        other = taken.setdefault(result.absolute(), option)
+        if other != option:
+            raise OptionError(f"{other} and {option} both name {result}; give each a name of its own.")
+        if option == "--parquet":
+            continue
+        for source in inputs:  # also with --force
+            if result.exists() and source.exists() and source.samefile(result):
+                raise OptionError(f"{option} {result}: is an input of this command; give the result another name.")
+        check_replaceable(result, force=force)
 
 
 class _Settings(NamedTuple):

@@ -147,6 +147,15 @@ def find_unit(text: str) -> Unit | None:
     return UNITS.get(plain) or _FOLDED_CASE.get(plain.casefold())
 
 
+def si_unit(dimension: str) -> str:
+    """SI unit of a dimension, as a text.
+
+    >>> si_unit("torque")
+    'N.m'
+    """
+    return _SPELLED[dimension, 1.0].split()[0]
+
+
 class Quantity(msgspec.Struct, frozen=True):
     """A number in SI units with its source and, where it is known, one standard uncertainty in the same unit."""
 

@@ -251,6 +251,10 @@ def _sensors(raw: dict[str, Any], where: str) -> dict[str, Sensor]:
             share = getattr(sensor, key)
             if share is not None and not 0 <= share < math.inf:
                 raise RigError(f"{where}: {place} {key} is {share:g}; expected a number that is not negative.")
+            if share is not None and share > 1 and key in ("accuracy_full_scale", "accuracy_reading", "u_gain"):
+                raise RigError(f"{where}: {place} {key} is {share:g}; expected a share, such as 0.002 for 0.2 %.")
+        if sensor.accuracy_full_scale is not None and not (sensor.high or sensor.low):
+            raise RigError(f"{where}: {place} accuracy_full_scale has no full scale; give the range as high = ... too.")
         in_si = {
             key: _finite(value, where, f"{place} {key}") * unit.factor
             for key in ("low", "high", "resolution", "accuracy", "u_zero")

@@ -10,6 +10,7 @@ import pytest
 from winchcascade import read_run, reduce
 from winchcascade.cascade.reduce import Reduction
 from winchcascade.report.records import reduction_json, reduction_record, write_parquet
+from winchcascade.rigtoml import parse_rig
 
 NINE = {
     "energy_line_j", "energy_mech_j", "energy_gen_j", "power_line_w", "power_mech_w", "power_gen_w", "eta_trans", "eta_gen",
@@ -30,10 +31,10 @@ def record(reduction: Reduction) -> dict[str, Any]:
 def test_the_json_has_the_fields_of_the_contract(record: dict[str, Any]) -> None:
     assert record["schema"] == "winchcascade/reduction/1"
     assert {"path", "sha256", "samples", "fs_hz", "load_ohm", "open_circuit"} <= set(record["log"])
-    for group in ("mean", "max_deviation_percent"):
+    for group in ("mean", "max_deviation_percent", "standard_uncertainty", "interval_95"):
         assert set(record[group]) == NINE
     (cycle, *_) = record["cycles"]
-    assert NINE | {"cycle", "complete", "phases", "phase_summary", "window"} == set(cycle)
+    assert NINE | {"cycle", "complete", "phases", "phase_summary", "window", "standard_uncertainty"} == set(cycle)
     assert set(cycle["phases"]) == {"payout", "hold", "haul_in"}
     assert {"onset_s", "cutoff_s", "duration_s"} == set(cycle["window"])
     summary = cycle["phase_summary"]
@@ -58,11 +59,31 @@ def test_phases_of_a_cycle_follow_each_other(record: dict[str, Any]) -> None:
         assert payout[0] < payout[1] == hold[0] < hold[1] == haul_in[0] < haul_in[1]
 
 
-def test_what_is_not_built_or_not_known_is_null(fixtures: Path) -> None:
+def test_the_json_states_the_uncertainty_of_every_mean(record: dict[str, Any]) -> None:
+    for field in NINE:
+        low, high = record["interval_95"][field]
+        assert low < record["mean"][field] < high
+        assert 0 < record["standard_uncertainty"][field] < high - low
+    made = record["uncertainty"]
+    assert (made["seed"], made["draws"]) == (20260, 20000)
+    assert set(made["stated"].values()) == {"gum"}
+    for field in NINE:
+        shares = [row["share"][field] or 0.0 for row in made["budget"]]
+        scatter = (made["repeatability"][field] / record["standard_uncertainty"][field]) ** 2
+        assert sum(shares) + scatter == pytest.approx(1.0)
+
+
+def test_the_uncertainty_of_sensors_without_an_accuracy_is_null(fixtures: Path) -> None:
+    rig = parse_rig('name = "bare"\n[winch]\nr_drum = { value = 0.13, unit = "m" }\n', "bare.toml")
+    record = json.loads(reduction_json(reduce(read_run(fixtures / "campaign" / "r36ohm.csv"), rig=rig)))
+    assert set(record["standard_uncertainty"].values()) == set(record["interval_95"].values()) == {None}
+    assert record["uncertainty"]["without_accuracy"] == ["force", "idc", "torque", "vdc"]
+    assert record["uncertainty"]["repeatability"]["eta_trans"] > 0
+
+
+def test_what_is_not_known_is_null(fixtures: Path) -> None:
     record = json.loads(reduction_json(reduce(read_run(fixtures / "campaign" / "r36ohm.csv"))))
     assert record["log"]["load_ohm"] is None
-    assert record["standard_uncertainty"] is None
-    assert record["interval_95"] is None
     assert record["log"]["simulated"] is None  # nothing in the file tells
 
 

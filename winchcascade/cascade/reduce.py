@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -45,7 +45,8 @@ class Reduction(msgspec.Struct, frozen=True):
     """What a log says about the rig: every cycle, their mean and repeatability, and powers over generator speed.
 
     `mean` and `max_deviation_percent` are over complete cycles; `total` sums their energies and gives ratios of sums.
-    `quality` holds the findings of the log and of the reduction.
+    `quality` holds the findings of the log and of the reduction. `bridged` is, for each stage that has gaps, what bridging
+    them could have changed of each cycle's energy [J].
     """
 
     run: Run
@@ -57,6 +58,7 @@ class Reduction(msgspec.Struct, frozen=True):
     total: Metrics
     bins: tuple[Bin, ...]
     quality: tuple[Finding, ...]
+    bridged: Mapping[str, tuple[float, ...]] = msgspec.field(default_factory=dict)
 
     def __repr__(self) -> str:
         """One line instead of every number."""
@@ -129,6 +131,7 @@ def reduce(run: Run, *, rig: Rig | None = None, window: str | float | None = Non
         total=total(complete, whole, open_circuit=run.open_circuit),
         bins=bins,
         quality=(*run.findings, *findings),
+        bridged=energy.bridged,
     )
 
 
@@ -188,10 +191,13 @@ def _unless_aborted(cycle: Cycle, window: Window, travel: float, usual: float, a
 
 
 class _Energy(msgspec.Struct, frozen=True):
-    """Windows with what is wrong with them, and the energy of each stage in each, None for one not measured. [J]"""
+    """Windows with what is wrong with them, the energy of each stage in each, None for one not measured, and what gaps may
+    have changed of it. [J]
+    """
 
     windows: list[Window]
     joules: dict[str, list[float] | None]
+    bridged: dict[str, tuple[float, ...]]
 
 
 def _energies_and_bins(
@@ -212,6 +218,7 @@ def _energies(run: Run, v_smooth: Signal, windows: Sequence[Window], rule: Windo
     """Integrate each stage's power over each window; gaps that make an energy uncertain become the window's fault."""
     spans = np.array([(w.onset, w.cutoff) for w in windows]).reshape(-1, 2)
     joules: dict[str, list[float] | None] = {}
+    bridged: dict[str, tuple[float, ...]] = {}
     faults: dict[int, str] = {}
     moved = _cutoff_error(run, v_smooth, spans, rule, rig)
     for stage in STAGES:
@@ -223,8 +230,9 @@ def _energies(run: Run, v_smooth: Signal, windows: Sequence[Window], rule: Windo
         joules[stage] = joule.tolist()
         gaps = gaps_of(run, sources(run.channels, stage))
         if len(gaps):
-            _doubt(run, gaps, spans, joule, moved, stage, rig, faults)
-    return _Energy([Window(w.onset, w.cutoff, w.fault or faults.get(k)) for k, w in enumerate(windows)], joules)
+            bridged[stage] = tuple(_doubt(run, gaps, spans, joule, moved, stage, rig, faults).tolist())
+    named = [Window(w.onset, w.cutoff, w.fault or faults.get(k)) for k, w in enumerate(windows)]
+    return _Energy(named, joules, bridged)
 
 
 def _cutoff_error(run: Run, v_smooth: Signal, spans: Signal, rule: WindowRule, rig: Rig) -> Signal:
@@ -243,8 +251,11 @@ def _doubt(
     stage: str,
     rig: Rig,
     faults: dict[int, str],
-) -> None:
-    """Name the windows in which a gap is too long, or in which bridging could change the energy by too much."""
+) -> Signal:
+    """Name the windows in which a gap is too long, or in which bridging could change the energy by too much.
+
+    Returns what it could change of each energy, (k,) [J].
+    """
     limits = rig.thresholds
     for begin, end in gaps[gaps[:, 1] - gaps[:, 0] > limits.gap_max]:
         for k in np.flatnonzero((spans[:, 0] < end) & (spans[:, 1] > begin)).tolist():
@@ -255,9 +266,11 @@ def _doubt(
     inside = which >= 0
     square = (moved * np.interp(spans[:, 1], run.t, watts)) ** 2  # gaps err independently of each other
     np.add.at(square, which[inside], bridging_error(run.t, watts, gaps[inside]) ** 2)
-    share = np.sqrt(square) / np.maximum(np.abs(joule), 1e-9)
+    changed: Signal = np.sqrt(square)
+    share = changed / np.maximum(np.abs(joule), 1e-9)
     for k in np.flatnonzero(share > limits.gap_energy_max).tolist():
         faults.setdefault(k, f"bridging its gaps could change E_{stage} by {min(share[k], 9.99):.1%}")
+    return changed
 
 
 def _results(

@@ -9,16 +9,21 @@ from typing import TYPE_CHECKING, Any
 
 from winchcascade import __version__
 from winchcascade.cascade.efficiency import METRICS
+from winchcascade.cascade.montecarlo import uncertainty
 from winchcascade.cascade.power import STAGES
+from winchcascade.cascade.uncertainty import shares
+from winchcascade.channels import CHANNELS
 from winchcascade.errors import OutputError
 from winchcascade.files import check_replaceable, write_whole
-from winchcascade.quantity import KGF
+from winchcascade.quantity import KGF, si_unit
 
 if TYPE_CHECKING:
     from winchcascade.cascade.bins import Bin
     from winchcascade.cascade.efficiency import Metrics
+    from winchcascade.cascade.montecarlo import Interval, Uncertainty
     from winchcascade.cascade.reduce import CycleResult, Reduction
     from winchcascade.cascade.summary import HaulInSummary, HoldSummary, PayoutSummary
+    from winchcascade.cascade.uncertainty import Contribution
     from winchcascade.run import Finding
 
 SCHEMA = "winchcascade/reduction/1"
@@ -30,15 +35,16 @@ FIELDS = {
 """The nine metrics as written files call them: with their unit."""
 
 
-def reduction_json(reduction: Reduction) -> bytes:
-    """The reduction of one log as JSON, schema `winchcascade/reduction/1`."""
+def reduction_json(reduction: Reduction, found: Uncertainty | None = None) -> bytes:
+    """The reduction of one log as JSON, schema `winchcascade/reduction/1`, with its uncertainty, made here if not given."""
     import msgspec
 
-    return msgspec.json.format(msgspec.json.encode(reduction_record(reduction)), indent=1) + b"\n"
+    return msgspec.json.format(msgspec.json.encode(reduction_record(reduction, found)), indent=1) + b"\n"
 
 
-def reduction_record(reduction: Reduction) -> dict[str, Any]:
-    """The reduction of one log as nested records; numbers that do not exist are None."""
+def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> dict[str, Any]:
+    """The reduction of one log with its uncertainty as nested records; numbers that do not exist are None."""
+    found = found or uncertainty(reduction)
     run = reduction.run
     return {
         "schema": SCHEMA,
@@ -57,11 +63,15 @@ def reduction_record(reduction: Reduction) -> dict[str, Any]:
         "rig": reduction.rig.name,
         "window": reduction.window,
         "quality": [finding_record(f, run.samples) for f in reduction.quality],
-        "cycles": [cycle_record(c) for c in reduction.cycles],
+        "cycles": [
+            {**cycle_record(c), "standard_uncertainty": metrics_record(u)}
+            for c, u in zip(reduction.cycles, found.budget.cycles, strict=True)
+        ],
         "mean": metrics_record(reduction.mean),
         "max_deviation_percent": metrics_record(reduction.max_deviation_percent),
-        "standard_uncertainty": None,
-        "interval_95": None,
+        "standard_uncertainty": metrics_record(found.standard),
+        "interval_95": interval_record(found.interval_95),
+        "uncertainty": uncertainty_record(found),
         "total": metrics_record(reduction.total),
         "bins": [bin_record(b) for b in reduction.bins],
     }
@@ -70,6 +80,53 @@ def reduction_record(reduction: Reduction) -> dict[str, Any]:
 def metrics_record(metrics: Metrics) -> dict[str, float | None]:
     """The nine metrics under the names of written files."""
     return {field: getattr(metrics, name) for name, field in FIELDS.items()}
+
+
+def interval_record(intervals: Mapping[str, Interval]) -> dict[str, list[float] | None]:
+    """95 % intervals under the names of written files, None for a metric that has none."""
+    return {
+        field: None if (ends := intervals.get(name)) is None else [ends.low, ends.high]
+        for name, field in FIELDS.items()
+    }
+
+
+def uncertainty_record(found: Uncertainty) -> dict[str, Any]:
+    """How the uncertainty of the means came about: its parts, the Monte Carlo, and the budget of the sensors."""
+    known = found.budget
+    return {
+        "seed": found.seed,
+        "draws": found.draws,
+        "stated": {field: found.method.get(name) for name, field in FIELDS.items()},
+        "sensors": metrics_record(known.sensors),
+        "repeatability": metrics_record(known.repeatability),
+        "monte_carlo": metrics_record(found.drawn),
+        "interval_95_sensors": interval_record(found.interval_95_sensors),
+        "degrees_of_freedom": {
+            field: None if (n := getattr(known.freedom, name)) is None or math.isinf(n) else n
+            for name, field in FIELDS.items()
+        },
+        "budget": [_budget_row(row, known.mean) for row in known.rows],
+        "taken_as_exact": list(known.exact),
+        "without_accuracy": list(known.unknown),
+    }
+
+
+def _budget_row(row: Contribution, mean: Metrics) -> dict[str, Any]:
+    """One row of the budget: in the SI unit of the channel, or relative for a gain; shares are of the mean's variance."""
+    source = row.source
+    about: dict[str, Any] = {"source": "bridged gaps"}
+    if source is not None:
+        unit = "1" if source.part == "gain" else si_unit(CHANNELS[source.channel].dimension)
+        about = {
+            "source": source.channel,
+            "part": source.part,
+            "unit": unit,
+            "distribution": source.shape,
+            "limit": source.limit,
+            "standard_uncertainty": source.u,
+            "from": source.origin,
+        }
+    return {**about, "contribution": metrics_record(row.of), "share": metrics_record(shares(row.of, mean))}
 
 
 def finding_record(finding: Finding, samples: int) -> dict[str, Any]:
@@ -169,9 +226,9 @@ def bin_record(item: Bin) -> dict[str, Any]:
     return record
 
 
-def write_json(reduction: Reduction, path: Path, *, force: bool = False) -> None:
+def write_json(reduction: Reduction, found: Uncertainty, path: Path, *, force: bool = False) -> None:
     """Write the JSON of one log; whole or not at all."""
-    text = reduction_json(reduction)
+    text = reduction_json(reduction, found)
     write_whole(path, lambda part: _write_bytes(part, text), force=force)
 
 

@@ -6,9 +6,14 @@ import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+from winchcascade.cascade.efficiency import METRICS
+from winchcascade.cascade.uncertainty import budget
+from winchcascade.report.wording import decisive, not_known
+
 if TYPE_CHECKING:
     from winchcascade.cascade.efficiency import Metrics
     from winchcascade.cascade.reduce import CycleResult, Reduction
+    from winchcascade.cascade.uncertainty import Budget
     from winchcascade.run import Finding
 
 _WIDTH = 80
@@ -25,16 +30,16 @@ _PHASES = (
 
 
 def reduction_text(reduction: Reduction) -> str:
-    """Energies and efficiencies of the cycles, their mean and largest deviation, the phases and the findings.
+    """Energies and efficiencies of the cycles, their mean, largest deviation and uncertainty, the phases and the findings.
 
     Mean powers are those of the window; a cycle in brackets is incomplete and not in the mean. At most 80 columns wide
     for a crane trial.
     """
-    cycles = reduction.cycles
+    cycles, known = reduction.cycles, budget(reduction)
     lines = [*_title(reduction), ""]
-    lines += [*_table(_RESULTS, cycles, _result_row, _summary_rows(reduction)), ""]
+    lines += [*_table(_RESULTS, cycles, _result_row, _summary_rows(reduction, known)), ""]
     lines += _table(_PHASES, cycles, _phase_row, [])
-    return "\n".join([*lines, "", *_findings(reduction)]) + "\n"
+    return "\n".join([*lines, "", *_uncertainty(known), *_findings(reduction)]) + "\n"
 
 
 def _table(
@@ -53,7 +58,7 @@ def _table(
     return lines
 
 
-def _summary_rows(reduction: Reduction) -> list[tuple[str, ...]]:
+def _summary_rows(reduction: Reduction, known: Budget) -> list[tuple[str, ...]]:
     complete = len(reduction.complete)
     rows = []
     if not complete:
@@ -62,6 +67,8 @@ def _summary_rows(reduction: Reduction) -> list[tuple[str, ...]]:
         rows.append(_metrics_row(f"mean of {complete}", "", reduction.mean, energy=0, eta=3))
     if complete > 1:
         rows.append(_metrics_row("largest dev. %", "", reduction.max_deviation_percent, energy=2, eta=2))
+    if any(getattr(known.mean, m) is not None for m in METRICS):
+        rows.append(_metrics_row("std. uncertainty", "", known.mean, energy=0, eta=4))
     if complete > 1 and reduction.window == "payout":  # windows differ in length, so sums tell what a mean does not
         rows.append(_metrics_row("all together", "", reduction.total, energy=0, eta=3))
     return rows
@@ -144,6 +151,14 @@ def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     return [
         "  ".join(row[k].ljust(width[k]) if k == 0 else row[k].rjust(width[k]) for k in used).rstrip() for row in rows
     ]
+
+
+def _uncertainty(known: Budget) -> list[str]:
+    """What decides the uncertainty of the efficiencies, and what is not known of it."""
+    import textwrap
+
+    sentences = [*decisive(known), *not_known(known)]
+    return textwrap.wrap(f"uncertainty: {'; '.join(sentences)}", _WIDTH, subsequent_indent="  ") if sentences else []
 
 
 def _findings(reduction: Reduction) -> list[str]:

@@ -1,0 +1,306 @@
+"""Standard uncertainty of every metric by the GUM (JCGM 100:2008): a budget of the sensors' errors, and repeatability.
+
+A sensor reads (1 + gain) x + zero, both unknown but the same over the whole run, so neither averages out over its cycles.
+As powers are products of two channels, the energy that the true channels would give follows from integrals that do not
+depend on the errors; a Monte Carlo therefore never has to integrate again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Literal
+
+import msgspec
+import numpy as np
+
+from winchcascade.cascade.efficiency import METRICS, RATIOS, Metrics
+from winchcascade.cascade.power import STAGES, sources
+from winchcascade.integrate import integrals
+from winchcascade.quantity import Quantity
+
+if TYPE_CHECKING:
+    from winchcascade.cascade.reduce import Reduction
+    from winchcascade.rigfile import Rig, Sensor
+    from winchcascade.run import Signal
+
+Part = Literal["zero", "gain"]
+Shape = Literal["rectangular", "normal"]
+
+R_DRUM = "r_drum"
+"""Name of the drum radius among the sources: it has a tolerance where a rig file states one."""
+
+TAKEN_AS_EXACT = ("velocity",)
+"""Channels without a stated accuracy that count as exact: an encoder's counts have neither zero nor gain error."""
+
+
+class Source(msgspec.Struct, frozen=True):
+    """One source of uncertainty, the same over a whole run: zero [SI unit of the channel] or gain [1] of what is read.
+
+    `u` is its standard uncertainty; `limit` the half width of a rectangular distribution, None for a normal one.
+    """
+
+    channel: str
+    part: Part
+    u: float
+    limit: float | None = None
+    origin: str = ""
+
+    @property
+    def shape(self) -> Shape:
+        """Distribution that the error is taken to have."""
+        return "normal" if self.limit is None else "rectangular"
+
+
+class Contribution(msgspec.Struct, frozen=True):
+    """One row of the budget: what a source contributes to the standard uncertainty of each mean, in its unit.
+
+    The row without a source is what straight lines over gaps may have missed, by the intact data beside them.
+    """
+
+    source: Source | None
+    of: Metrics
+
+
+class Budget(msgspec.Struct, frozen=True):
+    """What is known of the uncertainty of a reduction, all as standard uncertainties in the metrics' units.
+
+    `sensors` and `repeatability` are the two parts of `mean`: the sensors' errors, systematic over the run (type B), and
+    s/sqrt(N) of the complete cycles (type A; None for a single cycle, whose repeatability is unknown). `cycles` are those
+    of every cycle, without repeatability. `freedom` are effective degrees of freedom (Welch and Satterthwaite, GUM G.4).
+    A metric that needs a channel of `unknown` has none: the rig file states no accuracy for it.
+    """
+
+    rows: tuple[Contribution, ...]
+    sensors: Metrics
+    repeatability: Metrics
+    mean: Metrics
+    freedom: Metrics
+    cycles: tuple[Metrics, ...]
+    exact: tuple[str, ...]
+    unknown: tuple[str, ...]
+
+
+class Stage(msgspec.Struct, frozen=True):
+    """Integrals over k windows that give a stage's energy for any errors of its two channels, each (k,).
+
+    The product of the channels, each alone, and the length of the window [s]; `second` is None for a stage that is
+    one logged power. `scale` turns the product into a power; it holds the drum's radius where `by_radius` says so.
+    `bridged` is what gaps may have changed of each energy [J].
+    """
+
+    first: str
+    second: str | None
+    xy: Signal
+    x: Signal
+    y: Signal
+    t: Signal
+    scale: float
+    by_radius: bool
+    bridged: Signal
+
+    @property
+    def energy(self) -> Signal:
+        """Energies as reduced, (k,) [J]."""
+        return self.scale * self.xy
+
+
+def error_sources(channel: str, sensor: Sensor) -> tuple[Source, ...]:
+    """Errors that a sensor's stated accuracy allows, in SI units; empty where none is stated.
+
+    Accuracies are limits of rectangular distributions. One in shares of the full scale (or absolute, with a known range)
+    is half zero and half gain; a share of the reading is gain alone; an absolute one without a range is zero alone.
+    Without any, standard uncertainties of a calibration in place count.
+
+    >>> from winchcascade.rigfile import Sensor
+    >>> [(s.part, s.limit) for s in error_sources("force", Sensor("N", high=20000.0, accuracy_full_scale=0.002))]
+    [('zero', 20.0), ('gain', 0.001)]
+    """
+    full_scale = max(abs(sensor.low or 0.0), abs(sensor.high or 0.0))
+    absolute = sensor.accuracy or 0.0
+    absolute += (sensor.accuracy_full_scale or 0.0) * full_scale
+    zero = 0.5 * absolute if full_scale > 0 else absolute
+    gain = (0.5 * absolute / full_scale if full_scale > 0 else 0.0) + (sensor.accuracy_reading or 0.0)
+    parts: tuple[tuple[Part, float, float | None], ...] = (("zero", zero, sensor.u_zero), ("gain", gain, sensor.u_gain))
+    if zero or gain:
+        return tuple(Source(channel, p, limit / math.sqrt(3.0), limit, sensor.source) for p, limit, _ in parts if limit)
+    return tuple(Source(channel, p, u, None, sensor.source) for p, _, u in parts if u)
+
+
+def stage_integrals(reduction: Reduction) -> dict[str, Stage]:
+    """Integrate what the energies of each measured stage are made of, over the window of every cycle."""
+    run, rig = reduction.run, reduction.rig
+    windows = np.array([(c.window.onset, c.window.cutoff) for c in reduction.cycles]).reshape(-1, 2)
+    t = windows[:, 1] - windows[:, 0]
+    alone: dict[str, Signal] = {}
+    stages = {}
+    for stage in STAGES:
+        energy = [getattr(c.metrics, f"energy_{stage}") for c in reduction.cycles]
+        if not energy or None in energy:
+            continue
+        names = sources(run.channels, stage)
+        for name in names:
+            if name not in alone:
+                alone[name] = integrals(run.t, run.channels[name].__getitem__, windows)
+        by_radius = stage == "mech" and len(names) == 2
+        scale = 1.0 / rig.r_drum if by_radius and rig.r_drum is not None else 1.0
+        stages[stage] = Stage(
+            first=names[0],
+            second=names[1] if len(names) == 2 else None,
+            xy=np.array(energy) / scale,
+            x=alone[names[0]],
+            y=alone[names[1]] if len(names) == 2 else t,
+            t=t,
+            scale=scale,
+            by_radius=by_radius,
+            bridged=np.array(reduction.bridged.get(stage, [0.0] * len(energy))),
+        )
+    return stages
+
+
+def budget(reduction: Reduction) -> Budget:
+    """Uncertainty budget of a reduction by the GUM: sensitivities times standard uncertainties, added in squares.
+
+    Sensor errors are the same in every cycle and act on all means at once; repeatability is s/sqrt(N) of the cycles.
+    """
+    stages = stage_integrals(reduction)
+    complete = np.array([c.complete for c in reduction.cycles], dtype=bool)
+    known = run_sources(reduction.rig, stages)
+    unknown = _without_accuracy(stages, known)
+    given = [m for m in METRICS if getattr(reduction.mean, m) is not None]
+    stated = [m for m in METRICS if not (channels_of(m, stages) & set(unknown)) and _stages_of(m) <= set(stages)]
+    rows = []
+    square = {m: np.zeros(len(reduction.cycles)) for m in stated}
+    mean_square = dict.fromkeys(stated, 0.0)
+    for source in known:
+        slope = _sensitivities(source, stages, stated)
+        of = {m: source.u * float(np.mean(s[complete])) for m, s in slope.items() if m in given}
+        rows.append(Contribution(source, Metrics(**{m: abs(value) for m, value in of.items()})))
+        for m, s in slope.items():
+            square[m] += (source.u * s) ** 2
+            mean_square[m] += of.get(m, 0.0) ** 2
+    if any(stage.bridged.any() for stage in stages.values()):
+        gaps = _bridging(stages, stated)
+        of = {
+            m: math.sqrt(float(np.sum(b[complete] ** 2))) / int(complete.sum()) for m, b in gaps.items() if m in given
+        }
+        rows.append(Contribution(None, Metrics(**of)))
+        for m, b in gaps.items():
+            square[m] += b**2
+            mean_square[m] += of.get(m, 0.0) ** 2
+    sensors = {m: math.sqrt(mean_square[m]) for m in stated if m in given}
+    scatter = _repeatability([c.metrics for c in reduction.complete], given)
+    mean = {m: math.hypot(u, scatter.get(m, 0.0)) for m, u in sensors.items()}
+    return Budget(
+        rows=tuple(rows),
+        sensors=Metrics(**sensors),
+        repeatability=Metrics(**scatter),
+        mean=Metrics(**mean),
+        freedom=Metrics(**{m: _freedom(u, scatter.get(m, 0.0), int(complete.sum())) for m, u in mean.items()}),
+        cycles=tuple(
+            Metrics(**{m: math.sqrt(square[m][k]) for m in stated if getattr(c.metrics, m) is not None})
+            for k, c in enumerate(reduction.cycles)
+        ),
+        exact=tuple(sorted(_channels(stages) & set(TAKEN_AS_EXACT) - {s.channel for s in known})),
+        unknown=unknown,
+    )
+
+
+def shares(part: Metrics, whole: Metrics) -> Metrics:
+    """Share of the variance of each metric that one contribution makes. [1]
+
+    >>> shares(Metrics(eta_trans=3.0), Metrics(eta_trans=5.0)).eta_trans
+    0.36
+    """
+    pairs = {m: (getattr(part, m), getattr(whole, m)) for m in METRICS}
+    return Metrics(**{m: (a / b) ** 2 for m, (a, b) in pairs.items() if a is not None and b})
+
+
+def run_sources(rig: Rig, stages: Mapping[str, Stage]) -> list[Source]:
+    """Every source of uncertainty of the stages of a run: the sensors of their channels, and the drum radius."""
+    found: list[Source] = []
+    for channel in sorted(_channels(stages)):
+        if channel in rig.sensors:
+            found += error_sources(channel, rig.sensors[channel])
+    radius: Quantity | None = rig.winch.r_drum
+    if any(s.by_radius for s in stages.values()) and radius is not None and radius.tolerance:
+        found.append(Source(R_DRUM, "gain", radius.tolerance / radius.value, None, radius.source))
+    return found
+
+
+def channels_of(metric: str, stages: Mapping[str, Stage]) -> set[str]:
+    """Channels that a metric is made of."""
+    found = [(stages[s].first, stages[s].second) for s in _stages_of(metric) if s in stages]
+    return {name for pair in found for name in pair if name is not None}
+
+
+def _stages_of(metric: str) -> set[str]:
+    """Stages that a metric is made of."""
+    return {name.removeprefix("energy_") for name in RATIOS.get(metric, (metric.replace("power_", "energy_"),))}
+
+
+def _channels(stages: Mapping[str, Stage]) -> set[str]:
+    return {name for s in stages.values() for name in (s.first, s.second) if name is not None}
+
+
+def _without_accuracy(stages: Mapping[str, Stage], known: Sequence[Source]) -> tuple[str, ...]:
+    return tuple(sorted(_channels(stages) - {s.channel for s in known} - set(TAKEN_AS_EXACT)))
+
+
+def _sensitivities(source: Source, stages: Mapping[str, Stage], metrics: Sequence[str]) -> dict[str, Signal]:
+    """Change of each metric of each cycle with a source, (k,) each, at errors of nothing."""
+    slopes = {name: _energy_slope(source, stage) for name, stage in stages.items()}
+    return _of_metrics(slopes, stages, metrics, independent=False)
+
+
+def _energy_slope(source: Source, stage: Stage) -> Signal:
+    """Change of a stage's energy with a source, (k,): what is read too high has to be taken off."""
+    if source.channel == R_DRUM:
+        return -stage.energy if stage.by_radius else np.zeros_like(stage.xy)
+    if source.channel not in (stage.first, stage.second):
+        return np.zeros_like(stage.xy)
+    if source.part == "gain":
+        return -stage.energy
+    return -stage.scale * (stage.y if source.channel == stage.first else stage.x)
+
+
+def _bridging(stages: Mapping[str, Stage], metrics: Sequence[str]) -> dict[str, Signal]:
+    """What bridged gaps may have changed of each metric of each cycle, (k,), as a standard uncertainty."""
+    errors = {name: stage.bridged / math.sqrt(3.0) for name, stage in stages.items()}
+    return _of_metrics(errors, stages, metrics, independent=True)
+
+
+def _of_metrics(
+    joules: Mapping[str, Signal],
+    stages: Mapping[str, Stage],
+    metrics: Sequence[str],
+    *,
+    independent: bool,
+) -> dict[str, Signal]:
+    """Carry changes of the stages' energies over to the metrics; those of two stages cancel unless independent."""
+    changed = {}
+    for metric in metrics:
+        if metric in RATIOS:
+            out, into = (name.removeprefix("energy_") for name in RATIOS[metric])
+            with np.errstate(divide="ignore", invalid="ignore"):
+                eta = stages[out].energy / stages[into].energy
+                up, down = joules[out] / stages[into].energy, eta * joules[into] / stages[into].energy
+            changed[metric] = np.nan_to_num(np.hypot(up, down) if independent else up - down)
+        else:
+            kind, stage = metric.split("_")
+            per = np.maximum(stages[stage].t, 1e-12) if kind == "power" else 1.0
+            changed[metric] = joules[stage] / per
+    return changed
+
+
+def _repeatability(cycles: Sequence[Metrics], given: Sequence[str]) -> dict[str, float]:
+    """Standard uncertainty of each mean from the scatter of the cycles, s/sqrt(N); nothing for a single one."""
+    n = len(cycles)
+    if n < 2:
+        return {}
+    return {m: float(np.std([getattr(c, m) for c in cycles], ddof=1)) / math.sqrt(n) for m in given}
+
+
+def _freedom(combined: float, scatter: float, n: int) -> float:
+    """Effective degrees of freedom: those of the scatter, n - 1, times (combined / scatter)^4 (GUM G.2b)."""
+    return math.inf if scatter <= 1e-9 * combined else (n - 1) * (combined / scatter) ** 4

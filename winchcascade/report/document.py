@@ -1,0 +1,313 @@
+"""The report of one log: its rows and figures, made once for the page and the PDF."""
+
+from __future__ import annotations
+
+import math
+import os
+import platform
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from winchcascade import __version__
+from winchcascade.cascade.efficiency import METRICS
+from winchcascade.report import figures, tables
+from winchcascade.report.digits import percent, stated
+from winchcascade.report.layout import Block, Note, Picture, Point, Report, Section, Table, Tile
+from winchcascade.report.style import house_style, svg_text
+from winchcascade.report.traces import readout
+from winchcascade.report.wording import by_sensor, not_known
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from winchcascade.cascade.montecarlo import Uncertainty
+    from winchcascade.cascade.reduce import CycleResult, Reduction
+
+_NAMES = {
+    "eta_trans": "line to shaft",
+    "eta_gen": "shaft to DC link",
+    "eta_pto": "line to DC link",
+    "energy_line": "energy of the line, per cycle",
+    "energy_mech": "energy of the shaft, per cycle",
+    "energy_gen": "energy at the DC link, per cycle",
+}
+
+
+def write_reports(
+    reduction: Reduction,
+    found: Uncertainty,
+    *,
+    html: Path | None,
+    pdf: Path | None,
+    command: str = "",
+    force: bool = False,
+) -> None:
+    """Write the report of one log as a self-contained page, as a PDF, or both.
+
+    Parameters
+    ----------
+    command : what was typed, for the provenance
+
+    Raises
+    ------
+    OutputError : a file that cannot be written, or that this tool did not write and `force` does not allow to replace
+    """
+    report = make_report(reduction, found, command=command)
+    if html is not None:
+        from winchcascade.report.html import write_html
+
+        write_html(report, html, force=force)
+    if pdf is not None:
+        from winchcascade.report.pdf import write_pdf
+
+        write_pdf(report, pdf, force=force)
+
+
+def make_report(reduction: Reduction, found: Uncertainty, *, command: str = "") -> Report:
+    """Make the rows and figures of the report of one log."""
+    run = reduction.run
+    with house_style():
+        sections = _sections(reduction, found, command)
+    subtitle = " · ".join(part for part in (_about(reduction), run.about) if part)
+    return Report(
+        title=run.name,
+        subtitle=subtitle,
+        generator=f"winchcascade/{__version__}",
+        tiles=_tiles(reduction, found),
+        points=tuple(_points(reduction, found)),
+        sections=sections,
+        traces=readout(run, reduction.cycles, figures.powers_of(reduction)),
+    )
+
+
+def _about(reduction: Reduction) -> str:
+    run, rig = reduction.run, reduction.rig
+    load = "" if run.load is None else "open circuit" if math.isinf(run.load) else f"load {run.load:g} Ω"
+    return " · ".join(part for part in (load, f"rig {rig.name}", rig.title) if part)
+
+
+def _tiles(reduction: Reduction, found: Uncertainty) -> tuple[Tile, ...]:
+    """The efficiencies with their intervals, and energies where there are fewer than three."""
+    given = [m for m in (*METRICS[6:], *METRICS[:3]) if getattr(reduction.mean, m) is not None][:3]
+    tiles = []
+    for m in given:
+        u, interval = getattr(found.standard, m), found.interval_95.get(m)
+        value = stated(getattr(reduction.mean, m), u, 3 if m.startswith("eta") else 0)
+        unit = tables.UNIT[m]
+        text = "uncertainty unknown"
+        if interval is not None and u:
+            text = f"95 %: {stated(interval.low, u, 3)} to {stated(interval.high, u, 3)} {unit}".strip()
+        tiles.append(Tile(tables.SYMBOL[m], _NAMES[m], f"{value} {unit}".strip(), text))
+    return tuple(tiles)
+
+
+def best_and_worst(reduction: Reduction) -> tuple[CycleResult, CycleResult, str] | None:
+    """Complete cycles of the highest and the lowest efficiency, and which; None where there are not two to compare."""
+    complete = reduction.complete
+    for metric in ("eta_pto", "eta_trans", "eta_gen", "energy_line"):
+        if len(complete) > 1 and getattr(reduction.mean, metric) is not None:
+            ranked = sorted(complete, key=lambda c: float(getattr(c.metrics, metric)))
+            return ranked[-1], ranked[0], metric
+    return None
+
+
+def _points(reduction: Reduction, found: Uncertainty) -> list[Point]:
+    """What a reader must know after ten seconds, in sentences."""
+    n, of = len(reduction.complete), len(reduction.cycles)
+    points = []
+    if reduction.run.simulated:
+        points.append(Point("Simulated", "This log was made by a simulation; nothing in it was measured.", "warn"))
+    window = reduction.window if isinstance(reduction.window, str) else f"{reduction.window:g} s from the onset"
+    points.append(
+        Point("Cycles", f"{n} of {of} complete; integration window: {window}.", "plain" if n == of else "warn")
+    )
+    extremes = best_and_worst(reduction)
+    if extremes is not None:
+        best, worst, m = extremes
+        u = getattr(found.budget.cycles[best.cycle - 1], m)
+        high, low = (
+            stated(getattr(c.metrics, m), u and u / 10, 4 if m.startswith("eta") else 0) for c in (best, worst)
+        )
+        points.append(
+            Point(
+                "Best and worst",
+                f"Cycle {best.cycle} with {tables.SYMBOL[m]} = {high}, cycle {worst.cycle} with {low}; the largest deviation "
+                f"from the mean is {getattr(reduction.max_deviation_percent, m):.2f} %.",
+            )
+        )
+    points.append(_log_point(reduction))
+    points += _uncertainty_points(found)
+    if reduction.rig.note:
+        points.append(Point("Rig", reduction.rig.note))
+    return points
+
+
+def _log_point(reduction: Reduction) -> Point:
+    quality = reduction.quality
+    if not quality:
+        return Point("Log", "No fault found.", "good")
+    kinds: dict[str, int] = {}
+    for f in quality:
+        kinds[f.kind] = kinds.get(f.kind, 0) + 1
+    named = ", ".join(k.replace("_", " ") + (f" ({n} times)" if n > 1 else "") for k, n in kinds.items())
+    lost = percent(lost_share(reduction), 2)
+    plural = "s" if len(quality) > 1 else ""
+    return Point("Log", f"{len(quality)} finding{plural}, {lost} % of the time bridged: {named}.", "warn")
+
+
+def lost_share(reduction: Reduction) -> float:
+    """Share of the log's time in which at least one channel was bridged. [1]"""
+    run = reduction.run
+    step = 1.0 / run.fs
+    spans = sorted((a, b) for gaps in run.gaps.values() for a, b in gaps.tolist())
+    lost, reached = 0.0, -math.inf
+    for a, b in spans:
+        lost += max(0.0, b - max(a, reached) - (step if a > reached else 0.0))
+        reached = max(reached, b)
+    return lost / max(float(run.t[-1] - run.t[0]), step)
+
+
+def _uncertainty_points(found: Uncertainty) -> list[Point]:
+    known = found.budget
+    named = []
+    for m in METRICS[6:]:
+        parts = by_sensor(known, m)
+        if parts:
+            name, share = max(parts.items(), key=lambda part: part[1])
+            named.append(f"{tables.SYMBOL[m]}: {share:.0%} {name}".replace("%", " %"))
+    text = f"What makes most of the variance: {', '.join(named)}. " if named else ""
+    rest = not_known(known)
+    text += ". ".join(s[0].upper() + s[1:] for s in rest) + "." if rest else ""
+    return [Point("Uncertainty", text.strip(), "warn" if known.unknown else "plain")] if text else []
+
+
+def _sections(reduction: Reduction, found: Uncertainty, command: str) -> tuple[Section, ...]:
+    powers = figures.powers_of(reduction)
+    extremes = best_and_worst(reduction)
+    best, worst = (extremes[0].cycle, extremes[1].cycle) if extremes is not None else (None, None)
+    symbol = "" if extremes is None else f" Best and worst by {tables.SYMBOL[extremes[2]]}."
+    cycle = figures.representative(reduction).cycle
+    sections = (
+        _section(
+            "results", "Energies and efficiencies",
+            _picture(figures.energy_flow(reduction), "flow",
+                     "Mean energies of a window from the line to the DC link; η are means of the cycles' ratios.",
+                     "Flow diagram: " + _flow_words(reduction)),
+            tables.cycles_table(reduction, found),
+        ),
+        _section(
+            "histories", "Time histories",
+            _picture(
+                figures.time_histories(reduction, powers), "histories",
+                "Channels and powers over the whole log." + _shade_words(reduction),
+                "Line plots of every channel over time; the values are in the log, means of the phases in the tables.",
+                interactive=True,
+            ),
+        ),
+        _section(
+            "powers", "Power over time and over generator speed",
+            _picture(
+                figures.power_streams(reduction, powers), "streams",
+                f"Powers of cycle {cycle} over time; dashed: integration window" + (
+                    ". Powers of the payouts of all complete cycles over generator speed, with means in bins."
+                    if reduction.bins else "."),
+                "Line plot of the powers over time" + (
+                    ", and dots with binned means over generator speed; the means are in the table of bins."
+                    if reduction.bins else "."),
+            ),
+            tables.bins_table(reduction),
+        ),
+        _section(
+            "cycles-and-phases", "Cycles and phases",
+            _picture(
+                figures.overlaid(reduction, powers, best, worst), "overlaid",
+                "Cycles on a common clock that starts at each onset; dashed: end of the window." + symbol + (
+                    f" {figures.OVERLAID} of {len(reduction.cycles)} cycles, evenly chosen."
+                    if len(reduction.cycles) > figures.OVERLAID else ""),
+                "Line plots of the cycles laid over each other.",
+            ),
+            tables.payouts_table(reduction),
+            tables.holds_table(reduction),
+        ),
+        _section(
+            "uncertainty", "Repeatability and uncertainty",
+            tables.repeatability_table(reduction, found),
+            tables.uncertainty_table(reduction, found) if reduction.complete else None,
+            _picture(figures.uncertainty_bars(found.budget), "budget", "What makes the uncertainty of each mean.",
+                     "Bars of the shares of the variance; the numbers are in the uncertainty budget."),
+            tables.budget_table(found),
+            tables.sensors_table(reduction),
+        ),
+        _section(
+            "findings", "Findings",
+            tables.findings_table(reduction) or Note("No fault was found in the log."),
+        ),
+        _section("provenance", "Provenance", _provenance(reduction, found, command)),
+    )  # fmt: skip
+    return tuple(s for s in sections if s.blocks)
+
+
+def _section(name: str, heading: str, *blocks: Block | None) -> Section:
+    return Section(name, heading, tuple(b for b in blocks if b is not None))
+
+
+def _picture(figure: Figure | None, name: str, caption: str, alt: str, *, interactive: bool = False) -> Picture | None:
+    return None if figure is None else Picture(name, caption, alt, svg_text(figure, name), interactive)
+
+
+def _flow_words(reduction: Reduction) -> str:
+    mean = reduction.mean
+    words = [f"{tables.SYMBOL[m]} {getattr(mean, m):.0f} J" for m in METRICS[:3] if getattr(mean, m) is not None]
+    return ", ".join(words) + "."
+
+
+def _shade_words(reduction: Reduction) -> str:
+    if len(reduction.cycles) > figures.SHADED_CYCLES:
+        return " Phases are not shaded: they would be too narrow to see."
+    return " Payouts and holds are shaded, the dashed lines bound the integration windows."
+
+
+def _provenance(reduction: Reduction, found: Uncertainty, command: str) -> Table:
+    """Where every number comes from, so that it can be made again."""
+    import numpy
+
+    run, rig = reduction.run, reduction.rig
+    load = "unknown" if run.load is None else "open circuit" if math.isinf(run.load) else f"{run.load:g} Ω"
+    rows = [
+        ("Log", run.path or run.name),
+        ("SHA-256 of the log", run.sha256 or "–"),
+        ("Samples", f"{run.samples} at {run.fs:.6g} Hz, {float(run.t[-1] - run.t[0]):.1f} s"),
+        ("Campaign", run.about),
+        ("Load", f"{load} ({run.load_source})" if run.load is not None else load),
+        ("Rig", f"{rig.name} ({rig.path})" if rig.path else rig.name),
+        ("Source of the rig's numbers", rig.source),
+        ("SHA-256 of the rig file", _digest(rig.path)),
+        ("Drum radius", "not published" if rig.r_drum is None else f"{rig.r_drum:g} m"),
+        ("Integration window", reduction.window if isinstance(reduction.window, str) else f"{reduction.window:g} s"),
+        ("Monte Carlo", f"{found.draws} draws, seed {found.seed}"),
+        ("Made by", f"winchcascade {__version__}, Python {platform.python_version()}, numpy {numpy.__version__}"),
+        ("Command", command),
+        ("Made on", _now().strftime("%Y-%m-%d %H:%M:%S UTC")),
+    ]
+    return Table(
+        id="provenance",
+        caption="What the report was made from, and how.",
+        head=("Item", "Value"),
+        units=("", ""),
+        rows=tuple(row for row in rows if row[1]),
+        text_columns=(0, 1),
+    )
+
+
+def _digest(path: str) -> str:
+    """SHA-256 of a rig file, nothing for a built-in one."""
+    import hashlib
+
+    return hashlib.sha256(Path(path).read_bytes()).hexdigest() if Path(path).is_file() else ""
+
+
+def _now() -> datetime:
+    """The time of making, or SOURCE_DATE_EPOCH where a build must be repeatable."""
+    epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
+    return datetime.fromtimestamp(int(epoch), UTC) if epoch.isdigit() else datetime.now(UTC)

@@ -1,0 +1,60 @@
+"""A report as one page that needs no other file and makes no request."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from winchcascade.files import write_whole
+from winchcascade.report.style import COLOURS
+from winchcascade.report.templates import template_folder
+
+if TYPE_CHECKING:
+    from winchcascade.report.layout import Report
+
+_SYMBOL = re.compile(r"\b([EPFvpητ])_(line|mech|gen|trans|pto|max|min|mean|plateau|hold)\b")
+
+
+def write_html(report: Report, path: Path, *, force: bool = False) -> None:
+    """Write a report as a page; whole or not at all."""
+    text = html_text(report)
+    write_whole(path, lambda part: _write(part, text), force=force)
+
+
+def _write(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8")
+
+
+def html_text(report: Report) -> str:
+    """A report as one self-contained page; every text is escaped, colours follow the reader's theme."""
+    import jinja2
+    from markupsafe import Markup, escape
+
+    def symbols(text: str) -> Markup:
+        return Markup(_SYMBOL.sub(r"\1<sub>\2</sub>", str(escape(text))))
+
+    def drawing(svg: str) -> Markup:
+        return Markup(themed(svg))
+
+    folder = template_folder()
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(folder), autoescape=True, trim_blocks=True, lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )  # fmt: skip
+    environment.filters |= {"symbols": symbols, "drawing": drawing, "kind": lambda block: type(block).__name__}
+    style = (folder / "style.css").read_text(encoding="utf-8")
+    script = (folder / "report.js").read_text(encoding="utf-8")
+    return environment.get_template("report.html.j2").render(
+        report=report,
+        style=Markup(style),
+        script=Markup(script),
+        traces=Markup(report.traces.replace("<", "\\u003c")),
+    )
+
+
+def themed(svg: str) -> str:
+    """A figure whose named colours are variables of the page, so that it turns dark with it."""
+    for name, colour in COLOURS.items():
+        svg = svg.replace(colour, f"var(--{name})")
+    return svg

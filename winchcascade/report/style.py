@@ -1,0 +1,108 @@
+"""How every figure looks: colours by name, so that a page may turn them dark; sizes; and figures as SVG text."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import matplotlib
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+WIDTH = 6.7
+"""Width of a figure: that of a page of A4 between its margins. [in]"""
+
+COLOURS = {
+    "ink": "#1b1e23",
+    "soft": "#5c6470",
+    "grid": "#d9dde3",
+    "paper": "#fefefe",
+    "line": "#12355b",
+    "mech": "#b8432f",
+    "gen": "#2f8f7b",
+    "extra": "#8a6fb0",
+    "loss": "#b9bec6",
+    "payout": "#dbe7f5",
+    "hold": "#efeff0",
+    "over": "#f6e7d8",
+}
+"""Colours by name, each used once: apart in grey (line, mech, gen from dark to light) and to the colour-blind."""
+
+STAGE_STYLE = {"line": "-", "mech": (0, (5, 1.2)), "gen": (0, (2.2, 1.2))}
+"""Lines of the stages differ in dashes too, so that they are told apart without colour."""
+
+_RC = {
+    "font.family": "DejaVu Sans",
+    "font.size": 8.0,
+    "axes.titlesize": 8.5,
+    "axes.labelsize": 8.0,
+    "axes.linewidth": 0.6,
+    "axes.edgecolor": COLOURS["soft"],
+    "axes.labelcolor": COLOURS["ink"],
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": COLOURS["grid"],
+    "grid.linewidth": 0.5,
+    "xtick.color": COLOURS["soft"],
+    "ytick.color": COLOURS["soft"],
+    "xtick.labelcolor": COLOURS["ink"],
+    "ytick.labelcolor": COLOURS["ink"],
+    "xtick.labelsize": 7.5,
+    "ytick.labelsize": 7.5,
+    "xtick.major.size": 2.5,
+    "ytick.major.size": 2.5,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "text.color": COLOURS["ink"],
+    "legend.frameon": False,
+    "legend.fontsize": 7.5,
+    "legend.handlelength": 2.6,
+    "lines.linewidth": 0.9,
+    "hatch.linewidth": 0.5,
+    "figure.facecolor": "none",
+    "axes.facecolor": "none",
+    "svg.fonttype": "path",
+    "svg.hashsalt": "winchcascade",
+    "path.simplify": True,
+    "figure.constrained_layout.use": False,
+}
+
+
+@contextmanager
+def house_style() -> Iterator[None]:
+    """Draw within this context in the project's style, whatever the user's matplotlib is set to."""
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(_RC)  # type: ignore[arg-type]  # its keys are typed as literals
+        yield
+
+
+def label_panel(axes: Axes, letter: str, title: str) -> None:
+    """Write a panel's letter and title above it, to the left."""
+    axes.set_title(f"({letter}) {title}", loc="left", pad=3)
+
+
+def svg_text(figure: Figure, name: str) -> str:
+    """A figure as one SVG element whose ids begin with its name, so that several may stand in one page."""
+    out = io.StringIO()
+    figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+    text = out.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = re.sub(r'\bid="', f'id="{name}-', text)
+    text = re.sub(r'href="#', f'href="#{name}-', text)
+    text = text.replace("url(#", f"url(#{name}-")
+    text = re.sub(r' d="[^"]*"', lambda found: _shorter(found[0]), text)
+    return re.sub(r"\s*\n\s*", "\n", text).strip()
+
+
+def _shorter(outline: str) -> str:
+    """An outline with hundredths of a point, which no screen shows, and without line breaks."""
+    return re.sub(r"\s+", " ", re.sub(r"(\.\d\d)\d+", r"\1", outline))

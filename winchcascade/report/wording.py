@@ -1,0 +1,66 @@
+"""What a reduction's uncertainty means, in sentences that the terminal and the reports share."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from winchcascade.cascade.efficiency import METRICS
+from winchcascade.cascade.uncertainty import R_DRUM, shares
+
+if TYPE_CHECKING:
+    from winchcascade.cascade.uncertainty import Budget, Source
+
+SENSORS = {
+    "force": "force cell",
+    "torque": "torque sensor",
+    "velocity": "velocity",
+    "power_mech": "shaft power",
+    "vdc": "Vdc",
+    "idc": "Idc",
+    R_DRUM: "drum radius",
+}
+"""What a source of uncertainty is called in a sentence."""
+
+
+def source_name(source: Source | None) -> str:
+    """Name a source of uncertainty: the sensor and what of it errs."""
+    if source is None:
+        return "bridged gaps"
+    name = SENSORS.get(source.channel, source.channel)
+    return name if source.channel == R_DRUM else f"{name}, {source.part}"
+
+
+def by_sensor(known: Budget, metric: str) -> dict[str, float]:
+    """Share of the variance of a metric's mean by sensor, zero and gain together, and by repeatability. [1]"""
+    found: dict[str, float] = {}
+    for row in known.rows:
+        name = "bridged gaps" if row.source is None else SENSORS.get(row.source.channel, row.source.channel)
+        share = getattr(shares(row.of, known.mean), metric)
+        if share:
+            found[name] = found.get(name, 0.0) + share
+    share = getattr(shares(known.repeatability, known.mean), metric)
+    return found | ({"repeatability": share} if share else {})
+
+
+def decisive(known: Budget) -> list[str]:
+    """Which sensor decides the uncertainty of each efficiency."""
+    sentences = []
+    for metric in METRICS[6:]:
+        parts = by_sensor(known, metric)
+        if parts:
+            name, share = max(parts.items(), key=lambda part: part[1])
+            sentences.append(f"{metric} {share:.0%} {name}")
+    return [f"most of the variance: {', '.join(sentences)}"] if sentences else []
+
+
+def not_known(known: Budget) -> list[str]:
+    """What the rig file leaves unknown of the uncertainty."""
+    sentences = []
+    if known.unknown:
+        names = ", ".join(known.unknown)
+        sentences.append(
+            f"unknown for lack of an accuracy of {names} (accuracy_full_scale under [sensors] of the rig file)"
+        )
+    if known.exact and any(getattr(known.mean, metric) is not None for metric in METRICS):
+        sentences.append(f"{', '.join(known.exact)} taken as exact")
+    return sentences
