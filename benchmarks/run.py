@@ -66,6 +66,13 @@ def main() -> None:
         long = Path(folder) / "long.csv"
         maker = [sys.executable, str(ROOT / "benchmarks" / "make_long_log.py"), str(long), "--rows", str(options.rows)]
         subprocess.run(maker, check=True, stdout=subprocess.DEVNULL)
+        compare(
+            "reduce --html --pdf / the figures' import",
+            winchcascade("reduce", LOG, "--html", f"{folder}/r.html", "--pdf", f"{folder}/r.pdf"),
+            [sys.executable, "-c", "import matplotlib.figure, matplotlib.backends.backend_svg"],
+            pairs,
+            "at most 4 s",
+        )
         name = f"reduce {options.rows / 1e6:g} M rows, {long.stat().st_size / 1e9:.2f} GB / read_csv"
         compare(
             name, winchcascade("reduce", long), [sys.executable, "-c", READ_CSV, str(long)], pairs, "at most 2, 1600 MB"

@@ -6,6 +6,8 @@
 import doctest
 import os
 import re
+import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -15,6 +17,8 @@ import pytest
 ROOT = Path(__file__).parent.parent
 README = ROOT / "README.md"
 BLOCK = re.compile(r"```console\n\$ (winchcascade [^\n]*)\n(.*?)```", re.DOTALL)
+
+SHELL = re.compile(r"```sh\n(.*?)```", re.DOTALL)
 
 
 def output(command: str) -> str:
@@ -34,6 +38,19 @@ BLOCKS = BLOCK.findall(README.read_text(encoding="utf-8"))
 @pytest.mark.parametrize(("command", "shown"), BLOCKS, ids=[command for command, _ in BLOCKS])
 def test_a_command_of_the_readme_prints_what_is_shown(command: str, shown: str) -> None:
     assert output(command) == shown
+
+
+def test_a_command_of_the_readme_that_writes_files_works_as_typed(tmp_path: Path) -> None:
+    lines = re.findall(
+        r"^winchcascade [^\n]*$", "\n".join(SHELL.findall(README.read_text(encoding="utf-8"))), re.MULTILINE
+    )
+    shutil.copytree(ROOT / "fixtures", tmp_path / "fixtures")
+    for line in lines:
+        words = shlex.split(line, comments=True)[1:]
+        subprocess.run([sys.executable, "-m", "winchcascade", *words], cwd=tmp_path, check=True, capture_output=True)
+        written = [word for word in words if word.endswith((".html", ".pdf", ".json"))]
+        assert written
+        assert all((tmp_path / name).stat().st_size > 1000 for name in written)
 
 
 def test_the_readme_shows_every_command() -> None:

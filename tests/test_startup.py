@@ -17,6 +17,8 @@ SLOW = (
     "rich",
     "nptdms",
     "h5py",
+    "jinja2",
+    "typst",
 )
 
 

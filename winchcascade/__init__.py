@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from winchcascade.cascade.bins import Bin
     from winchcascade.cascade.efficiency import Metrics
+    from winchcascade.cascade.montecarlo import Uncertainty, uncertainty
     from winchcascade.cascade.reduce import CycleResult, Reduction, reduce
     from winchcascade.errors import LogError, OptionError, RigError, WinchcascadeError
     from winchcascade.ingest.read import read_run
@@ -32,11 +33,13 @@ __all__ = [
     "Rig",
     "RigError",
     "Run",
+    "Uncertainty",
     "WinchcascadeError",
     "__version__",
     "load_rig",
     "read_run",
     "reduce",
+    "uncertainty",
 ]
 
 _HOME = {
@@ -50,10 +53,12 @@ _HOME = {
     "Rig": "rigfile",
     "RigError": "errors",
     "Run": "run",
+    "Uncertainty": "cascade.montecarlo",
     "WinchcascadeError": "errors",
     "load_rig": "rigtoml",
     "read_run": "ingest.read",
     "reduce": "cascade.reduce",
+    "uncertainty": "cascade.montecarlo",
 }
 """Where each public name lives."""
 
