@@ -79,15 +79,21 @@
     make("text", { class: "tick-text", x: (left + right) / 2, y: bottom + 24 }, layer).textContent = data.label;
   }
 
+  // Text of a trace at an instant: between two samples, or the range of a stretch of a long log.
   function value(trace, t) {
-    const times = data.times[trace.t];
-    let low = 0, high = times.length - 1;
+    const times = data.times;
+    let low = 0, high = times.length;
     while (high - low > 1) {
       const middle = (low + high) >> 1;
       if (times[middle] <= t) low = middle; else high = middle;
     }
-    const share = times[high] > times[low] ? (t - times[low]) / (times[high] - times[low]) : 0;
-    return trace.x[low] + Math.min(Math.max(share, 0), 1) * (trace.x[high] - trace.x[low]);
+    if (trace.low) {
+      const [a, b] = [trace.low[low], trace.high[low]];
+      return (a === b ? String(a) : a + " to " + b) + " " + trace.unit;
+    }
+    const next = Math.min(low + 1, times.length - 1);
+    const share = next > low ? Math.min(Math.max((t - times[low]) / (times[next] - times[low]), 0), 1) : 0;
+    return Number((trace.x[low] + share * (trace.x[next] - trace.x[low])).toPrecision(4)) + " " + trace.unit;
   }
 
   function point(t) {
@@ -96,7 +102,7 @@
     cursor.setAttribute("x1", x); cursor.setAttribute("x2", x); cursor.setAttribute("visibility", "visible");
     readout.replaceChildren();
     const parts = [["t", t.toFixed(2) + " s"]];
-    for (const trace of data.traces) parts.push([trace.name, Number(value(trace, t).toPrecision(4)) + " " + trace.unit]);
+    for (const trace of data.traces) parts.push([trace.name, value(trace, t)]);
     parts.forEach(([name, text], k) => {
       const strong = document.createElement("b");
       strong.textContent = text;

@@ -227,6 +227,8 @@ def _sections(reduction: Reduction, found: Uncertainty, command: str) -> tuple[S
                     if len(reduction.cycles) > figures.OVERLAID else ""),
                 "Line plots of the cycles laid over each other.",
             ),
+            _picture(figures.trend(reduction), "trend", "Complete cycles one after the other.",
+                     "Dots of the efficiencies and energies over the number of the cycle; the values are in the tables."),
             tables.payouts_table(reduction),
             tables.holds_table(reduction),
         ),

@@ -34,8 +34,14 @@ DRAWN = 3000
 SHADED_CYCLES = 120
 """With more cycles than this, shaded phases would be narrower than a pixel or two."""
 
+TREND_FROM = 6
+"""With fewer cycles than this the table shows a drift as well."""
+
 OVERLAID = 40
 """Cycles that are laid over each other at most; of more, an even selection."""
+
+OVERLAID_POINTS = 6000
+"""Points of all overlaid cycles together in one panel, about."""
 
 DOTS = 1200
 """Samples of each power that are drawn over the generator's speed at most; of more, an even selection."""
@@ -63,6 +69,12 @@ _ETA_TEX = {
     "energy_mech": _ENERGY_TEX["mech"],
     "energy_gen": _ENERGY_TEX["gen"],
 }
+
+
+def readable(unit: str, *signals: Signal) -> tuple[float, str]:
+    """Factor and unit that keep the numbers of an axis short: thousands from 10 000 on."""
+    peak = max((float(np.max(np.abs(x))) for x in signals if x.size), default=0.0)
+    return (1e-3, f"k{unit}") if unit in ("N", "W", "J") and peak >= 1e4 else (1.0, unit)
 
 
 def powers_of(reduction: Reduction) -> dict[str, Signal]:
@@ -95,19 +107,21 @@ def time_histories(reduction: Reduction, powers: dict[str, Signal]) -> Figure:
     for k, (ax, (name, title, unit, factor)) in enumerate(zip(axes, panels, strict=False)):
         x = run.channels[name]
         rows_drawn = envelope(x, DRAWN)
-        ax.plot(run.t[rows_drawn] - zero, x[rows_drawn] * factor, color=COLOURS["ink"], gid=f"trace-{name}")
+        short, unit = readable(unit, x)
+        ax.plot(run.t[rows_drawn] - zero, x[rows_drawn] * factor * short, color=COLOURS["ink"], gid=f"trace-{name}")
         label_panel(ax, "abcdefgh"[k], title)
         ax.set_ylabel(unit)
     if powers:
         ax = axes[-1]
+        short, unit = readable("W", *powers.values())
         for stage, x in powers.items():
             rows_drawn = envelope(x, DRAWN)
             ax.plot(
-                run.t[rows_drawn] - zero, x[rows_drawn], color=COLOURS[stage], ls=STAGE_STYLE[stage], label=_TEX[stage],
+                run.t[rows_drawn] - zero, x[rows_drawn] * short, color=COLOURS[stage], ls=STAGE_STYLE[stage], label=_TEX[stage],
                 gid=f"trace-power_{stage}",
             )  # fmt: skip
         label_panel(ax, "abcdefgh"[rows - 1], "Power")
-        ax.set_ylabel("W")
+        ax.set_ylabel(unit)
         ax.legend(loc="lower right", ncols=3, bbox_to_anchor=(1.0, 0.98), borderaxespad=0.0)
     axes[-1].set_xlabel(time_label(run))
     axes[-1].set_xlim(run.t[0] - zero, run.t[-1] - zero)
@@ -155,7 +169,7 @@ def power_streams(reduction: Reduction, powers: dict[str, Signal]) -> Figure | N
         return None
     with_bins = bool(reduction.bins)
     figure = Figure((WIDTH, 2.75))
-    axes = figure.subplots(1, 1 + with_bins, squeeze=False, gridspec_kw={"wspace": 0.22})[0]
+    axes = figure.subplots(1, 1 + with_bins, squeeze=False, gridspec_kw={"wspace": 0.27})[0]
     figure.subplots_adjust(left=0.095, right=0.985, top=0.9, bottom=0.16)
     _one_cycle(axes[0], reduction, powers)
     if with_bins:
@@ -167,14 +181,21 @@ def _one_cycle(ax: Axes, reduction: Reduction, powers: dict[str, Signal]) -> Non
     run, cycle, zero = reduction.run, representative(reduction), clock_zero(reduction.run)
     end = cycle.phases.haul_in[1] if cycle.phases.haul_in is not None else float(run.t[-1])
     part = slice(*np.searchsorted(run.t, (cycle.phases.onset - 1.0, end + 0.5)).tolist())
+    short, unit = readable("W", *(x[part] for x in powers.values()))
     for stage, x in powers.items():
         rows = envelope(x[part], DRAWN)
-        ax.plot(run.t[part][rows] - zero, x[part][rows], color=COLOURS[stage], ls=STAGE_STYLE[stage], label=_TEX[stage])
+        ax.plot(
+            run.t[part][rows] - zero,
+            x[part][rows] * short,
+            color=COLOURS[stage],
+            ls=STAGE_STYLE[stage],
+            label=_TEX[stage],
+        )
     for edge in (cycle.window.onset, cycle.window.cutoff):
         ax.axvline(edge - zero, color=COLOURS["soft"], ls="--", lw=0.8)
     label_panel(ax, "a", f"Cycle {cycle.cycle}")
     ax.set_xlabel(time_label(run))
-    ax.set_ylabel("Power (W)")
+    ax.set_ylabel(f"Power ({unit})")
     ax.legend(loc="lower right", ncols=3, bbox_to_anchor=(1.01, 1.0), borderaxespad=0.1, columnspacing=1.0)
 
 
@@ -194,15 +215,17 @@ def _over_speed(ax: Axes, reduction: Reduction, powers: dict[str, Signal]) -> No
             highest, 0.01, "over rated speed ", transform=ax.get_xaxis_transform(), ha="right", va="bottom", fontsize=7,
             color=COLOURS["soft"],
         )  # fmt: skip
+    short, unit = readable("W", *(x[rows] for x in powers.values()))
     for stage, x in powers.items():
-        _dots(ax, run.channels["velocity"][rows] * factor, x[rows], COLOURS[stage])
-        means = [(0.5 * (b.rpm_low + b.rpm_high), y) for b in bins if (y := b.power.get(stage)) is not None]
+        _dots(ax, run.channels["velocity"][rows] * factor, x[rows] * short, COLOURS[stage])
+        means = [(0.5 * (b.rpm_low + b.rpm_high), y * short) for b in bins if (y := b.power.get(stage)) is not None]
         ax.plot(
             *np.array(means).reshape(-1, 2).T, color=COLOURS[stage], ls=STAGE_STYLE[stage], lw=1.3, label=_TEX[stage]
         )
     ax.set_xlim(min(0.0, bins[0].rpm_low), highest)
     label_panel(ax, "b", f"Payouts; lines: means in bins of {rig.thresholds.rpm_bin:g} rpm")
     ax.set_xlabel("Generator speed (rpm)")
+    ax.set_ylabel(f"Power ({unit})")
     ax.legend(loc="upper left")
 
 
@@ -301,8 +324,9 @@ def overlaid(reduction: Reduction, powers: dict[str, Signal], best: int | None, 
     chosen = _selection(cycles, best, worst)
     longest = max(_end_of(c, run) - c.phases.onset for c in chosen)
     for k, (ax, (title, unit, x)) in enumerate(zip(axes, columns, strict=False)):
+        short, unit = readable(unit, x)
         for c in chosen:
-            _one_overlaid(ax, run, x, c, best, worst)
+            _one_overlaid(ax, run, x * short, c, best, worst, most=max(150, OVERLAID_POINTS // len(chosen)))
         for c in chosen[:1]:
             ax.axvline(c.window.cutoff - c.window.onset, color=COLOURS["soft"], ls="--", lw=0.8)
         label_panel(ax, "abcdefgh"[k], title)
@@ -315,6 +339,46 @@ def overlaid(reduction: Reduction, powers: dict[str, Signal], best: int | None, 
     named = dict(zip(labels, handles, strict=True))
     figure.legend(named.values(), named.keys(), loc="upper right", ncols=len(named), bbox_to_anchor=(0.99, 1.0))
     return figure
+
+
+def trend(reduction: Reduction) -> Figure | None:
+    """Draw efficiencies and energies over the number of the cycle, so that a drift is seen; None for few cycles."""
+    complete = reduction.complete
+    etas = [m for m in RATIOS if getattr(reduction.mean, m) is not None]
+    energies = [m for m in _ETA_TEX if m.startswith("energy") and getattr(reduction.mean, m) is not None]
+    groups = [(title, names) for title, names in (("Efficiencies", etas), ("Energies", energies)) if names]
+    if len(complete) < TREND_FROM or not groups:
+        return None
+    height = 0.55 + 1.5 * len(groups)
+    figure = Figure((WIDTH, height))
+    axes: list[Axes] = list(
+        figure.subplots(len(groups), 1, sharex=True, squeeze=False, gridspec_kw={"hspace": 0.3})[:, 0]
+    )
+    figure.subplots_adjust(left=0.095, right=0.985, top=1 - 0.25 / height, bottom=0.42 / height)
+    number = np.array([c.cycle for c in complete], dtype=float)
+    for k, (ax, (title, names)) in enumerate(zip(axes, groups, strict=True)):
+        columns = {name: np.array([getattr(c.metrics, name) for c in complete], dtype=float) for name in names}
+        short, unit = readable("J" if title == "Energies" else "1", *columns.values())
+        ax.set_ylabel(unit)
+        for name, joule in columns.items():
+            values = joule * short
+            rows = envelope(values, DRAWN)
+            stage = _TREND_STAGE[name]
+            ax.plot(number[rows], values[rows], color=COLOURS[stage], lw=0.5, alpha=0.5)
+            mark: Any = {"line": "o", "mech": "s", "gen": "^"}[stage]
+            ax.plot(
+                number[rows], values[rows], ls="none", marker=mark, ms=2.2 if len(rows) < 400 else 1.0, mew=0,
+                color=COLOURS[stage], label=_ETA_TEX[name],
+            )  # fmt: skip
+        label_panel(ax, "ab"[k], title)
+        ax.legend(loc="lower right", ncols=3, bbox_to_anchor=(1.0, 0.98), borderaxespad=0.0, markerscale=1.8)
+    axes[-1].set_xlabel("Cycle")
+    return figure
+
+
+_TREND_STAGE = {
+    "eta_trans": "mech", "eta_gen": "gen", "eta_pto": "line", "energy_line": "line", "energy_mech": "mech", "energy_gen": "gen",
+}  # fmt: skip
 
 
 def _selection(cycles: Sequence[CycleResult], best: int | None, worst: int | None) -> list[CycleResult]:
@@ -330,9 +394,11 @@ def _end_of(cycle: CycleResult, run: Run) -> float:
     return min(end, float(run.t[-1]))
 
 
-def _one_overlaid(ax: Axes, run: Run, x: Signal, c: CycleResult, best: int | None, worst: int | None) -> None:
+def _one_overlaid(
+    ax: Axes, run: Run, x: Signal, c: CycleResult, best: int | None, worst: int | None, *, most: int
+) -> None:
     part = slice(*np.searchsorted(run.t, (c.phases.onset - 1.0, _end_of(c, run))).tolist())
-    rows = envelope(x[part], 700)
+    rows = envelope(x[part], most)
     t = run.t[part][rows] - c.phases.onset
     style: dict[str, Any] = {"color": COLOURS["soft"], "lw": 0.7, "label": "other cycles"}
     if c.cycle == best:

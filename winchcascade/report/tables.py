@@ -58,6 +58,7 @@ def cycles_table(reduction: Reduction, found: Uncertainty) -> Table:
     if n:
         mean = (stated(getattr(reduction.mean, m), getattr(found.standard, m), _DECIMALS[m]) for m in given)
         below.append((f"mean of {n}", "", *mean))
+    if found.method:
         below.append(("standard uncertainty", "", *(uncertain(getattr(found.standard, m)) for m in given)))
         below.append(("95 % interval, from", "", *(_end(found, m, "low") for m in given)))
         below.append(("to", "", *(_end(found, m, "high") for m in given)))

@@ -14,7 +14,10 @@ if TYPE_CHECKING:
     from winchcascade.run import Run, Signal
 
 READ_OUT = 4000
-"""Points of each trace that the page's read-out knows at most."""
+"""With more samples than this, the page's read-out knows the range of each trace in equal stretches of the log."""
+
+STRETCHES = 1500
+"""Number of those stretches."""
 
 MOST_SPANS = 300
 """Cycles that a reader may choose from at most."""
@@ -49,34 +52,40 @@ def envelope(x: Signal, most: int) -> NDArray[np.intp]:
 
 
 def readout(run: Run, cycles: Sequence[CycleResult], powers: Mapping[str, Signal]) -> str:
-    """Traces as JSON for the read-out of a page: times and values to four digits, thinned so that no peak is lost."""
+    """Traces as JSON for the read-out of a page: samples, or of a long log the least and the largest of each stretch."""
     import msgspec
 
     from winchcascade.report.figures import PANELS, clock_zero, time_label
 
-    shown = [
-        (f"trace-{name}", title, unit, run.channels[name], f) for name, title, unit, f in PANELS if name in run.channels
-    ]
-    shown += [(f"trace-power_{stage}", f"P_{stage}", "W", x, 1.0) for stage, x in powers.items()]
+    shown = [(title, unit, run.channels[name], f) for name, title, unit, f in PANELS if name in run.channels]
+    shown += [(f"P_{stage}", "W", x, 1.0) for stage, x in powers.items()]
     zero = clock_zero(run)
-    times: list[list[float]] = []
+    starts = np.unique_values(np.linspace(0, run.t.size, min(run.t.size, STRETCHES) + 1)[:-1].astype(np.intp))
+    whole = run.t.size <= READ_OUT
     rows = []
-    for trace, title, unit, x, factor in shown:
-        kept = envelope(x, READ_OUT)
-        t = np.round(run.t[kept] - zero, 3).tolist()
-        if t not in times[:1]:
-            times.append(t)
-        values = [float(f"{v:.4g}") for v in (x[kept] * factor).tolist()]
-        rows.append({"id": trace, "name": title, "unit": unit, "t": times.index(t), "x": values})
-    spans = [[c.cycle, c.phases.onset - zero - 1.0, _end(c) - zero] for c in cycles[:MOST_SPANS]]
+    for title, unit, x, factor in shown:
+        row: dict[str, object] = {"name": title, "unit": unit}
+        if whole:
+            row["x"] = _short(x * factor)
+        else:
+            row |= {
+                "low": _short(np.minimum.reduceat(x, starts) * factor),
+                "high": _short(np.maximum.reduceat(x, starts) * factor),
+            }
+        rows.append(row)
     page = {
         "span": [float(run.t[0]) - zero, float(run.t[-1]) - zero],
         "label": time_label(run),
-        "cycles": spans,
-        "times": times,
+        "cycles": [[c.cycle, c.phases.onset - zero - 1.0, _end(c) - zero] for c in cycles[:MOST_SPANS]],
+        "times": np.round((run.t if whole else run.t[starts]) - zero, 3).tolist(),
         "traces": rows,
     }
     return msgspec.json.encode(page).decode()
+
+
+def _short(x: Signal) -> list[float]:
+    """Values to four significant digits."""
+    return [float(f"{value:.4g}") for value in x.tolist()]
 
 
 def _end(cycle: CycleResult) -> float:
