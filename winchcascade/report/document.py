@@ -206,7 +206,7 @@ def _sections(reduction: Reduction, found: Uncertainty, command: str) -> tuple[S
             ),
         ),
         _section(
-            "powers", "Power over time and over generator speed",
+            "powers", "Power over time and over generator speed" if reduction.bins else "Power over time",
             _picture(
                 figures.power_streams(reduction, powers), "streams",
                 f"Powers of cycle {cycle} over time; dashed: integration window" + (
