@@ -99,7 +99,7 @@ def reduce_command(
     _check_outputs(results, inputs, force=force)
     settings = _settings(log, rig, load_ohm, window)
     run = read_run(log, rig=settings.rig, load=settings.load, load_source=settings.load_source, about=settings.about)
-    reduction = reduce(run, rig=settings.rig, window=settings.window)
+    reduction = reduce(run, rig=settings.rig, window=settings.window, cycles=settings.cycles)
     if not reduction.cycles:
         limits = settings.rig.thresholds
         raise LogError(
@@ -159,6 +159,7 @@ class _Settings(NamedTuple):
     load: float | None
     load_source: str
     window: str | float | None
+    cycles: tuple[int, int] | None
     about: str
 
 
@@ -168,16 +169,16 @@ def _settings(log: Path, rig: str | None, load_ohm: float | None, window: str | 
     from winchcascade.rigtoml import DEFAULT_RIG, load_rig
 
     rule: str | float | None = window
-    source, about = "--load-ohm", ""
+    source, about, cycles = "--load-ohm", "", None
     listed = campaign_beside(log) if None in (rig, load_ohm, window) else None
     if listed is not None:
         campaign, run = listed
-        about = campaign.title
+        about, cycles = campaign.title, run.cycles
         rig = rig if rig is not None else campaign.rig
         rule = rule if rule is not None else run.window
         if load_ohm is None:
             load_ohm, source = run.load, campaign.path.name
-    return _Settings(load_rig(rig or DEFAULT_RIG), load_ohm, source, rule, about)
+    return _Settings(load_rig(rig or DEFAULT_RIG), load_ohm, source, rule, cycles, about)
 
 
 @app.command("rig")

@@ -197,3 +197,14 @@ def test_labelled_logs_are_clean_but_for_torque_above_the_sensors_range(shared: 
 def test_a_window_that_is_none_is_told(word: str) -> None:
     with pytest.raises(OptionError, match="expected auto, payout or a length in seconds"):
         window_rule(word)
+
+
+def test_only_the_cycles_that_are_asked_for_count_and_keep_their_numbers(fixtures: Path) -> None:
+    run = read_run(fixtures / "campaign" / "r36ohm.csv")
+    whole, part = reduce(run, window=5.48), reduce(run, window=5.48, cycles=(2, 3))
+    assert [c.cycle for c in part.cycles] == [2, 3]
+    energies = [[c.metrics.energy_gen for c in found] for found in (part.cycles, whole.cycles[1:])]
+    assert energies[0] == pytest.approx(energies[1])
+    assert part.mean.energy_line == pytest.approx(np.mean([c.metrics.energy_line for c in part.cycles]))
+    with pytest.raises(OptionError, match=r"r36ohm.csv: cycles 4 to 9 are asked for, but it has 3; choose among those"):
+        reduce(run, cycles=(4, 9))

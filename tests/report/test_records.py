@@ -46,7 +46,7 @@ def test_the_json_has_the_fields_of_the_contract(record: dict[str, Any]) -> None
 
 
 def test_bins_have_means_and_standard_errors(record: dict[str, Any]) -> None:
-    stages = ("power_line_w", "power_mech_w", "power_gen_w")
+    stages = ("power_line_w", "power_mech_w", "power_gen_w", "torque_nm")
     wanted = {"rpm_low", "rpm_high", "count", *stages, *(f"{s}_standard_error" for s in stages)}
     assert all(set(b) == wanted for b in record["bins"])
     assert all(b["rpm_high"] - b["rpm_low"] == 100.0 for b in record["bins"])

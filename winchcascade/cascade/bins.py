@@ -23,9 +23,14 @@ if TYPE_CHECKING:
     Mask = NDArray[np.bool_]
 
 
+TORQUE = "torque"
+"""Key of the torque behind the clutch among what a bin averages."""
+
+
 class Bin(msgspec.Struct, frozen=True):
     """One bin of generator speed [rpm]: samples in it, and of each stage's power mean and standard error [W].
 
+    `torque` is averaged in the same way [N m].
     The standard error is s/sqrt(n) of the samples as if they were independent; it is None for a single sample.
     """
 
@@ -34,6 +39,8 @@ class Bin(msgspec.Struct, frozen=True):
     count: int
     power: Mapping[str, float | None]
     standard_error: Mapping[str, float | None]
+    torque: float | None = None
+    torque_standard_error: float | None = None
 
 
 def engaged(run: Run, cycles: Sequence[Cycle], plateaus: Sequence[Plateau | None], rig: Rig) -> Mask:
@@ -77,7 +84,8 @@ def bin_powers(
     ----------
     v_line : (n,) line velocity [m/s], and what turns it into generator speed [rpm s/m]
     driven : (n,) samples that count
-    powers : of each stage, as a function of the rows of the log, None for one that is not measured [W]
+    powers : of each stage, as a function of the rows of the log, None for one that is not measured [W]; under `TORQUE`
+        the torque [N m]
     width : of a bin [rpm]
     """
     rows = np.flatnonzero(driven)
@@ -88,16 +96,13 @@ def bin_powers(
     number -= low
     count = np.bincount(number)
     found = {s: None if x is None else _mean_and_error(rows, number, x, count) for s, x in powers.items()}
-    return tuple(
-        Bin(
-            (low + k) * width,
-            (low + k + 1) * width,
-            int(count[k]),
-            {stage: None if both is None else float(both[0][k]) for stage, both in found.items()},
-            {stage: None if both is None or count[k] < 2 else float(both[1][k]) for stage, both in found.items()},
-        )
-        for k in np.flatnonzero(count).tolist()
-    )
+    bins = []
+    for k in np.flatnonzero(count).tolist():
+        mean = {name: None if both is None else float(both[0][k]) for name, both in found.items()}
+        error = {name: None if both is None or count[k] < 2 else float(both[1][k]) for name, both in found.items()}
+        torque, torque_error = mean.pop(TORQUE, None), error.pop(TORQUE, None)
+        bins.append(Bin((low + k) * width, (low + k + 1) * width, int(count[k]), mean, error, torque, torque_error))
+    return tuple(bins)
 
 
 def _mean_and_error(

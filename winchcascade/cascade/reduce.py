@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.cascade.bins import Bin, bin_powers, engaged
+from winchcascade.cascade.bins import TORQUE, Bin, bin_powers, engaged
 from winchcascade.cascade.doubt import bridging_error, gaps_of, instant_error, window_of
 from winchcascade.cascade.efficiency import Metrics, metrics
 from winchcascade.cascade.power import STAGES, power, sources, stream
@@ -87,17 +87,24 @@ def window_rule(word: str | float) -> WindowRule:
     return seconds
 
 
-def reduce(run: Run, *, rig: Rig | None = None, window: str | float | None = None) -> Reduction:
+def reduce(
+    run: Run,
+    *,
+    rig: Rig | None = None,
+    window: str | float | None = None,
+    cycles: tuple[int, int] | None = None,
+) -> Reduction:
     """Reduce a run: find its cycles and integrate each one's powers over its window (Sec. 3.2).
 
     Parameters
     ----------
     rig : the rig that the run was measured on; the paper's by default
     window : "auto", "payout" or a length [s]; by default the rig's rule
+    cycles : first and last cycle that count, numbered by payout; all by default
 
     Raises
     ------
-    OptionError : a window rule that is none
+    OptionError : a window rule that is none, or cycles that the log does not have
 
     Examples
     --------
@@ -108,17 +115,17 @@ def reduce(run: Run, *, rig: Rig | None = None, window: str | float | None = Non
     rig = rig or built_in()
     rule = window_rule(rig.thresholds.window if window is None else window)
     v_smooth = smoothed_velocity(run, rig.thresholds)
-    cycles = detect(run, v_smooth, rig.thresholds)
-    plateaus = [find_plateau(run.t, v_smooth, c, rig.thresholds) for c in cycles]
-    payouts = travel_and_top(run, v_smooth, cycles)
-    windows = _windows(run, cycles, plateaus, payouts, rule, rig)
+    first, found = _chosen(detect(run, v_smooth, rig.thresholds), cycles, run.name)
+    plateaus = [find_plateau(run.t, v_smooth, c, rig.thresholds) for c in found]
+    payouts = travel_and_top(run, v_smooth, found)
+    windows = _windows(run, found, plateaus, payouts, rule, rig)
     summaries, (energy, bins) = side_by_side(
-        lambda: summarise(run, v_smooth, cycles, plateaus, payouts, rig),
-        lambda: _energies_and_bins(run, v_smooth, cycles, plateaus, windows, rule, rig),
+        lambda: summarise(run, v_smooth, found, plateaus, payouts, rig),
+        lambda: _energies_and_bins(run, v_smooth, found, plateaus, windows, rule, rig),
         samples=run.samples,
     )
     findings = _not_given(run, rig)
-    results = _results(run, cycles, summaries, energy, findings)
+    results = _results(run, found, first, summaries, energy, findings)
     complete = [r.metrics for r in results if r.complete]
     whole = sum(r.window.cutoff - r.window.onset for r in results if r.complete)
     return Reduction(
@@ -133,6 +140,16 @@ def reduce(run: Run, *, rig: Rig | None = None, window: str | float | None = Non
         quality=(*run.findings, *findings),
         bridged=energy.bridged,
     )
+
+
+def _chosen(cycles: list[Cycle], chosen: tuple[int, int] | None, log: str) -> tuple[int, list[Cycle]]:
+    """Number of the first cycle that counts, and the cycles that do."""
+    if chosen is None:
+        return 1, cycles
+    first, last = chosen
+    if first > len(cycles):
+        raise OptionError(f"{log}: cycles {first} to {last} are asked for, but it has {len(cycles)}; choose among those.")
+    return first, cycles[first - 1 : last]
 
 
 def _not_given(run: Run, rig: Rig) -> list[Finding]:
@@ -276,6 +293,7 @@ def _doubt(
 def _results(
     run: Run,
     cycles: Sequence[Cycle],
+    first: int,
     summaries: Sequence[PhaseSummary],
     energy: _Energy,
     findings: list[Finding],
@@ -286,10 +304,10 @@ def _results(
         joules = {f"energy_{stage}": None if column is None else column[k] for stage, column in energy.joules.items()}
         values, no_efficiency = metrics(joules, window.cutoff - window.onset, open_circuit=run.open_circuit)
         for name, value in no_efficiency.items():
-            odd.setdefault(name, []).append((k + 1, value))
+            odd.setdefault(name, []).append((first + k, value))
         if window.fault is not None:
-            findings.append(_incomplete(run, k + 1, window, window.fault))
-        results.append(CycleResult(k + 1, window.fault is None, cycle, window, summary, values))
+            findings.append(_incomplete(run, first + k, window, window.fault))
+        results.append(CycleResult(first + k, window.fault is None, cycle, window, summary, values))
     findings += [_no_efficiency(name, places) for name, places in odd.items()]
     return results
 
@@ -323,4 +341,5 @@ def _bins(run: Run, counted: Sequence[tuple[Cycle, Plateau | None]], rig: Rig) -
         return ()
     driven = engaged(run, [c for c, _ in counted], [p for _, p in counted], rig)
     powers = {stage: stream(run.channels, stage, rig.r_drum) for stage in STAGES}
+    powers[TORQUE] = run.channels["torque"].__getitem__ if TORQUE in run.channels else None
     return bin_powers(run.channels["velocity"], rpm_per_velocity, driven, powers, rig.thresholds.rpm_bin)

@@ -125,7 +125,8 @@ def _points(reduction: Reduction, found: Uncertainty) -> list[Point]:
     extremes = best_and_worst(reduction)
     if extremes is not None:
         best, worst, m = extremes
-        u = getattr(found.budget.cycles[best.cycle - 1], m)
+        by_cycle = {c.cycle: u for c, u in zip(reduction.cycles, found.budget.cycles, strict=True)}
+        u = getattr(by_cycle[best.cycle], m)
         high, low = (
             stated(getattr(c.metrics, m), u and u / 10, 4 if m.startswith("eta") else 0) for c in (best, worst)
         )

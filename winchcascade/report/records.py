@@ -223,7 +223,7 @@ def bin_record(item: Bin) -> dict[str, Any]:
     for stage in STAGES:
         record[f"power_{stage}_w"] = item.power[stage]
         record[f"power_{stage}_w_standard_error"] = item.standard_error[stage]
-    return record
+    return record | {"torque_nm": item.torque, "torque_nm_standard_error": item.torque_standard_error}
 
 
 def write_json(reduction: Reduction, found: Uncertainty, path: Path, *, force: bool = False) -> None:
@@ -312,7 +312,7 @@ def _bin_columns() -> list[tuple[str, Any]]:
     columns: list[tuple[str, Any]] = [("rpm_low", pa.float64()), ("rpm_high", pa.float64()), ("count", pa.int64())]
     for stage in STAGES:
         columns += [(f"power_{stage}_w", pa.float64()), (f"power_{stage}_w_standard_error", pa.float64())]
-    return columns
+    return [*columns, ("torque_nm", pa.float64()), ("torque_nm_standard_error", pa.float64())]
 
 
 def _finding_columns() -> list[tuple[str, Any]]:
