@@ -6,11 +6,7 @@ BIN := $(VENV)/bin
 .PHONY: demo test test-all test-browser bench clean
 
 demo: $(VENV)/installed
-	@mkdir -p demo
-	@for log in fixtures/campaign/*.csv; do \
-	  $(BIN)/winchcascade reduce "$$log" --json "demo/$$(basename $$log .csv).json" --parquet demo/tables || exit $$?; echo; \
-	done
-	@echo "Results: demo/*.json (one a log) and demo/tables/*.parquet (cycles, bins and findings)"
+	$(BIN)/winchcascade demo --out demo
 
 test: $(VENV)/installed
 	$(BIN)/ruff check .

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple, NoReturn
 
 import typer
 
-from winchcascade.errors import LogError, OptionError, WinchcascadeError
+from winchcascade.errors import OptionError, WinchcascadeError
 
 if TYPE_CHECKING:
     from winchcascade.rigfile import Rig
@@ -24,6 +24,13 @@ app = typer.Typer(
 
 RigOption = Annotated[
     str | None, typer.Option("--rig", metavar="RIG", help="Rig file, or a built-in rig: hsu2026 (default), kitepower.")
+]
+WindowOption = Annotated[
+    str | None,
+    typer.Option("--window", metavar="RULE", help="auto, payout, or a length in seconds; the rig's rule by default."),
+]
+JobsOption = Annotated[
+    int | None, typer.Option("--jobs", metavar="N", min=1, help="Processes; by default one for each processor.")
 ]
 ForceOption = Annotated[
     bool, typer.Option("--force", help="Replace existing files, also those that another program wrote.")
@@ -64,12 +71,7 @@ def reduce_command(
     load_ohm: Annotated[
         float | None, typer.Option("--load-ohm", metavar="OHM", help="Load resistance; inf is an open circuit.")
     ] = None,
-    window: Annotated[
-        str | None,
-        typer.Option(
-            "--window", metavar="RULE", help="auto, payout, or a length in seconds; the rig's rule by default."
-        ),
-    ] = None,
+    window: WindowOption = None,
     json: Annotated[
         str | None, typer.Option("--json", metavar="FILE", help="Write the reduction as JSON; - prints it alone.")
     ] = None,
@@ -86,7 +88,7 @@ def reduce_command(
 
     What the options leave open is taken from a campaign.toml in the log's folder, if it lists the log.
     """
-    from winchcascade.cascade.reduce import reduce, window_rule
+    from winchcascade.cascade.reduce import reduce, require_payouts, window_rule
     from winchcascade.ingest.read import read_run
     from winchcascade.report.terminal import reduction_text
 
@@ -100,12 +102,7 @@ def reduce_command(
     settings = _settings(log, rig, load_ohm, window)
     run = read_run(log, rig=settings.rig, load=settings.load, load_source=settings.load_source, about=settings.about)
     reduction = reduce(run, rig=settings.rig, window=settings.window, cycles=settings.cycles)
-    if not reduction.cycles:
-        limits = settings.rig.thresholds
-        raise LogError(
-            f"{run.name}: no payout found; expected the line to pay out more than {limits.stroke_min:g} m at more than "
-            f"{limits.v_onset:g} m/s. Check name, unit and sign of the velocity column."
-        )
+    require_payouts(reduction)
     if parquet is not None:
         from winchcascade.report.records import write_parquet
 
@@ -152,6 +149,85 @@ def _check_outputs(results: Mapping[str, Path | None], inputs: Sequence[Path], *
             if result.exists() and source.exists() and source.samefile(result):
                 raise OptionError(f"{option} {result}: is an input of this command; give the result another name.")
         check_replaceable(result, force=force)
+
+
+@app.command("batch")
+def batch_command(
+    targets: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="TARGET...",
+            help="A campaign.toml, a folder, a pattern, logs, or addresses such as s3://...",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="FOLDER", help="Folder of the results; used again, it keeps what is done.")
+    ],
+    jobs: JobsOption = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option("--scheduler", metavar="ADDRESS", help="Work on this Dask scheduler, such as tcp://host:8786."),
+    ] = None,
+    reports: Annotated[
+        str,
+        typer.Option(
+            "--reports", metavar="none|html|all", help="Reports of each log and of the campaign; all: PDF too."
+        ),
+    ] = "html",
+    excel: Annotated[bool, typer.Option("--excel", help="Write the tables as an Excel workbook too.")] = False,
+    rig: RigOption = None,
+    window: WindowOption = None,
+    force: ForceOption = False,
+) -> None:
+    """Reduce a whole campaign: every log, the tables of all, and a report.
+
+    What is done already is kept as long as log, options and version are the same. Exit code 1 if a log failed.
+    """
+    from winchcascade.batch.plan import make_plan
+    from winchcascade.batch.run import REPORTS, run_batch
+    from winchcascade.cascade.reduce import window_rule
+    from winchcascade.report.campaign_text import campaign_text
+    from winchcascade.report.progress import Progress
+    from winchcascade.tasks import processes
+
+    if reports not in REPORTS:
+        raise OptionError(f"--reports {reports}: expected none, html or all.")
+    rule = None if window is None else window_rule(window)
+    plan = make_plan(targets, rig=rig, window=rule)
+    with Progress(plan.title) as watch:
+        batch = run_batch(
+            plan, out, reports=REPORTS[reports], jobs=jobs or processes(), scheduler=scheduler, workbook=excel,
+            command=_command(), force=force, watch=watch,
+        )  # fmt: skip
+    print(campaign_text(batch.summary, out, kept=batch.kept), end="")
+    raise typer.Exit(1 if batch.faults else 0)
+
+
+@app.command("demo")
+def demo_command(
+    out: Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Folder that is made.")] = Path(
+        "winchcascade-demo"
+    ),
+    jobs: JobsOption = None,
+    force: ForceOption = False,
+) -> None:
+    """Try everything on the packaged campaign: simulated crane trials at seven loads, with all reports."""
+    from winchcascade.batch.demo import copy_campaign
+    from winchcascade.batch.plan import make_plan
+    from winchcascade.batch.run import REPORTS, run_batch
+    from winchcascade.report.campaign_text import campaign_text
+    from winchcascade.report.progress import Progress
+    from winchcascade.tasks import processes
+
+    plan = make_plan([str(copy_campaign(out / "campaign", force=force))])
+    with Progress(plan.title) as watch:
+        batch = run_batch(
+            plan, out / "results", reports=REPORTS["all"], jobs=jobs or processes(), workbook=True, command=_command(),
+            force=force, watch=watch,
+        )  # fmt: skip
+    print(campaign_text(batch.summary, batch.folder, kept=batch.kept), end="")
+    raise typer.Exit(1 if batch.faults else 0)
 
 
 class _Settings(NamedTuple):

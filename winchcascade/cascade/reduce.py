@@ -15,7 +15,7 @@ from winchcascade.cascade.efficiency import Metrics, metrics
 from winchcascade.cascade.power import STAGES, power, sources, stream
 from winchcascade.cascade.repeatability import ensemble_mean, largest_deviation, total
 from winchcascade.cascade.summary import PhaseSummary, summarise, travel_and_top
-from winchcascade.errors import OptionError
+from winchcascade.errors import LogError, OptionError
 from winchcascade.integrate import integrals
 from winchcascade.order import median
 from winchcascade.phases.detect import Cycle, detect, smoothed_velocity
@@ -142,13 +142,25 @@ def reduce(
     )
 
 
+def require_payouts(reduction: Reduction) -> None:
+    """Refuse a log in which the line never pays out: LogError."""
+    if not reduction.cycles:
+        limits = reduction.rig.thresholds
+        raise LogError(
+            f"{reduction.run.name}: no payout found; expected the line to pay out more than {limits.stroke_min:g} m at more "
+            f"than {limits.v_onset:g} m/s. Check name, unit and sign of the velocity column."
+        )
+
+
 def _chosen(cycles: list[Cycle], chosen: tuple[int, int] | None, log: str) -> tuple[int, list[Cycle]]:
     """Number of the first cycle that counts, and the cycles that do."""
     if chosen is None:
         return 1, cycles
     first, last = chosen
     if first > len(cycles):
-        raise OptionError(f"{log}: cycles {first} to {last} are asked for, but it has {len(cycles)}; choose among those.")
+        raise OptionError(
+            f"{log}: cycles {first} to {last} are asked for, but it has {len(cycles)}; choose among those."
+        )
     return first, cycles[first - 1 : last]
 
 

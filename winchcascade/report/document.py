@@ -71,6 +71,7 @@ def make_report(reduction: Reduction, found: Uncertainty, *, command: str = "") 
         sections = _sections(reduction, found, command)
     subtitle = " · ".join(part for part in (_about(reduction), run.about) if part)
     return Report(
+        kind="Reduction of a log",
         title=run.name,
         subtitle=subtitle,
         generator=f"winchcascade/{__version__}",
@@ -190,25 +191,25 @@ def _sections(reduction: Reduction, found: Uncertainty, command: str) -> tuple[S
     symbol = "" if extremes is None else f" Best and worst by {tables.SYMBOL[extremes[2]]}."
     cycle = figures.representative(reduction).cycle
     sections = (
-        _section(
+        section(
             "results", "Energies and efficiencies",
-            _picture(figures.energy_flow(reduction), "flow",
+            picture(figures.energy_flow(reduction), "flow",
                      "Mean energies of a window from the line to the DC link; η are means of the cycles' ratios.",
                      "Flow diagram: " + _flow_words(reduction)),
             tables.cycles_table(reduction, found),
         ),
-        _section(
+        section(
             "histories", "Time histories",
-            _picture(
+            picture(
                 figures.time_histories(reduction, powers), "histories",
                 "Channels and powers over the whole log." + _shade_words(reduction),
                 "Line plots of every channel over time; the values are in the log, means of the phases in the tables.",
                 interactive=True,
             ),
         ),
-        _section(
+        section(
             "powers", "Power over time and over generator speed" if reduction.bins else "Power over time",
-            _picture(
+            picture(
                 figures.power_streams(reduction, powers), "streams",
                 f"Powers of cycle {cycle} over time; dashed: integration window" + (
                     ". Powers of the payouts of all complete cycles over generator speed, with means in bins."
@@ -219,43 +220,45 @@ def _sections(reduction: Reduction, found: Uncertainty, command: str) -> tuple[S
             ),
             tables.bins_table(reduction),
         ),
-        _section(
+        section(
             "cycles-and-phases", "Cycles and phases",
-            _picture(
+            picture(
                 figures.overlaid(reduction, powers, best, worst), "overlaid",
                 "Cycles on a common clock that starts at each onset; dashed: end of the window." + symbol + (
                     f" {figures.OVERLAID} of {len(reduction.cycles)} cycles, evenly chosen."
                     if len(reduction.cycles) > figures.OVERLAID else ""),
                 "Line plots of the cycles laid over each other.",
             ),
-            _picture(figures.trend(reduction), "trend", "Complete cycles one after the other.",
+            picture(figures.trend(reduction), "trend", "Complete cycles one after the other.",
                      "Dots of the efficiencies and energies over the number of the cycle; the values are in the tables."),
             tables.payouts_table(reduction),
             tables.holds_table(reduction),
         ),
-        _section(
+        section(
             "uncertainty", "Repeatability and uncertainty",
             tables.repeatability_table(reduction, found),
             tables.uncertainty_table(reduction, found) if reduction.complete else None,
-            _picture(figures.uncertainty_bars(found.budget), "budget", "What makes the uncertainty of each mean.",
+            picture(figures.uncertainty_bars(found.budget), "budget", "What makes the uncertainty of each mean.",
                      "Bars of the shares of the variance; the numbers are in the uncertainty budget."),
             tables.budget_table(found),
             tables.sensors_table(reduction),
         ),
-        _section(
+        section(
             "findings", "Findings",
             tables.findings_table(reduction) or Note("No fault was found in the log."),
         ),
-        _section("provenance", "Provenance", _provenance(reduction, found, command)),
+        section("provenance", "Provenance", _provenance(reduction, found, command)),
     )  # fmt: skip
     return tuple(s for s in sections if s.blocks)
 
 
-def _section(name: str, heading: str, *blocks: Block | None) -> Section:
+def section(name: str, heading: str, *blocks: Block | None) -> Section:
+    """A section of the blocks that there are."""
     return Section(name, heading, tuple(b for b in blocks if b is not None))
 
 
-def _picture(figure: Figure | None, name: str, caption: str, alt: str, *, interactive: bool = False) -> Picture | None:
+def picture(figure: Figure | None, name: str, caption: str, alt: str, *, interactive: bool = False) -> Picture | None:
+    """A figure as a block of a report; None for none."""
     return None if figure is None else Picture(name, caption, alt, svg_text(figure, name), interactive)
 
 
@@ -291,7 +294,7 @@ def _provenance(reduction: Reduction, found: Uncertainty, command: str) -> Table
         ("Monte Carlo", f"{found.draws} draws, seed {found.seed}"),
         ("Made by", f"winchcascade {__version__}, Python {platform.python_version()}, numpy {numpy.__version__}"),
         ("Command", command),
-        ("Made on", _now().strftime("%Y-%m-%d %H:%M:%S UTC")),
+        ("Made on", made_on()),
     ]
     return Table(
         id="provenance",
@@ -310,7 +313,8 @@ def _digest(path: str) -> str:
     return hashlib.sha256(Path(path).read_bytes()).hexdigest() if Path(path).is_file() else ""
 
 
-def _now() -> datetime:
+def made_on() -> str:
     """The time of making, or SOURCE_DATE_EPOCH where a build must be repeatable."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
-    return datetime.fromtimestamp(int(epoch), UTC) if epoch.isdigit() else datetime.now(UTC)
+    now = datetime.fromtimestamp(int(epoch), UTC) if epoch.isdigit() else datetime.now(UTC)
+    return now.strftime("%Y-%m-%d %H:%M:%S UTC")

@@ -15,7 +15,8 @@ LONG = 32
 class Table(msgspec.Struct, frozen=True, tag="table"):
     """Rows of texts under a head of names and units; `summary` rows at the end stand apart.
 
-    `text_columns` are set to the left, all others are numbers. `note` follows the table.
+    `text_columns` are set to the left, all others are numbers. `note` follows the table. `links` are addresses that the
+    first cell of each row leads to, none or one for every row.
     """
 
     id: str
@@ -26,6 +27,7 @@ class Table(msgspec.Struct, frozen=True, tag="table"):
     text_columns: tuple[int, ...] = (0,)
     summary: int = 0
     note: str = ""
+    links: tuple[str, ...] = ()
 
     def is_long(self, column: int) -> bool:
         """Whether a column holds sentences, which may be broken into lines."""
@@ -79,6 +81,7 @@ class Point(msgspec.Struct, frozen=True):
 class Report(msgspec.Struct, frozen=True):
     """A whole report, in order. `traces` is the JSON that the page's time histories read values from."""
 
+    kind: str
     title: str
     subtitle: str
     generator: str

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -260,25 +260,61 @@ def write_parquet(reduction: Reduction, folder: Path, *, force: bool = False) ->
     for path in files.values():
         check_replaceable(path, force=force)
     run = reduction.run
-    rows: dict[str, Sequence[Mapping[str, Any]]] = {
-        "cycles": [_flat_cycle(c) for c in reduction.cycles],
+    about = {"schema": SCHEMA, "log": run.name, "sha256": run.sha256, "rig": reduction.rig.name}
+    about |= {} if run.load is None else {"load_ohm": repr(run.load)}
+    rows: dict[str, list[dict[str, Any]]] = {
+        "cycles": [flat_cycle(cycle_record(c)) for c in reduction.cycles],
         "bins": [bin_record(b) for b in reduction.bins],
         "findings": [finding_record(f, run.samples) for f in reduction.quality],
     }
-    about = {"schema": SCHEMA, "log": run.name, "sha256": run.sha256, "rig": reduction.rig.name}
-    about |= {} if run.load is None else {"load_ohm": repr(run.load)}
     for table, path in files.items():
-        first = [pa.field("log", pa.string()), pa.field("load_ohm", pa.float64())]
-        schema = pa.schema(first + [pa.field(*column) for column in _COLUMNS[table]()], metadata=about)
-        records = [{"log": run.name, "load_ohm": run.load, **row} for row in rows[table]]
-        content = pa.Table.from_pylist(records, schema=schema)
+        records = [{"run": run.name, "log": run.path, "load_ohm": run.load, **row} for row in rows[table]]
+        content = pa.Table.from_pylist(records, schema=table_schema(table, about))
         write_whole(path, lambda part, content=content: parquet.write_table(content, part), force=force)  # type: ignore[misc]
     return list(files.values())
 
 
-def _flat_cycle(cycle: CycleResult) -> dict[str, Any]:
+def table_schema(table: str, about: Mapping[str, str]) -> Any:
+    """Arrow schema of one of the tables `runs`, `cycles`, `bins` and `findings`; each row begins with run, log and load."""
+    import pyarrow as pa
+
+    first = [pa.field("run", pa.string()), pa.field("log", pa.string()), pa.field("load_ohm", pa.float64())]
+    return pa.schema(first + [pa.field(*column) for column in _COLUMNS[table]()], metadata=dict(about))
+
+
+def table_rows(run: str, record: Mapping[str, Any]) -> dict[str, list[dict[str, Any]]]:
+    """Rows of the tables `runs`, `cycles`, `bins` and `findings` of one log from its JSON; an open circuit is inf ohm."""
+    log = record["log"]
+    begin = {"run": run, "log": log["path"], "load_ohm": math.inf if log["open_circuit"] else log["load_ohm"]}
+    return {
+        "runs": [begin | _flat_run(record)],
+        "cycles": [begin | flat_cycle(c) for c in record["cycles"]],
+        "bins": [begin | b for b in record["bins"]],
+        "findings": [begin | f for f in record["quality"]],
+    }
+
+
+def _flat_run(record: Mapping[str, Any]) -> dict[str, Any]:
+    """A log in one row: means with their uncertainties, 95 % intervals and largest deviations."""
+    row: dict[str, Any] = {
+        "sha256": record["log"]["sha256"],
+        "rig": record["rig"],
+        "samples": record["log"]["samples"],
+        "cycles": len(record["cycles"]),
+        "complete": sum(c["complete"] for c in record["cycles"]),
+        "findings": len(record["quality"]),
+    }
+    for field in FIELDS.values():
+        interval = record["interval_95"][field] or (None, None)
+        row[field] = record["mean"][field]
+        row[f"{field}_standard_uncertainty"] = record["standard_uncertainty"][field]
+        row[f"{field}_low_95"], row[f"{field}_high_95"] = interval
+        row[f"{field}_max_deviation_percent"] = record["max_deviation_percent"][field]
+    return row
+
+
+def flat_cycle(record: Mapping[str, Any]) -> dict[str, Any]:
     """A cycle in one row: nested names joined, phases as begin and end."""
-    record = cycle_record(cycle)
     row: dict[str, Any] = {"cycle": record["cycle"], "complete": record["complete"], **record["window"]}
     row |= {field: record[field] for field in FIELDS.values()}
     for phase, span in record["phases"].items():
@@ -290,6 +326,16 @@ def _flat_cycle(cycle: CycleResult) -> dict[str, Any]:
             else:
                 row[f"{phase}_{name}"] = value
     return row
+
+
+def _run_columns() -> list[tuple[str, Any]]:
+    import pyarrow as pa
+
+    text, count, number = pa.string(), pa.int64(), pa.float64()
+    columns: list[tuple[str, Any]] = [("sha256", text), ("rig", text)]
+    columns += [(name, count) for name in ("samples", "cycles", "complete", "findings")]
+    ends = ("", "_standard_uncertainty", "_low_95", "_high_95", "_max_deviation_percent")
+    return columns + [(f"{field}{end}", number) for field in FIELDS.values() for end in ends]
 
 
 def _cycle_columns() -> list[tuple[str, Any]]:
@@ -325,4 +371,4 @@ def _finding_columns() -> list[tuple[str, Any]]:
     ]  # fmt: skip
 
 
-_COLUMNS = {"cycles": _cycle_columns, "bins": _bin_columns, "findings": _finding_columns}
+_COLUMNS = {"runs": _run_columns, "cycles": _cycle_columns, "bins": _bin_columns, "findings": _finding_columns}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from winchcascade.cascade.efficiency import METRICS
 from winchcascade.cascade.uncertainty import budget
-from winchcascade.report.wording import decisive, not_known
+from winchcascade.report.wording import decisive, not_known, plain
 
 if TYPE_CHECKING:
     from winchcascade.cascade.efficiency import Metrics
@@ -78,13 +78,13 @@ def _title(reduction: Reduction) -> list[str]:
     run, rig = reduction.run, reduction.rig
     seconds = float(run.t[-1] - run.t[0])
     kind = "simulated log, " if run.simulated else ""
-    first = f"{_plain(run.name)}: {kind}{run.samples} samples at {run.fs:.6g} Hz, {_duration(seconds)}"
+    first = f"{plain(run.name)}: {kind}{run.samples} samples at {run.fs:.6g} Hz, {_duration(seconds)}"
     window = reduction.window if isinstance(reduction.window, str) else f"{reduction.window:g} s from the onset"
     drum = "" if rig.r_drum is None else f" (drum radius {rig.r_drum:g} m)"
-    parts = [_load(reduction), f"rig {_plain(rig.name)}{drum}", f"window {window}"]
+    parts = [_load(reduction), f"rig {plain(rig.name)}{drum}", f"window {window}"]
     lines = [first, "; ".join(part for part in parts if part)]
-    lines += [f"campaign: {_plain(run.about)}"] if run.about else []
-    lines += [f"rig note: {_plain(rig.note)}"] if rig.note else []
+    lines += [f"campaign: {plain(run.about)}"] if run.about else []
+    lines += [f"rig note: {plain(rig.note)}"] if rig.note else []
     late = sum(c.window.cutoff > c.phases.payout_end + 1e-9 for c in reduction.complete)
     lines += [f"note: the window ends after the payout in {late} of {len(reduction.complete)} cycles"] if late else []
     return lines
@@ -94,18 +94,13 @@ def _load(reduction: Reduction) -> str:
     run = reduction.run
     if run.load is None:
         return "load unknown" if "vdc" in run.channels else ""
-    return f"{'open circuit' if math.isinf(run.load) else f'load {run.load:g} ohm'} ({_plain(run.load_source)})"
+    return f"{'open circuit' if math.isinf(run.load) else f'load {run.load:g} ohm'} ({plain(run.load_source)})"
 
 
 def _duration(seconds: float) -> str:
     if seconds < 600:
         return f"{seconds:.1f} s"
     return f"{seconds / 60:.1f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
-
-
-def _plain(text: str) -> str:
-    """Text from a file without the control characters that a terminal would obey."""
-    return "".join(c if c.isprintable() else "?" for c in text)
 
 
 def _label(cycle: CycleResult) -> str:
@@ -181,7 +176,7 @@ def _finding(finding: Finding, samples: int) -> str:
         same = finding.end - finding.start < 0.005
         where = f" at {finding.start:.2f} s" if same else f" from {finding.start:.2f} to {finding.end:.2f} s"
     cost = f", {_share(finding.removed / samples)} of the samples" if finding.removed and samples else ""
-    return _plain(f"{finding.kind}: {finding.message}{where}; {finding.action}{cost}")
+    return plain(f"{finding.kind}: {finding.message}{where}; {finding.action}{cost}")
 
 
 def _share(share: float) -> str:

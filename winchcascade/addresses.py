@@ -1,0 +1,106 @@
+"""Where a log lies: a path, or an address of an object store that pyarrow or fsspec can open."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from winchcascade.errors import LogError
+
+_REMOTE = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]+://")
+_BLOCK = 1 << 20
+
+
+def is_remote(target: str) -> bool:
+    """Whether a target is an address such as s3://bucket/log.csv and not a path.
+
+    >>> is_remote("s3://bucket/log.csv"), is_remote("C:\\\\logs\\\\log.csv")
+    (True, False)
+    """
+    return _REMOTE.match(target) is not None
+
+
+@contextmanager
+def local_copy(address: str) -> Iterator[Path]:
+    """A log as a file of this machine: itself, or a copy for as long as the context lasts.
+
+    Raises
+    ------
+    LogError : the address cannot be opened
+    """
+    if not is_remote(address):
+        yield Path(address)
+        return
+    import tempfile
+
+    with tempfile.TemporaryDirectory(prefix="winchcascade-") as folder:
+        path = Path(folder) / address.rstrip("/").rsplit("/", 1)[-1]
+        with _opened(address) as source, path.open("wb") as copy:
+            while block := source.read(_BLOCK):
+                copy.write(block)
+        yield path
+
+
+def fingerprint(address: str) -> str:
+    """What changes when a log does: the SHA-256 of its content; nothing for one that this machine cannot open."""
+    digest = hashlib.sha256()
+    try:
+        if not is_remote(address):
+            with open(address, "rb") as file:
+                return hashlib.file_digest(file, "sha256").hexdigest()
+        with _opened(address) as source:
+            while block := source.read(_BLOCK):
+                digest.update(block)
+    except (OSError, LogError):
+        return ""
+    return digest.hexdigest()
+
+
+def expand(address: str) -> list[str]:
+    """Files that a remote address names: a pattern or a folder becomes its files, in order of their names."""
+    import fsspec
+
+    try:
+        system, path = fsspec.core.url_to_fs(address)
+        if any(c in path for c in "*?["):
+            found = system.glob(path)
+        else:
+            found = (
+                [entry for entry in system.ls(path, detail=False) if system.isfile(entry)]
+                if system.isdir(path)
+                else [path]
+            )
+    except (ImportError, OSError, ValueError) as fault:
+        raise _not_opened(address, fault) from None
+    return sorted(system.unstrip_protocol(entry) for entry in found)
+
+
+@contextmanager
+def _opened(address: str) -> Iterator[Any]:
+    """A remote file to read from: by pyarrow where it knows the protocol, else by fsspec."""
+    import pyarrow as pa
+    from pyarrow import fs
+
+    try:
+        try:
+            system, path = fs.FileSystem.from_uri(address)
+            source: Any = system.open_input_stream(path)
+        except (pa.ArrowInvalid, pa.ArrowNotImplementedError):
+            import fsspec
+
+            source = fsspec.open(address, "rb").open()
+    except (ImportError, OSError, ValueError) as fault:
+        raise _not_opened(address, fault) from None
+    with source:
+        yield source
+
+
+def _not_opened(address: str, fault: Exception) -> LogError:
+    what = (str(fault).splitlines() or [type(fault).__name__])[0]
+    return LogError(
+        f"{address}: cannot be opened ({what}); check the address and the rights of the machine that reads it."
+    )

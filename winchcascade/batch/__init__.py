@@ -1,0 +1,1 @@
+"""Whole campaigns: every log reduced, kept, and reported together."""

@@ -1,0 +1,99 @@
+"""The results of a campaign as one Parquet dataset, and as an Excel workbook for those who want one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from winchcascade import __version__
+from winchcascade.files import write_whole
+from winchcascade.report.records import table_rows, table_schema
+
+TABLES = ("runs", "cycles", "bins", "findings")
+SCHEMA = "winchcascade/dataset/1"
+
+_ROWS = 4096
+"""Rows that are held before they are written: memory does not grow with the number of logs."""
+
+_SHEET_ROWS = 1_048_575
+"""Rows of data that a sheet of Excel takes."""
+
+
+def write_dataset(results: Iterable[Path], folder: Path) -> None:
+    """Write the tables of all results, JSON files of one log each, into a folder; each table whole."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    folder.mkdir(parents=True, exist_ok=True)
+    about = {"schema": SCHEMA, "version": __version__}
+    schemas = {table: table_schema(table, about) for table in TABLES}
+    parts = {table: folder / f".{table}.part" for table in TABLES}
+
+    def flush(writer: Any, table: str, rows: list[dict[str, Any]]) -> None:
+        writer.write_table(pa.Table.from_pylist(rows, schema=schemas[table]))
+        rows.clear()
+
+    def fill(opened: Mapping[str, Path]) -> None:
+        with ExitStack() as stack:
+            writers = {t: stack.enter_context(parquet.ParquetWriter(opened[t], schemas[t])) for t in TABLES}
+            held: dict[str, list[dict[str, Any]]] = {table: [] for table in TABLES}
+            for result in results:
+                for table, rows in table_rows(result.stem, msgspec.json.decode(result.read_bytes())).items():
+                    held[table] += rows
+                    if len(held[table]) >= _ROWS:
+                        flush(writers[table], table, held[table])
+            for table in TABLES:
+                flush(writers[table], table, held[table])
+
+    _together(parts, fill, {table: folder / f"{table}.parquet" for table in TABLES})
+
+
+def _together(parts: Mapping[str, Path], fill: Any, finals: Mapping[str, Path]) -> None:
+    """Fill several files at once, beside their names, and put them in place when all are whole."""
+    import os
+    import tempfile
+
+    folder = next(iter(finals.values())).parent
+    with tempfile.TemporaryDirectory(dir=folder, prefix=".", suffix=".part") as scratch:
+        opened = {table: Path(scratch) / part.name for table, part in parts.items()}
+        fill(opened)
+        for table, final in finals.items():
+            os.replace(opened[table], final)
+
+
+def write_workbook(folder: Path, path: Path) -> None:
+    """Write the tables of a dataset as sheets of an Excel workbook, row by row."""
+    write_whole(path, lambda part: _fill_workbook(folder, part), force=True)
+
+
+def _fill_workbook(folder: Path, path: Path) -> None:
+    import xlsxwriter
+
+    with xlsxwriter.Workbook(
+        str(path),
+        {"constant_memory": True, "nan_inf_to_errors": True, "strings_to_formulas": False, "strings_to_urls": False},
+    ) as book:
+        book.set_properties({"comments": f"winchcascade/{__version__}"})
+        bold = book.add_format({"bold": True})
+        for table in TABLES:
+            sheet = book.add_worksheet(table)
+            sheet.freeze_panes(1, 1)
+            for k, row in enumerate(_table_rows(folder / f"{table}.parquet")):
+                if k > _SHEET_ROWS:
+                    break
+                sheet.write_row(k, 0, row, bold if k == 0 else None)
+
+
+def _table_rows(path: Path) -> Iterator[list[Any]]:
+    """Names of the columns, then the rows of a table; what is unknown is an empty cell, an open circuit the text inf."""
+    from pyarrow import parquet
+
+    with parquet.ParquetFile(path) as file:
+        yield list(file.schema_arrow.names)
+        for batch in file.iter_batches(_ROWS):
+            for row in batch.to_pylist():
+                yield ["inf" if value == float("inf") else value for value in row.values()]

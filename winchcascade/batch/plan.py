@@ -1,0 +1,186 @@
+"""From targets to the work: which logs, with which rig, load, window and cycles."""
+
+from __future__ import annotations
+
+import glob
+import hashlib
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from winchcascade import __version__
+from winchcascade.addresses import expand, is_remote
+from winchcascade.campaign import CAMPAIGN_FILE, load_campaign
+from winchcascade.errors import CampaignError, OptionError
+from winchcascade.rigfile import Rig
+from winchcascade.rigtoml import DEFAULT_RIG, load_rig
+
+if TYPE_CHECKING:
+    from winchcascade.campaign import Campaign, CampaignRun
+
+LOGS = frozenset("csv tsv txt dat asc log lvm tdms mat parquet pq xlsx xls xlsm ods".split())
+"""Endings of files that are taken for logs in a folder."""
+
+CYCLES = tuple[int, int]
+
+
+class Work(msgspec.Struct, frozen=True):
+    """One log to be reduced. `name` is its own among all; `key` changes with everything that its result depends on but
+    the log's content.
+    """
+
+    name: str
+    address: str
+    rig: Rig
+    load: float | None = None
+    load_source: str = "unknown"
+    window: float | str | None = None
+    cycles: CYCLES | None = None
+    about: str = ""
+    key: str = ""
+
+
+class Plan(msgspec.Struct, frozen=True):
+    """All logs of one call, as one campaign."""
+
+    title: str
+    work: tuple[Work, ...]
+
+
+def make_plan(targets: Sequence[str], *, rig: str | None = None, window: str | float | None = None) -> Plan:
+    """Find the logs of targets: a campaign.toml, a folder, a pattern, logs, or addresses of an object store.
+
+    Parameters
+    ----------
+    rig, window : instead of what a campaign file says
+
+    Raises
+    ------
+    CampaignError, OptionError : a target that is none, or that holds no log
+    """
+    titles: list[str] = []
+    found: list[Work] = []
+    for target in targets:
+        title, work = _of_target(target, rig, window)
+        titles.append(title)
+        found += work
+    return Plan(_title(titles), tuple(_named(found)))
+
+
+def _of_target(target: str, rig: str | None, window: str | float | None) -> tuple[str, list[Work]]:
+    if is_remote(target):
+        return target, _of_logs(_logs_only(expand(target), target), rig, window)
+    path = Path(target)
+    if path.is_dir() and not (path / CAMPAIGN_FILE).is_file():
+        return path.resolve().name, _of_logs(_in_folder(path), rig, window)
+    if path.is_dir() or path.suffix == ".toml":
+        campaign = load_campaign(path)
+        return campaign.title or path.resolve().name, _of_campaign(campaign, rig, window)
+    if path.is_file():
+        return path.name, _of_logs([target], rig, window)
+    matches = sorted(glob.glob(target, recursive=True))
+    files = [match for match in matches if Path(match).is_file()]
+    if not files:
+        raise OptionError(
+            f"{target}: no such file, folder or pattern; expected a campaign.toml, a folder of logs or logs."
+        )
+    return target, _of_logs(_logs_only(files, target), rig, window)
+
+
+def _in_folder(folder: Path) -> list[str]:
+    files = sorted(str(path) for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
+    return _logs_only(files, str(folder))
+
+
+def _logs_only(files: Sequence[str], target: str) -> list[str]:
+    logs = [file for file in files if file.rsplit(".", 1)[-1].lower() in LOGS]
+    if not logs:
+        raise OptionError(
+            f"{target}: no log found; expected files that end in {', '.join(sorted(LOGS))}, or a {CAMPAIGN_FILE}."
+        )
+    return logs
+
+
+def _of_campaign(campaign: Campaign, rig: str | None, window: str | float | None) -> list[Work]:
+    known = load_rig(rig or campaign.rig or DEFAULT_RIG)
+    return [_of_run(campaign, run, known, window) for run in campaign.runs]
+
+
+def _of_run(campaign: Campaign, run: CampaignRun, rig: Rig, window: str | float | None) -> Work:
+    return Work(
+        name=run.file.name,
+        address=str(run.file),
+        rig=rig,
+        load=run.load,
+        load_source=campaign.path.name if run.load is not None else "unknown",
+        window=window if window is not None else run.window,
+        cycles=run.cycles,
+        about=campaign.title,
+    )
+
+
+def _of_logs(logs: Sequence[str], rig: str | None, window: str | float | None) -> list[Work]:
+    """Logs that were named one by one: each as its own campaign file says, where one lists it."""
+    found: list[Work] = []
+    listed: dict[Path, tuple[Campaign, Rig, dict[Path, CampaignRun]] | None] = {}
+    usual = load_rig(rig or DEFAULT_RIG)
+    for log in logs:
+        entry = None
+        if not is_remote(log):
+            folder = Path(log).parent
+            if folder not in listed:
+                listed[folder] = _listed(folder, rig)
+            entry = listed[folder]
+        run = None if entry is None else entry[2].get(Path(log).resolve())
+        if entry is not None and run is not None:
+            found.append(msgspec.structs.replace(_of_run(entry[0], run, entry[1], window), address=log))
+        else:
+            found.append(Work(name=log.rsplit("/", 1)[-1], address=log, rig=usual, window=window))
+    return found
+
+
+def _listed(folder: Path, rig: str | None) -> tuple[Campaign, Rig, dict[Path, CampaignRun]] | None:
+    path = folder / CAMPAIGN_FILE
+    if not path.is_file():
+        return None
+    campaign = load_campaign(path)
+    return campaign, load_rig(rig or campaign.rig or DEFAULT_RIG), {run.file.resolve(): run for run in campaign.runs}
+
+
+def _title(titles: Sequence[str]) -> str:
+    unique = list(dict.fromkeys(titles))
+    if not unique:
+        raise CampaignError("no target; expected a campaign.toml, a folder of logs or logs.")
+    return unique[0] if len(unique) == 1 else f"{unique[0]} and {len(unique) - 1} more"
+
+
+def _named(work: Sequence[Work]) -> list[Work]:
+    """Give each log a name of its own that any file system takes, and the key of its options."""
+    count: dict[str, int] = {}
+    for item in work:
+        count[_safe(item.name).casefold()] = count.get(_safe(item.name).casefold(), 0) + 1
+    named = []
+    taken: set[str] = set()
+    for item in work:
+        name, key = _safe(item.name), _key(item)
+        if count[name.casefold()] > 1:
+            name = f"{name}-{hashlib.sha256((item.address + key).encode()).hexdigest()[:8]}"
+        if name not in taken:  # the same log with the same options twice is one
+            named.append(msgspec.structs.replace(item, name=name, key=key))
+        taken.add(name)
+    return named
+
+
+def _safe(name: str) -> str:
+    """A file name without what some file system refuses."""
+    return re.sub(r'[<>:"/\\|?*\x00-\x1f]', "_", name).strip(". ")[:120] or "log"
+
+
+def _key(work: Work) -> str:
+    """Digest of everything that a result depends on besides the log's content: the options, the rig, this program."""
+    said = (work.address, work.load, work.load_source, work.window, work.cycles, work.about)
+    content = repr(said).encode() + msgspec.json.encode(work.rig) + __version__.encode()
+    return hashlib.sha256(content).hexdigest()

@@ -1,0 +1,208 @@
+"""The report of a campaign: what its logs say together, made once for the page and the PDF."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from winchcascade import __version__
+from winchcascade.report import campaign_figures as figures
+from winchcascade.report import campaign_tables as tables
+from winchcascade.report.digits import percent, stated
+from winchcascade.report.document import made_on, picture, section
+from winchcascade.report.layout import Note, Point, Report, Table, Tile
+from winchcascade.report.style import house_style
+
+SEED = 20260
+"""Seed of the draws that tell how likely each load is the best."""
+
+DRAWS = 20_000
+
+
+def write_campaign_reports(summary: Mapping[str, Any], out: Path, reports: Sequence[str], *, command: str = "") -> None:
+    """Write the report of a campaign into the folder of its batch.
+
+    Parameters
+    ----------
+    summary : the campaign's record, schema `winchcascade/campaign/1`
+    reports : "html", "pdf" or both
+    """
+    report = make_campaign_report(summary, out, command=command)
+    if "html" in reports:
+        from winchcascade.report.html import write_html
+
+        write_html(report, out / "campaign.html", force=True)
+    if "pdf" in reports:
+        from winchcascade.report.pdf import write_pdf
+
+        write_pdf(report, out / "campaign.pdf", force=True)
+
+
+def make_campaign_report(summary: Mapping[str, Any], out: Path, *, command: str = "") -> Report:
+    """Make the rows and figures of the report of a campaign from its record and its dataset."""
+    runs = tables.by_load([run for run in summary["runs"] if run["fault"] is None])
+    failed = [run for run in summary["runs"] if run["fault"] is not None]
+    loaded = [run for run in runs if not run["open_circuit"]] or runs
+    with house_style():
+        sections = (
+            section(
+                "results", "Energies and efficiencies",
+                tables.energies_table(runs) if runs else None,
+                tables.efficiencies_table(runs) if runs else None,
+                picture(
+                    figures.over_load(loaded), "loads", "Mean powers and efficiencies over the load; bars are 95 % intervals.",
+                    "Points of powers and efficiencies over the load; the values are in the tables.",
+                ),
+            ),
+            section(
+                "speed", "Over generator speed",
+                picture(
+                    figures.over_speed(runs, _bins(out, runs)), "speed",
+                    "Means of the payouts of each run in bins of generator speed."
+                    + (f" {figures.DRAWN_RUNS} runs, evenly chosen." if len(runs) > figures.DRAWN_RUNS else ""),
+                    "Curves of binned torque and power over generator speed, one for each run.",
+                ),
+            ),
+            section("repeatability", "Repeatability", tables.repeatability_table(runs) if runs else None),
+            section(
+                "findings", "Logs and findings", tables.logs_table(runs) if runs else Note("No log could be used."),
+                tables.faults_table(failed),
+            ),
+            section("provenance", "Provenance", _provenance(summary, runs, command)),
+        )  # fmt: skip
+    return Report(
+        kind="Campaign",
+        title=summary["title"],
+        subtitle=_subtitle(runs),
+        generator=f"winchcascade/{__version__}",
+        tiles=_tiles(loaded),
+        points=tuple(_points(runs, failed, loaded)),
+        sections=tuple(s for s in sections if s.blocks),
+    )
+
+
+def _subtitle(runs: Sequence[tables.Run]) -> str:
+    rigs = sorted({run["rig"] for run in runs})
+    return f"rig {', '.join(rigs)}" if rigs else ""
+
+
+def _bins(out: Path, runs: Sequence[tables.Run]) -> dict[str, list[dict[str, Any]]]:
+    """Bins of the runs that are drawn, from the dataset."""
+    from pyarrow import parquet
+
+    names = {run["name"] for run in figures.drawn_runs(runs)}
+    found: dict[str, list[dict[str, Any]]] = {}
+    columns = ["run", "rpm_low", "rpm_high", "torque_nm", "power_mech_w", "power_gen_w"]
+    with parquet.ParquetFile(out / "dataset" / "bins.parquet") as file:
+        for batch in file.iter_batches(columns=columns):
+            for row in batch.to_pylist():
+                if row["run"] in names:
+                    found.setdefault(row["run"], []).append(row)
+    return found
+
+
+def best_load(runs: Sequence[tables.Run]) -> tuple[tables.Run, float, tables.Run] | None:
+    """The run of the highest eta_pto, how likely it is the best, and the run that is next; None where none can be told.
+
+    Each mean is drawn from a normal distribution with its standard uncertainty, the runs independent of each other: as
+    runs with the same sensors share their errors, the true probability is rather higher.
+    """
+    given = [run for run in runs if run["mean"]["eta_pto"] is not None and not run["open_circuit"]]
+    given = [run for run in given if run["standard_uncertainty"]["eta_pto"]]
+    if len(given) < 2:
+        return None
+    mean = np.array([run["mean"]["eta_pto"] for run in given])
+    u = np.array([run["standard_uncertainty"]["eta_pto"] for run in given])
+    drawn = mean + u * np.random.default_rng(SEED).standard_normal((DRAWS, len(given)))
+    share = np.bincount(np.argmax(drawn, axis=1), minlength=len(given)) / DRAWS
+    order = np.argsort(-mean, kind="stable")
+    return given[order[0]], float(share[order[0]]), given[order[1]]
+
+
+def _name(run: tables.Run) -> str:
+    return run["name"] if tables.load_of(run) is None else f"{tables.load_text(run)} Ω"
+
+
+def _tiles(runs: Sequence[tables.Run]) -> tuple[Tile, ...]:
+    """The best load with its efficiency, and the largest power."""
+    tiles = []
+    best = best_load(runs)
+    if best is not None:
+        run, likely, _ = best
+        u, (low, high) = run["standard_uncertainty"]["eta_pto"], run["interval_95"]["eta_pto"]
+        tiles.append(Tile("Best load", "", _name(run), f"best with a probability of {percent(likely)} %"))
+        tiles.append(
+            Tile(
+                "η_pto", "there",
+                stated(run["mean"]["eta_pto"], u, 3), f"95 %: {stated(low, u, 3)} to {stated(high, u, 3)}",
+            )
+        )  # fmt: skip
+    powered = [run for run in runs if run["mean"]["power_gen_w"] is not None and not run["open_circuit"]]
+    if powered:
+        run = max(powered, key=lambda r: float(r["mean"]["power_gen_w"]))
+        u = run["standard_uncertainty"]["power_gen_w"]
+        ends = run["interval_95"]["power_gen_w"]
+        text = "uncertainty unknown" if ends is None else f"95 %: {stated(ends[0], u, 0)} to {stated(ends[1], u, 0)} W"
+        value = stated(run["mean"]["power_gen_w"], u, 0)
+        tiles.append(Tile("P_gen", f"largest, at {_name(run)}", f"{value} W", text))
+    return tuple(tiles)
+
+
+def _points(runs: Sequence[tables.Run], failed: Sequence[tables.Run], loaded: Sequence[tables.Run]) -> list[Point]:
+    points = []
+    simulated = sum(bool(run["simulated"]) for run in runs)
+    if simulated:
+        points.append(Point("Simulated", f"{simulated} of {len(runs)} logs were made by a simulation.", "warn"))
+    total, whole = sum(run["cycles"] for run in runs), sum(run["complete"] for run in runs)
+    text = f"{len(runs)} of {len(runs) + len(failed)} reduced, {whole} of {total} cycles complete."
+    points.append(Point("Logs", text, "warn" if failed or whole < total else "plain"))
+    best = best_load(loaded)
+    if best is not None:
+        run, likely, following = best
+        sure = "" if likely > 0.95 else " The uncertainties do not tell them apart."
+        values = [stated(r["mean"]["eta_pto"], r["standard_uncertainty"]["eta_pto"], 3) for r in (run, following)]
+        points.append(
+            Point(
+                "Best load", f"{_name(run)} with η_pto = {values[0]}, then {_name(following)} with {values[1]}.{sure}"
+            )
+        )
+    found = [run for run in runs if run["findings"]]
+    if found:
+        kinds = sorted({kind.replace("_", " ") for run in found for kind in run["findings"]})
+        points.append(Point("Findings", f"In {len(found)} of {len(runs)} logs: {', '.join(kinds)}.", "warn"))
+    else:
+        points.append(Point("Findings", "No fault found in any log.", "good"))
+    worst = [
+        (run["max_deviation_percent"]["eta_pto"], run)
+        for run in loaded
+        if run["max_deviation_percent"]["eta_pto"] is not None
+    ]
+    if worst:
+        most, run = max(worst, key=lambda pair: float(pair[0]))
+        points.append(Point("Repeatability", f"η_pto deviates from its mean by {most:.2f} % at most, at {_name(run)}."))
+    return points
+
+
+def _provenance(summary: Mapping[str, Any], runs: Sequence[tables.Run], command: str) -> Table:
+    loads = [tables.load_of(run) for run in runs]
+    finite = sorted({load for load in loads if load is not None and math.isfinite(load)})
+    rows = [
+        ("Campaign", summary["title"]),
+        ("Logs", f"{len(summary['runs'])}; hash, rig and window of each are in its own report and in runs/*.json"),
+        ("Loads", ", ".join(f"{load:g}" for load in finite[:20]) + (" Ω" if finite else "")),
+        ("Made by", f"winchcascade {__version__}"),
+        ("Command", command),
+        ("Made on", made_on()),
+    ]
+    return Table(
+        id="provenance",
+        caption="What the report was made from, and how.",
+        head=("Item", "Value"),
+        units=("", ""),
+        rows=tuple(row for row in rows if row[1]),
+        text_columns=(0, 1),
+    )

@@ -1,0 +1,158 @@
+"""Tables of a campaign as rows of texts: the paper's Table 2 with uncertainty, repeatability, logs and what is wrong."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from winchcascade.cascade.efficiency import METRICS
+from winchcascade.report.digits import number, percent, places, stated, uncertain
+from winchcascade.report.layout import Table
+from winchcascade.report.records import FIELDS
+from winchcascade.report.tables import SYMBOL, UNIT
+
+Run = Mapping[str, Any]
+"""One log of a campaign's summary."""
+
+MOST_RUNS = 150
+"""Logs that a table lists; of more the first and the last half of that."""
+
+
+def load_of(run: Run) -> float | None:
+    """Load of a run, inf for an open circuit, None for none or an unknown one. [ohm]"""
+    return math.inf if run["open_circuit"] else run["load_ohm"]
+
+
+def load_text(run: Run) -> str:
+    """Load of a run as a text."""
+    load = load_of(run)
+    return "–" if load is None else "open circuit" if math.isinf(load) else f"{load:g}"
+
+
+def by_load(runs: Sequence[Run]) -> list[Run]:
+    """Runs in falling order of their loads, as the paper lists them; open circuit first, unknown ones last."""
+    return sorted(runs, key=lambda run: -(load if (load := load_of(run)) is not None else -1.0))
+
+
+def energies_table(runs: Sequence[Run]) -> Table:
+    """Mean energies and powers of every run with their standard uncertainties (the layout of Table 2)."""
+    metrics = [f"{kind}_{stage}" for stage in ("line", "mech", "gen") for kind in ("energy", "power")]
+    given = [m for m in metrics if any(run["mean"][FIELDS[m]] is not None for run in runs)]
+
+    def row(run: Run) -> tuple[str, ...]:
+        return (run["name"], load_text(run), f"{run['complete']}", *(_with_uncertainty(run, m, 0) for m in given))
+
+    return Table(
+        id="energies",
+        caption="Mean energies over the integration window and mean powers in it, ± standard uncertainty.",
+        head=("Log", "Load", "Cycles", *(SYMBOL[m] for m in given)),
+        units=("", "Ω", "", *(UNIT[m] for m in given)),
+        rows=tuple(_thinned(runs, row)),
+        links=_links(runs),
+    )
+
+
+def efficiencies_table(runs: Sequence[Run]) -> Table:
+    """Mean efficiencies of every run with their standard uncertainties and 95 % intervals."""
+    given = [m for m in METRICS[6:] if any(run["mean"][FIELDS[m]] is not None for run in runs)]
+
+    def row(run: Run) -> tuple[str, ...]:
+        cells = [(_with_uncertainty(run, m, 3), _interval(run, m)) for m in given]
+        return (run["name"], load_text(run), *(text for pair in cells for text in pair))
+
+    return Table(
+        id="efficiencies",
+        caption="Efficiencies: means of the cycles' ratios, ± standard uncertainty, and 95 % intervals.",
+        head=("Log", "Load", *(text for m in given for text in (SYMBOL[m], "95 % interval"))),
+        units=("", "Ω", *("" for _ in given for _ in range(2))),
+        rows=tuple(_thinned(runs, row)),
+        note="Errors of the sensors are common to all runs with the same sensors, so differences between loads are better "
+        "known than each value.",
+    )
+
+
+def repeatability_table(runs: Sequence[Run]) -> Table | None:
+    """Largest deviation of any cycle from the mean, for every run; None where no run has two cycles."""
+    several = [run for run in runs if run["complete"] > 1]
+    given = [m for m in METRICS if any(run["max_deviation_percent"][FIELDS[m]] is not None for run in several)]
+    if not given:
+        return None
+
+    def row(run: Run) -> tuple[str, ...]:
+        deviations = (number(run["max_deviation_percent"][FIELDS[m]], 2) for m in given)
+        return (run["name"], load_text(run), f"{run['complete']}", *deviations)
+
+    return Table(
+        id="repeatability",
+        caption="Repeatability: largest deviation of any cycle from the mean of its run, in percent of the mean.",
+        head=("Log", "Load", "Cycles", *(SYMBOL[m] for m in given)),
+        units=("", "Ω", "", *("%" for _ in given)),
+        rows=tuple(_thinned(several, row)),
+    )
+
+
+def logs_table(runs: Sequence[Run]) -> Table:
+    """Every log: its cycles, and what was found wrong with it."""
+
+    def row(run: Run) -> tuple[str, ...]:
+        found = ", ".join(kind.replace("_", " ") for kind in run["findings"]) or "none"
+        return (
+            run["name"],
+            load_text(run),
+            f"{run['complete']} of {run['cycles']}",
+            percent(run["removed_share"], 2),
+            found,
+        )
+
+    return Table(
+        id="logs",
+        caption="Logs: complete cycles, share of the samples that findings took out, and kinds of findings.",
+        head=("Log", "Load", "Complete cycles", "Data lost", "Findings"),
+        units=("", "Ω", "", "%", ""),
+        rows=tuple(_thinned(runs, row)),
+        text_columns=(0, 4),
+        links=_links(runs),
+    )
+
+
+def faults_table(failed: Sequence[Run]) -> Table | None:
+    """Logs that could not be used, each with its sentence; None if there is none."""
+    if not failed:
+        return None
+    return Table(
+        id="faults",
+        caption="Logs that could not be used.",
+        head=("Log", "Why"),
+        units=("", ""),
+        rows=tuple((run["name"], run["fault"]) for run in failed[:MOST_RUNS]),
+        text_columns=(0, 1),
+    )
+
+
+def _with_uncertainty(run: Run, metric: str, otherwise: int) -> str:
+    value, u = run["mean"][FIELDS[metric]], run["standard_uncertainty"][FIELDS[metric]]
+    text = stated(value, u, otherwise)
+    return text if value is None or not u else f"{text} ± {uncertain(u)}"
+
+
+def _interval(run: Run, metric: str) -> str:
+    ends, u = run["interval_95"][FIELDS[metric]], run["standard_uncertainty"][FIELDS[metric]]
+    return "–" if ends is None or not u else f"{number(ends[0], places(u))} to {number(ends[1], places(u))}"
+
+
+def _thinned(runs: Sequence[Run], row: Callable[[Run], tuple[str, ...]]) -> list[tuple[str, ...]]:
+    if len(runs) <= MOST_RUNS:
+        return [row(run) for run in runs]
+    half = MOST_RUNS // 2
+    first, last = [row(run) for run in runs[:half]], [row(run) for run in runs[-half:]]
+    return [*first, (f"… {len(runs) - MOST_RUNS} more, in the dataset", *[""] * (len(first[0]) - 1)), *last]
+
+
+def _links(runs: Sequence[Run]) -> tuple[str, ...]:
+    """Addresses of the logs' own reports, none where there are too many rows to keep them apart."""
+    from urllib.parse import quote
+
+    if len(runs) > MOST_RUNS:
+        return ()
+    return tuple(f"runs/{quote(run['name'])}.html" for run in runs)

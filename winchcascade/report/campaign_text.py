@@ -1,0 +1,82 @@
+"""A campaign as a table for the terminal, and where its files are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from winchcascade.report.campaign_tables import by_load, load_text
+from winchcascade.report.digits import stated, uncertain
+from winchcascade.report.records import FIELDS
+from winchcascade.report.wording import plain
+
+MOST_RUNS = 20
+"""Logs that are listed; of more the first and the last half of that."""
+
+MOST_FAULTS = 10
+
+_HEAD = ("log", "load", "cycles", "E_line", "E_mech", "E_gen", "eta_trans", "eta_gen", "eta_pto", "±")
+_UNITS = ("", "ohm", "", "J", "J", "J", "", "", "", "")
+_METRICS = ("energy_line", "energy_mech", "energy_gen", "eta_trans", "eta_gen", "eta_pto")
+
+
+def campaign_text(summary: Mapping[str, Any], out: Path, *, kept: int) -> str:
+    """Means of every log of a campaign, what failed, and where the results are.
+
+    Parameters
+    ----------
+    summary : the campaign's record, schema `winchcascade/campaign/1`
+    kept : logs that an earlier call had done already
+    """
+    runs = by_load([run for run in summary["runs"] if run["fault"] is None])
+    failed = [run for run in summary["runs"] if run["fault"] is not None]
+    lines = [f"{plain(summary['title'])}: {len(runs)} of {len(summary['runs'])} logs reduced" + _kept(kept), ""]
+    if runs:
+        lines += [*_table(runs), ""]
+    lines += [f"failed: {plain(run['name'])}: {plain(run['fault'])}" for run in failed[:MOST_FAULTS]]
+    if len(failed) > MOST_FAULTS:
+        lines.append(f"... {len(failed) - MOST_FAULTS} more failed, all in {out / 'campaign.json'}")
+    return "\n".join([*lines, *_places(out)]) + "\n"
+
+
+def _kept(kept: int) -> str:
+    return f", {kept} of them by an earlier call" if kept else ""
+
+
+def _table(runs: Sequence[Mapping[str, Any]]) -> list[str]:
+    half = MOST_RUNS // 2
+    many = len(runs) > MOST_RUNS
+    rows = [_row(run) for run in ([*runs[:half], *runs[-half:]] if many else runs)]
+    cells = [_HEAD, _UNITS, *rows]
+    width = [max(len(row[k]) for row in cells) for k in range(len(_HEAD))]
+    lines = [
+        "  ".join(
+            c.ljust(w) if k == 0 else c.rjust(w) for k, (c, w) in enumerate(zip(row, width, strict=True))
+        ).rstrip()
+        for row in cells
+    ]
+    if many:
+        lines.insert(2 + half, f"... {len(runs) - MOST_RUNS} more, in the dataset ...")
+    return lines
+
+
+def _row(run: Mapping[str, Any]) -> tuple[str, ...]:
+    values = [stated(run["mean"][FIELDS[m]], None, 3 if m.startswith("eta") else 0).replace("–", "-") for m in _METRICS]
+    u = next(
+        (run["standard_uncertainty"][m] for m in ("eta_pto", "eta_trans", "eta_gen") if run["mean"][m] is not None),
+        None,
+    )
+    name = plain(run["name"])
+    name = name if len(name) <= 24 else f"{name[:12]}…{name[-11:]}"
+    cycles = f"{run['complete']}" if run["complete"] == run["cycles"] else f"{run['complete']} of {run['cycles']}"
+    return (name, load_text(run).replace("–", "-"), cycles, *values, uncertain(u).replace("–", "-"))
+
+
+def _places(out: Path) -> list[str]:
+    """Where the results are, those that exist."""
+    named = [
+        ("report", out / "campaign.html"), ("", out / "campaign.pdf"), ("workbook", out / "campaign.xlsx"),
+        ("tables", out / "dataset"), ("each log", out / "runs"),
+    ]  # fmt: skip
+    return [f"{name + ':' if name else '':<10}{path}" for name, path in named if path.exists()]

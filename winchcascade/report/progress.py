@@ -1,0 +1,52 @@
+"""How a batch goes on, on the error stream: a bar where a person looks, a line for each fault elsewhere."""
+
+from __future__ import annotations
+
+import sys
+from types import TracebackType
+from typing import Any
+
+
+class Progress:
+    """Shows a bar while it is a context; tells faults as they come."""
+
+    def __init__(self, title: str) -> None:
+        self._title = title
+        self._bar: Any = None
+        self._task: Any = None
+
+    def __enter__(self) -> Progress:
+        """Start with nothing shown: a batch that has nothing to do says nothing."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Leave the bar as it is."""
+        if self._bar is not None:
+            self._bar.stop()
+
+    def begin(self, kept: int, todo: int) -> None:
+        """Show the bar if somebody can see it and there is something to do."""
+        if not todo or not sys.stderr.isatty():
+            return
+        from rich.console import Console
+        from rich.markup import escape
+        from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+        from rich.progress import Progress as Bar
+
+        self._bar = Bar(
+            TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
+            console=Console(stderr=True),
+        )  # fmt: skip
+        self._task = self._bar.add_task(escape(self._title), total=kept + todo, completed=kept)
+        self._bar.start()
+
+    def done(self, name: str, fault: str | None) -> None:
+        """One more is done, or failed for a reason."""
+        if self._bar is not None:
+            self._bar.advance(self._task)
+        if fault is not None:
+            line = f"{name}: failed"
+            if self._bar is not None:
+                self._bar.console.print(line, markup=False, highlight=False)

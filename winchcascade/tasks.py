@@ -1,0 +1,177 @@
+"""Many small jobs, on processes of this machine or on an existing Dask scheduler; what is done comes back as it is done.
+
+A job that fails is a value, not an end: its outcome carries the fault as a sentence and the others go on.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+from winchcascade.errors import OptionError, WinchcascadeError
+
+if TYPE_CHECKING:
+    from concurrent.futures import ProcessPoolExecutor
+
+Job = TypeVar("Job")
+Done = TypeVar("Done")
+
+CONNECT = 10.0
+"""A scheduler that has not answered after this cannot be reached. [s]"""
+
+
+class Outcome(Generic[Done]):
+    """What became of one job: its place in the sequence, and its value or the sentence that says why there is none."""
+
+    __slots__ = ("fault", "place", "value")
+
+    def __init__(self, place: int, value: Done | None = None, fault: str | None = None) -> None:
+        self.place, self.value, self.fault = place, value, fault
+
+
+def processes() -> int:
+    """Processors that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def run_here(work: Callable[[Job], Done], jobs: Sequence[Job], *, workers: int) -> Iterator[Outcome[Done]]:
+    """Run jobs on processes of this machine, in this one if a single worker is wanted; outcomes come in any order.
+
+    Processes are spawned, never forked, so it works alike on every system. Where one dies (no memory left, say), the
+    jobs that it may have held are tried once more, each alone.
+
+    Parameters
+    ----------
+    work : a function of a module, so that another process can find it
+    """
+    if workers <= 1 or len(jobs) <= 1:
+        for place, job in enumerate(jobs):
+            yield _tried(work, place, job)
+        return
+    lost: list[int] = []
+    size = _chunk(len(jobs), workers)
+    chunks = [range(k, min(k + size, len(jobs))) for k in range(0, len(jobs), size)]
+    while chunks:
+        chunks, broken = yield from _pooled(work, jobs, chunks, workers)
+        lost += broken
+    for place in lost:
+        yield from _alone(work, jobs, place)
+
+
+def _chunk(jobs: int, workers: int) -> int:
+    """Jobs that go to a process at a time: few enough that no process ends long after the others."""
+    return max(1, min(8, jobs // (8 * workers)))
+
+
+def _tried(work: Callable[[Job], Done], place: int, job: Job) -> Outcome[Done]:
+    """Do one job here; what goes wrong becomes its sentence."""
+    try:
+        return Outcome(place, work(job))
+    except WinchcascadeError as fault:
+        return Outcome(place, fault=str(fault))
+    except OSError as fault:
+        return Outcome(place, fault=f"{fault.filename or 'a file'}: cannot be used ({fault.strerror or fault}).")
+    except Exception as fault:
+        return Outcome(place, fault=f"a fault of this program: {type(fault).__name__}: {fault}. Please report it.")
+
+
+def _several(work: Callable[[Job], Done], places: Sequence[int], jobs: Sequence[Job]) -> list[Outcome[Done]]:
+    return [_tried(work, place, job) for place, job in zip(places, jobs, strict=True)]
+
+
+def _pool(workers: int) -> ProcessPoolExecutor:
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    return ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_quietly)
+
+
+def _quietly() -> None:
+    """Leave an interrupt to the process that gave the jobs."""
+    import signal
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _pooled(
+    work: Callable[[Job], Done], jobs: Sequence[Job], chunks: list[range], workers: int
+) -> Generator[Outcome[Done], None, tuple[list[range], list[int]]]:
+    """Run chunks on a pool; returns the chunks that were never begun and the jobs that a dying process took along."""
+    from concurrent.futures.process import BrokenProcessPool
+
+    waiting = list(reversed(chunks))
+    running: dict[Future[list[Outcome[Done]]], range] = {}
+    pool = _pool(workers)
+    try:
+        while waiting or running:
+            while waiting and len(running) < 2 * workers:
+                places = waiting.pop()
+                running[pool.submit(_several, work, places, [jobs[k] for k in places])] = places
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                outcomes = future.result()
+                del running[future]
+                yield from outcomes
+    except BrokenProcessPool:
+        whole = [future for future in running if future.done() and future.exception() is None]
+        for future in whole:
+            yield from future.result()
+            del running[future]
+        return list(reversed(waiting)), [place for places in running.values() for place in places]
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+    return [], []
+
+
+def _alone(work: Callable[[Job], Done], jobs: Sequence[Job], place: int) -> Iterator[Outcome[Done]]:
+    """Try a job in a process of its own."""
+    from concurrent.futures.process import BrokenProcessPool
+
+    pool = _pool(1)
+    try:
+        yield from pool.submit(_several, work, [place], [jobs[place]]).result()
+    except BrokenProcessPool:
+        yield Outcome(place, fault="the process that worked on it was killed twice; is there enough memory?")
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+def run_there(work: Callable[[Job], Done], jobs: Sequence[Job], *, scheduler: str) -> Iterator[Outcome[Done]]:
+    """Run jobs on an existing Dask scheduler; outcomes come in any order.
+
+    Raises
+    ------
+    OptionError : Dask is not installed, or the scheduler cannot be reached
+    """
+    try:
+        from distributed import Client, as_completed
+    except ImportError:
+        raise OptionError(
+            '--scheduler needs Dask; install it with pip install "winchcascade[cluster]", here and on the workers.'
+        ) from None
+    try:
+        client = Client(scheduler, timeout=CONNECT, set_as_default=False)  # type: ignore[no-untyped-call]
+    except (OSError, TimeoutError, ValueError) as fault:
+        raise OptionError(
+            f"--scheduler {scheduler}: cannot be reached ({_first_line(fault)}); expected the address of a running scheduler, "
+            "such as tcp://10.0.0.1:8786."
+        ) from None
+    with client:
+        size = _chunk(len(jobs), max(1, len(client.scheduler_info()["workers"])))
+        chunks = [range(k, min(k + size, len(jobs))) for k in range(0, len(jobs), size)]
+        futures = [client.submit(_several, work, list(c), [jobs[k] for k in c], pure=False) for c in chunks]
+        held = dict(zip((f.key for f in futures), chunks, strict=True))
+        for future in as_completed(futures):  # type: ignore[no-untyped-call]
+            if future.status == "finished":
+                yield from future.result()
+            else:
+                said = f"the worker that had it failed ({_first_line(future.exception())})."
+                yield from (Outcome(place, fault=said) for place in held[future.key])
+            future.release()
+
+
+def _first_line(fault: BaseException | None) -> str:
+    return (str(fault).splitlines() or [""])[0] or type(fault).__name__
