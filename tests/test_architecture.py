@@ -9,7 +9,7 @@ PACKAGE = Path(__file__).parent.parent / "winchcascade"
 
 GROUND = {
     "errors", "quantity", "channels", "run", "campaign", "rigfile", "rigtoml", "table", "tasks", "files", "integrate", "order",
-    "smooth", "threads",
+    "smooth", "threads", "addresses",
 }  # fmt: skip
 """Open to every room."""
 

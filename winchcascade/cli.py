@@ -140,7 +140,9 @@ def _check_outputs(results: Mapping[str, Path | None], inputs: Sequence[Path], *
     for option, result in results.items():
         if result is None or (option == "--json" and str(result) == "-"):
             continue
-        other = taken.setdefault(result.absolute(), option)
+        if str(result) in ("-", "."):
+            raise OptionError(f"{option} {result}: expected the name of a file.")
+        other = taken.setdefault(Path(os.path.realpath(result)), option)
         if other != option:
             raise OptionError(f"{other} and {option} both name {result}; give each a name of its own.")
         if option == "--parquet":

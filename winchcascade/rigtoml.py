@@ -136,6 +136,10 @@ _LIMITS = {
 """What no rig goes beyond: a number outside is a wrong unit or a slip. SI units, bins in rpm."""
 
 
+HUGE = 1e12
+"""No range, accuracy or tolerance of a rig is larger, in SI units."""
+
+
 def _rig(raw: dict[str, Any], where: str) -> Rig:
     known = {"name", "title", "source", "note", "sensors", "columns", "log", "thresholds", *_SECTIONS}
     for key in raw:
@@ -222,6 +226,8 @@ def _quantity(value: object, where: str, place: str, name: str) -> Quantity:
     tolerance = None if number.tolerance is None else number.tolerance * unit.factor
     if number.tolerance_percent is not None:
         tolerance = abs(in_si) * number.tolerance_percent / 100.0
+    if tolerance is not None and not 0 <= tolerance <= HUGE:
+        raise RigError(f"{where}: {place}: the tolerance is {tolerance:g}; expected a number that is not negative.")
     return Quantity(in_si, number.unit, number.source, tolerance)
 
 
@@ -249,7 +255,7 @@ def _sensors(raw: dict[str, Any], where: str) -> dict[str, Sensor]:
             raise RigError(f"{where}: {place} low {sensor.low:g} is not below high {sensor.high:g}.")
         for key in ("resolution", "accuracy", "accuracy_full_scale", "accuracy_reading", "u_zero", "u_gain"):
             share = getattr(sensor, key)
-            if share is not None and not 0 <= share < math.inf:
+            if share is not None and not 0 <= share <= HUGE:
                 raise RigError(f"{where}: {place} {key} is {share:g}; expected a number that is not negative.")
             if share is not None and share > 1 and key in ("accuracy_full_scale", "accuracy_reading", "u_gain"):
                 raise RigError(f"{where}: {place} {key} is {share:g}; expected a share, such as 0.002 for 0.2 %.")
@@ -260,6 +266,8 @@ def _sensors(raw: dict[str, Any], where: str) -> dict[str, Sensor]:
             for key in ("low", "high", "resolution", "accuracy", "u_zero")
             if (value := getattr(sensor, key)) is not None
         }
+        if max((abs(value) for value in in_si.values()), default=0.0) > HUGE:
+            raise RigError(f"{where}: {place} has a number beyond {HUGE:g} in SI units; check it and its unit.")
         sensors[name] = msgspec.structs.replace(sensor, **in_si)
     return sensors
 

@@ -107,7 +107,7 @@ def test_parquet_holds_the_same_rows_as_the_json(reduction: Reduction, tmp_path:
     assert [c["haul_in_force_min_n"] for c in cycles] == [
         c["phase_summary"]["haul_in"]["force_min_n"] for c in record["cycles"]
     ]
-    assert [{k: v for k, v in b.items() if k not in ("log", "load_ohm")} for b in bins] == record["bins"]
+    assert [{k: v for k, v in b.items() if k not in ("run", "log", "load_ohm")} for b in bins] == record["bins"]
     assert findings == []
     assert {c["load_ohm"] for c in cycles} == {36.0}
 

@@ -31,13 +31,17 @@ class Metrics(msgspec.Struct, frozen=True):
     eta_pto: float | None = None
 
 
+NOTHING = 1e-9
+"""An energy below this is none: no sensor of a winch tells it from zero. [J]"""
+
+
 def ratio(out: float | None, into: float | None) -> float | None:
     """What comes out over what goes in; None if either is unknown or nothing goes in.
 
     >>> ratio(3.0, 4.0), ratio(1.0, 0.0)
     (0.75, None)
     """
-    if out is None or into is None or into <= 0:
+    if out is None or into is None or into <= NOTHING:
         return None
     return out / into
 

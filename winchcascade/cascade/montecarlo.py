@@ -46,6 +46,9 @@ LINEAR_WITHIN = 0.02
 """Where the standard uncertainties of Monte Carlo and budget differ by more than this share, the Monte Carlo's is stated;
 with few draws by more than chance makes them differ."""
 
+SMALL = 0.1
+"""Errors that change no energy by more than this share act linearly to within a percent."""
+
 Method = Literal["gum", "monte_carlo"]
 
 
@@ -110,6 +113,12 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED, draws: int = DRAWS) -
     }
     stated = {m: getattr(known.mean, m) if way == "gum" else drawn[m] for m, way in method.items()}
     return Uncertainty(known, seed, draws, Metrics(**drawn), Metrics(**stated), method, whole, alone)
+
+
+def stated_uncertainty(reduction: Reduction) -> tuple[Budget, Metrics]:
+    """Budget and stated standard uncertainties of the means, without a Monte Carlo where it could only confirm them."""
+    known = budget(reduction)
+    return known, known.mean if known.reach <= SMALL else uncertainty(reduction).standard
 
 
 def _interval(x: Signal) -> Interval:

@@ -30,6 +30,10 @@ if TYPE_CHECKING:
     from winchcascade.run import Run, Signal
 
 
+MOST_BINS = 20_000
+"""More bins of generator speed than this are a slip in a rig file."""
+
+
 class CycleResult(msgspec.Struct, frozen=True):
     """One cycle: its instants, its window, what its phases were like and its nine metrics."""
 
@@ -351,6 +355,13 @@ def _bins(run: Run, counted: Sequence[tuple[Cycle, Plateau | None]], rig: Rig) -
     rpm_per_velocity = rig.rpm_per_velocity
     if rpm_per_velocity is None:
         return ()
+    speeds = run.channels["velocity"]
+    most = float(np.max(np.abs(speeds))) * rpm_per_velocity / rig.thresholds.rpm_bin
+    if most > MOST_BINS:
+        raise OptionError(
+            f"{run.name}: {most:.3g} bins of {rig.thresholds.rpm_bin:g} rpm; expected at most {MOST_BINS}. Check gear_ratio, "
+            f"r_drum and rpm_bin of the rig {rig.name}, and the unit of the velocity."
+        )
     driven = engaged(run, [c for c, _ in counted], [p for _, p in counted], rig)
     powers = {stage: stream(run.channels, stage, rig.r_drum) for stage in STAGES}
     powers[TORQUE] = run.channels["torque"].__getitem__ if TORQUE in run.channels else None

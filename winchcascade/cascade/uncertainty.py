@@ -14,12 +14,14 @@ from typing import TYPE_CHECKING, Literal
 import msgspec
 import numpy as np
 
-from winchcascade.cascade.efficiency import METRICS, RATIOS, Metrics
+from winchcascade.cascade.efficiency import METRICS, NOTHING, RATIOS, Metrics
 from winchcascade.cascade.power import STAGES, sources
 from winchcascade.integrate import integrals
 from winchcascade.quantity import Quantity
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from winchcascade.cascade.reduce import Reduction
     from winchcascade.rigfile import Rig, Sensor
     from winchcascade.run import Signal
@@ -32,6 +34,13 @@ R_DRUM = "r_drum"
 
 TAKEN_AS_EXACT = ("velocity",)
 """Channels without a stated accuracy that count as exact: an encoder's counts have neither zero nor gain error."""
+
+
+NORMAL_REACH = 3.0
+"""A normal error reaches to so many standard uncertainties."""
+
+GAIN_REACH = 0.9
+"""A gain that may be off by this share of one tells nothing of what was read."""
 
 
 class Source(msgspec.Struct, frozen=True):
@@ -68,7 +77,9 @@ class Budget(msgspec.Struct, frozen=True):
     `sensors` and `repeatability` are the two parts of `mean`: the sensors' errors, systematic over the run (type B), and
     s/sqrt(N) of the complete cycles (type A; None for a single cycle, whose repeatability is unknown). `cycles` are those
     of every cycle, without repeatability. `freedom` are effective degrees of freedom (Welch and Satterthwaite, GUM G.4).
-    A metric that needs a channel of `unknown` has none: the rig file states no accuracy for it.
+    A metric that needs a channel of `unknown` has none: the rig file states no accuracy for it. Nor has one of
+    `undetermined`: the errors could take away all of what it is divided by. `reach` is the largest share of an energy that
+    the errors together could change.
     """
 
     rows: tuple[Contribution, ...]
@@ -79,6 +90,8 @@ class Budget(msgspec.Struct, frozen=True):
     cycles: tuple[Metrics, ...]
     exact: tuple[str, ...]
     unknown: tuple[str, ...]
+    undetermined: tuple[str, ...] = ()
+    reach: float = 0.0
 
 
 class Stage(msgspec.Struct, frozen=True):
@@ -169,6 +182,9 @@ def budget(reduction: Reduction) -> Budget:
     unknown = _without_accuracy(stages, known)
     given = [m for m in METRICS if getattr(reduction.mean, m) is not None]
     stated = [m for m in METRICS if not (channels_of(m, stages) & set(unknown)) and _stages_of(m) <= set(stages)]
+    reach, gains = _reach(known, stages, complete)
+    undetermined = [m for m in stated if m in given and _is_undetermined(m, reach, gains)]
+    stated = [m for m in stated if m not in undetermined]
     rows = []
     square = {m: np.zeros(len(reduction.cycles)) for m in stated}
     mean_square = dict.fromkeys(stated, 0.0)
@@ -203,7 +219,30 @@ def budget(reduction: Reduction) -> Budget:
         ),
         exact=tuple(sorted(_channels(stages) & set(TAKEN_AS_EXACT) - {s.channel for s in known})),
         unknown=unknown,
+        undetermined=tuple(undetermined),
+        reach=max(reach.values(), default=0.0),
     )
+
+
+def _reach(
+    known: Sequence[Source], stages: Mapping[str, Stage], complete: NDArray[np.bool_]
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Largest share of each stage's energy, in any cycle, that all errors together could change, and that gains could."""
+    reach, gains = dict.fromkeys(stages, 0.0), dict.fromkeys(stages, 0.0)
+    for name, stage in stages.items():
+        energy = np.maximum(np.abs(stage.energy), NOTHING)
+        for source in known:
+            most = NORMAL_REACH * source.u if source.limit is None else source.limit
+            share = (np.abs(_energy_slope(source, stage)) / energy)[complete]
+            reach[name] += most * float(np.max(share, initial=0.0))
+            gains[name] += most * float(np.any(share)) if source.part == "gain" else 0.0
+    return reach, gains
+
+
+def _is_undetermined(metric: str, reach: Mapping[str, float], gains: Mapping[str, float]) -> bool:
+    """Whether the errors could take away all of what a metric is divided by: an energy, or one plus a gain."""
+    into = RATIOS[metric][1].removeprefix("energy_") if metric in RATIOS else None
+    return any(gains[s] >= GAIN_REACH for s in _stages_of(metric)) or (into is not None and reach[into] >= 1.0)
 
 
 def shares(part: Metrics, whole: Metrics) -> Metrics:
@@ -282,10 +321,10 @@ def _of_metrics(
     for metric in metrics:
         if metric in RATIOS:
             out, into = (name.removeprefix("energy_") for name in RATIOS[metric])
-            with np.errstate(divide="ignore", invalid="ignore"):
-                eta = stages[out].energy / stages[into].energy
-                up, down = joules[out] / stages[into].energy, eta * joules[into] / stages[into].energy
-            changed[metric] = np.nan_to_num(np.hypot(up, down) if independent else up - down)
+            taken = stages[into].energy
+            taken = np.where(np.abs(taken) > NOTHING, taken, np.inf)  # no ratio is made of nothing
+            up, down = joules[out] / taken, stages[out].energy / taken * (joules[into] / taken)
+            changed[metric] = np.hypot(up, down) if independent else up - down
         else:
             kind, stage = metric.split("_")
             per = np.maximum(stages[stage].t, 1e-12) if kind == "power" else 1.0

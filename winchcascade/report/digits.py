@@ -18,25 +18,54 @@ def places(u: float) -> int:
 
 
 def number(value: float | None, decimals: int) -> str:
-    """Text of a number, rounded; a dash for one that does not exist.
+    """Text of a number, rounded; a dash for one that does not exist, a power of ten for a very large or small one.
 
-    >>> number(7114.9, -1), number(-0.25, 1), number(None, 2)
-    ('7110', '\u22120.2', '–')
+    >>> number(7114.9, -1), number(-0.25, 1), number(None, 2), number(2.5e-13, 14)
+    ('7110', '\u22120.2', '–', '2.5×10⁻¹³')
     """
     if value is None or not math.isfinite(value):
         return "–"
+    if value and (abs(value) >= _LARGE or (decimals > _LONG and abs(value) < 1.0)):
+        return _power_of_ten(value, decimals)
     rounded = round(value, decimals)
-    text = f"{rounded + 0.0:.{max(decimals, 0)}f}"
-    return text.replace("-", MINUS)
+    return f"{rounded + 0.0:.{max(decimals, 0)}f}".replace("-", MINUS)
+
+
+_LARGE, _LONG = 1e8, 7
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def _power_of_ten(value: float, decimals: int) -> str:
+    value = round(value, decimals)
+    if value == 0:
+        return "0"
+    digits = min(max(decimals + math.floor(math.log10(abs(value))), 0), 15)
+    mantissa, _, exponent = f"{value:.{digits}e}".partition("e")
+    return f"{mantissa.replace('-', MINUS)}×10{str(int(exponent)).translate(_RAISED)}"
 
 
 def stated(value: float | None, u: float | None, otherwise: int) -> str:
     """Text of a value with the digits that its standard uncertainty allows, else with so many decimals.
 
-    >>> stated(0.90337, 0.0048, 3), stated(7114.9, None, 0)
-    ('0.903', '7115')
+    >>> stated(0.90337, 0.0048, 3), stated(7114.9, None, 0), stated(0.0012, None, 3)
+    ('0.903', '7115', '0.0012')
     """
-    return number(value, places(u) if u else otherwise)
+    if u and math.isfinite(u):
+        return number(value, places(u))
+    if value and math.isfinite(value) and abs(value) < 10.0 ** (1 - otherwise):
+        return significant(value, 2)
+    return number(value, otherwise)
+
+
+def of_many(value: float | None, u: float | None, otherwise: int) -> str:
+    """Text of one value among its like: at least three digits, also where an error common to all is larger.
+
+    >>> of_many(90.21, 11.0, 0), of_many(0.90337, 0.0048, 3)
+    ('90.2', '0.903')
+    """
+    if not value or not u or not math.isfinite(value):
+        return stated(value, u, otherwise)
+    return number(value, max(places(u), 2 - math.floor(math.log10(abs(value)))))
 
 
 def uncertain(u: float | None) -> str:
@@ -45,7 +74,9 @@ def uncertain(u: float | None) -> str:
     >>> uncertain(0.00477), uncertain(115.5)
     ('0.005', '120')
     """
-    return "–" if u is None else "0" if u == 0 else number(u, places(u))
+    if u is None or not math.isfinite(u):
+        return "–"
+    return "0" if u == 0 else number(u, places(u))
 
 
 def significant(value: float | None, digits: int = 3) -> str:
@@ -58,8 +89,8 @@ def significant(value: float | None, digits: int = 3) -> str:
         return "–"
     if value == 0:
         return "0"
-    decimals = digits - 1 - math.floor(math.log10(abs(value)))
-    return number(value, decimals)
+    rounded = float(f"{value:.{digits - 1}e}")  # 0.9996 has its first digit before the point once rounded
+    return number(rounded, digits - 1 - math.floor(math.log10(abs(rounded))))
 
 
 def percent(share: float | None, decimals: int = 0) -> str:
@@ -68,7 +99,7 @@ def percent(share: float | None, decimals: int = 0) -> str:
     >>> percent(0.943), percent(0.0004), percent(None)
     ('94', '<1', '–')
     """
-    if share is None:
+    if share is None or not math.isfinite(share):
         return "–"
     text = number(100.0 * share, decimals)
     return f"<{number(10.0**-decimals, decimals)}" if share > 0 and float(text) == 0 else text

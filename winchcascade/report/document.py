@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from winchcascade import __version__
-from winchcascade.cascade.efficiency import METRICS
+from winchcascade.cascade.efficiency import METRICS, NOTHING
 from winchcascade.report import figures, tables
-from winchcascade.report.digits import percent, stated
+from winchcascade.report.digits import number, percent, places, stated
 from winchcascade.report.layout import Block, Note, Picture, Point, Report, Section, Table, Tile
 from winchcascade.report.style import house_style, svg_text
 from winchcascade.report.traces import readout
@@ -126,11 +126,7 @@ def _points(reduction: Reduction, found: Uncertainty) -> list[Point]:
     extremes = best_and_worst(reduction)
     if extremes is not None:
         best, worst, m = extremes
-        by_cycle = {c.cycle: u for c, u in zip(reduction.cycles, found.budget.cycles, strict=True)}
-        u = getattr(by_cycle[best.cycle], m)
-        high, low = (
-            stated(getattr(c.metrics, m), u and u / 10, 4 if m.startswith("eta") else 0) for c in (best, worst)
-        )
+        high, low = _told_apart(getattr(best.metrics, m), getattr(worst.metrics, m))
         points.append(
             Point(
                 "Best and worst",
@@ -145,6 +141,12 @@ def _points(reduction: Reduction, found: Uncertainty) -> list[Point]:
     return points
 
 
+def _told_apart(high: float, low: float) -> tuple[str, str]:
+    """Two values with as many digits as show how they differ, four at least."""
+    decimals = max(places((high - low) / 3.0) if high > low else 0, 3 - math.floor(math.log10(max(abs(high), NOTHING))))
+    return number(high, decimals), number(low, decimals)
+
+
 def _log_point(reduction: Reduction) -> Point:
     quality = reduction.quality
     if not quality:
@@ -153,9 +155,10 @@ def _log_point(reduction: Reduction) -> Point:
     for f in quality:
         kinds[f.kind] = kinds.get(f.kind, 0) + 1
     named = ", ".join(k.replace("_", " ") + (f" ({n} times)" if n > 1 else "") for k, n in kinds.items())
-    lost = percent(lost_share(reduction), 2)
+    lost = lost_share(reduction)
+    bridged = f", {percent(lost, 2)} % of the time bridged" if lost else ""
     plural = "s" if len(quality) > 1 else ""
-    return Point("Log", f"{len(quality)} finding{plural}, {lost} % of the time bridged: {named}.", "warn")
+    return Point("Log", f"{len(quality)} finding{plural}{bridged}: {named}.", "warn")
 
 
 def lost_share(reduction: Reduction) -> float:
@@ -165,7 +168,7 @@ def lost_share(reduction: Reduction) -> float:
     spans = sorted((a, b) for gaps in run.gaps.values() for a, b in gaps.tolist())
     lost, reached = 0.0, -math.inf
     for a, b in spans:
-        lost += max(0.0, b - max(a, reached) - (step if a > reached else 0.0))
+        lost += max(0.0, b - max(a, reached) - (step if a >= reached else 0.0))
         reached = max(reached, b)
     return lost / max(float(run.t[-1] - run.t[0]), step)
 
@@ -316,5 +319,6 @@ def _digest(path: str) -> str:
 def made_on() -> str:
     """The time of making, or SOURCE_DATE_EPOCH where a build must be repeatable."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
-    now = datetime.fromtimestamp(int(epoch), UTC) if epoch.isdigit() else datetime.now(UTC)
+    given = epoch.isdigit() and len(epoch) <= 11
+    now = datetime.fromtimestamp(int(epoch), UTC) if given else datetime.now(UTC)
     return now.strftime("%Y-%m-%d %H:%M:%S UTC")

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 DRAWN = 3000
 """Points of a trace that are drawn at most: two for each pixel of a wide screen."""
 
-SHADED_CYCLES = 120
+SHADED_CYCLES = 60
 """With more cycles than this, shaded phases would be narrower than a pixel or two."""
 
 TREND_FROM = 6
@@ -127,13 +127,13 @@ def time_histories(reduction: Reduction, powers: dict[str, Signal]) -> Figure:
     axes[-1].set_xlim(run.t[0] - zero, run.t[-1] - zero)
     for k, ax in enumerate(axes):
         ax.xaxis.set_gid(f"xaxis-{k}")
-        _shade_phases(ax, reduction.cycles, zero)
+        _shade_phases(ax, k, reduction.cycles, zero)
     _phase_key(axes[0], reduction.cycles)
     figure.align_ylabels(axes)
     return figure
 
 
-def _shade_phases(ax: Axes, cycles: Sequence[CycleResult], zero: float) -> None:
+def _shade_phases(ax: Axes, panel: int, cycles: Sequence[CycleResult], zero: float) -> None:
     """Shade payouts and holds, and bound the windows by dashed lines."""
     if len(cycles) > SHADED_CYCLES:
         return
@@ -141,10 +141,12 @@ def _shade_phases(ax: Axes, cycles: Sequence[CycleResult], zero: float) -> None:
         spans = [("payout", (c.phases.onset, c.phases.payout_end)), ("hold", c.phases.hold)]
         for phase, span in spans:
             if span is not None:
-                ax.axvspan(span[0] - zero, span[1] - zero, color=COLOURS[phase], lw=0, gid=f"span-{c.cycle}-{phase}")
+                ax.axvspan(
+                    span[0] - zero, span[1] - zero, color=COLOURS[phase], lw=0, gid=f"span-{c.cycle}-{phase}-{panel}"
+                )
         style: Any = "--" if c.complete else ":"
-        for edge in (c.window.onset, c.window.cutoff):
-            ax.axvline(edge - zero, color=COLOURS["soft"], ls=style, lw=0.7, gid=f"edge-{c.cycle}")
+        for end, edge in (("onset", c.window.onset), ("cutoff", c.window.cutoff)):
+            ax.axvline(edge - zero, color=COLOURS["soft"], ls=style, lw=0.7, gid=f"edge-{c.cycle}-{end}-{panel}")
 
 
 def _phase_key(ax: Axes, cycles: Sequence[CycleResult]) -> None:
@@ -362,14 +364,17 @@ def trend(reduction: Reduction) -> Figure | None:
         ax.set_ylabel(unit)
         for name, joule in columns.items():
             values = joule * short
-            rows = envelope(values, DRAWN)
+            rows = envelope(values, DRAWN // 2)
             stage = _TREND_STAGE[name]
             ax.plot(number[rows], values[rows], color=COLOURS[stage], lw=0.5, alpha=0.5)
             mark: Any = {"line": "o", "mech": "s", "gen": "^"}[stage]
+            few = len(rows) <= 200
             ax.plot(
-                number[rows], values[rows], ls="none", marker=mark, ms=2.2 if len(rows) < 400 else 1.0, mew=0,
+                number[rows] if few else [], values[rows] if few else [], ls="none", marker=mark, ms=2.2, mew=0,
                 color=COLOURS[stage], label=_ETA_TEX[name],
             )  # fmt: skip
+            if not few:
+                _dots(ax, number[rows], values[rows], COLOURS[stage])
         label_panel(ax, "ab"[k], title)
         ax.legend(loc="lower right", ncols=3, bbox_to_anchor=(1.0, 0.98), borderaxespad=0.0, markerscale=1.8)
     axes[-1].set_xlabel("Cycle")

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from winchcascade.files import write_whole
+from winchcascade.report.cleaning import cleaned
 from winchcascade.report.style import COLOURS
 from winchcascade.report.templates import template_folder
 
@@ -34,15 +35,24 @@ def html_text(report: Report) -> str:
     def symbols(text: str) -> Markup:
         return Markup(_SYMBOL.sub(r"\1<sub>\2</sub>", str(escape(text))))
 
+    def symbol(text: str) -> Markup:
+        return symbols(text) if _SYMBOL.fullmatch(text) else escape(text)
+
     def drawing(svg: str) -> Markup:
         return Markup(themed(svg))
 
+    report = cleaned(report)
     folder = template_folder()
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(folder), autoescape=True, trim_blocks=True, lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )  # fmt: skip
-    environment.filters |= {"symbols": symbols, "drawing": drawing, "kind": lambda block: type(block).__name__}
+    environment.filters |= {
+        "symbols": symbols,
+        "symbol": symbol,
+        "drawing": drawing,
+        "kind": lambda block: type(block).__name__,
+    }
     style = (folder / "style.css").read_text(encoding="utf-8")
     script = (folder / "report.js").read_text(encoding="utf-8")
     return environment.get_template("report.html.j2").render(

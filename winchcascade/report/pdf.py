@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from winchcascade.files import write_whole
+from winchcascade.report.cleaning import cleaned
 from winchcascade.report.templates import template_folder
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ def pdf_bytes(report: Report) -> bytes:
     import msgspec
     import typst
 
+    report = cleaned(report)
     text = msgspec.json.encode(report).decode()
     own = Path(matplotlib.get_data_path()) / "fonts" / "ttf"
     strange = {c for c in _words(report) if ord(c) > 0x7F and ord(c) not in _covered()}

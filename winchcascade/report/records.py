@@ -108,6 +108,7 @@ def uncertainty_record(found: Uncertainty) -> dict[str, Any]:
         "budget": [_budget_row(row, known.mean) for row in known.rows],
         "taken_as_exact": list(known.exact),
         "without_accuracy": list(known.unknown),
+        "undetermined": [FIELDS[name] for name in known.undetermined],
     }
 
 

@@ -11,9 +11,9 @@ from winchcascade.cascade.power import STAGES
 from winchcascade.cascade.uncertainty import R_DRUM, shares
 from winchcascade.channels import CHANNELS
 from winchcascade.quantity import KGF, find_unit, si_unit
-from winchcascade.report.digits import MINUS, number, percent, places, significant, stated, uncertain
+from winchcascade.report.digits import MINUS, number, of_many, percent, places, significant, stated, uncertain
 from winchcascade.report.layout import Table
-from winchcascade.report.wording import source_name
+from winchcascade.report.wording import not_known, source_name
 
 if TYPE_CHECKING:
     from winchcascade.cascade.montecarlo import Uncertainty
@@ -26,6 +26,9 @@ MOST_CYCLES = 60
 """Cycles that a table lists; of more the first and the last half of that."""
 
 MOST_FINDINGS = 40
+
+MOST_BINS = 80
+"""Bins that a table lists; of more an even selection."""
 
 SYMBOL = {
     "energy_line": "E_line", "energy_mech": "E_mech", "energy_gen": "E_gen", "power_line": "P_line", "power_mech": "P_mech",
@@ -50,19 +53,19 @@ def cycles_table(reduction: Reduction, found: Uncertainty) -> Table:
     of = {c.cycle: u for c, u in zip(reduction.cycles, known.cycles, strict=True)}
 
     def row(c: CycleResult) -> tuple[str, ...]:
-        values = (stated(getattr(c.metrics, m), getattr(of[c.cycle], m), _DECIMALS[m]) for m in given)
+        values = (of_many(getattr(c.metrics, m), getattr(of[c.cycle], m), _DECIMALS[m]) for m in given)
         return (label(c), number(c.window.cutoff - c.window.onset, 2), *values)
 
     n = len(reduction.complete)
     below: list[tuple[str, ...]] = []
-    if n:
+    if n and given:
         mean = (stated(getattr(reduction.mean, m), getattr(found.standard, m), _DECIMALS[m]) for m in given)
         below.append((f"mean of {n}", "", *mean))
     if found.method:
         below.append(("standard uncertainty", "", *(uncertain(getattr(found.standard, m)) for m in given)))
         below.append(("95 % interval, from", "", *(_end(found, m, "low") for m in given)))
         below.append(("to", "", *(_end(found, m, "high") for m in given)))
-    if n > 1:
+    if n > 1 and given:
         deviation = reduction.max_deviation_percent
         below.append(("largest deviation (%)", "", *(number(getattr(deviation, m), 2) for m in given)))
     incomplete = "" if n == len(reduction.cycles) else " A cycle in brackets is incomplete and not in the mean."
@@ -166,6 +169,8 @@ def repeatability_table(reduction: Reduction, found: Uncertainty) -> Table | Non
             number(getattr(reduction.max_deviation_percent, m), 2), f"{far.cycle}", uncertain(u * math.sqrt(len(values))),
             uncertain(u),
         ))  # fmt: skip
+    if not rows:
+        return None
     return Table(
         id="repeatability",
         caption=f"Repeatability of {len(complete)} complete cycles.",
@@ -177,8 +182,8 @@ def repeatability_table(reduction: Reduction, found: Uncertainty) -> Table | Non
     )
 
 
-def uncertainty_table(reduction: Reduction, found: Uncertainty) -> Table:
-    """Uncertainty of each mean: of the sensors, of the repeatability, together, and the 95 % interval."""
+def uncertainty_table(reduction: Reduction, found: Uncertainty) -> Table | None:
+    """Uncertainty of each mean: of the sensors, of the repeatability, together, and the 95 % interval; None without any."""
     known = found.budget
     rows = []
     for m in METRICS:
@@ -194,6 +199,8 @@ def uncertainty_table(reduction: Reduction, found: Uncertainty) -> Table:
             f"{_end(found, m, 'low')} to {_end(found, m, 'high')}" if u else "–",
             "–" if alone is None else _span(alone.low, alone.high, getattr(known.sensors, m)),
         ))  # fmt: skip
+    if not rows:
+        return None
     return Table(
         id="uncertainty",
         caption="Standard uncertainty u of the means and 95 % intervals.",
@@ -208,7 +215,8 @@ def uncertainty_table(reduction: Reduction, found: Uncertainty) -> Table:
 def _how_stated(found: Uncertainty) -> str:
     """Where the stated uncertainties come from."""
     if not found.method:
-        return "The rig file states no accuracy for the sensors, so only the repeatability is known."
+        why = "; ".join(not_known(found.budget)) or "no metric is known"
+        return f"Only the repeatability is known; {why}."
     by_draws = [SYMBOL[m] for m in METRICS if found.method.get(m) == "monte_carlo"]
     which = "the Monte Carlo confirms the budget of every metric"
     if by_draws:
@@ -262,7 +270,8 @@ def bins_table(reduction: Reduction) -> Table | None:
     if not reduction.bins or not stages:
         return None
     rows = []
-    for b in reduction.bins:
+    step = -(-len(reduction.bins) // MOST_BINS)
+    for b in reduction.bins[::step]:
         powers: list[str] = []
         for s in stages:
             error = b.standard_error.get(s)
@@ -274,7 +283,8 @@ def bins_table(reduction: Reduction) -> Table | None:
         head=("Generator speed", "Samples", *(h for s in stages for h in (SYMBOL[f"power_{s}"], "±"))),
         units=("rpm", "", *("W" for _ in stages for _ in range(2))),
         rows=tuple(rows),
-        note="The standard error takes samples as independent, which smooth motion makes too small.",
+        note=("" if len(rows) == len(reduction.bins) else f"{len(rows)} of {len(reduction.bins)} bins, evenly chosen. ")
+        + "The standard error takes samples as independent, which smooth motion makes too small.",
     )
 
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 from winchcascade.cascade.efficiency import METRICS
-from winchcascade.cascade.uncertainty import budget
+from winchcascade.cascade.montecarlo import stated_uncertainty
 from winchcascade.report.wording import decisive, not_known, plain
 
 if TYPE_CHECKING:
@@ -35,9 +36,12 @@ def reduction_text(reduction: Reduction) -> str:
     Mean powers are those of the window; a cycle in brackets is incomplete and not in the mean. At most 80 columns wide
     for a crane trial.
     """
-    cycles, known = reduction.cycles, budget(reduction)
+    cycles, (known, stated) = reduction.cycles, stated_uncertainty(reduction)
     lines = [*_title(reduction), ""]
-    lines += [*_table(_RESULTS, cycles, _result_row, _summary_rows(reduction, known)), ""]
+    lines += [
+        *_table(_RESULTS, cycles, partial(_result_row, energy=_decimals(reduction)), _summary_rows(reduction, stated)),
+        "",
+    ]
     lines += _table(_PHASES, cycles, _phase_row, [])
     return "\n".join([*lines, "", *_uncertainty(known), *_findings(reduction)]) + "\n"
 
@@ -58,19 +62,19 @@ def _table(
     return lines
 
 
-def _summary_rows(reduction: Reduction, known: Budget) -> list[tuple[str, ...]]:
+def _summary_rows(reduction: Reduction, stated: Metrics) -> list[tuple[str, ...]]:
     complete = len(reduction.complete)
     rows = []
     if not complete:
         rows.append(("no mean: no complete cycle", *[""] * (len(_RESULTS[0]) - 1)))
     if complete:
-        rows.append(_metrics_row(f"mean of {complete}", "", reduction.mean, energy=0, eta=3))
+        rows.append(_metrics_row(f"mean of {complete}", "", reduction.mean, energy=_decimals(reduction), eta=3))
     if complete > 1:
         rows.append(_metrics_row("largest dev. %", "", reduction.max_deviation_percent, energy=2, eta=2))
-    if any(getattr(known.mean, m) is not None for m in METRICS):
-        rows.append(_metrics_row("std. uncertainty", "", known.mean, energy=0, eta=4))
+    if any(getattr(stated, m) is not None for m in METRICS):
+        rows.append(_metrics_row("std. uncertainty", "", stated, energy=_decimals(reduction), eta=4))
     if complete > 1 and reduction.window == "payout":  # windows differ in length, so sums tell what a mean does not
-        rows.append(_metrics_row("all together", "", reduction.total, energy=0, eta=3))
+        rows.append(_metrics_row("all together", "", reduction.total, energy=_decimals(reduction), eta=3))
     return rows
 
 
@@ -107,9 +111,16 @@ def _label(cycle: CycleResult) -> str:
     return f"{cycle.cycle}" if cycle.complete else f"({cycle.cycle})"
 
 
-def _result_row(cycle: CycleResult) -> tuple[str, ...]:
+def _decimals(reduction: Reduction) -> int:
+    """Decimals of the energies: none for hundreds of joules and more, else as many as give three digits."""
+    joules = [abs(e) for m in METRICS[:3] if (e := getattr(reduction.mean, m)) is not None]
+    largest = max(joules, default=0.0)
+    return 0 if largest >= 100 or largest == 0 else min(2 - math.floor(math.log10(largest)), 9)
+
+
+def _result_row(cycle: CycleResult, *, energy: int) -> tuple[str, ...]:
     window = f"{cycle.window.cutoff - cycle.window.onset:.2f}"
-    return _metrics_row(_label(cycle), window, cycle.metrics, energy=0, eta=3)
+    return _metrics_row(_label(cycle), window, cycle.metrics, energy=energy, eta=3)
 
 
 def _metrics_row(name: str, window: str, m: Metrics, *, energy: int, eta: int) -> tuple[str, ...]:

@@ -60,7 +60,7 @@ def readout(run: Run, cycles: Sequence[CycleResult], powers: Mapping[str, Signal
     shown = [(title, unit, run.channels[name], f) for name, title, unit, f in PANELS if name in run.channels]
     shown += [(f"P_{stage}", "W", x, 1.0) for stage, x in powers.items()]
     zero = clock_zero(run)
-    starts = np.unique_values(np.linspace(0, run.t.size, min(run.t.size, STRETCHES) + 1)[:-1].astype(np.intp))
+    starts = np.linspace(0, run.t.size, min(run.t.size, STRETCHES) + 1)[:-1].astype(np.intp)
     whole = run.t.size <= READ_OUT
     rows = []
     for title, unit, x, factor in shown:

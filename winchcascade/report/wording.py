@@ -66,6 +66,11 @@ def not_known(known: Budget) -> list[str]:
         sentences.append(
             f"unknown for lack of an accuracy of {names} (accuracy_full_scale under [sensors] of the rig file)"
         )
+    if known.undetermined:
+        names = ", ".join(known.undetermined)
+        sentences.append(
+            f"not determined for {names}: the errors of the sensors could take away all that it is made of"
+        )
     if known.exact and any(getattr(known.mean, metric) is not None for metric in METRICS):
         sentences.append(f"{', '.join(known.exact)} taken as exact")
     return sentences

@@ -1,0 +1,226 @@
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from winchcascade import read_run, reduce, uncertainty
+from winchcascade.cascade.efficiency import METRICS
+from winchcascade.errors import OptionError
+from winchcascade.published.check import (
+    Check,
+    CheckError,
+    Factors,
+    Measured,
+    check,
+    measured_from_record,
+    measured_from_reduction,
+)
+from winchcascade.report.records import FIELDS, reduction_record
+from winchcascade.table import Column, Row, Table, load_table
+
+LOADS = (45.0, 18.0, math.inf)
+DECIMALS = {"energy": ("kJ", 3, 1e3), "power": ("W", 0, 1.0), "eta": ("%", 1, 0.01)}
+COLUMNS = {metric: Column(*DECIMALS[metric.partition("_")[0]]) for metric in METRICS}
+JUST = 1e-3
+"""Share of the tolerance by which a value is put inside or outside of it."""
+
+
+def random_table(seed: int) -> Table:
+    rng = np.random.default_rng(seed)
+    rows = tuple(
+        Row(load, {m: round(float(rng.uniform(20.0, 900.0)), column.decimals) for m, column in COLUMNS.items()})
+        for load in LOADS
+    )
+    return Table("random", "random", "none", COLUMNS, rows)
+
+
+def exact_results(table: Table, seed: int = 0) -> list[Measured]:
+    """Results that are what the table prints, with a deviation and an uncertainty of each metric."""
+    rng = np.random.default_rng(seed)
+    results = []
+    for row in table.rows:
+        si = {m: printed * table.columns[m].factor for m, printed in row.cells.items()}
+        deviation: dict[str, float | None] = {m: float(rng.uniform(0.0, 20.0)) for m in METRICS}
+        doubt: dict[str, float | None] = {m: value * float(rng.uniform(0.0, 0.05)) for m, value in si.items()}
+        results.append(Measured(f"log {row.load:g}", row.load, dict(si), deviation, doubt))
+    return results
+
+
+def moved(results: list[Measured], table: Table, k: int, metric: str, share: float) -> list[Measured]:
+    """One value moved by a share of its own tolerance: m - p = share (h + d m + 2 u), solved for m."""
+    result, column = results[k], table.columns[metric]
+    deviation, doubt = result.deviation[metric] or 0.0, result.uncertainty[metric] or 0.0
+    fixed = column.rounding * column.factor + 2.0 * doubt
+    printed = table.rows[k].cells[metric] * column.factor
+    value = (printed + share * fixed) / (1.0 - share * deviation / 100.0)
+    changed = msgspec.structs.replace(result, mean={**result.mean, metric: value})
+    return [*results[:k], changed, *results[k + 1 :]]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_any_single_cell_beyond_its_tolerance_fails_and_within_it_passes(seed: int) -> None:
+    table = random_table(seed)
+    results = exact_results(table, seed)
+    assert check(results, table).ok
+    for k in range(len(table.rows)):
+        for metric in METRICS:
+            for sign in (-1.0, 1.0):
+                assert check(moved(results, table, k, metric, sign * (1.0 - JUST)), table).ok
+                beyond = check(moved(results, table, k, metric, sign * (1.0 + JUST)), table)
+                assert [(cell.load, cell.metric) for cell in beyond.misses] == [(LOADS[k], metric)]
+
+
+@pytest.mark.parametrize("part", ["rounding", "deviation", "uncertainty"])
+def test_a_factor_widens_and_narrows_its_part_alone(part: str) -> None:
+    table = random_table(0)
+    plain, wide = check(exact_results(table), table), check(exact_results(table), table, Factors(**{part: 3.0}))
+    for one, other in zip(plain.cells, wide.cells, strict=True):
+        for name in ("rounding", "deviation", "uncertainty"):
+            assert getattr(other, name) == pytest.approx((3.0 if name == part else 1.0) * getattr(one, name))
+        assert other.tolerance == other.rounding + other.deviation + other.uncertainty
+
+
+@pytest.mark.parametrize("value", [-1.0, math.nan, math.inf])
+def test_a_factor_that_is_no_number_from_zero_up_is_told(value: float) -> None:
+    with pytest.raises(OptionError, match=r"tolerance factor deviation is .*; expected a finite number"):
+        Factors(deviation=value)
+
+
+def test_the_parts_of_a_tolerance_are_in_the_printed_unit() -> None:
+    table = Table("t", "t", "s", {"energy_line": Column("kJ", 1, 1e3)}, (Row(18.0, {"energy_line": 11.7}),))
+    result = Measured("log", 18.0, {"energy_line": 12000.0}, {"energy_line": 5.0}, {"energy_line": 60.0})
+    (cell,) = check([result], table).cells
+    assert (cell.measured, cell.rounding, cell.deviation, cell.uncertainty) == pytest.approx((12.0, 0.05, 0.6, 0.12))
+    assert cell.difference == pytest.approx(0.3)
+    assert cell.missed_by == 0.0
+
+
+def test_a_metric_that_was_not_measured_fails_by_name() -> None:
+    table = random_table(1)
+    results = exact_results(table)
+    results[1] = msgspec.structs.replace(results[1], mean={**results[1].mean, "energy_gen": None})
+    (miss,) = check(results, table).misses
+    assert (miss.load, miss.metric, miss.outcome, miss.log) == (18.0, "energy_gen", "not_measured", "log 18")
+
+
+def test_a_single_cycle_has_no_deviation_which_counts_as_zero_and_is_said() -> None:
+    table = random_table(1)
+    results = exact_results(table)
+    results[0] = msgspec.structs.replace(results[0], deviation=dict.fromkeys(METRICS))
+    found = check(results, table)
+    assert all(cell.deviation == 0.0 for cell in found.cells if cell.load == 45.0)
+    assert found.notes == ("log 45: the largest deviation is not known, as of a single cycle; it counts as 0.",)
+
+
+def test_a_row_without_a_run_is_a_miss_of_a_campaign_and_left_out_of_a_single_log() -> None:
+    table = random_table(2)
+    results = exact_results(table)[:1]
+    assert {cell.outcome for cell in check(results, table).misses} == {"no_run"}
+    single = check(results, table, whole_campaign=False)
+    assert single.ok
+    assert {cell.load for cell in single.cells} == {45.0}
+    assert [note.partition(":")[0] for note in single.notes] == ["18 ohm", "open circuit"]
+
+
+def test_an_open_circuit_without_a_row_is_left_out_and_said() -> None:
+    table = msgspec.structs.replace(random_table(0), rows=random_table(0).rows[:2])
+    found = check(exact_results(random_table(0)), table)
+    assert found.ok
+    assert found.notes == ("log inf: open circuit; the table has no row for it, so it is left out.",)
+
+
+def with_load(load: float | None) -> Measured:
+    return Measured("odd.csv", load, {}, {}, {})
+
+
+@pytest.mark.parametrize(
+    ("extra", "sentence"),
+    [
+        (with_load(17.0), "odd.csv: 17 ohm has no row in random; expected one of 45 ohm, 18 ohm, open circuit"),
+        (with_load(18.0), "odd.csv: 18 ohm is the load of log 18 too; expected one log for each row"),
+        (with_load(math.inf), "odd.csv: open circuit is the load of log inf too"),
+        (with_load(None), "odd.csv: the load of this log is not known; give it as --load-ohm"),
+    ],
+)
+def test_a_log_that_has_no_place_in_the_table_is_one_sentence(extra: Measured, sentence: str) -> None:
+    table = random_table(0)
+    with pytest.raises(CheckError) as fault:
+        check([*exact_results(table), extra], table)
+    assert sentence in str(fault.value)
+
+
+def test_no_log_with_a_row_is_one_sentence() -> None:
+    with pytest.raises(CheckError, match="no log has a row in random; expected at least one log at one of 45 ohm"):
+        check([], random_table(0))
+
+
+@pytest.fixture(scope="module")
+def record() -> dict[str, Any]:
+    """Reduction of the shipped 36 ohm log, as it is written."""
+    log = Path(__file__).parents[2] / "fixtures" / "campaign" / "r36ohm.csv"
+    reduction = reduce(read_run(log, load=36.0), window=5.48)
+    return reduction_record(reduction, uncertainty(reduction, draws=500))
+
+
+def test_a_written_reduction_says_the_same_as_the_reduction(fixtures: Path) -> None:
+    reduction = reduce(read_run(fixtures / "campaign" / "r36ohm.csv", load=36.0), window=5.48)
+    found = uncertainty(reduction, draws=500)
+    written = json.loads(json.dumps(reduction_record(reduction, found)))
+    direct = measured_from_reduction(reduction, found)
+    assert measured_from_record(written, "x.json") == msgspec.structs.replace(direct, name=reduction.run.path)
+
+
+def test_the_fields_of_a_written_reduction_are_those_that_are_read(record: dict[str, Any]) -> None:
+    measured = measured_from_record(record, "x.json")
+    assert dict(measured.mean) == {metric: record["mean"][field] for metric, field in FIELDS.items()}
+
+
+def test_the_shipped_36_ohm_log_agrees_with_the_paper(record: dict[str, Any]) -> None:
+    found: Check = check([measured_from_record(record, "x.json")], load_table("hsu2026-table2"), whole_campaign=False)
+    assert found.ok
+    assert len(found.cells) == 9
+
+
+def test_a_reduction_without_uncertainty_says_so(fixtures: Path) -> None:
+    reduction = reduce(read_run(fixtures / "campaign" / "r36ohm.csv", load=36.0), window=5.48)
+    found = check([measured_from_reduction(reduction)], load_table("hsu2026-table2"), whole_campaign=False)
+    assert "r36ohm.csv: the standard uncertainty is not known; it counts as 0." in found.notes
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"schema": "winchcascade/check/1"}, "its schema is 'winchcascade/check/1'; expected winchcascade/reduction/1"),
+        ({"log": None}, "log is None; expected an object"),
+        ({"log": {"load_ohm": "36"}}, "load_ohm is '36'; expected ohms above 0 or null"),
+        ({"log": {"load_ohm": True}}, "load_ohm is True; expected ohms above 0 or null"),
+        ({"mean": []}, "mean is []; expected an object"),
+        ({"mean": {"energy_line_j": "7"}}, "mean energy_line_j is '7'; expected a number or null"),
+        ({"mean": {"energy_line_j": math.nan}}, "mean energy_line_j is nan; expected a number or null"),
+        (
+            {"standard_uncertainty": {"eta_pto": -0.1}},
+            "standard_uncertainty eta_pto is -0.1; expected a number that is not",
+        ),
+    ],
+)
+def test_a_record_that_is_no_reduction_is_one_sentence(
+    record: dict[str, Any], change: dict[str, Any], sentence: str
+) -> None:
+    with pytest.raises(CheckError) as fault:
+        measured_from_record({**record, **change}, "x.json")
+    assert str(fault.value).startswith(f"x.json: {sentence}")
+
+
+def test_a_record_that_is_no_object_is_told() -> None:
+    with pytest.raises(CheckError, match=r"x.json: its schema is None"):
+        measured_from_record([1], "x.json")
+
+
+def test_an_open_circuit_is_read_from_its_mark(record: dict[str, Any]) -> None:
+    log = {**record["log"], "load_ohm": None}
+    assert measured_from_record({**record, "log": {**log, "open_circuit": True}}, "x").load == math.inf
+    assert measured_from_record({**record, "log": {**log, "open_circuit": False}}, "x").load is None

@@ -1,0 +1,284 @@
+"""Figures draw what was reduced, with units on their axes, and turn into SVG that a page can hold several of."""
+
+import re
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree
+
+import matplotlib
+import msgspec
+import numpy as np
+import pytest
+
+from winchcascade.cascade.efficiency import Metrics
+from winchcascade.cascade.montecarlo import Uncertainty, uncertainty
+from winchcascade.cascade.reduce import Reduction, reduce
+from winchcascade.ingest.read import read_run
+from winchcascade.report import figures
+from winchcascade.report.style import COLOURS, house_style, svg_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+FIXTURES = Path(__file__).parents[2] / "fixtures"
+LOGS = {
+    "clean": "campaign/r36ohm.csv",
+    "aborted": "damaged_logs/aborted.csv",
+    "no torque": "damaged_logs/no_torque.csv",
+    "open circuit": "campaign/open_circuit.csv",
+}
+DRAWN_LOGS = ("clean", "aborted")
+"""Those that are turned into SVG, which takes a second each."""
+
+EPOCH = 1_776_506_400.0
+
+Result = tuple[Reduction, Uncertainty]
+
+
+@pytest.fixture(scope="module")
+def results() -> dict[str, Result]:
+    reductions = {
+        name: reduce(read_run(FIXTURES / log, load=float("inf") if name == "open circuit" else None))
+        for name, log in LOGS.items()
+    }
+    return {name: (reduction, uncertainty(reduction, draws=2000)) for name, reduction in reductions.items()}
+
+
+@pytest.fixture(scope="module")
+def clean(results: dict[str, Result]) -> Result:
+    return results["clean"]
+
+
+def drawn(result: Result) -> Iterator[tuple[str, "Figure"]]:
+    """Every figure that a log has."""
+    reduction, found = result
+    powers = figures.powers_of(reduction)
+    every = {
+        "flow": figures.energy_flow(reduction),
+        "histories": figures.time_histories(reduction, powers),
+        "streams": figures.power_streams(reduction, powers),
+        "overlaid": figures.overlaid(reduction, powers, None, None),
+        "budget": figures.uncertainty_bars(found.budget),
+    }
+    yield from ((name, figure) for name, figure in every.items() if figure is not None)
+
+
+@pytest.fixture(scope="module")
+def svgs(results: dict[str, Result]) -> dict[str, dict[str, str]]:
+    found = {}
+    for log in DRAWN_LOGS:
+        with house_style():
+            found[log] = {name: svg_text(figure, name) for name, figure in drawn(results[log])}
+    return found
+
+
+def line(figure: "Figure", gid: str) -> "Line2D":
+    (found,) = (line for ax in figure.axes for line in ax.lines if line.get_gid() == gid)
+    return found
+
+
+@pytest.mark.parametrize("log", LOGS)
+def test_every_axis_in_use_has_a_name_or_a_unit(results: dict[str, Result], log: str) -> None:
+    for name, figure in drawn(results[log]):
+        axes = [ax for ax in figure.axes if ax.axison and ax.get_visible()]
+        if name == "histories":  # panels above each other share the time axis
+            assert axes[-1].get_xlabel() == "Time (s)"
+        elif name != "overlaid":
+            assert all(re.search(r"\(.+\)", ax.get_xlabel()) for ax in axes), name
+        if name != "budget":
+            assert all(ax.get_ylabel() for ax in axes), name
+
+
+@pytest.mark.parametrize("log", LOGS)
+def test_histories_draw_every_channel_with_its_peaks(results: dict[str, Result], log: str) -> None:
+    reduction, _ = results[log]
+    run, powers = reduction.run, figures.powers_of(reduction)
+    figure = figures.time_histories(reduction, powers)
+    in_si = {name: factor for name, _, _, factor in figures.PANELS}
+    assert set(run.channels) <= set(in_si)
+    for name, x in run.channels.items():
+        y = np.asarray(line(figure, f"trace-{name}").get_ydata())
+        assert [y.min(), y.max()] == pytest.approx([x.min() * in_si[name], x.max() * in_si[name]])
+    for stage, x in powers.items():
+        y = np.asarray(line(figure, f"trace-power_{stage}").get_ydata())
+        assert [y.min(), y.max()] == pytest.approx([x.min(), x.max()])
+
+
+def test_a_large_force_is_drawn_in_thousands_and_says_so(clean: Result) -> None:
+    reduction, _ = clean
+    large = {"velocity": reduction.run.channels["velocity"], "force": 20.0 * reduction.run.channels["force"]}
+    run = msgspec.structs.replace(reduction.run, channels=large)
+    figure = figures.time_histories(msgspec.structs.replace(reduction, run=run), {})
+    y = np.asarray(line(figure, "trace-force").get_ydata())
+    assert y.max() == pytest.approx(large["force"].max() / 1000.0)
+    assert figure.axes[1].get_ylabel() == "kN"
+
+
+def test_a_log_with_seconds_of_an_epoch_is_drawn_from_zero(clean: Result) -> None:
+    run = msgspec.structs.replace(clean[0].run, t=clean[0].run.t + EPOCH)
+    reduction = reduce(run)
+    figure = figures.time_histories(reduction, figures.powers_of(reduction))
+    assert figure.axes[-1].get_xlim()[0] == 0.0
+    assert f"since {EPOCH + clean[0].run.t[0]:.2f} s" in figure.axes[-1].get_xlabel()
+    edges = [line for line in figure.axes[0].lines if str(line.get_gid()).startswith("edge-1")]
+    first = reduction.cycles[0].window
+    times = sorted(float(np.asarray(edge.get_xdata())[0]) for edge in edges)
+    assert times == pytest.approx([first.onset - run.t[0], first.cutoff - run.t[0]])
+
+
+@pytest.mark.parametrize("log", LOGS)
+def test_windows_of_all_cycles_are_marked_incomplete_ones_dotted(results: dict[str, Result], log: str) -> None:
+    reduction, _ = results[log]
+    figure = figures.time_histories(reduction, figures.powers_of(reduction))
+    for c in reduction.cycles:
+        edges = [line for line in figure.axes[0].lines if re.match(rf"edge-{c.cycle}\b", str(line.get_gid()))]
+        assert sorted(float(np.asarray(e.get_xdata())[0]) for e in edges) == [c.window.onset, c.window.cutoff]
+        assert {e.get_linestyle() for e in edges} == {"--" if c.complete else ":"}
+
+
+def test_the_energy_flow_names_energies_losses_and_efficiencies(clean: Result) -> None:
+    reduction, _ = clean
+    mean = Metrics(energy_line=8000.0, energy_mech=6000.0, energy_gen=4500.0, eta_trans=0.75, eta_gen=0.75, eta_pto=0.5)
+    figure = figures.energy_flow(msgspec.structs.replace(reduction, mean=mean))
+    assert figure is not None
+    said = " ".join(text.get_text() for text in figure.axes[0].texts)
+    for words in ("8000 J", "6000 J", "4500 J", "lost: 2000 J, 25.0 %", "lost: 1500 J, 18.8 %", "= 0.750"):
+        assert words in said
+
+
+@pytest.mark.parametrize(
+    "mean",
+    [
+        Metrics(),
+        Metrics(energy_line=8000.0),
+        Metrics(energy_line=8000.0, energy_mech=9000.0),
+        Metrics(energy_line=8000.0, energy_gen=0.0),
+        Metrics(energy_line=-1.0, energy_gen=-2.0),
+    ],
+    ids=["nothing", "one stage", "a gain", "nothing delivered", "negative"],
+)
+def test_energies_that_do_not_fall_have_no_flow_diagram(clean: Result, mean: Metrics) -> None:
+    assert figures.energy_flow(msgspec.structs.replace(clean[0], mean=mean)) is None
+
+
+def test_overlaid_cycles_begin_a_second_before_their_onset_and_name_best_and_worst(clean: Result) -> None:
+    reduction, _ = clean
+    figure = figures.overlaid(reduction, figures.powers_of(reduction), 3, 1)
+    assert figure is not None
+    step = 1.0 / reduction.run.fs
+    for ax in (ax for ax in figure.axes if ax.get_visible()):
+        named = {str(trace.get_label()): trace for trace in ax.lines}
+        assert {"best, cycle 3", "worst, cycle 1", "other cycles"} <= set(named)
+        for label in ("best, cycle 3", "worst, cycle 1", "other cycles"):
+            assert float(np.asarray(named[label].get_xdata())[0]) == pytest.approx(-1.0, abs=step)
+    assert figure.legends
+
+
+def test_of_many_cycles_an_even_selection_is_laid_over_with_best_and_worst(clean: Result) -> None:
+    reduction, _ = clean
+    cycles = tuple(msgspec.structs.replace(reduction.cycles[k % 3], cycle=k + 1) for k in range(300))
+    figure = figures.overlaid(msgspec.structs.replace(reduction, cycles=cycles), {}, 2, 299)
+    assert figure is not None
+    labels = [str(trace.get_label()) for trace in figure.axes[0].lines]
+    assert labels.count("best, cycle 2") == labels.count("worst, cycle 299") == 1
+    assert labels.count("other cycles") in range(figures.OVERLAID - 2, figures.OVERLAID + 1)
+
+
+def test_bars_of_the_uncertainty_fill_the_axis(clean: Result) -> None:
+    figure = figures.uncertainty_bars(clean[1].budget)
+    assert figure is not None
+    (ax,) = figure.axes
+    bars: dict[float, list[tuple[float, float]]] = {}
+    for bar in ax.patches:
+        box = bar.get_path().get_extents(bar.get_patch_transform())
+        bars.setdefault(round(0.5 * (box.y0 + box.y1), 6), []).append((box.x0, box.x1))
+    assert len(bars) == 6  # three efficiencies, three energies
+    for parts in bars.values():
+        begins, ends = zip(*sorted(parts), strict=True)
+        assert [*begins, 100.0] == pytest.approx([0.0, *ends])
+
+
+def test_a_drift_is_drawn_over_the_cycles_where_there_are_many(clean: Result) -> None:
+    reduction, _ = clean
+    cycles = tuple(msgspec.structs.replace(reduction.cycles[k % 3], cycle=k + 1) for k in range(9))
+    figure = figures.trend(msgspec.structs.replace(reduction, cycles=cycles))
+    assert figure is not None
+    assert figures.trend(reduction) is None
+    dots = {
+        str(trace.get_label()): trace for ax in figure.axes for trace in ax.lines if trace.get_linestyle() == "None"
+    }
+    trans = dots[r"$\eta_\mathrm{trans}$"]
+    assert np.asarray(trans.get_xdata()).tolist() == list(range(1, 10))
+    assert np.asarray(trans.get_ydata()).tolist() == [c.metrics.eta_trans for c in cycles]
+
+
+def test_without_powers_there_is_no_figure_of_them(clean: Result) -> None:
+    assert figures.power_streams(clean[0], {}) is None
+
+
+def test_bins_are_drawn_at_their_means(clean: Result) -> None:
+    reduction, _ = clean
+    figure = figures.power_streams(reduction, figures.powers_of(reduction))
+    assert figure is not None
+    (means,) = (trace for trace in figure.axes[1].lines if trace.get_label() == r"$P_\mathrm{gen}$")
+    assert np.asarray(means.get_ydata()).tolist() == pytest.approx([b.power["gen"] for b in reduction.bins])
+    middle = [0.5 * (b.rpm_low + b.rpm_high) for b in reduction.bins]
+    assert np.asarray(means.get_xdata()).tolist() == pytest.approx(middle)
+
+
+@pytest.mark.parametrize("log", DRAWN_LOGS)
+def test_references_in_a_drawing_lead_to_ids_of_its_own(svgs: dict[str, dict[str, str]], log: str) -> None:
+    for name, text in svgs[log].items():
+        root = ElementTree.fromstring(text)
+        assert root.tag == "{http://www.w3.org/2000/svg}svg"
+        ids = {element.attrib["id"] for element in root.iter() if "id" in element.attrib}
+        assert all(found.startswith(f"{name}-") for found in ids)
+        wanted = re.findall(r'(?:href="|url\()#([^")]+)', text)
+        assert wanted
+        assert set(wanted) <= ids
+
+
+@pytest.mark.parametrize("log", DRAWN_LOGS)
+def test_no_id_stands_twice_in_a_drawing(svgs: dict[str, dict[str, str]], log: str) -> None:
+    for text in svgs[log].values():
+        times = Counter(re.findall(r'\bid="([^"]*)"', text))
+        assert {found: n for found, n in times.items() if n > 1} == {}
+
+
+@pytest.mark.parametrize("log", DRAWN_LOGS)
+def test_a_drawing_uses_the_named_colours_alone(svgs: dict[str, dict[str, str]], log: str) -> None:
+    for name, text in svgs[log].items():
+        used = set(re.findall(r"(?:fill|stroke|stop-color|color)(?:: |=\")(#[0-9a-fA-F]{3,8})\b", text))
+        assert used, name
+        assert used <= set(COLOURS.values()), name
+
+
+def test_the_same_figure_gives_the_same_bytes(clean: Result, svgs: dict[str, dict[str, str]]) -> None:
+    reduction, found = clean
+    with house_style():
+        for name, figure in (
+            ("streams", figures.power_streams(reduction, figures.powers_of(reduction))),
+            ("budget", figures.uncertainty_bars(found.budget)),
+        ):
+            assert figure is not None
+            assert svg_text(figure, name) == svgs["clean"][name]
+
+
+def test_colours_are_told_apart_and_stand_for_one_name_each() -> None:
+    assert len(set(COLOURS.values())) == len(COLOURS)
+    light = [
+        sum(w * int(COLOURS[n][k : k + 2], 16) for w, k in ((0.3, 1), (0.59, 3), (0.11, 5)))
+        for n in ("line", "mech", "gen")
+    ]
+    assert light == sorted(light)  # from dark to light, so that a grey print tells them apart
+
+
+def test_the_house_style_leaves_no_trace_in_the_users_settings() -> None:
+    with matplotlib.rc_context({"lines.linewidth": 7.0, "svg.fonttype": "none"}):
+        before = dict(matplotlib.rcParams)
+        with house_style():
+            assert matplotlib.rcParams["lines.linewidth"] != 7.0
+        assert dict(matplotlib.rcParams) == before

@@ -1,0 +1,1 @@
+"""Tables that others have printed: results checked against them, and the tables held against themselves."""
