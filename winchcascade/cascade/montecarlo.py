@@ -101,12 +101,13 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED, draws: int = DRAWS) -
     complete = np.array([c.complete for c in reduction.cycles], dtype=bool)
     spread = _draw(reduction, stage_integrals(reduction), complete, known, rng, draws) if complete.any() else {}
     n = len(reduction.complete)
+    student = rng.standard_t(n - 1, draws) if n > 1 else np.zeros(draws)
     drawn, whole, alone = {}, {}, {}
     for metric, x in spread.items():
         scatter = getattr(known.repeatability, metric) or 0.0
         drawn[metric] = float(np.hypot(np.std(x), scatter))
         alone[metric] = _interval(x)
-        whole[metric] = _interval(x + scatter * rng.standard_t(n - 1, draws)) if scatter else alone[metric]
+        whole[metric] = _interval(x + scatter * student) if scatter else alone[metric]
     within = max(LINEAR_WITHIN, 3.0 / np.sqrt(draws))
     method: dict[str, Method] = {
         m: "gum" if abs(u - getattr(known.mean, m)) <= within * u else "monte_carlo" for m, u in drawn.items()
