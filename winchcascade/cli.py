@@ -6,7 +6,7 @@ import os
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, NoReturn
 
 import typer
 
@@ -28,6 +28,9 @@ RigOption = Annotated[
 WindowOption = Annotated[
     str | None,
     typer.Option("--window", metavar="RULE", help="auto, payout, or a length in seconds; the rig's rule by default."),
+]
+JsonOption = Annotated[
+    str | None, typer.Option("--json", metavar="FILE", help="Write the result as JSON; - prints it alone.")
 ]
 JobsOption = Annotated[
     int | None, typer.Option("--jobs", metavar="N", min=1, help="Processes; by default one for each processor.")
@@ -72,9 +75,7 @@ def reduce_command(
         float | None, typer.Option("--load-ohm", metavar="OHM", help="Load resistance; inf is an open circuit.")
     ] = None,
     window: WindowOption = None,
-    json: Annotated[
-        str | None, typer.Option("--json", metavar="FILE", help="Write the reduction as JSON; - prints it alone.")
-    ] = None,
+    json: JsonOption = None,
     parquet: Annotated[
         Path | None, typer.Option("--parquet", metavar="FOLDER", help="Write cycles, bins and findings as Parquet.")
     ] = None,
@@ -204,6 +205,120 @@ def batch_command(
         )  # fmt: skip
     print(campaign_text(batch.summary, out, kept=batch.kept), end="")
     raise typer.Exit(1 if batch.faults else 0)
+
+
+@app.command("check")
+def check_command(
+    results: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RESULTS|CAMPAIGN",
+            help="A campaign, the folder of a batch, or a reduction's JSON.",
+            show_default=False,
+        ),
+    ],
+    against: Annotated[
+        str,
+        typer.Option(
+            "--against", metavar="TABLE", help="Table file, or the built-in hsu2026-table2.", show_default=False
+        ),
+    ],
+    tolerance: Annotated[
+        list[str] | None,
+        typer.Option("--tolerance", metavar="PART=FACTOR", help="Widen or narrow rounding, deviation or uncertainty."),
+    ] = None,
+    junit: Annotated[Path | None, typer.Option("--junit", metavar="FILE", help="Write a JUnit file.")] = None,
+    github: Annotated[bool, typer.Option("--github", help="Print annotations for GitHub, too.")] = False,
+    json: JsonOption = None,
+    jobs: JobsOption = None,
+    force: ForceOption = False,
+) -> None:
+    """Compare results with a published table, cell by cell. Exit code 1 if any cell misses.
+
+    A cell agrees within the table's rounding, the largest deviation of the measured cycles and twice the standard
+    uncertainty together.
+    """
+    from winchcascade.batch.results import load_results
+    from winchcascade.published.check import Factors, check, measured_from_record
+    from winchcascade.report.check_text import check_record, check_text, github_annotations, junit_xml
+    from winchcascade.table import load_table
+    from winchcascade.tasks import processes
+
+    inputs = [results, Path(against)]
+    _check_outputs({"--junit": junit, "--json": Path(json) if json else None}, inputs, force=force)
+    factors = Factors(**_factors(tolerance or []))
+    table = load_table(against)
+    found = load_results(results, jobs=jobs or processes())
+    measured = [measured_from_record(record, name) for name, record in found.records]
+    outcome = check(measured, table, factors, whole_campaign=found.whole)
+    if junit is not None:
+        _write_text(junit, junit_xml(outcome), force)
+    if not _write_json(json, check_record(outcome), force):
+        print(check_text(outcome), end="")
+    if github:
+        print(github_annotations(outcome, table.path), end="", file=sys.stderr if json == "-" else sys.stdout)
+    raise typer.Exit(0 if outcome.ok else 1)
+
+
+def _factors(options: Sequence[str]) -> dict[str, float]:
+    """Read PART=FACTOR options."""
+    factors: dict[str, float] = {}
+    for option in options:
+        name, _, text = option.partition("=")
+        try:
+            value = float(text)
+        except ValueError:
+            value = -1.0
+        if name not in ("rounding", "deviation", "uncertainty") or not 0 <= value < 1e6:
+            raise OptionError(
+                f"--tolerance {option}: expected rounding, deviation or uncertainty and a factor, such as uncertainty=1.5."
+            )
+        factors[name] = value
+    return factors
+
+
+@app.command("audit")
+def audit_command(
+    table: Annotated[
+        str, typer.Argument(metavar="TABLE", help="Table file, or the built-in hsu2026-table2.", show_default=False)
+    ],
+    json: JsonOption = None,
+    force: ForceOption = False,
+) -> None:
+    """Hold a published table against itself and the text around it, without any log. Exit code 1 on a contradiction."""
+    from winchcascade.published.audit import audit
+    from winchcascade.report.check_text import audit_record, audit_text
+    from winchcascade.table import load_table
+
+    _check_outputs({"--json": Path(json) if json else None}, [Path(table)], force=force)
+    outcome = audit(load_table(table))
+    if not _write_json(json, audit_record(outcome), force):
+        print(audit_text(outcome), end="")
+    raise typer.Exit(0 if outcome.ok else 1)
+
+
+def _write_json(target: str | None, record: dict[str, Any], force: bool) -> bool:
+    """Write a record as JSON if that is wanted; tells whether standard output holds it, and so must hold nothing else."""
+    if target is None:
+        return False
+    import msgspec
+
+    content = msgspec.json.format(msgspec.json.encode(record), indent=1).decode() + "\n"
+    if target == "-":
+        print(content, end="")
+        return True
+    _write_text(Path(target), content, force)
+    return False
+
+
+def _write_text(path: Path, text: str, force: bool) -> None:
+    from winchcascade.files import write_whole
+
+    write_whole(path, lambda part: _fill(part, text), force=force)
+
+
+def _fill(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8")
 
 
 @app.command("demo")

@@ -1,0 +1,77 @@
+"""Results to compare with a table: a reduction, the folder of a batch, or a campaign that is reduced for it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from winchcascade.batch.plan import make_plan
+from winchcascade.batch.run import SCHEMA as CAMPAIGN_SCHEMA
+from winchcascade.batch.work import Order, reduce_log
+from winchcascade.campaign import CAMPAIGN_FILE
+from winchcascade.errors import LogError, OptionError
+from winchcascade.tasks import run_here
+
+
+class Results(msgspec.Struct, frozen=True):
+    """Reductions as JSON records, each with the name of its log; `whole` tells a campaign from a single log."""
+
+    records: tuple[tuple[str, dict[str, Any]], ...]
+    whole: bool
+
+
+def load_results(target: Path, *, jobs: int = 1) -> Results:
+    """Load results, or make them of a campaign.
+
+    Raises
+    ------
+    OptionError : the target is none of these, or not readable
+    LogError : a log of the campaign cannot be used, or failed in the batch
+    """
+    if target.is_dir() and (target / "campaign.json").is_file() and not (target / CAMPAIGN_FILE).is_file():
+        return _of_batch(target)
+    if target.is_dir() or target.suffix == ".toml":
+        return _of_campaign(target, jobs)
+    record = _json(target)
+    if record.get("schema") == CAMPAIGN_SCHEMA:
+        return _of_batch(target.parent)
+    return Results(((target.name, record),), whole=False)
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=dict[str, Any])
+    except OSError as fault:
+        raise OptionError(
+            f"{path}: cannot be read ({fault.strerror}); expected a campaign, the folder of a batch or a reduction's JSON."
+        ) from None
+    except msgspec.DecodeError as fault:
+        raise OptionError(
+            f"{path}: is no JSON of a reduction ({fault}); expected a campaign, the folder of a batch or a reduction's JSON."
+        ) from None
+
+
+def _of_batch(folder: Path) -> Results:
+    summary = _json(folder / "campaign.json")
+    if summary.get("schema") != CAMPAIGN_SCHEMA:
+        raise OptionError(
+            f"{folder / 'campaign.json'}: is no summary of a batch; expected the schema {CAMPAIGN_SCHEMA}."
+        )
+    for run in summary["runs"]:
+        if run["fault"] is not None:
+            raise LogError(
+                f"{folder}: {run['name']} failed in this batch ({run['fault']}) Mend the log or leave it out."
+            )
+    return Results(tuple((run["name"], _json(folder / run["result"])) for run in summary["runs"]), whole=True)
+
+
+def _of_campaign(target: Path, jobs: int) -> Results:
+    plan = make_plan([str(target)])
+    found: dict[int, dict[str, Any]] = {}
+    for outcome in run_here(reduce_log, [Order(work) for work in plan.work], workers=jobs):
+        if outcome.value is None:
+            raise LogError(f"{outcome.fault}")
+        found[outcome.place] = msgspec.json.decode(outcome.value.files["json"])
+    return Results(tuple((plan.work[k].name, found[k]) for k in sorted(found)), whole=True)
