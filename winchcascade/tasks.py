@@ -164,7 +164,7 @@ def run_there(work: Callable[[Job], Done], jobs: Sequence[Job], *, scheduler: st
         chunks = [range(k, min(k + size, len(jobs))) for k in range(0, len(jobs), size)]
         futures = [client.submit(_several, work, list(c), [jobs[k] for k in c], pure=False) for c in chunks]
         held = dict(zip((f.key for f in futures), chunks, strict=True))
-        for future in as_completed(futures):  # type: ignore[no-untyped-call]
+        for future in as_completed(futures, loop=client.loop):  # type: ignore[no-untyped-call]
             if future.status == "finished":
                 yield from future.result()
             else:
