@@ -16,7 +16,7 @@ from winchcascade.report.records import table_rows, table_schema
 TABLES = ("runs", "cycles", "bins", "findings")
 SCHEMA = "winchcascade/dataset/1"
 
-_ROWS = 4096
+_ROWS = 1000
 """Rows that are held before they are written: memory does not grow with the number of logs."""
 
 _SHEET_ROWS = 1_048_575

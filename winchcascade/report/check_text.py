@@ -22,7 +22,7 @@ CHECK_SCHEMA = "winchcascade/check/1"
 AUDIT_SCHEMA = "winchcascade/audit/1"
 _WIDTH = 100
 _HEAD = ("metric", "printed", "found", "differs", "allowed", "= rounding", "+ deviation", "+ 2 u", "")
-_VERDICTS = {"contradicted": "CONTRADICTED", "confirmed": "confirmed", "not_checkable": "not to be told"}
+_VERDICTS = {"contradicted": "CONTRADICTED", "not_checkable": "not to be told"}
 
 
 def check_text(check: Check) -> str:
@@ -55,10 +55,12 @@ def audit_text(audit: Audit) -> str:
         lines += _wrapped(_remedy(item), indent="    ") if item.kind == "row" else []
     if audit.claims:
         lines += ["", f"claims of the text: {len(audit.claims)}, contradicted: {len(audit.contradicted) or 'none'}"]
-    for verdict in _VERDICTS:
+    for verdict in ("contradicted", "not_checkable"):
         for claim in audit.claims:
             if claim.verdict == verdict:
                 lines += _item(f"{_VERDICTS[verdict]}: {claim.sentence} [{claim.claim.where}]")
+    confirmed = sum(claim.verdict == "confirmed" for claim in audit.claims)
+    lines += _item(f"confirmed: {confirmed}, each in the JSON") if confirmed else []
     return "\n".join([*lines, *_windows(audit), "", _audit_summary(audit)]) + "\n"
 
 
