@@ -239,6 +239,7 @@ def check_command(
     uncertainty together.
     """
     from winchcascade.batch.results import load_results
+    from winchcascade.files import write_content
     from winchcascade.published.check import Factors, check, measured_from_record
     from winchcascade.report.check_text import check_record, check_text, github_annotations, junit_xml
     from winchcascade.table import load_table
@@ -252,7 +253,7 @@ def check_command(
     measured = [measured_from_record(record, name) for name, record in found.records]
     outcome = check(measured, table, factors, whole_campaign=found.whole)
     if junit is not None:
-        _write_text(junit, junit_xml(outcome), force)
+        write_content(junit, junit_xml(outcome), force=force)
     if not _write_json(json, check_record(outcome), force):
         print(check_text(outcome), end="")
     if github:
@@ -303,22 +304,14 @@ def _write_json(target: str | None, record: dict[str, Any], force: bool) -> bool
         return False
     import msgspec
 
+    from winchcascade.files import write_content
+
     content = msgspec.json.format(msgspec.json.encode(record), indent=1).decode() + "\n"
     if target == "-":
         print(content, end="")
         return True
-    _write_text(Path(target), content, force)
+    write_content(Path(target), content, force=force)
     return False
-
-
-def _write_text(path: Path, text: str, force: bool) -> None:
-    from winchcascade.files import write_whole
-
-    write_whole(path, lambda part: _fill(part, text), force=force)
-
-
-def _fill(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8")
 
 
 @app.command("demo")

@@ -50,6 +50,16 @@ def write_whole(path: Path, write: Callable[[Path], None], *, force: bool = Fals
         part.unlink(missing_ok=True)
 
 
+def write_content(path: Path, content: bytes | str, *, force: bool = False) -> None:
+    """Write bytes, or a text as UTF-8, into a file; whole or not at all. Raises as `write_whole`."""
+    data = content.encode() if isinstance(content, str) else content
+    write_whole(path, lambda part: _fill(part, data), force=force)
+
+
+def _fill(path: Path, data: bytes) -> None:
+    path.write_bytes(data)
+
+
 def check_replaceable(path: Path, *, force: bool) -> None:
     """Refuse to replace what this tool did not write, and a folder; called before long work begins."""
     if path.is_dir():

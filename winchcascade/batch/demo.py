@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from winchcascade.errors import OutputError
-from winchcascade.files import write_whole
+from winchcascade.files import write_content
 
 _PACKAGE = Path(__file__).parent.parent
 
@@ -33,9 +33,5 @@ def copy_campaign(folder: Path, *, force: bool = False) -> Path:
             continue
         if copy.exists() and not force:
             raise OutputError(f"{copy}: exists with another content; give --out a new folder or add --force.")
-        write_whole(copy, lambda part, content=content: _write(part, content), force=True)  # type: ignore[misc]
+        write_content(copy, content, force=True)
     return folder / "campaign.toml"
-
-
-def _write(path: Path, content: bytes) -> None:
-    path.write_bytes(content)

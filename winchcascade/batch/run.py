@@ -16,7 +16,7 @@ from winchcascade.addresses import fingerprint
 from winchcascade.batch.dataset import TABLES, write_dataset, write_workbook
 from winchcascade.batch.work import Order, reduce_log, write_made
 from winchcascade.errors import OutputError
-from winchcascade.files import write_whole
+from winchcascade.files import write_content
 from winchcascade.tasks import Outcome, run_here, run_there
 
 if TYPE_CHECKING:
@@ -198,13 +198,8 @@ def _put_together(plan: Plan, batch: Batch, reports: Sequence[str], *, workbook:
         from winchcascade.report.campaign import write_campaign_reports
 
         write_campaign_reports(summary, out, reports, command=command)
-    content = msgspec.json.encode(summary) + b"\n"
-    write_whole(out / "campaign.json", lambda part: _write(part, content), force=True)
+    write_content(out / "campaign.json", msgspec.json.encode(summary) + b"\n", force=True)
     return summary
-
-
-def _write(path: Path, content: bytes) -> None:
-    path.write_bytes(content)
 
 
 def _state(plan: Plan, batch: Batch) -> str:

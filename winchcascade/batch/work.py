@@ -12,7 +12,7 @@ from winchcascade.addresses import local_copy
 from winchcascade.batch.plan import Work
 from winchcascade.cascade.montecarlo import uncertainty
 from winchcascade.cascade.reduce import reduce, require_payouts
-from winchcascade.files import write_whole
+from winchcascade.files import write_content
 from winchcascade.ingest.read import read_run
 from winchcascade.report.records import reduction_record
 
@@ -72,8 +72,4 @@ def reduce_log(order: Order) -> Made:
 def write_made(made: Made, folder: Path) -> None:
     """Write the files of one log, each whole, the JSON last."""
     for ending, content in made.files.items():
-        write_whole(folder / f"{made.name}.{ending}", lambda part, content=content: _write(part, content), force=True)  # type: ignore[misc]
-
-
-def _write(path: Path, content: bytes) -> None:
-    path.write_bytes(content)
+        write_content(folder / f"{made.name}.{ending}", content, force=True)

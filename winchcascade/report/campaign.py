@@ -13,7 +13,7 @@ from winchcascade import __version__
 from winchcascade.report import campaign_figures as figures
 from winchcascade.report import campaign_tables as tables
 from winchcascade.report.digits import percent, stated
-from winchcascade.report.document import made_on, picture, section
+from winchcascade.report.document import made_on, picture, provenance_table, section
 from winchcascade.report.layout import Note, Point, Report, Table, Tile
 from winchcascade.report.style import house_style
 
@@ -198,11 +198,4 @@ def _provenance(summary: Mapping[str, Any], runs: Sequence[tables.Run], command:
         ("Command", command),
         ("Made on", made_on()),
     ]
-    return Table(
-        id="provenance",
-        caption="What the report was made from, and how.",
-        head=("Item", "Value"),
-        units=("", ""),
-        rows=tuple(row for row in rows if row[1]),
-        text_columns=(0, 1),
-    )
+    return provenance_table(rows)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import platform
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -299,6 +300,11 @@ def _provenance(reduction: Reduction, found: Uncertainty, command: str) -> Table
         ("Command", command),
         ("Made on", made_on()),
     ]
+    return provenance_table(rows)
+
+
+def provenance_table(rows: Sequence[tuple[str, str]]) -> Table:
+    """Where every number comes from: items with their values, those without one left out."""
     return Table(
         id="provenance",
         caption="What the report was made from, and how.",

@@ -57,7 +57,6 @@ PANELS = (
 )
 """Channels that have a panel of their own: name, title, unit, and what turns SI units into it."""
 
-STAGE_NAME = {"line": "P_line", "mech": "P_mech", "gen": "P_gen"}
 _TEX = {"line": r"$P_\mathrm{line}$", "mech": r"$P_\mathrm{mech}$", "gen": r"$P_\mathrm{gen}$"}
 _ENERGY_TEX = {"line": r"$E_\mathrm{line}$", "mech": r"$E_\mathrm{mech}$", "gen": r"$E_\mathrm{gen}$"}
 _STAGE_WORDS = {"line": "line", "mech": "shaft", "gen": "DC link"}
@@ -198,7 +197,9 @@ def _one_cycle(ax: Axes, reduction: Reduction, powers: dict[str, Signal]) -> Non
     label_panel(ax, "a", f"Cycle {cycle.cycle}")
     ax.set_xlabel(time_label(run))
     ax.set_ylabel(f"Power ({unit})")
-    ax.legend(loc="lower right", ncols=3, bbox_to_anchor=(1.01, 1.0), borderaxespad=0.1, columnspacing=1.0)
+    ax.legend(
+        loc="lower right", ncols=3, bbox_to_anchor=(1.01, 1.0), borderaxespad=0.1, columnspacing=0.8, handlelength=1.9
+    )
 
 
 def _over_speed(ax: Axes, reduction: Reduction, powers: dict[str, Signal]) -> None:

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from winchcascade.files import write_whole
+from winchcascade.files import write_content
 from winchcascade.report.cleaning import cleaned
 from winchcascade.report.style import COLOURS
 from winchcascade.report.templates import template_folder
@@ -19,12 +19,7 @@ _SYMBOL = re.compile(r"\b([EPFvpητ])_(line|mech|gen|trans|pto|max|min|mean|pla
 
 def write_html(report: Report, path: Path, *, force: bool = False) -> None:
     """Write a report as a page; whole or not at all."""
-    text = html_text(report)
-    write_whole(path, lambda part: _write(part, text), force=force)
-
-
-def _write(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8")
+    write_content(path, html_text(report), force=force)
 
 
 def html_text(report: Report) -> str:

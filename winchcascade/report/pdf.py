@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from winchcascade.files import write_whole
+from winchcascade.files import write_content
 from winchcascade.report.cleaning import cleaned
 from winchcascade.report.templates import template_folder
 
@@ -17,12 +17,7 @@ if TYPE_CHECKING:
 
 def write_pdf(report: Report, path: Path, *, force: bool = False) -> None:
     """Write a report as PDF; whole or not at all."""
-    content = pdf_bytes(report)
-    write_whole(path, lambda part: _write(part, content), force=force)
-
-
-def _write(path: Path, content: bytes) -> None:
-    path.write_bytes(content)
+    write_content(path, pdf_bytes(report), force=force)
 
 
 def pdf_bytes(report: Report) -> bytes:

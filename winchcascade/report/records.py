@@ -14,7 +14,7 @@ from winchcascade.cascade.power import STAGES
 from winchcascade.cascade.uncertainty import shares
 from winchcascade.channels import CHANNELS
 from winchcascade.errors import OutputError
-from winchcascade.files import check_replaceable, write_whole
+from winchcascade.files import check_replaceable, write_content, write_whole
 from winchcascade.quantity import KGF, si_unit
 
 if TYPE_CHECKING:
@@ -229,12 +229,7 @@ def bin_record(item: Bin) -> dict[str, Any]:
 
 def write_json(reduction: Reduction, found: Uncertainty, path: Path, *, force: bool = False) -> None:
     """Write the JSON of one log; whole or not at all."""
-    text = reduction_json(reduction, found)
-    write_whole(path, lambda part: _write_bytes(part, text), force=force)
-
-
-def _write_bytes(path: Path, text: bytes) -> None:
-    path.write_bytes(text)
+    write_content(path, reduction_json(reduction, found), force=force)
 
 
 def parquet_files(folder: Path, log: str) -> dict[str, Path]:
