@@ -1,0 +1,78 @@
+"""The three-phase diode bridge on a stiff DC link, from open circuit to heavy overlap: exact, by a table of its steady states.
+
+A textbook average is off by 3 % near open circuit, where the capacitor charges to the peak, and by 7 % at 4.5 ohm at speed,
+where commutation takes 60 degrees. So the switched circuit was solved over a grid once (`switched.py`); here the table is
+interpolated by cubic convolution (Keys 1981). On a stiff DC side the state follows the speed and the voltage within a period.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+from winchcascade.rig.switched import PHI_HIGH, PHI_LOW, TABLE
+
+if TYPE_CHECKING:
+    from winchcascade.run import Signal
+
+_SQRT2 = math.sqrt(2.0)
+
+
+@cache
+def bridge_table() -> Signal:
+    """The solved grid, (s, phi, 2), with a border that lets the interpolation reach the edges, (s + 2, phi + 2, 2)."""
+    grid = np.load(TABLE).astype(np.float64)
+    wide = np.empty((grid.shape[0] + 2, grid.shape[1] + 2, 2))
+    wide[1:-1, 1:-1] = grid
+    wide[0, 1:-1], wide[-1, 1:-1] = 3 * grid[0] - 3 * grid[1] + grid[2], 3 * grid[-1] - 3 * grid[-2] + grid[-3]
+    wide[:, 0] = 3 * wide[:, 1] - 3 * wide[:, 2] + wide[:, 3]
+    wide[:, -1] = 3 * wide[:, -2] - 3 * wide[:, -3] + wide[:, -4]
+    return wide
+
+
+@njit(cache=True)
+def _weights(x: float) -> tuple[float, float, float, float]:
+    """Weights of four points in a row for a place between the middle two, 0 to 1 (Keys 1981, a = -1/2)."""
+    return (
+        ((-0.5 * x + 1.0) * x - 0.5) * x,
+        (1.5 * x - 2.5) * x * x + 1.0,
+        ((-1.5 * x + 2.0) * x + 0.5) * x,
+        (0.5 * x - 0.5) * x * x,
+    )
+
+
+@njit(cache=True)
+def bridge_currents(v_total: float, v_ll: float, r_s: float, reactance: float, table: Signal) -> tuple[float, float]:
+    """Mean DC current and stator rms current of the bridge.
+
+    Parameters
+    ----------
+    v_total : voltage of the DC link and of the two conducting diodes [V]
+    v_ll : back-EMF, line to line, rms [V]
+    r_s, reactance : of a phase [ohm]
+    table : as `bridge_table` gives it
+
+    Returns
+    -------
+    i_dc, i_s : [A], 0 where the back-EMF does not reach the DC link; the generator's air-gap power is
+        v_total i_dc + 3 r_s i_s^2 [W]
+    """
+    if v_ll <= 0.0 or v_total >= _SQRT2 * v_ll:
+        return 0.0, 0.0
+    rows, columns = table.shape[0] - 3, table.shape[1] - 3
+    s = math.sqrt(1.0 - max(v_total, 0.0) / (_SQRT2 * v_ll)) * rows
+    phi = (math.atan2(r_s, reactance) - PHI_LOW) / (PHI_HIGH - PHI_LOW) * columns
+    i, j = min(int(s), rows - 1), min(max(int(phi), 0), columns - 1)
+    across, along = _weights(s - i), _weights(min(max(phi - j, 0.0), 1.0))
+    i_dc = i_s = 0.0
+    for a in range(4):
+        for b in range(4):
+            weight = across[a] * along[b]
+            i_dc += weight * table[i + a, j + b, 0]
+            i_s += weight * table[i + a, j + b, 1]
+    scale = v_ll / math.hypot(r_s, reactance)
+    return max(i_dc, 0.0) * scale, max(i_s, 0.0) * scale
