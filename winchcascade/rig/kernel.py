@@ -1,0 +1,173 @@
+"""The compiled step of the rig through time: every part and every law in one loop.
+
+The line's motion is given, so force and pressure follow from it at once; what has a state is the fast shaft behind clutch
+and shaft spring, the gas's temperature and the DC link. Both fast states are stepped linearly implicitly: the spring by its
+own stiffness, the DC link by the slope of the bridge's characteristic.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+from numba import njit
+
+from winchcascade.quantity import ATMOSPHERE
+from winchcascade.rig.bridge import bridge_currents
+from winchcascade.rig.generator import ROLLOFF_KNOTS
+
+if TYPE_CHECKING:
+    from winchcascade.rig.model import Model
+    from winchcascade.run import Signal
+
+COLUMNS = (
+    "pressure", "force", "torque", "vdc", "idc", "omega_gen", "i_s", "torque_em", "i_bridge", "twist", "screw",
+)  # fmt: skip
+"""What the kernel gives at every step: gauge pressure [Pa], line force [N], torque that the sensor sees [N m], DC voltage [V]
+and current of the load [A], speed of the fast shaft [rad/s], stator current, rms [A], air-gap torque [N m], current of the
+bridge [A], twist of the shaft spring [rad], torque of the screw at the drum [N m]."""
+
+REST = 0.01
+"""Friction turns round within this speed of the line. [m/s]"""
+
+TURN = 0.5
+"""And that of the fast shaft within this speed. [rad/s]"""
+
+_PROBE = 0.05
+"""Step by which the slope of the bridge's characteristic is found. [V]"""
+
+
+class Constants(NamedTuple):
+    """Numbers of the parts as the kernel takes them, SI units."""
+
+    r_drum: float
+    inertia_drum: float
+    line_friction: float
+    line_drag: float
+    layering: float
+    lead: float
+    eta_forward: float
+    eta_reverse: float
+    area: float
+    pressure: float
+    volume: float
+    exponent: float
+    cooling: float
+    seal_friction: float
+    gear: float
+    eta_mesh: float
+    b_rotor: float
+    windage: float
+    friction: float
+    clutch_drag: float
+    k_shaft: float
+    c_shaft: float
+    inertia_rotor: float
+    pole_pairs: float
+    k_e: float
+    r_s: float
+    l_s: float
+    v_diode: float
+    rolloff_1: float
+    rolloff_2: float
+    rolloff_3: float
+    rolloff_4: float
+    c_dc: float
+    load: float
+
+
+def constants(model: Model, load: float) -> Constants:
+    """Put a model's numbers together for one load; inf is an open circuit, which the bleed alone discharges. [ohm]"""
+    winch, gas, shaft, machine, link = (
+        model.winch, model.restoring, model.drivetrain, model.generator, model.dc_link,
+    )  # fmt: skip
+    return Constants(
+        winch.r_drum, winch.inertia, winch.friction, winch.drag, winch.layering,
+        gas.lead, gas.eta_forward, gas.eta_reverse, gas.area, gas.pressure, gas.volume, gas.exponent, gas.cooling,
+        gas.seal_friction,
+        shaft.gear, shaft.eta_mesh, shaft.b_rotor, shaft.windage, shaft.friction, shaft.clutch_drag, shaft.k_shaft,
+        shaft.c_shaft, shaft.inertia_rotor,
+        machine.pole_pairs, machine.k_e, machine.r_s, machine.l_s, machine.v_diode, *machine.rolloff,
+        link.c_dc, link.r_bleed if math.isinf(load) else load * (1.0 + link.load_change),
+    )  # fmt: skip
+
+
+_K1, _K2, _K3, _K4 = ROLLOFF_KNOTS[1:]
+
+
+@njit(cache=True)
+def _left_of_k_e(i_s: float, c: Constants) -> float:
+    """What is left of the back-EMF constant at a stator current. [1]"""
+    if i_s <= _K1:
+        return 1.0 + (c.rolloff_1 - 1.0) * i_s / _K1
+    if i_s <= _K2:
+        return c.rolloff_1 + (c.rolloff_2 - c.rolloff_1) * (i_s - _K1) / (_K2 - _K1)
+    if i_s <= _K3:
+        return c.rolloff_2 + (c.rolloff_3 - c.rolloff_2) * (i_s - _K2) / (_K3 - _K2)
+    return c.rolloff_3 + (c.rolloff_4 - c.rolloff_3) * min(i_s - _K3, _K4 - _K3) / (_K4 - _K3)
+
+
+@njit(cache=True)
+def run_rig(x: Signal, v: Signal, a: Signal, dt: float, c: Constants, table: Signal, out: Signal) -> None:
+    """Step the rig along a line motion.
+
+    Parameters
+    ----------
+    x, v, a : (n,) displacement, velocity and acceleration of the line at even steps, payout positive [m, m/s, m/s2]
+    dt : step [s]
+    table : as `bridge_table` gives it
+    out : (n, 11) is filled with `COLUMNS`
+    """
+    omega = twist = v_dc = i_s = heat = 0.0
+    log_volume = 0.0
+    rpm = 30.0 / math.pi
+    for n in range(v.size):
+        omega_drum = v[n] / c.r_drum
+        direction = math.tanh(v[n] / REST)
+        # gas: isothermal, and hotter by what its compression has not yet given away
+        stroke = c.lead * x[n] / c.r_drum
+        volume = c.volume - c.area * stroke
+        squeezed = math.log(c.volume / volume)
+        if n > 0:
+            heat = (heat + (c.exponent - 1.0) * (squeezed - log_volume)) / (1.0 + dt / c.cooling)
+        log_volume = squeezed
+        gauge = c.pressure * (c.volume / volume) * math.exp(heat) - ATMOSPHERE
+        thrust = gauge * c.area + c.seal_friction * direction
+        screw = c.lead * thrust * (0.5 * (1.0 + direction) / c.eta_forward + 0.5 * (1.0 - direction) * c.eta_reverse)
+        # electrical: the bridge follows within a period
+        reactance = max(c.pole_pairs * omega * c.l_s, 1e-6)
+        v_ll = c.k_e * _left_of_k_e(i_s, c) * omega * rpm
+        v_total = v_dc + 2.0 * c.v_diode
+        i_b, i_s = bridge_currents(v_total, v_ll, c.r_s, reactance, table)
+        i_probe, _ = bridge_currents(v_total + _PROBE, v_ll, c.r_s, reactance, table)
+        change = dt / c.c_dc * (i_b - v_dc / c.load) / (1.0 + dt / c.c_dc * (1.0 / c.load - (i_probe - i_b) / _PROBE))
+        i_b = max(c.c_dc * change / dt + v_dc / c.load, 0.0)  # what really flows in this step
+        p_em = v_total * i_b + 3.0 * c.r_s * i_s * i_s
+        torque_em = p_em / omega if omega > 1.0 else 0.0
+        # fast shaft behind the clutch
+        rub = c.friction * math.tanh(omega / TURN)
+        inertia = c.inertia_rotor / dt + c.b_rotor + c.windage * abs(omega)
+        driven = c.inertia_rotor / dt * omega - torque_em - rub
+        share = c.eta_mesh / c.gear
+        stiff = c.k_shaft * dt + c.c_shaft
+        after = (driven + share * (c.k_shaft * twist + stiff * omega_drum)) / (inertia + share * stiff / c.gear)
+        slip = omega_drum - after / c.gear
+        torque = c.k_shaft * twist + stiff * slip
+        if torque > 0.0:
+            twist += dt * slip
+        else:
+            torque, twist = 0.0, 0.0
+            after = driven / inertia
+        after = max(after, 0.0)
+        drag = -c.clutch_drag * 0.5 * (1.0 - direction) * abs(direction)
+        # line
+        radius = c.r_drum * (1.0 + c.layering * x[n])
+        lost = c.line_friction * direction + c.line_drag * omega_drum
+        accelerated = c.inertia_drum * a[n] / c.r_drum
+        force = (screw + torque + drag + lost + accelerated) / radius
+        out[n, 0], out[n, 1], out[n, 2] = gauge, force, torque + drag
+        out[n, 3], out[n, 4] = v_dc, v_dc / c.load
+        out[n, 5], out[n, 6], out[n, 7] = omega, i_s, torque_em
+        out[n, 8], out[n, 9], out[n, 10] = i_b, twist, screw
+        v_dc = max(v_dc + change, 0.0)
+        omega = after

@@ -1,0 +1,90 @@
+"""Simulate a rig along the motion of a log: a Run in, a Run out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from winchcascade.rig.bridge import bridge_table
+from winchcascade.rig.kernel import COLUMNS, constants, run_rig
+from winchcascade.rig.ledger import energies
+from winchcascade.rig.motion import motion_of
+from winchcascade.run import Run
+
+if TYPE_CHECKING:
+    from winchcascade.rig.model import Model
+    from winchcascade.rig.motion import Motion
+    from winchcascade.run import Signal
+
+STEP = 1e-3
+"""Step of a simulation: half of it changes no channel by more than 0.05 % of its plateau. [s]"""
+
+READ = ("pressure", "force", "torque", "vdc", "idc")
+"""Channels that sensors of the rig read."""
+
+
+class Simulation(msgspec.Struct, frozen=True):
+    """What a model does along a motion.
+
+    `run` holds what the sensors would have logged; `rpm_gen` [rpm], `i_s` [A] and `torque_em` [N m] what they do not see,
+    at the same stamps; `energy` where the line's energy went until each stamp, by the words of `ledger.LEDGER` [J].
+    """
+
+    run: Run
+    rpm_gen: Signal
+    i_s: Signal
+    torque_em: Signal
+    energy: Mapping[str, Signal]
+
+
+def simulate(run: Run, model: Model, *, step: float = STEP) -> Simulation:
+    """Simulate the rig along the line motion of a log, at the log's load and stamps.
+
+    Parameters
+    ----------
+    run : gives motion, load (unknown counts as an open circuit) and stamps; its other channels are not looked at
+    step : of the simulation [s]
+    """
+    motion = motion_of(run, step)
+    load = math.inf if run.load is None else run.load
+    return at_stamps(run, model, motion, load, solve(model, motion, load))
+
+
+def solve(model: Model, motion: Motion, load: float) -> Signal:
+    """Step a model along a motion, (n, 11): the columns of `kernel.COLUMNS` at every step."""
+    out = np.empty((motion.t.size, len(COLUMNS)))
+    run_rig(motion.x, motion.v, motion.a, motion.step, constants(model, load), bridge_table(), out)
+    return out
+
+
+def at_stamps(run: Run, model: Model, motion: Motion, load: float, out: Signal) -> Simulation:
+    """Read a solution at the stamps of a log, as its sensors would."""
+
+    def column(name: str, t: Signal) -> Signal:
+        return np.interp(t, motion.t, out[:, COLUMNS.index(name)])
+
+    sensors = model.sensors
+    channels = {name: run.channels[name] for name in ("displacement", "velocity") if name in run.channels}
+    channels |= {name: sensors.read(name, column(name, sensors.stamps(name, run.t))) for name in READ}
+    ledger = energies(model, motion, load, out)
+    return Simulation(
+        run=Run(
+            name=run.name,
+            t=run.t,
+            channels=channels,
+            fs=run.fs,
+            samples=run.t.size,
+            load=run.load,
+            load_source=run.load_source,
+            simulated=True,
+            about=run.about,
+        ),
+        rpm_gen=column("omega_gen", run.t) * 30.0 / math.pi,
+        i_s=column("i_s", run.t),
+        torque_em=column("torque_em", run.t),
+        energy={name: np.interp(run.t, motion.t, joule) for name, joule in ledger.items()},
+    )
