@@ -1,8 +1,8 @@
 """The compiled step of the rig through time: every part and every law in one loop.
 
 The line's motion is given, so force and pressure follow from it at once; what has a state is the fast shaft behind clutch
-and shaft spring, the gas's temperature and the DC link. Both fast states are stepped linearly implicitly: the spring by its
-own stiffness, the DC link by the slope of the bridge's characteristic.
+and shaft spring, the gas's temperature and the DC link. All are stepped by the trapezoidal rule, linearly implicitly: the spring
+by its own stiffness, the DC link by the slope of the bridge's characteristic; so the error falls with the square of the step.
 """
 
 from __future__ import annotations
@@ -118,56 +118,65 @@ def run_rig(x: Signal, v: Signal, a: Signal, dt: float, c: Constants, table: Sig
     table : as `bridge_table` gives it
     out : (n, 11) is filled with `COLUMNS`
     """
-    omega = twist = v_dc = i_s = heat = 0.0
-    log_volume = 0.0
+    omega = omega_before = twist = v_dc = i_s = heat = log_volume = 0.0
+    torque_mid = em_mid = i_mid = is_mid = 0.0
     rpm = 30.0 / math.pi
+    share = c.eta_mesh / c.gear
     for n in range(v.size):
         omega_drum = v[n] / c.r_drum
         direction = math.tanh(v[n] / REST)
         # gas: isothermal, and hotter by what its compression has not yet given away
-        stroke = c.lead * x[n] / c.r_drum
-        volume = c.volume - c.area * stroke
+        volume = c.volume - c.area * c.lead * x[n] / c.r_drum
         squeezed = math.log(c.volume / volume)
         if n > 0:
-            heat = (heat + (c.exponent - 1.0) * (squeezed - log_volume)) / (1.0 + dt / c.cooling)
+            fade = 0.5 * dt / c.cooling
+            heat = (heat * (1.0 - fade) + (c.exponent - 1.0) * (squeezed - log_volume)) / (1.0 + fade)
         log_volume = squeezed
         gauge = c.pressure * (c.volume / volume) * math.exp(heat) - ATMOSPHERE
         thrust = gauge * c.area + c.seal_friction * direction
         screw = c.lead * thrust * (0.5 * (1.0 + direction) / c.eta_forward + 0.5 * (1.0 - direction) * c.eta_reverse)
-        # electrical: the bridge follows within a period
-        reactance = max(c.pole_pairs * omega * c.l_s, 1e-6)
-        v_ll = c.k_e * _left_of_k_e(i_s, c) * omega * rpm
+        # DC link, from here to the next step: the bridge at the speed half-way, its current by its slope half-way too
+        half_way = max(omega + 0.5 * (omega - omega_before), 0.0)
+        v_ll = c.k_e * _left_of_k_e(i_s, c) * half_way * rpm
+        reactance = max(c.pole_pairs * half_way * c.l_s, 1e-6)
         v_total = v_dc + 2.0 * c.v_diode
         i_b, i_s = bridge_currents(v_total, v_ll, c.r_s, reactance, table)
         i_probe, _ = bridge_currents(v_total + _PROBE, v_ll, c.r_s, reactance, table)
-        change = dt / c.c_dc * (i_b - v_dc / c.load) / (1.0 + dt / c.c_dc * (1.0 / c.load - (i_probe - i_b) / _PROBE))
-        i_b = max(c.c_dc * change / dt + v_dc / c.load, 0.0)  # what really flows in this step
-        p_em = v_total * i_b + 3.0 * c.r_s * i_s * i_s
-        torque_em = p_em / omega if omega > 1.0 else 0.0
-        # fast shaft behind the clutch
-        rub = c.friction * math.tanh(omega / TURN)
-        inertia = c.inertia_rotor / dt + c.b_rotor + c.windage * abs(omega)
-        driven = c.inertia_rotor / dt * omega - torque_em - rub
-        share = c.eta_mesh / c.gear
-        stiff = c.k_shaft * dt + c.c_shaft
-        after = (driven + share * (c.k_shaft * twist + stiff * omega_drum)) / (inertia + share * stiff / c.gear)
-        slip = omega_drum - after / c.gear
+        leak = 1.0 / c.load - (i_probe - i_b) / _PROBE
+        change = dt / c.c_dc * (i_b - v_dc / c.load) / (1.0 + 0.5 * dt / c.c_dc * leak)
+        change = max(change, -v_dc)
+        v_half = v_dc + 0.5 * change
+        i_b = max(c.c_dc * change / dt + v_half / c.load, 0.0)
+        p_em = (v_half + 2.0 * c.v_diode) * i_b + 3.0 * c.r_s * i_s * i_s
+        torque_em = p_em / half_way if half_way > 1.0 else 0.0
+        # fast shaft, from here to the next step, by the trapezoidal rule
+        drum_half = omega_drum if n + 1 == v.size else 0.5 * (v[n] + v[n + 1]) / c.r_drum
+        losses = 0.5 * (c.b_rotor + c.windage * abs(half_way))
+        mass = c.inertia_rotor / dt
+        driven = (mass - losses) * omega - torque_em - c.friction * math.tanh(half_way / TURN)
+        stiff = 0.5 * dt * c.k_shaft + c.c_shaft
+        after = (driven + share * (c.k_shaft * twist + stiff * (drum_half - 0.5 * omega / c.gear))) / (
+            mass + losses + 0.5 * share * stiff / c.gear
+        )
+        slip = drum_half - 0.5 * (omega + after) / c.gear
         torque = c.k_shaft * twist + stiff * slip
         if torque > 0.0:
             twist += dt * slip
         else:
             torque, twist = 0.0, 0.0
-            after = driven / inertia
+            after = driven / (mass + losses)
         after = max(after, 0.0)
+        # what is seen at this step: the line here, torque and currents as the mean of the half steps on either side
+        first = 1.0 if n == 0 else 0.5
         drag = -c.clutch_drag * 0.5 * (1.0 - direction) * abs(direction)
-        # line
-        radius = c.r_drum * (1.0 + c.layering * x[n])
+        seen = torque if n == 0 else 0.5 * (torque_mid + torque)
         lost = c.line_friction * direction + c.line_drag * omega_drum
-        accelerated = c.inertia_drum * a[n] / c.r_drum
-        force = (screw + torque + drag + lost + accelerated) / radius
-        out[n, 0], out[n, 1], out[n, 2] = gauge, force, torque + drag
-        out[n, 3], out[n, 4] = v_dc, v_dc / c.load
-        out[n, 5], out[n, 6], out[n, 7] = omega, i_s, torque_em
-        out[n, 8], out[n, 9], out[n, 10] = i_b, twist, screw
-        v_dc = max(v_dc + change, 0.0)
-        omega = after
+        force = (screw + seen + drag + lost + c.inertia_drum * a[n] / c.r_drum) / (c.r_drum * (1.0 + c.layering * x[n]))
+        out[n, 0], out[n, 1], out[n, 2] = gauge, force, seen + drag
+        out[n, 3], out[n, 4], out[n, 5] = v_dc, v_dc / c.load, omega
+        out[n, 6] = first * i_s + (1.0 - first) * is_mid
+        out[n, 7] = first * torque_em + (1.0 - first) * em_mid
+        out[n, 8] = first * i_b + (1.0 - first) * i_mid
+        out[n, 9], out[n, 10] = twist, screw
+        torque_mid, em_mid, i_mid, is_mid = torque, torque_em, i_b, i_s
+        omega_before, omega, v_dc = omega, after, v_dc + change

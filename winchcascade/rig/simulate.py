@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from winchcascade.rig.motion import Motion
     from winchcascade.run import Signal
 
-STEP = 1e-3
+STEP = 5e-4
 """Step of a simulation: half of it changes no channel by more than 0.05 % of its plateau. [s]"""
 
 READ = ("pressure", "force", "torque", "vdc", "idc")
@@ -68,7 +68,8 @@ def at_stamps(run: Run, model: Model, motion: Motion, load: float, out: Signal) 
         return np.interp(t, motion.t, out[:, COLUMNS.index(name)])
 
     sensors = model.sensors
-    channels = {name: run.channels[name] for name in ("displacement", "velocity") if name in run.channels}
+    channels = {"displacement": np.interp(run.t, motion.t, motion.x), "velocity": run.channels["velocity"]}
+    channels |= {name: run.channels[name] for name in ("displacement",) if name in run.channels}
     channels |= {name: sensors.read(name, column(name, sensors.stamps(name, run.t))) for name in READ}
     ledger = energies(model, motion, load, out)
     return Simulation(

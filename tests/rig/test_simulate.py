@@ -1,0 +1,128 @@
+"""The model of the rig: against campaigns of an independent simulation, and against itself."""
+
+import math
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from rigs import logs_of, own_model, truth_of
+
+from winchcascade import read_run, reduce
+from winchcascade.errors import RigError
+from winchcascade.rig.kernel import COLUMNS
+from winchcascade.rig.ledger import LEDGER
+from winchcascade.rig.model import baseline
+from winchcascade.rig.motion import motion_of
+from winchcascade.rig.simulate import simulate, solve
+from winchcascade.rig.write import write_log
+from winchcascade.rigtoml import built_in
+
+KGCM2 = 98066.5
+GAINS = ("pressure", "force", "torque", "vdc", "idc")
+
+PLATEAU_SHARE = {"torque": 0.015, "vdc": 0.01, "idc": 0.01}
+ABSOLUTE = {"pressure": 0.1 * KGCM2, "force": 20.0}
+"""Largest rms difference during payout: shares of the plateau; 0.1 kg/cm2; 20 N, which the tether's ringing sets."""
+
+
+@pytest.mark.parametrize("case", ["none", "none_2"])
+def test_a_campaign_without_an_effect_is_followed_with_the_rigs_own_numbers(shared: Path, case: str) -> None:
+    folder = shared / "labelled" / case
+    truth = truth_of(folder)
+    gain = dict(zip(GAINS, truth["sensor_gains"], strict=True))
+    for log, load in logs_of(folder):
+        run = read_run(log, load=load)
+        found = simulate(run, own_model(truth)).run
+        v = motion_of(run, 1e-3)
+        speed = np.interp(run.t, v.t, v.v)
+        payout, plateau = speed > 0.03, speed > 0.95 * speed.max()
+        for name in GAINS:
+            if math.isinf(load) and name in ("torque", "idc"):
+                continue
+            measured = run.channels[name] / gain[name]
+            rms = float(np.sqrt(np.mean((found.channels[name] - measured)[payout] ** 2)))
+            most = ABSOLUTE.get(name) or PLATEAU_SHARE[name] * float(np.mean(measured[plateau]))
+            assert rms < most, (log.name, name)
+
+
+HALVED = 5e-4
+"""Halving the step changes no channel by more than this share of its plateau."""
+
+
+@pytest.mark.parametrize("load", [math.inf, 45.0, 18.0, 4.5])
+def test_half_the_step_changes_nothing(fixtures: Path, load: float) -> None:
+    run = read_run(fixtures / "campaign" / "r18ohm.csv", load=load)
+    model = baseline(built_in())
+    coarse, fine = (simulate(run, model, step=step).run.channels for step in (5e-4, 2.5e-4))
+    for name in GAINS:
+        plateau = float(np.quantile(np.abs(coarse[name]), 0.95))
+        assert np.max(np.abs(coarse[name] - fine[name])) < HALVED * plateau, name
+
+
+BALANCED = 1e-3
+
+
+@pytest.mark.parametrize("load", [math.inf, 45.0, 9.0, 4.5])
+def test_the_lines_energy_is_stored_lost_or_delivered(fixtures: Path, load: float) -> None:
+    run = read_run(fixtures / "campaign" / "r18ohm.csv", load=load)
+    energy = simulate(run, baseline(built_in())).energy
+    most = int(np.argmax(energy["line"]))
+    assert tuple(energy) == LEDGER
+    assert sum(energy[name][most] for name in LEDGER[1:]) == pytest.approx(energy["line"][most], rel=BALANCED)
+    assert all(energy[name][most] >= -1e-3 for name in LEDGER[1:])
+
+
+def test_when_the_drum_slows_the_rotor_runs_on_alone(fixtures: Path) -> None:
+    run = read_run(fixtures / "campaign" / "r18ohm.csv", load=18.0)
+    model = baseline(built_in())
+    motion = motion_of(run, 1e-3)
+    out = solve(model, motion, 18.0)
+    torque, omega = out[:, COLUMNS.index("torque")], out[:, COLUMNS.index("omega_gen")]
+    hauled = motion.v < -0.5
+    assert np.all(torque >= 0.0)
+    assert np.all(torque[hauled] == 0.0)
+    slowing = (motion.v > 0.1) & (motion.a < -0.3)
+    assert np.mean(omega[slowing] >= 50.0 * motion.v[slowing] / 0.13) > 0.5
+
+
+def test_a_simulation_never_looks_at_the_channels_it_predicts(fixtures: Path) -> None:
+    run = read_run(fixtures / "campaign" / "r18ohm.csv", load=18.0)
+    blind = msgspec.structs.replace(run, channels={n: run.channels[n] for n in ("displacement", "velocity")})
+    model = baseline(built_in())
+    seen, unseen = simulate(run, model).run.channels, simulate(blind, model).run.channels
+    assert all(np.array_equal(seen[name], unseen[name]) for name in GAINS)
+
+
+def test_a_simulated_log_is_read_without_a_finding_and_known_as_simulated(fixtures: Path, tmp_path: Path) -> None:
+    run = read_run(fixtures / "campaign" / "r18ohm.csv", load=18.0)
+    simulation = simulate(run, baseline(built_in()))
+    path = tmp_path / "sim.csv"
+    write_log(simulation, path)
+    again = read_run(path, load=18.0)
+    assert again.simulated
+    assert again.findings == ()
+    assert np.allclose(again.t, run.t)
+    written, direct = reduce(again, window=5.96).mean, reduce(simulation.run, window=5.96).mean
+    assert written.eta_gen == pytest.approx(direct.eta_gen, rel=1e-6)
+    header = (fixtures / "campaign" / "r18ohm.csv").read_text().splitlines()[0]
+    assert path.read_text().splitlines()[0].startswith(header + ",")
+
+
+def test_the_smoothing_takes_noise_out_of_the_acceleration_and_leaves_braking(fixtures: Path) -> None:
+    t = np.arange(0.0, 20.0, 0.04)
+    v = np.interp(t, [0, 5, 7, 15, 16, 20], [0, 0, 1.0, 1.0, 0, 0])
+    noisy = v + np.random.default_rng(3).normal(0.0, 0.004, t.size)
+    run = read_run(fixtures / "campaign" / "r18ohm.csv", load=18.0)
+    run = msgspec.structs.replace(run, t=t, fs=25.0, channels={"velocity": noisy})
+    motion = motion_of(run, 1e-3)
+    rest, braking = (motion.t > 1) & (motion.t < 4), (motion.t > 15.3) & (motion.t < 15.7)
+    assert np.std(motion.a[rest]) < 0.05  # 0.14 without smoothing
+    assert np.mean(motion.a[braking]) == pytest.approx(-1.0, abs=0.05)
+
+
+def test_a_rig_file_without_a_part_names_all_that_it_lacks() -> None:
+    with pytest.raises(
+        RigError, match=r"rig kitepower: no model can be made, as it lacks r_drum under \[winch\], inertia"
+    ):
+        baseline(built_in("kitepower"))

@@ -1,0 +1,43 @@
+"""Rigs of the labelled campaigns: the baseline with a campaign's own numbers."""
+
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from winchcascade.rig.model import Model, baseline
+from winchcascade.rigtoml import built_in
+
+LOADS = {
+    "open_circuit": math.inf, "r45ohm": 45.0, "r36ohm": 36.0, "r27ohm": 27.0, "r18ohm": 18.0, "r9ohm": 9.0, "r4p5ohm": 4.5,
+}  # fmt: skip
+
+
+def own_model(truth: dict[str, Any]) -> Model:
+    """The model of a labelled campaign without its hidden effect."""
+    number, model, replace = truth["rig"], baseline(built_in()), msgspec.structs.replace
+    return Model(
+        winch=model.winch,
+        restoring=replace(
+            model.restoring,
+            mu=number["mu_screw"],
+            area=number["area"],
+            pressure=number["p0"],
+            volume=number["v_gas"],
+        ),
+        drivetrain=replace(model.drivetrain, eta_mesh=number["eta_gear"], b_rotor=number["b_visc"]),
+        generator=replace(model.generator, k_e=number["ke_ll"], r_s=number["rs"], l_s=number["ls"]),
+        dc_link=replace(model.dc_link, c_dc=number["c_dc"]),
+    )
+
+
+def truth_of(folder: Path) -> dict[str, Any]:
+    return json.loads((folder / "truth.json").read_text())  # type: ignore[no-any-return]
+
+
+def logs_of(folder: Path) -> Iterator[tuple[Path, float]]:
+    for name, load in LOADS.items():
+        yield folder / f"{name}.csv", load
