@@ -57,7 +57,9 @@ def test_a_command_of_the_readme_prints_what_is_shown(printed: dict[str, str], c
 
 
 def test_a_command_of_the_readme_that_writes_files_works_as_typed(place: Path, printed: dict[str, str]) -> None:
-    lines = re.findall(r"^winchcascade [^\n]*$", "\n".join(SHELL.findall(README.read_text(encoding="utf-8"))), re.MULTILINE)
+    lines = re.findall(
+        r"^winchcascade [^\n]*$", "\n".join(SHELL.findall(README.read_text(encoding="utf-8"))), re.MULTILINE
+    )
     for line in lines:
         words = shlex.split(line, comments=True)[1:]
         subprocess.run([sys.executable, "-m", "winchcascade", *words], cwd=place, check=True, capture_output=True)

@@ -24,6 +24,11 @@ def is_remote(target: str) -> bool:
     return _REMOTE.match(target) is not None
 
 
+def is_local(address: str) -> bool:
+    """Whether an address is of this machine's own files."""
+    return not is_remote(local_path(address))
+
+
 @contextmanager
 def local_copy(address: str) -> Iterator[Path]:
     """A log as a file of this machine: itself, or a copy for as long as the context lasts.
@@ -32,8 +37,8 @@ def local_copy(address: str) -> Iterator[Path]:
     ------
     LogError : the address cannot be opened
     """
-    if not is_remote(address):
-        yield Path(address)
+    if not is_remote(local_path(address)):
+        yield Path(local_path(address))
         return
     import tempfile
 
@@ -49,8 +54,8 @@ def fingerprint(address: str) -> str:
     """What changes when a log does: the SHA-256 of its content; nothing for one that this machine cannot open."""
     digest = hashlib.sha256()
     try:
-        if not is_remote(address):
-            with open(address, "rb") as file:
+        if not is_remote(local_path(address)):
+            with open(local_path(address), "rb") as file:
                 return hashlib.file_digest(file, "sha256").hexdigest()
         with _opened(address) as source:
             while block := source.read(_BLOCK):
@@ -62,10 +67,10 @@ def fingerprint(address: str) -> str:
 
 def expand(address: str) -> list[str]:
     """Files that a remote address names: a pattern or a folder becomes its files, in order of their names."""
-    import fsspec
-
     try:
-        system, path = fsspec.core.url_to_fs(address)
+        import fsspec
+
+        system, path = fsspec.core.url_to_fs(local_path(address))
         if any(c in path for c in "*?["):
             found = system.glob(path)
         else:
@@ -76,7 +81,7 @@ def expand(address: str) -> list[str]:
             )
     except (ImportError, OSError, ValueError) as fault:
         raise _not_opened(address, fault) from None
-    return sorted(system.unstrip_protocol(entry) for entry in found)
+    return sorted(found if is_local(address) else (system.unstrip_protocol(entry) for entry in found))
 
 
 @contextmanager
@@ -99,7 +104,25 @@ def _opened(address: str) -> Iterator[Any]:
         yield source
 
 
+def local_path(target: str) -> str:
+    """A target as a path where it is an address of this machine, such as file:///data/log.csv; else as it is.
+
+    >>> local_path("file:///data/a%20log.csv"), local_path("data/a%20log.csv")
+    ('/data/a log.csv', 'data/a%20log.csv')
+    """
+    if not target.startswith("file://"):
+        return target
+    from urllib.parse import urlsplit
+    from urllib.request import url2pathname
+
+    return url2pathname(urlsplit(target).path)
+
+
 def _not_opened(address: str, fault: Exception) -> LogError:
+    if isinstance(fault, ImportError):
+        return LogError(
+            f'{address}: needs a package for such addresses ({fault}); pip install "winchcascade[cluster]".'
+        )
     what = (str(fault).splitlines() or [type(fault).__name__])[0]
     return LogError(
         f"{address}: cannot be opened ({what}); check the address and the rights of the machine that reads it."

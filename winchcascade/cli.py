@@ -245,7 +245,8 @@ def check_command(
     from winchcascade.table import load_table
     from winchcascade.tasks import processes
 
-    inputs = [results, Path(against)]
+    around = results if results.is_dir() else results.parent
+    inputs = [results, Path(against), *around.glob("*"), *around.glob("runs/*")]
     _check_outputs({"--junit": junit, "--json": Path(json) if json else None}, inputs, force=force)
     factors = Factors(**_factors(tolerance or []))
     table = load_table(against)
@@ -377,6 +378,10 @@ def rig_command(
     print(built_in_text(name or DEFAULT_RIG), end="")
 
 
+_INTERRUPTED = 130
+"""Exit code of an interrupt, by the custom of shells."""
+
+
 def main() -> None:
     """Run the command line: a fault of the input is one sentence on stderr and exit code 2."""
     for stream in (sys.stdout, sys.stderr):
@@ -387,11 +392,13 @@ def main() -> None:
     try:
         code = app(standalone_mode=False)
         sys.stdout.flush()
+        if code == _INTERRUPTED:
+            raise KeyboardInterrupt
         sys.exit(code)
     except WinchcascadeError as fault:
         _refuse(str(fault))
     except (KeyboardInterrupt, typer.Abort):
-        _refuse("interrupted; no file was left half-written.", code=130)
+        _refuse("interrupted; what was finished is kept, no file was left half-written.", code=_INTERRUPTED)
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(2)

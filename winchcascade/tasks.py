@@ -6,6 +6,7 @@ A job that fails is a value, not an end: its outcome carries the fault as a sent
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from typing import TYPE_CHECKING, Generic, TypeVar
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 
 Job = TypeVar("Job")
 Done = TypeVar("Done")
+
+_ADDRESS = re.compile(r"^[a-z]+://[^/\s]+:[0-9]{1,5}$")
 
 CONNECT = 10.0
 """A scheduler that has not answered after this cannot be reached. [s]"""
@@ -91,10 +94,21 @@ def _pool(workers: int) -> ProcessPoolExecutor:
 
 
 def _quietly() -> None:
-    """Leave an interrupt to the process that gave the jobs."""
+    """Leave an interrupt to the process that gave the jobs, and end with it, however it ends."""
     import signal
+    import threading
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    from multiprocessing import parent_process
+
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _pooled(
@@ -109,8 +123,9 @@ def _pooled(
     try:
         while waiting or running:
             while waiting and len(running) < 2 * workers:
-                places = waiting.pop()
+                places = waiting[-1]
                 running[pool.submit(_several, work, places, [jobs[k] for k in places])] = places
+                waiting.pop()  # only now: a pool that is broken takes no more
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 outcomes = future.result()
                 del running[future]
@@ -146,6 +161,10 @@ def run_there(work: Callable[[Job], Done], jobs: Sequence[Job], *, scheduler: st
     ------
     OptionError : Dask is not installed, or the scheduler cannot be reached
     """
+    if not _ADDRESS.match(scheduler):
+        raise OptionError(
+            f"--scheduler {scheduler}: is no address; expected that of a running scheduler, such as tcp://10.0.0.1:8786."
+        )
     try:
         from distributed import Client, as_completed
     except ImportError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
@@ -86,6 +87,13 @@ def _fill_workbook(folder: Path, path: Path) -> None:
                 if k > _SHEET_ROWS:
                     break
                 sheet.write_row(k, 0, row, bold if k == 0 else None)
+    _mark(path)
+
+
+def _mark(path: Path) -> None:
+    """Write this tool's mark where it can be read without unpacking the workbook."""
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.comment = f"winchcascade/{__version__}".encode()
 
 
 def _table_rows(path: Path) -> Iterator[list[Any]]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from winchcascade import __version__
-from winchcascade.addresses import expand, is_remote
+from winchcascade.addresses import expand, is_remote, local_path
 from winchcascade.campaign import CAMPAIGN_FILE, load_campaign
 from winchcascade.errors import CampaignError, OptionError
 from winchcascade.rigfile import Rig
@@ -25,6 +25,9 @@ LOGS = frozenset("csv tsv txt dat asc log lvm tdms mat parquet pq xlsx xls xlsm 
 """Endings of files that are taken for logs in a folder."""
 
 CYCLES = tuple[int, int]
+
+_NAME = 180
+"""Bytes of a name, with room for a digest and an ending within the 255 that file systems take."""
 
 
 class Work(msgspec.Struct, frozen=True):
@@ -71,6 +74,7 @@ def make_plan(targets: Sequence[str], *, rig: str | None = None, window: str | f
 
 
 def _of_target(target: str, rig: str | None, window: str | float | None) -> tuple[str, list[Work]]:
+    target = local_path(target)
     if is_remote(target):
         return target, _of_logs(_logs_only(expand(target), target), rig, window)
     path = Path(target)
@@ -159,28 +163,30 @@ def _title(titles: Sequence[str]) -> str:
 
 def _named(work: Sequence[Work]) -> list[Work]:
     """Give each log a name of its own that any file system takes, and the key of its options."""
+    work = list(
+        {(item.address, _key(item)): item for item in work}.values()
+    )  # the same log with the same options is one
     count: dict[str, int] = {}
     for item in work:
         count[_safe(item.name).casefold()] = count.get(_safe(item.name).casefold(), 0) + 1
     named = []
-    taken: set[str] = set()
     for item in work:
         name, key = _safe(item.name), _key(item)
         if count[name.casefold()] > 1:
             name = f"{name}-{hashlib.sha256((item.address + key).encode()).hexdigest()[:8]}"
-        if name not in taken:  # the same log with the same options twice is one
-            named.append(msgspec.structs.replace(item, name=name, key=key))
-        taken.add(name)
+        named.append(msgspec.structs.replace(item, name=name, key=key))
     return named
 
 
 def _safe(name: str) -> str:
     """A file name without what some file system refuses."""
-    return re.sub(r'[<>:"/\\|?*\x00-\x1f]', "_", name).strip(". ")[:120] or "log"
+    name = name.encode("utf-8", "replace").decode("utf-8")
+    name = re.sub(r'[<>:"/\\|?*\x00-\x1f]', "_", name).strip(". ").encode()[:_NAME].decode("utf-8", "ignore")
+    return name or "log"
 
 
 def _key(work: Work) -> str:
     """Digest of everything that a result depends on besides the log's content: the options, the rig, this program."""
     said = (work.address, work.load, work.load_source, work.window, work.cycles, work.about)
-    content = repr(said).encode() + msgspec.json.encode(work.rig) + __version__.encode()
+    content = repr(said).encode("utf-8", "replace") + msgspec.json.encode(work.rig) + __version__.encode()
     return hashlib.sha256(content).hexdigest()

@@ -22,6 +22,18 @@ class Results(msgspec.Struct, frozen=True):
     whole: bool
 
 
+class _Run(msgspec.Struct):
+    name: str
+    fault: str | None = None
+    result: str = ""
+
+
+class _Summary(msgspec.Struct):
+    """What is needed of the record of a batch."""
+
+    runs: list[_Run]
+
+
 def load_results(target: Path, *, jobs: int = 1) -> Results:
     """Load results, or make them of a campaign.
 
@@ -54,17 +66,18 @@ def _json(path: Path) -> dict[str, Any]:
 
 
 def _of_batch(folder: Path) -> Results:
-    summary = _json(folder / "campaign.json")
-    if summary.get("schema") != CAMPAIGN_SCHEMA:
-        raise OptionError(
-            f"{folder / 'campaign.json'}: is no summary of a batch; expected the schema {CAMPAIGN_SCHEMA}."
-        )
-    for run in summary["runs"]:
-        if run["fault"] is not None:
-            raise LogError(
-                f"{folder}: {run['name']} failed in this batch ({run['fault']}) Mend the log or leave it out."
-            )
-    return Results(tuple((run["name"], _json(folder / run["result"])) for run in summary["runs"]), whole=True)
+    path = folder / "campaign.json"
+    record = _json(path)
+    if record.get("schema") != CAMPAIGN_SCHEMA:
+        raise OptionError(f"{path}: is no summary of a batch; expected the schema {CAMPAIGN_SCHEMA}.")
+    try:
+        summary = msgspec.convert(record, _Summary)
+    except msgspec.ValidationError as fault:
+        raise OptionError(f"{path}: is no summary of a batch ({fault}); run the batch again.") from None
+    for run in summary.runs:
+        if run.fault is not None:
+            raise LogError(f"{folder}: {run.name} failed in this batch: {run.fault} Mend the log or leave it out.")
+    return Results(tuple((run.name, _json(folder / run.result)) for run in summary.runs), whole=True)
 
 
 def _of_campaign(target: Path, jobs: int) -> Results:

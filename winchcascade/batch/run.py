@@ -14,9 +14,9 @@ import msgspec
 from winchcascade import __version__
 from winchcascade.addresses import fingerprint
 from winchcascade.batch.dataset import TABLES, write_dataset, write_workbook
-from winchcascade.batch.work import Order, reduce_log, write_made
+from winchcascade.batch.work import ENDINGS, Order, readable, reduce_log, write_made
 from winchcascade.errors import OutputError
-from winchcascade.files import write_content
+from winchcascade.files import check_replaceable, write_content
 from winchcascade.tasks import Outcome, run_here, run_there
 
 if TYPE_CHECKING:
@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 SCHEMA = "winchcascade/campaign/1"
 REPORTS = {"none": (), "html": ("html",), "all": ("html", "pdf")}
 """Reports that are written, by the word that asks for them."""
+
+CAMPAIGN_FILES = ("campaign.json", "campaign.html", "campaign.pdf", "campaign.xlsx")
+"""Files of a whole campaign, beside its dataset."""
 
 _STALE = 3600.0
 """A scratch file older than this is left of a call that was killed. [s]"""
@@ -111,6 +114,8 @@ def run_batch(
     """
     runs = _folder(out, force=force)
     todo = [work for work in plan.work if not is_kept(work, runs, reports)]
+    if not force:
+        _check_foreign(out, runs, todo)
     watch = watch or _Nobody()
     watch.begin(len(plan.work) - len(todo), len(todo))
     faults: dict[str, str] = {}
@@ -152,6 +157,15 @@ def _folder(out: Path, *, force: bool) -> Path:
     return runs
 
 
+def _check_foreign(out: Path, runs: Path, todo: Sequence[Work]) -> None:
+    """Refuse to replace files that this tool did not write, before any work."""
+    made = [out / name for name in CAMPAIGN_FILES] + [out / "dataset" / f"{table}.parquet" for table in TABLES]
+    made += [runs / f"{work.name}.{ending}" for work in todo for ending in ENDINGS]
+    for path in made:
+        if path.exists():
+            check_replaceable(path, force=False)
+
+
 def _clear(part: Path) -> None:
     """Remove a scratch file or folder that nobody can be writing any more."""
     try:
@@ -176,7 +190,7 @@ def is_kept(work: Work, runs: Path, reports: Sequence[str]) -> bool:
 
 def _forget(name: str, runs: Path) -> None:
     """Remove what an earlier call made of a log that now fails."""
-    for ending in ("json", "html", "pdf"):
+    for ending in ENDINGS:
         (runs / f"{name}.{ending}").unlink(missing_ok=True)
 
 
@@ -190,6 +204,8 @@ def _put_together(plan: Plan, batch: Batch, reports: Sequence[str], *, workbook:
         said = _said(out / "campaign.json")
         if said.get("state") == state:
             return said
+    for name in CAMPAIGN_FILES:  # what is not made anew would be of another state
+        (out / name).unlink(missing_ok=True)
     write_dataset(batch.results.values(), out / "dataset")
     if workbook:
         write_workbook(out / "dataset", out / "campaign.xlsx")
@@ -227,13 +243,13 @@ def summary_record(plan: Plan, batch: Batch, state: str) -> dict[str, Any]:
     runs: list[dict[str, Any]] = []
     for work in plan.work:
         if work.name in batch.faults:
-            runs.append({"name": work.name, "log": work.address, "fault": batch.faults[work.name]})
+            runs.append({"name": work.name, "log": readable(work.address), "fault": readable(batch.faults[work.name])})
             continue
         record = msgspec.json.decode(batch.results[work.name].read_bytes())
         runs.append(
             {
                 "name": work.name,
-                "log": work.address,
+                "log": readable(work.address),
                 "fault": None,
                 "result": f"runs/{work.name}.json",
                 "load_ohm": record["log"]["load_ohm"],
@@ -247,4 +263,4 @@ def summary_record(plan: Plan, batch: Batch, state: str) -> dict[str, Any]:
                 **{name: record[name] for name in _COPIED},
             }
         )
-    return {"schema": SCHEMA, "version": __version__, "title": plan.title, "state": state, "runs": runs}
+    return {"schema": SCHEMA, "version": __version__, "title": readable(plan.title), "state": state, "runs": runs}

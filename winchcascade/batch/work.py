@@ -16,8 +16,16 @@ from winchcascade.files import write_content
 from winchcascade.ingest.read import read_run
 from winchcascade.report.records import reduction_record
 
+ENDINGS = ("html", "pdf", "json")
+"""Files of one log; the JSON tells that the others are there."""
+
 _DRAWING = threading.Lock()
 """matplotlib's settings are global, and a worker of a cluster may have several threads."""
+
+
+def readable(text: str) -> str:
+    """A name as text, with a question mark for each byte of it that is none."""
+    return text.encode("utf-8", "replace").decode("utf-8")
 
 
 class Order(msgspec.Struct, frozen=True):
@@ -41,7 +49,7 @@ def reduce_log(order: Order) -> Made:
     work = order.work
     with local_copy(work.address) as path:
         run = read_run(path, rig=work.rig, load=work.load, load_source=work.load_source, about=work.about)
-    run = msgspec.structs.replace(run, path=work.address)
+    run = msgspec.structs.replace(run, path=readable(work.address))
     reduction = reduce(run, rig=work.rig, window=work.window, cycles=work.cycles)
     require_payouts(reduction)
     found = uncertainty(reduction)
@@ -70,6 +78,9 @@ def reduce_log(order: Order) -> Made:
 
 
 def write_made(made: Made, folder: Path) -> None:
-    """Write the files of one log, each whole, the JSON last."""
+    """Write the files of one log, each whole, the JSON last; reports that were not made would be of another result."""
+    for ending in ENDINGS:
+        if made.files and ending not in made.files:
+            (folder / f"{made.name}.{ending}").unlink(missing_ok=True)
     for ending, content in made.files.items():
         write_content(folder / f"{made.name}.{ending}", content, force=True)

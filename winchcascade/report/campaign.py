@@ -134,7 +134,14 @@ def _tiles(runs: Sequence[tables.Run]) -> tuple[Tile, ...]:
     if best is not None:
         run, likely, _ = best
         u, (low, high) = run["standard_uncertainty"]["eta_pto"], run["interval_95"]["eta_pto"]
-        tiles.append(Tile("Best load", "", _name(run), f"best with a probability of {percent(likely)} %"))
+        tiles.append(
+            Tile(
+                "Best load",
+                "",
+                _name(run),
+                f"best with a probability of {percent(likely) if likely < 0.995 else '>99'} %",
+            )
+        )
         tiles.append(
             Tile(
                 "η_pto", "there",
@@ -174,7 +181,7 @@ def _points(runs: Sequence[tables.Run], failed: Sequence[tables.Run], loaded: Se
     if found:
         kinds = sorted({kind.replace("_", " ") for run in found for kind in run["findings"]})
         points.append(Point("Findings", f"In {len(found)} of {len(runs)} logs: {', '.join(kinds)}.", "warn"))
-    else:
+    elif runs:
         points.append(Point("Findings", "No fault found in any log.", "good"))
     worst = [
         (run["max_deviation_percent"]["eta_pto"], run)

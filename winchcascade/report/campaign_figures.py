@@ -78,7 +78,8 @@ def _points(
     ax.set_xlabel("Load resistance (Ω)" if at is not None else "Log, in the order of the table")
     ax.set_ylabel(f"Power ({unit})" if names is _POWERS else "Efficiency (1)")
     label_panel(ax, letter, title)
-    ax.legend(loc="lower right", ncols=3, bbox_to_anchor=(1.01, 1.07), borderaxespad=0.0, columnspacing=1.0)
+    if columns:
+        ax.legend(loc="lower right", ncols=3, bbox_to_anchor=(1.01, 1.07), borderaxespad=0.0, columnspacing=1.0)
 
 
 def _number(value: float | None) -> float:
@@ -117,7 +118,7 @@ def over_speed(runs: Sequence[Run], bins: Mapping[str, Sequence[Mapping[str, Any
         columns = [_curve(bins[run["name"]], field) for run in shown]
         short, unit = readable(unit, *(y for _, y in columns))
         for n, (run, (x, y)) in enumerate(zip(shown, columns, strict=True)):
-            label = load_text(run) if load_of(run) is not None else run["name"]
+            label = load_text(run) if load_of(run) is not None else f"log {runs.index(run) + 1}"
             ax.plot(
                 x, y * short, color=COLOURS[_CURVES[n % len(_CURVES)]], ls=_DASHES[n // len(_CURVES) % len(_DASHES)],
                 label=label if math.isinf(load_of(run) or 0.0) or load_of(run) is None else f"{label} Ω",

@@ -71,6 +71,8 @@ def junit_xml(check: Check) -> str:
     counts = {"tests": str(len(check.cells)), "failures": str(len(check.misses)), "errors": "0", "skipped": "0"}
     root = ElementTree.Element("testsuites", {"name": "winchcascade check", **counts})
     suite = ElementTree.SubElement(root, "testsuite", {"name": _plain(check.table.name), **counts, "time": "0"})
+    properties = ElementTree.SubElement(suite, "properties")
+    ElementTree.SubElement(properties, "property", {"name": "generator", "value": f"winchcascade/{__version__}"})
     for cell in check.cells:
         place = f"{_plain(check.table.name)}.{load_text(cell.load).replace(' ', '_').replace('.', 'p')}"
         case = ElementTree.SubElement(suite, "testcase", {"classname": place, "name": cell.metric, "time": "0"})

@@ -6,6 +6,8 @@ import sys
 from types import TracebackType
 from typing import Any
 
+from winchcascade.report.wording import plain
+
 
 class Progress:
     """Shows a bar while it is a context; tells faults as they come."""
@@ -46,7 +48,10 @@ class Progress:
         """One more is done, or failed for a reason."""
         if self._bar is not None:
             self._bar.advance(self._task)
-        if fault is not None:
-            line = f"{name}: failed"
-            if self._bar is not None:
-                self._bar.console.print(line, markup=False, highlight=False)
+        if fault is None:
+            return
+        line = plain(f"failed: {name}")
+        if self._bar is not None:
+            self._bar.console.print(line, markup=False, highlight=False)
+        else:
+            sys.stderr.write(f"{line}\n")

@@ -1,8 +1,9 @@
 """The compiled step of the rig through time: every part and every law in one loop.
 
 The line's motion is given, so force and pressure follow from it at once; what has a state is the fast shaft behind clutch
-and shaft spring, the gas's temperature and the DC link. All are stepped by the trapezoidal rule, linearly implicitly: the spring
-by its own stiffness, the DC link by the slope of the bridge's characteristic; so the error falls with the square of the step.
+and shaft spring, the gas's temperature and the DC link. All are stepped by the trapezoidal rule, linearly implicitly (the
+spring by its own stiffness, the DC link by the slope of the bridge's characteristic), so the error falls with the square of
+the step.
 """
 
 from __future__ import annotations

@@ -1,0 +1,158 @@
+"""The dataset: what other programs read of it is what the JSON files say."""
+
+import json
+import math
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import duckdb
+import openpyxl
+import pytest
+from pyarrow import dataset, parquet
+
+from winchcascade.batch.dataset import SCHEMA, TABLES
+from winchcascade.batch.plan import make_plan
+from winchcascade.batch.run import run_batch
+
+CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
+FORMULA = "=SUM(A1)"
+ARRAY = "{=SUM(A1:A2)}"
+
+Rows = list[dict[str, Any]]
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("trial")
+    for name in ("open_circuit.csv", "r9ohm.csv"):
+        shutil.copy(CAMPAIGN / name, folder)
+    shutil.copy(CAMPAIGN.parent / "damaged_logs" / "dropouts.csv", folder / f"{FORMULA}.csv")
+    (folder / "rig.toml").write_text(f'based_on = "hsu2026"\nname = "{ARRAY}"\n')
+    (folder / "header_only.csv").write_text(CAMPAIGN.joinpath("r9ohm.csv").read_text().splitlines()[0] + "\n")
+    loads = {"open_circuit.csv": "inf", "r9ohm.csv": "9.0", f"{FORMULA}.csv": "36.0", "header_only.csv": "1.0"}
+    runs = "".join(f'[[run]]\nfile = "{name}"\nload_ohm = {load}\n' for name, load in loads.items())
+    (folder / "campaign.toml").write_text('rig = "rig.toml"\n' + runs)
+    found = run_batch(make_plan([str(folder)]), folder / "out", workbook=True)
+    assert list(found.faults) == ["header_only.csv"]
+    return folder / "out"
+
+
+@pytest.fixture(scope="module")
+def records(out: Path) -> dict[str, dict[str, Any]]:
+    """The JSON of each log by its name, in the order of the campaign."""
+    runs = json.loads((out / "campaign.json").read_bytes())["runs"]
+    return {run["name"]: json.loads((out / run["result"]).read_bytes()) for run in runs if run["fault"] is None}
+
+
+def by_pyarrow(path: Path) -> Rows:
+    return list(dataset.dataset(path).to_table().to_pylist())
+
+
+def by_duckdb(path: Path) -> Rows:
+    found = duckdb.from_parquet(str(path))
+    return [dict(zip(found.columns, row, strict=True)) for row in found.fetchall()]
+
+
+def by_pandas(path: Path) -> Rows:
+    pandas = pytest.importorskip("pandas")
+    rows: Rows = pandas.read_parquet(path, dtype_backend="pyarrow").astype(object).to_dict("records")
+    return [{name: None if value is pandas.NA else value for name, value in row.items()} for row in rows]
+
+
+READERS: list[Callable[[Path], Rows]] = [by_pyarrow, by_duckdb, by_pandas]
+
+
+@pytest.mark.parametrize("read", READERS)
+def test_every_reader_sees_the_means_of_every_log(
+    out: Path, records: dict[str, dict[str, Any]], read: Callable[[Path], Rows]
+) -> None:
+    rows = {row["run"]: row for row in read(out / "dataset" / "runs.parquet")}
+    assert list(rows) == list(records)
+    for name, record in records.items():
+        row = rows[name]
+        assert row["log"] == record["log"]["path"]
+        assert (row["samples"], row["cycles"]) == (record["log"]["samples"], len(record["cycles"]))
+        assert row["complete"] == sum(cycle["complete"] for cycle in record["cycles"])
+        assert row["findings"] == len(record["quality"])
+        for metric, value in record["mean"].items():
+            assert row[metric] == value
+            assert row[f"{metric}_standard_uncertainty"] == record["standard_uncertainty"][metric]
+            assert row[f"{metric}_max_deviation_percent"] == record["max_deviation_percent"][metric]
+            interval = record["interval_95"][metric] or [None, None]
+            assert [row[f"{metric}_low_95"], row[f"{metric}_high_95"]] == interval
+
+
+@pytest.mark.parametrize("read", READERS)
+def test_every_reader_sees_every_cycle_bin_and_finding(
+    out: Path, records: dict[str, dict[str, Any]], read: Callable[[Path], Rows]
+) -> None:
+    for table, key in (("cycles", "cycles"), ("bins", "bins"), ("findings", "quality")):
+        expected = [(name, item) for name, record in records.items() for item in record[key]]
+        rows = read(out / "dataset" / f"{table}.parquet")
+        assert len(rows) == len(expected) > 0
+        for row, (name, item) in zip(rows, expected, strict=True):
+            assert row["run"] == name
+            assert all(row[k] == v for k, v in item.items() if k in row)
+            assert sum(k in row for k in item) >= 8
+
+
+def test_phases_of_a_cycle_are_columns(out: Path, records: dict[str, dict[str, Any]]) -> None:
+    cycles = [cycle for record in records.values() for cycle in record["cycles"]]
+    for row, cycle in zip(by_pyarrow(out / "dataset" / "cycles.parquet"), cycles, strict=True):
+        for phase, span in cycle["phases"].items():
+            assert [row[f"{phase}_begin_s"], row[f"{phase}_end_s"]] == (span or [None, None])
+        assert [row["onset_s"], row["cutoff_s"]] == [cycle["window"][f"{end}_s"] for end in ("onset", "cutoff")]
+        plateau = cycle["phase_summary"]["payout"]["plateau"] or {}
+        assert all(row[f"plateau_{name}"] == value for name, value in plateau.items())
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_an_open_circuit_is_an_infinite_load(out: Path, table: str) -> None:
+    loads = {row["run"]: row["load_ohm"] for row in by_pyarrow(out / "dataset" / f"{table}.parquet")}
+    assert loads.get("open_circuit.csv", math.inf) == math.inf
+    assert loads.get("r9ohm.csv", 9.0) == 9.0
+
+
+def test_readers_can_ask_for_what_they_want(out: Path) -> None:
+    path = out / "dataset" / "cycles.parquet"
+    found = duckdb.from_parquet(str(path)).filter("load_ohm = 9 AND complete").aggregate("count(*)").fetchall()
+    assert found == [(3,)]
+    assert dataset.dataset(path).count_rows(filter=dataset.field("load_ohm") == math.inf) == 3
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_a_table_says_its_schema(out: Path, table: str) -> None:
+    assert parquet.read_schema(out / "dataset" / f"{table}.parquet").metadata[b"schema"].decode() == SCHEMA
+
+
+def test_the_workbook_has_the_same_rows(out: Path) -> None:
+    book = openpyxl.load_workbook(out / "campaign.xlsx")
+    assert tuple(book.sheetnames) == TABLES
+    for table in TABLES:
+        head, *rows = book[table].values
+        expected = by_pyarrow(out / "dataset" / f"{table}.parquet")
+        assert list(head) == list(expected[0])
+        assert len(rows) == len(expected)
+        for row, known in zip(rows, expected, strict=True):
+            for cell, value in zip(row, known.values(), strict=True):
+                if value == math.inf:
+                    assert cell == "inf"
+                elif isinstance(value, float):
+                    assert cell == pytest.approx(value, rel=SPREADSHEET)
+                else:
+                    assert cell == value
+
+
+SPREADSHEET = 1e-14
+"""Digits that a workbook keeps of a number."""
+
+
+def test_a_text_that_looks_like_a_formula_is_a_text(out: Path) -> None:
+    sheet = openpyxl.load_workbook(out / "campaign.xlsx")["runs"]
+    head = [cell.value for cell in sheet[1]]
+    (row,) = (row for row in sheet.iter_rows(min_row=2) if row[0].value == f"{FORMULA}.csv")
+    for cell in (row[0], row[head.index("rig")]):
+        assert cell.data_type == "s"
+    assert row[head.index("rig")].value == ARRAY

@@ -1,0 +1,295 @@
+"""The report of a campaign: the numbers of its record, for the page and the PDF alike, and what could not be used."""
+
+import json
+import math
+import re
+import shutil
+from collections import Counter
+from pathlib import Path
+from typing import Any, NamedTuple
+from urllib.parse import unquote
+
+import pypdf
+import pytest
+
+from winchcascade.batch.plan import make_plan
+from winchcascade.batch.run import run_batch
+from winchcascade.cascade.efficiency import METRICS
+from winchcascade.report.campaign import DRAWS, best_load, make_campaign_report
+from winchcascade.report.campaign_tables import MOST_RUNS, by_load, load_text
+from winchcascade.report.campaign_text import campaign_text
+from winchcascade.report.html import html_text
+from winchcascade.report.layout import Report, Table
+from winchcascade.report.records import FIELDS
+
+FIXTURES = Path(__file__).parents[2] / "fixtures"
+
+CHANCE = 4.0
+"""Standard deviations by which a share of random draws may differ from its probability."""
+
+
+def run(
+    name: str, load: float | None = None, eta: float | None = None, u: float | None = None, **more: Any
+) -> dict[str, Any]:
+    """A log of a summary that knows its efficiency, and a power that is the same for all."""
+    nothing: dict[str, Any] = dict.fromkeys(FIELDS.values())
+    power = {"power_gen_w": 500.0}
+    interval = None if eta is None or u is None else [eta - 2 * u, eta + 2 * u]
+    record: dict[str, Any] = {
+        "name": name, "log": name, "fault": None, "result": f"runs/{name}.json", "load_ohm": load, "open_circuit": False,
+        "simulated": None, "rig": "ours", "cycles": 3, "complete": 3, "findings": [], "removed_share": 0.0,
+        "mean": nothing | power | {"eta_pto": eta}, "standard_uncertainty": nothing | {"eta_pto": u},
+        "interval_95": nothing | {"eta_pto": interval}, "max_deviation_percent": nothing,
+    }  # fmt: skip
+    return record | more
+
+
+def failed(name: str, fault: str) -> dict[str, Any]:
+    return {"name": name, "log": name, "fault": fault}
+
+
+def summary(*runs: dict[str, Any]) -> dict[str, Any]:
+    return {"schema": "winchcascade/campaign/1", "version": "0", "title": "Made up", "state": "", "runs": list(runs)}
+
+
+class Made(NamedTuple):
+    out: Path
+    summary: dict[str, Any]
+    report: Report
+    page: str
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    """The report of two loads, an open circuit and a log that fails."""
+    folder = tmp_path_factory.mktemp("trial")
+    names = {"r9ohm.csv": 9.0, "r36ohm.csv": 36.0, "open_circuit.csv": math.inf, "header_only.csv": 1.0}
+    for name in names:
+        (source,) = FIXTURES.glob(f"*/{name}")
+        shutil.copy(source, folder)
+    runs = "".join(f'[[run]]\nfile = "{name}"\nload_ohm = {load}\n' for name, load in names.items())
+    (folder / "campaign.toml").write_text(f'title = "Trial <b>A & B"\n{runs}')
+    out = folder / "out"
+    run_batch(make_plan([str(folder)]), out)
+    record = json.loads((out / "campaign.json").read_bytes())
+    from winchcascade.report.campaign import write_campaign_reports
+
+    write_campaign_reports(record, out, ["html", "pdf"], command="winchcascade batch trial")
+    report = make_campaign_report(record, out, command="winchcascade batch trial")
+    return Made(out, record, report, (out / "campaign.html").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def bare(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a batch whose dataset has no row."""
+    out = tmp_path_factory.mktemp("bare") / "out"
+    run_batch(make_plan([str(FIXTURES / "damaged_logs" / "header_only.csv")]), out)
+    return out
+
+
+def table(report: Report, name: str) -> Table:
+    (found,) = (b for s in report.sections for b in s.blocks if isinstance(b, Table) and b.id == name)
+    return found
+
+
+def squeezed(text: str) -> str:
+    """Text without what a line break, a low-set letter, or a break within a long word may change."""
+    return re.sub(r"[\s_\u200b]", "", text)
+
+
+@pytest.mark.parametrize("apart", [0.0, 0.5, 1.0, 3.0])
+def test_the_probability_of_the_best_of_two_is_that_of_the_normal_distribution(apart: float) -> None:
+    """P(a > b) = Phi((a - b) / sqrt(u_a^2 + u_b^2)), here with u = 0.006 and 0.008, so 0.01 in all."""
+    found = best_load([run("b", 9.0, 0.70, 0.008), run("a", 36.0, 0.70 + 0.01 * apart, 0.006)])
+    assert found is not None
+    expected = 0.5 * math.erfc(-apart / math.sqrt(2.0))
+    assert found[1] == pytest.approx(expected, abs=CHANCE * math.sqrt(expected * (1.0 - expected) / DRAWS) + 1e-9)
+    if apart > 0:
+        assert (found[0]["name"], found[2]["name"]) == ("a", "b")
+
+
+def test_the_best_of_equals_is_one_of_them_by_chance() -> None:
+    found = best_load([run(f"{k}", 9.0 + k, 0.7, 0.01) for k in range(5)])
+    assert found is not None
+    assert found[1] == pytest.approx(0.2, abs=CHANCE * math.sqrt(0.2 * 0.8 / DRAWS))
+
+
+def test_there_is_no_best_load_of_one_or_of_those_that_are_not_known() -> None:
+    assert best_load([run("a", 9.0, 0.7, 0.01)]) is None
+    assert best_load([run("a", 9.0, 0.7, 0.01), run("b", 36.0), run("c", 18.0, 0.8, None)]) is None
+    open_circuit = run("b", None, 0.9, 0.01, open_circuit=True)
+    assert best_load([run("a", 9.0, 0.7, 0.01), open_circuit]) is None
+
+
+def test_the_best_load_and_its_probability_are_said(bare: Path) -> None:
+    sure = make_campaign_report(summary(run("a", 9.0, 0.60, 0.004), run("b", 36.0, 0.72, 0.004)), bare)
+    assert [(t.symbol, t.value) for t in sure.tiles[:2]] == [("Best load", "36 Ω"), ("η_pto", "0.720")]
+    assert sure.tiles[0].interval == "best with a probability of >99 %"
+    close = make_campaign_report(summary(run("a", 9.0, 0.719, 0.004), run("b", 36.0, 0.720, 0.004)), bare)
+    texts = [[p.text for p in report.points if p.about == "Best load"] for report in (sure, close)]
+    assert texts[0] == ["36 Ω with η_pto = 0.720, then 9 Ω with 0.600."]
+    assert texts[1] == ["36 Ω with η_pto = 0.720, then 9 Ω with 0.719. The uncertainties do not tell them apart."]
+
+
+def test_runs_are_in_falling_order_of_their_loads() -> None:
+    runs = [run("u"), run("a", 9.0), run("o", open_circuit=True), run("b", 45.0), run("c", 4.5)]
+    assert [load_text(r) for r in by_load(runs)] == ["open circuit", "45", "9", "4.5", "–"]
+
+
+def test_every_log_is_in_the_tables_with_its_mean(made: Made) -> None:
+    for name, metrics in (("energies", METRICS[:6]), ("efficiencies", METRICS[6:])):
+        rows = table(made.report, name).rows
+        assert [row[0] for row in rows] == ["open_circuit.csv", "r36ohm.csv", "r9ohm.csv"]
+        for row in rows:
+            (record,) = (r for r in made.summary["runs"] if r["name"] == row[0])
+            stated = [cell.split(" ± ") for cell in row[2:] if " ± " in cell]
+            known = [m for m in metrics if record["mean"][FIELDS[m]] is not None]
+            assert len(stated) == len(known)
+            given = sorted(record["mean"][FIELDS[m]] for m in known)
+            for value, (text, u) in zip(given, sorted(stated, key=lambda pair: float(pair[0])), strict=True):
+                assert float(text) == pytest.approx(value, abs=float(u))
+    assert "–" in table(made.report, "efficiencies").rows[0]  # of an open circuit
+
+
+def test_the_largest_deviations_are_those_of_the_record(made: Made) -> None:
+    rows = {row[0]: row for row in table(made.report, "repeatability").rows}
+    for record in made.summary["runs"]:
+        if record["fault"] is None:
+            known = [v for v in record["max_deviation_percent"].values() if v is not None]
+            cells = [cell for cell in rows[record["name"]][3:] if cell != "–"]
+            assert [float(cell) for cell in cells] == [pytest.approx(v, abs=0.0051) for v in known]
+
+
+def test_a_log_that_failed_is_listed_with_its_sentence(made: Made) -> None:
+    ((name, why),) = table(made.report, "faults").rows
+    assert name == "header_only.csv"
+    assert "column names but no rows" in why
+    assert "header_only.csv.html" not in made.page
+    (point,) = (p for p in made.report.points if p.about == "Logs")
+    assert (point.text, point.tone) == ("3 of 4 reduced, 9 of 9 cycles complete.", "warn")
+
+
+def test_ids_of_the_page_are_unique_and_its_links_resolve(made: Made) -> None:
+    ids = Counter(re.findall(r'\sid="([^"]*)"', made.page))
+    assert [name for name, n in ids.items() if n > 1] == []
+    named = re.findall(r'(?:href="#|xlink:href="#|url\(#)([^")]*)', made.page)
+    named += " ".join(re.findall(r'aria-(?:labelledby|describedby)="([^"]*)"', made.page)).split()
+    assert named
+    assert set(named) <= set(ids)
+
+
+def test_the_page_links_to_the_report_of_each_log(made: Made) -> None:
+    links = re.findall(r'href="(?!#|data:)([^"]*)"', made.page)
+    assert {unquote(link) for link in links} == {
+        f"runs/{r['name']}.html" for r in made.summary["runs"] if r["fault"] is None
+    }
+
+
+def test_a_name_that_is_an_address_links_to_its_own_report_alone(bare: Path) -> None:
+    page = html_text(make_campaign_report(summary(run('javascript:alert(1)" #?%.csv', 9.0, 0.7, 0.01)), bare))
+    links = set(re.findall(r'href="(?!#|data:)([^"]*)"', page))
+    assert {unquote(link) for link in links} == {'runs/javascript:alert(1)" #?%.csv.html'}
+    assert not any(c in link for link in links for c in '"#? ')
+
+
+def test_texts_of_a_campaign_are_no_markup(made: Made, bare: Path) -> None:
+    assert "Trial &lt;b&gt;A &amp; B" in made.page
+    assert "<b>A" not in made.page
+    hostile = "<script>alert(1)</script>.csv"
+    page = html_text(make_campaign_report(summary(run(hostile, None, 0.7, 0.01), failed(hostile, hostile)), bare))
+    assert "<script>" not in page
+
+
+def test_the_pdf_states_the_numbers_of_the_page(made: Made) -> None:
+    read = pypdf.PdfReader(made.out / "campaign.pdf")
+    text = squeezed("".join(page.extract_text() for page in read.pages))
+    for block in (b for s in made.report.sections for b in s.blocks if isinstance(b, Table)):
+        assert squeezed(block.caption) in text
+        for row in block.rows:
+            if block.id != "provenance":  # which holds the time of making
+                assert all(squeezed(cell) in text for cell in row), (block.id, row)
+                assert all(cell.replace("&", "&amp;") in made.page for cell in row if "<" not in cell)
+    for tile in made.report.tiles:
+        assert squeezed(tile.value + tile.interval) in text
+        assert tile.value in made.page
+
+
+def test_a_campaign_without_loads_has_a_report(tmp_path: Path) -> None:
+    for k, name in enumerate(("r9ohm.csv", "r36ohm.csv")):
+        shutil.copy(FIXTURES / "campaign" / name, tmp_path / f"log {k}.csv")
+    found = run_batch(make_plan([str(tmp_path)]), tmp_path / "out", reports=())
+    report = make_campaign_report(found.summary, tmp_path / "out")
+    assert [row[:2] for row in table(report, "energies").rows] == [("log 0.csv", "–"), ("log 1.csv", "–")]
+    page = html_text(report)
+    assert 'id="figure-loads"' in page
+    assert next(t.value for t in report.tiles if t.symbol == "Best load") in ("log 0.csv", "log 1.csv")
+    assert not re.search(r"\bnan\b", re.sub(r"<svg.*?</svg>|<style.*?</style>", "", page, flags=re.DOTALL))
+
+
+@pytest.mark.parametrize("channels", [3, 5], ids=["motion alone", "motion and force"])
+def test_a_campaign_of_logs_without_efficiencies_has_a_report(tmp_path: Path, channels: int) -> None:
+    lines = (FIXTURES / "campaign" / "r9ohm.csv").read_text().splitlines()
+    (tmp_path / "log.csv").write_text("\n".join(",".join(line.split(",")[:channels]) for line in lines) + "\n")
+    found = run_batch(make_plan([str(tmp_path / "log.csv")]), tmp_path / "out")
+    assert found.faults == {}
+    report = make_campaign_report(found.summary, tmp_path / "out")
+    assert table(report, "logs").rows[0][0] == "log.csv"
+
+
+def test_nothing_good_is_said_of_logs_that_all_failed(bare: Path) -> None:
+    report = make_campaign_report(summary(failed("a.csv", "a.csv: nothing.")), bare)
+    assert not any(point.tone == "good" for point in report.points)
+
+
+def test_a_campaign_without_any_result_has_a_report(bare: Path) -> None:
+    report = make_campaign_report(summary(failed("a.csv", "a.csv: nothing.")), bare)
+    assert [section.id for section in report.sections] == ["findings", "provenance"]
+    assert "No log could be used." in html_text(report)
+
+
+def test_a_campaign_of_one_log_has_a_report_without_a_best_load(bare: Path) -> None:
+    report = make_campaign_report(summary(run("a.csv", 9.0, 0.7, 0.01)), bare)
+    assert not any("Best load" in tile.symbol for tile in report.tiles)
+
+
+def test_of_very_many_logs_a_table_lists_the_first_and_the_last(bare: Path) -> None:
+    runs = [run(f"{k}.csv", 1.0 + k, 0.7, 0.01) for k in range(2 * MOST_RUNS)]
+    report = make_campaign_report(summary(*runs), bare)
+    rows = table(report, "efficiencies").rows
+    assert len(rows) == MOST_RUNS + 1
+    assert (rows[0][0], rows[-1][0]) == (f"{2 * MOST_RUNS - 1}.csv", "0.csv")
+    assert rows[MOST_RUNS // 2][0] == f"… {MOST_RUNS} more, in the dataset"
+
+
+def test_simulated_logs_and_findings_are_said(bare: Path) -> None:
+    runs = [
+        run("a", 9.0, 0.7, 0.01, simulated=True, findings=["stuck", "slack_line"], removed_share=0.02),
+        run("b", 36.0),
+    ]
+    points = {p.about: p for p in make_campaign_report(summary(*runs), bare).points}
+    assert points["Simulated"].text == "1 of 2 logs were made by a simulation."
+    assert points["Findings"].text == "In 1 of 2 logs: slack line, stuck."
+
+
+def test_the_terminal_says_what_failed_and_where_the_files_are(made: Made) -> None:
+    text = campaign_text(made.summary, made.out, kept=1)
+    assert text.startswith("Trial <b>A & B: 3 of 4 logs reduced, 1 of them by an earlier call\n")
+    assert "failed: header_only.csv: header_only.csv: column names but no rows" in text
+    assert [line.split()[0] for line in text.splitlines() if ".csv " in line and "failed" not in line] == [
+        "open_circuit.csv", "r36ohm.csv", "r9ohm.csv",
+    ]  # fmt: skip
+    assert str(made.out / "campaign.pdf") in text
+    assert "campaign.xlsx" not in text
+
+
+def test_the_terminal_obeys_no_control_character_of_a_log(tmp_path: Path) -> None:
+    text = campaign_text(summary(run("a\x1b[31m.csv", 9.0), failed("b\x1b[2J", "c\x07\nd")), tmp_path, kept=0)
+    assert not any(ord(c) < 32 and c != "\n" for c in text)
+
+
+def test_the_terminal_lists_a_part_of_very_many(tmp_path: Path) -> None:
+    runs = [run(f"{k}.csv", 1.0 + k) for k in range(100)] + [failed(f"f{k}", "why.") for k in range(30)]
+    lines = campaign_text(summary(*runs), tmp_path, kept=0).splitlines()
+    assert "... 80 more, in the dataset ..." in lines
+    assert any(line.startswith("... 20 more failed, all in ") for line in lines)
+    assert len(lines) < 50

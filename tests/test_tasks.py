@@ -1,0 +1,123 @@
+"""Jobs on processes: every job has one outcome, whatever the others do."""
+
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from winchcascade.errors import LogError
+from winchcascade.tasks import Outcome, processes, run_here
+
+
+class Task(NamedTuple):
+    """What a job is to do: `good`, `fault`, `error`, `missing`, `exit`, `kill`, `once` or `wait`."""
+
+    does: str
+    value: int = 0
+    folder: Path = Path()
+
+
+def work(task: Task) -> int:
+    match task.does:
+        case "fault":
+            raise LogError("log.csv: no time column.")
+        case "error":
+            raise ValueError("no such thing")
+        case "missing":
+            (task.folder / "missing.csv").read_bytes()
+        case "exit":
+            os._exit(3)
+        case "kill":
+            os.kill(os.getpid(), signal.SIGKILL)
+        case "once":
+            try:
+                (task.folder / "begun").touch(exist_ok=False)
+            except FileExistsError:
+                return 2 * task.value
+            os._exit(3)
+        case "wait":
+            (task.folder / "pid.part").write_text(str(os.getpid()))
+            (task.folder / "pid.part").replace(task.folder / "pid")
+            while not (task.folder / "go").exists():
+                pass
+            os._exit(3)
+    return 2 * task.value
+
+
+def by_place(outcomes: Iterator[Outcome[int]], jobs: int) -> list[Outcome[int]]:
+    found = sorted(outcomes, key=lambda outcome: outcome.place)
+    assert [outcome.place for outcome in found] == list(range(jobs))
+    return found
+
+
+@pytest.mark.parametrize("workers", [1, 2, 3])
+@pytest.mark.parametrize("jobs", [0, 1, 2, 7, 100])
+def test_every_job_has_exactly_one_outcome(jobs: int, workers: int) -> None:
+    found = by_place(run_here(work, [Task("good", k) for k in range(jobs)], workers=workers), jobs)
+    assert [outcome.value for outcome in found] == [2 * k for k in range(jobs)]
+    assert all(outcome.fault is None for outcome in found)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize(
+    ("does", "says"),
+    [
+        ("fault", "log.csv: no time column."),
+        ("error", "a fault of this program: ValueError: no such thing. Please report it."),
+        ("missing", "missing.csv: cannot be used (No such file or directory)."),
+    ],
+)
+def test_a_job_that_fails_is_a_sentence_and_the_others_complete(
+    tmp_path: Path, does: str, says: str, workers: int
+) -> None:
+    tasks = [Task(does if k == 1 else "good", k, tmp_path) for k in range(5)]
+    found = by_place(run_here(work, tasks, workers=workers), 5)
+    assert [outcome.value for outcome in found] == [0, None, 4, 6, 8]
+    assert (found[1].fault or "").endswith(says)
+
+
+@pytest.mark.parametrize(
+    "does", ["exit", pytest.param("kill", marks=pytest.mark.skipif(os.name == "nt", reason="POSIX"))]
+)
+def test_a_job_that_ends_its_process_is_a_sentence_and_the_others_complete(does: str) -> None:
+    found = by_place(run_here(work, [Task(does if k in (2, 20) else "good", k) for k in range(40)], workers=2), 40)
+    for outcome in found:
+        if outcome.place in (2, 20):
+            assert outcome.value is None
+            assert "was killed twice; is there enough memory?" in (outcome.fault or "")
+        else:
+            assert outcome.value == 2 * outcome.place
+
+
+def test_a_job_whose_process_died_once_is_tried_again(tmp_path: Path) -> None:
+    tasks = [Task("once" if k == 3 else "good", k, tmp_path) for k in range(6)]
+    found = by_place(run_here(work, tasks, workers=2), 6)
+    assert [outcome.value for outcome in found] == [2 * k for k in range(6)]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="looks for a process by its id as POSIX does")
+def test_no_job_is_lost_if_a_process_dies_while_an_outcome_is_being_used(tmp_path: Path) -> None:
+    tasks = [Task("wait" if k == 1 else "good", k, tmp_path) for k in range(8)]
+    outcomes = run_here(work, tasks, workers=2)
+    first = next(outcomes)
+    while not (tmp_path / "pid").exists():
+        pass
+    (tmp_path / "go").touch()
+    wait_for_the_end_of(int((tmp_path / "pid").read_text()))
+    rest = sorted(outcome.place for outcome in outcomes)
+    assert sorted([first.place, *rest]) == list(range(8))
+
+
+def wait_for_the_end_of(process: int) -> None:
+    while True:
+        try:
+            os.kill(process, 0)
+        except ProcessLookupError:
+            return
+
+
+def test_there_is_a_processor() -> None:
+    assert processes() >= 1
