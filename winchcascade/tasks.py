@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 Job = TypeVar("Job")
 Done = TypeVar("Done")
 
-_ADDRESS = re.compile(r"^[a-z]+://[^/\s]+:[0-9]{1,5}$")
+_ADDRESS = re.compile(r"^(tcp|tls|ws|wss|ucx)://[^/\s]+:[0-9]{1,5}$")
 
 CONNECT = 10.0
 """A scheduler that has not answered after this cannot be reached. [s]"""

@@ -152,4 +152,6 @@ def test_a_scheduler_that_cannot_be_reached_is_told(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("address", ["nonsense", "nosuch://127.0.0.1:1"])
 def test_an_address_that_is_none_of_a_scheduler_is_told(tmp_path: Path, address: str) -> None:
-    assert "cannot be reached" in one_sentence("batch", CAMPAIGN, "--out", tmp_path / "out", "--scheduler", address)
+    assert "is no address; expected that of a running scheduler" in one_sentence(
+        "batch", CAMPAIGN, "--out", tmp_path / "out", "--scheduler", address
+    )
