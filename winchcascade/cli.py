@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 from collections.abc import Mapping, Sequence
@@ -28,6 +29,9 @@ RigOption = Annotated[
 WindowOption = Annotated[
     str | None,
     typer.Option("--window", metavar="RULE", help="auto, payout, or a length in seconds; the rig's rule by default."),
+]
+LoadOption = Annotated[
+    float | None, typer.Option("--load-ohm", metavar="OHM", help="Load resistance; inf is an open circuit.")
 ]
 JsonOption = Annotated[
     str | None, typer.Option("--json", metavar="FILE", help="Write the result as JSON; - prints it alone.")
@@ -71,9 +75,7 @@ def reduce_command(
         Path, typer.Argument(metavar="LOG", help="CSV, .lvm, TDMS, MATLAB, Parquet or Excel.", show_default=False)
     ],
     rig: RigOption = None,
-    load_ohm: Annotated[
-        float | None, typer.Option("--load-ohm", metavar="OHM", help="Load resistance; inf is an open circuit.")
-    ] = None,
+    load_ohm: LoadOption = None,
     window: WindowOption = None,
     json: JsonOption = None,
     parquet: Annotated[
@@ -93,8 +95,7 @@ def reduce_command(
     from winchcascade.ingest.read import read_run
     from winchcascade.report.terminal import reduction_text
 
-    if load_ohm is not None and not load_ohm > 0:
-        raise OptionError(f"--load-ohm {load_ohm:g}: expected a number of ohms above 0, or inf for an open circuit.")
+    _check_load(load_ohm)
     if window is not None:
         window_rule(window)
     results = {"--json": Path(json) if json else None, "--html": html, "--pdf": pdf, "--parquet": parquet}
@@ -124,6 +125,11 @@ def reduce_command(
                 return
             write_json(reduction, found, Path(json), force=force)
     print(reduction_text(reduction), end="")
+
+
+def _check_load(load_ohm: float | None) -> None:
+    if load_ohm is not None and not load_ohm > 0:
+        raise OptionError(f"--load-ohm {load_ohm:g}: expected a number of ohms above 0, or inf for an open circuit.")
 
 
 def _command() -> str:
@@ -339,6 +345,80 @@ def demo_command(
         )  # fmt: skip
     print(campaign_text(batch.summary, batch.folder, kept=batch.kept), end="")
     raise typer.Exit(1 if batch.faults else 0)
+
+
+@app.command("simulate")
+def simulate_command(
+    log: Annotated[
+        Path | None, typer.Argument(metavar="[LOG]", help="A log whose line motion drives the rig.", show_default=False)
+    ] = None,
+    profile: Annotated[
+        Path | None, typer.Option("--profile", metavar="FILE", help="A profile instead, with time_s and velocity_mps.")
+    ] = None,
+    load_ohm: LoadOption = None,
+    rig: RigOption = None,
+    effects: Annotated[
+        list[str] | None,
+        typer.Option("--with", metavar="EFFECT.FIELD=VALUE", help="Switch an effect on; `effects` lists them."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="The simulated log.", show_default=False)
+    ] = None,
+    force: ForceOption = False,
+) -> None:
+    """Simulate the rig along a line motion, and write the log that its sensors would have written."""
+    from winchcascade.effects.catalogue import make_effect
+    from winchcascade.ingest.read import read_run
+    from winchcascade.report.terminal import simulation_text
+    from winchcascade.rig.model import baseline
+    from winchcascade.rig.simulate import simulate
+    from winchcascade.rig.write import write_log
+
+    source = profile or log
+    if source is None or (profile is not None and log is not None):
+        raise OptionError("simulate: expected a LOG or --profile FILE, one of them.")
+    if out is None:
+        raise OptionError("simulate: expected --out FILE for the simulated log.")
+    _check_load(load_ohm)
+    _check_outputs({"--out": out}, [source, *([Path(rig)] if rig else [])], force=force)
+    settings = _settings(source, rig, load_ohm, None)
+    run = read_run(source, rig=settings.rig, load=settings.load, load_source=settings.load_source, about=settings.about)
+    if run.load is None:
+        raise OptionError(f"{run.name}: its load is unknown; give --load-ohm OHM, inf for an open circuit.")
+    model = baseline(settings.rig)
+    for name, fields in _fields(effects or []).items():
+        model = make_effect(name, fields).bend(model)
+    simulation = simulate(run, model)
+    write_log(simulation, out, force=force)
+    print(simulation_text(simulation, out), end="")
+
+
+def _fields(options: Sequence[str]) -> dict[str, dict[str, float]]:
+    """Read EFFECT.FIELD=VALUE options: the fields of each effect."""
+    fields: dict[str, dict[str, float]] = {}
+    for option in options:
+        place, equals, text = option.partition("=")
+        name, dot, field = place.strip().partition(".")
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not (equals and dot and field) or math.isnan(value):
+            raise OptionError(
+                f"--with {option}: expected EFFECT.FIELD=VALUE, such as gear_mesh_loss.efficiency_change=-0.03."
+            )
+        fields.setdefault(name, {})[field] = value
+    return fields
+
+
+@app.command("effects")
+def effects_command(
+    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="An effect.", show_default=False)] = None,
+) -> None:
+    """List the effects that a rig may have beyond its model, or tell all about one."""
+    from winchcascade.effects.catalogue import describe
+
+    print(describe(name).rstrip("\n"))
 
 
 class _Settings(NamedTuple):

@@ -12,9 +12,12 @@ from winchcascade.cascade.montecarlo import stated_uncertainty
 from winchcascade.report.wording import decisive, not_known, plain
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from winchcascade.cascade.efficiency import Metrics
     from winchcascade.cascade.reduce import CycleResult, Reduction
     from winchcascade.cascade.uncertainty import Budget
+    from winchcascade.rig.simulate import Simulation
     from winchcascade.run import Finding
 
 _WIDTH = 80
@@ -192,3 +195,19 @@ def _finding(finding: Finding, samples: int) -> str:
 
 def _share(share: float) -> str:
     return f"{share:.2%}" if share >= 0.0001 else "less than 0.01%"
+
+
+def simulation_text(simulation: Simulation, out: Path) -> str:
+    """Where the line's energy went in a simulation, until its largest, and where the log is."""
+    run, energy = simulation.run, simulation.energy
+    most = int(energy["line"].argmax())
+    line = float(energy["line"][most])
+    load = "open circuit" if run.open_circuit else f"load {run.load:g} ohm"
+    lines = [
+        f"{plain(run.name)}: simulated at {load}, {run.samples} samples, {_duration(float(run.t[-1] - run.t[0]))}",
+        "",
+    ]
+    shares = {name: float(joule[most]) for name, joule in energy.items() if abs(joule[most]) >= 5e-4 * abs(line)}
+    rows = [("energy", "J", "share"), *((n, f"{e:.0f}", f"{e / line:.1%}" if line else "-") for n, e in shares.items())]
+    lines += [f"{name:<12}{joule:>9}{share:>9}" for name, joule, share in rows]
+    return "\n".join([*lines, "", f"log: {out}"]) + "\n"
