@@ -21,6 +21,9 @@ Done = TypeVar("Done")
 
 _ADDRESS = re.compile(r"^(tcp|tls|ws|wss|ucx)://[^/\s]+:[0-9]{1,5}$")
 
+MOST_WORKERS = 61
+"""More processes than this Windows cannot wait for."""
+
 CONNECT = 10.0
 """A scheduler that has not answered after this cannot be reached. [s]"""
 
@@ -51,7 +54,8 @@ def run_here(work: Callable[[Job], Done], jobs: Sequence[Job], *, workers: int) 
     ----------
     work : a function of a module, so that another process can find it
     """
-    if workers <= 1 or len(jobs) <= 1:
+    workers = min(workers, len(jobs), MOST_WORKERS)
+    if workers <= 1:
         for place, job in enumerate(jobs):
             yield _tried(work, place, job)
         return
@@ -136,6 +140,12 @@ def _pooled(
             yield from future.result()
             del running[future]
         return list(reversed(waiting)), [place for places in running.values() for place in places]
+    except (
+        BaseException
+    ):  # an interrupt, say: what the processes have in hand is not wanted, and every file is written whole
+        for process in list((pool._processes or {}).values()):
+            process.terminate()
+        raise
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
     return [], []

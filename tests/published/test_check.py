@@ -143,7 +143,7 @@ def with_load(load: float | None) -> Measured:
         (with_load(17.0), "odd.csv: 17 ohm has no row in random; expected one of 45 ohm, 18 ohm, open circuit"),
         (with_load(18.0), "odd.csv: 18 ohm is the load of log 18 too; expected one log for each row"),
         (with_load(math.inf), "odd.csv: open circuit is the load of log inf too"),
-        (with_load(None), "odd.csv: the load of this log is not known; give it as --load-ohm"),
+        (with_load(None), "odd.csv: its load is not known; expected load_ohm in a campaign.toml"),
     ],
 )
 def test_a_log_that_has_no_place_in_the_table_is_one_sentence(extra: Measured, sentence: str) -> None:

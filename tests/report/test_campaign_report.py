@@ -222,7 +222,7 @@ def test_a_campaign_without_loads_has_a_report(tmp_path: Path) -> None:
     assert [row[:2] for row in table(report, "energies").rows] == [("log 0.csv", "–"), ("log 1.csv", "–")]
     page = html_text(report)
     assert 'id="figure-loads"' in page
-    assert next(t.value for t in report.tiles if t.symbol == "Best load") in ("log 0.csv", "log 1.csv")
+    assert all(t.symbol != "Best load" for t in report.tiles)  # without loads there is no best one
     assert not re.search(r"\bnan\b", re.sub(r"<svg.*?</svg>|<style.*?</style>", "", page, flags=re.DOTALL))
 
 
@@ -274,7 +274,7 @@ def test_simulated_logs_and_findings_are_said(bare: Path) -> None:
 def test_the_terminal_says_what_failed_and_where_the_files_are(made: Made) -> None:
     text = campaign_text(made.summary, made.out, kept=1)
     assert text.startswith("Trial <b>A & B: 3 of 4 logs reduced, 1 of them by an earlier call\n")
-    assert "failed: header_only.csv: header_only.csv: column names but no rows" in text
+    assert "failed: header_only.csv: column names but no rows" in text
     assert [line.split()[0] for line in text.splitlines() if ".csv " in line and "failed" not in line] == [
         "open_circuit.csv", "r36ohm.csv", "r9ohm.csv",
     ]  # fmt: skip

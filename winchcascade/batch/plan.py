@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import glob
 import hashlib
+import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -25,6 +26,9 @@ LOGS = frozenset("csv tsv txt dat asc log lvm tdms mat parquet pq xlsx xls xlsm 
 """Endings of files that are taken for logs in a folder."""
 
 CYCLES = tuple[int, int]
+
+_RESERVED = frozenset(["CON", "PRN", "AUX", "NUL", *(f"{port}{k}" for port in ("COM", "LPT") for k in range(1, 10))])
+"""Names that Windows keeps for devices."""
 
 _NAME = 180
 """Bytes of a name, with room for a digest and an ending within the 255 that file systems take."""
@@ -75,6 +79,8 @@ def make_plan(targets: Sequence[str], *, rig: str | None = None, window: str | f
 
 def _of_target(target: str, rig: str | None, window: str | float | None) -> tuple[str, list[Work]]:
     target = local_path(target)
+    if not target:
+        raise OptionError("an empty target; expected a campaign.toml, a folder of logs or logs.")
     if is_remote(target):
         return target, _of_logs(_logs_only(expand(target), target), rig, window)
     path = Path(target)
@@ -100,12 +106,18 @@ def _in_folder(folder: Path) -> list[str]:
 
 
 def _logs_only(files: Sequence[str], target: str) -> list[str]:
-    logs = [file for file in files if file.rsplit(".", 1)[-1].lower() in LOGS]
+    logs = [file for file in files if file.rsplit(".", 1)[-1].lower() in LOGS and not _is_result(file)]
     if not logs:
         raise OptionError(
             f"{target}: no log found; expected files that end in {', '.join(sorted(LOGS))}, or a {CAMPAIGN_FILE}."
         )
     return logs
+
+
+def _is_result(file: str) -> bool:
+    """Whether a file lies in the folder of a batch: results are no logs."""
+    folder = Path(file).parent
+    return folder.name in ("dataset", "runs") and (folder.parent / "campaign.json").is_file()
 
 
 def _of_campaign(campaign: Campaign, rig: str | None, window: str | float | None) -> list[Work]:
@@ -163,9 +175,9 @@ def _title(titles: Sequence[str]) -> str:
 
 def _named(work: Sequence[Work]) -> list[Work]:
     """Give each log a name of its own that any file system takes, and the key of its options."""
-    work = list(
-        {(item.address, _key(item)): item for item in work}.values()
-    )  # the same log with the same options is one
+    work = list({_same(item): item for item in reversed(work)}.values())[
+        ::-1
+    ]  # the same log with the same options is one
     count: dict[str, int] = {}
     for item in work:
         count[_safe(item.name).casefold()] = count.get(_safe(item.name).casefold(), 0) + 1
@@ -178,11 +190,20 @@ def _named(work: Sequence[Work]) -> list[Work]:
     return named
 
 
+def _same(work: Work) -> str:
+    """What two entries share that are one log with the same options, however its path is spelled."""
+    try:
+        place = work.address if is_remote(work.address) else os.path.realpath(work.address)
+    except ValueError:  # no path of this system
+        place = work.address
+    return place + _key(msgspec.structs.replace(work, address=""))
+
+
 def _safe(name: str) -> str:
     """A file name without what some file system refuses."""
     name = name.encode("utf-8", "replace").decode("utf-8")
     name = re.sub(r'[<>:"/\\|?*\x00-\x1f]', "_", name).strip(". ").encode()[:_NAME].decode("utf-8", "ignore")
-    return name or "log"
+    return f"_{name}" if name.split(".")[0].upper() in _RESERVED else name or "log"
 
 
 def _key(work: Work) -> str:

@@ -125,7 +125,8 @@ def run_batch(
         name = todo[outcome.place].name
         if outcome.value is None:
             faults[name] = outcome.fault or ""
-            _forget(name, runs)
+            if fingerprint(todo[outcome.place].address):  # else the log is out of reach, and its result may count again
+                _forget(name, runs)
         else:
             write_made(outcome.value, runs)
         watch.done(name, outcome.fault)

@@ -199,7 +199,8 @@ def _by_row(results: Sequence[Measured], table: Table) -> tuple[dict[int, Measur
     for result in results:
         if result.load is None:
             raise CheckError(
-                f"{result.name}: the load of this log is not known; give it as --load-ohm or load_ohm in a campaign.toml."
+                f"{result.name}: its load is not known; expected load_ohm in a campaign.toml, or a reduction made "
+                "with --load-ohm."
             )
         load = result.load
         row = next((k for k, row in enumerate(table.rows) if same_load(row.load, load)), None)

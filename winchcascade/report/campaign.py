@@ -54,7 +54,8 @@ def make_campaign_report(summary: Mapping[str, Any], out: Path, *, command: str 
                 tables.energies_table(runs) if runs else None,
                 tables.efficiencies_table(runs) if runs else None,
                 picture(
-                    figures.over_load(loaded), "loads", "Mean powers and efficiencies over the load; bars are 95 % intervals.",
+                    figures.over_load(loaded), "loads",
+                    f"Mean powers and efficiencies over {figures.over_what(loaded)}; bars are 95 % intervals.",
                     "Points of powers and efficiencies over the load; the values are in the tables.",
                 ),
             ),
@@ -112,7 +113,7 @@ def best_load(runs: Sequence[tables.Run]) -> tuple[tables.Run, float, tables.Run
     runs with the same sensors share their errors, the true probability is rather higher.
     """
     given = [run for run in runs if run["mean"]["eta_pto"] is not None and not run["open_circuit"]]
-    given = [run for run in given if run["standard_uncertainty"]["eta_pto"]]
+    given = [run for run in given if run["standard_uncertainty"]["eta_pto"] and run["load_ohm"] is not None]
     if len(given) < 2:
         return None
     mean = np.array([run["mean"]["eta_pto"] for run in given])

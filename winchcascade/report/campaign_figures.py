@@ -45,6 +45,11 @@ def over_load(runs: Sequence[Run]) -> Figure | None:
     return figure
 
 
+def over_what(runs: Sequence[Run]) -> str:
+    """What the points of `over_load` are drawn over."""
+    return "the load" if _places(runs) is not None else "the logs, in the order of the tables"
+
+
 def _places(runs: Sequence[Run]) -> list[float] | None:
     """Loads of the runs where all have one that can be drawn, None else. [ohm]"""
     loads = [load_of(run) for run in runs]

@@ -34,10 +34,16 @@ def campaign_text(summary: Mapping[str, Any], out: Path, *, kept: int) -> str:
     lines = [f"{plain(summary['title'])}: {len(runs)} of {len(summary['runs'])} logs reduced" + _kept(kept), ""]
     if runs:
         lines += [*_table(runs), ""]
-    lines += [f"failed: {plain(run['name'])}: {plain(run['fault'])}" for run in failed[:MOST_FAULTS]]
+    lines += [f"failed: {_told(run)}" for run in failed[:MOST_FAULTS]]
     if len(failed) > MOST_FAULTS:
         lines.append(f"... {len(failed) - MOST_FAULTS} more failed, all in {out / 'campaign.json'}")
     return "\n".join([*lines, *_places(out)]) + "\n"
+
+
+def _told(run: Mapping[str, Any]) -> str:
+    """Name and fault of a log, the name once."""
+    name, fault = plain(run["name"]), plain(run["fault"])
+    return fault if name in fault.split(": ")[0] else f"{name}: {fault}"
 
 
 def _kept(kept: int) -> str:

@@ -108,6 +108,37 @@ def _left_of_k_e(i_s: float, c: Constants) -> float:
     return c.rolloff_3 + (c.rolloff_4 - c.rolloff_3) * min(i_s - _K3, _K4 - _K3) / (_K4 - _K3)
 
 
+_SETTLED = 1e-9
+"""Stator current is found to this. [A]"""
+
+
+@njit(cache=True)
+def _weakened_currents(
+    v_total: float, v_full: float, reactance: float, guess: float, c: Constants, table: Signal
+) -> tuple[float, float]:
+    """Currents of the bridge while the stator current weakens the back-EMF: more current, less of it, so one root alone.
+
+    A guess from the step before would overshoot, and jump to and fro, where the roll-off is steep: Newton, kept in a bracket.
+    """
+    low = 0.0
+    i_b, high = bridge_currents(v_total, v_full, c.r_s, reactance, table)
+    if high == 0.0 or c.rolloff_4 == 1.0:
+        return i_b, high
+    i_s, now = high, min(max(guess, 0.0), high)
+    for _ in range(60):
+        i_b, i_s = bridge_currents(v_total, v_full * _left_of_k_e(now, c), c.r_s, reactance, table)
+        if abs(i_s - now) < _SETTLED:
+            break
+        if i_s > now:
+            low = now
+        else:
+            high = now
+        _, beside = bridge_currents(v_total, v_full * _left_of_k_e(now + 1e-4, c), c.r_s, reactance, table)
+        newton = now + (i_s - now) / (1.0 - (beside - i_s) / 1e-4)
+        now = newton if low < newton < high else 0.5 * (low + high)
+    return i_b, i_s
+
+
 @njit(cache=True)
 def run_rig(x: Signal, v: Signal, a: Signal, dt: float, c: Constants, table: Signal, out: Signal) -> None:
     """Step the rig along a line motion.
@@ -138,11 +169,11 @@ def run_rig(x: Signal, v: Signal, a: Signal, dt: float, c: Constants, table: Sig
         screw = c.lead * thrust * (0.5 * (1.0 + direction) / c.eta_forward + 0.5 * (1.0 - direction) * c.eta_reverse)
         # DC link, from here to the next step: the bridge at the speed half-way, its current by its slope half-way too
         half_way = max(omega + 0.5 * (omega - omega_before), 0.0)
-        v_ll = c.k_e * _left_of_k_e(i_s, c) * half_way * rpm
+        v_full = c.k_e * half_way * rpm
         reactance = max(c.pole_pairs * half_way * c.l_s, 1e-6)
         v_total = v_dc + 2.0 * c.v_diode
-        i_b, i_s = bridge_currents(v_total, v_ll, c.r_s, reactance, table)
-        i_probe, _ = bridge_currents(v_total + _PROBE, v_ll, c.r_s, reactance, table)
+        i_b, i_s = _weakened_currents(v_total, v_full, reactance, i_s, c, table)
+        i_probe, _ = _weakened_currents(v_total + _PROBE, v_full, reactance, i_s, c, table)
         leak = 1.0 / c.load - (i_probe - i_b) / _PROBE
         change = dt / c.c_dc * (i_b - v_dc / c.load) / (1.0 + 0.5 * dt / c.c_dc * leak)
         change = max(change, -v_dc)
