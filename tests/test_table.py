@@ -5,7 +5,6 @@ import pytest
 
 from winchcascade.cascade.efficiency import METRICS
 from winchcascade.table import (
-    BUILT_IN,
     DIMENSIONS,
     LargestClaim,
     ShareClaim,
@@ -13,9 +12,8 @@ from winchcascade.table import (
     Table,
     TableError,
     ValueClaim,
-    load_table,
-    parse_table,
 )
+from winchcascade.tabletoml import BUILT_IN, load_table, parse_table
 
 HEAD = """
 title = "A table"

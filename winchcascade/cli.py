@@ -248,7 +248,7 @@ def check_command(
     from winchcascade.files import write_content
     from winchcascade.published.check import Factors, check, measured_from_record
     from winchcascade.report.check_text import check_record, check_text, github_annotations, junit_xml
-    from winchcascade.table import load_table
+    from winchcascade.tabletoml import load_table
     from winchcascade.tasks import processes
 
     around = results if results.is_dir() else results.parent
@@ -296,7 +296,7 @@ def audit_command(
     """Hold a published table against itself and the text around it, without any log. Exit code 1 on a contradiction."""
     from winchcascade.published.audit import audit
     from winchcascade.report.check_text import audit_record, audit_text
-    from winchcascade.table import load_table
+    from winchcascade.tabletoml import load_table
 
     _check_outputs({"--json": Path(json) if json else None}, [Path(table)], force=force)
     outcome = audit(load_table(table))

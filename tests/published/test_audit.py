@@ -14,7 +14,8 @@ from winchcascade.published.audit import Audit, audit
 from winchcascade.published.claims import ClaimVerdict
 from winchcascade.published.feasible import allowed, is_feasible
 from winchcascade.published.means import mean_of_products, repeatability
-from winchcascade.table import Column, Deviation, Row, Span, Table, ValueClaim, load_table, parse_table
+from winchcascade.table import Column, Deviation, Row, Span, Table, ValueClaim
+from winchcascade.tabletoml import load_table, parse_table
 
 HSU = load_table("hsu2026-table2")
 HSU_TEXT = Path(HSU.path).read_text(encoding="utf-8")

@@ -20,7 +20,8 @@ from winchcascade.published.check import (
     measured_from_reduction,
 )
 from winchcascade.report.records import FIELDS, reduction_record
-from winchcascade.table import Column, Row, Table, load_table
+from winchcascade.table import Column, Row, Table
+from winchcascade.tabletoml import load_table
 
 LOADS = (45.0, 18.0, math.inf)
 DECIMALS = {"energy": ("kJ", 3, 1e3), "power": ("W", 0, 1.0), "eta": ("%", 1, 0.01)}

@@ -16,7 +16,7 @@ from winchcascade.report.check_text import (
     github_annotations,
     junit_xml,
 )
-from winchcascade.table import load_table
+from winchcascade.tabletoml import load_table
 
 TABLE = load_table("hsu2026-table2")
 NASTY = 'a<b>&"c"\x1b[31m,50%:\n].csv'

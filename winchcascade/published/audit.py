@@ -42,7 +42,7 @@ class Audit(msgspec.Struct, frozen=True):
 def audit(table: Table) -> Audit:
     """Hold a table and its claims against themselves.
 
-    >>> from winchcascade.table import load_table
+    >>> from winchcascade.tabletoml import load_table
     >>> found = audit(load_table("hsu2026-table2"))
     >>> [(item.load, item.cells) for item in found.contradictions], len(found.contradicted)
     ([(27.0, ('energy_line', 'energy_gen', 'eta_pto'))], 2)

@@ -70,7 +70,7 @@ def repeatability(table: Table) -> Repeatability:
 
     A printed deviation counts with its rounding: 18 % is anything below 18.5 %.
 
-    >>> from winchcascade.table import load_table
+    >>> from winchcascade.tabletoml import load_table
     >>> round(repeatability(load_table("hsu2026-table2")).bounds.ratio, 6)
     0.003145
     """
