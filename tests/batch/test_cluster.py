@@ -107,7 +107,7 @@ def test_a_log_that_fails_on_a_cluster_is_listed(cluster: Cluster, tmp_path: Pat
     arguments = (CAMPAIGN / "r9ohm.csv", bad, "--out", tmp_path / "out", "--reports", "none")
     done = winchcascade("batch", *arguments, "--scheduler", cluster.address)
     assert done.returncode == 1
-    assert "failed: header_only.csv: header_only.csv: column names but no rows" in done.stdout
+    assert "failed: header_only.csv: column names but no rows" in done.stdout
 
 
 def test_a_killed_worker_costs_nothing_but_time(tmp_path: Path) -> None:
