@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -31,14 +30,22 @@ class Simulation(msgspec.Struct, frozen=True):
     """What a model does along a motion.
 
     `run` holds what the sensors would have logged; `rpm_gen` [rpm], `i_s` [A] and `torque_em` [N m] what they do not see,
-    at the same stamps; `energy` where the line's energy went until each stamp, by the words of `ledger.LEDGER` [J].
+    at the same stamps. `solution` is what the kernel gave at every step of the motion.
     """
 
     run: Run
     rpm_gen: Signal
     i_s: Signal
     torque_em: Signal
-    energy: Mapping[str, Signal]
+    model: Model
+    motion: Motion
+    solution: Signal
+
+    @property
+    def energy(self) -> dict[str, Signal]:
+        """Where the line's energy went until each stamp, by the words of `ledger.LEDGER`, (n,) each [J]."""
+        booked = energies(self.model, self.motion, _load(self.run), self.solution)
+        return {name: np.interp(self.run.t, self.motion.t, joule) for name, joule in booked.items()}
 
 
 def simulate(run: Run, model: Model, *, step: float = STEP) -> Simulation:
@@ -50,8 +57,12 @@ def simulate(run: Run, model: Model, *, step: float = STEP) -> Simulation:
     step : of the simulation [s]
     """
     motion = motion_of(run, step)
-    load = math.inf if run.load is None else run.load
-    return at_stamps(run, model, motion, load, solve(model, motion, load))
+    return at_stamps(run, model, motion, solve(model, motion, _load(run)))
+
+
+def _load(run: Run) -> float:
+    """Load of a run; an open circuit where it is not known. [ohm]"""
+    return math.inf if run.load is None else run.load
 
 
 def solve(model: Model, motion: Motion, load: float) -> Signal:
@@ -61,17 +72,21 @@ def solve(model: Model, motion: Motion, load: float) -> Signal:
     return out
 
 
-def at_stamps(run: Run, model: Model, motion: Motion, load: float, out: Signal) -> Simulation:
+def at_stamps(run: Run, model: Model, motion: Motion, out: Signal) -> Simulation:
     """Read a solution at the stamps of a log, as its sensors would."""
 
-    def column(name: str, t: Signal) -> Signal:
-        return np.interp(t, motion.t, out[:, COLUMNS.index(name)])
-
+    rows, late = _between(motion, run.t, out), None
     sensors = model.sensors
+    if sensors.electrical_lag:
+        late = _between(motion, sensors.stamps("vdc", run.t), out)
+
+    def column(name: str) -> Signal:
+        seen = late if late is not None and name in ("vdc", "idc") else rows
+        return seen[:, COLUMNS.index(name)]
+
     channels = {"displacement": np.interp(run.t, motion.t, motion.x), "velocity": run.channels["velocity"]}
     channels |= {name: run.channels[name] for name in ("displacement",) if name in run.channels}
-    channels |= {name: sensors.read(name, column(name, sensors.stamps(name, run.t))) for name in READ}
-    ledger = energies(model, motion, load, out)
+    channels |= {name: sensors.read(name, column(name)) for name in READ}
     return Simulation(
         run=Run(
             name=run.name,
@@ -84,8 +99,19 @@ def at_stamps(run: Run, model: Model, motion: Motion, load: float, out: Signal) 
             simulated=True,
             about=run.about,
         ),
-        rpm_gen=column("omega_gen", run.t) * 30.0 / math.pi,
-        i_s=column("i_s", run.t),
-        torque_em=column("torque_em", run.t),
-        energy={name: np.interp(run.t, motion.t, joule) for name, joule in ledger.items()},
+        rpm_gen=column("omega_gen") * 30.0 / math.pi,
+        i_s=column("i_s"),
+        torque_em=column("torque_em"),
+        model=model,
+        motion=motion,
+        solution=out,
     )
+
+
+def _between(motion: Motion, t: Signal, out: Signal) -> Signal:
+    """Rows of a solution at some instants, between two steps by a straight line, (k, columns)."""
+    place = np.clip((t - motion.t[0]) / motion.step, 0.0, motion.t.size - 1.0)
+    before = np.minimum(place.astype(np.intp), motion.t.size - 2)
+    share = (place - before)[:, None]
+    rows: Signal = out[before] * (1.0 - share) + out[before + 1] * share
+    return rows
