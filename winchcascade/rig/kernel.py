@@ -159,12 +159,14 @@ def run_rig(x: Signal, v: Signal, a: Signal, dt: float, c: Constants, table: Sig
         direction = math.tanh(v[n] / REST)
         # gas: isothermal, and hotter by what its compression has not yet given away
         volume = c.volume - c.area * c.lead * x[n] / c.r_drum
-        squeezed = math.log(c.volume / volume)
-        if n > 0:
-            fade = 0.5 * dt / c.cooling
-            heat = (heat * (1.0 - fade) + (c.exponent - 1.0) * (squeezed - log_volume)) / (1.0 + fade)
-        log_volume = squeezed
-        gauge = c.pressure * (c.volume / volume) * math.exp(heat) - ATMOSPHERE
+        gauge = c.pressure * (c.volume / volume) - ATMOSPHERE
+        if c.exponent != 1.0:
+            squeezed = math.log(c.volume / volume)
+            if n > 0:
+                fade = 0.5 * dt / c.cooling
+                heat = (heat * (1.0 - fade) + (c.exponent - 1.0) * (squeezed - log_volume)) / (1.0 + fade)
+            log_volume = squeezed
+            gauge = (gauge + ATMOSPHERE) * math.exp(heat) - ATMOSPHERE
         thrust = gauge * c.area + c.seal_friction * direction
         screw = c.lead * thrust * (0.5 * (1.0 + direction) / c.eta_forward + 0.5 * (1.0 - direction) * c.eta_reverse)
         # DC link, from here to the next step: the bridge at the speed half-way, its current by its slope half-way too
@@ -173,7 +175,9 @@ def run_rig(x: Signal, v: Signal, a: Signal, dt: float, c: Constants, table: Sig
         reactance = max(c.pole_pairs * half_way * c.l_s, 1e-6)
         v_total = v_dc + 2.0 * c.v_diode
         i_b, i_s = _weakened_currents(v_total, v_full, reactance, i_s, c, table)
-        i_probe, _ = _weakened_currents(v_total + _PROBE, v_full, reactance, i_s, c, table)
+        i_probe = 0.0
+        if i_b > 0.0:
+            i_probe, _ = _weakened_currents(v_total + _PROBE, v_full, reactance, i_s, c, table)
         leak = 1.0 / c.load - (i_probe - i_b) / _PROBE
         change = dt / c.c_dc * (i_b - v_dc / c.load) / (1.0 + 0.5 * dt / c.c_dc * leak)
         change = max(change, -v_dc)
@@ -185,7 +189,9 @@ def run_rig(x: Signal, v: Signal, a: Signal, dt: float, c: Constants, table: Sig
         drum_half = omega_drum if n + 1 == v.size else 0.5 * (v[n] + v[n + 1]) / c.r_drum
         losses = 0.5 * (c.b_rotor + c.windage * abs(half_way))
         mass = c.inertia_rotor / dt
-        driven = (mass - losses) * omega - torque_em - c.friction * math.tanh(half_way / TURN)
+        driven = (mass - losses) * omega - torque_em
+        if c.friction != 0.0:
+            driven -= c.friction * math.tanh(half_way / TURN)
         stiff = 0.5 * dt * c.k_shaft + c.c_shaft
         after = (driven + share * (c.k_shaft * twist + stiff * (drum_half - 0.5 * omega / c.gear))) / (
             mass + losses + 0.5 * share * stiff / c.gear
