@@ -50,6 +50,11 @@ def write_whole(path: Path, write: Callable[[Path], None], *, force: bool = Fals
         part.unlink(missing_ok=True)
 
 
+def readable(name: str) -> str:
+    """A file name as text, with a question mark for each byte of it that is none."""
+    return name.encode("utf-8", "replace").decode("utf-8")
+
+
 def write_content(path: Path, content: bytes | str, *, force: bool = False) -> None:
     """Write bytes, or a text as UTF-8, into a file; whole or not at all. Raises as `write_whole`."""
     data = content.encode() if isinstance(content, str) else content

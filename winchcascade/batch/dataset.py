@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import tempfile
 import zipfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -32,15 +34,14 @@ def write_dataset(results: Iterable[Path], folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     about = {"schema": SCHEMA, "version": __version__}
     schemas = {table: table_schema(table, about) for table in TABLES}
-    parts = {table: folder / f".{table}.part" for table in TABLES}
 
     def flush(writer: Any, table: str, rows: list[dict[str, Any]]) -> None:
         writer.write_table(pa.Table.from_pylist(rows, schema=schemas[table]))
         rows.clear()
 
-    def fill(opened: Mapping[str, Path]) -> None:
+    with tempfile.TemporaryDirectory(dir=folder, prefix=".", suffix=".part") as scratch:
         with ExitStack() as stack:
-            writers = {t: stack.enter_context(parquet.ParquetWriter(opened[t], schemas[t])) for t in TABLES}
+            writers = {t: stack.enter_context(parquet.ParquetWriter(Path(scratch) / t, schemas[t])) for t in TABLES}
             held: dict[str, list[dict[str, Any]]] = {table: [] for table in TABLES}
             for result in results:
                 for table, rows in table_rows(result.stem, msgspec.json.decode(result.read_bytes())).items():
@@ -49,21 +50,8 @@ def write_dataset(results: Iterable[Path], folder: Path) -> None:
                         flush(writers[table], table, held[table])
             for table in TABLES:
                 flush(writers[table], table, held[table])
-
-    _together(parts, fill, {table: folder / f"{table}.parquet" for table in TABLES})
-
-
-def _together(parts: Mapping[str, Path], fill: Any, finals: Mapping[str, Path]) -> None:
-    """Fill several files at once, beside their names, and put them in place when all are whole."""
-    import os
-    import tempfile
-
-    folder = next(iter(finals.values())).parent
-    with tempfile.TemporaryDirectory(dir=folder, prefix=".", suffix=".part") as scratch:
-        opened = {table: Path(scratch) / part.name for table, part in parts.items()}
-        fill(opened)
-        for table, final in finals.items():
-            os.replace(opened[table], final)
+        for table in TABLES:  # only when all are whole
+            os.replace(Path(scratch) / table, folder / f"{table}.parquet")
 
 
 def write_workbook(folder: Path, path: Path) -> None:

@@ -16,6 +16,7 @@ from winchcascade import __version__
 from winchcascade.addresses import expand, is_remote, local_path
 from winchcascade.campaign import CAMPAIGN_FILE, load_campaign
 from winchcascade.errors import CampaignError, OptionError
+from winchcascade.files import readable
 from winchcascade.rigfile import Rig
 from winchcascade.rigtoml import DEFAULT_RIG, load_rig
 
@@ -175,9 +176,10 @@ def _title(titles: Sequence[str]) -> str:
 
 def _named(work: Sequence[Work]) -> list[Work]:
     """Give each log a name of its own that any file system takes, and the key of its options."""
-    work = list({_same(item): item for item in reversed(work)}.values())[
-        ::-1
-    ]  # the same log with the same options is one
+    once = {
+        _same(item): item for item in reversed(work)
+    }  # the same log with the same options is one, the first of them
+    work = list(reversed(once.values()))
     count: dict[str, int] = {}
     for item in work:
         count[_safe(item.name).casefold()] = count.get(_safe(item.name).casefold(), 0) + 1
@@ -201,8 +203,7 @@ def _same(work: Work) -> str:
 
 def _safe(name: str) -> str:
     """A file name without what some file system refuses."""
-    name = name.encode("utf-8", "replace").decode("utf-8")
-    name = re.sub(r'[<>:"/\\|?*\x00-\x1f]', "_", name).strip(". ").encode()[:_NAME].decode("utf-8", "ignore")
+    name = re.sub(r'[<>:"/\\|?*\x00-\x1f]', "_", readable(name)).strip(". ").encode()[:_NAME].decode("utf-8", "ignore")
     return f"_{name}" if name.split(".")[0].upper() in _RESERVED else name or "log"
 
 

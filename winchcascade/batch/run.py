@@ -14,9 +14,9 @@ import msgspec
 from winchcascade import __version__
 from winchcascade.addresses import fingerprint
 from winchcascade.batch.dataset import TABLES, write_dataset, write_workbook
-from winchcascade.batch.work import ENDINGS, Order, readable, reduce_log, write_made
+from winchcascade.batch.work import ENDINGS, Order, reduce_log, write_made
 from winchcascade.errors import OutputError
-from winchcascade.files import check_replaceable, write_content
+from winchcascade.files import check_replaceable, readable, write_content
 from winchcascade.tasks import Outcome, run_here, run_there
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from winchcascade.addresses import local_copy
 from winchcascade.batch.plan import Work
 from winchcascade.cascade.montecarlo import uncertainty
 from winchcascade.cascade.reduce import reduce, require_payouts
-from winchcascade.files import write_content
+from winchcascade.files import readable, write_content
 from winchcascade.ingest.read import read_run
 from winchcascade.report.records import reduction_record
 
@@ -21,11 +21,6 @@ ENDINGS = ("html", "pdf", "json")
 
 _DRAWING = threading.Lock()
 """matplotlib's settings are global, and a worker of a cluster may have several threads."""
-
-
-def readable(text: str) -> str:
-    """A name as text, with a question mark for each byte of it that is none."""
-    return text.encode("utf-8", "replace").decode("utf-8")
 
 
 class Order(msgspec.Struct, frozen=True):

@@ -30,10 +30,7 @@ class TorqueGain:
 
     def bend(self, model: Model) -> Model:
         """Return the model with this effect in it."""
-        if not self.gain_error:
-            return model
-        gain = (1.0 + model.sensors.gain.get("torque", 0.0)) * (1.0 + self.gain_error) - 1.0
-        return replace(model, sensors=replace(model.sensors, gain={**model.sensors.gain, "torque": gain}))
+        return replace(model, sensors=model.sensors.with_gain("torque", self.gain_error))
 
     def reported(self) -> dict[str, float]:
         """What a diagnosis reports of it, in the units of `reports`."""

@@ -31,10 +31,7 @@ class VoltageGain:
 
     def bend(self, model: Model) -> Model:
         """Return the model with this effect in it."""
-        if not self.gain_error:
-            return model
-        gain = (1.0 + model.sensors.gain.get("vdc", 0.0)) * (1.0 + self.gain_error) - 1.0
-        return replace(model, sensors=replace(model.sensors, gain={**model.sensors.gain, "vdc": gain}))
+        return replace(model, sensors=model.sensors.with_gain("vdc", self.gain_error))
 
     def reported(self) -> dict[str, float]:
         """What a diagnosis reports of it, in the units of `reports`."""

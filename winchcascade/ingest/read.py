@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from winchcascade.errors import LogError
+from winchcascade.files import readable
 from winchcascade.ingest.assign import Assignment, assign
 from winchcascade.ingest.clock import Clock, even_clock, read_clock
 from winchcascade.ingest.formats import open_log
@@ -77,7 +78,7 @@ def read_run(
     gaps = dict(checked.gaps) | ({CLOCK: clock.gaps} if clock.gaps.size else {})
     findings = (*found.findings, *time_findings, *table.findings, *clock.findings, *checked.findings)
     return Run(
-        name=_readable(path.name),
+        name=readable(path.name),
         t=clock.t,
         channels=checked.channels,
         fs=clock.fs,
@@ -85,17 +86,12 @@ def read_run(
         gaps=gaps,
         load=load,
         load_source=load_source,
-        path=_readable(str(path)),
+        path=readable(str(path)),
         sha256=digest.value(),
         findings=findings,
         simulated=found.simulated,
         about=about,
     )
-
-
-def _readable(name: str) -> str:
-    """A file's name without the bytes that are no UTF-8, which no JSON can hold."""
-    return name.encode("utf-8", "replace").decode("utf-8")
 
 
 class _Digest:

@@ -26,6 +26,14 @@ class Sensors(msgspec.Struct, frozen=True):
         reading: Signal = x * (1.0 + self.gain.get(name, 0.0)) + self.zero.get(name, 0.0)
         return reading
 
-    def stamps(self, name: str, t: Signal) -> Signal:
-        """Times at which a channel was what its sensor records, (n,) [s]."""
-        return np.maximum(t - self.electrical_lag, t[0]) if name in ("vdc", "idc") else t
+    def late(self, t: Signal) -> Signal:
+        """Times at which Vdc and Idc were what is recorded at some stamps, (n,) [s]."""
+        stamps: Signal = np.maximum(t - self.electrical_lag, t[0])
+        return stamps
+
+    def with_gain(self, name: str, error: float) -> Sensors:
+        """Sensors of which one reads a further share too much [1]; gains multiply, so that their order does not matter."""
+        if not error:
+            return self
+        gain = (1.0 + self.gain.get(name, 0.0)) * (1.0 + error) - 1.0
+        return msgspec.structs.replace(self, gain={**self.gain, name: gain})

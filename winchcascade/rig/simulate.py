@@ -78,7 +78,7 @@ def at_stamps(run: Run, model: Model, motion: Motion, out: Signal) -> Simulation
     rows, late = _between(motion, run.t, out), None
     sensors = model.sensors
     if sensors.electrical_lag:
-        late = _between(motion, sensors.stamps("vdc", run.t), out)
+        late = _between(motion, sensors.late(run.t), out)
 
     def column(name: str) -> Signal:
         seen = late if late is not None and name in ("vdc", "idc") else rows
