@@ -46,8 +46,21 @@ def _weights(x: float) -> tuple[float, float, float, float]:
 
 
 @njit(cache=True)
-def bridge_currents(v_total: float, v_ll: float, r_s: float, reactance: float, table: Signal) -> tuple[float, float]:
-    """Mean DC current and stator rms current of the bridge.
+def _slopes(x: float) -> tuple[float, float, float, float]:
+    """Derivatives of `_weights`."""
+    return (
+        (-1.5 * x + 2.0) * x - 0.5,
+        (4.5 * x - 5.0) * x,
+        (-4.5 * x + 4.0) * x + 0.5,
+        (1.5 * x - 1.0) * x,
+    )
+
+
+@njit(cache=True)
+def bridge_state(
+    v_total: float, v_ll: float, r_s: float, reactance: float, table: Signal
+) -> tuple[float, float, float, float]:
+    """Mean DC current, stator rms current, and how both change with the DC voltage.
 
     Parameters
     ----------
@@ -58,21 +71,35 @@ def bridge_currents(v_total: float, v_ll: float, r_s: float, reactance: float, t
 
     Returns
     -------
-    i_dc, i_s : [A], 0 where the back-EMF does not reach the DC link; the generator's air-gap power is
-        v_total i_dc + 3 r_s i_s^2 [W]
+    i_dc, i_s, di_dc, di_s : currents [A] and their slopes over `v_total` [A/V], 0 where the back-EMF does not reach the DC
+        link. Currents are proportional to the voltages at a given ratio of these, so the slope over `v_ll` is
+        (i - v_total di) / v_ll. The generator's air-gap power is v_total i_dc + 3 r_s i_s^2 [W].
     """
     if v_ll <= 0.0 or v_total >= _SQRT2 * v_ll:
-        return 0.0, 0.0
+        return 0.0, 0.0, 0.0, 0.0
     rows, columns = table.shape[0] - 3, table.shape[1] - 3
-    s = math.sqrt(1.0 - max(v_total, 0.0) / (_SQRT2 * v_ll)) * rows
+    root = math.sqrt(1.0 - max(v_total, 0.0) / (_SQRT2 * v_ll))
+    s = root * rows
     phi = (math.atan2(r_s, reactance) - PHI_LOW) / (PHI_HIGH - PHI_LOW) * columns
     i, j = min(int(s), rows - 1), min(max(int(phi), 0), columns - 1)
-    across, along = _weights(s - i), _weights(min(max(phi - j, 0.0), 1.0))
-    i_dc = i_s = 0.0
+    across, rise, along = _weights(s - i), _slopes(s - i), _weights(min(max(phi - j, 0.0), 1.0))
+    i_dc = i_s = up_dc = up_s = 0.0
     for a in range(4):
+        row_dc = row_s = 0.0
         for b in range(4):
-            weight = across[a] * along[b]
-            i_dc += weight * table[i + a, j + b, 0]
-            i_s += weight * table[i + a, j + b, 1]
+            row_dc += along[b] * table[i + a, j + b, 0]
+            row_s += along[b] * table[i + a, j + b, 1]
+        i_dc += across[a] * row_dc
+        i_s += across[a] * row_s
+        up_dc += rise[a] * row_dc
+        up_s += rise[a] * row_s
     scale = v_ll / math.hypot(r_s, reactance)
-    return max(i_dc, 0.0) * scale, max(i_s, 0.0) * scale
+    falling = -scale * rows / (2.0 * max(root, 1e-6) * _SQRT2 * v_ll)
+    return max(i_dc, 0.0) * scale, max(i_s, 0.0) * scale, min(up_dc * falling, 0.0), min(up_s * falling, 0.0)
+
+
+@njit(cache=True)
+def bridge_currents(v_total: float, v_ll: float, r_s: float, reactance: float, table: Signal) -> tuple[float, float]:
+    """Mean DC current and stator rms current alone, as `bridge_state` gives them. [A]"""
+    i_dc, i_s, _, _ = bridge_state(v_total, v_ll, r_s, reactance, table)
+    return i_dc, i_s

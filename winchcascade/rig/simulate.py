@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.rig.bridge import bridge_table
-from winchcascade.rig.kernel import COLUMNS, constants, run_rig
+from winchcascade.rig.kernel import COLUMNS, SHAFT, constants, run_line, run_shaft
 from winchcascade.rig.ledger import energies
 from winchcascade.rig.motion import motion_of
 from winchcascade.run import Run
@@ -66,9 +66,11 @@ def _load(run: Run) -> float:
 
 
 def solve(model: Model, motion: Motion, load: float) -> Signal:
-    """Step a model along a motion, (n, 11): the columns of `kernel.COLUMNS` at every step."""
+    """Step a model along a motion, (n, 12): the columns of `kernel.COLUMNS` at every step."""
     out = np.empty((motion.t.size, len(COLUMNS)))
-    run_rig(motion.x, motion.v, motion.a, motion.step, constants(model, load), bridge_table(), out)
+    numbers = constants(model, load)
+    run_shaft(motion.v, motion.step, numbers, bridge_table(), out[:, : len(SHAFT)])
+    run_line(motion.x, motion.v, motion.a, motion.step, numbers, out[:, 0], out[:, len(SHAFT) :])
     return out
 
 

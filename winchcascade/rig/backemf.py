@@ -1,0 +1,154 @@
+"""The back-EMF constant from an open circuit: a regression that knows the bleed, the capacitor and the bridge (Sec. 4.2)."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+from numba import njit
+
+from winchcascade.errors import LogError
+from winchcascade.rig.bridge import bridge_currents, bridge_table
+from winchcascade.rig.motion import SAMPLES
+from winchcascade.smooth import local_quadratic
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from winchcascade.rig.model import Model
+    from winchcascade.run import Run, Signal
+
+RPM_LEAST = 1000.0
+"""The regression begins at this generator speed (Sec. 4.2). [rpm]"""
+
+BLOCK = 0.44
+"""Samples closer together than this share their error: noise of the smoothed velocity, ringing, gusts. [s]"""
+
+LEAST = 25
+"""Fewer samples carry no regression."""
+
+
+class BackEmf(msgspec.Struct, frozen=True):
+    """Back-EMF constant of an open circuit, line to line, rms [V/rpm], with its 95 % interval.
+
+    `u_fit` is the standard uncertainty of the fit, `u_sensor` that of the voltage sensor's gain [V/rpm]; `lag` [s] is how
+    late Vdc is recorded, with its standard uncertainty `u_lag`. `rpm`, `v_ll` and `vdc`, (n,) each, are the samples that
+    were fitted: generator speed, back-EMF that the DC side asks for [V], and measured DC voltage [V]. `eq8` is what Eq. 8
+    alone would read, without bleed and commutation [V/rpm].
+    """
+
+    k_e: float
+    low: float
+    high: float
+    r2: float
+    u_fit: float
+    u_sensor: float
+    lag: float
+    u_lag: float
+    eq8: float
+    rpm: Signal
+    v_ll: Signal
+    vdc: Signal
+
+
+def back_emf(run: Run, model: Model, payouts: Sequence[tuple[float, float]], *, u_gain: float = 0.0) -> BackEmf:
+    """Fit the back-EMF constant to an open-circuit log above 1000 rpm.
+
+    While the bridge conducts, it carries what the bleed takes and what charges the capacitor; the back-EMF that this asks
+    for, commutation and diodes included, is proportional to the speed. Samples in which the capacitor holds its voltage
+    against a falling speed tell nothing of the machine, and braking is left out by the payouts that are handed in. A lag of
+    Vdc is fitted beside the constant, since on a ramp it looks like a smaller one.
+
+    Parameters
+    ----------
+    payouts : from the onset of each payout to the start of its braking, on the log's clock [s]
+    u_gain : relative standard uncertainty of the gain of the Vdc sensor [1]
+
+    Raises
+    ------
+    LogError : no Vdc, or too few samples above 1000 rpm with a conducting bridge
+    """
+    if "vdc" not in run.channels:
+        raise LogError(f"{run.name}: no DC voltage, which a back-EMF constant is fitted to; log Vdc.")
+    speed = local_quadratic(run.t, run.channels["velocity"], SAMPLES / run.fs)
+    vdc = run.channels["vdc"]
+    smooth = local_quadratic(run.t, vdc, SAMPLES / run.fs)
+    current = smooth / model.dc_link.r_bleed + model.dc_link.c_dc * np.gradient(smooth, run.t)
+    rpm = speed / model.winch.r_drum * model.drivetrain.gear * 30.0 / math.pi
+    used = (rpm > RPM_LEAST) & (current > 0.5 * smooth / model.dc_link.r_bleed) & _inside(run.t, payouts)
+    if np.count_nonzero(used) < LEAST:
+        raise LogError(
+            f"{run.name}: {np.count_nonzero(used)} samples above {RPM_LEAST:g} rpm in which the bridge conducts; a "
+            f"back-EMF constant needs at least {LEAST}: pay out faster, or for longer."
+        )
+    v_ll = _emf_asked(vdc, current, rpm, model)
+    slope, u_fit, lag, u_lag, r2 = _through_zero(run.t[used], rpm[used], np.gradient(rpm, run.t)[used], v_ll[used])
+    u = math.hypot(u_fit, slope * u_gain)
+    return BackEmf(
+        k_e=slope,
+        low=slope - 1.96 * u,
+        high=slope + 1.96 * u,
+        r2=r2,
+        u_fit=u_fit,
+        u_sensor=slope * u_gain,
+        lag=lag,
+        u_lag=u_lag,
+        eq8=float(
+            np.sum(rpm[used] * (vdc[used] + 2.0 * model.generator.v_diode)) / (math.sqrt(2.0) * np.sum(rpm[used] ** 2))
+        ),
+        rpm=rpm[used],
+        v_ll=v_ll[used],
+        vdc=vdc[used],
+    )
+
+
+def _inside(t: Signal, stretches: Sequence[tuple[float, float]]) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    inside = np.zeros(t.size, dtype=bool)
+    for begin, end in stretches:
+        inside |= (t >= begin) & (t <= end)
+    return inside
+
+
+def _emf_asked(vdc: Signal, current: Signal, rpm: Signal, model: Model) -> Signal:
+    """Back-EMF, line to line, rms, at which the bridge carries a current into a voltage, (n,) [V]."""
+    machine = model.generator
+    reactance = machine.pole_pairs * np.maximum(rpm, 1.0) * math.pi / 30.0 * machine.l_s
+    total = np.maximum(vdc, 0.0) + 2.0 * machine.v_diode
+    return _solve_emf(total, np.maximum(current, 0.0), machine.r_s, reactance, bridge_table())
+
+
+@njit(cache=True)
+def _solve_emf(v_total: Signal, i_dc: Signal, r_s: float, reactance: Signal, table: Signal) -> Signal:
+    """Back-EMF that gives each DC current, by bisection: more back-EMF, more current."""
+    found = np.empty_like(v_total)
+    for n in range(v_total.size):
+        low, high = v_total[n] / math.sqrt(2.0), 3.0 * v_total[n] + 10.0 * i_dc[n] * (r_s + reactance[n])
+        for _ in range(50):
+            middle = 0.5 * (low + high)
+            if bridge_currents(v_total[n], middle, r_s, reactance[n], table)[0] < i_dc[n]:
+                low = middle
+            else:
+                high = middle
+        found[n] = 0.5 * (low + high)
+    return found
+
+
+def _through_zero(t: Signal, rpm: Signal, slope: Signal, v_ll: Signal) -> tuple[float, float, float, float, float]:
+    """Least squares of v_ll = k_e (rpm - lag d rpm/dt): k_e and its standard uncertainty, lag and its own, and R2.
+
+    Errors within a block of time hang together, so the covariance is that of clustered residuals (Liang and Zeger 1986).
+    """
+    design = np.column_stack([rpm, -slope])
+    fitted, *_ = np.linalg.lstsq(design, v_ll, rcond=None)
+    residual = v_ll - design @ fitted
+    block = np.floor((t - t[0]) / BLOCK).astype(np.intp)
+    scores = np.zeros((int(block[-1]) + 1, 2))
+    np.add.at(scores, block, design * residual[:, None])
+    bread = np.linalg.inv(design.T @ design)
+    filled = np.unique(block).size
+    covariance = bread @ (scores.T @ scores) @ bread * filled / max(filled - 2, 1)
+    k_e, lag = float(fitted[0]), float(fitted[1] / fitted[0])
+    r2 = 1.0 - float(residual @ residual) / float(np.sum((v_ll - np.mean(v_ll)) ** 2))
+    return k_e, math.sqrt(covariance[0, 0]), lag, math.sqrt(covariance[1, 1]) / k_e, r2
