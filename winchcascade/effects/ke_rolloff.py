@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, ClassVar
 
 from msgspec.structs import replace
 
 from winchcascade.quantity import unknown
+from winchcascade.rig.generator import ROLLOFF_KNOTS
 
 if TYPE_CHECKING:
     from winchcascade.rig.model import Model
@@ -27,45 +28,44 @@ class KeRolloff:
     stage: ClassVar[str] = "generator"
     reports: ClassVar[dict[str, str]] = {"k_e_ratio_at_10_a": "1"}
     possible: ClassVar[dict[str, tuple[float, float]]] = {
+        "lost_to_4_a": (0.0, 0.9),
         "lost_to_5_a": (0.0, 0.9),
-        "lost_to_10_a": (0.0, 0.9),
+        "lost_to_6_a": (0.0, 0.9),
+        "lost_to_7_a": (0.0, 0.9),
+        "lost_to_9_a": (0.0, 0.9),
+        "lost_to_11_a": (0.0, 0.9),
+        "lost_to_14_a": (0.0, 0.9),
         "lost_to_20_a": (0.0, 0.9),
-        "lost_to_30_a": (0.0, 0.9),
     }
 
-    lost_to_5_a: float = unknown(
-        0.0,
-        "1",
-        low=0.0,
-        high=0.1,
-        source="share lost between 0 and 5 A rms; plausible range, little below the rated 5.16 A (Sec. 5.1)",
-    )
-    lost_to_10_a: float = unknown(
-        0.0, "1", low=0.0, high=0.25, source="share lost between 5 and 10 A rms, of what is left; plausible range"
-    )
-    lost_to_20_a: float = unknown(
-        0.0, "1", low=0.0, high=0.4, source="share lost between 10 and 20 A rms, of what is left; plausible range"
-    )
-    lost_to_30_a: float = unknown(
-        0.0, "1", low=0.0, high=0.4, source="share lost between 20 and 30 A rms, of what is left; plausible range"
-    )
+    lost_to_4_a: float = unknown(0.0, "1", low=0.0, high=0.1, source="share lost between 0 and 4 A rms; plausible range, little below the rated 5.16 A (Sec. 5.1)")
+    lost_to_5_a: float = unknown(0.0, "1", low=0.0, high=0.1, source="share lost between 4 and 5 A rms, of what is left; plausible range")
+    lost_to_6_a: float = unknown(0.0, "1", low=0.0, high=0.1, source="share lost between 5 and 6 A rms, of what is left; plausible range")
+    lost_to_7_a: float = unknown(0.0, "1", low=0.0, high=0.1, source="share lost between 6 and 7 A rms, of what is left; plausible range")
+    lost_to_9_a: float = unknown(0.0, "1", low=0.0, high=0.15, source="share lost between 7 and 9 A rms, of what is left; plausible range")
+    lost_to_11_a: float = unknown(0.0, "1", low=0.0, high=0.15, source="share lost between 9 and 11 A rms, of what is left; plausible range")
+    lost_to_14_a: float = unknown(0.0, "1", low=0.0, high=0.2, source="share lost between 11 and 14 A rms, of what is left; plausible range")
+    lost_to_20_a: float = unknown(0.0, "1", low=0.0, high=0.3, source="share lost between 14 and 20 A rms, of what is left; plausible range")
 
     @property
-    def left_at_knots(self) -> tuple[float, float, float, float]:
+    def left_at_knots(self) -> tuple[float, ...]:
         """What is left of k_e at the stator currents of `ROLLOFF_KNOTS` beyond the first: it never rises. [1]
 
-        >>> KeRolloff(lost_to_10_a=0.1, lost_to_20_a=0.5).left_at_knots
-        (1.0, 0.9, 0.45, 0.45)
+        >>> KeRolloff(lost_to_5_a=0.1, lost_to_20_a=0.5).left_at_knots
+        (1.0, 0.9, 0.9, 0.9, 0.9, 0.9, 0.9, 0.45)
         """
-        at_5 = 1.0 - self.lost_to_5_a
-        at_10 = at_5 * (1.0 - self.lost_to_10_a)
-        at_20 = at_10 * (1.0 - self.lost_to_20_a)
-        return at_5, at_10, at_20, at_20 * (1.0 - self.lost_to_30_a)
+        left, knots = 1.0, []
+        for field in fields(self):
+            left *= 1.0 - getattr(self, field.name)
+            knots.append(left)
+        return tuple(knots)
 
     @property
     def k_e_ratio_at_10_a(self) -> float:
         """What is left of k_e at 10 A stator rms. [1]"""
-        return self.left_at_knots[1]
+        from scipy.interpolate import PchipInterpolator
+
+        return float(PchipInterpolator(ROLLOFF_KNOTS, (1.0, *self.left_at_knots))(10.0))
 
     def bend(self, model: Model) -> Model:
         """Return the model with this effect in it."""

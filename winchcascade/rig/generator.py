@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import msgspec
 
-ROLLOFF_KNOTS = (0.0, 5.0, 10.0, 20.0, 30.0)
-"""Stator currents, rms, at which the back-EMF constant's roll-off is given; straight lines between. [A]"""
+ROLLOFF_KNOTS = (0.0, 4.0, 5.0, 6.0, 7.0, 9.0, 11.0, 14.0, 20.0)
+"""Stator currents, rms, at which the back-EMF constant's roll-off is given, closest about the rated 5.16 A where it begins; a
+monotone cubic between them, constant beyond. [A]"""
+
+NO_ROLLOFF = (1.0,) * (len(ROLLOFF_KNOTS) - 1)
+"""All of the back-EMF constant is left at every current."""
 
 
 class Generator(msgspec.Struct, frozen=True):
@@ -20,7 +24,7 @@ class Generator(msgspec.Struct, frozen=True):
     r_s: float
     l_s: float
     v_diode: float
-    rolloff: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    rolloff: tuple[float, ...] = NO_ROLLOFF
 
 
 class DcLink(msgspec.Struct, frozen=True):

@@ -15,7 +15,7 @@ from numba import njit
 
 from winchcascade.quantity import ATMOSPHERE
 from winchcascade.rig.bridge import bridge_state
-from winchcascade.rig.generator import ROLLOFF_KNOTS
+from winchcascade.rig.generator import NO_ROLLOFF, ROLLOFF_KNOTS
 
 if TYPE_CHECKING:
     from winchcascade.rig.model import Model
@@ -71,10 +71,8 @@ class Constants(NamedTuple):
     r_s: float
     l_s: float
     v_diode: float
-    rolloff_1: float
-    rolloff_2: float
-    rolloff_3: float
-    rolloff_4: float
+    rolloff: tuple[float, ...]
+    rolloff_slope: tuple[float, ...]
     c_dc: float
     load: float
 
@@ -90,28 +88,39 @@ def constants(model: Model, load: float) -> Constants:
         gas.seal_friction,
         shaft.gear, shaft.eta_mesh, shaft.b_rotor, shaft.windage, shaft.friction, shaft.clutch_drag, shaft.k_shaft,
         shaft.c_shaft, shaft.inertia_rotor,
-        machine.pole_pairs, machine.k_e, machine.r_s, machine.l_s, machine.v_diode, *machine.rolloff,
+        machine.pole_pairs, machine.k_e, machine.r_s, machine.l_s, machine.v_diode,
+        (1.0, *machine.rolloff), rolloff_slopes(machine.rolloff),
         link.c_dc, link.r_bleed if math.isinf(load) else load * (1.0 + link.load_change),
     )  # fmt: skip
 
 
-_K1, _K2, _K3, _K4 = ROLLOFF_KNOTS[1:]
+_NO_SLOPE = (0.0,) * len(ROLLOFF_KNOTS)
+
+
+def rolloff_slopes(left: tuple[float, ...]) -> tuple[float, ...]:
+    """Slopes at `ROLLOFF_KNOTS` of the monotone cubic through what is left there (Fritsch and Butland 1984). [1/A]"""
+    if left == NO_ROLLOFF:
+        return _NO_SLOPE
+    from scipy.interpolate import PchipInterpolator
+
+    slopes = PchipInterpolator(ROLLOFF_KNOTS, (1.0, *left)).derivative()(ROLLOFF_KNOTS)
+    return tuple(float(slope) for slope in slopes)
 
 
 @njit(cache=True)
 def _left_of_k_e(i_s: float, c: Constants) -> tuple[float, float]:
     """What is left of the back-EMF constant at a stator current [1], and its slope [1/A]."""
-    if i_s <= _K1:
-        slope = (c.rolloff_1 - 1.0) / _K1
-        return 1.0 + slope * i_s, slope
-    if i_s <= _K2:
-        slope = (c.rolloff_2 - c.rolloff_1) / (_K2 - _K1)
-        return c.rolloff_1 + slope * (i_s - _K1), slope
-    if i_s <= _K3:
-        slope = (c.rolloff_3 - c.rolloff_2) / (_K3 - _K2)
-        return c.rolloff_2 + slope * (i_s - _K2), slope
-    slope = (c.rolloff_4 - c.rolloff_3) / (_K4 - _K3)
-    return (c.rolloff_3 + slope * (i_s - _K3), slope) if i_s < _K4 else (c.rolloff_4, 0.0)
+    if i_s >= ROLLOFF_KNOTS[-1]:
+        return c.rolloff[-1], 0.0
+    k = 0
+    while i_s > ROLLOFF_KNOTS[k + 1]:
+        k += 1
+    width = ROLLOFF_KNOTS[k + 1] - ROLLOFF_KNOTS[k]
+    x = (i_s - ROLLOFF_KNOTS[k]) / width
+    rise = c.rolloff[k + 1] - c.rolloff[k]
+    first, last = c.rolloff_slope[k] * width, c.rolloff_slope[k + 1] * width
+    bend, twist = 3.0 * rise - 2.0 * first - last, first + last - 2.0 * rise
+    return c.rolloff[k] + x * (first + x * (bend + x * twist)), (first + x * (2.0 * bend + 3.0 * x * twist)) / width
 
 
 _SETTLED = 1e-9
@@ -128,7 +137,7 @@ def _weakened_bridge(
     would overshoot and jump to and fro where the roll-off is steep.
     """
     i_b, i_s, d_b, d_s = bridge_state(v_total, v_full, c.r_s, reactance, table)
-    if i_s == 0.0 or (c.rolloff_1 == 1.0 and c.rolloff_4 == 1.0):
+    if i_s == 0.0 or c.rolloff[-1] == 1.0:
         return i_b, i_s, d_b
     low, high, now = 0.0, i_s, min(max(guess, 0.0), i_s)
     v_ll, bend = v_full, 0.0

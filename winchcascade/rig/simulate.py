@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from winchcascade.errors import LogError, RigError
 from winchcascade.rig.bridge import bridge_table
 from winchcascade.rig.kernel import COLUMNS, SHAFT, constants, run_line, run_shaft
 from winchcascade.rig.ledger import energies
@@ -55,9 +56,54 @@ def simulate(run: Run, model: Model, *, step: float = STEP) -> Simulation:
     ----------
     run : gives motion, load (unknown counts as an open circuit) and stamps; its other channels are not looked at
     step : of the simulation [s]
+
+    Raises
+    ------
+    LogError : the line pays out further than gas or drum allow
+    RigError : the model has numbers that no rig has
     """
-    motion = motion_of(run, step)
+    return simulate_along(run, model, motion_of(run, step))
+
+
+def simulate_along(run: Run, model: Model, motion: Motion) -> Simulation:
+    """Simulate the rig along a motion that is ready made, at the load and stamps of a log; refuses as `simulate` does."""
+    _check_model(model)
+    _check_travel(run.name, model, motion)
     return at_stamps(run, model, motion, solve(model, motion, _load(run)))
+
+
+def _check_model(model: Model) -> None:
+    """Refuse numbers that no rig has, as a rig file and several effects together may give them: RigError."""
+    gas = model.restoring
+    for what, value, fits, expected in (
+        ("mesh efficiency", model.drivetrain.eta_mesh, 0.0 < model.drivetrain.eta_mesh <= 1.0, "above 0 and at most 1"),
+        ("friction coefficient of the screw", gas.mu, gas.mu >= 0.0, "0 or more"),
+        ("gas volume [m3]", gas.volume, gas.volume > 0.0, "above 0"),
+        ("precharge pressure, absolute [Pa]", gas.pressure, gas.pressure > 0.0, "above 0"),
+        ("inertia at the drum [kg m2]", model.winch.inertia, model.winch.inertia >= 0.0, "0 or more"),
+    ):
+        if not fits:
+            raise RigError(
+                f"the model's {what} is {value:.4g}; expected {expected}, so check the rig file and the effects together."
+            )
+
+
+def _check_travel(name: str, model: Model, motion: Motion) -> None:
+    """Refuse a motion that leaves the gas no volume, or the rope no radius on the drum: LogError."""
+    gas, winch = model.restoring, model.winch
+    push = gas.area * gas.lead / winch.r_drum
+    low, high = float(np.min(motion.x)), float(np.max(motion.x))
+    if gas.volume <= push * high:
+        raise LogError(
+            f"{name}: the line pays out {high:.4g} m, but after {gas.volume / push:.4g} m the piston would have pressed the "
+            f"gas of {1e3 * gas.volume:.4g} L to nothing; expected less payout, so check the unit of velocity and "
+            "displacement, volume_gas and area_piston of the rig file, and the effects."
+        )
+    if 1.0 + min(winch.layering * low, winch.layering * high) <= 0.0:
+        raise LogError(
+            f"{name}: the line moves from {low:.4g} to {high:.4g} m, but at {-1.0 / winch.layering:.4g} m the rope would run "
+            "on a radius of nothing; expected less motion, so check the unit of velocity and displacement, and the effects."
+        )
 
 
 def _load(run: Run) -> float:

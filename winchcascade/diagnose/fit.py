@@ -1,0 +1,215 @@
+"""The fit of a set of suspects to a campaign, with every nuisance beside them, and what speaks for the set."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from winchcascade.diagnose.suspects import Suspect, Suspects, freedom, with_values
+from winchcascade.fit.campaign import side_by_side
+from winchcascade.fit.solve import bounded_step, huber, quadratic, weights
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from winchcascade.fit.campaign import Fitted
+    from winchcascade.run import Signal
+
+STEP = 0.02
+"""Share of a field's plausible range by which its derivative is taken."""
+
+ROUNDS = 15
+"""Steps of a fit at most."""
+
+SETTLED, SETTLED_QUICK = 0.05, 0.5
+"""A fit has settled when a step improves its objective by less than this; a quick one sooner. [1]"""
+
+AS_FORESEEN = 0.8
+"""Columns are found anew when a step brings less than this share of what they promised."""
+
+
+class Fit(msgspec.Struct, frozen=True):
+    """A set of suspects, fitted.
+
+    `values` holds each suspect's fields, `nu` the nuisances in units of their tolerance, `loss` the robust objective with the
+    nuisances' priors, `z` the whitened residuals. Of all fields in a row, nuisances done away with: `curve` (k, k) and `slope`
+    (k,) of the objective, bounds `low` and `high` (k,). `j_nu` are the columns of the nuisances, `columns` those of suspects.
+    """
+
+    names: tuple[str, ...]
+    values: tuple[Signal, ...]
+    nu: Signal
+    loss: float
+    z: Signal
+    curve: Signal
+    slope: Signal
+    low: Signal
+    high: Signal
+    j_nu: Signal
+    columns: Mapping[str, Signal]
+
+    def cost(self, scale: float) -> float:
+        """What the freedom of its fields costs, residuals scaled by the square `scale`."""
+        if not self.names:
+            return 0.0
+        return cost_of(self.curve / scale, self.slope / scale, np.concatenate(self.values), self.low, self.high)
+
+    def effects(self, suspects: Suspects) -> list[Suspect]:
+        """The suspects with the values that were found."""
+        return [with_values(suspects[name], x) for name, x in zip(self.names, self.values, strict=True)]
+
+
+def columns_of(
+    data: Fitted, nu: Signal, effects: Sequence[Suspect], kind: type[Suspect], values: Signal
+) -> Signal:
+    """Whitened derivative of the prediction over a suspect's fields, (M * 5, k).
+
+    Parameters
+    ----------
+    effects : others that act beside it
+    values : (k,) where the derivative is taken
+    """
+    free = freedom(kind)
+    here = data.predict(nu, [*effects, with_values(kind, values)])
+    columns = np.empty((*here.shape, values.size))
+    for k in range(values.size):
+        step = STEP * (free.high[k] - free.low[k])
+        if values[k] + step > free.high[k]:
+            step = -step
+        moved = values.copy()
+        moved[k] += step
+        columns[:, :, k] = (data.predict(nu, [*effects, with_values(kind, moved)]) - here) / step
+    return data.whiten(columns)
+
+
+def all_columns(
+    data: Fitted, suspects: Suspects, nu: Signal, values: Mapping[str, Signal], wanted: Iterable[str]
+) -> dict[str, Signal]:
+    """Columns of some suspects, each (M * 5, k), where those with `values` act."""
+    made = {name: with_values(suspects[name], x) for name, x in values.items()}
+
+    def job(name: str) -> Signal:
+        others = [effect for other, effect in made.items() if other != name]
+        return columns_of(data, nu, others, suspects[name], values.get(name, freedom(suspects[name]).absent))
+
+    names = list(wanted)
+    return dict(zip(names, side_by_side([lambda name=name: job(name) for name in names]), strict=True))
+
+
+def fit_set(
+    data: Fitted,
+    suspects: Suspects,
+    names: tuple[str, ...],
+    *,
+    start: Fit | None = None,
+    rows: Signal | None = None,
+    quick: bool = False,
+) -> Fit:
+    """Fit a set of suspects by Gauss and Newton, nuisances beside them.
+
+    Parameters
+    ----------
+    start : a fit to begin from, whose columns serve as long as they foresee what a step brings; suspects that it lacks begin
+        absent
+    rows : (M * 5,) weights of the residuals, 0 for what takes no part; 1 for all by default
+    quick : take nuisances as linear about the start; else they are simulated, and their columns found anew
+    """
+    begun = {} if start is None else dict(zip(start.names, start.values, strict=True))
+    values = {name: begun.get(name, freedom(suspects[name]).absent) for name in names}
+    nu = np.zeros(len(data.nuisances)) if start is None else start.nu
+    take = np.ones(data.measured.size) if rows is None else rows
+    linear = quick and start is not None
+    if start is not None and linear:
+        j_nu, about = start.j_nu, nu
+    else:
+        made = _made(suspects, values)
+        j_nu, about = data.nuisance_columns(nu, made, data.predict(nu, made)), nu
+    columns = {} if start is None else {name: start.columns[name] for name in names if name in start.columns}
+    columns |= all_columns(data, suspects, nu, values, [name for name in names if name not in columns])
+
+    def residual(nu: Signal, values: Mapping[str, Signal]) -> Signal:
+        if linear:
+            return (data.residual(about, _made(suspects, values)) - j_nu @ (nu - about)) * take
+        return data.residual(nu, _made(suspects, values)) * take
+
+    z = residual(nu, values)
+    loss = huber(z) + 0.5 * float(nu @ nu)
+    low, high = _bounds(suspects, names)
+    settled, fresh = (SETTLED_QUICK if quick else SETTLED), True
+    for _ in range(ROUNDS):
+        j_phi, x = _side_by_side(columns, names, z.size), _in_a_row(values)
+        q = quadratic(z, weights(z), j_nu * take[:, None], j_phi * take[:, None], nu)
+        d_phi, d_nu = bounded_step(q, low - x, high - x)
+        foreseen = (z - (j_nu @ d_nu + j_phi @ d_phi) * take, nu + d_nu)
+        promised = loss - huber(foreseen[0]) - 0.5 * float(foreseen[1] @ foreseen[1])
+        gained = 0.0
+        for share in SHARES:
+            moved, nu_new = _moved(values, share * d_phi), nu + share * d_nu
+            z_new = residual(nu_new, moved)
+            new = huber(z_new) + 0.5 * float(nu_new @ nu_new)
+            if new < loss:
+                gained, loss, z, nu, values = loss - new, new, z_new, nu_new, moved
+                break
+        if gained < settled and (fresh or promised < settled):
+            break
+        fresh = gained < AS_FORESEEN * promised
+        if fresh:
+            columns = all_columns(data, suspects, about if linear else nu, values, names)
+    j_phi = _side_by_side(columns, names, z.size)
+    q = quadratic(z, weights(z), j_nu * take[:, None], j_phi * take[:, None], nu)
+    return Fit(names, tuple(values.values()), nu, loss, z, q.curve, q.slope, low, high, j_nu, columns)
+
+
+SHARES = (1.0, 0.4, 0.15, 0.05)
+"""Shares of a step that are tried until one brings the objective down."""
+
+
+def _made(suspects: Suspects, values: Mapping[str, Signal]) -> list[Suspect]:
+    return [with_values(suspects[name], x) for name, x in values.items()]
+
+
+def _moved(values: Mapping[str, Signal], step: Signal) -> dict[str, Signal]:
+    ends = np.cumsum([0, *(v.size for v in values.values())])
+    return {name: v + step[a:b] for (name, v), a, b in zip(values.items(), ends[:-1], ends[1:], strict=True)}
+
+
+def _in_a_row(values: Mapping[str, Signal]) -> Signal:
+    return np.concatenate([*values.values()]) if values else np.zeros(0)
+
+
+def _side_by_side(columns: Mapping[str, Signal], names: Sequence[str], rows: int) -> Signal:
+    return np.hstack([columns[name] for name in names]) if names else np.zeros((rows, 0))
+
+
+def _bounds(suspects: Suspects, names: Sequence[str]) -> tuple[Signal, Signal]:
+    free = [freedom(suspects[name]) for name in names]
+    low, high = _in_a_row({n: f.low for n, f in zip(names, free, strict=True)}), _in_a_row(
+        {n: f.high for n, f in zip(names, free, strict=True)}
+    )
+    return low, high
+
+
+def cost_of(curve: Signal, slope: Signal, x: Signal, low: Signal, high: Signal) -> float:
+    """What the freedom of fields costs: the share of their plausible ranges that the data leave (Laplace).
+
+    A field at its bound keeps a half of its normal or, where the objective rises from the bound, an exponential.
+
+    Parameters
+    ----------
+    curve, slope : (k, k) and (k,) of the objective at the fields `x`, (k,)
+    """
+    span = high - low
+    eps = 1e-9 * span
+    at_bound = (x <= low + eps) | (x >= high - eps)
+    inside = ~at_bound
+    cost = 0.0
+    if inside.any():
+        scaled = curve[np.ix_(inside, inside)] * np.outer(span[inside], span[inside]) + np.eye(int(inside.sum()))
+        cost += 0.5 * float(np.linalg.slogdet(scaled)[1]) - 0.5 * int(inside.sum()) * math.log(2.0 * math.pi)
+    for k in np.flatnonzero(at_bound):
+        width = math.sqrt(0.5 * math.pi / max(float(curve[k, k]), 1e-300))
+        cost += math.log(span[k] / min(width, 1.0 / max(abs(float(slope[k])), 1e-300), span[k]))
+    return max(cost, 0.0)

@@ -1,0 +1,193 @@
+"""Which causes: the smallest sufficient set of suspects, screened in closed form and decided by refits."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from winchcascade.diagnose.fit import Fit, all_columns, cost_of, fit_set
+from winchcascade.diagnose.suspects import Suspects, freedom
+from winchcascade.fit.solve import box_minimum, huber, quadratic, weights
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from winchcascade.fit.campaign import Fitted
+    from winchcascade.run import Signal
+
+BEAM = 8
+"""So many sets are grown at once."""
+
+REFITTED = 4
+"""So many of the sets that the closed form prefers are refitted in each round."""
+
+DOUBTFUL = 5.0
+"""The closed form is trusted to so much evidence."""
+
+ROUNDS = 8
+"""Rounds of screening and refitting at most."""
+
+MOST = 10
+"""No set is larger."""
+
+Names = tuple[str, ...]
+
+
+class Linear(msgspec.Struct, frozen=True):
+    """The objective about a fit as a quadratic in the fields of every suspect, nuisances done away with.
+
+    `curve` (k, k) and `slope` (k,) are in the fields' own units; `value`, `absent`, `low` and `high` (k,) are the fields where
+    it was expanded, where they are absent, and their bounds. `place` tells which fields belong to a suspect.
+    """
+
+    curve: Signal
+    slope: Signal
+    value: Signal
+    absent: Signal
+    low: Signal
+    high: Signal
+    place: dict[str, slice]
+
+    def best(self, names: Names) -> tuple[float, Signal]:
+        """Lowest objective of a set, against the place of expansion, and its fields, (k,)."""
+        chosen = np.zeros(self.value.size, dtype=bool)
+        for name in names:
+            chosen[self.place[name]] = True
+        step = np.where(chosen, 0.0, self.absent - self.value)
+        if chosen.any():
+            pull = self.slope[chosen] - self.curve[np.ix_(chosen, ~chosen)] @ step[~chosen]
+            low, high = (self.low - self.value)[chosen], (self.high - self.value)[chosen]
+            step[chosen] = box_minimum(self.curve[np.ix_(chosen, chosen)], pull, low, high)
+        objective = 0.5 * float(step @ self.curve @ step) - float(self.slope @ step)
+        return objective, self.value + step
+
+    def evidence(self, names: Names, scale: float) -> float:
+        """Logarithm of a set's evidence, up to a constant, residuals scaled by the square `scale`."""
+        if not names:
+            return -self.best(names)[0] / scale
+        objective, x = self.best(names)
+        index = np.concatenate([np.arange(self.value.size)[self.place[name]] for name in names])
+        curve = self.curve[np.ix_(index, index)] / scale
+        slope = (self.slope - self.curve @ (x - self.value))[index] / scale
+        return -objective / scale - cost_of(curve, slope, x[index], self.low[index], self.high[index]) - price(names)
+
+
+def price(names: Names) -> float:
+    """What each further cause must bring beyond its own freedom: one of a catalogue of suspects, none as likely as any."""
+    return len(names) * math.log(28.0)
+
+
+def scale_of(fit: Fit) -> float:
+    """Mean square of a fit's whitened residuals, robustly, at least 1: by how much the noise exceeds what was reckoned."""
+    seen = fit.z != 0.0
+    return max(2.0 * huber(fit.z) / max(int(np.count_nonzero(seen)), 1), 1.0)
+
+
+def linearise(data: Fitted, suspects: Suspects, about: Fit) -> tuple[Linear, Fit]:
+    """Expand the objective about a fit in the fields of every suspect; and the fit with all their columns."""
+    names = tuple(suspects)
+    begun = dict(zip(about.names, about.values, strict=True))
+    free = {name: freedom(suspects[name]) for name in names}
+    columns = all_columns(data, suspects, about.nu, begun, names)
+    q = quadratic(about.z, weights(about.z), about.j_nu, np.hstack([columns[name] for name in names]), about.nu)
+    ends = np.cumsum([0, *(free[name].absent.size for name in names)]).tolist()
+    linear = Linear(
+        curve=q.curve,
+        slope=q.slope,
+        value=np.concatenate([begun.get(name, free[name].absent) for name in names]),
+        absent=np.concatenate([free[name].absent for name in names]),
+        low=np.concatenate([free[name].low for name in names]),
+        high=np.concatenate([free[name].high for name in names]),
+        place={name: slice(a, b) for name, a, b in zip(names, ends[:-1], ends[1:], strict=True)},
+    )
+    return linear, msgspec.structs.replace(about, columns=columns)
+
+
+def screen(linear: Linear, scale: float, begin: Sequence[Names]) -> list[Names]:
+    """Sets in the order of their closed-form evidence: grown, pruned and swapped one cause at a time from some sets."""
+    known: dict[Names, float] = {}
+
+    def rate(names: Names) -> float:
+        if names not in known:
+            known[names] = linear.evidence(names, scale)
+        return known[names]
+
+    beam = sorted({tuple(sorted(names)) for names in begin}, key=rate, reverse=True)
+    best = -math.inf
+    while rate(beam[0]) > best + 1e-9:
+        best = rate(beam[0])
+        near: set[Names] = set(beam)
+        for names in beam:
+            if len(names) < MOST:
+                near |= {tuple(sorted((*names, name))) for name in linear.place if name not in names}
+            near |= {tuple(n for n in names if n != gone) for gone in names}
+        beam = sorted(near, key=rate, reverse=True)[:BEAM]
+    return sorted(known, key=rate, reverse=True)
+
+
+class Found(msgspec.Struct, frozen=True):
+    """What a search found: the best fit, the one without any cause, every refit by its set, and the expansion about the best."""
+
+    best: Fit
+    null: Fit
+    fits: dict[Names, Fit]
+    linear: Linear
+    scale: float
+
+    def evidence(self, names: Names) -> float:
+        """Logarithm of a refitted set's evidence, up to a constant, prices paid."""
+        return evidence_of(self.fits[names], self.scale)
+
+
+def evidence_of(fit: Fit, scale: float) -> float:
+    """Logarithm of a fit's evidence, up to a constant, residuals scaled by the square `scale`."""
+    return -fit.loss / scale - fit.cost(scale) - price(fit.names)
+
+
+def search(data: Fitted, suspects: Suspects, tell: Callable[[str], None] = lambda _: None) -> Found:
+    """Find the set of suspects with the most evidence.
+
+    Parameters
+    ----------
+    tell : is told what is being done
+    """
+    null = fit_set(data, suspects, ())
+    fits: dict[Names, Fit] = {(): null}
+    best, scale = null, scale_of(null)
+    linear, start = linearise(data, suspects, _at_nominal(data, null))
+    begin: list[Names] = [()]
+    for _ in range(ROUNDS):
+        tell(f"{len(fits)} sets fitted, best so far: {', '.join(best.names) or 'none'}")
+        for names in _promising(linear, scale, begin, fits):
+            fits[names] = fit_set(data, suspects, names, start=start, quick=True)
+        scale = min(scale_of(fit) for fit in fits.values())
+        top = max(fits.values(), key=lambda fit: evidence_of(fit, scale))
+        if top.names == best.names:
+            break
+        best = fit_set(data, suspects, top.names, start=_without_nuisances(data, suspects, top))
+        linear, start = linearise(data, suspects, best)
+        fits[top.names] = best = start
+        begin = [best.names]
+    return Found(best, null, fits, linear, scale)
+
+
+def _promising(linear: Linear, scale: float, begin: Sequence[Names], fits: dict[Names, Fit]) -> list[Names]:
+    """Sets that the closed form prefers, or holds about as good as the best of those that are fitted already."""
+    ranked = screen(linear, scale, begin)
+    least = max((linear.evidence(names, scale) for names in fits), default=-math.inf) - DOUBTFUL
+    return [n for n in ranked[: 3 * REFITTED] if n not in fits and linear.evidence(n, scale) > least][:REFITTED]
+
+
+def _at_nominal(data: Fitted, null: Fit) -> Fit:
+    """The rig as given, with the columns of its nuisances: where the first expansion is made."""
+    nothing = np.zeros_like(null.nu)
+    return msgspec.structs.replace(null, nu=nothing, z=data.residual(nothing, []))
+
+
+def _without_nuisances(data: Fitted, suspects: Suspects, fit: Fit) -> Fit:
+    """A place to begin from: nuisances of a set that lacked a cause have gone astray."""
+    nothing = np.zeros_like(fit.nu)
+    return msgspec.structs.replace(fit, nu=nothing, z=data.residual(nothing, fit.effects(suspects)))

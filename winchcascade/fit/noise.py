@@ -1,0 +1,151 @@
+"""What noise hides in the blocks of a log: of the sensors, of the velocity that drives the model, of the tether's ringing."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from winchcascade.fit.blocks import PHASES
+from winchcascade.fit.predict import CHANNELS
+from winchcascade.order import median
+from winchcascade.rig.motion import SAMPLES
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from winchcascade.fit.blocks import Blocks
+    from winchcascade.fit.predict import Course
+    from winchcascade.rig.model import Model
+    from winchcascade.run import Run, Signal
+
+GAUSS = 1.4826
+"""Standard deviation of a normal variable over the median of its magnitude."""
+
+GAIN_STEP = 0.005
+"""Relative change of the velocity by which the model's answer to its noise is found."""
+
+MOVING = 0.03
+"""Slower than this, friction only bounds the force. [m/s]"""
+
+CREEPING = 0.002
+"""Below this speed the velocity's noise moves nothing. [m/s]"""
+
+CONDUCTING = 0.5
+"""In open circuit the voltage follows the machine while the bridge carries at least this share of the bleed's current."""
+
+LEAST = 12
+"""Fewer blocks tell no noise of their own."""
+
+
+class Noise(msgspec.Struct, frozen=True):
+    """Noise of the blocks of one log.
+
+    `seen` (m, 5) tells where a channel says anything of the model; `own` (m, 5) is the standard deviation of a block's mean
+    that each channel has for itself, `drive` (m, 5) the one that all share through the velocity's noise. SI units,
+    columns of `predict.CHANNELS`.
+    """
+
+    seen: NDArray[np.bool_]
+    own: Signal
+    drive: Signal
+
+    @property
+    def total(self) -> Signal:
+        """Standard deviation of each block's mean, (m, 5)."""
+        sd: Signal = np.hypot(self.own, self.drive)
+        return sd
+
+
+def white_noise(x: Signal) -> float:
+    """Standard deviation of a signal's white noise, in its unit, whatever smooth signal it sits on.
+
+    From its fourth differences, which take out a cubic and most of a ringing that is slow beside the samples, by their median
+    magnitude. A signal that rarely changes has at least the noise of its resolution.
+    """
+    if x.size < LEAST:
+        return 0.0
+    steps = np.abs(np.diff(x))
+    finest = float(steps[steps > 1e-12 * np.max(np.abs(x), initial=1e-300)].min(initial=np.inf))
+    floor = finest / np.sqrt(12.0) if np.isfinite(finest) else 0.0
+    return max(GAUSS * median(np.abs(np.diff(x, 4))) / np.sqrt(70.0), floor)
+
+
+def velocity_noise(run: Run, blocks: Blocks) -> float:
+    """Standard deviation of a block's mean of the smoothed velocity. [m/s]"""
+    half = (SAMPLES - 1) // 2
+    k = np.arange(-half, half + 1.0)
+    kernel = 3.0 * (3.0 * half * half + 3.0 * half - 1.0 - 5.0 * k * k)
+    kernel /= kernel.sum()
+    samples = max(round(float(np.median(blocks.count))), 1)
+    passed = np.convolve(np.full(samples, 1.0 / samples), kernel)
+    return white_noise(run.channels["velocity"]) * float(np.sqrt(np.sum(passed**2)))
+
+
+def noise_of(course: Course, model: Model, predicted: Signal) -> Noise:
+    """Noise of a log's blocks as its own samples tell it, before it is compared with any model's values.
+
+    Parameters
+    ----------
+    predicted : (m, 5) blocks that the model gives, for the answer to the velocity's noise
+    """
+    run, blocks = course.run, course.blocks
+    speed = blocks.mean(run.channels["velocity"])
+    moved = course.predict(model, 1.0 + GAIN_STEP)
+    slope = np.zeros_like(predicted)
+    fast = np.abs(speed) > CREEPING
+    slope[fast] = (moved - predicted)[fast] / (GAIN_STEP * speed[fast, None])
+    white = np.array([white_noise(run.channels[name]) if name in run.channels else 0.0 for name in CHANNELS])
+    return Noise(
+        seen=_seen(course, model, speed),
+        own=white / np.sqrt(blocks.count)[:, None],
+        drive=slope * velocity_noise(run, blocks),
+    )
+
+
+def _seen(course: Course, model: Model, speed: Signal) -> NDArray[np.bool_]:
+    """Where a channel tells anything: force while the line moves, voltage of an open circuit while the bridge conducts."""
+    from winchcascade.rig.kernel import constants
+
+    run, blocks = course.run, course.blocks
+    seen = np.ones((blocks.size, len(CHANNELS)), dtype=bool)
+    for k, name in enumerate(CHANNELS):
+        seen[:, k] = name in run.channels
+    force, vdc, idc = (CHANNELS.index(name) for name in ("force", "vdc", "idc"))
+    seen[:, force] &= (np.abs(speed) > MOVING) & (blocks.phase != PHASES.index("hold"))
+    if np.isinf(course.load):
+        kept = course.shaft(constants(model, course.load))
+        bridge, bleed = course.block_mean(kept.i_bridge), course.block_mean(kept.idc)
+        still = (blocks.phase == PHASES.index("hold")) & (blocks.cycle == 0)
+        seen[:, vdc] &= (bridge > CONDUCTING * bleed) | still
+        seen[:, idc] = False
+    return seen
+
+
+def with_extra(noise: Noise, blocks: Blocks, residual: Signal) -> Noise:
+    """Add what else scatters from block to block: ringing, gusts, what no sensor's own noise tells.
+
+    The size is that of the residual's second differences, by the median, phase by phase: a smooth gap leaves none, and a
+    step leaves few.
+
+    Parameters
+    ----------
+    residual : (m, 5) measured minus predicted blocks
+    """
+    own = noise.own.copy()
+    second = np.zeros(blocks.size, dtype=bool)
+    second[2:] = blocks.joined[2:] & blocks.joined[1:-1]
+    for phase in range(len(PHASES)):
+        here = blocks.phase == phase
+        for k in range(len(CHANNELS)):
+            middle = np.flatnonzero(second & here & noise.seen[:, k]) - 1
+            middle = middle[noise.seen[middle - 1, k] & noise.seen[middle, k]]
+            if middle.size < LEAST:
+                continue
+            r = residual[:, k]
+            ratio = np.abs(r[middle - 1] - 2.0 * r[middle] + r[middle + 1]) / np.sqrt(6.0)
+            found = GAUSS * median(ratio)
+            expected = float(np.median(noise.total[middle, k]))
+            own[here, k] = np.sqrt(own[here, k] ** 2 + max(found**2 - expected**2, 0.0))
+    return msgspec.structs.replace(noise, own=own)

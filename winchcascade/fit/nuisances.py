@@ -1,0 +1,115 @@
+"""What is known of the rig to a tolerance only: its numbers, its loads, the gains and zeros of its sensors."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Literal
+
+import msgspec
+
+from winchcascade.fit.predict import CHANNELS
+from winchcascade.quantity import Quantity
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from winchcascade.rigfile import Rig, Sensor
+    from winchcascade.run import Run
+
+SECTIONS = ("winch", "restoring", "drivetrain", "generator", "dc_link")
+
+
+OF_THE_MODEL = {("generator", "v_diode"): 0.05}
+"""How well the model itself knows a number whose tolerance a rig file does not give, SI units: an ideal bridge on a stiff DC link
+is within so many volts of ngspice's, with real diodes and a capacitor that ripples."""
+
+SKEW = 0.05
+"""Channels of a logger are read one after the other: against the velocity each by this share of a sample's interval, one
+standard uncertainty, assumed. The pressure changes too slowly to tell. [1]"""
+
+
+class Nuisance(msgspec.Struct, frozen=True):
+    """One deviation that every fit allows within its tolerance `sd`, one standard uncertainty in `unit`.
+
+    `kind` is `rig` (a number `name` of a section, the same in every log), `load` (relative, of one load [ohm]), `gain` (relative,
+    of the sensor of a channel), `timing` (by how much that sensor is read late) or `zero` (of that sensor in one log, by its number).
+    """
+
+    kind: Literal["rig", "load", "gain", "timing", "zero"]
+    name: str
+    sd: float
+    unit: str
+    section: str = ""
+    load: float = math.nan
+    log: int = -1
+
+    def __str__(self) -> str:
+        """How a report calls it."""
+        return {
+            "rig": self.name,
+            "load": f"load of {self.load:g} ohm",
+            "gain": f"gain of {self.name}",
+            "timing": f"timing of {self.name}",
+            "zero": f"zero of {self.name} in log {self.log + 1}",
+        }[self.kind]
+
+
+def nuisances(rig: Rig, runs: Sequence[Run]) -> tuple[Nuisance, ...]:
+    """Every nuisance of some logs on a rig, in a fixed order: rig, loads, gains, timing, zeros."""
+    found = []
+    for section in SECTIONS:
+        for name, value in _quantities(rig, section).items():
+            tolerance = value.tolerance or OF_THE_MODEL.get((section, name))
+            if tolerance:
+                found.append(Nuisance("rig", name, tolerance, value.unit, section=section))
+    share = rig.dc_link.load_tolerance_percent / 100.0
+    loads = dict.fromkeys(run.load for run in runs if run.load is not None and math.isfinite(run.load))
+    if share:
+        found += [Nuisance("load", f"{load:g} ohm", share, "1", load=load) for load in loads]
+    logged = [name for name in CHANNELS if any(name in run.channels for run in runs)]
+    for name in logged:
+        gain, _ = sensor_errors(rig.sensors.get(name))
+        if gain:
+            found.append(Nuisance("gain", name, gain, "1"))
+    skew = SKEW / max(run.fs for run in runs)
+    found += [Nuisance("timing", name, skew, "s") for name in logged if name != "pressure"]
+    for log, run in enumerate(runs):
+        for name in logged:
+            _, zero = sensor_errors(rig.sensors.get(name))
+            if zero and name in run.channels:
+                found.append(Nuisance("zero", name, zero, "SI", log=log))
+    return tuple(found)
+
+
+def sensor_errors(sensor: Sensor | None) -> tuple[float, float]:
+    """Standard uncertainties of a sensor's gain [1] and zero [SI unit of its channel].
+
+    As calibrated in place where the rig file says so; else from the maker's limits, taken as the half width of a rectangle.
+    """
+    if sensor is None:
+        return 0.0, 0.0
+    limit = (sensor.accuracy or 0.0) + (sensor.accuracy_full_scale or 0.0) * (sensor.high or 0.0)
+    gain = sensor.u_gain if sensor.u_gain is not None else (sensor.accuracy_reading or 0.0) / math.sqrt(3.0)
+    calibrated = sensor.u_gain is not None or sensor.u_zero is not None
+    zero = sensor.u_zero if sensor.u_zero is not None else 0.0 if calibrated else limit / math.sqrt(3.0)
+    return gain, zero
+
+
+def shifted(rig: Rig, by: Mapping[tuple[str, str], float]) -> Rig:
+    """A rig whose numbers, by section and name, are moved by so much, SI units."""
+    for section in SECTIONS:
+        moved = {name: delta for (where, name), delta in by.items() if where == section and delta}
+        if moved:
+            part = getattr(rig, section)
+            numbers = {
+                name: msgspec.structs.replace(getattr(part, name), value=getattr(part, name).value + delta)
+                for name, delta in moved.items()
+            }
+            rig = msgspec.structs.replace(rig, **{section: msgspec.structs.replace(part, **numbers)})
+    return rig
+
+
+def _quantities(rig: Rig, section: str) -> dict[str, Quantity]:
+    part = getattr(rig, section)
+    found = {name: getattr(part, name) for name in part.__struct_fields__}
+    return {name: value for name, value in found.items() if isinstance(value, Quantity)}

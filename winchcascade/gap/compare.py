@@ -1,0 +1,141 @@
+"""The map of a gap: measured minus simulated by channel, phase and load, against three yardsticks."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from winchcascade.fit.blocks import PHASES
+from winchcascade.fit.predict import CHANNELS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from winchcascade.fit.campaign import Fitted, Log
+    from winchcascade.run import Signal
+
+ZERO_REACH = 3.0
+"""A zero is taken to be within so many of its standard uncertainties; more is a gap."""
+
+
+class Place(msgspec.Struct, frozen=True):
+    """One channel in one phase of one log: measured minus simulated, SI units of the channel.
+
+    `bias` and `rms` of the blocks' means once the log's zero is taken off; `noise` of a block, one standard deviation. Standard
+    uncertainties of the bias: `u_noise` of noise and zero, `u_repeat` of how cycles repeat (NaN with one), `u_tolerance` of the
+    rig's numbers and gains. `z` is the bias over all three, `blocks` their number.
+    """
+
+    channel: str
+    phase: str
+    log: int
+    load: float | None
+    blocks: int
+    bias: float
+    rms: float
+    noise: float
+    u_noise: float
+    u_repeat: float
+    u_tolerance: float
+    z: float
+
+
+def zero_of(log: Log, residual: Signal, u_zero: Signal) -> Signal:
+    """Zeros of a log's sensors as its blocks tell them, (5,): weighted means within `ZERO_REACH` of their tolerance.
+
+    Parameters
+    ----------
+    residual : (m, 5) measured minus predicted blocks, no zero taken off
+    u_zero : (5,) standard uncertainty of each zero, 0 where a sensor has none
+    """
+    weight = np.where(log.noise.seen, 1.0 / log.noise.total**2, 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        prior = np.where(u_zero > 0.0, 1.0 / u_zero**2, np.inf)
+        mean = np.sum(weight * residual, axis=0) / (np.sum(weight, axis=0) + prior)
+    zero: Signal = np.clip(np.nan_to_num(mean), -ZERO_REACH * u_zero, ZERO_REACH * u_zero)
+    return zero
+
+
+def zeros_of(data: Fitted) -> Signal:
+    """Standard uncertainty of every log's zeros, (logs, 5), SI units; 0 where a sensor has none."""
+    found = np.zeros((len(data.logs), len(CHANNELS)))
+    for n in data.nuisances:
+        if n.kind == "zero":
+            found[n.log, CHANNELS.index(n.name)] = n.sd
+    return found
+
+
+def without_zeros(data: Fitted, residual: Signal) -> Signal:
+    """Residual blocks of every log, (M, 5), each log's zeros taken off."""
+    out = residual.copy()
+    for rows, log, u in zip(data.rows, data.logs, zeros_of(data), strict=True):
+        out[rows] -= zero_of(log, residual[rows], u)
+    return out
+
+
+def compare(data: Fitted, predicted: Signal, tolerances: Signal) -> tuple[Place, ...]:
+    """Map a gap.
+
+    Parameters
+    ----------
+    predicted : (M, 5) blocks of the model, without zeros
+    tolerances : (M, 5, k) what one standard uncertainty of each nuisance but the zeros moves
+    """
+    residual = without_zeros(data, data.measured - predicted)
+    u_zero = zeros_of(data)
+    places = []
+    for number, (rows, log) in enumerate(zip(data.rows, data.logs, strict=True)):
+        for k, channel in enumerate(CHANNELS):
+            for phase, name in enumerate(PHASES):
+                here = log.noise.seen[:, k] & (log.course.blocks.phase == phase)
+                if np.count_nonzero(here) < 2:
+                    continue
+                places.append(
+                    _place(
+                        log,
+                        here,
+                        residual[rows, k],
+                        tolerances[rows, k],
+                        log.noise.total[:, k],
+                        u_zero[number, k],
+                        (channel, name, number),
+                    )
+                )
+    return tuple(places)
+
+
+def _place(
+    log: Log,
+    here: NDArray[np.bool_],
+    residual: Signal,
+    tolerances: Signal,
+    noise: Signal,
+    u_zero: float,
+    where: tuple[str, str, int],
+) -> Place:
+    count = int(np.count_nonzero(here))
+    bias = float(np.mean(residual[here]))
+    own = float(np.sqrt(np.mean(noise[here] ** 2)))
+    u_noise = math.hypot(own / math.sqrt(count) * 1.5**0.5, u_zero)
+    u_tolerance = float(np.sqrt(np.sum(np.mean(tolerances[here], axis=0) ** 2)))
+    cycle = log.course.blocks.cycle[here]
+    means = [float(np.mean(residual[here][cycle == c])) for c in np.unique(cycle)]
+    u_repeat = float(np.std(means, ddof=1)) / math.sqrt(len(means)) if len(means) > 1 else math.nan
+    u = math.sqrt(u_noise**2 + u_tolerance**2 + (0.0 if math.isnan(u_repeat) else u_repeat**2))
+    return Place(
+        channel=where[0],
+        phase=where[1],
+        log=where[2],
+        load=log.run.load,
+        blocks=count,
+        bias=bias,
+        rms=float(np.sqrt(np.mean(residual[here] ** 2))),
+        noise=own,
+        u_noise=u_noise,
+        u_repeat=u_repeat,
+        u_tolerance=u_tolerance,
+        z=bias / u if u > 0.0 else 0.0,
+    )
