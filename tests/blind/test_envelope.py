@@ -1,0 +1,45 @@
+"""The seal: what was dealt is what is scored."""
+
+from pathlib import Path
+
+import pytest
+from trials import answer, sealed_trial
+
+from winchcascade.blind.envelope import SEALED, TRIAL, open_seal, read_trial
+from winchcascade.errors import OptionError
+
+
+def test_answers_come_out_of_the_envelope_as_they_went_in(tmp_path: Path) -> None:
+    put = (answer("case-0001", "single", {"ke_shift": 1.0}), answer("case-0002", "none"))
+    _, envelope = open_seal(sealed_trial(tmp_path / "trial", *put))
+    assert envelope.answers == put
+
+
+def test_a_changed_answer_is_refused(tmp_path: Path) -> None:
+    folder = sealed_trial(tmp_path / "trial", answer("case-0001", "single", {"ke_shift": 1.0}))
+    path = folder / SEALED
+    path.write_text(path.read_text().replace("ke_shift", "ke_rolloff"))
+    with pytest.raises(OptionError, match="answers were changed after the cases were dealt"):
+        open_seal(folder)
+
+
+def test_a_missing_answer_file_is_named(tmp_path: Path) -> None:
+    folder = sealed_trial(tmp_path / "trial", answer("case-0001", "none"))
+    (folder / SEALED).unlink()
+    with pytest.raises(OptionError, match=r"sealed\.json: cannot be read"):
+        open_seal(folder)
+
+
+@pytest.mark.parametrize("content", ["", "[]", "{}", '{"schema": "winchcascade/trial/1"}'])
+def test_a_folder_without_a_record_of_a_trial_is_refused(tmp_path: Path, content: str) -> None:
+    if content:
+        (tmp_path / TRIAL).write_text(content)
+    with pytest.raises(OptionError, match=r"trial\.json"):
+        read_trial(tmp_path)
+
+
+def test_the_record_of_a_trial_tells_neither_seed_nor_answers(tmp_path: Path) -> None:
+    folder = sealed_trial(tmp_path / "trial", answer("case-0001", "single", {"ke_shift": 1.0}))
+    text = (folder / TRIAL).read_text()
+    assert "seed" not in text
+    assert "ke_shift" not in text

@@ -1,0 +1,110 @@
+"""What the twin takes the rig to be: its numbers, how well each is known, and how its sensors scatter.
+
+The twin holds a table of its own and reads none of the rig's, so that a slip in one of them shows as a gap in a trial.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import msgspec
+
+KG_CM2 = 98066.5
+"""One kg/cm2. [Pa]"""
+
+AIR = 101325.0
+"""Air pressure around the rig, between gauge and absolute. [Pa]"""
+
+LOADS = {
+    "open_circuit": 4500.0, "r45ohm": 45.0, "r36ohm": 36.0, "r27ohm": 27.0, "r18ohm": 18.0, "r9ohm": 9.0,
+    "r4p5ohm": 4.5,
+}  # fmt: skip
+"""Logs of a campaign and the resistance at their DC link; the open circuit's is that of Sec. 4.2. [ohm]"""
+
+
+class Numbers(NamedTuple):
+    """Numbers of the rig that a campaign draws, SI units; Tables 3 and 4 of Hsu et al. 2026 unless another place is named.
+
+    Parameters
+    ----------
+    k_e : line to line, rms, over the speed; Sec. 4.2 [V/rpm]
+    r_s, l_s : of a phase [ohm, H]
+    b_rotor : damper on the fast shaft, Sec. 4.2 [N m s/rad]
+    p_gas : absolute pressure at zero payout; Sec. 3.1 has 20.5 kg/cm2 gauge [Pa]
+    area : of the piston [m2]
+    v_gas : at zero payout [m3]
+    c_dc : at the DC link, not published, assumed [F]
+    eta_mesh : of the gear; Sec. 4.2 and Table 4, where Sec. 4.1.3 prints 0.9 [1]
+    mu : friction of the screw [1]
+    """
+
+    k_e: float = 0.0620
+    r_s: float = 0.61
+    l_s: float = 3.35e-3
+    b_rotor: float = 7.5e-4
+    p_gas: float = 20.5 * KG_CM2 + AIR
+    area: float = 7850e-6
+    v_gas: float = 4.0e-3
+    c_dc: float = 2.2e-3
+    eta_mesh: float = 0.95
+    mu: float = 0.04
+
+
+SCATTER = Numbers(
+    k_e=1e-3 * 0.0620,
+    r_s=5e-3 * 0.61,
+    l_s=7e-3 * 3.35e-3,
+    b_rotor=1e-2 * 7.5e-4,
+    p_gas=1e-3 * (20.5 * KG_CM2 + AIR),
+    area=2e-3 * 7850e-6,
+    v_gas=3e-3 * 4.0e-3,
+    c_dc=0.1 * 2.2e-3,
+    eta_mesh=0.002,
+    mu=0.0005,
+)
+"""How well a rig that was calibrated in place is known: one standard uncertainty of each number, assumed."""
+
+LOAD_SCATTER = 1e-3
+"""Of each load, and of the sensors' gains. [1]"""
+
+
+class Fixed(NamedTuple):
+    """Numbers that every campaign shares, SI units: Sec. 2.1.1 and Tables 3 and 4; the shaft's damping is assumed."""
+
+    r_drum: float = 0.13
+    j_drum: float = 0.3
+    lead: float = 0.010
+    lead_angle: float = 5.0
+    thread_angle: float = 4.5
+    gear: float = 50.0
+    k_shaft: float = 2000.0
+    c_shaft: float = 6.0
+    j_rotor: float = 6260e-7
+    pole_pairs: float = 2.0
+    v_diode: float = 0.7
+
+
+class Scatter(msgspec.Struct, frozen=True):
+    """How a sensor scatters: zero error per log, white noise and resolution, in the unit of the logs."""
+
+    unit: float
+    zero: float
+    noise: float
+    step: float
+    decimals: int
+
+
+SENSORS = {
+    "pressure": Scatter(KG_CM2, 0.03, 0.010, 0.001, 3),
+    "force": Scatter(1.0, 2.0, 4.0, 0.2 * 9.80665, 1),
+    "torque": Scatter(1.0, 0.3, 0.40, 0.01, 2),
+    "vdc": Scatter(1.0, 0.0, 0.25, 0.01, 2),
+    "idc": Scatter(1.0, 0.005, 0.015, 0.001, 3),
+}
+"""Sensors in the order of the gains: zeros as assumed for a rig calibrated in place, noise and resolution as in crane logs."""
+
+VELOCITY_NOISE, VELOCITY_STEP = 0.003, 0.002
+"""Of the logged velocity. [m/s]"""
+
+KNEE, LINE, BELL = 0.0, 1.0, 2.0
+"""Laws of the back-EMF's roll-off: a smooth knee, a straight line beyond one, and a bell curve from zero current on."""

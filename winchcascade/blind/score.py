@@ -1,0 +1,196 @@
+"""What a trial comes to: each diagnosis beside the sealed answer, and what all of them say together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import permutations
+from pathlib import Path
+
+import msgspec
+
+from winchcascade import __version__
+from winchcascade.blind.cases import Answer
+from winchcascade.blind.closure import Closure, closure_of
+from winchcascade.blind.envelope import open_seal
+from winchcascade.blind.tally import CaseScore, Count, Outcome, ParameterScore, Score, Verdict
+from winchcascade.blind.trial import DIAGNOSES, PREDICTIONS
+from winchcascade.errors import OptionError
+
+SCORE_SCHEMA = "winchcascade/score/1"
+
+MOST_RIVALS = 2
+"""Rivals of a cause that count; naming more of them would be naming a crowd."""
+
+MOST_NAMES = 2
+"""An outsider counts as recognised with this many names at most, and never as explained."""
+
+
+class Value(msgspec.Struct, frozen=True):
+    """A parameter as it was diagnosed, with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+class Rival(msgspec.Struct, frozen=True):
+    """An effect that explains the same as well."""
+
+    effect: str
+
+
+class Cause(msgspec.Struct, frozen=True):
+    """An effect that a diagnosis names."""
+
+    effect: str
+    parameters: dict[str, Value] = msgspec.field(default_factory=dict)
+    rivals: tuple[Rival, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The effect and the rivals that count."""
+        return (self.effect, *(rival.effect for rival in self.rivals[:MOST_RIVALS]))
+
+
+class Claimed(msgspec.Struct, frozen=True):
+    """What a diagnosis says that it closed."""
+
+    share_closed: float | None = None
+
+
+class Diagnosis(msgspec.Struct, frozen=True):
+    """What a score reads of a diagnosis."""
+
+    verdict: Verdict
+    causes: tuple[Cause, ...] = ()
+    closure: Claimed | None = None
+
+
+def score(folder: Path, *, told: Callable[[str], None] | None = None) -> Score:
+    """Score a trial: open the seal, and hold every diagnosis against its answer.
+
+    Parameters
+    ----------
+    told : is given the name of each case as it is scored
+
+    Raises
+    ------
+    OptionError : the folder is no trial, the answers were changed, nothing was diagnosed, or a diagnosis cannot be read
+    """
+    trial, envelope = open_seal(folder)
+    cases = []
+    for answer in envelope.answers:
+        cases.append(_score_case(folder, answer))
+        if told is not None:
+            told(answer.case)
+    if all(case.outcome == "missing" for case in cases):
+        raise OptionError(f"{folder}: no case is diagnosed; run blind diagnose {folder} first.")
+    return Score(trial.sealed_sha256, envelope.seed, tuple(cases))
+
+
+def read_diagnosis(path: Path) -> Diagnosis | None:
+    """Read a case's diagnosis, None where there is none."""
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=Diagnosis)
+    except FileNotFoundError:
+        return None
+    except msgspec.DecodeError as fault:
+        raise OptionError(f"{path}: is no diagnosis ({fault}); diagnose the case again.") from None
+
+
+def _score_case(folder: Path, answer: Answer) -> CaseScore:
+    found = read_diagnosis(folder / DIAGNOSES / f"{answer.case}.json")
+    if found is None:
+        return CaseScore(answer.case, answer.kind, answer.effects, answer.outsider, "missing")
+    closure = Closure()
+    if found.closure is not None:
+        closure = closure_of(folder / answer.case, folder / PREDICTIONS / answer.case)
+    return CaseScore(
+        case=answer.case,
+        kind=answer.kind,
+        hidden=answer.effects,
+        outsider=answer.outsider,
+        outcome=outcome_of(answer, found),
+        strict=_claims(found) and sorted(c.effect for c in found.causes) == sorted(answer.effects),
+        verdict=found.verdict,
+        causes=tuple(c.effect for c in found.causes),
+        rivals=tuple(c.names[1:] for c in found.causes),
+        parameters=_parameters(answer, found),
+        share_claimed=None if found.closure is None else found.closure.share_closed,
+        closure=closure,
+    )
+
+
+def _claims(found: Diagnosis) -> bool:
+    """Whether a diagnosis stands by its causes."""
+    return found.verdict in ("explained", "partly_explained") and bool(found.causes)
+
+
+def outcome_of(answer: Answer, found: Diagnosis) -> Outcome:
+    """What came of a case.
+
+    With effects hidden: named if each is a cause or a declared rival of one, each of its own, and no cause is left over;
+    silent if no gap was seen, abstained if it was left unexplained, else misnamed. With nothing hidden: quiet or a false
+    alarm. With an outsider: recognised if it was left unexplained, or partly explained by few names; silent, or mistaken.
+    """
+    if answer.kind == "none":
+        return "quiet" if found.verdict == "no_gap" else "false_alarm"
+    if found.verdict == "no_gap":
+        return "silent"
+    if answer.kind == "outsider":
+        partly = found.verdict == "partly_explained" and len(found.causes) <= MOST_NAMES
+        return "recognised" if found.verdict == "unexplained" or partly else "mistaken"
+    if not _claims(found):
+        return "abstained"
+    return "named" if _matches(tuple(answer.effects), found.causes) else "misnamed"
+
+
+def _matches(hidden: Sequence[str], causes: Sequence[Cause]) -> bool:
+    if len(hidden) != len(causes):
+        return False
+    return any(all(h in c.names for h, c in zip(order, causes, strict=True)) for order in permutations(hidden))
+
+
+def _parameters(answer: Answer, found: Diagnosis) -> tuple[ParameterScore, ...]:
+    """True parameters of the hidden effects that are named as causes, beside what was diagnosed."""
+    scores = []
+    for cause in found.causes if _claims(found) else ():
+        for name, truth in answer.parameters.get(cause.effect, {}).items():
+            said = cause.parameters.get(name)
+            ends = (None, None, None) if said is None else (said.value, said.low, said.high)
+            scores.append(ParameterScore(cause.effect, name, truth, *ends))
+    return tuple(scores)
+
+
+def score_record(found: Score) -> dict[str, object]:
+    """A score as nested records, schema `winchcascade/score/1`."""
+    singles, hidden = ("single",), ("single", "pair")
+    counts = {
+        "named": found.count("named", *hidden),
+        "named_singles": found.count("named", *singles),
+        "named_pairs": found.count("named", "pair"),
+        "strict": found.strict,
+        "misnamed": found.count("misnamed", *hidden),
+        "silent": found.count("silent", *hidden),
+        "abstained": found.count("abstained", *hidden),
+        "false_alarms": found.count("false_alarm", "none"),
+        "outsiders_recognised": found.count("recognised", "outsider"),
+        "outsiders_silent": found.count("silent", "outsider"),
+        "outsiders_mistaken": found.count("mistaken", "outsider"),
+        "covered": found.coverage,
+        "missing": found.missing,
+    }
+    return {
+        "schema": SCORE_SCHEMA,
+        "version": __version__,
+        "sealed_sha256": found.sealed_sha256,
+        "seed": found.seed,
+        "totals": {name: _count_record(count) for name, count in counts.items()},
+        "strengths": [{"strength": s, **_count_record(count)} for s, count in found.strengths.items()],
+        "taken_for": found.taken_for,
+        "cases": [msgspec.to_builtins(case) for case in found.cases],
+    }
+
+
+def _count_record(count: Count) -> dict[str, object]:
+    return {"part": count.part, "of": count.of, "interval_95": list(count.interval)}
