@@ -14,6 +14,8 @@ import typer
 from winchcascade.errors import OptionError, WinchcascadeError
 
 if TYPE_CHECKING:
+    from winchcascade.diagnose.reach import Reach
+    from winchcascade.published.audit import Audit
     from winchcascade.rigfile import Rig
 
 app = typer.Typer(
@@ -290,19 +292,51 @@ def audit_command(
     table: Annotated[
         str, typer.Argument(metavar="TABLE", help="Table file, or the built-in hsu2026-table2.", show_default=False)
     ],
+    physics: Annotated[
+        bool, typer.Option("--physics", help="Hold it against the rig's constants too; takes some seconds.")
+    ] = False,
+    rig: RigOption = None,
     json: JsonOption = None,
     force: ForceOption = False,
 ) -> None:
-    """Hold a published table against itself and the text around it, without any log. Exit code 1 on a contradiction."""
+    """Hold a published table against itself and the text around it, without any log. Exit code 1 on a contradiction.
+
+    With --physics also against the model of a rig: which efficiencies any plausible payout reaches, and which effects could
+    make up the difference.
+    """
     from winchcascade.published.audit import audit
     from winchcascade.report.check_text import audit_record, audit_text
     from winchcascade.tabletoml import load_table
 
-    _check_outputs({"--json": Path(json) if json else None}, [Path(table)], force=force)
+    if rig is not None and not physics:
+        raise OptionError(f"--rig {rig}: is of use with --physics alone; add that, or leave the rig out.")
+    _check_outputs({"--json": Path(json) if json else None}, [Path(table), *([Path(rig)] if rig else [])], force=force)
     outcome = audit(load_table(table))
-    if not _write_json(json, audit_record(outcome), force):
-        print(audit_text(outcome), end="")
-    raise typer.Exit(0 if outcome.ok else 1)
+    record, text, ok = audit_record(outcome), audit_text(outcome), outcome.ok
+    if physics:
+        from winchcascade.report.reach_text import reach_record, reach_text
+
+        reach = _reach(outcome, rig)
+        record, text, ok = record | {"physics": reach_record(reach)}, text + reach_text(reach), ok and reach.ok
+    if not _write_json(json, record, force):
+        print(text, end="")
+    raise typer.Exit(0 if ok else 1)
+
+
+def _reach(audit: Audit, rig: str | None) -> Reach:
+    """What a rig can reach of a table, by the rules that reduce a log."""
+    from winchcascade.cascade.first import first_metrics
+    from winchcascade.diagnose.reach import reach
+    from winchcascade.effects.catalogue import EFFECTS
+    from winchcascade.report.progress import Progress
+    from winchcascade.rigtoml import DEFAULT_RIG, load_rig
+
+    of = load_rig(rig or DEFAULT_RIG)
+    with Progress(f"physics of {audit.table.name}") as watch:
+        return reach(
+            audit.table, of, EFFECTS, lambda run, window: first_metrics(run, of, window), scatter=audit.known.eta,
+            watch=watch,
+        )  # fmt: skip
 
 
 def _write_json(target: str | None, record: dict[str, Any], force: bool) -> bool:
@@ -456,6 +490,86 @@ def rig_command(
     from winchcascade.rigtoml import DEFAULT_RIG, built_in_text
 
     print(built_in_text(name or DEFAULT_RIG), end="")
+
+
+blind = typer.Typer(
+    help="Try the diagnosis on campaigns of an independent twin whose answers are sealed.", no_args_is_help=True
+)
+app.add_typer(blind, name="blind")
+
+TrialArgument = Annotated[
+    Path, typer.Argument(metavar="DIR", help="Folder of a trial, as blind deal makes it.", show_default=False)
+]
+SchedulerOption = Annotated[
+    str | None,
+    typer.Option("--scheduler", metavar="ADDRESS", help="Work on this Dask scheduler, such as tcp://host:8786."),
+]
+
+
+@blind.command("deal")
+def blind_deal_command(
+    cases: Annotated[int, typer.Option("--cases", metavar="N", min=1, help="Campaigns to deal.", show_default=False)],
+    seed: Annotated[int, typer.Option("--seed", metavar="S", min=0, help="Deals the same again.", show_default=False)],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder of the trial; used again, it is completed.")
+    ],
+    jobs: JobsOption = None,
+    scheduler: SchedulerOption = None,
+    force: ForceOption = False,
+) -> None:
+    """Deal campaigns that hide something, and seal what it is. Exit code 1 if a case failed."""
+    from winchcascade.blind.trial import deal
+    from winchcascade.report.progress import Progress
+    from winchcascade.report.trial_text import dealt_text
+    from winchcascade.tasks import processes
+
+    with Progress(f"dealing {cases} cases") as watch:
+        done = deal(out, cases, seed, jobs=jobs or processes(), scheduler=scheduler, force=force, watch=watch)
+    print(dealt_text(done, out), end="")
+    raise typer.Exit(1 if done.faults else 0)
+
+
+@blind.command("diagnose")
+def blind_diagnose_command(
+    trial: TrialArgument, jobs: JobsOption = None, scheduler: SchedulerOption = None, force: ForceOption = False
+) -> None:
+    """Diagnose every case of a trial from its logs alone; what is done is kept. Exit code 1 if a case failed."""
+    from winchcascade.blind.trial import diagnose
+    from winchcascade.diagnose.campaign import diagnose_campaign
+    from winchcascade.effects.catalogue import EFFECTS
+    from winchcascade.report.progress import Progress
+    from winchcascade.report.trial_text import diagnosed_text
+    from winchcascade.tasks import processes
+
+    with Progress(f"diagnosing {trial.name}") as watch:
+        done = diagnose(
+            trial, diagnose_campaign, EFFECTS, jobs=jobs or processes(), scheduler=scheduler, force=force, watch=watch
+        )
+    print(diagnosed_text(done, trial), end="")
+    raise typer.Exit(1 if done.faults else 0)
+
+
+@blind.command("score")
+def blind_score_command(
+    trial: TrialArgument,
+    json: JsonOption = None,
+    html: Annotated[
+        Path | None, typer.Option("--html", metavar="FILE", help="Write the report as one self-contained page.")
+    ] = None,
+    pdf: Annotated[Path | None, typer.Option("--pdf", metavar="FILE", help="Write the report as PDF.")] = None,
+    force: ForceOption = False,
+) -> None:
+    """Open the answers of a trial and tell how its diagnoses fared; answers that were changed are refused."""
+    from winchcascade.blind.score import score, score_record
+    from winchcascade.report.trial_text import trial_text, write_trial_reports
+
+    results = {"--json": Path(json) if json else None, "--html": html, "--pdf": pdf}
+    _check_outputs(results, [*trial.glob("*.json"), *trial.glob("diagnoses/*.json")], force=force)
+    found = score(trial)
+    if html is not None or pdf is not None:
+        write_trial_reports(found, html=html, pdf=pdf, command=_command(), force=force)
+    if not _write_json(json, score_record(found), force):
+        print(trial_text(found, trial), end="")
 
 
 _INTERRUPTED = 130

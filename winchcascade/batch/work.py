@@ -49,11 +49,15 @@ def reduce_log(order: Order) -> Made:
     require_payouts(reduction)
     found = uncertainty(reduction)
     files: dict[str, bytes] = {}
+    account: dict[str, Any] = {}
     if order.reports:
         from winchcascade.report.document import make_report
+        from winchcascade.report.model_section import modelled
 
+        model = modelled(reduction)
+        account = {"model": model.account}  # the campaign's report draws it
         with _DRAWING:
-            report = make_report(reduction, found, command=order.command)
+            report = make_report(reduction, found, model=model, command=order.command)
         if "html" in order.reports:
             from winchcascade.report.html import html_text
 
@@ -63,7 +67,7 @@ def reduce_log(order: Order) -> Made:
 
             files["pdf"] = pdf_bytes(report)
     record: dict[str, Any] = reduction_record(reduction, found)
-    record["batch"] = {"key": work.key, "reports": list(order.reports)}
+    record |= account | {"batch": {"key": work.key, "reports": list(order.reports)}}
     files["json"] = msgspec.json.encode(record) + b"\n"
     made = Made(work.name, files)
     if order.folder is None:

@@ -62,9 +62,7 @@ class Fit(msgspec.Struct, frozen=True):
         return [with_values(suspects[name], x) for name, x in zip(self.names, self.values, strict=True)]
 
 
-def columns_of(
-    data: Fitted, nu: Signal, effects: Sequence[Suspect], kind: type[Suspect], values: Signal
-) -> Signal:
+def columns_of(data: Fitted, nu: Signal, effects: Sequence[Suspect], kind: type[Suspect], values: Signal) -> Signal:
     """Whitened derivative of the prediction over a suspect's fields, (M * 5, k).
 
     Parameters
@@ -186,8 +184,9 @@ def _side_by_side(columns: Mapping[str, Signal], names: Sequence[str], rows: int
 
 def _bounds(suspects: Suspects, names: Sequence[str]) -> tuple[Signal, Signal]:
     free = [freedom(suspects[name]) for name in names]
-    low, high = _in_a_row({n: f.low for n, f in zip(names, free, strict=True)}), _in_a_row(
-        {n: f.high for n, f in zip(names, free, strict=True)}
+    low, high = (
+        _in_a_row({n: f.low for n, f in zip(names, free, strict=True)}),
+        _in_a_row({n: f.high for n, f in zip(names, free, strict=True)}),
     )
     return low, high
 

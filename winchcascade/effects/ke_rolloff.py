@@ -38,14 +38,34 @@ class KeRolloff:
         "lost_to_20_a": (0.0, 0.9),
     }
 
-    lost_to_4_a: float = unknown(0.0, "1", low=0.0, high=0.1, source="share lost between 0 and 4 A rms; plausible range, little below the rated 5.16 A (Sec. 5.1)")
-    lost_to_5_a: float = unknown(0.0, "1", low=0.0, high=0.1, source="share lost between 4 and 5 A rms, of what is left; plausible range")
-    lost_to_6_a: float = unknown(0.0, "1", low=0.0, high=0.1, source="share lost between 5 and 6 A rms, of what is left; plausible range")
-    lost_to_7_a: float = unknown(0.0, "1", low=0.0, high=0.1, source="share lost between 6 and 7 A rms, of what is left; plausible range")
-    lost_to_9_a: float = unknown(0.0, "1", low=0.0, high=0.15, source="share lost between 7 and 9 A rms, of what is left; plausible range")
-    lost_to_11_a: float = unknown(0.0, "1", low=0.0, high=0.15, source="share lost between 9 and 11 A rms, of what is left; plausible range")
-    lost_to_14_a: float = unknown(0.0, "1", low=0.0, high=0.2, source="share lost between 11 and 14 A rms, of what is left; plausible range")
-    lost_to_20_a: float = unknown(0.0, "1", low=0.0, high=0.3, source="share lost between 14 and 20 A rms, of what is left; plausible range")
+    lost_to_4_a: float = unknown(
+        0.0,
+        "1",
+        low=0.0,
+        high=0.1,
+        source="share lost between 0 and 4 A rms; plausible range, little below the rated 5.16 A (Sec. 5.1)",
+    )
+    lost_to_5_a: float = unknown(
+        0.0, "1", low=0.0, high=0.1, source="share lost between 4 and 5 A rms, of what is left; plausible range"
+    )
+    lost_to_6_a: float = unknown(
+        0.0, "1", low=0.0, high=0.1, source="share lost between 5 and 6 A rms, of what is left; plausible range"
+    )
+    lost_to_7_a: float = unknown(
+        0.0, "1", low=0.0, high=0.1, source="share lost between 6 and 7 A rms, of what is left; plausible range"
+    )
+    lost_to_9_a: float = unknown(
+        0.0, "1", low=0.0, high=0.15, source="share lost between 7 and 9 A rms, of what is left; plausible range"
+    )
+    lost_to_11_a: float = unknown(
+        0.0, "1", low=0.0, high=0.15, source="share lost between 9 and 11 A rms, of what is left; plausible range"
+    )
+    lost_to_14_a: float = unknown(
+        0.0, "1", low=0.0, high=0.2, source="share lost between 11 and 14 A rms, of what is left; plausible range"
+    )
+    lost_to_20_a: float = unknown(
+        0.0, "1", low=0.0, high=0.3, source="share lost between 14 and 20 A rms, of what is left; plausible range"
+    )
 
     @property
     def left_at_knots(self) -> tuple[float, ...]:

@@ -29,7 +29,7 @@ class RotorInertia:
     possible: ClassVar[dict[str, tuple[float, float]]] = {"j_change": (-0.9, 9.0)}
 
     j_change: float = unknown(
-        0.0, "1", low=-0.5, high=1.0, source="plausible range: the gear and the couplings are not in Table 4"
+        0.0, "1", low=-0.5, high=6.0, source="plausible range: the gear and the couplings are not in Table 4"
     )
 
     def bend(self, model: Model) -> Model:

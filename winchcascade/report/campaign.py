@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from winchcascade import __version__
@@ -14,7 +15,10 @@ from winchcascade.report import campaign_figures as figures
 from winchcascade.report import campaign_tables as tables
 from winchcascade.report.digits import percent, stated
 from winchcascade.report.document import made_on, picture, provenance_table, section
-from winchcascade.report.layout import Note, Point, Report, Table, Tile
+from winchcascade.report.layout import Note, Point, Report, Section, Table, Tile
+from winchcascade.report.model_account import Account
+from winchcascade.report.model_data import says_not_measured
+from winchcascade.report.model_section import Named, campaign_section
 from winchcascade.report.style import house_style
 
 SEED = 20260
@@ -68,6 +72,7 @@ def make_campaign_report(summary: Mapping[str, Any], out: Path, *, command: str 
                     "Curves of binned torque and power over generator speed, one for each run.",
                 ),
             ),
+            *_model(summary, runs, out),
             section("repeatability", "Repeatability", tables.repeatability_table(runs) if runs else None),
             section(
                 "findings", "Logs and findings", tables.logs_table(runs) if runs else Note("No log could be used."),
@@ -104,6 +109,32 @@ def _bins(out: Path, runs: Sequence[tables.Run]) -> dict[str, list[dict[str, Any
                 if row["run"] in names:
                     found.setdefault(row["run"], []).append(row)
     return found
+
+
+class _Kept(msgspec.Struct):
+    """What a log's result keeps of its simulation; nothing where it was made without a report."""
+
+    model: Account | None = None
+
+
+def _model(summary: Mapping[str, Any], runs: Sequence[tables.Run], out: Path) -> list[Section]:
+    """The logs beside their simulations: those that are drawn, and the first open circuit in any case."""
+    opened = [run for run in runs if run["open_circuit"]][:1]
+    drawn = figures.drawn_runs(runs)
+    shown = [run for run in opened if run not in drawn] + drawn
+    accounts = [(run, _kept(out / run["result"])) for run in shown]
+    found = [Named(run["name"], figures.load_name(run, shown), kept) for run, kept in accounts if kept is not None]
+    measured = all(log.account.word == "measured" for log in found) and not says_not_measured(summary["title"])
+    made = campaign_section(found, "measured" if measured else "log")
+    return [] if made is None else [made]
+
+
+def _kept(result: Path) -> Account | None:
+    """What a log's result keeps of its simulation; None for a result of another making."""
+    try:
+        return msgspec.json.decode(result.read_bytes(), type=_Kept).model
+    except (OSError, msgspec.DecodeError):
+        return None
 
 
 def best_load(runs: Sequence[tables.Run]) -> tuple[tables.Run, float, tables.Run] | None:

@@ -97,6 +97,15 @@ def drawn_runs(runs: Sequence[Run]) -> list[Run]:
     return [runs[k] for k in even.tolist()]
 
 
+def load_name(run: Run, among: Sequence[Run]) -> str:
+    """Load of a run with its unit; with its name where others have the same load, and that alone for an unknown one."""
+    load = load_of(run)
+    if load is None:
+        return _short(run["name"])
+    text = load_text(run) if math.isinf(load) else f"{load_text(run)} Ω"
+    return text if sum(load_of(other) == load for other in among) == 1 else f"{text}, {_short(run['name'])}"
+
+
 def over_speed(runs: Sequence[Run], bins: Mapping[str, Sequence[Mapping[str, Any]]]) -> Figure | None:
     """Draw binned torque and power over the generator's speed, one curve a run.
 

@@ -27,16 +27,16 @@ _VERDICTS = {"contradicted": "CONTRADICTED", "not_checkable": "not to be told"}
 
 def check_text(check: Check) -> str:
     """Every cell with printed and found value, difference, tolerance and its parts; 100 columns at most."""
-    lines = [*_title(check.table), *_wrapped(f"tolerance: {_recipe(check)}"), ""]
+    lines = [*_title(check.table), *wrapped(f"tolerance: {_recipe(check)}"), ""]
     for load in dict.fromkeys(cell.load for cell in check.cells):
         cells = [cell for cell in check.cells if cell.load == load]
         log = next((cell.log for cell in cells if cell.log is not None), None)
-        lines += _wrapped(f"{load_text(load)}: {'no run' if log is None else log}")
+        lines += wrapped(f"{load_text(load)}: {'no run' if log is None else log}")
         if log is not None:
             lines += [f"  {line}" for line in _aligned([_HEAD, *(_cell_row(cell) for cell in cells)])]
         lines.append("")
     for note in check.notes:
-        lines += _wrapped(f"note: {note}")
+        lines += wrapped(f"note: {note}")
     return "\n".join([*lines, _summary(check)]) + "\n"
 
 
@@ -44,15 +44,15 @@ def audit_text(audit: Audit) -> str:
     """What a table says against itself, the verdicts on its claims and the windows it does not print; 100 columns at most."""
     known = audit.known
     lines = [*_title(audit.table)]
-    lines += _wrapped(
+    lines += wrapped(
         f"bounds: means over {known.basis}: an efficiency can differ from the ratio of mean energies by "
         f"{percent(known.bounds.ratio)}, eta_pto from eta_trans eta_gen by {percent(known.bounds.product)}"
     )
-    lines += _wrapped(f"assumed, as the table does not say: {', '.join(known.assumed)}") if known.assumed else []
+    lines += wrapped(f"assumed, as the table does not say: {', '.join(known.assumed)}") if known.assumed else []
     lines += ["", f"cells that contradict each other: {len(audit.contradictions) or 'none'}"]
     for item in audit.contradictions:
         lines += _item(item.sentence)
-        lines += _wrapped(_remedy(item), indent="    ") if item.kind == "row" else []
+        lines += wrapped(_remedy(item), indent="    ") if item.kind == "row" else []
     if audit.claims:
         lines += ["", f"claims of the text: {len(audit.claims)}, contradicted: {len(audit.contradicted) or 'none'}"]
     for verdict in ("contradicted", "not_checkable"):
@@ -107,7 +107,7 @@ def check_record(check: Check) -> dict[str, Any]:
         "misses": len(check.misses),
         "cells": [
             {
-                **_load_record(cell.load),
+                **load_record(cell.load),
                 "metric": cell.metric,
                 "unit": cell.unit,
                 "decimals": cell.decimals,
@@ -158,10 +158,10 @@ def audit_record(audit: Audit) -> dict[str, Any]:
             }
             for claim in audit.claims
         ],
-        "windows": [{**_load_record(w.load), "window_s": _span_record(w.span)} for w in audit.windows],
+        "windows": [{**load_record(w.load), "window_s": _span_record(w.span)} for w in audit.windows],
         "shared_windows": [
             {
-                "loads": [_load_record(load) for load in shared.loads],
+                "loads": [load_record(load) for load in shared.loads],
                 "window_s": _span_record(shared.span),
                 "shortest_s": shared.shortest,
             }
@@ -184,7 +184,7 @@ def miss_sentence(cell: CellCheck) -> str:
 
 
 def _title(table: Table) -> list[str]:
-    return _wrapped(f"{table.name}: {table.title}") + _wrapped(f"source: {table.source}")
+    return wrapped(f"{table.name}: {table.title}") + wrapped(f"source: {table.source}")
 
 
 def _recipe(check: Check) -> str:
@@ -292,7 +292,7 @@ def _audit_summary(audit: Audit) -> str:
 def _contradiction_record(item: Contradiction) -> dict[str, Any]:
     return {
         "kind": item.kind,
-        **({} if item.load is None else _load_record(item.load)),
+        **({} if item.load is None else load_record(item.load)),
         "cells": list(item.cells),
         "metric": item.metric,
         "printed": item.printed,
@@ -309,7 +309,8 @@ def _table_record(table: Table) -> dict[str, Any]:
     return {"name": table.name, "title": table.title, "source": table.source, "path": table.path}
 
 
-def _load_record(load: float) -> dict[str, Any]:
+def load_record(load: float) -> dict[str, Any]:
+    """A load as records have it: null ohms for an open circuit."""
     return {"load_ohm": _finite(load), "open_circuit": math.isinf(load)}
 
 
@@ -321,14 +322,15 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _wrapped(text: str, indent: str = "") -> list[str]:
+def wrapped(text: str, indent: str = "") -> list[str]:
+    """A sentence in lines of 100 columns at most."""
     whole = _plain(text).replace(" %", "\N{NO-BREAK SPACE}%")  # a number and its percent sign stay on one line
     lines = textwrap.wrap(whole, _WIDTH, initial_indent=indent, subsequent_indent=f"{indent}  ", break_on_hyphens=False)
     return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
 
 
 def _item(text: str) -> list[str]:
-    return _wrapped(text, indent="  ")
+    return wrapped(text, indent="  ")
 
 
 def _aligned(rows: Iterable[tuple[str, ...]]) -> list[str]:

@@ -15,6 +15,7 @@ from winchcascade.cascade.efficiency import METRICS, NOTHING
 from winchcascade.report import figures, tables
 from winchcascade.report.digits import number, percent, places, stated
 from winchcascade.report.layout import Block, Note, Picture, Point, Report, Section, Table, Tile
+from winchcascade.report.model_section import Modelled, modelled, run_section
 from winchcascade.report.style import house_style, svg_text
 from winchcascade.report.traces import readout
 from winchcascade.report.wording import by_sensor, not_known
@@ -65,11 +66,19 @@ def write_reports(
         write_pdf(report, pdf, force=force)
 
 
-def make_report(reduction: Reduction, found: Uncertainty, *, command: str = "") -> Report:
-    """Make the rows and figures of the report of one log."""
+def make_report(
+    reduction: Reduction, found: Uncertainty, *, model: Modelled | None = None, command: str = ""
+) -> Report:
+    """Make the rows and figures of the report of one log.
+
+    Parameters
+    ----------
+    model : the log beside its simulation; simulated here with the numbers of the rig file if not given
+    """
     run = reduction.run
+    model = model or modelled(reduction)
     with house_style():
-        sections = _sections(reduction, found, command)
+        sections = _sections(reduction, found, model, command)
     subtitle = " · ".join(part for part in (_about(reduction), run.about) if part)
     return Report(
         kind="Reduction of a log",
@@ -188,7 +197,7 @@ def _uncertainty_points(found: Uncertainty) -> list[Point]:
     return [Point("Uncertainty", text.strip(), "warn" if known.unknown else "plain")] if text else []
 
 
-def _sections(reduction: Reduction, found: Uncertainty, command: str) -> tuple[Section, ...]:
+def _sections(reduction: Reduction, found: Uncertainty, model: Modelled, command: str) -> tuple[Section, ...]:
     powers = figures.powers_of(reduction)
     extremes = best_and_worst(reduction)
     best, worst = (extremes[0].cycle, extremes[1].cycle) if extremes is not None else (None, None)
@@ -238,6 +247,7 @@ def _sections(reduction: Reduction, found: Uncertainty, command: str) -> tuple[S
             tables.payouts_table(reduction),
             tables.holds_table(reduction),
         ),
+        run_section(model),
         section(
             "uncertainty", "Repeatability and uncertainty",
             tables.repeatability_table(reduction, found),

@@ -220,7 +220,7 @@ def _over_speed(ax: Axes, reduction: Reduction, powers: dict[str, Signal]) -> No
         )  # fmt: skip
     short, unit = readable("W", *(x[rows] for x in powers.values()))
     for stage, x in powers.items():
-        _dots(ax, run.channels["velocity"][rows] * factor, x[rows] * short, COLOURS[stage])
+        dots(ax, run.channels["velocity"][rows] * factor, x[rows] * short, COLOURS[stage])
         means = [(0.5 * (b.rpm_low + b.rpm_high), y * short) for b in bins if (y := b.power.get(stage)) is not None]
         ax.plot(
             *np.array(means).reshape(-1, 2).T, color=COLOURS[stage], ls=STAGE_STYLE[stage], lw=1.3, label=_TEX[stage]
@@ -232,7 +232,7 @@ def _over_speed(ax: Axes, reduction: Reduction, powers: dict[str, Signal]) -> No
     ax.legend(loc="upper left")
 
 
-def _dots(ax: Axes, x: Signal, y: Signal, colour: str) -> None:
+def dots(ax: Axes, x: Signal, y: Signal, colour: str) -> None:
     """Draw points as one path of very short strokes: a marker each would make the file ten times as large."""
     gap, short = np.full(x.size, np.nan), 1e-3 * float(np.ptp(x, axis=None)) if x.size else 0.0
     across, up = np.column_stack((x, x + short, gap)).ravel(), np.column_stack((y, y, gap)).ravel()
@@ -375,7 +375,7 @@ def trend(reduction: Reduction) -> Figure | None:
                 color=COLOURS[stage], label=_ETA_TEX[name],
             )  # fmt: skip
             if not few:
-                _dots(ax, number[rows], values[rows], COLOURS[stage])
+                dots(ax, number[rows], values[rows], COLOURS[stage])
         label_panel(ax, "ab"[k], title)
         ax.legend(loc="lower right", ncols=3, bbox_to_anchor=(1.0, 0.98), borderaxespad=0.0, markerscale=1.8)
     axes[-1].set_xlabel("Cycle")

@@ -33,8 +33,18 @@ COLOURS = {
     "payout": "#dbe7f5",
     "hold": "#efeff0",
     "over": "#f6e7d8",
+    "load0": "#5b5f9e",
+    "load1": "#3a7fc4",
+    "load2": "#1f9aa0",
+    "load3": "#4f9a3d",
+    "load4": "#b58900",
+    "load5": "#d0601f",
+    "load6": "#a8246f",
 }
 """Colours by name, each used once: apart in grey (line, mech, gen from dark to light) and to the colour-blind."""
+
+LOAD_COLOURS = tuple(f"load{k}" for k in range(7))
+"""Colours of logs in the order of their loads, from an open circuit to the heaviest."""
 
 STAGE_STYLE = {"line": "-", "mech": (0, (5, 1.2)), "gen": (0, (2.2, 1.2))}
 """Lines of the stages differ in dashes too, so that they are told apart without colour."""
@@ -43,6 +53,7 @@ _RC = {
     "font.family": "DejaVu Sans",
     "font.size": 8.0,
     "axes.titlesize": 8.5,
+    "axes.titley": 1.0,
     "axes.labelsize": 8.0,
     "axes.linewidth": 0.6,
     "axes.edgecolor": COLOURS["soft"],

@@ -1,0 +1,208 @@
+"""A log beside the simulation of a model along its line motion, sample by sample."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from winchcascade.cascade.bins import engaged
+from winchcascade.errors import RigError, WinchcascadeError
+from winchcascade.phases.window import Plateau
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from winchcascade.cascade.bins import Mask
+    from winchcascade.cascade.reduce import CycleResult, Reduction
+    from winchcascade.rig.model import Model
+    from winchcascade.rig.simulate import Simulation
+    from winchcascade.rigfile import Rig
+    from winchcascade.run import Run, Signal
+
+LONGEST = 200.0
+"""Of a longer log its first complete cycles are simulated: as many as this holds, at half a millisecond a step. [s]"""
+
+MOST_SAMPLES = 300_000
+"""And no more samples than this, whatever the sampling rate."""
+
+LEAD = 2.0
+"""A part of a log begins before its first onset and ends after its last cycle by this. [s]"""
+
+SLOWEST = 5.0
+"""With a lower sampling rate a log does not show how the line starts and brakes. [Hz]"""
+
+_NOT_MEASURED = re.compile(r"\b(rebuilt|simulat\w+|synthe\w+|invented|made up|not measured)\b", re.IGNORECASE)
+"""Words by which a campaign says that its logs are no measurements."""
+
+
+class LeftOut(msgspec.Struct, frozen=True):
+    """Why a log is not compared with a simulation, in one sentence."""
+
+    why: str
+
+
+class Comparison(msgspec.Struct, frozen=True):
+    """A log and its simulation at the same stamps.
+
+    `run` is the log, or of a long one the part that was simulated; `cycles` are the complete cycles in it, out of `total`.
+    `payout`, `driven` and `haul_in`, (n,) each, tell the samples of these cycles that count: of their payouts, of what of
+    these lies before braking while the clutch drives the generator, and of their haul-ins; bridged samples do not. `changed`
+    says what the model has beyond the rig file, nothing for the baseline.
+    """
+
+    run: Run
+    rig: Rig
+    cycles: tuple[CycleResult, ...]
+    total: int
+    simulation: Simulation
+    payout: Mask
+    driven: Mask
+    haul_in: Mask
+    changed: str = ""
+
+    @property
+    def rpm(self) -> Signal:
+        """Generator speed that the line velocity gives while the clutch is engaged, 50 v / r_drum, (n,) [rpm]."""
+        found: Signal = self.run.channels["velocity"] * (self.rig.rpm_per_velocity or 0.0)
+        return found
+
+
+def says_not_measured(words: str) -> bool:
+    """Whether the title of a campaign says that its logs are no measurements.
+
+    >>> says_not_measured("Crane trials rebuilt from a table"), says_not_measured("Crane trials in May")
+    (True, False)
+    """
+    return _NOT_MEASURED.search(words) is not None
+
+
+def source_word(run: Run) -> str:
+    """What a log is called beside a simulation: `measured`, or `log` where it says that it was not measured."""
+    return "log" if run.simulated or says_not_measured(run.about) else "measured"
+
+
+def compare_with_baseline(reduction: Reduction) -> Comparison | LeftOut:
+    """Simulate a log with the numbers of its rig file, without any effect, and lay both side by side."""
+    from winchcascade.rig.model import baseline
+
+    if "velocity" not in reduction.run.channels:
+        return LeftOut("the log has no line velocity, which drives a simulation.")
+    try:
+        model = baseline(reduction.rig)
+    except RigError as fault:
+        return LeftOut(_lacking(reduction.rig, str(fault)))
+    return compare(reduction, model)
+
+
+def _lacking(rig: Rig, fault: str) -> str:
+    """What a rig file lacks for a model, in one short sentence: few numbers by name, many by section."""
+    numbers = re.findall(r"(\w+) under \[(\w+)\]", fault)
+    sections = list(dict.fromkeys(section for _, section in numbers))
+    what = ", ".join(f"{name} under [{section}]" for name, section in numbers)
+    if len(numbers) > 4:
+        what = f"{len(numbers)} numbers under " + ", ".join(f"[{section}]" for section in sections)
+    return f"the rig file of {rig.name} lacks what a model needs: {what} (`winchcascade rig hsu2026` shows them)."
+
+
+def compare(reduction: Reduction, model: Model, *, changed: str = "") -> Comparison | LeftOut:
+    """Simulate any model along the line motion of a log, and lay both side by side.
+
+    Parameters
+    ----------
+    changed : what the model has beyond the rig file, in words; nothing for the baseline
+    """
+    why = _obstacle(reduction)
+    if why:
+        return LeftOut(why)
+    run, cycles = _part(reduction)
+    if not cycles:
+        return LeftOut(f"no complete cycle ends within {LONGEST:g} s of its onset, the longest that is simulated.")
+    from winchcascade.rig.simulate import simulate
+
+    try:
+        simulation = simulate(run, model)
+    except WinchcascadeError as fault:
+        return LeftOut(str(fault).removeprefix(f"{run.name}: "))
+    if not all(np.isfinite(x).all() for x in simulation.run.channels.values()):
+        return LeftOut("along this motion the model gives no finite numbers; check unit and scale of the velocity.")
+    whole = ~_bridged(run)
+    return Comparison(
+        run=run,
+        rig=reduction.rig,
+        cycles=cycles,
+        total=len(reduction.complete),
+        simulation=simulation,
+        payout=_within(run.t, [(c.phases.onset, c.phases.payout_end) for c in cycles]) & whole,
+        driven=_driven(run, cycles, reduction.rig) & whole,
+        haul_in=_within(run.t, [c.phases.haul_in for c in cycles if c.phases.haul_in is not None]) & whole,
+        changed=changed,
+    )
+
+
+def _obstacle(reduction: Reduction) -> str:
+    """Why a log cannot be simulated, an empty text if it can."""
+    run = reduction.run
+    if "velocity" not in run.channels:
+        return "the log has no line velocity, which drives a simulation."
+    if run.load is None:
+        return "the load of the log is not known; give it by --load-ohm or in a campaign.toml."
+    if not reduction.complete:
+        return "the log has no complete cycle."
+    if run.fs < SLOWEST:
+        return f"the log has {run.fs:.3g} samples a second; with fewer than {SLOWEST:g} it does not show how the line starts."
+    return ""
+
+
+def _part(reduction: Reduction) -> tuple[Run, tuple[CycleResult, ...]]:
+    """The log with its complete cycles, or of a long one the first of them."""
+    run, complete = reduction.run, reduction.complete
+    longest = min(LONGEST, MOST_SAMPLES / run.fs)
+    if run.t[-1] - run.t[0] <= longest:
+        return run, complete
+    begin = complete[0].phases.onset - LEAD
+    cycles = tuple(c for c in complete if _end(c) + LEAD <= begin + longest)
+    if not cycles:
+        return run, ()
+    rows = slice(*np.searchsorted(run.t, (begin, _end(cycles[-1]) + LEAD)).tolist())
+    channels = {name: x[rows] for name, x in run.channels.items()}
+    return msgspec.structs.replace(run, t=run.t[rows], channels=channels, samples=run.t[rows].size), cycles
+
+
+def _end(cycle: CycleResult) -> float:
+    """End of a cycle: of its haul-in, where the log holds it. [s]"""
+    phases = cycle.phases
+    last = phases.haul_in or phases.hold or (0.0, phases.payout_end)
+    return max(last[1], cycle.window.cutoff)
+
+
+def _driven(run: Run, cycles: Sequence[CycleResult], rig: Rig) -> Mask:
+    """Samples in which the clutch drives the generator, before the drum brakes and the rotor begins to run on alone, (n,)."""
+    found = [c.summary.payout.plateau for c in cycles]
+    flat = [None if p is None else Plateau(p.speed, p.begin, p.braking) for p in found]
+    return engaged(run, [c.phases for c in cycles], flat, rig) & _within(run.t, before_braking(cycles))
+
+
+def before_braking(cycles: Sequence[CycleResult]) -> list[tuple[float, float]]:
+    """From the onset of each payout to the start of its braking, to its end where it holds no plateau. [s]"""
+    found = [(c.phases, c.summary.payout.plateau) for c in cycles]
+    return [(p.onset, p.payout_end if flat is None else flat.braking) for p, flat in found]
+
+
+def _within(t: Signal, spans: Sequence[tuple[float, float]]) -> Mask:
+    """Samples that lie in any of some spans, both ends included, (n,)."""
+    inside = np.zeros(t.size, dtype=bool)
+    for begin, end in spans:
+        inside[np.searchsorted(t, begin, side="left") : np.searchsorted(t, end, side="right")] = True
+    return inside
+
+
+def _bridged(run: Run) -> Mask:
+    """Samples of which any channel was bridged, (n,)."""
+    bridged = np.zeros(run.t.size, dtype=bool)
+    for gaps in run.gaps.values():
+        for before, after in gaps:
+            bridged[np.searchsorted(run.t, before, side="right") : np.searchsorted(run.t, after, side="left")] = True
+    return bridged
