@@ -1,4 +1,4 @@
-"""Calibrate a rig from an open circuit: back-EMF constant, damper and screw friction, and what cannot be told apart (Sec. 4.2)."""
+"""Calibrate a rig from an open circuit: back-EMF constant, damper, screw friction, and what cannot be told apart (Sec. 4.2)."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ import numpy as np
 
 from winchcascade.errors import LogError
 from winchcascade.fit.campaign import Fitted
-from winchcascade.fit.nuisances import sensor_errors
+from winchcascade.fit.nuisances import sensor_errors, shifted
 from winchcascade.fit.predict import CHANNELS
 from winchcascade.fit.solve import huber, quadratic, weights
-from winchcascade.quantity import Quantity
-from winchcascade.rig.backemf import BackEmf, back_emf
+from winchcascade.quantity import Quantity, find_unit, si_unit
+from winchcascade.rig.backemf import RPM_LEAST, BackEmf, back_emf
+from winchcascade.rig.model import baseline
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
 
     from winchcascade.rigfile import Rig
     from winchcascade.run import Run, Signal
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 FREED = {("drivetrain", "b_rotor"): 0.5, ("restoring", "mu_screw"): 0.5}
 """Numbers that are found from the line force, by section and name, and their prior width as a share of the value: wide enough
 to say nothing."""
+
+FOUND_FROM = ("force", "torque", "pressure")
+"""Channels that they are found from."""
 
 TIED = ("drivetrain", "eta_mesh")
 """In open circuit the mesh efficiency acts with the damper and the inertia as one quotient: it is held to its tolerance."""
@@ -72,7 +76,9 @@ class Calibration(msgspec.Struct, frozen=True):
     together: tuple[str, ...]
 
 
-def calibrate(run: Run, rig: Rig, payouts: Sequence[tuple[float, float]]) -> Calibration:
+def calibrate(
+    run: Run, rig: Rig, payouts: Sequence[tuple[float, float]], *, cycles: tuple[int, int] | None = None
+) -> Calibration:
     """Calibrate a rig from an open-circuit log (Sec. 4.2).
 
     The back-EMF constant is a regression on the DC voltage; damper and screw friction follow from line force, torque and
@@ -81,67 +87,115 @@ def calibrate(run: Run, rig: Rig, payouts: Sequence[tuple[float, float]]) -> Cal
     Parameters
     ----------
     payouts : from the onset of each payout to the start of its braking [s]
+    cycles : first and last cycle that count for damper and screw, numbered by payout; all by default
 
     Raises
     ------
     LogError : the log is no open circuit, or lacks force or voltage
+    RigError : the rig file lacks numbers of the model
     """
-    if run.load is not None and not math.isinf(run.load):
+    _require_open_circuit(run)
+    data = Fitted([run], _freed(rig), [cycles])
+    regression = _regression(run, data, payouts)
+    value, covariance = _posterior(data)
+    at = [k for k, n in enumerate(data.nuisances) if (n.section, n.name) in (*FREED, TIED)]
+    numbers = (_back_emf_constant(rig, regression), *(_fitted(rig, data, k, value, covariance) for k in at))
+    together = (*_with_the_gain(regression), *_together(data, covariance, at))
+    return Calibration(run, rig, numbers, regression, together)
+
+
+def _require_open_circuit(run: Run) -> None:
+    if run.load is None:
+        raise LogError(
+            f"{run.name}: its load is unknown, and a calibration needs an open circuit; give --load-ohm inf if no load was "
+            "connected, or list the log in a campaign.toml beside it with load_ohm = inf."
+        )
+    if not math.isinf(run.load):
         raise LogError(
             f"{run.name}: a log with a load of {run.load:g} ohm; a calibration needs an open circuit: choose that log, or "
             "give --load-ohm inf if no load was connected."
         )
     if "force" not in run.channels:
         raise LogError(f"{run.name}: no line force, which damper and screw friction are found from; log it.")
-    run = msgspec.structs.replace(run, load=math.inf)
-    data = Fitted([run], _freed(rig))
-    gain, _ = sensor_errors(rig.sensors.get("vdc"))
-    regression = back_emf(run, data.nominal, payouts, u_gain=gain)
-    value, covariance = _posterior(data)
-    emf = regression.k_e
-    k_e_before = rig.generator.k_e
-    numbers = [
-        Number(
-            "generator",
-            "k_e",
-            "V/rpm",
-            math.nan if k_e_before is None else k_e_before.value,
-            emf,
-            regression.low,
-            regression.high,
-            (regression.high - emf) / COVERED,
-            new=True,
-            how=f"regression above 1000 rpm, R2 = {regression.r2:.5f}",
-        )
-    ]
-    wanted = [*FREED, TIED]
-    at = [k for k, n in enumerate(data.nuisances) if (n.section, n.name) in wanted]
-    for k in at:
-        n = data.nuisances[k]
-        before = getattr(getattr(rig, n.section), n.name).value
-        u = n.sd * math.sqrt(covariance[k, k])
-        found = before + n.sd * value[k]
-        new = math.sqrt(covariance[k, k]) < TOLD_APART
-        how = "line force, torque and pressure" if new else "as given: an open circuit says no more of it"
-        numbers.append(
-            Number(n.section, n.name, n.unit, before, found, found - COVERED * u, found + COVERED * u, u, new, how)
-        )
-    return Calibration(run, rig, tuple(numbers), regression, tuple(_together(data, covariance, at)))
+
+
+def _regression(run: Run, data: Fitted, payouts: Sequence[tuple[float, float]]) -> BackEmf:
+    """The regression of the back-EMF, its uncertainties with what the rig file leaves open of machine and DC link.
+
+    The capacitor above all: on a ramp it takes a current whose drop in the bridge looks like a lag of Vdc.
+    """
+    gain, _ = sensor_errors(data.rig.sensors.get("vdc"))
+    found = back_emf(run, data.nominal, payouts, u_gain=gain)
+    k_e = lag = 0.0
+    for n in data.nuisances:
+        if n.kind == "rig" and n.section in ("generator", "dc_link") and n.name != "k_e":
+            moved = back_emf(run, baseline(shifted(data.rig, {(n.section, n.name): n.sd})), payouts)
+            k_e, lag = math.hypot(k_e, moved.k_e - found.k_e), math.hypot(lag, moved.lag - found.lag)
+    u = math.hypot(found.u_fit, found.u_sensor, k_e)
+    return msgspec.structs.replace(
+        found, low=found.k_e - COVERED * u, high=found.k_e + COVERED * u, u_lag=math.hypot(found.u_lag, lag)
+    )
+
+
+def _back_emf_constant(rig: Rig, regression: BackEmf) -> Number:
+    before = rig.generator.k_e
+    return Number(
+        "generator",
+        "k_e",
+        "V/rpm",
+        math.nan if before is None else before.value,
+        regression.k_e,
+        regression.low,
+        regression.high,
+        (regression.high - regression.k_e) / COVERED,
+        new=True,
+        how=f"regression of Vdc above {RPM_LEAST:g} rpm, R2 = {regression.r2:.5f}",
+    )
+
+
+def _fitted(rig: Rig, data: Fitted, k: int, value: Signal, covariance: Signal) -> Number:
+    """A number of the rig from a fit, by its place among the nuisances."""
+    n = data.nuisances[k]
+    before: float = getattr(getattr(rig, n.section), n.name).value
+    left = math.sqrt(covariance[k, k])
+    found, u, new = before + n.sd * float(value[k]), n.sd * left, left < TOLD_APART
+    how = _found_from(data.logs[0].run) if new else "as given: an open circuit says no more of it"
+    unit = find_unit(n.unit)
+    return Number(
+        n.section,
+        n.name,
+        n.unit if unit is None else si_unit(unit.dimension),
+        before,
+        found,
+        found - COVERED * u,
+        found + COVERED * u,
+        u,
+        new,
+        how,
+    )
+
+
+def _found_from(run: Run) -> str:
+    """The channels that a number is found from, as a text."""
+    *first, last = (f"line {name}" if name == "force" else name for name in FOUND_FROM if name in run.channels)
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def _freed(rig: Rig) -> Rig:
     """The rig with wide priors for what is to be found, and a tolerance of the mesh efficiency."""
     for (section, name), share in FREED.items():
-        rig = _with_tolerance(rig, section, name, lambda q, share=share: share * abs(q.value))
-    return _with_tolerance(rig, *TIED, lambda q: q.tolerance or MESH_TOLERANCE)
+        number: Quantity | None = getattr(getattr(rig, section), name)
+        rig = _with_tolerance(rig, section, name, share * abs(number.value) if number else 0.0)
+    mesh: Quantity | None = getattr(getattr(rig, TIED[0]), TIED[1])
+    return _with_tolerance(rig, *TIED, (mesh.tolerance if mesh else None) or MESH_TOLERANCE)
 
 
-def _with_tolerance(rig: Rig, section: str, name: str, width: Callable[[Quantity], float]) -> Rig:
+def _with_tolerance(rig: Rig, section: str, name: str, tolerance: float) -> Rig:
     part = getattr(rig, section)
     number: Quantity | None = getattr(part, name)
     if number is None:
         return rig
-    wide = msgspec.structs.replace(number, tolerance=width(number))
+    wide = msgspec.structs.replace(number, tolerance=tolerance)
     return msgspec.structs.replace(rig, **{section: msgspec.structs.replace(part, **{name: wide})})
 
 
@@ -161,11 +215,18 @@ def _posterior(data: Fitted) -> tuple[Signal, Signal]:
             break
     assert q is not None
     scale = max(2.0 * huber(z) / max(int(np.count_nonzero(z)), 1), 1.0)
-    return nu, np.linalg.inv(q.inner) * scale
+    return nu, np.asarray(scale * np.linalg.inv(q.inner), dtype=np.float64)
 
 
 SETTLED = 1e-3
 """Nuisances have settled when none moves by more than this share of its prior width."""
+
+
+def _with_the_gain(regression: BackEmf) -> Iterator[str]:
+    """The back-EMF constant is read through the gain of the Vdc sensor alone."""
+    correlation = -regression.u_sensor * COVERED / (regression.high - regression.k_e)
+    if abs(correlation) > HELD_TOGETHER:
+        yield f"k_e and gain of vdc ({correlation:+.2f})"
 
 
 def _together(data: Fitted, covariance: Signal, at: Sequence[int]) -> Iterator[str]:

@@ -17,8 +17,7 @@ from winchcascade.rig.model import baseline
 from winchcascade.rig.simulate import STEP
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
-
+    from collections.abc import Callable, Collection, Iterable, Sequence
 
     from winchcascade.rig.model import Model
     from winchcascade.rigfile import Rig
@@ -64,9 +63,16 @@ class Fitted:
     runs : logs with their loads
     rig : as given, never calibrated first
     cycles : of each log, the first and last that count, None for all
+    withheld : numbers of the logs that are predicted but take part in no fit
     """
 
-    def __init__(self, runs: Sequence[Run], rig: Rig, cycles: Sequence[tuple[int, int] | None] | None = None) -> None:
+    def __init__(
+        self,
+        runs: Sequence[Run],
+        rig: Rig,
+        cycles: Sequence[tuple[int, int] | None] | None = None,
+        withheld: Collection[int] = (),
+    ) -> None:
         self.rig = rig
         self.nominal = baseline(rig)
         spans = cycles or [None] * len(runs)
@@ -75,6 +81,8 @@ class Fitted:
         self.sizes = [log.measured.shape[0] for log in self.logs]
         ends = np.cumsum([0, *self.sizes])
         self.rows = [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        self.withheld = frozenset(withheld)
+        self.whitener = np.concatenate([log.whitener * (k not in withheld) for k, log in enumerate(self.logs)])
         self.joined = np.concatenate([log.course.blocks.joined for log in self.logs])
 
     def models(self, nu: Signal, effects: Sequence[Bend]) -> list[Model]:
@@ -93,7 +101,7 @@ class Fitted:
         loads = {n.load: x * n.sd for n, x in zip(self.nuisances, nu, strict=True) if n.kind == "load"}
         return [_with_load(model, loads.get(log.load, 0.0)) for log in self.logs]
 
-    def _skew(self, nu: Signal) -> Signal:
+    def skew(self, nu: Signal) -> Signal:
         """How late each channel is read, (5,) [s]."""
         late = np.zeros(len(CHANNELS))
         for n, x in zip(self.nuisances, nu, strict=True):
@@ -105,7 +113,7 @@ class Fitted:
         """Blocks that the model gives, (M, 5), zeros of the sensors included; only some logs, where they are named."""
         models = self.models(nu, effects)
         which = range(len(self.logs)) if logs is None else sorted(logs)
-        skew = self._skew(nu)
+        skew = self.skew(nu)
         parts = side_by_side([lambda k=k: self.logs[k].course.predict(models[k], skew=skew) for k in which])
         zeros = np.zeros((len(self.logs), len(CHANNELS)))
         for n, x in zip(self.nuisances, nu, strict=True):
@@ -121,11 +129,10 @@ class Fitted:
     def whiten(self, residual: Signal) -> Signal:
         """Residual blocks as independent numbers of unit variance, (M * 5, ...) from (M, 5, ...).
 
-        A channel that says nothing in a block gives zeros. Within a phase, a share `RHO` of the block before is taken off.
+        A channel that says nothing in a block gives zeros, and so does a log that is withheld. Within a phase, a share `RHO` of the block before is taken off.
         """
-        w = np.concatenate([log.whitener for log in self.logs])
         flat = residual.reshape(residual.shape[0], len(CHANNELS), -1)
-        z = w @ flat
+        z = self.whitener @ flat
         joined = np.flatnonzero(self.joined)
         out = z.copy()
         out[joined] = (z[joined] - RHO * z[joined - 1]) / math.sqrt(1.0 - RHO * RHO)
@@ -162,12 +169,12 @@ class Fitted:
             else:
                 moved = nu.copy()
                 moved[j] += 1.0
-                bent, late = self.models(moved, effects), self._skew(moved)
+                bent, late = self.models(moved, effects), self.skew(moved)
                 for k, log in enumerate(self.logs):
                     if n.kind in ("rig", "timing") or n.load == log.load:
                         jobs.append(lambda model=bent[k], log=log, late=late: log.course.predict(model, skew=late))
                         owners.append((j, self.rows[k], k))
-        skew = self._skew(nu)
+        skew = self.skew(nu)
         here = side_by_side(
             [lambda k=k: self.logs[k].course.predict(models[k], skew=skew) for k in range(len(self.logs))]
         )

@@ -1,0 +1,231 @@
+"""Diagnose a campaign: where the gap lies, which effects cause it, how far they close it, and what to test next."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from winchcascade.diagnose.causes import Cause, causes_of, probabilities
+from winchcascade.diagnose.closure import Closure, close
+from winchcascade.diagnose.experiment import Experiment, plan
+from winchcascade.diagnose.fit import Fit, fit_set
+from winchcascade.diagnose.rank import Found, search
+from winchcascade.diagnose.remainder import Alarm, alarms_of
+from winchcascade.errors import CampaignError, OptionError
+from winchcascade.fit.campaign import Fitted
+from winchcascade.gap.compare import Place, compare, without_zeros
+from winchcascade.gap.locate import Where, locate
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from winchcascade.diagnose.suspects import Suspects
+    from winchcascade.rigfile import Rig
+    from winchcascade.run import Run, Signal
+
+NAMED = 2
+"""So many causes are named at most where much stays unexplained: more would be a crowd, none of them sure."""
+
+MOSTLY = 0.9
+"""Share of the gap that must be closed for a verdict of `explained` while something small remains."""
+
+HALF = 0.5
+"""With less closed and a structured remainder a gap is unexplained."""
+
+
+class Remainder(msgspec.Struct, frozen=True):
+    """What the causes leave: the share of the gap on withheld logs, the signs of structure in it, and where it is worst."""
+
+    share: float
+    alarms: tuple[Alarm, ...]
+    where: str
+
+
+class Diagnosis(msgspec.Struct, frozen=True):
+    """What a diagnosis found. `predicted` (M, 5) are the blocks of the rig as given, `fitted` of the fit with its causes.
+
+    `causes` are those named; `sets` the posterior probability of every set of suspects that was fitted.
+    """
+
+    title: str
+    rig: Rig
+    seed: int
+    data: Fitted
+    found: Found
+    suspects: Suspects
+    verdict: str
+    where: Where | None
+    causes: tuple[Cause, ...]
+    closure: Closure | None
+    remainder: Remainder | None
+    experiment: Experiment | None
+    places: tuple[Place, ...]
+    predicted: Signal
+    fitted: Signal
+    sets: dict[tuple[str, ...], float]
+
+
+def diagnose(
+    runs: Sequence[Run],
+    rig: Rig,
+    suspects: Suspects,
+    *,
+    title: str = "",
+    cycles: Sequence[tuple[int, int] | None] | None = None,
+    withheld: Sequence[int] = (),
+    seed: int = 0,
+    tell: Callable[[str], None] = lambda _: None,
+) -> Diagnosis:
+    """Diagnose some runs on one rig, which is taken as given and never calibrated first.
+
+    Parameters
+    ----------
+    suspects : effects by name that may be named
+    cycles : of each run, the first and last cycle that count, None for all
+    withheld : numbers of runs that take part in neither choice nor fit; without any, causes are chosen on all runs and each
+        run but open circuits is left out of the fit once
+    seed : of the resampling that the closure's interval comes from
+    tell : is told what is being done
+
+    Raises
+    ------
+    CampaignError : fewer runs take part than a choice needs
+    RigError : the rig file lacks numbers that the model needs
+    """
+    if len(runs) <= len(set(withheld)):
+        raise CampaignError("every run is withheld; a diagnosis needs at least one that takes part in the fit.")
+    tell("simulating the rig as given")
+    data = Fitted(runs, rig, cycles, withheld)
+    found = search(data, suspects, tell)
+    nothing = np.zeros(len(data.nuisances))
+    predicted = data.predict(nothing, [])
+    places = _map(data, predicted)
+    best = found.best
+    alarms = alarms_of(data, suspects, best)
+    if not best.names:
+        verdict = "unexplained" if alarms else "no_gap"
+        return _result(
+            title, rig, seed, data, found, suspects, verdict, places, predicted, remainder=Remainder(1.0, alarms, _worst(alarms))
+        )
+    tell("predicting withheld runs")
+    left_out = list(withheld) or [k for k, log in enumerate(data.logs) if not math.isinf(log.load)]
+    left_out = left_out or list(range(len(data.logs)))
+    closure = close(data, suspects, best, left_out, seed)
+    verdict = _verdict(alarms, closure)
+    tell("looking for rivals")
+    causes = causes_of(data, suspects, found)
+    if verdict != "explained":
+        causes = causes[:NAMED]
+    experiment = _experiment(data, suspects, found, causes)
+    return _result(
+        title,
+        rig,
+        seed,
+        data,
+        found,
+        suspects,
+        verdict,
+        places,
+        predicted,
+        causes=causes,
+        closure=closure,
+        remainder=Remainder(max(1.0 - closure.share, 0.0), alarms, _worst(alarms)),
+        experiment=experiment,
+    )
+
+
+def _result(
+    title: str,
+    rig: Rig,
+    seed: int,
+    data: Fitted,
+    found: Found,
+    suspects: Suspects,
+    verdict: str,
+    places: tuple[Place, ...],
+    predicted: Signal,
+    causes: tuple[Cause, ...] = (),
+    closure: Closure | None = None,
+    remainder: Remainder | None = None,
+    experiment: Experiment | None = None,
+) -> Diagnosis:
+    residual = without_zeros(data, data.measured - predicted)
+    where = None if verdict == "no_gap" else locate(data, residual, places, causes[0].stage if causes else None)
+    return Diagnosis(
+        title=title,
+        rig=rig,
+        seed=seed,
+        data=data,
+        found=found,
+        suspects=suspects,
+        verdict=verdict,
+        where=where,
+        causes=causes,
+        closure=closure,
+        remainder=None if verdict == "no_gap" else remainder,
+        experiment=experiment,
+        places=places,
+        predicted=predicted,
+        fitted=data.predict(found.best.nu, found.best.effects(suspects)),
+        sets=probabilities(found.fits, found.scale),
+    )
+
+
+def _map(data: Fitted, predicted: Signal) -> tuple[Place, ...]:
+    tolerances = data.tolerances(np.zeros(len(data.nuisances)), [], predicted)
+    known = [k for k, n in enumerate(data.nuisances) if n.kind != "zero"]
+    return compare(data, predicted, tolerances[:, :, known])
+
+
+def _verdict(alarms: Sequence[Alarm], closure: Closure) -> str:
+    """Contract: explained when nothing structured remains, unexplained when less than half is closed, partly in between."""
+    if not alarms:
+        return "explained"
+    return "unexplained" if closure.share < HALF else "partly_explained"
+
+
+def _worst(alarms: Sequence[Alarm]) -> str:
+    return alarms[0].where if alarms else ""
+
+
+def _experiment(data: Fitted, suspects: Suspects, found: Found, causes: Sequence[Cause]) -> Experiment | None:
+    """The run that would tell the leading cause from its rival or, where it has none, from the suspect that comes closest."""
+    if not causes:
+        return None
+    lead = next((cause for cause in causes if cause.rivals), causes[0])
+    kept = tuple(n for n in found.best.names if n != lead.effect)
+    others = [r for r in suspects if r not in found.best.names]
+    if not others:
+        return None
+    rival = lead.rivals[0].effect if lead.rivals else max(
+        others, key=lambda r: found.linear.evidence((*kept, r), found.scale)
+    )
+    names = tuple(sorted((*kept, rival)))
+    fit: Fit = found.fits.get(names) or fit_set(data, suspects, names, start=found.best, quick=True)
+    return plan(data, suspects, found.best, fit, (lead.effect, rival))
+
+
+def withheld_numbers(loads: Sequence[float], runs: Sequence[Run], marked: Sequence[bool]) -> list[int]:
+    """Numbers of the runs to withhold: those of the loads that are named, else those that the campaign marks.
+
+    Raises
+    ------
+    OptionError : no run has such a load
+    """
+    if not loads:
+        return [k for k, mark in enumerate(marked) if mark]
+    found: list[int] = []
+    for load in loads:
+        own = [k for k, run in enumerate(runs) if run.load is not None and _same(run.load, load)]
+        if not own:
+            there = ", ".join(f"{run.load:g}" for run in runs if run.load is not None)
+            raise OptionError(f"--withhold {load:g}: no run of the campaign has this load; it has {there} ohm.")
+        found += own
+    return sorted(set(found))
+
+
+def _same(one: float, other: float) -> bool:
+    return one == other or (math.isfinite(one) and math.isclose(one, other, rel_tol=1e-6))

@@ -1,0 +1,121 @@
+"""A diagnosis as JSON: the fields that others rely on."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+if TYPE_CHECKING:
+    from winchcascade.diagnose.campaign import Diagnosis
+    from winchcascade.diagnose.causes import Cause
+    from winchcascade.diagnose.closure import Closure
+    from winchcascade.diagnose.experiment import Experiment
+    from winchcascade.gap.compare import Place
+    from winchcascade.gap.locate import Where
+
+SCHEMA = "winchcascade/diagnosis/1"
+
+
+def as_json(found: Diagnosis) -> dict[str, Any]:
+    """What a diagnosis found, by the interface's names; SI units, loads in ohm, `inf` for an open circuit."""
+    return {
+        "schema": SCHEMA,
+        "title": found.title,
+        "rig": found.rig.name,
+        "seed": found.seed,
+        "suspects": list(found.suspects),
+        "logs": [
+            {"file": log.run.name, "sha256": log.run.sha256, "load_ohm": _load(log.run.load)} for log in found.data.logs
+        ],
+        "verdict": found.verdict,
+        "where": None if found.where is None else _where(found.where, found),
+        "causes": [_cause(cause) for cause in found.causes],
+        "closure": None if found.closure is None else _closure(found.closure, found),
+        "remainder": None
+        if found.remainder is None
+        else {
+            "share": _number(found.remainder.share),
+            "where": found.remainder.where or None,
+            "alarms": [msgspec.to_builtins(alarm) for alarm in found.remainder.alarms],
+        },
+        "next_experiment": None if found.experiment is None else _experiment(found.experiment),
+    }
+
+
+def _where(where: Where, found: Diagnosis) -> dict[str, Any]:
+    return {
+        "stage": where.stage,
+        "channel": where.channel,
+        "phase": where.phase,
+        "load_ohm": _load(where.load),
+        "rpm": [_number(x) for x in where.rpm],
+        "i_dc_a": [_number(x) for x in where.i_dc],
+        "sentence": where.sentence,
+        "map": [_place(place, found) for place in found.places],
+    }
+
+
+def _place(place: Place, found: Diagnosis) -> dict[str, Any]:
+    return {
+        "channel": place.channel,
+        "phase": place.phase,
+        "file": found.data.logs[place.log].run.name,
+        "load_ohm": _load(place.load),
+        "blocks": place.blocks,
+        "bias": _number(place.bias),
+        "rms": _number(place.rms),
+        "noise": _number(place.noise),
+        "u_noise": _number(place.u_noise),
+        "u_repeat": _number(place.u_repeat),
+        "u_tolerance": _number(place.u_tolerance),
+        "z": _number(place.z),
+    }
+
+
+def _cause(cause: Cause) -> dict[str, Any]:
+    return {
+        "effect": cause.effect,
+        "stage": cause.stage,
+        "probability": _number(cause.probability),
+        "parameters": {
+            name: {"value": _number(x.value), "low": _number(x.low), "high": _number(x.high), "unit": x.unit}
+            for name, x in cause.parameters.items()
+        },
+        "rivals": [
+            {"effect": r.effect, "probability": _number(r.probability), "told_apart_by": r.told_apart_by}
+            for r in cause.rivals
+        ],
+    }
+
+
+def _closure(closure: Closure, found: Diagnosis) -> dict[str, Any]:
+    return {
+        "withheld": [_load(found.data.logs[k].run.load) for k in closure.withheld],
+        "channels": {
+            name: {"before": _number(x.before), "after": _number(x.after), "noise": _number(x.noise)}
+            for name, x in closure.channels.items()
+        },
+        "share_closed": _number(closure.share),
+        "interval": [_number(closure.low), _number(closure.high)],
+    }
+
+
+def _experiment(plan: Experiment) -> dict[str, Any]:
+    return {
+        "loads": [_load(plan.load)],
+        "profile": plan.profile,
+        "speed_mps": _number(plan.speed),
+        "length_m": _number(plan.length),
+        "separates": list(plan.separates),
+        "expected_z": _number(plan.expected_z),
+    }
+
+
+def _load(load: float | None) -> float | str | None:
+    return "inf" if load is not None and math.isinf(load) else load
+
+
+def _number(x: float) -> float | None:
+    return float(f"{x:.6g}") if math.isfinite(x) else None
