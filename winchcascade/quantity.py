@@ -93,6 +93,7 @@ _SPELLED: dict[tuple[str, float], str] = {
     ("inertia", 1.0): "kg.m2 kgm2",
     ("inertia", 1e-7): "g.cm2 gcm2",
     ("damping", 1.0): "N.m.s/rad Nms/rad",
+    ("windage", 1.0): "N.m.s2/rad2 Nms2/rad2",
     ("stiffness", 1.0): "N.m/rad Nm/rad",
     ("back_emf", 1.0): "V/rpm",
     ("lead", 1.0): "m/rev",

@@ -6,13 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
+from circuit import R_S, solved
 
 from winchcascade.rig.bridge import bridge_currents, bridge_table
 from winchcascade.rig.switched import S_POINTS, TABLE, steady_state
-
-K_E, R_S, L_S, V_DIODE, POLE_PAIRS = 0.0617, 0.61, 3.35e-3, 0.7, 2
-"""Numbers of the circuit that ngspice solved: V/rpm line to line, rms; ohm and henry a phase; volt a diode; pairs of poles."""
 
 EXACT = 1e-6
 """Closed forms are met to rounding and to how far a steady state is followed."""
@@ -60,18 +57,6 @@ def test_more_voltage_on_the_dc_side_never_draws_more_current() -> None:
     for speed in (0.2, 1.0, 3.0):
         currents = [bridge_currents(v, 100.0, R_S, speed, bridge_table()) for v in np.linspace(1.0, 141.0, 300)]
         assert np.all(np.diff(np.array(currents), axis=0) <= 1e-3)
-
-
-def solved(rpm: float, load: float) -> tuple[float, float, float]:
-    """Vdc [V], stator rms current [A] and air-gap power [W] at a speed and a load."""
-    v_ll, reactance = K_E * rpm, POLE_PAIRS * 2.0 * math.pi * rpm / 60.0 * L_S
-
-    def surplus(v_dc: float) -> float:
-        return bridge_currents(v_dc + 2.0 * V_DIODE, v_ll, R_S, reactance, bridge_table())[0] - v_dc / load
-
-    v_dc = float(brentq(surplus, 0.01, math.sqrt(2.0) * v_ll - 2.0 * V_DIODE))
-    i_dc, i_s = bridge_currents(v_dc + 2.0 * V_DIODE, v_ll, R_S, reactance, bridge_table())
-    return v_dc, i_s, (v_dc + 2.0 * V_DIODE) * i_dc + 3.0 * R_S * i_s**2
 
 
 V_WITHIN, I_WITHIN, P_WITHIN, V_OPEN_WITHIN = 0.003, 0.01, 0.007, 0.01

@@ -9,7 +9,7 @@ import pytest
 from rigs import logs_of, own_model, truth_of
 
 from winchcascade import read_run, reduce
-from winchcascade.errors import RigError
+from winchcascade.errors import LogError, RigError
 from winchcascade.rig.kernel import COLUMNS
 from winchcascade.rig.ledger import LEDGER
 from winchcascade.rig.model import baseline
@@ -17,6 +17,7 @@ from winchcascade.rig.motion import motion_of
 from winchcascade.rig.simulate import simulate, solve
 from winchcascade.rig.write import write_log
 from winchcascade.rigtoml import built_in
+from winchcascade.run import Run
 
 KGCM2 = 98066.5
 GAINS = ("pressure", "force", "torque", "vdc", "idc")
@@ -126,3 +127,46 @@ def test_a_rig_file_without_a_part_names_all_that_it_lacks() -> None:
         RigError, match=r"rig kitepower: no model can be made, as it lacks r_drum under \[winch\], inertia"
     ):
         baseline(built_in("kitepower"))
+
+
+def paid_out(run: Run, factor: float) -> Run:
+    """The same run with a larger motion."""
+    channels = {name: factor * run.channels[name] for name in ("displacement", "velocity")}
+    return msgspec.structs.replace(run, channels=channels)
+
+
+def test_a_payout_that_would_press_the_gas_to_nothing_is_refused(fixtures: Path) -> None:
+    run = paid_out(read_run(fixtures / "campaign" / "r18ohm.csv", load=18.0), 5.0)
+    with pytest.raises(LogError) as fault:
+        simulate(run, baseline(built_in()))
+    assert str(fault.value) == (
+        "r18ohm.csv: the line pays out 48.39 m, but after 41.62 m the piston would have pressed the gas of 4 L to nothing; "
+        "expected less payout, so check the unit of velocity and displacement, volume_gas and area_piston of the rig file, "
+        "and the effects."
+    )
+
+
+def test_a_payout_that_would_leave_the_rope_no_radius_is_refused(fixtures: Path) -> None:
+    run, model = read_run(fixtures / "campaign" / "r18ohm.csv", load=18.0), baseline(built_in())
+    thin = msgspec.structs.replace(model, winch=msgspec.structs.replace(model.winch, layering=-0.125))
+    with pytest.raises(LogError, match=r"but at 8 m the rope would run on a radius of nothing; expected less motion"):
+        simulate(run, thin)
+
+
+@pytest.mark.parametrize(
+    ("part", "number", "value", "sentence"),
+    [
+        ("drivetrain", "eta_mesh", -0.05, "mesh efficiency is -0.05; expected above 0 and at most 1"),
+        ("restoring", "mu", -0.03, "friction coefficient of the screw is -0.03; expected 0 or more"),
+        ("restoring", "volume", 0.0, r"gas volume \[m3\] is 0; expected above 0"),
+        ("restoring", "pressure", 0.0, r"precharge pressure, absolute \[Pa\] is 0; expected above 0"),
+        ("winch", "inertia", -0.1, r"inertia at the drum \[kg m2\] is -0.1; expected 0 or more"),
+    ],
+)
+def test_numbers_that_no_rig_has_are_refused(
+    fixtures: Path, part: str, number: str, value: float, sentence: str
+) -> None:
+    run, model = read_run(fixtures / "campaign" / "r18ohm.csv", load=18.0), baseline(built_in())
+    bent = msgspec.structs.replace(getattr(model, part), **{number: value})
+    with pytest.raises(RigError, match=sentence):
+        simulate(run, msgspec.structs.replace(model, **{part: bent}))

@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 STEP = 0.02
 """Share of a field's plausible range by which its derivative is taken."""
 
-ROUNDS = 15
-"""Steps of a fit at most."""
+ROUNDS, ROUNDS_QUICK = 12, 5
+"""Steps of a fit at most; of a quick one, which finds its columns anew once at most."""
 
 SETTLED, SETTLED_QUICK = 0.05, 0.5
 """A fit has settled when a step improves its objective by less than this; a quick one sooner. [1]"""
 
-AS_FORESEEN = 0.8
-"""Columns are found anew when a step brings less than this share of what they promised."""
+AS_FORESEEN, AS_FORESEEN_QUICK = 0.8, 0.5
+"""Columns are found anew when a step brings less than this share of what they promised; for a quick fit when less than that."""
 
 
 class Fit(msgspec.Struct, frozen=True):
@@ -110,21 +110,22 @@ def fit_set(
 
     Parameters
     ----------
-    start : a fit to begin from, whose columns serve as long as they foresee what a step brings; suspects that it lacks begin
-        absent
+    start : a fit to begin from, whose columns serve as long as they foresee what a step brings, those of nuisances to the end;
+        suspects that it lacks begin absent
     rows : (M * 5,) weights of the residuals, 0 for what takes no part; 1 for all by default
-    quick : take nuisances as linear about the start; else they are simulated, and their columns found anew
+    quick : take nuisances as linear about the start; else they are simulated
     """
     begun = {} if start is None else dict(zip(start.names, start.values, strict=True))
     values = {name: begun.get(name, freedom(suspects[name]).absent) for name in names}
     nu = np.zeros(len(data.nuisances)) if start is None else start.nu
     take = np.ones(data.measured.size) if rows is None else rows
     linear = quick and start is not None
-    if start is not None and linear:
-        j_nu, about = start.j_nu, nu
+    about = nu
+    if start is not None:
+        j_nu = start.j_nu
     else:
         made = _made(suspects, values)
-        j_nu, about = data.nuisance_columns(nu, made, data.predict(nu, made)), nu
+        j_nu = data.nuisance_columns(nu, made, data.predict(nu, made))
     columns = {} if start is None else {name: start.columns[name] for name in names if name in start.columns}
     columns |= all_columns(data, suspects, nu, values, [name for name in names if name not in columns])
 
@@ -137,7 +138,8 @@ def fit_set(
     loss = huber(z) + 0.5 * float(nu @ nu)
     low, high = _bounds(suspects, names)
     settled, fresh = (SETTLED_QUICK if quick else SETTLED), True
-    for _ in range(ROUNDS):
+    renewals = 1 if quick else ROUNDS
+    for _ in range(ROUNDS_QUICK if quick else ROUNDS):
         j_phi, x = _side_by_side(columns, names, z.size), _in_a_row(values)
         q = quadratic(z, weights(z), j_nu * take[:, None], j_phi * take[:, None], nu)
         d_phi, d_nu = bounded_step(q, low - x, high - x)
@@ -151,10 +153,11 @@ def fit_set(
             if new < loss:
                 gained, loss, z, nu, values = loss - new, new, z_new, nu_new, moved
                 break
-        if gained < settled and (fresh or promised < settled):
+        if gained < settled and (fresh or promised < settled or not renewals):
             break
-        fresh = gained < AS_FORESEEN * promised
+        fresh = renewals > 0 and gained < (AS_FORESEEN_QUICK if quick else AS_FORESEEN) * promised
         if fresh:
+            renewals -= 1
             columns = all_columns(data, suspects, about if linear else nu, values, names)
     j_phi = _side_by_side(columns, names, z.size)
     q = quadratic(z, weights(z), j_nu * take[:, None], j_phi * take[:, None], nu)

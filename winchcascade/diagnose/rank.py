@@ -13,15 +13,18 @@ from winchcascade.diagnose.suspects import Suspects, freedom
 from winchcascade.fit.solve import box_minimum, huber, quadratic, weights
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from winchcascade.fit.campaign import Fitted
     from winchcascade.run import Signal
 
+SHAFT_STAGES = ("generator", "gearbox")
+"""Stages whose effects move the shaft, which is what costs time."""
+
 BEAM = 8
 """So many sets are grown at once."""
 
-REFITTED = 4
+REFITTED = 3
 """So many of the sets that the closed form prefers are refitted in each round."""
 
 DOUBTFUL = 5.0
@@ -30,8 +33,11 @@ DOUBTFUL = 5.0
 ROUNDS = 8
 """Rounds of screening and refitting at most."""
 
-MOST = 10
+MOST = 9
 """No set is larger."""
+
+FURTHER = 2
+"""The closed form is trusted with so many causes beyond those of the fit about which it was expanded."""
 
 Names = tuple[str, ...]
 
@@ -86,12 +92,25 @@ def scale_of(fit: Fit) -> float:
     return max(2.0 * huber(fit.z) / max(int(np.count_nonzero(seen)), 1), 1.0)
 
 
-def linearise(data: Fitted, suspects: Suspects, about: Fit) -> tuple[Linear, Fit]:
-    """Expand the objective about a fit in the fields of every suspect; and the fit with all their columns."""
+def linearise(
+    data: Fitted, suspects: Suspects, about: Fit, known: Mapping[str, Signal] | None = None
+) -> tuple[Linear, Fit]:
+    """Expand the objective about a fit in the fields of every suspect; and the fit with all their columns.
+
+    Parameters
+    ----------
+    known : columns of suspects from elsewhere: those of the shaft serve on where no cause of the fit acts on it
+    """
     names = tuple(suspects)
+    on_shaft = any(suspects[name].stage in SHAFT_STAGES for name in about.names)
+    if on_shaft:
+        made = about.effects(suspects)
+        about = msgspec.structs.replace(about, j_nu=data.nuisance_columns(about.nu, made, data.predict(about.nu, made)))
     begun = dict(zip(about.names, about.values, strict=True))
     free = {name: freedom(suspects[name]) for name in names}
-    columns = all_columns(data, suspects, about.nu, begun, names)
+    kept = () if on_shaft or known is None else [n for n in names if suspects[n].stage in SHAFT_STAGES]
+    columns = {name: known[name] for name in kept} if known is not None else {}
+    columns |= all_columns(data, suspects, about.nu, begun, [name for name in names if name not in columns])
     q = quadratic(about.z, weights(about.z), about.j_nu, np.hstack([columns[name] for name in names]), about.nu)
     ends = np.cumsum([0, *(free[name].absent.size for name in names)]).tolist()
     linear = Linear(
@@ -116,12 +135,12 @@ def screen(linear: Linear, scale: float, begin: Sequence[Names]) -> list[Names]:
         return known[names]
 
     beam = sorted({tuple(sorted(names)) for names in begin}, key=rate, reverse=True)
-    best = -math.inf
+    best, most = -math.inf, min(max(len(names) for names in begin) + FURTHER, MOST)
     while rate(beam[0]) > best + 1e-9:
         best = rate(beam[0])
         near: set[Names] = set(beam)
         for names in beam:
-            if len(names) < MOST:
+            if len(names) < most:
                 near |= {tuple(sorted((*names, name))) for name in linear.place if name not in names}
             near |= {tuple(n for n in names if n != gone) for gone in names}
         beam = sorted(near, key=rate, reverse=True)[:BEAM]
@@ -161,24 +180,29 @@ def search(data: Fitted, suspects: Suspects, tell: Callable[[str], None] = lambd
     begin: list[Names] = [()]
     for _ in range(ROUNDS):
         tell(f"{len(fits)} sets fitted, best so far: {', '.join(best.names) or 'none'}")
-        for names in _promising(linear, scale, begin, fits):
-            fits[names] = fit_set(data, suspects, names, start=start, quick=True)
+        fresh = {best.names}
+        for names in _promising(linear, scale, begin, fresh):
+            fits[names] = _better(fits.get(names), fit_set(data, suspects, names, start=start, quick=True))
         scale = min(scale_of(fit) for fit in fits.values())
         top = max(fits.values(), key=lambda fit: evidence_of(fit, scale))
         if top.names == best.names:
             break
         best = fit_set(data, suspects, top.names, start=_without_nuisances(data, suspects, top))
-        linear, start = linearise(data, suspects, best)
+        linear, start = linearise(data, suspects, best, start.columns)
         fits[top.names] = best = start
         begin = [best.names]
     return Found(best, null, fits, linear, scale)
 
 
-def _promising(linear: Linear, scale: float, begin: Sequence[Names], fits: dict[Names, Fit]) -> list[Names]:
-    """Sets that the closed form prefers, or holds about as good as the best of those that are fitted already."""
+def _better(one: Fit | None, other: Fit) -> Fit:
+    return other if one is None or other.loss < one.loss else one
+
+
+def _promising(linear: Linear, scale: float, begin: Sequence[Names], known: set[Names]) -> list[Names]:
+    """Sets that the closed form prefers to those that are known about this place, or holds about as good."""
     ranked = screen(linear, scale, begin)
-    least = max((linear.evidence(names, scale) for names in fits), default=-math.inf) - DOUBTFUL
-    return [n for n in ranked[: 3 * REFITTED] if n not in fits and linear.evidence(n, scale) > least][:REFITTED]
+    least = max(linear.evidence(names, scale) for names in known) - DOUBTFUL
+    return [n for n in ranked[: 3 * REFITTED] if n not in known and linear.evidence(n, scale) > least][:REFITTED]
 
 
 def _at_nominal(data: Fitted, null: Fit) -> Fit:

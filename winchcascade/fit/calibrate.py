@@ -10,7 +10,7 @@ import numpy as np
 
 from winchcascade.errors import LogError
 from winchcascade.fit.campaign import Fitted
-from winchcascade.fit.nuisances import sensor_errors, shifted
+from winchcascade.fit.nuisances import nuisances, sensor_errors, shifted
 from winchcascade.fit.predict import CHANNELS
 from winchcascade.fit.solve import huber, quadratic, weights
 from winchcascade.quantity import Quantity, find_unit, si_unit
@@ -45,7 +45,10 @@ TOLD_APART = 0.5
 HELD_TOGETHER = 0.9
 """Two numbers whose errors are correlated by more than this cannot be told apart."""
 
-ROUNDS = 6
+STRAINED = 4.0
+"""A fit that moves something by more tolerances than this does not keep to what is known of it."""
+
+ROUNDS = 30
 
 
 class Number(msgspec.Struct, frozen=True):
@@ -66,14 +69,27 @@ class Number(msgspec.Struct, frozen=True):
     how: str
 
 
+class Strain(msgspec.Struct, frozen=True):
+    """Something known to a tolerance that the fit moves by more of them than chance does: `by` tolerances, signed. [1]"""
+
+    name: str
+    by: float
+
+
 class Calibration(msgspec.Struct, frozen=True):
-    """What an open-circuit log says of a rig: its numbers, the regression of the back-EMF, and what is held together."""
+    """What an open-circuit log says of a rig: its numbers, the regression of the back-EMF, and what is held together.
+
+    `misfit` is the mean square of what force, torque and pressure leave, in units of their noise: about 1 where damper and
+    screw are all that had to be found [1]. `strained` are the tolerances that the fit does not keep.
+    """
 
     run: Run
     rig: Rig
     numbers: tuple[Number, ...]
     regression: BackEmf
     together: tuple[str, ...]
+    misfit: float
+    strained: tuple[Strain, ...]
 
 
 def calibrate(
@@ -95,13 +111,20 @@ def calibrate(
     RigError : the rig file lacks numbers of the model
     """
     _require_open_circuit(run)
-    data = Fitted([run], _freed(rig), [cycles])
-    regression = _regression(run, data, payouts)
-    value, covariance = _posterior(data)
+    freed = _freed(rig)
+    regression = _regression(run, freed, payouts)
+    k_e = _back_emf_constant(rig, regression)
+    data = Fitted([run], _with_number(freed, k_e), [cycles])
+    value, covariance, misfit = _posterior(data)
     at = [k for k, n in enumerate(data.nuisances) if (n.section, n.name) in (*FREED, TIED)]
-    numbers = (_back_emf_constant(rig, regression), *(_fitted(rig, data, k, value, covariance) for k in at))
+    numbers = (k_e, *(_fitted(rig, data, k, value, covariance) for k in at))
     together = (*_with_the_gain(regression), *_together(data, covariance, at))
-    return Calibration(run, rig, numbers, regression, together)
+    strained = tuple(
+        Strain(str(n), float(x))
+        for k, (n, x) in enumerate(zip(data.nuisances, value, strict=True))
+        if abs(x) > STRAINED and k not in at
+    )
+    return Calibration(run, rig, numbers, regression, together, misfit, strained)
 
 
 def _require_open_circuit(run: Run) -> None:
@@ -119,17 +142,17 @@ def _require_open_circuit(run: Run) -> None:
         raise LogError(f"{run.name}: no line force, which damper and screw friction are found from; log it.")
 
 
-def _regression(run: Run, data: Fitted, payouts: Sequence[tuple[float, float]]) -> BackEmf:
+def _regression(run: Run, rig: Rig, payouts: Sequence[tuple[float, float]]) -> BackEmf:
     """The regression of the back-EMF, its uncertainties with what the rig file leaves open of machine and DC link.
 
     The capacitor above all: on a ramp it takes a current whose drop in the bridge looks like a lag of Vdc.
     """
-    gain, _ = sensor_errors(data.rig.sensors.get("vdc"))
-    found = back_emf(run, data.nominal, payouts, u_gain=gain)
+    gain, _ = sensor_errors(rig.sensors.get("vdc"))
+    found = back_emf(run, baseline(rig), payouts, u_gain=gain)
     k_e = lag = 0.0
-    for n in data.nuisances:
+    for n in nuisances(rig, [run]):
         if n.kind == "rig" and n.section in ("generator", "dc_link") and n.name != "k_e":
-            moved = back_emf(run, baseline(shifted(data.rig, {(n.section, n.name): n.sd})), payouts)
+            moved = back_emf(run, baseline(shifted(rig, {(n.section, n.name): n.sd})), payouts)
             k_e, lag = math.hypot(k_e, moved.k_e - found.k_e), math.hypot(lag, moved.lag - found.lag)
     u = math.hypot(found.u_fit, found.u_sensor, k_e)
     return msgspec.structs.replace(
@@ -190,6 +213,13 @@ def _freed(rig: Rig) -> Rig:
     return _with_tolerance(rig, *TIED, (mesh.tolerance if mesh else None) or MESH_TOLERANCE)
 
 
+def _with_number(rig: Rig, n: Number) -> Rig:
+    """The rig with a number as it was found, for what is found after it."""
+    part = getattr(rig, n.section)
+    found = msgspec.structs.replace(getattr(part, n.name), value=n.value, tolerance=n.u)
+    return msgspec.structs.replace(rig, **{n.section: msgspec.structs.replace(part, **{n.name: found})})
+
+
 def _with_tolerance(rig: Rig, section: str, name: str, tolerance: float) -> Rig:
     part = getattr(rig, section)
     number: Quantity | None = getattr(part, name)
@@ -199,8 +229,8 @@ def _with_tolerance(rig: Rig, section: str, name: str, tolerance: float) -> Rig:
     return msgspec.structs.replace(rig, **{section: msgspec.structs.replace(part, **{name: wide})})
 
 
-def _posterior(data: Fitted) -> tuple[Signal, Signal]:
-    """Nuisances in units of their prior width, (n,), and their covariance, from what the machine's side does not see."""
+def _posterior(data: Fitted) -> tuple[Signal, Signal, float]:
+    """Nuisances in units of their prior width, (n,), their covariance, and the misfit, from the channels before the machine."""
     seen = np.ones((data.measured.shape[0], len(CHANNELS)))
     seen[:, [CHANNELS.index("vdc"), CHANNELS.index("idc")]] = 0.0
     nu = np.zeros(len(data.nuisances))
@@ -214,8 +244,8 @@ def _posterior(data: Fitted) -> tuple[Signal, Signal]:
         if float(np.max(np.abs(q.own))) < SETTLED:
             break
     assert q is not None
-    scale = max(2.0 * huber(z) / max(int(np.count_nonzero(z)), 1), 1.0)
-    return nu, np.asarray(scale * np.linalg.inv(q.inner), dtype=np.float64)
+    misfit = 2.0 * huber(z) / max(int(np.count_nonzero(z)), 1)
+    return nu, np.asarray(max(misfit, 1.0) * np.linalg.inv(q.inner), dtype=np.float64), misfit
 
 
 SETTLED = 1e-3

@@ -35,6 +35,10 @@ CREEPING = 0.002
 CONDUCTING = 0.5
 """In open circuit the voltage follows the machine while the bridge carries at least this share of the bleed's current."""
 
+NOISELESS = 3e-4
+"""A simulated log may have no noise: its blocks count as known to this share of the channel's largest, about what a coarser
+step and a grid of the solutions leave. [1]"""
+
 LEAST = 12
 """Fewer blocks tell no noise of their own."""
 
@@ -69,7 +73,7 @@ def white_noise(x: Signal) -> float:
     steps = np.abs(np.diff(x))
     finest = float(steps[steps > 1e-12 * np.max(np.abs(x), initial=1e-300)].min(initial=np.inf))
     floor = finest / np.sqrt(12.0) if np.isfinite(finest) else 0.0
-    return max(GAUSS * median(np.abs(np.diff(x, 4))) / np.sqrt(70.0), floor)
+    return max(float(GAUSS * median(np.abs(np.diff(x, 4))) / np.sqrt(70.0)), float(floor))
 
 
 def velocity_noise(run: Run, blocks: Blocks) -> float:
@@ -97,23 +101,28 @@ def noise_of(course: Course, model: Model, predicted: Signal) -> Noise:
     fast = np.abs(speed) > CREEPING
     slope[fast] = (moved - predicted)[fast] / (GAIN_STEP * speed[fast, None])
     white = np.array([white_noise(run.channels[name]) if name in run.channels else 0.0 for name in CHANNELS])
+    least = NOISELESS * np.max(np.abs(predicted), axis=0) if run.simulated else 0.0
     return Noise(
         seen=_seen(course, model, speed),
-        own=white / np.sqrt(blocks.count)[:, None],
+        own=np.maximum(white / np.sqrt(blocks.count)[:, None], least),
         drive=slope * velocity_noise(run, blocks),
     )
 
 
 def _seen(course: Course, model: Model, speed: Signal) -> NDArray[np.bool_]:
-    """Where a channel tells anything: force while the line moves, voltage of an open circuit while the bridge conducts."""
+    """Where a channel tells anything: force and torque while the line moves, as friction only bounds them at rest, and the
+    voltage of an open circuit while the bridge conducts.
+    """
     from winchcascade.rig.kernel import constants
 
     run, blocks = course.run, course.blocks
     seen = np.ones((blocks.size, len(CHANNELS)), dtype=bool)
     for k, name in enumerate(CHANNELS):
         seen[:, k] = name in run.channels
-    force, vdc, idc = (CHANNELS.index(name) for name in ("force", "vdc", "idc"))
-    seen[:, force] &= (np.abs(speed) > MOVING) & (blocks.phase != PHASES.index("hold"))
+    force, torque, vdc, idc = (CHANNELS.index(name) for name in ("force", "torque", "vdc", "idc"))
+    moving = (np.abs(speed) > MOVING) & (blocks.phase != PHASES.index("hold"))
+    seen[:, force] &= moving
+    seen[:, torque] &= moving
     if np.isinf(course.load):
         kept = course.shaft(constants(model, course.load))
         bridge, bleed = course.block_mean(kept.i_bridge), course.block_mean(kept.idc)
