@@ -15,7 +15,10 @@ if TYPE_CHECKING:
     from winchcascade.cascade.montecarlo import Uncertainty, uncertainty
     from winchcascade.cascade.reduce import CycleResult, Reduction, reduce
     from winchcascade.errors import LogError, OptionError, RigError, WinchcascadeError
+    from winchcascade.fit.calibrate import Calibration, calibrate
     from winchcascade.ingest.read import read_run
+    from winchcascade.rig.model import Model, baseline
+    from winchcascade.rig.simulate import Simulation, simulate
     from winchcascade.rigfile import Rig
     from winchcascade.rigtoml import load_rig
     from winchcascade.run import Finding, Run
@@ -24,40 +27,52 @@ __version__ = "0.1.0"
 
 __all__ = [
     "Bin",
+    "Calibration",
     "CycleResult",
     "Finding",
     "LogError",
     "Metrics",
+    "Model",
     "OptionError",
     "Reduction",
     "Rig",
     "RigError",
     "Run",
+    "Simulation",
     "Uncertainty",
     "WinchcascadeError",
     "__version__",
+    "baseline",
+    "calibrate",
     "load_rig",
     "read_run",
     "reduce",
+    "simulate",
     "uncertainty",
 ]
 
 _HOME = {
     "Bin": "cascade.bins",
+    "Calibration": "fit.calibrate",
     "CycleResult": "cascade.reduce",
     "Finding": "run",
     "LogError": "errors",
     "Metrics": "cascade.efficiency",
+    "Model": "rig.model",
     "OptionError": "errors",
     "Reduction": "cascade.reduce",
     "Rig": "rigfile",
     "RigError": "errors",
     "Run": "run",
+    "Simulation": "rig.simulate",
     "Uncertainty": "cascade.montecarlo",
     "WinchcascadeError": "errors",
+    "baseline": "rig.model",
+    "calibrate": "fit.calibrate",
     "load_rig": "rigtoml",
     "read_run": "ingest.read",
     "reduce": "cascade.reduce",
+    "simulate": "rig.simulate",
     "uncertainty": "cascade.montecarlo",
 }
 """Where each public name lives."""

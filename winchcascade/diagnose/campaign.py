@@ -108,7 +108,16 @@ def diagnose(
     if not best.names:
         verdict = "unexplained" if alarms else "no_gap"
         return _result(
-            title, rig, seed, data, found, suspects, verdict, places, predicted, remainder=Remainder(1.0, alarms, _worst(alarms))
+            title,
+            rig,
+            seed,
+            data,
+            found,
+            suspects,
+            verdict,
+            places,
+            predicted,
+            remainder=Remainder(1.0, alarms, _worst(alarms)),
         )
     tell("predicting withheld runs")
     left_out = list(withheld) or [k for k, log in enumerate(data.logs) if not math.isinf(log.load)]
@@ -200,8 +209,10 @@ def _experiment(data: Fitted, suspects: Suspects, found: Found, causes: Sequence
     others = [r for r in suspects if r not in found.best.names]
     if not others:
         return None
-    rival = lead.rivals[0].effect if lead.rivals else max(
-        others, key=lambda r: found.linear.evidence((*kept, r), found.scale)
+    rival = (
+        lead.rivals[0].effect
+        if lead.rivals
+        else max(others, key=lambda r: found.linear.evidence((*kept, r), found.scale))
     )
     names = tuple(sorted((*kept, rival)))
     fit: Fit = found.fits.get(names) or fit_set(data, suspects, names, start=found.best, quick=True)

@@ -145,9 +145,7 @@ def _rivals(data: Fitted, suspects: Suspects, found: Found, name: str) -> list[F
     return sorted(fits, key=lambda fit: -evidence_of(fit, found.scale))
 
 
-def _named(
-    data: Fitted, suspects: Suspects, best: Fit, rival: Fit, name: str, chance: dict[Names, float]
-) -> Rival:
+def _named(data: Fitted, suspects: Suspects, best: Fit, rival: Fit, name: str, chance: dict[Names, float]) -> Rival:
     effect = next(n for n in rival.names if n not in best.names)
     return Rival(effect, chance[tuple(sorted(rival.names))], _told_apart(data, best, rival))
 

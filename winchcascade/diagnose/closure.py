@@ -83,7 +83,9 @@ def close(data: Fitted, suspects: Suspects, best: Fit, withheld: Sequence[int], 
     parts = _parts(data, before, after, withheld)
     share = _share(parts)
     draws = _resampled(data, before, after, withheld, seed)
-    low, high = (min(max(float(np.quantile(draws, q)), -1.0), 1.0) for q in (0.025, 0.975)) if draws.size else (share, share)
+    low, high = (
+        (min(max(float(np.quantile(draws, q)), -1.0), 1.0) for q in (0.025, 0.975)) if draws.size else (share, share)
+    )
     return Closure(
         withheld=tuple(withheld),
         channels=_channels(data, before, after, withheld),

@@ -62,9 +62,7 @@ def plan(data: Fitted, suspects: Suspects, best: Fit, rival: Fit, separates: tup
     scores = side_by_side(
         [lambda o=o: np.array([_score(data, suspects, best, rival, o[0], o[1], length)]) for o in options]
     )
-    z, (load, v) = max(
-        ((float(s[0]), o) for s, o in zip(scores, options, strict=True)), key=lambda pair: pair[0]
-    )
+    z, (load, v) = max(((float(s[0]), o) for s, o in zip(scores, options, strict=True)), key=lambda pair: pair[0])
     return Experiment(load, v, length, separates, z)
 
 
@@ -91,9 +89,7 @@ def _planned(load: float, speed: float, length: float, fs: float) -> Run:
     return Run(name="planned", t=t, channels={"velocity": velocity}, fs=fs, samples=t.size, load=load)
 
 
-def _score(
-    data: Fitted, suspects: Suspects, best: Fit, rival: Fit, load: float, speed: float, length: float
-) -> float:
+def _score(data: Fitted, suspects: Suspects, best: Fit, rival: Fit, load: float, speed: float, length: float) -> float:
     run = _planned(load, speed, length, data.logs[0].run.fs)
     blocks = blocks_of(run, data.rig)
     course = Course(run, blocks)
@@ -104,14 +100,14 @@ def _score(
     columns = [((course.predict(m) - predicted) / sd).ravel() for m in _moved(data, suspects, rival)]
     for k, name in enumerate(CHANNELS):
         gain = np.zeros_like(predicted)
-        gain[:, k] = predicted[:, k] * max((n.sd for n in data.nuisances if n.kind == "gain" and n.name == name), default=0.0)
+        gain[:, k] = predicted[:, k] * max(
+            (n.sd for n in data.nuisances if n.kind == "gain" and n.name == name), default=0.0
+        )
         zero = np.zeros_like(predicted)
         zero[:, k] = max((n.sd for n in data.nuisances if n.kind == "zero" and n.name == name), default=0.0)
         columns += [(gain / sd).ravel(), (zero / sd).ravel()]
     j = np.column_stack(columns)
-    own = [
-        ((course.predict(m) - predicted) / sd).ravel() / step for m, step in _fields_moved(data, suspects, rival)
-    ]
+    own = [((course.predict(m) - predicted) / sd).ravel() / step for m, step in _fields_moved(data, suspects, rival)]
     j = np.column_stack([j, *own])
     prior = np.eye(j.shape[1])
     if own:

@@ -22,7 +22,7 @@ STEP = 0.02
 """Share of a field's plausible range by which its derivative is taken."""
 
 ROUNDS, ROUNDS_QUICK = 12, 5
-"""Steps of a fit at most; of a quick one, which finds its columns anew once at most."""
+"""Steps of a fit at most; of a quick or a passing one, which find their columns anew once at most."""
 
 SETTLED, SETTLED_QUICK = 0.05, 0.5
 """A fit has settled when a step improves its objective by less than this; a quick one sooner. [1]"""
@@ -105,6 +105,7 @@ def fit_set(
     start: Fit | None = None,
     rows: Signal | None = None,
     quick: bool = False,
+    passing: bool = False,
 ) -> Fit:
     """Fit a set of suspects by Gauss and Newton, nuisances beside them.
 
@@ -114,6 +115,7 @@ def fit_set(
         suspects that it lacks begin absent
     rows : (M * 5,) weights of the residuals, 0 for what takes no part; 1 for all by default
     quick : take nuisances as linear about the start; else they are simulated
+    passing : a few steps only, since a larger set will follow
     """
     begun = {} if start is None else dict(zip(start.names, start.values, strict=True))
     values = {name: begun.get(name, freedom(suspects[name]).absent) for name in names}
@@ -138,8 +140,9 @@ def fit_set(
     loss = huber(z) + 0.5 * float(nu @ nu)
     low, high = _bounds(suspects, names)
     settled, fresh = (SETTLED_QUICK if quick else SETTLED), True
-    renewals = 1 if quick else ROUNDS
-    for _ in range(ROUNDS_QUICK if quick else ROUNDS):
+    short = quick or passing
+    renewals = 1 if short else ROUNDS
+    for _ in range(ROUNDS_QUICK if short else ROUNDS):
         j_phi, x = _side_by_side(columns, names, z.size), _in_a_row(values)
         q = quadratic(z, weights(z), j_nu * take[:, None], j_phi * take[:, None], nu)
         d_phi, d_nu = bounded_step(q, low - x, high - x)

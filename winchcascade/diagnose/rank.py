@@ -187,10 +187,13 @@ def search(data: Fitted, suspects: Suspects, tell: Callable[[str], None] = lambd
         top = max(fits.values(), key=lambda fit: evidence_of(fit, scale))
         if top.names == best.names:
             break
-        best = fit_set(data, suspects, top.names, start=_without_nuisances(data, suspects, top))
+        best = fit_set(data, suspects, top.names, start=_without_nuisances(data, suspects, top), passing=True)
         linear, start = linearise(data, suspects, best, start.columns)
         fits[top.names] = best = start
         begin = [best.names]
+    if best.names:
+        final = fit_set(data, suspects, best.names, start=start)
+        best = fits[best.names] = msgspec.structs.replace(final, columns={**start.columns, **final.columns})
     return Found(best, null, fits, linear, scale)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.errors import LogError
+from winchcascade.errors import LogError, RigError
 from winchcascade.fit.campaign import Fitted
 from winchcascade.fit.nuisances import nuisances, sensor_errors, shifted
 from winchcascade.fit.predict import CHANNELS
@@ -108,7 +108,7 @@ def calibrate(
     Raises
     ------
     LogError : the log is no open circuit, or lacks force or voltage
-    RigError : the rig file lacks numbers of the model
+    RigError : the rig file lacks numbers of the model, or an estimate of those to be found
     """
     _require_open_circuit(run)
     freed = _freed(rig)
@@ -208,6 +208,10 @@ def _freed(rig: Rig) -> Rig:
     """The rig with wide priors for what is to be found, and a tolerance of the mesh efficiency."""
     for (section, name), share in FREED.items():
         number: Quantity | None = getattr(getattr(rig, section), name)
+        if number is not None and number.value == 0.0:
+            raise RigError(
+                f"rig {rig.name}: {name} under [{section}] is 0; a calibration starts from an estimate, give one."
+            )
         rig = _with_tolerance(rig, section, name, share * abs(number.value) if number else 0.0)
     mesh: Quantity | None = getattr(getattr(rig, TIED[0]), TIED[1])
     return _with_tolerance(rig, *TIED, (mesh.tolerance if mesh else None) or MESH_TOLERANCE)

@@ -35,6 +35,10 @@ RHO = 0.2
 """Correlation of a block's error with the one before: smoothing of the velocity, gusts, ringing."""
 
 
+THREADS = 2
+"""Threads that work side by side; a command may set it."""
+
+
 class Log(msgspec.Struct, frozen=True):
     """One log of a fit.
 
@@ -91,6 +95,9 @@ class Fitted:
             (n.section, n.name): x * n.sd for n, x in zip(self.nuisances, nu, strict=True) if n.kind == "rig" and x
         }
         model = baseline(shifted(self.rig, moves)) if moves else self.nominal
+        for n, x in zip(self.nuisances, nu, strict=True):
+            if n.kind == "law" and x:
+                model = _with_law(model, n.section, n.name, x * n.sd)
         for effect in effects:
             model = effect.bend(model)
         gains = {n.name: x * n.sd for n, x in zip(self.nuisances, nu, strict=True) if n.kind == "gain"}
@@ -171,7 +178,7 @@ class Fitted:
                 moved[j] += 1.0
                 bent, late = self.models(moved, effects), self.skew(moved)
                 for k, log in enumerate(self.logs):
-                    if n.kind in ("rig", "timing") or n.load == log.load:
+                    if n.kind in ("rig", "law", "timing") or n.load == log.load:
                         jobs.append(lambda model=bent[k], log=log, late=late: log.course.predict(model, skew=late))
                         owners.append((j, self.rows[k], k))
         skew = self.skew(nu)
@@ -184,11 +191,16 @@ class Fitted:
 
 
 def side_by_side(jobs: Sequence[Callable[[], Signal]]) -> list[Signal]:
-    """Do some jobs on two threads, in order; the compiled step leaves the interpreter free."""
-    if len(jobs) < 2:
+    """Do some jobs on some threads, in order; the compiled step leaves the interpreter free."""
+    if len(jobs) < 2 or THREADS < 2:
         return [job() for job in jobs]
-    with ThreadPoolExecutor(2) as pool:
+    with ThreadPoolExecutor(THREADS) as pool:
         return list(pool.map(lambda job: job(), jobs))
+
+
+def _with_law(model: Model, part: str, name: str, by: float) -> Model:
+    own = getattr(model, part)
+    return msgspec.structs.replace(model, **{part: msgspec.structs.replace(own, **{name: getattr(own, name) + by})})
 
 
 def _with_load(model: Model, deviation: float) -> Model:

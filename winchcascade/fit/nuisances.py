@@ -30,6 +30,15 @@ OF_THE_MODEL = {
 stiff DC link is within about 0.1 % of Vdc of a switched circuit with a finite capacitor, which these shares move as much.
 Inertias: the acceleration of a smoothed velocity is short of the true one by some hundredths where the motion turns."""
 
+ABSENT = {
+    ("winch", "friction"): (0.25, "N.m"),
+    ("restoring", "seal_friction"): (60.0, "N"),
+    ("drivetrain", "friction"): (0.005, "N.m"),
+    ("drivetrain", "clutch_drag"): (0.15, "N.m"),
+}
+"""How well it is known that a law is absent, by part and number of the model: no rig is quite free of dry friction, and the model
+is off by as much where the motion begins and ends. About what the zeros of torque and force are known to; assumed."""
+
 SKEW = 0.05
 """Channels of a logger are read one after the other: against the velocity each by this share of a sample's interval, one
 standard uncertainty, assumed. The pressure changes too slowly to tell. [1]"""
@@ -38,11 +47,11 @@ standard uncertainty, assumed. The pressure changes too slowly to tell. [1]"""
 class Nuisance(msgspec.Struct, frozen=True):
     """One deviation that every fit allows within its tolerance `sd`, one standard uncertainty in `unit`.
 
-    `kind` is `rig` (a number `name` of a section, the same in every log), `load` (relative, of one load [ohm]), `gain` (relative,
+    `kind` is `rig` (a number `name` of a section, the same in every log), `law` (one of the model that a rig has not), `load` (relative, of one load [ohm]), `gain` (relative,
     of the sensor of a channel), `timing` (by how much that sensor is read late) or `zero` (of that sensor in one log, by its number).
     """
 
-    kind: Literal["rig", "load", "gain", "timing", "zero"]
+    kind: Literal["rig", "law", "load", "gain", "timing", "zero"]
     name: str
     sd: float
     unit: str
@@ -54,6 +63,7 @@ class Nuisance(msgspec.Struct, frozen=True):
         """How a report calls it."""
         return {
             "rig": self.name,
+            "law": f"{self.name} of the {self.section}",
             "load": f"load of {self.load:g} ohm",
             "gain": f"gain of {self.name}",
             "timing": f"timing of {self.name}",
@@ -62,13 +72,14 @@ class Nuisance(msgspec.Struct, frozen=True):
 
 
 def nuisances(rig: Rig, runs: Sequence[Run]) -> tuple[Nuisance, ...]:
-    """Every nuisance of some logs on a rig, in a fixed order: rig, loads, gains, timing, zeros."""
+    """Every nuisance of some logs on a rig, in a fixed order: rig, laws, loads, gains, timing, zeros."""
     found = []
     for section in SECTIONS:
         for name, value in _quantities(rig, section).items():
             tolerance = math.hypot(value.tolerance or 0.0, OF_THE_MODEL.get((section, name), 0.0) * value.value)
             if tolerance:
                 found.append(Nuisance("rig", name, tolerance, value.unit, section=section))
+    found += [Nuisance("law", name, sd, unit, section=part) for (part, name), (sd, unit) in ABSENT.items()]
     share = rig.dc_link.load_tolerance_percent / 100.0
     loads = dict.fromkeys(run.load for run in runs if run.load is not None and math.isfinite(run.load))
     if share:

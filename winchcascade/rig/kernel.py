@@ -123,8 +123,13 @@ def _left_of_k_e(i_s: float, c: Constants) -> tuple[float, float]:
     return c.rolloff[k] + x * (first + x * (bend + x * twist)), (first + x * (2.0 * bend + 3.0 * x * twist)) / width
 
 
-_SETTLED = 1e-9
+_SETTLED = 1e-7
 """Stator current is found to this. [A]"""
+
+NEWTON_ALONE = 4
+"""Steps of Newton before a bracket is set up: from the step before, two are enough nearly always."""
+
+_SQRT2 = math.sqrt(2.0)
 
 
 @njit(cache=True)
@@ -133,30 +138,31 @@ def _weakened_bridge(
 ) -> tuple[float, float, float]:
     """Currents of the bridge, DC and stator rms, while the latter weakens the back-EMF, and the slope of the DC current.
 
-    More current, less back-EMF, so there is one root alone: Newton from the step before, kept in a bracket, since alone it
-    would overshoot and jump to and fro where the roll-off is steep.
+    More current, less back-EMF, so there is one root alone: Newton from the step before and, should it overshoot and jump to
+    and fro where the roll-off is steep, in a bracket.
     """
-    i_b, i_s, d_b, d_s = bridge_state(v_total, v_full, c.r_s, reactance, table)
-    if i_s == 0.0 or c.rolloff[-1] == 1.0:
+    if c.rolloff[-1] == 1.0 or v_total >= _SQRT2 * v_full:
+        i_b, i_s, d_b, _ = bridge_state(v_total, v_full, c.r_s, reactance, table)
         return i_b, i_s, d_b
-    low, high, now = 0.0, i_s, min(max(guess, 0.0), i_s)
-    v_ll, bend = v_full, 0.0
-    for _ in range(60):
+    low, high, now = 0.0, math.inf, max(guess, 0.0)
+    for turn in range(60):
+        if turn == NEWTON_ALONE:
+            _, high, _, _ = bridge_state(v_total, v_full, c.r_s, reactance, table)
+            now = min(max(now, low), high)
         left, slope = _left_of_k_e(now, c)
         v_ll, bend = v_full * left, v_full * slope
         i_b, i_s, d_b, d_s = bridge_state(v_total, v_ll, c.r_s, reactance, table)
+        rise = (i_s - v_total * d_s) / v_ll * bend
         if abs(i_s - now) < _SETTLED:
             break
-        if i_s > now:
-            low = now
-        else:
-            high = now
-        rise = (i_s - v_total * d_s) / v_ll * bend if v_ll > 0.0 else 0.0
+        if turn >= NEWTON_ALONE:
+            if i_s > now:
+                low = now
+            else:
+                high = now
         newton = now + (i_s - now) / (1.0 - rise)
-        now = newton if low < newton < high else 0.5 * (low + high)
-    if i_s == 0.0 or v_ll <= 0.0:
-        return i_b, i_s, d_b
-    through = d_s / (1.0 - (i_s - v_total * d_s) / v_ll * bend)
+        now = newton if low < newton < high else 0.5 * (low + min(high, 2.0 * now + 1.0))
+    through = d_s / (1.0 - rise)
     return i_b, i_s, min(d_b + (i_b - v_total * d_b) / v_ll * bend * through, 0.0)
 
 

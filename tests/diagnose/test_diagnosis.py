@@ -1,0 +1,142 @@
+"""A diagnosis names what was planted, stays silent where nothing was, and says so where nothing in its catalogue fits."""
+
+import math
+from functools import cache
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from planted import LOGS, campaign
+
+from winchcascade.batch.diagnosis import diagnose_campaign, diagnose_file
+from winchcascade.diagnose.campaign import Diagnosis, diagnose, withheld_numbers
+from winchcascade.diagnose.record import as_json
+from winchcascade.effects.catalogue import EFFECTS
+from winchcascade.errors import CampaignError, OptionError
+from winchcascade.rigtoml import built_in
+
+PLANTED = {
+    "copper_heating": {"r_s_change": 0.35},
+    "torque_gain": {"gain_error": 0.03},
+    "gas_volume": {"volume_extra": 6e-4},
+    "line_drag": {"b": 0.9},
+}
+
+
+@cache
+def diagnosed(*names: str) -> Diagnosis:
+    return diagnose(campaign({name: PLANTED[name] for name in names}), built_in(), EFFECTS)
+
+
+@pytest.mark.parametrize("name", PLANTED)
+def test_a_planted_effect_is_named_with_its_size(name: str) -> None:
+    found = diagnosed(name)
+    assert [cause.effect for cause in found.causes] == [name]
+    assert found.verdict == "explained"
+    (number,) = found.causes[0].parameters.values()
+    (planted,) = PLANTED[name].values()
+    half = 0.5 * (number.high - number.low)
+    assert abs(number.value - planted) < 2.0 * half
+    assert half < 0.3 * abs(planted)
+    assert found.closure is not None
+    assert found.closure.share > 0.9
+    assert found.closure.low <= found.closure.share <= found.closure.high
+
+
+def test_two_effects_are_named_together() -> None:
+    found = diagnosed("copper_heating", "line_drag")
+    assert {cause.effect for cause in found.causes} == {"copper_heating", "line_drag"}
+
+
+def test_nothing_is_named_where_nothing_was_planted() -> None:
+    record = as_json(diagnosed())
+    assert record["verdict"] == "no_gap"
+    assert record["causes"] == []
+    assert record["where"] is record["closure"] is record["next_experiment"] is None
+
+
+def test_the_stage_of_a_gap_is_that_of_its_cause() -> None:
+    where = diagnosed("copper_heating").where
+    assert where is not None
+    assert where.stage == "generator"
+    assert where.channel in ("vdc", "idc")
+    assert "Vdc is over-predicted" in where.sentence or "Idc is over-predicted" in where.sentence
+
+
+def test_what_no_suspect_explains_is_not_given_the_nearest_name() -> None:
+    without = {name: kind for name, kind in EFFECTS.items() if name not in ("gas_volume", "precharge", "piston_area")}
+    runs = campaign({"gas_volume": {"volume_extra": 6e-4}})
+    swinging = [
+        msgspec.structs.replace(
+            run,
+            channels={
+                **run.channels,
+                "pressure": run.channels["pressure"] + 4e4 * np.sin(2.0 * run.channels["displacement"]),
+            },
+        )
+        for run in runs
+    ]
+    found = diagnose(swinging, built_in(), without)
+    assert found.verdict in ("unexplained", "partly_explained")
+    assert len(found.causes) <= 2
+    assert found.remainder is not None
+    assert "pressure" in found.remainder.where
+
+
+def test_the_same_seed_gives_the_same_answer_to_the_digit() -> None:
+    again = diagnose(campaign({"torque_gain": PLANTED["torque_gain"]}), built_in(), EFFECTS)
+    assert as_json(again) == as_json(diagnosed("torque_gain"))
+
+
+def test_withheld_logs_take_no_part_in_the_choice() -> None:
+    runs = campaign({"copper_heating": PLANTED["copper_heating"]})
+    spoiled = msgspec.structs.replace(runs[2], channels={**runs[2].channels, "vdc": 2.0 * runs[2].channels["vdc"]})
+    found = diagnose([*runs[:2], spoiled], built_in(), EFFECTS, withheld=[2])
+    assert found.closure is None or found.closure.withheld == (2,)
+    assert "voltage_gain" not in [cause.effect for cause in found.causes]
+
+
+def test_loads_are_withheld_by_number() -> None:
+    runs = campaign({})
+    assert withheld_numbers([36], runs, [False] * 3) == [1]
+    assert withheld_numbers([math.inf, 9.0], runs, [False] * 3) == [0, 2]
+    assert withheld_numbers([], runs, [False, True, False]) == [1]
+    with pytest.raises(
+        OptionError, match=r"--withhold 18: no run of the campaign has this load; it has inf, 36, 9 ohm"
+    ):
+        withheld_numbers([18.0], runs, [False] * 3)
+
+
+def test_a_campaign_of_which_everything_is_withheld_is_refused() -> None:
+    with pytest.raises(CampaignError, match="every run is withheld"):
+        diagnose(campaign({}), built_in(), EFFECTS, withheld=range(len(LOGS)))
+
+
+SHARED = [
+    "copper_heating", "copper_heating_and_line_drag", "electrical_lag", "gas_polytropic", "gear_mesh_loss", "ke_rolloff",
+    "ke_rolloff_and_gear_mesh_loss", "line_friction", "none", "none_2", "outside_the_catalogue", "precharge", "rotor_inertia",
+    "rotor_viscous", "torque_gain",
+]  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", SHARED)
+def test_a_labelled_campaign_is_diagnosed(shared: Path, case: str) -> None:
+    record = diagnose_campaign(shared / "labelled" / case, suspects=EFFECTS, seed=0, predictions=None)
+    if case == "outside_the_catalogue":
+        assert record["verdict"] not in ("explained", "no_gap")
+        return
+    hidden = set() if case.startswith("none") else set(case.split("_and_"))
+    assert {cause["effect"] for cause in record["causes"]} == hidden
+    assert record["verdict"] == ("explained" if hidden else "no_gap")
+
+
+@pytest.mark.slow
+def test_the_seven_effects_of_the_rebuilt_campaign_are_found(fixtures: Path) -> None:
+    found = diagnose_file(fixtures / "campaign", EFFECTS)
+    assert {cause.effect for cause in found.causes} == {
+        "ke_rolloff", "rotor_friction", "copper_heating", "gas_volume", "screw_friction", "line_drag", "torque_gain",
+    }  # fmt: skip
+    assert found.closure is not None
+    assert found.closure.share >= 0.95

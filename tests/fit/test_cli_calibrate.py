@@ -1,0 +1,121 @@
+"""The command calibrate as a user meets it, and what its manual shows.
+
+`PYTHONPATH=tests python tests/fit/test_cli_calibrate.py` writes the present output into the manual.
+"""
+
+import doctest
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from test_cli import one_sentence, winchcascade
+from test_readme import BLOCK, ROOT, output
+
+from winchcascade import load_rig
+
+MANUAL = ROOT / "docs" / "calibrate.md"
+BLOCKS = BLOCK.findall(MANUAL.read_text(encoding="utf-8"))
+
+
+@pytest.fixture
+def log(fixtures: Path) -> Path:
+    return fixtures / "campaign" / "open_circuit.csv"
+
+
+def test_a_rig_file_is_written_and_can_be_used(log: Path, tmp_path: Path) -> None:
+    rig = tmp_path / "ours.toml"
+    done = winchcascade("calibrate", log, "--write", rig)
+    assert done.returncode == 0, done.stderr
+    assert f"rig file: {rig}" in done.stdout
+    damper = load_rig(rig).drivetrain.b_rotor
+    assert damper is not None
+    assert damper.source.startswith("calibrated from open_circuit.csv (sha256 e340a281e80c, 2683 samples)")
+    assert winchcascade("reduce", log, "--rig", rig).returncode == 0
+    assert winchcascade("simulate", log, "--rig", rig, "--out", tmp_path / "again.csv").returncode == 0
+    assert winchcascade("calibrate", log, "--write", rig).returncode == 0  # its own file is replaced
+
+
+def test_a_rig_file_of_ones_own_is_not_replaced(log: Path, tmp_path: Path) -> None:
+    mine = tmp_path / "mine.toml"
+    mine.write_text('based_on = "hsu2026"\nname = "mine"\n')
+    assert "was not written by winchcascade" in one_sentence("calibrate", log, "--write", mine)
+    assert "is an input" in one_sentence("calibrate", log, "--rig", mine, "--write", mine, "--force")
+    assert winchcascade("calibrate", log, "--write", mine, "--force").returncode == 0
+
+
+def test_the_rig_file_that_a_campaign_names_is_not_replaced_either(log: Path, tmp_path: Path) -> None:
+    alone, rig = Path(shutil.copy(log, tmp_path / "alone.csv")), tmp_path / "rig.toml"
+    assert winchcascade("calibrate", alone, "--load-ohm", "inf", "--write", rig).returncode == 0
+    (tmp_path / "campaign.toml").write_text(
+        'title = "ours"\nrig = "rig.toml"\n[[run]]\nfile = "alone.csv"\nload_ohm = inf\n'
+    )
+    assert "is an input" in one_sentence("calibrate", alone, "--write", rig)
+
+
+def test_the_json_holds_what_the_table_shows(log: Path) -> None:
+    done = winchcascade("calibrate", log, "--json", "-")
+    record = json.loads(done.stdout)
+    assert record["schema"] == "winchcascade/calibration/1"
+    assert record["log"]["samples"] == 2683
+    assert [n["name"] for n in record["numbers"]] == ["k_e", "mu_screw", "eta_mesh", "b_rotor"]
+    assert record["regression"]["samples"] > 500
+    assert done.stderr == ""
+
+
+def test_json_and_rig_file_need_names_of_their_own(log: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert "both name" in one_sentence("calibrate", log, "--json", out, "--write", out)
+    assert "expected the name of a file" in one_sentence("calibrate", log, "--write", "-")
+
+
+def test_the_load_is_not_guessed(log: Path, tmp_path: Path) -> None:
+    alone = Path(shutil.copy(log, tmp_path / "alone.csv"))
+    assert "its load is unknown" in one_sentence("calibrate", alone)
+    assert winchcascade("calibrate", alone, "--load-ohm", "inf").returncode == 0
+    assert "a log with a load of 36 ohm" in one_sentence("calibrate", log.parent / "r36ohm.csv")
+
+
+def test_a_log_without_a_whole_payout_is_told(fixtures: Path, tmp_path: Path) -> None:
+    rows = (fixtures / "campaign" / "open_circuit.csv").read_text().splitlines()
+    (tmp_path / "short.csv").write_text("\n".join(rows[:200]) + "\n")
+    text = one_sentence("calibrate", tmp_path / "short.csv", "--load-ohm", "inf")
+    assert "none of 1 payouts is complete and holds a plateau, which a calibration needs" in text
+
+
+def test_a_simulation_of_a_rig_gives_its_numbers_back(log: Path, tmp_path: Path) -> None:
+    made = tmp_path / "made.csv"
+    drag = ("--with", "rotor_viscous.b_extra=1e-4")
+    assert winchcascade("simulate", log, *drag, "--out", made).returncode == 0
+    record = json.loads(winchcascade("calibrate", made, "--load-ohm", "inf", "--json", "-").stdout)
+    found = {n["name"]: n["value"] for n in record["numbers"]}
+    assert found["b_rotor"] == pytest.approx(8.5e-4, rel=2e-3)
+    assert found["k_e"] == pytest.approx(0.0620, rel=1e-3)
+    assert found["mu_screw"] == pytest.approx(0.04, rel=2e-3)
+
+
+def follow(place: Path) -> dict[str, str]:
+    """Follow the manual in a folder that holds the fixtures; what each command printed."""
+    shutil.copytree(ROOT / "fixtures", place / "fixtures")
+    return {command: output(command, place) for command, _ in BLOCKS}
+
+
+def test_the_manual_shows_what_the_commands_print(tmp_path: Path) -> None:
+    assert BLOCKS
+    assert follow(tmp_path / "a reader") == dict(BLOCKS)
+
+
+def test_the_python_of_the_manual_gives_what_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    result = doctest.testfile(str(MANUAL), module_relative=False)
+    assert result.attempted > 0
+    assert result.failed == 0
+
+
+if __name__ == "__main__":
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        outputs = follow(Path(folder) / "reader")
+    text = BLOCK.sub(lambda m: f"```console\n$ {m[1]}\n{outputs[m[1]]}```", MANUAL.read_text(encoding="utf-8"))
+    MANUAL.write_text(text, encoding="utf-8")

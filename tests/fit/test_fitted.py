@@ -1,0 +1,110 @@
+"""Logs of one rig as one fit: residuals whitened, nuisances in their columns, zeros in their logs."""
+
+import math
+
+import msgspec
+import numpy as np
+import pytest
+from openlog import made_log, motion_run
+
+from winchcascade import simulate
+from winchcascade.fit.campaign import RHO, Fitted
+from winchcascade.fit.predict import CHANNELS
+from winchcascade.rig.model import baseline
+from winchcascade.rigtoml import built_in
+
+RIG = built_in()
+
+LINEAR = 5e-3
+"""The column of a gain is its share of the prediction, the offset of a coarse step included."""
+
+
+@pytest.fixture(scope="module")
+def data() -> Fitted:
+    loaded = simulate(motion_run(load=18.0, cycles=2), baseline(RIG)).run
+    return Fitted([made_log(seed=1, cycles=2), loaded], RIG)
+
+
+def coloured(data: Fitted, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """White numbers (M, 5), and residuals with the covariance and the memory that the fit takes noise to have."""
+    white = rng.normal(size=data.measured.shape)
+    kept = white.copy()
+    for k in np.flatnonzero(data.joined).tolist():
+        kept[k] = RHO * kept[k - 1] + math.sqrt(1.0 - RHO**2) * white[k]
+    own = np.concatenate([log.noise.own for log in data.logs])
+    drive = np.concatenate([log.noise.drive for log in data.logs])
+    seen = np.concatenate([log.noise.seen for log in data.logs])
+    residual = np.zeros_like(kept)
+    for k in range(kept.shape[0]):
+        s = np.flatnonzero(seen[k])
+        covariance = np.outer(drive[k, s], drive[k, s]) + np.diag(own[k, s] ** 2)
+        residual[k, s] = np.linalg.cholesky(covariance) @ kept[k, s]
+    return white, residual
+
+
+def test_noise_as_the_fit_takes_it_is_whitened_to_unit_variance(data: Fitted) -> None:
+    rng = np.random.default_rng(8)
+    seen = np.concatenate([log.noise.seen for log in data.logs])
+    always = seen.all(axis=0)
+    drawn = np.stack([data.whiten(coloured(data, rng)[1]).reshape(seen.shape) for _ in range(40)])
+    for k in range(len(CHANNELS)):
+        assert np.std(drawn[:, seen[:, k], k]) == pytest.approx(1.0, abs=0.03), CHANNELS[k]
+    joined = np.flatnonzero(data.joined)
+    before = np.mean(drawn[:, joined][:, :, always] * drawn[:, joined - 1][:, :, always])
+    assert before == pytest.approx(0.0, abs=0.02)
+    pressure, force, torque = drawn[:, seen.all(axis=1), :3].reshape(-1, 3).T
+    assert np.corrcoef([pressure, force, torque]) == pytest.approx(np.eye(3), abs=0.05)
+
+
+def test_a_channel_that_says_nothing_gives_zeros(data: Fitted) -> None:
+    seen = np.concatenate([log.noise.seen for log in data.logs])
+    z = data.whiten(np.ones(seen.shape)).reshape(seen.shape)
+    quiet = ~seen
+    quiet[1:] &= ~seen[:-1]
+    assert not seen.all()
+    assert np.all(z[quiet] == 0.0)
+
+
+def test_the_nominal_model_leaves_noise_alone(data: Fitted) -> None:
+    z = data.residual(np.zeros(len(data.nuisances)), [])[: 5 * data.sizes[0]]
+    assert np.mean(z[z != 0.0] ** 2) == pytest.approx(1.0, abs=0.2)
+
+
+def test_a_column_is_what_one_tolerance_moves(data: Fitted) -> None:
+    nothing = np.zeros(len(data.nuisances))
+    at = data.predict(nothing, [])
+    columns = data.tolerances(nothing, [], at)
+    for j, n in enumerate(data.nuisances):
+        moved = nothing.copy()
+        moved[j] = 1.0
+        actual = data.predict(moved, []) - at
+        assert np.max(np.abs(columns[:, :, j] - actual)) < LINEAR * np.max(np.abs(actual)), str(n)
+
+
+def test_a_zero_moves_its_own_log_and_a_load_its_own_runs(data: Fitted) -> None:
+    nothing = np.zeros(len(data.nuisances))
+    at = data.predict(nothing, [])
+    columns = data.tolerances(nothing, [], at)
+    first, second = data.rows
+    for j, n in enumerate(data.nuisances):
+        if n.kind == "zero":
+            others = second if n.log == 0 else first
+            assert not columns[others, :, j].any()
+        if n.kind == "load":
+            assert not columns[first, :, j].any()
+            assert columns[second, CHANNELS.index("vdc"), j].any()
+
+
+def test_only_the_cycles_that_count_are_fitted() -> None:
+    run = made_log(seed=1, cycles=3)
+    whole, one = Fitted([run], RIG), Fitted([run], RIG, [(2, 2)])
+    assert one.sizes[0] < 0.5 * whole.sizes[0]
+    assert set(one.logs[0].course.blocks.cycle.tolist()) == {2}
+
+
+def test_a_missing_channel_is_left_out_of_the_fit() -> None:
+    run = made_log(seed=1, cycles=1)
+    bare = msgspec.structs.replace(run, channels={k: x for k, x in run.channels.items() if k != "torque"})
+    data = Fitted([bare], RIG)
+    assert not data.logs[0].noise.seen[:, CHANNELS.index("torque")].any()
+    assert not any(n.name == "torque" for n in data.nuisances)

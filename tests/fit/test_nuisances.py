@@ -1,0 +1,92 @@
+"""What is known to a tolerance only: of the built-in rig, by name, size and order."""
+
+import math
+from itertools import groupby
+
+import msgspec
+import pytest
+from openlog import FS, made_log
+
+from winchcascade.fit.nuisances import OF_THE_MODEL, SKEW, nuisances, sensor_errors, shifted
+from winchcascade.rig.model import baseline
+from winchcascade.rigfile import Sensor
+from winchcascade.rigtoml import built_in
+
+RIG = built_in()
+RUNS = [msgspec.structs.replace(made_log(cycles=1), load=load) for load in (math.inf, 18.0, 18.0, 4.5)]
+
+STATED = {
+    ("restoring", "mu_screw"): 0.0005,
+    ("restoring", "area_piston"): 0.002 * 7850e-6,
+    ("restoring", "p_precharge"): 0.001 * 20.5 * 98066.5,
+    ("restoring", "volume_gas"): 0.003 * 4e-3,
+    ("drivetrain", "eta_mesh"): 0.002,
+    ("drivetrain", "b_rotor"): 0.01 * 7.5e-4,
+    ("generator", "k_e"): 0.001 * 0.0620,
+    ("generator", "r_s"): 0.005 * 0.61,
+    ("generator", "l_s"): 0.007 * 3.35e-3,
+    ("dc_link", "c_dc"): 0.1 * 2.2e-3,
+}
+"""One standard uncertainty of each number of the rig, as its file states it; SI units."""
+
+ZEROS = {"pressure": 0.03 * 98066.5, "force": 2.0, "torque": 0.3, "idc": 0.005}
+
+
+def test_kinds_come_in_order() -> None:
+    kinds = [kind for kind, _ in groupby(n.kind for n in nuisances(RIG, RUNS))]
+    assert kinds == ["rig", "load", "gain", "timing", "zero"]
+
+
+def test_numbers_of_the_rig_have_the_tolerance_of_its_file_and_of_the_model() -> None:
+    found = {(n.section, n.name): n.sd for n in nuisances(RIG, RUNS) if n.kind == "rig"}
+    assert set(found) == set(STATED) | set(OF_THE_MODEL)
+    for (section, name), sd in found.items():
+        value = getattr(getattr(RIG, section), name).value
+        of_the_model = OF_THE_MODEL.get((section, name), 0.0) * value
+        assert sd == pytest.approx(math.hypot(STATED.get((section, name), 0.0), of_the_model), rel=1e-3), name
+
+
+def test_every_load_has_one_deviation_and_an_open_circuit_none() -> None:
+    assert [(n.name, n.load, n.sd) for n in nuisances(RIG, RUNS) if n.kind == "load"] == [
+        ("18 ohm", 18.0, 0.001), ("4.5 ohm", 4.5, 0.001),
+    ]  # fmt: skip
+
+
+def test_gains_are_common_to_all_logs_and_timing_leaves_the_pressure_out() -> None:
+    found = nuisances(RIG, RUNS)
+    gains = {n.name: n.sd for n in found if n.kind == "gain"}
+    assert gains == dict.fromkeys(("pressure", "force", "torque", "vdc", "idc"), 0.001)
+    timing = {n.name: n.sd for n in found if n.kind == "timing"}
+    assert timing == pytest.approx(dict.fromkeys(("force", "torque", "vdc", "idc"), SKEW / FS))
+
+
+def test_every_log_has_zeros_of_its_own() -> None:
+    zeros = [n for n in nuisances(RIG, RUNS) if n.kind == "zero"]
+    assert [(n.log, n.name) for n in zeros] == [(log, name) for log in range(4) for name in ZEROS]
+    assert all(n.sd == pytest.approx(ZEROS[n.name], rel=1e-3) for n in zeros)
+
+
+def test_a_channel_that_is_not_logged_has_no_errors() -> None:
+    bare = [msgspec.structs.replace(run, channels={"velocity": run.channels["velocity"]}) for run in RUNS]
+    assert {n.kind for n in nuisances(RIG, bare)} == {"rig", "load"}
+
+
+def test_makers_limits_serve_where_nothing_was_calibrated_in_place() -> None:
+    assert sensor_errors(None) == (0.0, 0.0)
+    limits = Sensor(unit="N", high=2000.0, accuracy_full_scale=0.002, accuracy_reading=0.005)
+    assert sensor_errors(limits) == pytest.approx((0.005 / math.sqrt(3.0), 4.0 / math.sqrt(3.0)))
+    assert sensor_errors(msgspec.structs.replace(limits, u_gain=0.001)) == (0.001, 0.0)
+
+
+def test_a_shifted_rig_has_its_number_moved_and_nothing_else() -> None:
+    moved = shifted(RIG, {("generator", "k_e"): 0.001, ("restoring", "mu_screw"): 0.0})
+    assert baseline(moved).generator.k_e == pytest.approx(0.063)
+    again = shifted(moved, {("generator", "k_e"): -0.001})
+    assert baseline(again).generator.k_e == pytest.approx(0.0620)
+    assert msgspec.structs.replace(moved, generator=RIG.generator) == RIG
+
+
+def test_a_nuisance_has_a_name_for_reports() -> None:
+    names = [str(n) for n in nuisances(RIG, RUNS)]
+    assert {"k_e", "load of 18 ohm", "gain of force", "timing of vdc", "zero of idc in log 4"} <= set(names)
+    assert len(set(names)) == len(names)

@@ -1,0 +1,121 @@
+"""The model in blocks: as the simulation says, and as cheap as the numbers allow."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from winchcascade import read_run, simulate
+from winchcascade.fit.blocks import blocks_of
+from winchcascade.fit.predict import _SHAFT_FROM, CHANNELS, MOST_KEPT, Course
+from winchcascade.rig.kernel import Constants, constants
+from winchcascade.rig.model import Model, baseline
+from winchcascade.rigtoml import built_in
+from winchcascade.run import Run
+
+RIG = built_in()
+MODEL = baseline(RIG)
+NUMBERS = constants(MODEL, 18.0)
+
+OF_THE_LINE = (
+    "inertia_drum", "line_friction", "line_drag", "layering", "lead", "eta_forward", "eta_reverse", "area", "pressure",
+    "volume", "exponent", "cooling", "seal_friction",
+)  # fmt: skip
+
+COARSELY = 2e-3
+"""A step of 1 ms and solutions kept every 10 ms move a block by less than this share of the channel's plateau."""
+
+
+@pytest.fixture(scope="module")
+def run() -> Run:
+    path = Path(__file__).parent.parent.parent / "fixtures" / "campaign" / "r18ohm.csv"
+    return read_run(path, load=18.0)
+
+
+@pytest.fixture(scope="module")
+def course(run: Run) -> Course:
+    return Course(run, blocks_of(run, RIG))
+
+
+def bent(part: str, **numbers: float) -> Model:
+    return msgspec.structs.replace(MODEL, **{part: msgspec.structs.replace(getattr(MODEL, part), **numbers)})
+
+
+def changed(name: str) -> Constants:
+    value = getattr(NUMBERS, name)
+    other: Any = tuple(0.9 * x - 1e-3 for x in value) if isinstance(value, tuple) else 1.1 * value + 1e-4
+    return NUMBERS._replace(**{name: other})
+
+
+def test_the_numbers_of_the_line_come_before_those_of_the_shaft() -> None:
+    assert Constants._fields[:_SHAFT_FROM] == ("r_drum", *OF_THE_LINE)
+
+
+@pytest.mark.parametrize("name", OF_THE_LINE)
+def test_a_change_at_the_line_keeps_the_solution_of_the_shaft(course: Course, name: str) -> None:
+    assert course.shaft(changed(name)) is course.shaft(NUMBERS)
+
+
+@pytest.mark.parametrize("name", ["r_drum", *Constants._fields[_SHAFT_FROM:]])
+def test_a_change_of_the_shaft_solves_it_anew(course: Course, name: str) -> None:
+    assert course.shaft(changed(name)) is not course.shaft(NUMBERS)
+
+
+def test_a_change_at_the_line_really_leaves_the_shaft_alone(run: Run) -> None:
+    before = Course(run, blocks_of(run, RIG)).shaft(NUMBERS)
+    for name in OF_THE_LINE:
+        again = Course(run, blocks_of(run, RIG)).shaft(changed(name))
+        assert all(np.array_equal(getattr(again, x), getattr(before, x)) for x in again.__struct_fields__), name
+
+
+def test_the_oldest_solution_goes_first(run: Run) -> None:
+    course = Course(run, blocks_of(run, RIG, (1, 1)), step=0.01)
+    first = course.shaft(NUMBERS)
+    for k in range(MOST_KEPT):
+        course.shaft(NUMBERS._replace(b_rotor=1e-4 * (k + 1)))
+    assert course.shaft(NUMBERS) is not first
+
+
+@pytest.mark.parametrize("load", [math.inf, 45.0, 4.5])
+def test_blocks_of_the_prediction_are_those_of_the_simulation(run: Run, load: float) -> None:
+    loaded = msgspec.structs.replace(run, load=load)
+    course = Course(loaded, blocks_of(loaded, RIG))
+    found, simulated = course.predict(MODEL), simulate(loaded, MODEL).run.channels
+    for k, name in enumerate(CHANNELS):
+        plateau = float(np.quantile(np.abs(simulated[name]), 0.95))
+        off = found[:, k] - course.blocks.mean(simulated[name])
+        assert np.max(np.abs(off)) < COARSELY * plateau, name
+
+
+def test_sensors_errors_show_in_their_channel(course: Course) -> None:
+    clean = course.predict(MODEL)
+    sensors = MODEL.sensors.with_gain("force", 0.01)
+    read = course.predict(msgspec.structs.replace(MODEL, sensors=sensors))
+    assert read[:, 1] == pytest.approx(1.01 * clean[:, 1])
+    assert np.array_equal(np.delete(read, 1, axis=1), np.delete(clean, 1, axis=1))
+
+
+def test_a_channel_read_late_lags_behind(course: Course) -> None:
+    clean = course.predict(MODEL)
+    late = course.predict(MODEL, skew=np.array([0.0, 0.0, 0.0, 0.1, 0.0]))
+    vdc = CHANNELS.index("vdc")
+    rising = (course.blocks.phase == 0) & (np.gradient(clean[:, vdc]) > 5.0)
+    assert np.all(late[rising, vdc] < clean[rising, vdc])
+    assert np.array_equal(np.delete(late, vdc, axis=1), np.delete(clean, vdc, axis=1))
+
+
+def test_more_speed_moves_the_shaft_and_not_the_gas(course: Course) -> None:
+    clean, faster = course.predict(MODEL), course.predict(MODEL, 1.01)
+    payout = course.blocks.mean(course.run.channels["velocity"]) > 0.5
+    assert np.array_equal(faster[:, 0], clean[:, 0])
+    assert np.all(faster[payout, CHANNELS.index("vdc")] > clean[payout, CHANNELS.index("vdc")])
+
+
+def test_a_change_of_the_gas_changes_pressure_and_force_alone(course: Course) -> None:
+    clean, other = course.predict(MODEL), course.predict(bent("restoring", volume=1.1 * MODEL.restoring.volume))
+    assert np.any(other[:, 0] != clean[:, 0])
+    assert np.any(other[:, 1] != clean[:, 1])
+    assert np.array_equal(other[:, 2:], clean[:, 2:])

@@ -1,0 +1,171 @@
+"""Calibrated numbers in the text of a rig file: they are in, and everything else stays."""
+
+import re
+from functools import cache
+from pathlib import Path
+
+import msgspec
+import pytest
+from openlog import made_log, steady_payouts
+
+from winchcascade import __version__, calibrate, load_rig
+from winchcascade.errors import LogError, RigError
+from winchcascade.fit.calibrate import Calibration
+from winchcascade.fit.rigtext import MARK, calibrated_text
+from winchcascade.rigtoml import built_in, built_in_text, parse_rig
+
+NAMES = {"k_e": "generator", "mu_screw": "restoring", "b_rotor": "drivetrain"}
+
+
+@cache
+def calibration() -> Calibration:
+    run = made_log(seed=1)
+    run = msgspec.structs.replace(run, name="open circuit.csv", sha256="0123456789abcdef" * 4)
+    return calibrate(run, built_in(), steady_payouts(run))
+
+
+def of_file(text: str, folder: Path) -> Calibration:
+    """The calibration of a rig that was read from a file of one's own."""
+    path = folder / "rig.toml"
+    path.write_bytes(text.encode())
+    return msgspec.structs.replace(calibration(), rig=load_rig(path))
+
+
+def assert_calibrated(text: str, found: Calibration) -> None:
+    rig = parse_rig(text, "again")
+    for n in found.numbers:
+        quantity = getattr(getattr(rig, n.section), n.name)
+        if n.new:
+            assert quantity.value == pytest.approx(n.value, abs=0.01 * n.u)
+            assert quantity.tolerance == pytest.approx(n.u, rel=0.01)
+            assert quantity.source.startswith("calibrated from open circuit.csv (sha256 0123456789ab, 2800 samples): ")
+        else:
+            assert quantity == getattr(getattr(found.rig, n.section), n.name)
+
+
+def test_only_the_lines_of_calibrated_numbers_change() -> None:
+    before, after = built_in_text("hsu2026").splitlines(), calibrated_text(calibration()).splitlines()
+    assert (
+        after[0]
+        == f"{MARK}{__version__} from open circuit.csv (sha256 0123456789ab, 2800 samples): k_e, mu_screw, b_rotor."
+    )
+    assert len(after) == len(before) + 1
+    changed = [old for old, new in zip(before, after[1:], strict=True) if old != new]
+    assert [line.split(" = ")[0] for line in changed] == ["mu_screw", "b_rotor", "k_e"]
+
+
+def test_an_entry_says_how_it_was_found_and_what_it_was() -> None:
+    text = calibrated_text(calibration())
+    assert_calibrated(text, calibration())
+    assert re.search(r'k_e = .*: regression of Vdc above 1000 rpm, R2 = 0.99\d+; was 0.062" }', text)
+    assert re.search(r'b_rotor = .*: line force, torque and pressure; was 0.00075" }', text)
+
+
+def test_a_number_keeps_digits_down_to_a_hundredth_of_its_uncertainty() -> None:
+    (value,) = re.findall(r"mu_screw = \{ value = ([0-9.]+),", calibrated_text(calibration()))
+    assert 5 <= len(value.partition(".")[2]) <= 7
+
+
+def test_comments_beside_an_entry_and_the_ends_of_lines_stay(tmp_path: Path) -> None:
+    own = built_in_text("hsu2026").replace("pole_pairs =", "# of the maker\npole_pairs =")
+    own = re.sub(r"(k_e = \{.*\})", r"\1  # ours { since } spring", own).replace("\n", "\r\n")
+    text = calibrated_text(of_file(own, tmp_path))
+    assert text.count("\r\n") == text.count("\n")
+    assert "  # ours { since } spring\r\n" in text
+    assert "# of the maker\r\n" in text
+    assert_calibrated(text, calibration())
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("[generator]\n", "[generator] # of the maker\n"),
+        ("[generator]\n", '[ "generator" ]\n'),
+        ("\nk_e =", '\n  "k_e"   ='),
+    ],
+)
+def test_other_spellings_of_the_same_are_found(tmp_path: Path, old: str, new: str) -> None:
+    found = of_file(built_in_text("hsu2026").replace(old, new, 1), tmp_path)
+    assert_calibrated(calibrated_text(found), found)
+
+
+OWN_KEYS = """[generator.k_e]
+# line to line
+value = 0.0617
+tolerance_percent = 0.5
+unit = "V/rpm"
+"""
+
+DOTTED = 'generator.k_e.value = 0.0617\ngenerator.k_e.unit = "V/rpm" # rms\n'
+
+
+@pytest.mark.parametrize("entry", [OWN_KEYS, DOTTED], ids=["table", "dotted"])
+def test_keys_on_lines_of_their_own_are_replaced(tmp_path: Path, entry: str) -> None:
+    head, sections = entry, ""
+    if entry is OWN_KEYS:
+        head, sections = sections, head
+    own = f'based_on = "hsu2026"\nname = "ours"\n{head}\n[winch]\nr_drum = {{ value = 0.15, unit = "m" }}\n\n{sections}'
+    found = of_file(own, tmp_path)
+    text = calibrated_text(found)
+    assert_calibrated(text, found)
+    assert "tolerance_percent" not in text
+    assert "0.0617" not in text
+    assert ("# line to line" in text) == (entry is OWN_KEYS)
+
+
+def test_a_number_that_a_file_takes_from_another_rig_is_added_to_it(tmp_path: Path) -> None:
+    own = 'based_on = "hsu2026"\nname = "ours"\n\n[generator]\nr_s = { value = 0.7, unit = "ohm" }\n\n# the end\n'
+    found = of_file(own, tmp_path)
+    text = calibrated_text(found)
+    assert_calibrated(text, found)
+    assert text.index("r_s =") < text.index("k_e =") < text.index("# the end") < text.index("[restoring]")
+    assert parse_rig(text, "again").generator.r_s == found.rig.generator.r_s
+
+
+def test_a_calibration_of_a_calibrated_file_replaces_its_first_line(tmp_path: Path) -> None:
+    found = of_file(calibrated_text(calibration()), tmp_path)
+    again = calibrated_text(found)
+    assert again.count(MARK) == 1
+    assert_calibrated(again, found)
+
+
+def test_a_name_with_quotes_and_control_characters_is_written_as_text(tmp_path: Path) -> None:
+    run = msgspec.structs.replace(calibration().run, name='open "A"\\\x1b[31m.csv')
+    text = calibrated_text(msgspec.structs.replace(calibration(), run=run))
+    source = parse_rig(text, "again").generator.k_e
+    assert source is not None
+    assert source.source.startswith('calibrated from open "A"\\?[31m.csv (sha256 ')
+
+
+def test_an_entry_that_cannot_be_replaced_is_refused(tmp_path: Path) -> None:
+    own = 'based_on = "hsu2026"\nname = "ours"\ngenerator = { k_e = { value = 0.0617, unit = "V/rpm" } }\n'
+    with pytest.raises(
+        RigError, match=r"\[generator\] k_e stands there in a way that cannot be replaced; write it as k_e"
+    ):
+        calibrated_text(of_file(own, tmp_path))
+
+
+def test_a_text_that_only_looks_like_an_entry_is_not_taken_for_it(tmp_path: Path) -> None:
+    own = built_in_text("hsu2026").replace(
+        'title = "Winch-driven power take-off on a crane test stand"',
+        "note = '''\n[generator]\nk_e = { value = 1, unit = \"V/rpm\" }\n'''",
+    )
+    with pytest.raises(RigError, match=r"rig\.toml: .* cannot be re"):
+        calibrated_text(of_file(own, tmp_path))
+
+
+def test_a_file_that_is_gone_is_told(tmp_path: Path) -> None:
+    found = of_file(built_in_text("hsu2026"), tmp_path)
+    (tmp_path / "rig.toml").unlink()
+    with pytest.raises(RigError, match="the rig file cannot be read again"):
+        calibrated_text(found)
+
+
+def test_a_number_that_no_rig_has_is_not_written() -> None:
+    numbers = tuple(
+        msgspec.structs.replace(n, value=-0.01) if n.name == "mu_screw" else n for n in calibration().numbers
+    )
+    with pytest.raises(
+        LogError, match=r"mu_screw comes out as -0\.01, which no rig has, so that no rig file is written"
+    ):
+        calibrated_text(msgspec.structs.replace(calibration(), numbers=numbers))

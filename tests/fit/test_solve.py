@@ -1,0 +1,78 @@
+"""The steps of a fit: robust loss, nuisances done away with, a box."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import lsq_linear
+
+from winchcascade.fit.solve import HUBER, bounded_step, box_minimum, huber, quadratic, weights
+
+AS_LOW = 1e-6
+"""The objective in a box is as low as scipy's, to this share of what the box allows to gain."""
+
+
+def objective(a: np.ndarray, b: np.ndarray, x: np.ndarray) -> float:
+    return 0.5 * float(np.sum((a @ x - b) ** 2))
+
+
+def problem(seed: int, spread: float) -> tuple[np.ndarray, ...]:
+    """Random least squares in a box, singular values down to 10^-spread of the largest."""
+    rng = np.random.default_rng(seed)
+    k = int(rng.integers(1, 9))
+    left, _ = np.linalg.qr(rng.normal(size=(k + 5, k)))
+    right, _ = np.linalg.qr(rng.normal(size=(k, k)))
+    a = left * np.logspace(0.0, -spread, k) @ right
+    low = -rng.uniform(0.0, 2.0, k) * (rng.random(k) > 0.2)
+    return a, rng.normal(size=k + 5), low, low + rng.uniform(0.1, 3.0, k)
+
+
+@pytest.mark.parametrize("spread", [0.0, 1.0, 3.0])
+@pytest.mark.parametrize("seed", range(40))
+def test_the_least_in_a_box_is_that_of_scipy(seed: int, spread: float) -> None:
+    a, b, low, high = problem(seed, spread)
+    x = box_minimum(a.T @ a, a.T @ b, low, high)
+    best = lsq_linear(a, b, bounds=(low, high), tol=1e-12).x
+    assert np.all((x >= low - 1e-9) & (x <= high + 1e-9))
+    gain = objective(a, b, np.zeros_like(x)) - objective(a, b, best)
+    assert objective(a, b, x) - objective(a, b, best) <= AS_LOW * max(gain, 1e-3)
+    if spread < 3.0:
+        assert x == pytest.approx(best, abs=1e-4)
+
+
+def test_two_columns_that_say_the_same_share_the_box() -> None:
+    a = np.array([[1.0, 1.0], [1.0, 1.0], [0.0, 1e-9]])
+    x = box_minimum(a.T @ a, a.T @ np.array([3.0, 3.0, 0.0]), np.zeros(2), np.full(2, 2.0))
+    assert a[0] @ x == pytest.approx(3.0, rel=1e-3)
+
+
+def test_a_minimum_beyond_the_box_lies_in_its_corner() -> None:
+    low, high = np.array([-1.0, -1.0]), np.array([1.0, 2.0])
+    assert box_minimum(np.eye(2), np.array([5.0, -7.0]), low, high) == pytest.approx([1.0, -1.0])
+    assert box_minimum(np.eye(2), np.array([0.5, 1.5]), low, high) == pytest.approx([0.5, 1.5])
+
+
+@given(st.floats(-50.0, 50.0))
+def test_weights_are_the_slope_of_the_robust_loss(z: float) -> None:
+    step = 1e-5
+    slope = (huber(np.array([z + step])) - huber(np.array([z - step]))) / (2.0 * step)
+    assert slope == pytest.approx(float(weights(np.array([z]))[0]) * z, abs=1e-4)
+
+
+def test_a_large_residual_counts_by_its_magnitude() -> None:
+    assert huber(np.array([2.0, -2.0])) == pytest.approx(4.0)
+    assert huber(np.array([HUBER + 10.0])) == pytest.approx(0.5 * HUBER**2 + 10.0 * HUBER)
+    assert weights(np.array([1.0, -2.0 * HUBER])) == pytest.approx([1.0, 0.5])
+
+
+def test_nuisances_done_away_with_give_the_same_step_as_all_together() -> None:
+    rng = np.random.default_rng(2)
+    j_nu, j_phi, z, nu = rng.normal(size=(60, 4)), rng.normal(size=(60, 3)), rng.normal(size=60), rng.normal(size=4)
+    w = weights(3.0 * z)
+    phi, d_nu = bounded_step(quadratic(z, w, j_nu, j_phi, nu), np.full(3, -1e9), np.full(3, 1e9))
+    both = np.hstack([j_nu, j_phi])
+    prior = np.diag([1.0] * 4 + [0.0] * 3)
+    whole = np.linalg.solve(
+        (both * w[:, None]).T @ both + prior, (both * w[:, None]).T @ z - prior @ np.r_[nu, phi * 0]
+    )
+    assert np.r_[d_nu, phi] == pytest.approx(whole, rel=1e-6)

@@ -1,0 +1,195 @@
+"""A calibration as text for the terminal and as a record for JSON."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from winchcascade import __version__
+from winchcascade.report.check_text import wrapped
+from winchcascade.report.digits import number, places, significant
+from winchcascade.report.wording import plain
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from winchcascade.fit.calibrate import Calibration, Number
+    from winchcascade.quantity import Quantity
+    from winchcascade.rig.backemf import BackEmf
+
+CALIBRATION_SCHEMA = "winchcascade/calibration/1"
+
+SURE = 3.0
+"""A lag of so many standard uncertainties is told."""
+
+LATE = 5e-3
+"""And only if it is longer than this: a logger reads its channels one after the other. [s]"""
+
+BEYOND = 1.96
+"""A number differs from the rig file's beyond so many standard uncertainties of both."""
+
+MISFIT = 1.5
+"""What noise explains has a mean square of 1, which scatters by less than 0.15 over the hundred blocks of a short log."""
+
+_HEAD = ("number", "before", "found", "95 % interval", "unit", "how")
+
+
+def calibration_text(calibration: Calibration, written: Path | None = None) -> str:
+    """What an open circuit says of a rig: its numbers, the regression of the back-EMF, findings; 100 columns at most.
+
+    Parameters
+    ----------
+    written : the rig file that was made of it
+    """
+    run, regression = calibration.run, calibration.regression
+    lines = wrapped(
+        f"{plain(run.name)}: open circuit ({plain(run.load_source)}), {run.samples} samples at {run.fs:.6g} Hz; "
+        f"rig {plain(calibration.rig.name)}"
+    )
+    lines += ["", *_columns([_HEAD, *(_row(n) for n in calibration.numbers)]), ""]
+    lines += [*wrapped(_regression(calibration)), *wrapped(_eq8(regression, calibration))]
+    lines += wrapped(f"cannot be told apart here: {'; '.join(calibration.together) or 'nothing'}")
+    lines += wrapped(f"against rig {plain(calibration.rig.name)}: {_comparison(calibration)}")
+    findings = [*_lag(regression), *_misfit(calibration)]
+    lines.append(f"findings: {len(findings) or 'none'}")
+    for finding in findings:
+        lines += wrapped(finding, indent="  ")
+    if run.findings:
+        lines += wrapped(f"the log itself has {len(run.findings)}: `winchcascade reduce` lists what is wrong with it")
+    if written is not None:
+        kept = [n.name for n in calibration.numbers if not n.new]
+        lines += wrapped(f"rig file: {written}" + (f" ({', '.join(kept)} as before)" if kept else ""))
+    return "\n".join(lines) + "\n"
+
+
+def calibration_record(calibration: Calibration) -> dict[str, Any]:
+    """The calibration as nested records, schema `winchcascade/calibration/1`; numbers in their `unit`."""
+    run, regression = calibration.run, calibration.regression
+    return {
+        "schema": CALIBRATION_SCHEMA,
+        "version": __version__,
+        "log": {"path": run.path, "sha256": run.sha256, "samples": run.samples},
+        "rig": calibration.rig.name,
+        "numbers": [
+            {
+                "section": n.section,
+                "name": n.name,
+                "unit": n.unit,
+                "before": n.before if math.isfinite(n.before) else None,
+                "value": n.value,
+                "low": n.low,
+                "high": n.high,
+                "u": n.u,
+                "how": n.how,
+                "new": n.new,
+            }
+            for n in calibration.numbers
+        ],
+        "regression": {
+            "k_e": regression.k_e,
+            "low": regression.low,
+            "high": regression.high,
+            "r2": regression.r2,
+            "samples": int(regression.rpm.size),
+            "eq8": regression.eq8,
+            "lag_s": regression.lag,
+            "u_lag_s": regression.u_lag,
+        },
+        "together": list(calibration.together),
+        "misfit": calibration.misfit,
+        "strained": [{"name": s.name, "tolerances": s.by} for s in calibration.strained],
+    }
+
+
+def _row(n: Number) -> tuple[str, ...]:
+    """A number with the digits that its uncertainty allows, a very small one as a power of ten."""
+    decimals = places(n.u) if n.u > 0.0 else 6
+    found, low, high = (number(x, decimals) for x in (n.value, n.low, n.high))
+    before = number(n.before, decimals) if math.isfinite(n.before) else "-"
+    return (n.name, before, found, f"{low} to {high}", n.unit, n.how)
+
+
+def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Columns under each other, numbers to the right."""
+    width = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    return [
+        "  ".join(
+            text.rjust(width[k]) if k in (1, 2, 3) else text.ljust(width[k]) for k, text in enumerate(row)
+        ).rstrip()
+        for row in rows
+    ]
+
+
+def _regression(calibration: Calibration) -> str:
+    r = calibration.regression
+    u = (r.high - r.k_e) / BEYOND
+    decimals = places(u)
+    return (
+        f"back-EMF: {r.rpm.size} samples from {r.rpm.min():.0f} to {r.rpm.max():.0f} rpm, R2 = {r.r2:.5f}, "
+        f"k_e = {number(r.k_e, decimals)} V/rpm, 95 % from {number(r.low, decimals)} to {number(r.high, decimals)}; standard "
+        f"uncertainty {100.0 * u / r.k_e:.2f} %, of which the fit {100.0 * r.u_fit / r.k_e:.2f} %, the gain of the Vdc sensor "
+        f"{100.0 * r.u_sensor / r.k_e:.2f} %"
+    )
+
+
+def _eq8(r: BackEmf, calibration: Calibration) -> str:
+    bleed = calibration.rig.dc_link.r_bleed
+    off = r.eq8 / r.k_e - 1.0
+    draws = "" if bleed is None else f" of {bleed.value:g} ohm, {1e3 * r.vdc.max() / bleed.value:.0f} mA at most,"
+    return (
+        f"Eq. 8 alone would read {number(r.eq8, places((r.high - r.k_e) / BEYOND))} V/rpm, {100.0 * abs(off):.1f} % too "
+        f"{'low' if off < 0 else 'high'}: it knows neither what the bleed{draws} nor what the charging capacitor draws through "
+        "the bridge"
+    )
+
+
+def _comparison(calibration: Calibration) -> str:
+    """How the numbers found anew compare with what the rig file says of them."""
+    agree, differ = [], []
+    for n in calibration.numbers:
+        if not n.new or not math.isfinite(n.before):
+            continue
+        given: Quantity | None = getattr(getattr(calibration.rig, n.section), n.name)
+        z = (n.value - n.before) / math.hypot(n.u, (given.tolerance if given else None) or 0.0)
+        if abs(z) <= BEYOND:
+            agree.append(n.name)
+            continue
+        share = 100.0 * abs(n.value / n.before - 1.0) if n.before else math.nan
+        differ.append(
+            f"{n.name} is {significant(share, 2)} % {'above' if z > 0 else 'below'} it, {abs(z):.0f} standard uncertainties of "
+            "both together"
+        )
+    sentences = [f"{_and(agree)} agree{'s' if len(agree) == 1 else ''} within the tolerances"] if agree else []
+    return "; ".join([*sentences, *differ]) or "nothing to compare"
+
+
+def _and(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _lag(r: BackEmf) -> list[str]:
+    """A lag of Vdc, where it is beyond doubt."""
+    if abs(r.lag) <= max(SURE * r.u_lag, LATE):
+        return []
+    when = "late" if r.lag > 0 else "early"
+    return [f"lag: Vdc is recorded {1e3 * abs(r.lag):.0f} ms {when} (95 % within {1e3 * BEYOND * r.u_lag:.0f} ms)"]
+
+
+def _misfit(calibration: Calibration) -> list[str]:
+    """Signs that something else acts on the rig, which then sits in the numbers."""
+    found = []
+    names = _and([n.name for n in calibration.numbers if n.new and n.name != "k_e"] or ["the numbers"])
+    if calibration.misfit > MISFIT:
+        found.append(
+            f"fit: with the numbers found, force, torque and pressure still differ from the model by "
+            f"{math.sqrt(calibration.misfit):.1f} times their noise"
+        )
+    if calibration.strained:
+        strains = _and([f"{s.name} by {abs(s.by):.0f}" for s in calibration.strained])
+        found.append(f"fit: it moves {strains} of their tolerances")
+    if found:
+        found[-1] += (
+            f"; something else acts on this rig, part of it may sit in {names}: `winchcascade diagnose` tells what"
+        )
+    return found

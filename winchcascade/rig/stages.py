@@ -1,0 +1,304 @@
+"""Stage by stage: what each part of a rig gives for what was measured at its own door.
+
+Driven from the line's motion alone, a model carries every error down to its end. Here each stage is given its own measured
+inputs, so that an error upstream neither hides nor fakes one downstream, and a rig with only some of the stages is told what
+they say.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Literal
+
+import msgspec
+import numpy as np
+from numba import njit
+
+from winchcascade.errors import LogError
+from winchcascade.order import median
+from winchcascade.rig.backemf import RPM_LEAST
+from winchcascade.rig.bridge import bridge_currents, bridge_table
+from winchcascade.rig.generator import NO_ROLLOFF, ROLLOFF_KNOTS
+from winchcascade.rig.kernel import LINE, REST, SHAFT, TURN, constants, run_line, run_shaft
+from winchcascade.rig.motion import SAMPLES, motion_of
+from winchcascade.smooth import local_quadratic
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from numpy.typing import NDArray
+
+    from winchcascade.rig.model import Model
+    from winchcascade.rig.sensors import Sensors
+    from winchcascade.run import Run, Signal
+
+Stage = Literal["restoring", "transmission", "gearbox", "generator", "load"]
+
+STEP = 1e-3
+"""Step at which the gas and the clutch are followed. [s]"""
+
+MOVING = 0.03
+"""Slower than this, friction only bounds the force, and the torque that follows from it. [m/s]"""
+
+CONDUCTING = 0.5
+"""The bridge tells the DC voltage while it carries at least this share of what the load takes."""
+
+ACCELERATION = 0.4
+"""Width of the local quadratic whose slope is the line's acceleration, where no model of the rig is known. [s]"""
+
+
+class StageOutput(msgspec.Struct, frozen=True):
+    """What one stage gives: `predicted` (n,) of a `channel` at the log's stamps, SI units, as its sensor would read it.
+
+    `inputs` are the measured channels it follows from. NaN where the stage cannot say: at rest, or with the clutch open.
+    """
+
+    stage: Stage
+    channel: str
+    inputs: tuple[str, ...]
+    predicted: Signal
+
+
+class _Drive(msgspec.Struct, frozen=True):
+    """What drives the stages, at the stamps, (n,) each, SI units: line motion, channels freed of the sensors' errors.
+
+    `gauge` is the pressure of the gas along the motion, `engaged` tells where the clutch carries torque, `rpm` is the speed
+    of the generator there. `i_load` is the current of the load, `i_bridge` with that of the capacitor.
+    """
+
+    x: Signal
+    v: Signal
+    a: Signal
+    seen: Mapping[str, Signal]
+    gauge: Signal
+    engaged: NDArray[np.bool_]
+    rpm: Signal
+    i_load: Signal
+    i_bridge: Signal
+
+
+def stage_outputs(run: Run, model: Model) -> tuple[StageOutput, ...]:
+    """Give what each stage of a rig makes of its own measured inputs, in order from the line to the load.
+
+    restoring : pressure of the gas, from the line's motion
+    transmission : torque behind the clutch, from line force, motion and pressure: what screw, losses and inertia leave of it
+    gearbox : the same torque, from the shaft's speed and the power across the air gap, which Vdc and Idc ask for
+    generator : Vdc, from the shaft's speed and the current that Idc and the capacitor take
+    load : Idc, from Vdc; only where the load is known and no open circuit
+
+    A stage whose inputs the log lacks is left out. Which torque the clutch carries at all is taken from the model along the
+    motion, so from no measured force, torque or voltage. In open circuit the bleed is the load, and Idc is not looked at.
+    """
+    electric = ("vdc",) if run.open_circuit else ("vdc", "idc")
+    drive = _drive(run, model)
+    laws: tuple[tuple[Stage, str, tuple[str, ...], Callable[[], Signal]], ...] = (
+        ("restoring", "pressure", ("velocity",), lambda: drive.gauge),
+        ("transmission", "torque", ("velocity", "force", "pressure"), lambda: _torque_of_line(model, drive)),
+        ("gearbox", "torque", ("velocity", *electric), lambda: _torque_of_shaft(model, drive)),
+        ("generator", "vdc", ("velocity", *electric), lambda: _voltage(model, drive)),
+        ("load", "idc", ("vdc",), lambda: drive.seen["vdc"] / _resistance(run, model)),
+    )
+    return tuple(
+        StageOutput(stage, channel, inputs, _read(run, model, channel, law()))
+        for stage, channel, inputs, law in laws
+        if set(inputs) <= set(run.channels) and (stage != "load" or math.isfinite(_resistance(run, model)))
+    )
+
+
+def _resistance(run: Run, model: Model) -> float:
+    """Resistance of the load, inf where it is not known or there is none. [ohm]"""
+    return math.inf if run.load is None else run.load * (1.0 + model.dc_link.load_change)
+
+
+def _drive(run: Run, model: Model) -> _Drive:
+    motion = motion_of(run, STEP)
+    numbers = constants(model, math.inf if run.load is None else run.load)
+    shaft, line = np.empty((motion.t.size, len(SHAFT))), np.empty((motion.t.size, len(LINE)))
+    run_shaft(motion.v, motion.step, numbers, bridge_table(), shaft)
+    run_line(motion.x, motion.v, motion.a, motion.step, numbers, np.zeros(motion.t.size), line)
+    carries = np.interp(run.t, motion.t, (shaft[:, SHAFT.index("clutch")] > 0.0).astype(np.float64))
+    x, v, a, gauge = (np.interp(run.t, motion.t, y) for y in (motion.x, motion.v, motion.a, line[:, 0]))
+    seen = _as_they_were(run, model.sensors)
+    i_load, i_bridge = _currents(run, model, seen)
+    return _Drive(
+        x=x,
+        v=v,
+        a=a,
+        seen=seen,
+        gauge=gauge,
+        engaged=(carries == 1.0) & (v > MOVING),
+        rpm=v / model.winch.r_drum * model.drivetrain.gear * 30.0 / math.pi,
+        i_load=i_load,
+        i_bridge=i_bridge,
+    )
+
+
+def _as_they_were(run: Run, sensors: Sensors) -> dict[str, Signal]:
+    """Channels without the gains, zeros and lag that the model knows of its sensors."""
+    found = {}
+    for name, x in run.channels.items():
+        then = np.interp(run.t + sensors.electrical_lag, run.t, x) if name in ("vdc", "idc") else x
+        found[name] = (then - sensors.zero.get(name, 0.0)) / (1.0 + sensors.gain.get(name, 0.0))
+    return found
+
+
+def _read(run: Run, model: Model, channel: str, x: Signal) -> Signal:
+    """A channel as the model's sensors would have logged it."""
+    sensors = model.sensors
+    late = channel in ("vdc", "idc") and sensors.electrical_lag
+    return sensors.read(channel, np.interp(sensors.late(run.t), run.t, x) if late else x)
+
+
+def _currents(run: Run, model: Model, seen: Mapping[str, Signal]) -> tuple[Signal, Signal]:
+    """Currents of the load and of the bridge, which charges the capacitor too, (n,) each [A]; NaN where Vdc is not logged."""
+    unknown = np.full(run.t.size, np.nan)
+    if "vdc" not in seen:
+        return unknown, unknown
+    smooth = local_quadratic(run.t, seen["vdc"], SAMPLES / run.fs)
+    load = smooth / model.dc_link.r_bleed if run.open_circuit else seen.get("idc", unknown)
+    return load, load + model.dc_link.c_dc * np.gradient(smooth, run.t)
+
+
+def _torque_of_line(model: Model, drive: _Drive) -> Signal:
+    """Torque that the line force leaves for the clutch, (n,) [N m]: `kernel.run_line` the other way round."""
+    winch, gas = model.winch, model.restoring
+    direction = np.tanh(drive.v / REST)
+    thrust = drive.seen["pressure"] * gas.area + gas.seal_friction * direction
+    thread = 0.5 * (1.0 + direction) / gas.eta_forward + 0.5 * (1.0 - direction) * gas.eta_reverse
+    lost = winch.friction * direction + winch.drag * drive.v / winch.r_drum
+    pull = drive.seen["force"] * winch.r_drum * (1.0 + winch.layering * drive.x)
+    torque = pull - gas.lead * thrust * thread - lost - winch.inertia * drive.a / winch.r_drum
+    return np.where(np.abs(drive.v) > MOVING, torque, np.nan)
+
+
+def _torque_of_shaft(model: Model, drive: _Drive) -> Signal:
+    """Torque that the fast shaft asks of the clutch, (n,) [N m].
+
+    The machine's is that of the power across the air gap (Vdc + 2 V_d) I + 3 r_s i_s^2: neither k_e nor its roll-off enters.
+    """
+    shaft, machine = model.drivetrain, model.generator
+    omega = drive.rpm * math.pi / 30.0
+    known = drive.engaged & (drive.rpm > RPM_LEAST)
+    v_total, current = drive.seen["vdc"] + 2.0 * machine.v_diode, np.maximum(drive.i_bridge, 0.0)
+    reactance = machine.pole_pairs * np.maximum(omega, 1.0) * machine.l_s
+    i_s = _stator_currents(np.maximum(v_total, 0.0), current, machine.r_s, reactance, bridge_table())
+    torque_em = (v_total * current + 3.0 * machine.r_s * i_s**2) / np.maximum(omega, 1.0)
+    drag = shaft.b_rotor * omega + shaft.windage * omega * np.abs(omega) + shaft.friction * np.tanh(omega / TURN)
+    speeding = shaft.inertia_rotor * drive.a / model.winch.r_drum * shaft.gear
+    return np.where(known, shaft.gear / shaft.eta_mesh * (torque_em + drag + speeding), np.nan)
+
+
+def _voltage(model: Model, drive: _Drive) -> Signal:
+    """DC voltage at which the machine gives the bridge's current, (n,) [V].
+
+    Roll-off needs the stator current, which the bridge's current sets nearly alone, so a few rounds settle it.
+    """
+    machine = model.generator
+    reactance = machine.pole_pairs * np.maximum(drive.rpm, 1.0) * math.pi / 30.0 * machine.l_s
+    known = drive.engaged & (drive.rpm > RPM_LEAST) & (drive.i_bridge > CONDUCTING * np.maximum(drive.i_load, 0.0))
+    known &= drive.i_bridge > 0.0
+    v_ll, current = machine.k_e * np.maximum(drive.rpm, 0.0), np.where(known, drive.i_bridge, 0.0)
+    left_at = _roll_off(machine.rolloff)
+    i_s = np.zeros_like(v_ll)
+    for _ in range(1 if machine.rolloff == NO_ROLLOFF else ROUNDS):
+        v_total, i_s = _dc_voltages(v_ll * left_at(i_s), current, machine.r_s, reactance, bridge_table())
+    return np.where(known & (v_total > 0.0), v_total - 2.0 * machine.v_diode, np.nan)
+
+
+ROUNDS = 8
+"""Rounds in which stator current and roll-off settle."""
+
+
+def _roll_off(left: tuple[float, ...]) -> Callable[[Signal], Signal]:
+    """What is left of the back-EMF constant at a stator current, by the kernel's monotone cubic. [1]"""
+    if left == NO_ROLLOFF:
+        return np.ones_like
+    from scipy.interpolate import PchipInterpolator
+
+    curve = PchipInterpolator(ROLLOFF_KNOTS, (1.0, *left))
+    return lambda i_s: np.asarray(curve(np.minimum(i_s, ROLLOFF_KNOTS[-1])), dtype=np.float64)
+
+
+@njit(cache=True)
+def _stator_currents(v_total: Signal, i_dc: Signal, r_s: float, reactance: Signal, table: Signal) -> Signal:
+    """Stator current of a bridge that carries a current into a voltage: the back-EMF for it by bisection. [A]"""
+    found = np.zeros_like(v_total)
+    for n in range(v_total.size):
+        low, high = v_total[n] / math.sqrt(2.0), 3.0 * v_total[n] + 10.0 * i_dc[n] * (r_s + reactance[n])
+        for _ in range(50):
+            middle = 0.5 * (low + high)
+            i_b, found[n] = bridge_currents(v_total[n], middle, r_s, reactance[n], table)
+            if i_b < i_dc[n]:
+                low = middle
+            else:
+                high = middle
+    return found
+
+
+@njit(cache=True)
+def _dc_voltages(v_ll: Signal, i_dc: Signal, r_s: float, reactance: Signal, table: Signal) -> tuple[Signal, Signal]:
+    """Voltage behind the bridge, diodes included, at which a back-EMF gives a current, and the stator current. [V, A]"""
+    voltage, i_s = np.zeros_like(v_ll), np.zeros_like(v_ll)
+    for n in range(v_ll.size):
+        low, high = 0.0, math.sqrt(2.0) * v_ll[n]
+        for _ in range(50):
+            voltage[n] = 0.5 * (low + high)
+            i_b, i_s[n] = bridge_currents(voltage[n], v_ll[n], r_s, reactance[n], table)
+            if i_b > i_dc[n]:
+                low = voltage[n]
+            else:
+                high = voltage[n]
+    return voltage, i_s
+
+
+def line_power(run: Run, mass_extra: float = 0.0, force: float = 0.0, b_line: float = 0.0) -> Signal:
+    """Give the mechanical power at the winch from line force and speed, in line units: no drum radius is needed, (n,) [W].
+
+    P = v (F - m dv/dt - F_0 sgn v - b v): what the tether brings, less what speeds the winch up and what is lost on the way. As
+    `power_mech`, it is positive while the line drives the winch; in haul-in the winch gives more than the tether takes.
+
+    Parameters
+    ----------
+    mass_extra : what turns with the line, as a mass on it [kg]
+    force : constant friction, against the motion [N]
+    b_line : drag in proportion to the speed [N s/m]
+
+    Raises
+    ------
+    LogError : the log has no line force
+    """
+    if "force" not in run.channels:
+        raise LogError(f"{run.name}: no line force, which the power of the line follows from; log it.")
+    v = run.channels["velocity"]
+    taken = force * np.tanh(v / REST) + b_line * v
+    if mass_extra:
+        taken = taken + mass_extra * acceleration(run.t, v)
+    power: Signal = v * (run.channels["force"] - taken)
+    return power
+
+
+def acceleration(t: Signal, v: Signal, width: float = ACCELERATION) -> Signal:
+    """Slope of the quadratic fitted around each sample of a velocity, (n,) [m/s2]; NaN where fewer than three stamps carry it.
+
+    Examples
+    --------
+    >>> t = np.arange(0.0, 2.0, 0.1)
+    >>> bool(np.allclose(acceleration(t, t**2), 2.0 * t))
+    True
+    """
+    reach = 0.5 * width * (1.0 + 1e-6)
+    half = max(int(reach / median(np.diff(t))), 1)
+    sums = np.zeros((5, t.size))
+    moments = np.zeros((3, t.size))
+    for k in range(-half, half + 1):
+        at = np.clip(np.arange(t.size) + k, 0, t.size - 1)
+        u = (t[at] - t) / reach
+        inside = (np.abs(u) <= 1.0) & (at == np.arange(t.size) + k)
+        powers = np.where(inside, u ** np.arange(5)[:, None], 0.0)
+        sums += powers
+        moments += powers[:3] * v[at]
+    normal = sums[np.add.outer(np.arange(3), np.arange(3))].transpose(2, 0, 1)
+    sound = np.linalg.det(normal) > 1e-9 * np.maximum(sums[0], 1.0) ** 3
+    slope = np.full(t.size, np.nan)
+    slope[sound] = np.linalg.solve(normal[sound], moments.T[sound, :, None])[:, 1, 0] / reach
+    return slope
