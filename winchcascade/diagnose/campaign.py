@@ -197,7 +197,9 @@ def _verdict(alarms: Sequence[Alarm], closure: Closure) -> str:
 
 
 def _worst(alarms: Sequence[Alarm]) -> str:
-    return alarms[0].where if alarms else ""
+    """Where the remainder shows most; a nuisance that was pulled too far only where no channel shows it."""
+    shown = [alarm for alarm in alarms if alarm.kind != "nuisance"] or alarms
+    return shown[0].where if shown else ""
 
 
 def _experiment(data: Fitted, suspects: Suspects, found: Found, causes: Sequence[Cause]) -> Experiment | None:

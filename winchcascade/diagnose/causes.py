@@ -75,7 +75,7 @@ def causes_of(data: Fitted, suspects: Suspects, found: Found) -> tuple[Cause, ..
                 stage=suspects[name].stage,
                 probability=sum(p for names, p in chance.items() if name in names),
                 parameters=parameters_of(suspects, best, name, found.scale),
-                rivals=tuple(_named(data, suspects, best, fit, name, chance) for fit in swapped[name])[:RIVALS],
+                rivals=tuple(_named(data, best, fit, chance) for fit in swapped[name])[:RIVALS],
                 weight=weight,
             )
         )
@@ -145,7 +145,7 @@ def _rivals(data: Fitted, suspects: Suspects, found: Found, name: str) -> list[F
     return sorted(fits, key=lambda fit: -evidence_of(fit, found.scale))
 
 
-def _named(data: Fitted, suspects: Suspects, best: Fit, rival: Fit, name: str, chance: dict[Names, float]) -> Rival:
+def _named(data: Fitted, best: Fit, rival: Fit, chance: dict[Names, float]) -> Rival:
     effect = next(n for n in rival.names if n not in best.names)
     return Rival(effect, chance[tuple(sorted(rival.names))], _told_apart(data, best, rival))
 

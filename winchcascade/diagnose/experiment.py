@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -19,6 +20,8 @@ from winchcascade.run import Run
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from numpy.typing import NDArray
 
     from winchcascade.fit.campaign import Fitted
     from winchcascade.rig.model import Model
@@ -59,9 +62,7 @@ def plan(data: Fitted, suspects: Suspects, best: Fit, rival: Fit, separates: tup
     loads = sorted({log.load for log in data.logs})
     tried = list(dict.fromkeys([loads[0], loads[len(loads) // 2], loads[-1]]))
     options = [(load, share * speed) for load in tried for share in SPEEDS]
-    scores = side_by_side(
-        [lambda o=o: np.array([_score(data, suspects, best, rival, o[0], o[1], length)]) for o in options]
-    )
+    scores = side_by_side([partial(_score, data, suspects, best, rival, load, v, length) for load, v in options])
     z, (load, v) = max(((float(s[0]), o) for s, o in zip(scores, options, strict=True)), key=lambda pair: pair[0])
     return Experiment(load, v, length, separates, z)
 
@@ -89,7 +90,8 @@ def _planned(load: float, speed: float, length: float, fs: float) -> Run:
     return Run(name="planned", t=t, channels={"velocity": velocity}, fs=fs, samples=t.size, load=load)
 
 
-def _score(data: Fitted, suspects: Suspects, best: Fit, rival: Fit, load: float, speed: float, length: float) -> float:
+def _score(data: Fitted, suspects: Suspects, best: Fit, rival: Fit, load: float, speed: float, length: float) -> Signal:
+    """Significance with which one planned cycle tells the fits apart, (1,). [sigma]"""
     run = _planned(load, speed, length, data.logs[0].run.fs)
     blocks = blocks_of(run, data.rig)
     course = Course(run, blocks)
@@ -111,10 +113,10 @@ def _score(data: Fitted, suspects: Suspects, best: Fit, rival: Fit, load: float,
     j = np.column_stack([j, *own])
     prior = np.eye(j.shape[1])
     if own:
-        prior[-len(own) :, -len(own) :] = rival.curve
+        prior[-len(own) :, -len(own) :] = rival.curve + np.diag((rival.high - rival.low) ** -2.0)
     pull = j.T @ z
     left = float(z @ z - pull @ np.linalg.solve(j.T @ j + prior, pull))
-    return math.sqrt(max(left, 0.0))
+    return np.array([math.sqrt(max(left, 0.0))])
 
 
 def _model(rig: Rig, data: Fitted, suspects: Suspects, fit: Fit) -> Model:
@@ -153,8 +155,8 @@ def _fields_moved(data: Fitted, suspects: Suspects, fit: Fit) -> Sequence[tuple[
     return moved
 
 
-def _noise(data: Fitted, phase: Signal) -> Signal:
-    """Noise of planned blocks, (m, 5): the median of the campaign's in the same phase; without bound where a channel tells nothing."""
+def _noise(data: Fitted, phase: NDArray[np.intp]) -> Signal:
+    """Noise of planned blocks, (m, 5): the median of the campaign's in the same phase; inf where a channel tells nothing."""
     sd = np.full((phase.size, len(CHANNELS)), math.inf)
     for p in range(len(PHASES)):
         for k in range(len(CHANNELS)):

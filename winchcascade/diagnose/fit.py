@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -94,7 +95,7 @@ def all_columns(
         return columns_of(data, nu, others, suspects[name], values.get(name, freedom(suspects[name]).absent))
 
     names = list(wanted)
-    return dict(zip(names, side_by_side([lambda name=name: job(name) for name in names]), strict=True))
+    return dict(zip(names, side_by_side([partial(job, name) for name in names]), strict=True))
 
 
 def fit_set(

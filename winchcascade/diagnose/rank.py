@@ -36,6 +36,12 @@ ROUNDS = 8
 MOST = 9
 """No set is larger."""
 
+CLEARLY = 3.5
+"""The smaller set wins unless the larger one has so much more evidence: odds of thirty to one, prices paid."""
+
+MANY, HOPELESS = 5, 2.0
+"""So many causes that still leave blocks this far beyond their noise, in mean squares, will not be saved by one more."""
+
 FURTHER = 2
 """The closed form is trusted with so many causes beyond those of the fit about which it was expanded."""
 
@@ -148,7 +154,7 @@ def screen(linear: Linear, scale: float, begin: Sequence[Names]) -> list[Names]:
 
 
 class Found(msgspec.Struct, frozen=True):
-    """What a search found: the best fit, the one without any cause, every refit by its set, and the expansion about the best."""
+    """What a search found: the best fit, the one without any cause, every refit by its set, the expansion about the best."""
 
     best: Fit
     null: Fit
@@ -185,16 +191,42 @@ def search(data: Fitted, suspects: Suspects, tell: Callable[[str], None] = lambd
             fits[names] = _better(fits.get(names), fit_set(data, suspects, names, start=start, quick=True))
         scale = min(scale_of(fit) for fit in fits.values())
         top = max(fits.values(), key=lambda fit: evidence_of(fit, scale))
-        if top.names == best.names:
+        if top.names == best.names or (len(best.names) >= MANY and scale_of(best) > HOPELESS):
             break
         best = fit_set(data, suspects, top.names, start=_without_nuisances(data, suspects, top), passing=True)
         linear, start = linearise(data, suspects, best, start.columns)
         fits[top.names] = best = start
         begin = [best.names]
-    if best.names:
-        final = fit_set(data, suspects, best.names, start=start)
-        best = fits[best.names] = msgspec.structs.replace(final, columns={**start.columns, **final.columns})
+    best, linear = _smallest(data, suspects, fits, start if best.names else best, linear, scale)
     return Found(best, null, fits, linear, scale)
+
+
+def _smallest(
+    data: Fitted, suspects: Suspects, fits: dict[Names, Fit], best: Fit, linear: Linear, scale: float
+) -> tuple[Fit, Linear]:
+    """The smallest set that is not clearly worse: causes whose loss costs little evidence are left out, one by one."""
+    while best.names:
+        best = _finished(data, suspects, best)
+        fits[best.names] = best
+        least: tuple[float, Fit] | None = None
+        for gone in best.names:
+            names = tuple(n for n in best.names if n != gone)
+            if linear.evidence(best.names, scale) - linear.evidence(names, scale) > 4.0 * CLEARLY:
+                continue
+            fits[names] = _better(fits.get(names), fit_set(data, suspects, names, start=best, quick=True))
+            lost = evidence_of(best, scale) - evidence_of(fits[names], scale)
+            if lost < CLEARLY and (least is None or lost < least[0]):
+                least = lost, fits[names]
+        if least is None:
+            break
+        linear, best = linearise(data, suspects, least[1], best.columns)
+    return best, linear
+
+
+def _finished(data: Fitted, suspects: Suspects, fit: Fit) -> Fit:
+    """A fit carried to its end, with the columns of every suspect."""
+    final = fit_set(data, suspects, fit.names, start=fit)
+    return msgspec.structs.replace(final, columns={**fit.columns, **final.columns})
 
 
 def _better(one: Fit | None, other: Fit) -> Fit:

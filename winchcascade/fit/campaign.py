@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from itertools import pairwise
 from typing import TYPE_CHECKING, Protocol
 
 import msgspec
@@ -84,7 +86,7 @@ class Fitted:
         self.logs = [_log(run, rig, self.nominal, span) for run, span in zip(runs, spans, strict=True)]
         self.sizes = [log.measured.shape[0] for log in self.logs]
         ends = np.cumsum([0, *self.sizes])
-        self.rows = [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        self.rows = [slice(int(a), int(b)) for a, b in pairwise(ends)]
         self.withheld = frozenset(withheld)
         self.whitener = np.concatenate([log.whitener * (k not in withheld) for k, log in enumerate(self.logs)])
         self.joined = np.concatenate([log.course.blocks.joined for log in self.logs])
@@ -121,7 +123,7 @@ class Fitted:
         models = self.models(nu, effects)
         which = range(len(self.logs)) if logs is None else sorted(logs)
         skew = self.skew(nu)
-        parts = side_by_side([lambda k=k: self.logs[k].course.predict(models[k], skew=skew) for k in which])
+        parts = side_by_side([partial(self.logs[k].course.predict, models[k], skew=skew) for k in which])
         zeros = np.zeros((len(self.logs), len(CHANNELS)))
         for n, x in zip(self.nuisances, nu, strict=True):
             if n.kind == "zero":
@@ -136,7 +138,8 @@ class Fitted:
     def whiten(self, residual: Signal) -> Signal:
         """Residual blocks as independent numbers of unit variance, (M * 5, ...) from (M, 5, ...).
 
-        A channel that says nothing in a block gives zeros, and so does a log that is withheld. Within a phase, a share `RHO` of the block before is taken off.
+        A channel that says nothing in a block gives zeros, and so does a log that is withheld. Within a phase, a share `RHO` of
+        the block before is taken off.
         """
         flat = residual.reshape(residual.shape[0], len(CHANNELS), -1)
         z = self.whitener @ flat
@@ -177,16 +180,14 @@ class Fitted:
                 moved = nu.copy()
                 moved[j] += 1.0
                 bent, late = self.models(moved, effects), self.skew(moved)
-                for k, log in enumerate(self.logs):
+                for number, log in enumerate(self.logs):
                     if n.kind in ("rig", "law", "timing") or n.load == log.load:
-                        jobs.append(lambda model=bent[k], log=log, late=late: log.course.predict(model, skew=late))
-                        owners.append((j, self.rows[k], k))
+                        jobs.append(partial(log.course.predict, bent[number], skew=late))
+                        owners.append((j, self.rows[number], number))
         skew = self.skew(nu)
-        here = side_by_side(
-            [lambda k=k: self.logs[k].course.predict(models[k], skew=skew) for k in range(len(self.logs))]
-        )
-        for (j, rows, k), moved_to in zip(owners, side_by_side(jobs), strict=True):
-            columns[rows, :, j] = moved_to - here[k]
+        here = side_by_side([partial(self.logs[k].course.predict, models[k], skew=skew) for k in range(len(self.logs))])
+        for (j, rows, number), moved_to in zip(owners, side_by_side(jobs), strict=True):
+            columns[rows, :, j] = moved_to - here[number]
         return columns
 
 

@@ -26,9 +26,9 @@ OF_THE_MODEL = {
     ("winch", "inertia"): 0.07,
     ("drivetrain", "inertia_rotor"): 0.03,
 }
-"""How well the model itself knows a number, as a share of it, beside the tolerance of the rig file. Generator: the ideal bridge on a
-stiff DC link is within about 0.1 % of Vdc of a switched circuit with a finite capacitor, which these shares move as much.
-Inertias: the acceleration of a smoothed velocity is short of the true one by some hundredths where the motion turns."""
+"""How well the model itself knows a number, as a share of it, beside the tolerance of the rig file. Generator: the ideal
+bridge on a stiff DC link is within about 0.1 % of Vdc of a switched circuit with a finite capacitor, which these shares move as
+much. Inertias: the acceleration of a smoothed velocity is short of the true one by some hundredths where the motion turns."""
 
 ABSENT = {
     ("winch", "friction"): (0.25, "N.m"),
@@ -36,8 +36,8 @@ ABSENT = {
     ("drivetrain", "friction"): (0.005, "N.m"),
     ("drivetrain", "clutch_drag"): (0.15, "N.m"),
 }
-"""How well it is known that a law is absent, by part and number of the model: no rig is quite free of dry friction, and the model
-is off by as much where the motion begins and ends. About what the zeros of torque and force are known to; assumed."""
+"""How well it is known that a law is absent, by part and number of the model: no rig is quite free of dry friction, and the
+model is off by as much where the motion begins and ends. About what the zeros of torque and force are known to; assumed."""
 
 SKEW = 0.05
 """Channels of a logger are read one after the other: against the velocity each by this share of a sample's interval, one
@@ -47,8 +47,9 @@ standard uncertainty, assumed. The pressure changes too slowly to tell. [1]"""
 class Nuisance(msgspec.Struct, frozen=True):
     """One deviation that every fit allows within its tolerance `sd`, one standard uncertainty in `unit`.
 
-    `kind` is `rig` (a number `name` of a section, the same in every log), `law` (one of the model that a rig has not), `load` (relative, of one load [ohm]), `gain` (relative,
-    of the sensor of a channel), `timing` (by how much that sensor is read late) or `zero` (of that sensor in one log, by its number).
+    `kind` is `rig` (a number `name` of a section, the same in every log), `law` (one of the model that a rig has not), `load`
+    (relative, of one load [ohm]), `gain` (relative, of the sensor of a channel), `timing` (by how much that sensor is read
+    late) or `zero` (of that sensor in one log, by its number).
     """
 
     kind: Literal["rig", "law", "load", "gain", "timing", "zero"]

@@ -10,7 +10,7 @@ import numpy as np
 
 from winchcascade.rig.bridge import bridge_table
 from winchcascade.rig.kernel import LINE, SHAFT, constants, run_line, run_shaft
-from winchcascade.rig.motion import motion_of
+from winchcascade.rig.motion import Motion, motion_of
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from winchcascade.fit.blocks import Blocks
     from winchcascade.rig.kernel import Constants
     from winchcascade.rig.model import Model
-    from winchcascade.rig.motion import Motion
     from winchcascade.run import Run, Signal
 
 CHANNELS = ("pressure", "force", "torque", "vdc", "idc")
@@ -55,7 +54,7 @@ class Course:
         self.every = max(round(GRID / step), 1)
         self.coarse = _thinned(self.motion, self.every)
         self.matrix = _averaging(run, blocks, self.coarse.t)
-        self._kept: dict[tuple[float, ...], Kept] = {}
+        self._kept: dict[tuple[float | tuple[float, ...], ...], Kept] = {}
 
     def shaft(self, numbers: Constants, gain: float = 1.0) -> Kept:
         """Solve the shaft, or take the solution of the same numbers; `gain` scales the line's velocity."""
@@ -88,11 +87,9 @@ class Course:
         if sensors.electrical_lag:
             late = sensors.late(at.t)
             vdc, idc = np.interp(late, at.t, vdc), np.interp(late, at.t, idc)
-        seen = (line[:, 0], line[:, 1], line[:, 2], vdc, idc)
+        seen = [line[:, 0], line[:, 1], line[:, 2], vdc, idc]
         if skew is not None:
-            seen = tuple(
-                np.interp(at.t - late, at.t, x) if late else x for x, late in zip(seen, skew.tolist(), strict=True)
-            )
+            seen = [np.interp(at.t - late, at.t, x) if late else x for x, late in zip(seen, skew.tolist(), strict=True)]
         return np.column_stack([sensors.read(name, x) for name, x in zip(CHANNELS, seen, strict=True)])
 
     def predict(self, model: Model, gain: float = 1.0, skew: Signal | None = None) -> Signal:
@@ -116,8 +113,8 @@ MOST_KEPT = 48
 
 
 def _thinned(motion: Motion, every: int) -> Motion:
-    x = (column[::every].copy() for column in (motion.t, motion.x, motion.v, motion.a))
-    return type(motion)(*x, motion.step * every)
+    t, x, v, a = (column[::every].copy() for column in (motion.t, motion.x, motion.v, motion.a))
+    return Motion(t, x, v, a, motion.step * every)
 
 
 def _averaging(run: Run, blocks: Blocks, grid: Signal) -> csr_array:

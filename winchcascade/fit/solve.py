@@ -15,9 +15,13 @@ HUBER = 3.0
 """Whitened residuals beyond this count by their magnitude, not by their square (Huber 1964)."""
 
 
+WILD = 1e6
+"""A residual counts as no larger than this, and so does one of numbers with which nothing can be simulated."""
+
+
 def huber(z: Signal) -> float:
     """Robust half sum of squares of whitened residuals. [1]"""
-    size = np.abs(z)
+    size = np.minimum(np.nan_to_num(np.abs(z), nan=WILD, posinf=WILD), WILD)
     return float(np.sum(np.where(size <= HUBER, 0.5 * size * size, HUBER * (size - 0.5 * HUBER))))
 
 
@@ -30,8 +34,8 @@ def weights(z: Signal) -> Signal:
 class Quadratic(msgspec.Struct, frozen=True):
     """A fit's objective near a place, with the nuisances done away with.
 
-    `curve` (k, k) and `slope` (k,) are those of the effects' numbers; `back` (n, k) and `own` (n,) give the nuisances that belong
-    to a step of these, `inner` (n, n) is the nuisances' own curvature with their prior.
+    `curve` (k, k) and `slope` (k,) are those of the effects' numbers; `back` (n, k) and `own` (n,) give the nuisances that
+    belong to a step of these, `inner` (n, n) is the nuisances' own curvature with their prior.
     """
 
     curve: Signal
@@ -47,8 +51,8 @@ def quadratic(z: Signal, w: Signal, j_nu: Signal, j_phi: Signal, nu: Signal) -> 
     inner = weighted.T @ j_nu + np.eye(j_nu.shape[1])
     pull = weighted.T @ z - nu
     across = weighted.T @ j_phi
-    own = np.linalg.solve(inner, pull)
-    back = np.linalg.solve(inner, across)
+    own = np.linalg.solve(inner, pull).astype(np.float64)
+    back = np.linalg.solve(inner, across).astype(np.float64)
     curve = (j_phi * w[:, None]).T @ j_phi - across.T @ back
     slope = (j_phi * w[:, None]).T @ z - across.T @ own
     return Quadratic(0.5 * (curve + curve.T), slope, back, own, inner)

@@ -2,8 +2,8 @@
 
 The line's motion is given, so force and pressure follow from it at once; what has a state is the fast shaft behind clutch
 and shaft spring, the gas's temperature and the DC link. All are stepped by the trapezoidal rule, linearly implicitly (the
-spring by its own stiffness, the DC link by the slope of the bridge's characteristic), so the error falls with the square of
-the step.
+spring by its own stiffness, the DC link by the slope of the bridge's characteristic, dry friction by its own), so the error
+falls with the square of the step.
 """
 
 from __future__ import annotations
@@ -38,6 +38,10 @@ REST = 0.01
 
 TURN = 0.5
 """And that of the fast shaft within this speed. [rad/s]"""
+
+
+LEAST_VOLUME = 0.01
+"""A fit may try numbers with which the gas would vanish: no less than this share of it is left. [1]"""
 
 
 class Constants(NamedTuple):
@@ -200,9 +204,13 @@ def run_shaft(v: Signal, dt: float, c: Constants, table: Signal, out: Signal) ->
         # fast shaft, from here to the next step, by the trapezoidal rule
         drum_half = omega_drum if n + 1 == v.size else 0.5 * (v[n] + v[n + 1]) / c.r_drum
         losses = 0.5 * (c.b_rotor + c.windage * abs(half_way))
-        driven = (mass - losses) * omega - torque_em
+        dry = 0.0
         if c.friction != 0.0:
-            driven -= c.friction * math.tanh(half_way / TURN)
+            turned = math.tanh(half_way / TURN)
+            steep = c.friction * (1.0 - turned * turned) / TURN
+            losses += 0.5 * steep
+            dry = c.friction * turned - steep * half_way
+        driven = (mass - losses) * omega - torque_em - dry
         after = (driven + share * (c.k_shaft * twist + stiff * (drum_half - 0.5 * omega / c.gear))) / (
             mass + losses + 0.5 * share * stiff / c.gear
         )
@@ -241,7 +249,7 @@ def run_line(x: Signal, v: Signal, a: Signal, dt: float, c: Constants, torque: S
         omega_drum = v[n] / c.r_drum
         direction = math.tanh(v[n] / REST)
         # gas: isothermal, and hotter by what its compression has not yet given away
-        volume = c.volume - c.area * c.lead * x[n] / c.r_drum
+        volume = max(c.volume - c.area * c.lead * x[n] / c.r_drum, LEAST_VOLUME * c.volume)
         gauge = c.pressure * (c.volume / volume) - ATMOSPHERE
         if c.exponent != 1.0:
             squeezed = math.log(c.volume / volume)
