@@ -168,7 +168,7 @@ class Fitted:
         """What one tolerance of each nuisance moves, (M, 5, nuisances), SI units; parameters as above."""
         columns = np.zeros((*at.shape, len(self.nuisances)))
         jobs: list[Callable[[], Signal]] = []
-        owners: list[tuple[int, slice, float]] = []
+        owners: list[tuple[int, slice, int]] = []
         models = self.models(nu, effects)
         for j, n in enumerate(self.nuisances):
             if n.kind == "zero":

@@ -18,7 +18,13 @@ if TYPE_CHECKING:
     from winchcascade.fit.campaign import Fitted
     from winchcascade.run import Signal
 
-STAGE_OF = {"pressure": "restoring", "force": "transmission", "torque": "gearbox", "vdc": "generator", "idc": "generator"}
+STAGE_OF = {
+    "pressure": "restoring",
+    "force": "transmission",
+    "torque": "gearbox",
+    "vdc": "generator",
+    "idc": "generator",
+}
 """Stage whose output a channel is."""
 
 DOWNSTREAM = ("idc", "vdc", "torque", "pressure", "force")
@@ -105,9 +111,7 @@ def _region(
     )
 
 
-def _sentence(
-    stage: str, worst: Place, rpm: tuple[float, float], current: tuple[float, float], size: float
-) -> str:
+def _sentence(stage: str, worst: Place, rpm: tuple[float, float], current: tuple[float, float], size: float) -> str:
     """Say it: where, in which direction, at what currents and speeds, by how much."""
     load = "" if worst.load is None else " in open circuit" if math.isinf(worst.load) else f" at {worst.load:g} ohm"
     side = "over-predicted" if size < 0.0 else "under-predicted"
