@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, NoReturn
 
 import typer
 
-from winchcascade.errors import OptionError, WinchcascadeError
+from winchcascade.errors import LogError, OptionError, WinchcascadeError
 
 if TYPE_CHECKING:
+    from winchcascade.cascade.reduce import Reduction
     from winchcascade.diagnose.reach import Reach
     from winchcascade.published.audit import Audit
     from winchcascade.rigfile import Rig
@@ -363,21 +364,29 @@ def demo_command(
     jobs: JobsOption = None,
     force: ForceOption = False,
 ) -> None:
-    """Try everything on the packaged campaign: simulated crane trials at seven loads, with all reports."""
-    from winchcascade.batch.demo import copy_campaign
+    """Reduce and diagnose the packaged campaign, simulated crane trials at seven loads, with all reports."""
+    _one_thread_each()
+    from winchcascade.batch.demo import copy_campaign, diagnose_copy
     from winchcascade.batch.plan import make_plan
     from winchcascade.batch.run import REPORTS, run_batch
+    from winchcascade.effects.catalogue import EFFECTS
     from winchcascade.report.campaign_text import campaign_text
-    from winchcascade.report.progress import Progress
+    from winchcascade.report.diagnosis_text import diagnosis_lines
+    from winchcascade.report.progress import Progress, Telling
     from winchcascade.tasks import processes
 
-    plan = make_plan([str(copy_campaign(out / "campaign", force=force))])
+    campaign = copy_campaign(out / "campaign", force=force)
+    plan = make_plan([str(campaign)])
     with Progress(plan.title) as watch:
         batch = run_batch(
             plan, out / "results", reports=REPORTS["all"], jobs=jobs or processes(), workbook=True, command=_command(),
             force=force, watch=watch,
         )  # fmt: skip
-    print(campaign_text(batch.summary, batch.folder, kept=batch.kept), end="")
+    print(campaign_text(batch.summary, batch.folder, kept=batch.kept), end="", flush=True)
+    _use_threads(jobs)
+    with Telling(f"diagnosing {plan.title}") as tell:
+        found, files = diagnose_copy(campaign, out / "results", EFFECTS, command=_command(), force=force, tell=tell)
+    print(diagnosis_lines(found, files), end="")
     raise typer.Exit(1 if batch.faults else 0)
 
 
@@ -443,6 +452,145 @@ def _fields(options: Sequence[str]) -> dict[str, dict[str, float]]:
             )
         fields.setdefault(name, {})[field] = value
     return fields
+
+
+@app.command("calibrate")
+def calibrate_command(
+    log: Annotated[Path, typer.Argument(metavar="OPEN_CIRCUIT_LOG", help="A log without a load.", show_default=False)],
+    rig: RigOption = None,
+    load_ohm: LoadOption = None,
+    write: Annotated[
+        Path | None, typer.Option("--write", metavar="RIG.toml", help="Write the rig file with the calibrated numbers.")
+    ] = None,
+    json: JsonOption = None,
+    force: ForceOption = False,
+) -> None:
+    """Calibrate a rig from an open circuit: back-EMF constant, damper and screw friction, with their uncertainty."""
+    from winchcascade.cascade.reduce import reduce
+    from winchcascade.files import write_content
+    from winchcascade.fit.calibrate import calibrate
+    from winchcascade.fit.rigtext import calibrated_text
+    from winchcascade.ingest.read import read_run
+    from winchcascade.report.calibration_text import calibration_record, calibration_text
+
+    _check_load(load_ohm)
+    settings = _settings(log, rig, load_ohm, None)
+    inputs = [log, log.parent / "campaign.toml", Path(settings.rig.path)]
+    _check_outputs({"--json": Path(json) if json else None, "--write": write}, inputs, force=force)
+    run = read_run(log, rig=settings.rig, load=settings.load, load_source=settings.load_source, about=settings.about)
+    payouts = _steady_payouts(reduce(run, rig=settings.rig, window=settings.window, cycles=settings.cycles))
+    calibration = calibrate(run, settings.rig, payouts, cycles=settings.cycles)
+    if write is not None:
+        write_content(write, calibrated_text(calibration), force=force)
+    if not _write_json(json, calibration_record(calibration), force):
+        print(calibration_text(calibration, write), end="")
+
+
+def _steady_payouts(reduction: Reduction) -> list[tuple[float, float]]:
+    """Payouts of the complete cycles, from the onset to the start of braking. [s]"""
+    plateaus = [(cycle.phases.onset, cycle.summary.payout.plateau) for cycle in reduction.complete]
+    found = [(onset, plateau.braking) for onset, plateau in plateaus if plateau is not None]
+    if not found:
+        raise LogError(
+            f"{reduction.run.name}: none of {len(reduction.cycles)} payouts is complete and holds a plateau, which a "
+            "calibration needs; `winchcascade reduce` lists what is wrong with each."
+        )
+    return found
+
+
+@app.command("diagnose")
+def diagnose_command(
+    campaign: Annotated[
+        Path,
+        typer.Argument(metavar="CAMPAIGN", help="A campaign.toml, or the folder that holds one.", show_default=False),
+    ],
+    rig: RigOption = None,
+    withhold: Annotated[
+        list[float] | None,
+        typer.Option(
+            "--withhold", metavar="LOAD", help="Keep the logs of this load [ohm, or inf] from choice and fit."
+        ),
+    ] = None,
+    json: JsonOption = None,
+    html: Annotated[
+        Path | None, typer.Option("--html", metavar="FILE", help="Write the report as one self-contained page.")
+    ] = None,
+    pdf: Annotated[Path | None, typer.Option("--pdf", metavar="FILE", help="Write the report as PDF.")] = None,
+    predictions: Annotated[
+        Path | None,
+        typer.Option(
+            "--predictions", metavar="FOLDER", help="Write what is predicted of the withheld logs, before and after."
+        ),
+    ] = None,
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", metavar="N", min=1, help="Threads; by default one for each processor.")
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Of the resampling of cycles.")] = 0,
+    force: ForceOption = False,
+) -> None:
+    """Find out why logs and model differ: where, which effects, how sure, how far they close the gap, what to test next.
+
+    The rig file is taken as given. Without --withhold and without withheld runs in the campaign each load is left out once.
+    """
+    _one_thread_each()
+    from winchcascade.batch.diagnosis import diagnose_file, write_predictions
+    from winchcascade.campaign import load_campaign
+    from winchcascade.effects.catalogue import EFFECTS
+    from winchcascade.report.diagnosis_text import diagnosis_text
+    from winchcascade.report.progress import Telling
+
+    read = load_campaign(campaign)
+    logs = [run.file for run in read.runs]
+    results = {"--json": Path(json) if json else None, "--html": html, "--pdf": pdf}
+    _check_outputs(
+        results | _predicted(predictions, logs), [read.path, *logs, *([Path(rig)] if rig else [])], force=force
+    )
+    _use_threads(jobs)
+    with Telling(f"diagnosing {read.title or campaign.name}") as tell:
+        found = diagnose_file(campaign, EFFECTS, rig=rig, loads=withhold or (), seed=seed, tell=tell)
+        written = [] if predictions is None else write_predictions(found, predictions, force=force)
+        if html is not None or pdf is not None:
+            from winchcascade.report.diagnosis import write_diagnosis_reports
+
+            tell("writing reports")
+            write_diagnosis_reports(found, html=html, pdf=pdf, command=_command(), force=force)
+    from winchcascade.diagnose.record import as_json
+
+    if not _write_json(json, as_json(found), force):
+        files: list[Path | str] = [path for path in results.values() if path is not None]
+        if predictions is not None:
+            files.append(predictions if written else "no predictions, as no effect was fitted")
+        print(diagnosis_text(found, files), end="")
+
+
+def _one_thread_each() -> None:
+    """Keep linear algebra on one thread, before it is imported: its matrices are small, and threads make each solve slower."""
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+
+
+def _use_threads(jobs: int | None) -> None:
+    """Let a diagnosis work on so many threads, one for each processor by default."""
+    from winchcascade.fit import campaign
+    from winchcascade.tasks import processes
+
+    campaign.THREADS = jobs or processes()
+
+
+def _predicted(folder: Path | None, logs: Sequence[Path]) -> dict[str, Path | None]:
+    """Make a folder of predictions, and tell which files of it may be written."""
+    if folder is None:
+        return {}
+    found: dict[str, Path | None] = {}
+    for side in ("before", "after"):
+        try:
+            (folder / side).mkdir(parents=True, exist_ok=True)
+        except OSError as fault:
+            raise OptionError(
+                f"--predictions {folder}: the folder cannot be made ({fault.strerror}); choose another."
+            ) from None
+        found |= {f"--predictions {side}/{log.stem}": folder / side / f"{log.stem}.csv" for log in logs}
+    return found
 
 
 @app.command("effects")
@@ -534,8 +682,9 @@ def blind_diagnose_command(
     trial: TrialArgument, jobs: JobsOption = None, scheduler: SchedulerOption = None, force: ForceOption = False
 ) -> None:
     """Diagnose every case of a trial from its logs alone; what is done is kept. Exit code 1 if a case failed."""
+    _one_thread_each()
+    from winchcascade.batch.diagnosis import diagnose_campaign
     from winchcascade.blind.trial import diagnose
-    from winchcascade.diagnose.campaign import diagnose_campaign
     from winchcascade.effects.catalogue import EFFECTS
     from winchcascade.report.progress import Progress
     from winchcascade.report.trial_text import diagnosed_text

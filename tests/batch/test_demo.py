@@ -60,8 +60,13 @@ def test_the_demo_writes_everything_and_keeps_it(tmp_path: Path) -> None:
     assert str(results / "campaign.html") in done.stdout
     assert {path.name for path in results.iterdir()} == {
         "campaign.html", "campaign.json", "campaign.pdf", "campaign.xlsx", "dataset", "runs",
+        "diagnosis.html", "diagnosis.json", "diagnosis.pdf",
     }  # fmt: skip
     assert len(list((results / "runs").iterdir())) == 7 * 3
+    diagnosis = json.loads((results / "diagnosis.json").read_bytes())
+    assert diagnosis["schema"] == "winchcascade/diagnosis/1"
+    assert all(cause["effect"] in " ".join(done.stdout.split()) for cause in diagnosis["causes"])
+    assert str(results / "diagnosis.html") in done.stdout
     assert all(run["fault"] is None for run in json.loads((results / "campaign.json").read_bytes())["runs"])
     before = {path: path.stat().st_mtime_ns for path in results.rglob("*")}
     again = winchcascade("demo", "--out", tmp_path / "my demo")

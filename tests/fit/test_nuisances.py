@@ -34,7 +34,7 @@ ZEROS = {"pressure": 0.03 * 98066.5, "force": 2.0, "torque": 0.3, "idc": 0.005}
 
 def test_kinds_come_in_order() -> None:
     kinds = [kind for kind, _ in groupby(n.kind for n in nuisances(RIG, RUNS))]
-    assert kinds == ["rig", "load", "gain", "timing", "zero"]
+    assert kinds == ["rig", "law", "load", "gain", "timing", "zero"]
 
 
 def test_numbers_of_the_rig_have_the_tolerance_of_its_file_and_of_the_model() -> None:
@@ -68,7 +68,7 @@ def test_every_log_has_zeros_of_its_own() -> None:
 
 def test_a_channel_that_is_not_logged_has_no_errors() -> None:
     bare = [msgspec.structs.replace(run, channels={"velocity": run.channels["velocity"]}) for run in RUNS]
-    assert {n.kind for n in nuisances(RIG, bare)} == {"rig", "load"}
+    assert {n.kind for n in nuisances(RIG, bare)} == {"rig", "law", "load"}
 
 
 def test_makers_limits_serve_where_nothing_was_calibrated_in_place() -> None:

@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+import msgspec
+
+from winchcascade import __version__
 from winchcascade.errors import OutputError
-from winchcascade.files import write_content
+from winchcascade.files import check_replaceable, write_content
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
 
 _PACKAGE = Path(__file__).parent.parent
 
@@ -35,3 +43,57 @@ def copy_campaign(folder: Path, *, force: bool = False) -> Path:
             raise OutputError(f"{copy}: exists with another content; give --out a new folder or add --force.")
         write_content(copy, content, force=True)
     return folder / "campaign.toml"
+
+
+KINDS = ("html", "pdf", "json")
+"""Files of a diagnosis."""
+
+
+def diagnose_copy(
+    campaign: Path,
+    folder: Path,
+    suspects: Mapping[str, type],
+    *,
+    command: str = "",
+    force: bool = False,
+    tell: Callable[[str], None] = lambda _: None,
+) -> tuple[dict[str, Any], list[Path]]:
+    """Diagnose the copied campaign into a folder that is there; give the JSON's content and the files: page, PDF, JSON.
+
+    What an earlier call of the same version made of the same logs is kept, unless `force` says otherwise.
+
+    Raises
+    ------
+    OutputError : a file of that name is not this tool's own, and `force` does not allow to replace it
+    """
+    files = [folder / f"diagnosis.{kind}" for kind in KINDS]
+    kept = None if force else _kept(files, campaign)
+    if kept is not None:
+        return kept, files
+    from winchcascade.batch.diagnosis import diagnose_file
+    from winchcascade.diagnose.record import as_json
+    from winchcascade.report.diagnosis import write_diagnosis_reports
+
+    for path in files:
+        check_replaceable(path, force=force)
+    found = diagnose_file(campaign, suspects, tell=tell)
+    tell("writing reports")
+    write_diagnosis_reports(found, html=files[0], pdf=files[1], command=command, force=force)
+    record = as_json(found) | {"version": __version__}
+    write_content(files[2], msgspec.json.format(msgspec.json.encode(record), indent=1) + b"\n", force=force)
+    return record, files
+
+
+def _kept(files: list[Path], campaign: Path) -> dict[str, Any] | None:
+    """What an earlier call found, if its files are all there and its version and its logs were the same."""
+    if not all(path.is_file() for path in files):
+        return None
+    try:
+        record: dict[str, Any] = msgspec.json.decode(files[2].read_bytes(), type=dict[str, Any])
+        logs = {log["file"]: log["sha256"] for log in record["logs"]}
+        same = all(
+            hashlib.sha256((campaign.parent / name).read_bytes()).hexdigest() == digest for name, digest in logs.items()
+        )
+    except (OSError, msgspec.DecodeError, KeyError, TypeError):
+        return None
+    return record if same and record.get("version") == __version__ else None

@@ -243,6 +243,7 @@ def _posterior(data: Fitted) -> tuple[Signal, Signal, float]:
         at = data.predict(nu, [])
         z = data.whiten((data.measured - at) * seen)
         columns = data.nuisance_columns(nu, [], at, seen)
+        columns[:, [n.kind == "law" for n in data.nuisances]] = 0.0  # the rig as its file has it, without dry friction
         q = quadratic(z, weights(z), columns, np.zeros((z.size, 0)), nu)
         nu = nu + q.own
         if float(np.max(np.abs(q.own))) < SETTLED:

@@ -302,7 +302,7 @@ def _provenance(reduction: Reduction, found: Uncertainty, command: str) -> Table
         ("Load", f"{load} ({run.load_source})" if run.load is not None else load),
         ("Rig", f"{rig.name} ({rig.path})" if rig.path else rig.name),
         ("Source of the rig's numbers", rig.source),
-        ("SHA-256 of the rig file", _digest(rig.path)),
+        ("SHA-256 of the rig file", file_digest(rig.path)),
         ("Drum radius", "not published" if rig.r_drum is None else f"{rig.r_drum:g} m"),
         ("Integration window", reduction.window if isinstance(reduction.window, str) else f"{reduction.window:g} s"),
         ("Monte Carlo", f"{found.draws} draws, seed {found.seed}"),
@@ -325,7 +325,7 @@ def provenance_table(rows: Sequence[tuple[str, str]]) -> Table:
     )
 
 
-def _digest(path: str) -> str:
+def file_digest(path: str) -> str:
     """SHA-256 of a rig file, nothing for a built-in one."""
     import hashlib
 

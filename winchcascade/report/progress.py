@@ -9,6 +9,38 @@ from typing import Any
 from winchcascade.report.wording import plain
 
 
+class Telling:
+    """Says in one changing line what is being done, where a person looks, and nothing elsewhere."""
+
+    def __init__(self, title: str) -> None:
+        self._title = plain(title)
+        self._status: Any = None
+
+    def __enter__(self) -> Telling:
+        """Show the line if somebody can see it."""
+        if sys.stderr.isatty():
+            from rich.console import Console
+            from rich.markup import escape
+
+            self._status = Console(stderr=True).status(escape(self._title))
+            self._status.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Take the line away."""
+        if self._status is not None:
+            self._status.stop()
+
+    def __call__(self, text: str) -> None:
+        """Tell what is being done now."""
+        if self._status is not None:
+            from rich.markup import escape
+
+            self._status.update(escape(f"{self._title}: {plain(text)}"))
+
+
 class Progress:
     """Shows a bar while it is a context; tells faults as they come."""
 

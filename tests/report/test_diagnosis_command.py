@@ -1,0 +1,99 @@
+"""The command diagnose as a user meets it: in a process of its own, on two logs with a known cause."""
+
+import json
+from pathlib import Path
+
+import pytest
+from diagnosed import PLANTED, write_campaign
+from test_cli import one_sentence, winchcascade
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_campaign(tmp_path_factory.mktemp("two loads"), PLANTED["copper"])
+
+
+@pytest.fixture(scope="module")
+def results(campaign: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """All that the command writes, with one load withheld."""
+    out = tmp_path_factory.mktemp("out")
+    done = winchcascade(
+        "diagnose", campaign, "--withhold", "18", "--json", out / "d.json", "--html", out / "d.html", "--pdf", out / "d.pdf",
+        "--predictions", out / "predicted", "--jobs", "1", "--seed", "3",
+    )  # fmt: skip
+    assert done.returncode == 0
+    (out / "printed.txt").write_text(done.stdout, encoding="utf-8")
+    assert done.stderr == ""
+    return out
+
+
+def test_the_command_writes_json_page_pdf_and_predictions(results: Path) -> None:
+    record = json.loads((results / "d.json").read_bytes())
+    assert record["schema"] == "winchcascade/diagnosis/1"
+    assert record["seed"] == 3
+    assert record["closure"]["withheld"] == [18.0]
+    assert "copper_heating" in [cause["effect"] for cause in record["causes"]]
+    assert (results / "d.html").read_text(encoding="utf-8").startswith("<!doctype html>")
+    assert (results / "d.pdf").read_bytes().startswith(b"%PDF")
+    for side in ("before", "after"):
+        assert [path.name for path in (results / "predicted" / side).iterdir()] == ["r18ohm.csv"]
+
+
+def test_the_text_tells_what_was_withheld_and_where_the_files_are(results: Path) -> None:
+    text = (results / "printed.txt").read_text(encoding="utf-8")
+    assert "judged on logs that took part in neither choice nor fit (18 ohm)" in " ".join(text.split())
+    for name in ("d.json", "d.html", "d.pdf", "predicted"):
+        assert str(results / name) in text
+
+
+def test_the_report_names_the_withheld_log(results: Path) -> None:
+    assert "withheld" in (results / "d.html").read_text(encoding="utf-8")
+
+
+def test_json_on_standard_output_stands_alone(campaign: Path) -> None:
+    done = winchcascade("diagnose", campaign / "campaign.toml", "--json", "-")
+    assert done.returncode == 0
+    assert json.loads(done.stdout)["closure"]["withheld"] == [18.0, 4.5]
+
+
+def test_an_unknown_load_is_refused_with_those_there_are(campaign: Path) -> None:
+    assert "it has 18, 4.5 ohm" in one_sentence("diagnose", campaign, "--withhold", "17")
+
+
+def test_every_load_withheld_is_refused(campaign: Path) -> None:
+    assert "at least one" in one_sentence("diagnose", campaign, "--withhold", "18", "--withhold", "4.50")
+
+
+def test_a_folder_without_a_campaign_is_refused(tmp_path: Path) -> None:
+    assert "campaign.toml" in one_sentence("diagnose", tmp_path)
+
+
+def test_a_run_without_a_load_is_refused(campaign: Path, tmp_path: Path) -> None:
+    log = campaign / "r18ohm.csv"
+    (tmp_path / "campaign.toml").write_text(f'[[run]]\nfile = "{log}"\n', encoding="utf-8")
+    assert "has no load" in one_sentence("diagnose", tmp_path)
+
+
+def test_a_file_of_somebody_else_is_refused_before_the_work(campaign: Path, tmp_path: Path) -> None:
+    theirs = tmp_path / "theirs.html"
+    theirs.write_text("<p>ours</p>")
+    assert "was not written by winchcascade" in one_sentence("diagnose", campaign, "--html", theirs)
+    assert theirs.read_text() == "<p>ours</p>"
+
+
+def test_a_prediction_never_replaces_a_log_of_somebody_else(campaign: Path, tmp_path: Path) -> None:
+    (tmp_path / "after").mkdir()
+    (tmp_path / "after" / "r18ohm.csv").write_text("t,v\n0,0\n")
+    assert "was not written by winchcascade" in one_sentence("diagnose", campaign, "--predictions", tmp_path)
+
+
+def test_predictions_into_a_file_are_refused(campaign: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    assert "the folder cannot be made" in one_sentence("diagnose", campaign, "--predictions", tmp_path / "file")
+
+
+def test_an_input_is_never_replaced(campaign: Path) -> None:
+    before = (campaign / "campaign.toml").read_bytes()
+    told = one_sentence("diagnose", campaign, "--json", campaign / "campaign.toml", "--force")
+    assert "is an input of this command" in told
+    assert (campaign / "campaign.toml").read_bytes() == before

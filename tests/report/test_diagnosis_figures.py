@@ -1,0 +1,270 @@
+"""What the figures of a diagnosis show is what was computed: recomputed here block by block."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from diagnosed import PLANTED, SUSPECTS, diagnosed, made_logs
+
+from winchcascade.diagnose.campaign import Diagnosis, diagnose
+from winchcascade.effects.catalogue import EFFECTS
+from winchcascade.fit.predict import CHANNELS
+from winchcascade.gap.locate import STANDS_OUT
+from winchcascade.report.diagnosis_data import (
+    BIN,
+    OUT,
+    before_braking,
+    by_load,
+    loaded,
+    most_telling,
+    over_speed,
+    rated_dc_current,
+    representative,
+    series,
+    sides,
+    stator_current,
+)
+from winchcascade.report.diagnosis_figures import error_figure, error_panels, history, over_speed_figure
+from winchcascade.report.diagnosis_laws import (
+    _ABSOLUTE,
+    _LAW,
+    _RELATIVE,
+    _SENSOR,
+    numbers_figure,
+    profile_figure,
+    profile_of,
+    rows_of,
+    tolerance_of,
+)
+from winchcascade.report.diagnosis_map import closure_bars, gap_map, signed
+from winchcascade.report.diagnosis_odds import effect_odds, odds_figure, set_odds, thresholds
+from winchcascade.report.style import house_style
+from winchcascade.rigtoml import load_rig
+
+ALL = ["copper", "rolloff", "nothing", "outsider"]
+
+
+@pytest.fixture(autouse=True)
+def style() -> Iterator[None]:
+    with house_style():
+        yield
+
+
+# ------------------------------------------------------------------------------------------------------------ the data
+@pytest.mark.parametrize("name", ALL)
+def test_after_is_there_where_effects_were_fitted(name: str) -> None:
+    found = diagnosed(name)
+    assert (sides(found).after is None) == (not found.causes)
+
+
+def test_after_comes_from_fits_that_did_not_know_the_log() -> None:
+    found = diagnosed("copper")
+    assert found.closure is not None
+    both = sides(found)
+    assert both.after is not None
+    left = found.closure.residual
+    fresh = np.isfinite(left[:, 0])
+    assert np.array_equal(~fresh, both.known)
+    assert np.allclose((both.logged - both.after)[fresh], left[fresh])
+
+
+def test_zeros_are_taken_off_before_as_in_the_closure() -> None:
+    found = diagnosed("copper")
+    assert found.closure is not None
+    both = sides(found)
+    for k, channel in enumerate(CHANNELS):
+        squares, count = 0.0, 0
+        for log in found.closure.withheld:
+            seen = found.data.logs[log].noise.seen[:, k]
+            squares += float(np.sum((both.logged - both.before)[found.data.rows[log], k][seen] ** 2))
+            count += int(seen.sum())
+        assert math.sqrt(squares / count) == pytest.approx(found.closure.channels[channel].before)
+
+
+def test_logs_stand_in_the_order_of_their_loads() -> None:
+    found = diagnosed("copper")
+    loads = [found.data.logs[k].load for k in by_load(found)]
+    assert loads == sorted(loads, reverse=True)
+    assert loaded(found) == by_load(found)
+    assert representative(found) == by_load(found)
+    assert most_telling(found) in loaded(found)
+
+
+def test_means_over_speed_are_those_of_the_blocks_before_braking() -> None:
+    found = diagnosed("copper")
+    one = series(found, sides(found), 0, "idc")
+    curve = over_speed(one)
+    here = before_braking(one)
+    bins: dict[int, list[int]] = {}
+    for k in np.flatnonzero(here & np.isfinite(one.logged) & (one.rpm > 0)):
+        bins.setdefault(math.floor(one.rpm[k] / BIN), []).append(int(k))
+    for n, rows in enumerate(bins[key] for key in sorted(bins)):
+        assert curve.rpm[n] == pytest.approx(np.mean(one.rpm[rows]))
+        assert curve.logged[n] == pytest.approx(np.mean(one.logged[rows]))
+        assert curve.before[n] == pytest.approx(np.mean(one.before[rows]))
+    assert len(bins) == curve.rpm.size
+
+
+def test_braking_is_left_out_of_means_over_speed() -> None:
+    one = series(diagnosed("copper"), sides(diagnosed("copper")), 0, "idc")
+    out, kept = one.phase == OUT, before_braking(one)
+    assert not np.any(kept & ~out)
+    dropped = out & ~kept
+    assert np.any(dropped)
+    assert np.max(one.rpm[dropped]) < 0.9 * np.max(one.rpm[out])
+
+
+def test_the_rated_current_of_the_stator_is_a_larger_one_of_the_dc_link() -> None:
+    found = diagnosed("rolloff")
+    rated = found.rig.generator.i_rated
+    direct = rated_dc_current(found)
+    assert rated is not None
+    assert direct is not None
+    assert 0.72 < rated.value / direct < 0.85  # a bridge with a capacitor: 0.75 to 0.83 over the loads
+    stator, dc = stator_current(found)
+    assert stator.shape == dc.shape
+
+
+# ------------------------------------------------------------------------------------------------------------- the map
+@pytest.mark.parametrize("name", ALL)
+def test_the_map_has_a_number_for_every_place(name: str) -> None:
+    found = diagnosed(name)
+    figure = gap_map(found)
+    assert figure is not None
+    texts = [text.get_text() for text in figure.axes[0].texts]
+    assert sorted(texts) == sorted(signed(place.z) for place in found.places)
+    bold = sum(text.get_fontweight() == "bold" for text in figure.axes[0].texts)
+    assert bold == sum(abs(place.z) > STANDS_OUT for place in found.places)
+
+
+def test_the_bars_of_the_closure_end_at_before_and_after() -> None:
+    found = diagnosed("copper")
+    assert found.closure is not None
+    figure = closure_bars(found)
+    assert figure is not None
+    drawn = [np.asarray(line.get_xdata(), dtype=float) for line in figure.axes[0].lines]
+    ends = [x.tolist() for x in drawn if x.size == 2][:5]
+    for x, (after, before) in zip(found.closure.channels.values(), ends, strict=True):
+        assert before == pytest.approx(x.before / x.noise)
+        assert after == pytest.approx(x.after / x.noise)
+    assert closure_bars(diagnosed("nothing")) is None
+
+
+# ------------------------------------------------------------------------------------------------- time, speed, current
+@pytest.mark.parametrize("name", ALL)
+def test_every_figure_has_units_on_its_axes(name: str) -> None:
+    found = diagnosed(name)
+    both = sides(found)
+    for figure in (
+        history(found, both, 0, "log"),
+        over_speed_figure(found, both, "log"),
+        error_figure(found, both, "log"),
+    ):
+        assert figure is not None
+        labels = " ".join(ax.get_xlabel() + ax.get_ylabel() for ax in figure.axes)
+        assert "(s)" in labels or "(rpm)" in labels or "(A)" in labels
+        assert all(ax.get_ylabel() for ax in figure.axes)
+
+
+def test_the_history_draws_logged_minus_simulated() -> None:
+    found = diagnosed("copper")
+    both = sides(found)
+    figure = history(found, both, 1, "log")
+    assert figure is not None
+    one = series(found, both, 1, "vdc")
+    ax = figure.axes[CHANNELS.index("vdc")]
+    assert both.after is not None
+    assert one.after is not None
+    before, after = ax.lines
+    assert np.allclose(before.get_ydata(), one.logged - one.before, equal_nan=True)
+    assert np.allclose(after.get_ydata(), one.logged - one.after, equal_nan=True)
+
+
+def test_errors_are_drawn_over_current_and_over_what_the_gap_depends_on() -> None:
+    assert [panel.channel for panel in error_panels(diagnosed("copper"))] == ["idc", "vdc"]
+    assert [panel.channel for panel in error_panels(diagnosed("nothing"))] == ["idc"]
+
+
+# ------------------------------------------------------------------------------------------------------------ the laws
+@pytest.mark.parametrize("effect", [*_RELATIVE, *_ABSOLUTE, *_LAW, *_SENSOR])
+def test_every_tolerance_is_of_an_effect_of_the_catalogue(effect: str) -> None:
+    assert effect in EFFECTS
+    assert tolerance_of(diagnosed("nothing"), effect) > 0.0
+
+
+def test_a_tolerance_is_told_in_the_unit_of_its_effect() -> None:
+    found = diagnosed("nothing")
+    rig = found.rig
+    sd = {(n.section, n.name): n.sd for n in found.data.nuisances}
+    assert rig.generator.k_e is not None
+    assert rig.restoring.p_precharge is not None
+    assert tolerance_of(found, "ke_shift") == pytest.approx(sd["generator", "k_e"] / rig.generator.k_e.value)
+    absolute = rig.restoring.p_precharge.value + 101325.0
+    assert tolerance_of(found, "precharge") == pytest.approx(sd["restoring", "p_precharge"] / absolute)
+    assert tolerance_of(found, "gear_mesh_loss") == pytest.approx(sd["drivetrain", "eta_mesh"])
+    assert tolerance_of(found, "torque_gain") == pytest.approx(0.001)
+    assert tolerance_of(found, "rotor_windage") == 0.0
+
+
+def test_each_number_stands_within_what_is_plausible() -> None:
+    (row,) = rows_of(diagnosed("copper"))
+    assert row.low <= row.found.value <= row.high
+    assert row.absent == 0.0
+    assert numbers_figure(diagnosed("copper")) is not None
+    assert numbers_figure(diagnosed("nothing")) is None
+
+
+def test_the_roll_off_never_rises_lies_in_its_band_and_is_the_one_reported() -> None:
+    found = diagnosed("rolloff")
+    profile = profile_of(found)
+    assert profile is not None
+    assert profile.left[0] == 1.0
+    assert np.all(np.diff(profile.left) <= 1e-12)
+    assert np.all(profile.low <= profile.left + 2e-3)
+    assert np.all(profile.high >= profile.left - 2e-3)
+    reported = found.causes[0].parameters["k_e_ratio_at_10_a"].value
+    if profile.reached > 10.0:
+        assert np.interp(10.0, profile.current, profile.left) == pytest.approx(reported, abs=1e-4)
+    assert profile_figure(found) is not None
+    assert profile_figure(diagnosed("copper")) is None
+
+
+# ------------------------------------------------------------------------------------------------------------ the odds
+def test_the_best_set_has_odds_of_one_and_no_other_more() -> None:
+    odds = set_odds(diagnosed("copper"))
+    assert odds[0] == ("copper_heating", 0.0)
+    assert all(power <= 0.0 for _, power in odds)
+
+
+@pytest.mark.parametrize("name", ["copper", "rolloff"])
+def test_every_cause_is_among_the_effects_whose_probability_is_drawn(name: str) -> None:
+    found = diagnosed(name)
+    shown = dict(effect_odds(found))
+    for cause in found.causes:
+        assert shown[cause.effect] == cause.probability
+    assert odds_figure(found) is not None
+
+
+def test_a_larger_effect_would_be_named_and_a_smaller_one_would_not() -> None:
+    found = diagnosed("nothing")
+    named = {one.effect: one.value for one in thresholds(found)}
+    assert set(named) == set(SUSPECTS)
+    assert named["copper_heating"] is not None
+    assert (
+        tolerance_of(found, "copper_heating")
+        < named["copper_heating"]
+        < PLANTED["copper"]["copper_heating"]["r_s_change"]
+    )
+    assert named["ke_rolloff"] is not None
+    assert 0.8 < named["ke_rolloff"] < 1.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("times", "named"), [(2.0, True), (0.4, False)])
+def test_what_is_said_of_the_smallest_effect_holds_in_logs(times: float, named: bool) -> None:
+    (least,) = (one.value for one in thresholds(diagnosed("nothing")) if one.effect == "copper_heating")
+    assert least is not None
+    runs = [one.run for one in made_logs({"copper_heating": {"r_s_change": times * least}})]
+    found: Diagnosis = diagnose(runs, load_rig("hsu2026"), {suspect: EFFECTS[suspect] for suspect in SUSPECTS})
+    assert [cause.effect for cause in found.causes] == (["copper_heating"] if named else [])

@@ -1,0 +1,205 @@
+"""The report of a diagnosis: one page for whoever decides, then the evidence, for every verdict, as page and as PDF."""
+
+import io
+import re
+from functools import cache
+
+import msgspec
+import pytest
+from diagnosed import diagnosed
+from pypdf import PdfReader
+
+from winchcascade.diagnose.causes import Rival
+from winchcascade.report.diagnosis import make_diagnosis_report
+from winchcascade.report.digits import MINUS
+from winchcascade.report.html import html_text
+from winchcascade.report.layout import Picture, Report, Table
+from winchcascade.report.pdf import pdf_bytes
+
+ALL = ["copper", "rolloff", "nothing", "outsider"]
+
+
+@cache
+def report(name: str) -> Report:
+    return make_diagnosis_report(diagnosed(name), command="winchcascade diagnose here")
+
+
+def tables(made: Report) -> dict[str, Table]:
+    return {b.id: b for s in made.sections for b in s.blocks if isinstance(b, Table)}
+
+
+def pictures(made: Report) -> dict[str, Picture]:
+    return {b.id: b for s in made.sections for b in s.blocks if isinstance(b, Picture)}
+
+
+def points(made: Report) -> dict[str, str]:
+    return {point.about: point.text for point in made.points}
+
+
+def value(cell: str) -> float:
+    return float(cell.replace(MINUS, "-"))
+
+
+def test_the_first_page_answers_where_which_how_sure_how_far_and_what_next() -> None:
+    told = points(report("copper"))
+    assert {"Verdict", "Where", "Which", "How sure", "How far", "What next", "What is left", "Simulated"} <= set(told)
+    assert told["Which"].startswith("copper_heating: stator resistance lies above its cold value")
+    assert [tile.value for tile in report("copper").tiles] == ["Explained", "copper heating", "> 99 %"]
+
+
+def test_without_a_gap_the_first_page_tells_what_would_have_been_seen() -> None:
+    told = points(report("nothing"))
+    assert "What was checked" in told
+    assert re.search(r"stator resistance \+\d", told["What would show"])
+    assert [tile.value for tile in report("nothing").tiles] == ["No gap"]
+    assert "Where" not in told
+
+
+def test_what_no_suspect_explains_is_told_as_such() -> None:
+    told = points(report("outsider"))
+    assert "outside the catalogue" in told["Verdict"]
+    assert "signs of something unexplained" in told["What is left"]
+    assert report("outsider").tiles[0].interval == "no cause named"
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_every_table_has_a_cell_under_every_head(name: str) -> None:
+    for table in tables(report(name)).values():
+        assert len(table.units) == len(table.head)
+        assert {len(row) for row in table.rows} == {len(table.head)}
+        assert max(table.text_columns) < len(table.head)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_every_figure_says_in_words_what_it_shows(name: str) -> None:
+    for picture in pictures(report(name)).values():
+        assert picture.caption.endswith(".")
+        assert picture.alt.endswith(".")
+        assert picture.svg.startswith("<svg")
+
+
+def test_the_figures_of_the_paper_are_there_for_any_campaign() -> None:
+    assert {"map", "closure-bars", "history", "errors", "speed", "numbers", "odds"} <= set(pictures(report("copper")))
+    assert "rolloff" in pictures(report("rolloff"))
+    assert {"map", "history", "errors", "speed"} <= set(pictures(report("nothing")))
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_simulated_logs_are_called_measured_nowhere(name: str) -> None:
+    made = report(name)
+    words = " ".join([b.caption for s in made.sections for b in s.blocks if isinstance(b, (Table, Picture))])
+    assert "easured" not in words
+
+
+def test_the_table_of_the_closure_holds_the_root_mean_squares() -> None:
+    found = diagnosed("copper")
+    assert found.closure is not None
+    rows = {row[0]: row for row in tables(report("copper"))["closure"].rows}
+    for name, shown in (("torque", "torque"), ("vdc", "Vdc"), ("idc", "Idc"), ("force", "line force")):
+        x = found.closure.channels[name]
+        for cell, number in zip(rows[shown][2:5], (x.before, x.after, x.noise), strict=True):
+            assert value(cell) == pytest.approx(number, rel=0.06)
+
+
+def test_the_places_are_told_worst_first_with_their_yardsticks() -> None:
+    rows = tables(report("copper"))["places"].rows
+    z = [abs(value(row[-1])) for row in rows]
+    assert z == sorted(z, reverse=True)
+    assert all(value(cell) >= 0.0 for row in rows for cell in row[5:8] if cell != "–")
+
+
+def test_suspects_that_are_not_needed_are_listed_with_their_odds() -> None:
+    rows = tables(report("copper"))["suspects"].rows
+    assert {row[0] for row in rows} == {"ke_rolloff", "line_drag", "force_zero"}
+    assert all(" : " in row[-1] for row in rows)
+    assert "thresholds" not in tables(report("copper"))
+
+
+def test_without_a_cause_every_suspect_has_its_threshold() -> None:
+    for name in ("nothing", "outsider"):
+        assert {row[0] for row in tables(report(name))["thresholds"].rows} == set(diagnosed(name).suspects)
+        assert "suspects" not in tables(report(name))
+
+
+def test_alarms_and_nuisances_are_told_with_limit_and_unit() -> None:
+    made = tables(report("outsider"))
+    assert all(value(row[3]) > value(row[4]) for row in made["alarms"].rows)
+    names = {row[0] for row in made["nuisances"].rows}
+    assert "mesh efficiency" in names
+    assert "alarms" not in tables(report("copper"))
+
+
+def test_a_nuisance_of_the_rig_is_told_in_the_unit_of_its_file() -> None:
+    from winchcascade.fit.nuisances import Nuisance
+    from winchcascade.report.diagnosis_tables import _nuisance_row
+
+    row = _nuisance_row(Nuisance("rig", "l_s", 5e-5, "mH", section="generator"), 2.0, [])
+    assert row == ("phase inductance", "0.10", "0.05", "mH", "+2.0")
+
+
+def test_rivals_stand_in_the_tables_with_what_tells_them_apart() -> None:
+    found = diagnosed("copper")
+    rival = Rival("line_drag", 0.3, "torque during payout at open circuit, where they differ by 1.9 sigma")
+    cause = msgspec.structs.replace(found.causes[0], probability=0.7, rivals=(rival,))
+    made = make_diagnosis_report(msgspec.structs.replace(found, causes=(cause,)))
+    assert tables(made)["rivals"].rows == (
+        ("copper_heating", "line_drag", "0.30", "torque during payout at open circuit, by 1.9 standard deviations"),
+    )
+    assert tables(made)["causes"].rows[0][-1] == "line_drag"
+    assert "Or in its place line_drag." in points(made)["Which"]
+
+
+def test_provenance_names_logs_hashes_seed_and_command() -> None:
+    made = tables(report("copper"))
+    assert [row[0] for row in made["logs"].rows] == ["r18ohm.csv", "r4p5ohm.csv"]
+    rows = {row[0]: row[1] for row in made["provenance"].rows}
+    assert rows["Seed of the resampled cycles"] == "1"
+    assert rows["Command"] == "winchcascade diagnose here"
+    assert "ke_rolloff" in rows["Suspects"]
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_page_and_pdf_hold_the_same_verdict(name: str) -> None:
+    made = report(name)
+    page = html_text(made)
+    assert "<script" not in page.replace("<script>", "<script", 1).split("</head>")[0]
+    pages = PdfReader(io.BytesIO(pdf_bytes(made))).pages
+    first = pages[0].extract_text()
+    assert made.tiles[0].value in page
+    assert made.tiles[0].value.replace(" ", "") in first.replace(" ", "").replace("\n", "")
+    assert len(pages) >= 4
+
+
+def test_a_title_from_a_file_is_never_markup() -> None:
+    found = msgspec.structs.replace(diagnosed("nothing"), title="<b>bold</b> #[typst] $x$")
+    made = make_diagnosis_report(found)
+    assert "<b>bold</b>" not in html_text(made)
+    assert "#[typst]" in PdfReader(io.BytesIO(pdf_bytes(made))).pages[0].extract_text()
+
+
+def test_the_documentation_states_the_numbers_of_the_code() -> None:
+    from pathlib import Path
+
+    from winchcascade.diagnose import causes, closure, rank, remainder
+    from winchcascade.fit import nuisances
+
+    text = " ".join((Path(__file__).parents[2] / "docs" / "diagnosis.md").read_text(encoding="utf-8").split())
+    assert f"over all logs | {remainder.ROUGH:g} |" in text
+    assert f"rings) | {remainder.RESTLESS:g} |" in text
+    assert f"in its standard uncertainties | {remainder.PULLED:g} |" in text
+    assert f"costs less than {rank.CLEARLY:g}" in text
+    assert f"falls short by less than {causes.AS_GOOD:g}" in text
+    assert f"from {closure.DRAWS} sets of cycles" in text
+    for sd, _ in nuisances.ABSENT.values():
+        assert f"{sd:g} N" in text
+    for share in nuisances.OF_THE_MODEL.values():
+        assert f"{100 * share:g} %" in text
+
+
+def test_a_law_that_the_rig_file_does_not_state_has_a_name_of_its_own() -> None:
+    from winchcascade.fit.nuisances import ABSENT, Nuisance
+    from winchcascade.report.diagnosis_names import _LAWS, nuisance_words
+
+    names = {str(Nuisance("law", name, sd, unit, section=part)) for (part, name), (sd, unit) in ABSENT.items()}
+    assert names == set(_LAWS)
+    assert "_" not in " ".join(nuisance_words(name, []) for name in names)

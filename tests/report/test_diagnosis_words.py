@@ -1,0 +1,255 @@
+"""A diagnosis in words: every number of the catalogue has a name, every verdict its sentence, digits as they are known."""
+
+from typing import Any
+
+import msgspec
+import pytest
+from diagnosed import diagnosed
+
+from winchcascade.diagnose.campaign import Diagnosis, Remainder
+from winchcascade.diagnose.causes import Reported, Rival
+from winchcascade.diagnose.experiment import Experiment
+from winchcascade.diagnose.record import as_json
+from winchcascade.diagnose.remainder import Alarm
+from winchcascade.effects.catalogue import EFFECTS, words
+from winchcascade.report.diagnosis_names import PARAMETERS, meaning, parameter_words, quantity_words
+from winchcascade.report.diagnosis_text import diagnosis_lines, diagnosis_text
+from winchcascade.report.diagnosis_words import (
+    alarm_meaning,
+    alarm_words,
+    checked_words,
+    closure_words,
+    experiment_words,
+    interval_words,
+    remainder_words,
+    simulated_words,
+    sure_words,
+    verdict_words,
+    where_words,
+    withheld_words,
+    word_of,
+)
+
+REPORTED = [(effect, name) for effect, kind in EFFECTS.items() for name in kind.reports]
+
+
+def changed(of: Diagnosis, **changes: Any) -> Diagnosis:
+    return msgspec.structs.replace(of, **changes)
+
+
+def flat(text: str) -> str:
+    return " ".join(text.split())
+
+
+@pytest.mark.parametrize(("effect", "name"), REPORTED)
+def test_every_number_of_the_catalogue_has_a_name_and_a_unit_of_its_own(effect: str, name: str) -> None:
+    how = PARAMETERS[f"{effect}.{name}"]
+    assert 0 < len(how.what) <= 28  # so that the table of causes fits a terminal
+    assert how.factor > 0.0
+
+
+def test_no_name_is_left_of_an_effect_that_is_gone() -> None:
+    assert set(PARAMETERS) == {f"{effect}.{name}" for effect, name in REPORTED}
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_what_an_effect_means_is_what_its_docstring_says_first(effect: str) -> None:
+    assert meaning(EFFECTS[effect]) == words(EFFECTS[effect]).summary
+
+
+@pytest.mark.parametrize(
+    ("low", "value", "high", "texts"),
+    [
+        (0.372, 0.3996, 0.427, ("+40.0 %", "37.2 to 42.7 %")),
+        (0.36, 0.4, 0.44, ("+40.0 %", "36.0 to 44.0 %")),
+        (-0.3, -0.1, 0.1, ("−10 %", "−30 to 10 %")),
+        (0.1, 0.1, 0.1, ("+10.000 %", "10.000 to 10.000 %")),
+    ],
+)
+def test_a_number_has_the_digits_that_its_interval_allows(
+    low: float, value: float, high: float, texts: tuple[str, str]
+) -> None:
+    assert quantity_words("copper_heating", "r_s_change", Reported(value, low, high, "relative")) == texts
+
+
+def test_a_number_that_is_no_change_has_no_sign() -> None:
+    value = Reported(0.8829, 0.8807, 0.8851, "1")
+    assert quantity_words("ke_rolloff", "k_e_ratio_at_10_a", value)[0] == "88.29 %"
+
+
+def test_a_cause_is_told_with_its_interval() -> None:
+    (cause,) = diagnosed("copper").causes
+    text = parameter_words(cause)
+    assert text.startswith("stator resistance +")
+    assert "(95 %: " in text
+
+
+# ------------------------------------------------------------------------------------------------------------ verdicts
+def test_each_verdict_has_its_sentence() -> None:
+    copper = diagnosed("copper")
+    assert "closes more than 99 %" in verdict_words(copper)
+    assert "what is left is not significant" in verdict_words(copper)
+    assert "something else acts too" in verdict_words(changed(copper, verdict="partly_explained"))
+    assert "take the names below as a hint at most" in verdict_words(changed(copper, verdict="unexplained"))
+    assert "the cause lies outside the catalogue" in verdict_words(diagnosed("outsider"))
+    assert "no cause is named" in verdict_words(diagnosed("nothing"))
+
+
+def test_effects_of_the_fit_that_are_not_named_are_counted() -> None:
+    copper = diagnosed("copper")
+    more = msgspec.structs.replace(copper.found.best, names=("copper_heating", "force_zero"))
+    cut = changed(copper, verdict="partly_explained", found=msgspec.structs.replace(copper.found, best=more))
+    assert verdict_words(cut).startswith("A fit of 2 effects, of which the leading 1 are named, closes")
+    assert "not named, though fitted: force_zero" in diagnosis_text(cut)
+
+
+def test_where_no_mean_stands_out_the_strongest_sign_is_told_instead() -> None:
+    found = diagnosed("outsider")
+    assert where_words(found).startswith("The gap lies in")
+    quiet = tuple(msgspec.structs.replace(place, z=0.5) for place in found.places)
+    alarm = Alarm("scatter", "idc within blocks of payout", 20.09, 2.2)
+    told = where_words(changed(found, places=quiet, remainder=Remainder(1.0, (alarm,), alarm.where)))
+    assert told.startswith("No mean over a phase is off by more than noise and tolerances allow.")
+    assert "Idc within blocks of payout: the scatter is 20.1 times what noise explains (limit 2.2)" in told
+
+
+def test_a_sure_cause_without_a_rival_is_told_as_such() -> None:
+    assert sure_words(diagnosed("copper")).startswith("The cause has a probability above 0.99, and no other effect")
+    assert sure_words(diagnosed("nothing")).startswith("Probability of no effect at all: > 0.99")
+    assert sure_words(diagnosed("outsider")).startswith("Probability of none of the catalogue's effects")
+
+
+def test_a_rival_is_told_beside_the_cause_and_never_hidden() -> None:
+    found = diagnosed("copper")
+    rival = Rival("line_drag", 0.3, "idc during payout at 4.5 ohm, where they differ by 1.9 sigma")
+    cause = msgspec.structs.replace(found.causes[0], probability=0.7, rivals=(rival,))
+    told = changed(found, causes=(cause,))
+    assert sure_words(told) == (
+        "copper_heating has a probability of 0.70; line_drag would explain the data about as well as copper_heating."
+    )
+    assert "Idc during payout at 4.5 ohm, by 1.9 standard deviations" in flat(diagnosis_text(told))
+    better = msgspec.structs.replace(cause, rivals=(msgspec.structs.replace(rival, probability=0.8),))
+    assert "at least as well" in sure_words(changed(found, causes=(better,)))
+
+
+def test_the_share_that_is_closed_comes_with_its_interval_and_how_it_is_known() -> None:
+    found = diagnosed("copper")
+    assert found.closure is not None
+    some = changed(found, closure=msgspec.structs.replace(found.closure, share=0.943, low=0.91, high=0.961))
+    assert closure_words(some).startswith(
+        "94 % of the explainable gap is closed (95 %: 91 to 96 %), judged on each log"
+    )
+    assert interval_words(found) == "> 99 %"
+    assert closure_words(diagnosed("nothing")) == ""
+
+
+def test_withheld_logs_are_told_by_their_loads() -> None:
+    found = diagnosed("copper")
+    assert "the causes were chosen on all logs" in withheld_words(found)
+    assert withheld_words(diagnosed("nothing")) == "all logs took part"
+
+
+@pytest.mark.parametrize(
+    ("z", "told"),
+    [
+        (1.3, "None of the runs that were considered tells copper_heating from line_drag"),
+        (22.4, "No rival is left to be told apart."),
+        (959.0, "differ by more than 100 standard deviations"),
+    ],
+)
+def test_the_next_experiment_is_told_with_what_it_can_do(z: float, told: str) -> None:
+    plan = Experiment(4.5, 1.1, 9.5, ("copper_heating", "line_drag"), z)
+    text = experiment_words(changed(diagnosed("copper"), experiment=plan))
+    assert told in text
+    assert "4.5 Ω, one cycle: 1.5 s ramp to 1.10 m/s" in text
+
+
+@pytest.mark.parametrize("kind", ["structure", "scatter", "nuisance"])
+def test_an_alarm_is_told_with_its_limit_and_its_meaning(kind: str) -> None:
+    alarm = Alarm(kind, "zero of vdc in log 2", 6.04, 4.5)
+    text = alarm_words(alarm, ["a.csv", "b.csv"])
+    assert text.startswith("Zero of Vdc in b.csv")
+    assert "6.0" in text
+    assert "limit 4.5" in text
+    assert len(alarm_meaning(alarm)) > 20
+
+
+def test_what_is_left_is_told_in_one_breath() -> None:
+    assert remainder_words(diagnosed("copper")) == (
+        "Less than 1 % of the gap stays open; it has no structure that stands out of noise."
+    )
+    assert "signs of something unexplained" in remainder_words(diagnosed("outsider"))
+    assert remainder_words(diagnosed("nothing")) == "Nothing is left beyond noise."
+
+
+def test_what_was_checked_counts_means_and_effects() -> None:
+    found = diagnosed("nothing")
+    assert checked_words(found) == (
+        f"{len(found.places)} means by channel, phase and load: none is off by more than 4 standard uncertainties. "
+        "4 effects: none is worth its freedom."
+    )
+
+
+# ---------------------------------------------------------------------------------------------------- what they are called
+def test_simulated_logs_are_never_called_measured() -> None:
+    found = diagnosed("copper")
+    assert word_of(found) == "log"
+    assert simulated_words(found) == "2 of 2 logs were made by a simulation; nothing in them was measured."
+
+
+def test_a_title_that_says_so_makes_logs_no_measurements() -> None:
+    found = diagnosed("copper")
+    bare = [
+        msgspec.structs.replace(log, run=msgspec.structs.replace(log.run, simulated=False)) for log in found.data.logs
+    ]
+    logs = found.data.logs
+    try:
+        found.data.logs = bare
+        assert word_of(found) == "measured"
+        assert simulated_words(found) == ""
+        assert word_of(changed(found, title="Trials rebuilt from a table")) == "log"
+        assert "not measured" in simulated_words(changed(found, title="Trials rebuilt from a table"))
+    finally:
+        found.data.logs = logs
+
+
+# ------------------------------------------------------------------------------------------------------------ the page
+@pytest.mark.parametrize("name", ["copper", "rolloff", "nothing", "outsider"])
+def test_the_text_keeps_to_its_columns_and_tells_all_there_is(name: str) -> None:
+    found = diagnosed(name)
+    text = diagnosis_text(found)
+    assert max(len(line) for line in text.splitlines()) <= 100
+    assert "\u2212" not in text
+    assert text.startswith(f"a campaign of {name}: ")
+    for cause in found.causes:
+        assert cause.effect in text
+    names = ["verdict", "how sure", *(["how far", "what next", "left"] if found.causes else [])]
+    for entry in names:
+        assert f"\n{entry} " in text
+
+
+def test_every_suspect_is_named_or_said_not_to_be_needed() -> None:
+    found = diagnosed("copper")
+    text = flat(diagnosis_text(found))
+    assert "not needed ke_rolloff, line_drag, force_zero" in text
+
+
+def test_many_causes_stay_readable_one_below_the_other() -> None:
+    found = diagnosed("copper")
+    wide = Reported(0.1234567, 0.1234566, 0.1234568, "N.m.s/rad")
+    cause = msgspec.structs.replace(
+        found.causes[0], effect="a_suspect_of_somebody_else", parameters={"a_number_with_a_long_name": wide}
+    )
+    text = diagnosis_text(changed(found, causes=(cause,)))
+    assert max(len(line) for line in text.splitlines()) <= 100
+    assert "a number with a long name" in flat(text)
+
+
+def test_few_lines_tell_verdict_causes_and_files() -> None:
+    from pathlib import Path
+
+    text = diagnosis_lines(as_json(diagnosed("copper")), [Path("d.html")])
+    assert flat(text) == (
+        "diagnosis: explained: copper_heating; more than 99 % of the gap closed on logs that were left out d.html"
+    )
+    assert diagnosis_lines(as_json(diagnosed("nothing")), []).split() == ["diagnosis:", "no", "gap"]

@@ -1,0 +1,191 @@
+"""How a diagnosis names and writes things: numbers of effects, loads, phases, probabilities, tolerances."""
+
+from __future__ import annotations
+
+import inspect
+import math
+import re
+from typing import TYPE_CHECKING, NamedTuple
+
+from winchcascade.report.digits import number, places
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from winchcascade.diagnose.causes import Cause, Reported
+    from winchcascade.diagnose.suspects import Suspect
+
+
+PLENTY = 100.0
+"""More standard deviations than this are not counted."""
+
+
+class Told(NamedTuple):
+    """How a number of an effect is told: what it is, what turns the reported unit into the shown one, and its sign."""
+
+    what: str
+    factor: float = 1.0
+    unit: str = ""
+    signed: bool = True
+
+
+PARAMETERS = {
+    "ke_rolloff.k_e_ratio_at_10_a": Told("back-EMF left at 10 A rms", 100.0, "%", False),
+    "ke_shift.k_e_change": Told("back-EMF constant", 100.0, "%"),
+    "copper_heating.r_s_change": Told("stator resistance", 100.0, "%"),
+    "sync_inductance.l_s_change": Told("phase inductance", 100.0, "%"),
+    "diode_drop.v_d_extra": Told("drop of each diode", 1.0, "V"),
+    "load_drift.r_load_change": Told("load resistance", 100.0, "%"),
+    "gear_mesh_loss.efficiency_change": Told("mesh efficiency", 100.0, "points"),
+    "rotor_viscous.b_extra": Told("fast shaft, drag over speed", 1e3, "mN·m·s/rad"),
+    "rotor_windage.c_extra": Told("fast shaft, drag over speed²", 1e6, "µN·m·s²/rad²"),
+    "rotor_friction.torque": Told("fast shaft, constant drag", 1.0, "N·m"),
+    "rotor_inertia.j_change": Told("fast shaft, inertia", 100.0, "%"),
+    "clutch_drag.torque": Told("clutch drag in haul-in", 1.0, "N·m", False),
+    "line_friction.torque": Told("friction of line and drum", 1.0, "N·m", False),
+    "line_drag.b": Told("drag of line and drum", 1.0, "N·m·s/rad", False),
+    "drum_inertia.j_extra": Told("inertia at the drum", 1.0, "kg·m²"),
+    "drum_layering.radius_change_per_10_m": Told("rope radius per 10 m", 100.0, "%"),
+    "gas_polytropic.n": Told("polytropic exponent", 1.0, "", False),
+    "gas_volume.volume_extra": Told("gas volume", 1e3, "L"),
+    "precharge.pressure_change": Told("precharge, absolute", 100.0, "%"),
+    "piston_area.area_change": Told("piston area", 100.0, "%"),
+    "seal_friction.force": Told("friction of the seals", 1.0, "N", False),
+    "screw_friction.mu_change": Told("friction of the screw", 1.0, ""),
+    "torque_gain.gain_error": Told("gain of the torque sensor", 100.0, "%"),
+    "force_zero.offset": Told("zero of the force cell", 1.0, "N"),
+    "force_gain.gain_error": Told("gain of the force cell", 100.0, "%"),
+    "voltage_gain.gain_error": Told("gain of Vdc", 100.0, "%"),
+    "current_gain.gain_error": Told("gain of Idc", 100.0, "%"),
+    "electrical_lag.lag": Told("delay of Vdc and Idc", 1e3, "ms", False),
+}
+"""Reported numbers by effect and name; signed ones are changes from the rig file's."""
+
+_PHASES = {"payout": "payout", "hold": "hold", "haul_in": "haul-in"}
+
+
+def told(effect: str, name: str, unit: str = "") -> Told:
+    """How a number is told; one of an effect from elsewhere by its own name and unit."""
+    return PARAMETERS.get(f"{effect}.{name}") or Told(name.replace("_", " "), 1.0, "" if unit == "1" else unit, False)
+
+
+def meaning(kind: type[Suspect]) -> str:
+    """What an effect leaves unmodelled: the first sentence of its docstring."""
+    text = inspect.cleandoc(kind.__doc__ or kind.__name__)
+    return " ".join(re.split(r"^(?:Shows as|Easily taken for|Source):", text, flags=re.MULTILINE)[0].split())
+
+
+def quantity_words(effect: str, name: str, found: Reported) -> tuple[str, str]:
+    """A reported number with its unit, and its 95 % interval, with as many digits as the interval allows."""
+    how = told(effect, name, found.unit)
+    u = (found.high - found.low) / 3.92 * how.factor
+    decimals = places(u) if u > 0.0 else 4 - math.floor(math.log10(max(abs(found.value * how.factor), 1e-12)))
+    low, value, high = (number(x * how.factor, decimals) for x in (found.low, found.value, found.high))
+    if how.signed and found.value > 0.0:
+        value = f"+{value}"
+    return f"{value} {how.unit}".rstrip(), f"{low} to {high} {how.unit}".rstrip()
+
+
+def parameter_words(cause: Cause) -> str:
+    """Every number of a cause in words, with its interval."""
+    parts = []
+    for name, found in cause.parameters.items():
+        value, interval = quantity_words(cause.effect, name, found)
+        parts.append(f"{told(cause.effect, name).what} {value} (95 %: {interval})")
+    return "; ".join(parts)
+
+
+def probability_words(p: float) -> str:
+    """A probability with two decimals that never says that anything is certain.
+
+    >>> probability_words(0.873), probability_words(0.9999), probability_words(0.0003)
+    ('0.87', '> 0.99', '< 0.01')
+    """
+    return "> 0.99" if p > 0.995 else "< 0.01" if p < 0.005 else f"{p:.2f}"
+
+
+def load_words(load: float | None, unit: str = "Ω") -> str:
+    """Load of a log."""
+    return "no load" if load is None else "open circuit" if math.isinf(load) else f"{load:g} {unit}"
+
+
+def phase_words(phase: str) -> str:
+    """A phase as a text writes it."""
+    return _PHASES[phase]
+
+
+def share_words(share: float) -> str:
+    """A share in percent that is never rounded up to all.
+
+    >>> share_words(0.943), share_words(0.9996), share_words(-0.2)
+    ('94 %', '> 99 %', '−20 %')
+    """
+    return "> 99 %" if share >= 0.995 else f"{number(100.0 * share, 0)} %"
+
+
+def apart_words(z: float) -> str:
+    """By how many standard deviations two explanations differ.
+
+    >>> apart_words(4.26), apart_words(21.6), apart_words(1420.0)
+    ('4.3', '22', 'more than 100')
+    """
+    return f"{z:.1f}" if z < 9.95 else f"{z:.0f}" if z < PLENTY else f"more than {PLENTY:.0f}"
+
+
+_RIG_NUMBERS = {
+    "r_drum": "drum radius",
+    "inertia": "inertia at the drum",
+    "lead": "lead of the screw",
+    "mu_screw": "friction coefficient of the screw",
+    "area_piston": "piston area",
+    "p_precharge": "precharge pressure",
+    "volume_gas": "gas volume",
+    "eta_mesh": "mesh efficiency",
+    "b_rotor": "damper of the fast shaft",
+    "k_shaft": "shaft spring",
+    "c_shaft": "shaft damping",
+    "inertia_rotor": "inertia of the fast shaft",
+    "k_e": "back-EMF constant",
+    "r_s": "stator resistance",
+    "l_s": "phase inductance",
+    "v_diode": "diode drop",
+    "c_dc": "capacitor of the DC link",
+    "r_bleed": "bleed resistance",
+    "idc": "Idc",
+    "vdc": "Vdc",
+}
+"""Numbers of the rig file and channels in plain words."""
+
+
+_LAWS = {
+    "friction of the winch": "friction of line and drum",
+    "seal_friction of the restoring": "friction of the seals",
+    "friction of the drivetrain": "friction of the fast shaft",
+    "clutch_drag of the drivetrain": "drag of the clutch",
+}
+"""Laws that a rig file does not state, in plain words."""
+
+
+def nuisance_words(text: str, files: Sequence[str]) -> str:
+    """Name of a nuisance in words, with the file of its log in place of the number.
+
+    >>> nuisance_words("zero of idc in log 2", ["a.csv", "b.csv"]), nuisance_words("l_s", [])
+    ('zero of Idc in b.csv', 'phase inductance')
+    """
+    text = _LAWS.get(text, text)
+    text = re.sub(r"\w+", lambda m: _RIG_NUMBERS.get(m[0], m[0]), text).replace(" ohm", " Ω")
+    return re.sub(
+        r"\bin log (\d+)$", lambda m: f"in {files[int(m[1]) - 1]}" if 0 < int(m[1]) <= len(files) else m[0], text
+    )
+
+
+def told_apart_words(text: str) -> str:
+    """What tells a cause from its rival, as a report writes it.
+
+    >>> told_apart_words("idc during payout at 4.5 ohm, where they differ by 458.5 sigma")
+    'Idc during payout at 4.5 Ω, by more than 100 standard deviations'
+    """
+    text = re.sub(
+        r", where they differ by ([\d.]+) sigma", lambda m: f", by {apart_words(float(m[1]))} standard deviations", text
+    )
+    return nuisance_words(text, ())
