@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from diagnosed import diagnosed
 
 from winchcascade.cli import app
+from winchcascade.report.diagnosis import write_diagnosis_reports
 
 CHROMIUM = next(
     (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
@@ -60,6 +62,9 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     shutil.copy(root / "campaign" / "r36ohm.csv", nasty)
     made["nasty"] = folder / "nasty.html"
     app(["reduce", str(nasty), "--html", str(made["nasty"])], standalone_mode=False)
+    for name in ("rolloff", "outsider"):
+        made[name] = folder / f"{name}.html"
+        write_diagnosis_reports(diagnosed(name), html=made[name], pdf=None)
     return made
 
 
@@ -76,7 +81,7 @@ def opened(browser: Any, page: Path, screen: str) -> tuple[Any, list[str], list[
 
 
 @pytest.mark.parametrize("screen", SCREENS)
-@pytest.mark.parametrize("log", [*LOGS, "nasty"])
+@pytest.mark.parametrize("log", [*LOGS, "nasty", "rolloff", "outsider"])
 def test_a_page_makes_no_error_no_request_and_keeps_nobody_out(
     browser: Any, pages: dict[str, Path], log: str, screen: str
 ) -> None:
