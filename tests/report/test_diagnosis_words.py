@@ -253,3 +253,11 @@ def test_few_lines_tell_verdict_causes_and_files() -> None:
         "diagnosis: explained: copper_heating; more than 99 % of the gap closed on logs that were left out d.html"
     )
     assert diagnosis_lines(as_json(diagnosed("nothing")), []).split() == ["diagnosis:", "no", "gap"]
+
+
+def test_the_path_of_a_file_is_never_broken() -> None:
+    from pathlib import Path
+
+    path = Path("/a long folder with blanks in it") / ("and a name " * 12)
+    assert f"{path}\n" in diagnosis_text(diagnosed("nothing"), [path])
+    assert f"{path}\n" in diagnosis_lines(as_json(diagnosed("nothing")), [path])

@@ -57,8 +57,7 @@ def diagnosis_text(found: Diagnosis, files: Sequence[Path | str] = ()) -> str:
     if found.verdict == "no_gap":
         lines += _entry("checked", checked_words(found))
     lines += _considered(found)
-    lines += _entry("files", "\n".join(str(path) for path in files))
-    return _ascii("\n".join(lines)) + "\n"
+    return _ascii("\n".join(lines)) + "\n" + _files("files", files)
 
 
 def diagnosis_lines(record: Mapping[str, Any], files: Sequence[Path]) -> str:
@@ -73,7 +72,12 @@ def diagnosis_lines(record: Mapping[str, Any], files: Sequence[Path]) -> str:
     if record["closure"] is not None:
         share = share_words(record["closure"]["share_closed"]).replace(">", "more than")
         text += f"; {share} of the gap closed on logs that were left out"
-    return _ascii("\n".join([*_entry("diagnosis:", text), *_entry("", "\n".join(str(path) for path in files))])) + "\n"
+    return _ascii("\n".join(_entry("diagnosis:", text))) + "\n" + _files("", files)
+
+
+def _files(name: str, files: Sequence[Path | str]) -> str:
+    """What was written, one a line; a path is never broken."""
+    return "".join(f"{name if k == 0 else '':<{_INDENT}}{plain(str(path))}\n" for k, path in enumerate(files))
 
 
 def _entry(name: str, text: str) -> list[str]:
