@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from functools import partial
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
 from winchcascade.diagnose.suspects import Suspect, Suspects, freedom, with_values
-from winchcascade.fit.campaign import side_by_side
 from winchcascade.fit.solve import bounded_step, huber, quadratic, weights
 
 if TYPE_CHECKING:
@@ -63,39 +61,30 @@ class Fit(msgspec.Struct, frozen=True):
         return [with_values(suspects[name], x) for name, x in zip(self.names, self.values, strict=True)]
 
 
-def columns_of(data: Fitted, nu: Signal, effects: Sequence[Suspect], kind: type[Suspect], values: Signal) -> Signal:
-    """Whitened derivative of the prediction over a suspect's fields, (M * 5, k).
-
-    Parameters
-    ----------
-    effects : others that act beside it
-    values : (k,) where the derivative is taken
-    """
-    free = freedom(kind)
-    here = data.predict(nu, [*effects, with_values(kind, values)])
-    columns = np.empty((*here.shape, values.size))
-    for k in range(values.size):
-        step = STEP * (free.high[k] - free.low[k])
-        if values[k] + step > free.high[k]:
-            step = -step
-        moved = values.copy()
-        moved[k] += step
-        columns[:, :, k] = (data.predict(nu, [*effects, with_values(kind, moved)]) - here) / step
-    return data.whiten(columns)
-
-
 def all_columns(
     data: Fitted, suspects: Suspects, nu: Signal, values: Mapping[str, Signal], wanted: Iterable[str]
 ) -> dict[str, Signal]:
-    """Columns of some suspects, each (M * 5, k), where those with `values` act."""
+    """Whitened derivative of the prediction over fields of some suspects, each (M * 5, k), where those with `values` act."""
     made = {name: with_values(suspects[name], x) for name, x in values.items()}
-
-    def job(name: str) -> Signal:
+    variants: list[tuple[Signal, list[Suspect]]] = []
+    steps: list[float] = []
+    place: dict[str, slice] = {}
+    for name in wanted:
+        free = freedom(suspects[name])
+        here = values.get(name, free.absent)
         others = [effect for other, effect in made.items() if other != name]
-        return columns_of(data, nu, others, suspects[name], values.get(name, freedom(suspects[name]).absent))
-
-    names = list(wanted)
-    return dict(zip(names, side_by_side([partial(job, name) for name in names]), strict=True))
+        place[name] = slice(len(steps), len(steps) + here.size)
+        for k in range(here.size):
+            step = STEP * (free.high[k] - free.low[k])
+            step = -step if here[k] + step > free.high[k] else step
+            moved = here.copy()
+            moved[k] += step
+            variants.append((nu, [*others, with_values(suspects[name], moved)]))
+            steps.append(float(step))
+    if not variants:
+        return {}
+    columns = data.whiten(data.differences(nu, [*made.values()], variants) / np.array(steps))
+    return {name: columns[:, own] for name, own in place.items()}
 
 
 def fit_set(

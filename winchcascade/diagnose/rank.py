@@ -137,7 +137,7 @@ def screen(linear: Linear, scale: float, begin: Sequence[Names]) -> list[Names]:
 
     def rate(names: Names) -> float:
         if names not in known:
-            known[names] = linear.evidence(names, scale)
+            known[names] = _worth(linear, names, scale)
         return known[names]
 
     beam = sorted({tuple(sorted(names)) for names in begin}, key=rate, reverse=True)
@@ -190,7 +190,7 @@ def search(data: Fitted, suspects: Suspects, tell: Callable[[str], None] = lambd
         for names in _promising(linear, scale, begin, fresh):
             fits[names] = _better(fits.get(names), fit_set(data, suspects, names, start=start, quick=True))
         scale = min(scale_of(fit) for fit in fits.values())
-        top = max(fits.values(), key=lambda fit: evidence_of(fit, scale))
+        top = max(fits.values(), key=lambda fit: evidence_of(fit, scale) - CLEARLY * len(fit.names))
         if top.names == best.names or (len(best.names) >= MANY and scale_of(best) > HOPELESS):
             break
         best = fit_set(data, suspects, top.names, start=_without_nuisances(data, suspects, top), passing=True)
@@ -236,8 +236,13 @@ def _better(one: Fit | None, other: Fit) -> Fit:
 def _promising(linear: Linear, scale: float, begin: Sequence[Names], known: set[Names]) -> list[Names]:
     """Sets that the closed form prefers to those that are known about this place, or holds about as good."""
     ranked = screen(linear, scale, begin)
-    least = max(linear.evidence(names, scale) for names in known) - DOUBTFUL
-    return [n for n in ranked[: 3 * REFITTED] if n not in known and linear.evidence(n, scale) > least][:REFITTED]
+    least = max(_worth(linear, names, scale) for names in known) - DOUBTFUL
+    return [n for n in ranked[: 3 * REFITTED] if n not in known and _worth(linear, n, scale) > least][:REFITTED]
+
+
+def _worth(linear: Linear, names: Names, scale: float) -> float:
+    """Closed-form evidence by which sets of any size compare: each further cause must be clearly worth it."""
+    return linear.evidence(names, scale) - CLEARLY * len(names)
 
 
 def _at_nominal(data: Fitted, null: Fit) -> Fit:

@@ -167,9 +167,7 @@ class Fitted:
     def tolerances(self, nu: Signal, effects: Sequence[Bend], at: Signal) -> Signal:
         """What one tolerance of each nuisance moves, (M, 5, nuisances), SI units; parameters as above."""
         columns = np.zeros((*at.shape, len(self.nuisances)))
-        jobs: list[Callable[[], Signal]] = []
-        owners: list[tuple[int, slice, int]] = []
-        models = self.models(nu, effects)
+        simulated = []
         for j, n in enumerate(self.nuisances):
             if n.kind == "zero":
                 columns[self.rows[n.log], CHANNELS.index(n.name), j] = n.sd
@@ -177,18 +175,22 @@ class Fitted:
                 k = CHANNELS.index(n.name)
                 columns[:, k, j] = at[:, k] * n.sd
             else:
-                moved = nu.copy()
-                moved[j] += 1.0
-                bent, late = self.models(moved, effects), self.skew(moved)
-                for number, log in enumerate(self.logs):
-                    if n.kind in ("rig", "law", "timing") or n.load == log.load:
-                        jobs.append(partial(log.course.predict, bent[number], skew=late))
-                        owners.append((j, self.rows[number], number))
-        skew = self.skew(nu)
-        here = side_by_side([partial(self.logs[k].course.predict, models[k], skew=skew) for k in range(len(self.logs))])
-        for (j, rows, number), moved_to in zip(owners, side_by_side(jobs), strict=True):
-            columns[rows, :, j] = moved_to - here[number]
+                simulated.append(j)
+        variants: list[tuple[Signal, Sequence[Bend]]] = [(nu + np.eye(nu.size)[j], effects) for j in simulated]
+        columns[:, :, simulated] = self.differences(nu, effects, variants)
         return columns
+
+    def differences(
+        self, nu: Signal, effects: Sequence[Bend], variants: Sequence[tuple[Signal, Sequence[Bend]]]
+    ) -> Signal:
+        """What nuisances and effects near to some give beyond these, (M, 5, variants), SI units; the shaft to first order."""
+        models, skew = self.models(nu, effects), self.skew(nu)
+        others, skews = [self.models(*variant) for variant in variants], [self.skew(there) for there, _ in variants]
+        jobs = [
+            partial(log.course.differences, models[k], [other[k] for other in others], skew, skews)
+            for k, log in enumerate(self.logs)
+        ]
+        return np.concatenate(side_by_side(jobs))
 
 
 def side_by_side(jobs: Sequence[Callable[[], Signal]]) -> list[Signal]:

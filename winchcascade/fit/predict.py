@@ -11,8 +11,11 @@ import numpy as np
 from winchcascade.rig.bridge import bridge_table
 from winchcascade.rig.kernel import LINE, SHAFT, constants, run_line, run_shaft
 from winchcascade.rig.motion import Motion, motion_of
+from winchcascade.rig.tangent import MOST_WAYS, Tangent, direction, tangent_of
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from scipy.sparse import csr_array
 
     from winchcascade.fit.blocks import Blocks
@@ -55,20 +58,41 @@ class Course:
         self.coarse = _thinned(self.motion, self.every)
         self.matrix = _averaging(run, blocks, self.coarse.t)
         self._kept: dict[tuple[float | tuple[float, ...], ...], Kept] = {}
+        self._tangent: Tangent | None = None
 
     def shaft(self, numbers: Constants, gain: float = 1.0) -> Kept:
         """Solve the shaft, or take the solution of the same numbers; `gain` scales the line's velocity."""
-        key = (gain, numbers.r_drum, *numbers[_SHAFT_FROM:])
+        key = (gain, *_of_the_shaft(numbers))
         found = self._kept.get(key)
         if found is None:
-            out = np.empty((self.motion.t.size, len(SHAFT)))
-            run_shaft(self.motion.v * gain, self.motion.step, numbers, bridge_table(), out)
+            out = self._solve(numbers, gain)
             thin = np.ascontiguousarray(out[:: self.every].T)
             found = Kept(*(thin[SHAFT.index(name)] for name in _KEPT))
             if len(self._kept) >= MOST_KEPT:
                 del self._kept[next(iter(self._kept))]
             self._kept[key] = found
         return found
+
+    def _solve(self, numbers: Constants, gain: float = 1.0) -> Signal:
+        out = np.empty((self.motion.t.size, len(SHAFT)))
+        run_shaft(self.motion.v * gain, self.motion.step, numbers, bridge_table(), out)
+        return out
+
+    def tangent(self, numbers: Constants, others: Sequence[Constants]) -> Tangent:
+        """Differentiate the shaft's solution of some numbers, so that all others follow to first order."""
+        known = self._tangent
+        if known is not None and _of_the_shaft(known.numbers) != _of_the_shaft(numbers):
+            known = None
+        ways = [way for way in dict.fromkeys(direction(numbers, other) for other in others) if any(way)]
+        if known is not None and all(way in known.directions for way in ways):
+            return known
+        if known is not None:
+            ways = list(dict.fromkeys((*ways, *known.directions)))[:MOST_WAYS]
+        motion = self.motion
+        self._tangent = tangent_of(
+            motion.v, motion.step, numbers, bridge_table(), self._solve(numbers), self.every, ways
+        )
+        return self._tangent
 
     def on_grid(self, model: Model, gain: float = 1.0, skew: Signal | None = None) -> Signal:
         """What the sensors read along the course, (n, 5) on the grid: columns of `CHANNELS`, SI units.
@@ -79,18 +103,50 @@ class Course:
         skew : (5,) how late each channel is read [s]
         """
         numbers = constants(model, self.load)
-        kept, at = self.shaft(numbers, gain), self.coarse
+        kept = self.shaft(numbers, gain)
+        return self._read(model, numbers, kept.clutch, kept.vdc, skew)
+
+    def _read(self, model: Model, numbers: Constants, clutch: Signal, vdc: Signal, skew: Signal | None) -> Signal:
+        """What the sensors read, (n, 5), as `on_grid`, of a solution of the shaft."""
+        at, sensors = self.coarse, model.sensors
         line = np.empty((at.t.size, len(LINE)))
-        run_line(at.x, at.v, at.a, at.step, numbers, kept.clutch, line)
-        vdc, idc = kept.vdc, kept.idc
-        sensors = model.sensors
-        if sensors.electrical_lag:
-            late = sensors.late(at.t)
-            vdc, idc = np.interp(late, at.t, vdc), np.interp(late, at.t, idc)
-        seen = [line[:, 0], line[:, 1], line[:, 2], vdc, idc]
-        if skew is not None:
-            seen = [np.interp(at.t - late, at.t, x) if late else x for x, late in zip(seen, skew.tolist(), strict=True)]
-        return np.column_stack([sensors.read(name, x) for name, x in zip(CHANNELS, seen, strict=True)])
+        run_line(at.x, at.v, at.a, at.step, numbers, clutch, line)
+        seen = np.empty((at.t.size, len(CHANNELS)))
+        late = np.zeros(len(CHANNELS)) if skew is None else skew
+        for k, name in enumerate(CHANNELS):
+            x = line[:, k] if k < ELECTRICAL else vdc if name == "vdc" else vdc / numbers.load
+            if k >= ELECTRICAL:
+                x = delayed(x, sensors.electrical_lag / at.step)
+            seen[:, k] = sensors.read(name, delayed(x, float(late[k]) / at.step))
+        return seen
+
+    def differences(
+        self, model: Model, others: Sequence[Model], skew: Signal | None = None, skews: Sequence[Signal] | None = None
+    ) -> Signal:
+        """What other models, near to one, read beyond it, (m, 5, k) as means of blocks; the shaft to first order.
+
+        Parameters
+        ----------
+        skew : (5,) how late each channel is read [s]
+        skews : the same for each of the others; as `skew` by default
+        """
+        numbers, here = [constants(other, self.load) for other in others], constants(model, self.load)
+        kept = self.shaft(here)
+        base = self._read(model, here, kept.clutch, kept.vdc, skew)
+        moved = np.empty((*base.shape, len(others)))
+        still = _of_the_shaft(here)
+        tangent: Tangent | None = None
+        if any(_of_the_shaft(there) != still for there in numbers):
+            tangent = self.tangent(here, numbers)
+        for k, (other, there) in enumerate(zip(others, numbers, strict=True)):
+            late = skew if skews is None else skews[k]
+            clutch, vdc = kept.clutch, kept.vdc
+            if tangent is not None and _of_the_shaft(there) != still:
+                by_clutch, by_vdc = tangent.change(there)
+                clutch, vdc = clutch + by_clutch, vdc + by_vdc
+            moved[:, :, k] = self._read(other, there, clutch, vdc, late) - base
+        means: Signal = self.matrix @ moved.reshape(base.shape[0], -1)
+        return means.reshape(-1, len(CHANNELS), len(others))
 
     def predict(self, model: Model, gain: float = 1.0, skew: Signal | None = None) -> Signal:
         """What the sensors read, as means of the blocks, (m, 5), with the parameters of `on_grid`."""
@@ -107,6 +163,26 @@ _SHAFT_FROM = 14
 """Numbers of `Constants` from here on concern the shaft; `test_predict` holds it."""
 
 _KEPT = ("clutch", "vdc", "idc", "i_s", "i_bridge", "omega_gen")
+
+ELECTRICAL = CHANNELS.index("vdc")
+"""Channels from here on are electrical: their lag is common."""
+
+
+def _of_the_shaft(numbers: Constants) -> tuple[float | tuple[float, ...], ...]:
+    return (numbers.r_drum, *numbers[_SHAFT_FROM:])
+
+
+def delayed(x: Signal, steps: float) -> Signal:
+    """A signal at even steps as it was so many steps before, by straight lines; its first value before it begins."""
+    if steps == 0.0:
+        return x
+    whole = math.floor(steps)
+    share = steps - whole
+    index = np.arange(x.size) - whole
+    after, before = np.clip(index, 0, x.size - 1), np.clip(index - 1, 0, x.size - 1)
+    late: Signal = (1.0 - share) * x[after] + share * x[before]
+    return late
+
 
 MOST_KEPT = 48
 """So many solutions of a log are kept, the oldest goes first."""

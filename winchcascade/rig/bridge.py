@@ -99,6 +99,28 @@ def bridge_state(
 
 
 @njit(cache=True)
+def bridge_turned(v_total: float, v_ll: float, r_s: float, reactance: float, table: Signal) -> tuple[float, float]:
+    """How mean DC current and stator rms current change with the angle atan2(r_s, reactance), at one impedance. [A/rad]"""
+    if v_ll <= 0.0 or v_total >= _SQRT2 * v_ll:
+        return 0.0, 0.0
+    rows, columns = table.shape[0] - 3, table.shape[1] - 3
+    s = math.sqrt(1.0 - max(v_total, 0.0) / (_SQRT2 * v_ll)) * rows
+    phi = (math.atan2(r_s, reactance) - PHI_LOW) / (PHI_HIGH - PHI_LOW) * columns
+    i, j = min(int(s), rows - 1), min(max(int(phi), 0), columns - 1)
+    across, turn = _weights(s - i), _slopes(min(max(phi - j, 0.0), 1.0))
+    by_dc = by_s = 0.0
+    for a in range(4):
+        row_dc = row_s = 0.0
+        for b in range(4):
+            row_dc += turn[b] * table[i + a, j + b, 0]
+            row_s += turn[b] * table[i + a, j + b, 1]
+        by_dc += across[a] * row_dc
+        by_s += across[a] * row_s
+    scale = v_ll / math.hypot(r_s, reactance) * columns / (PHI_HIGH - PHI_LOW)
+    return by_dc * scale, by_s * scale
+
+
+@njit(cache=True)
 def bridge_currents(v_total: float, v_ll: float, r_s: float, reactance: float, table: Signal) -> tuple[float, float]:
     """Mean DC current and stator rms current alone, as `bridge_state` gives them. [A]"""
     i_dc, i_s, _, _ = bridge_state(v_total, v_ll, r_s, reactance, table)

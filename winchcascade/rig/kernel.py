@@ -112,7 +112,7 @@ def rolloff_slopes(left: tuple[float, ...]) -> tuple[float, ...]:
 
 
 @njit(cache=True)
-def _left_of_k_e(i_s: float, c: Constants) -> tuple[float, float]:
+def left_of_k_e(i_s: float, c: Constants) -> tuple[float, float]:
     """What is left of the back-EMF constant at a stator current [1], and its slope [1/A]."""
     if i_s >= ROLLOFF_KNOTS[-1]:
         return c.rolloff[-1], 0.0
@@ -137,7 +137,7 @@ _SQRT2 = math.sqrt(2.0)
 
 
 @njit(cache=True)
-def _weakened_bridge(
+def weakened_bridge(
     v_total: float, v_full: float, reactance: float, guess: float, c: Constants, table: Signal
 ) -> tuple[float, float, float]:
     """Currents of the bridge, DC and stator rms, while the latter weakens the back-EMF, and the slope of the DC current.
@@ -153,7 +153,7 @@ def _weakened_bridge(
         if turn == NEWTON_ALONE:
             _, high, _, _ = bridge_state(v_total, v_full, c.r_s, reactance, table)
             now = min(max(now, low), high)
-        left, slope = _left_of_k_e(now, c)
+        left, slope = left_of_k_e(now, c)
         v_ll, bend = v_full * left, v_full * slope
         i_b, i_s, d_b, d_s = bridge_state(v_total, v_ll, c.r_s, reactance, table)
         rise = (i_s - v_total * d_s) / v_ll * bend
@@ -193,7 +193,7 @@ def run_shaft(v: Signal, dt: float, c: Constants, table: Signal, out: Signal) ->
         half_way = max(omega + 0.5 * (omega - omega_before), 0.0)
         v_total = v_dc + 2.0 * c.v_diode
         reactance = max(c.pole_pairs * half_way * c.l_s, 1e-6)
-        i_b, i_s, slope = _weakened_bridge(v_total, c.k_e * half_way * rpm, reactance, i_s, c, table)
+        i_b, i_s, slope = weakened_bridge(v_total, c.k_e * half_way * rpm, reactance, i_s, c, table)
         leak = 1.0 / c.load - slope
         change = dt / c.c_dc * (i_b - v_dc / c.load) / (1.0 + 0.5 * dt / c.c_dc * leak)
         change = max(change, -v_dc)

@@ -1,0 +1,126 @@
+"""Derivatives of the shaft's solution against differences of solutions."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+import pytest
+
+from winchcascade import read_run
+from winchcascade.effects.catalogue import EFFECTS
+from winchcascade.rig.bridge import bridge_currents, bridge_table, bridge_turned
+from winchcascade.rig.kernel import SHAFT, Constants, constants, run_shaft
+from winchcascade.rig.model import Model, baseline
+from winchcascade.rig.motion import Motion, motion_of
+from winchcascade.rig.tangent import MOST_WAYS, NUMBERS, direction, tangent_of
+from winchcascade.rigtoml import built_in
+
+if TYPE_CHECKING:
+    from winchcascade.run import Signal
+
+CAMPAIGN = Path(__file__).parent.parent.parent / "fixtures" / "campaign"
+STEP, EVERY = 1e-3, 10
+AT_REST = 5.0
+"""Below this speed friction alone decides. [rad/s]"""
+
+ROLLOFF = EFFECTS["ke_rolloff"]
+NOMINAL = baseline(built_in())
+
+
+def bent(model: Model, **fields: dict[str, float]) -> Model:
+    for name, values in fields.items():
+        model = EFFECTS[name](**values).bend(model)
+    return model
+
+
+WORN = bent(
+    NOMINAL,
+    ke_rolloff={"lost_to_5_a": 0.03, "lost_to_7_a": 0.05, "lost_to_11_a": 0.06, "lost_to_20_a": 0.1},
+    rotor_friction={"torque": 0.05},
+    rotor_windage={"c_extra": 1e-6},
+)
+
+
+def motion(name: str, load: float) -> Motion:
+    run = read_run(CAMPAIGN / name, load=load)
+    first = run.t < run.t[0] + 60.0
+    cut = {key: x[first] for key, x in run.channels.items()}
+    return motion_of(msgspec.structs.replace(run, t=run.t[first], channels=cut, samples=int(first.sum())), STEP)
+
+
+def solve(v: Signal, numbers: Constants) -> Signal:
+    out = np.empty((v.size, len(SHAFT)))
+    run_shaft(v, STEP, numbers, bridge_table(), out)
+    return out
+
+
+def seen(out: Signal) -> Signal:
+    """Torque of the clutch and DC voltage where derivatives are kept, (2, n)."""
+    return np.ascontiguousarray(out[::EVERY, [SHAFT.index("clutch"), SHAFT.index("vdc")]].T)
+
+
+@pytest.mark.parametrize("model", [NOMINAL, WORN], ids=["nominal", "worn"])
+@pytest.mark.parametrize(("name", "load"), [("r4p5ohm.csv", 4.5), ("r36ohm.csv", 36.0), ("open_circuit.csv", math.inf)])
+def test_derivatives_are_the_limit_of_differences(model: Model, name: str, load: float) -> None:
+    course = motion(name, load)
+    numbers = constants(model, load)
+    solution = solve(course.v, numbers)
+    ways = {
+        field: direction(numbers, constants(bent(model, ke_rolloff={field: 1e-4}), load)) for field in ROLLOFF.possible
+    }
+    tangent = tangent_of(course.v, STEP, numbers, bridge_table(), solution, EVERY, list(ways.values()))
+    turning = solution[::EVERY, SHAFT.index("omega_gen")] > AT_REST
+    for what in (*NUMBERS, *ways):
+        if what in ways:
+            there = constants(bent(model, ke_rolloff={what: 1e-4}), load)
+            moved = seen(solve(course.v, there)) - seen(solution)
+        else:
+            value = getattr(numbers, what)
+            step = 1e-4 * value or 1e-7
+            there, back = (numbers._replace(**{what: value + side * step}) for side in (1.0, -1.0))
+            moved = 0.5 * (seen(solve(course.v, there)) - seen(solve(course.v, back)))
+        told = np.stack(tangent.change(there))[:, turning]
+        moved = moved[:, turning]
+        for k in range(2):
+            size = float(np.sqrt(np.mean(moved[k] ** 2)))
+            wrong = float(np.sqrt(np.mean((told[k] - moved[k]) ** 2)))
+            assert wrong <= 0.03 * size + 1e-6, (
+                f"{what}: {('clutch', 'vdc')[k]} moves by {size:.3g}, off by {wrong:.3g}"
+            )
+
+
+def test_currents_follow_the_angle_of_the_impedance() -> None:
+    table = bridge_table()
+    for v_total in (20.0, 60.0, 110.0):
+        for angle in (0.3, 0.7, 1.2):
+            at = [
+                bridge_currents(v_total, 100.0, math.sin(angle + d), math.cos(angle + d), table) for d in (1e-6, -1e-6)
+            ]
+            slopes = [(a - b) / 2e-6 for a, b in zip(*at, strict=True)]
+            turned = bridge_turned(v_total, 100.0, math.sin(angle), math.cos(angle), table)
+            assert turned == pytest.approx(slopes, rel=1e-4, abs=1e-6)
+
+
+def test_nothing_changes_where_no_number_does() -> None:
+    course = motion("r36ohm.csv", 36.0)
+    numbers = constants(NOMINAL, 36.0)
+    tangent = tangent_of(course.v, STEP, numbers, bridge_table(), solve(course.v, numbers), EVERY, [])
+    clutch, vdc = tangent.change(numbers)
+    assert not clutch.any()
+    assert not vdc.any()
+
+
+def test_a_direction_that_was_not_carried_is_refused() -> None:
+    course = motion("r36ohm.csv", 36.0)
+    numbers = constants(NOMINAL, 36.0)
+    table, solution = bridge_table(), solve(course.v, numbers)
+    tangent = tangent_of(course.v, STEP, numbers, table, solution, EVERY, [])
+    with pytest.raises(ValueError, match="not in tuple"):
+        tangent.change(constants(WORN, 36.0))
+    way = direction(numbers, constants(WORN, 36.0))
+    with pytest.raises(ValueError, match="directions of the roll-off"):
+        tangent_of(course.v, STEP, numbers, table, solution, EVERY, [way] * (MOST_WAYS + 1))

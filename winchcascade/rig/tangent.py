@@ -1,0 +1,254 @@
+"""How a solution of the shaft moves with its numbers: derivatives of every step, carried along beside the solution.
+
+One pass costs about as much as two solutions, whatever the number of derivatives; differences of solutions would cost one each.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+from numba import njit
+
+from winchcascade.rig.bridge import bridge_state, bridge_turned
+from winchcascade.rig.generator import ROLLOFF_KNOTS
+from winchcascade.rig.kernel import SHAFT, TURN, left_of_k_e, weakened_bridge
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from winchcascade.rig.kernel import Constants
+    from winchcascade.run import Signal
+
+NUMBERS = (
+    "r_drum", "gear", "eta_mesh", "b_rotor", "windage", "friction", "k_shaft", "c_shaft", "inertia_rotor", "k_e", "r_s", "l_s",
+    "v_diode", "c_dc", "load",
+)  # fmt: skip
+"""Fields of `Constants` whose derivatives are carried; directions of the roll-off follow them."""
+
+_R_DRUM, _GEAR, _ETA, _DAMPER, _WINDAGE, _FRICTION, _K, _C, _J, _K_E, _R_S, _L_S, _V_DIODE, _C_DC, _LOAD = range(
+    len(NUMBERS)
+)
+_FIRST_WAY = len(NUMBERS)
+
+WIDE = 24
+"""Derivatives that are carried at once: a number that the compiler knows, so that it takes four or eight at a time."""
+
+MOST_WAYS = WIDE - len(NUMBERS)
+"""So many of them are directions of the roll-off."""
+
+_ROWS = 15
+_D_OMEGA, _D_BEFORE, _D_TWIST, _D_V, _D_LAST, _D_MEAN, _D_SEEN = (WIDE * row for row in range(7))
+"""Where the derivatives of the state begin in the working array: speed of the fast shaft now and a step before, twist, DC
+voltage, the clutch's torque of the step before and its mean of two, DC voltage at the beginning of the step."""
+
+_S, _B, _CHANGE, _STEP, _P, _AFTER, _SLIP, _TORQUE = (WIDE * row for row in range(7, _ROWS))
+"""And where that begins which a number moves at once, not by the state: stator and bridge current, change of the DC voltage,
+current into the link, air-gap power, speed after the step, slip of the shaft spring, its torque."""
+
+Direction = tuple[float, ...]
+"""Change of the roll-off at every knot and of its slopes there, in a row."""
+
+_OMEGA, _TWIST, _V_DC = SHAFT.index("omega_gen"), SHAFT.index("twist"), SHAFT.index("vdc")
+
+
+class Tangent(msgspec.Struct, frozen=True):
+    """Derivatives of a solution of the shaft, at some of its steps.
+
+    `clutch` and `vdc` (k, n) are those of the clutch's torque [N m] and of the DC voltage [V] over each of `NUMBERS` and then
+    along each of `directions` of the roll-off; `numbers` are those of the solution itself.
+    """
+
+    numbers: Constants
+    directions: tuple[Direction, ...]
+    clutch: Signal
+    vdc: Signal
+
+    def change(self, numbers: Constants) -> tuple[Signal, Signal]:
+        """By how much torque of the clutch [N m] and DC voltage [V] change to other numbers, (n,) each, to first order."""
+        moves = [(k, getattr(numbers, name) - getattr(self.numbers, name)) for k, name in enumerate(NUMBERS)]
+        way = direction(self.numbers, numbers)
+        if any(way):
+            moves.append((len(NUMBERS) + self.directions.index(way), 1.0))
+        clutch, vdc = np.zeros((2, self.clutch.shape[1]))
+        for k, move in moves:
+            if move:
+                clutch += move * self.clutch[k]
+                vdc += move * self.vdc[k]
+        return clutch, vdc
+
+
+def direction(here: Constants, there: Constants) -> Direction:
+    """Change of the roll-off from one set of numbers to another."""
+    return tuple(
+        b - a for a, b in zip((*here.rolloff, *here.rolloff_slope), (*there.rolloff, *there.rolloff_slope), strict=True)
+    )
+
+
+def tangent_of(
+    v: Signal, dt: float, numbers: Constants, table: Signal, solution: Signal, every: int, ways: Sequence[Direction]
+) -> Tangent:
+    """Differentiate a solution of `run_shaft`.
+
+    Parameters
+    ----------
+    v, dt, numbers, table : as the solution was made with
+    solution : (n, 8) as `run_shaft` filled it
+    every : so many steps lie between two at which derivatives are kept
+    ways : directions of the roll-off
+
+    Raises
+    ------
+    ValueError : more directions than are carried at once
+    """
+    if len(ways) > MOST_WAYS:
+        raise ValueError(f"{len(ways)} directions of the roll-off; at most {MOST_WAYS} are carried at once.")
+    knots = len(ROLLOFF_KNOTS)
+    bent = np.array(ways, dtype=np.float64).reshape(-1, 2, knots)
+    kept = np.zeros((2, len(NUMBERS) + bent.shape[0], -(-v.size // every)))
+    run_tangent(v, dt, numbers, table, solution, every, bent, kept)
+    return Tangent(numbers, tuple(ways), kept[0], kept[1])
+
+
+@njit(cache=True)
+def _bent(i_s: float, rolloff: Signal, slope: Signal) -> float:
+    """Change of what is left of the back-EMF constant at a stator current, along one direction. [1]"""
+    if i_s >= ROLLOFF_KNOTS[-1]:
+        return float(rolloff[-1])
+    k = 0
+    while i_s > ROLLOFF_KNOTS[k + 1]:
+        k += 1
+    width = ROLLOFF_KNOTS[k + 1] - ROLLOFF_KNOTS[k]
+    x = (i_s - ROLLOFF_KNOTS[k]) / width
+    rise = rolloff[k + 1] - rolloff[k]
+    first, last = slope[k] * width, slope[k + 1] * width
+    return float(rolloff[k] + x * (first + x * (3.0 * rise - 2.0 * first - last + x * (first + last - 2.0 * rise))))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def run_tangent(
+    v: Signal, dt: float, c: Constants, table: Signal, solution: Signal, every: int, bent: Signal, kept: Signal
+) -> None:
+    """Carry derivatives along a solution, step by step as `run_shaft` made it.
+
+    Parameters
+    ----------
+    bent : (j, 2, knots) directions of the roll-off: of what is left, and of its slopes
+    kept : (2, k, m) is filled with derivatives of the clutch's torque and of the DC voltage
+    """
+    size = kept.shape[1]
+    rpm = 30.0 / math.pi
+    share = c.eta_mesh / c.gear
+    stiff = 0.5 * dt * c.k_shaft + c.c_shaft
+    mass = c.inertia_rotor / dt
+    w = np.zeros(_ROWS * WIDE)
+    i_s = omega_before = 0.0
+    for n in range(v.size - 1):
+        omega, twist, v_dc = solution[n, _OMEGA], solution[n, _TWIST], solution[n, _V_DC]
+        omega_after, v_after = solution[n + 1, _OMEGA], solution[n + 1, _V_DC]
+        rising = omega + 0.5 * (omega - omega_before)
+        half_way = max(rising, 0.0)
+        turning = 1.0 if rising > 0.0 else 0.0
+        # bridge: currents over speed and voltage, and over its own numbers at once
+        v_total = v_dc + 2.0 * c.v_diode
+        reactance = max(c.pole_pairs * half_way * c.l_s, 1e-6)
+        v_full = c.k_e * half_way * rpm
+        i_b, i_s, slope = weakened_bridge(v_total, v_full, reactance, i_s, c, table)
+        s_v = s_h = b_v = b_h = 0.0
+        if i_b > 0.0:
+            left, left_slope = left_of_k_e(i_s, c)
+            v_ll = v_full * left
+            _, _, b_total, s_total = bridge_state(v_total, v_ll, c.r_s, reactance, table)
+            b_turned, s_turned = bridge_turned(v_total, v_ll, c.r_s, reactance, table)
+            square = c.r_s * c.r_s + reactance * reactance
+            b_ll, s_ll = (i_b - v_total * b_total) / v_ll, (i_s - v_total * s_total) / v_ll
+            b_r, s_r = (b_turned * reactance - i_b * c.r_s) / square, (s_turned * reactance - i_s * c.r_s) / square
+            b_x, s_x = (-b_turned * c.r_s - i_b * reactance) / square, (-s_turned * c.r_s - i_s * reactance) / square
+            loop = 1.0 / (1.0 - s_ll * v_full * left_slope)
+            through = b_ll * v_full * left_slope
+            full_h, x_h = rpm * c.k_e * turning, c.pole_pairs * c.l_s * turning
+            s_h, s_v = (s_ll * left * full_h + s_x * x_h) * loop, s_total * loop
+            b_h, b_v = b_ll * left * full_h + b_x * x_h + through * s_h, b_total + through * s_v
+            w[_S + _V_DIODE], w[_S + _K_E] = 2.0 * s_v, s_ll * left * rpm * half_way * loop
+            w[_S + _R_S], w[_S + _L_S] = s_r * loop, s_x * c.pole_pairs * half_way * loop
+            w[_B + _V_DIODE], w[_B + _K_E] = 2.0 * b_v, b_ll * left * rpm * half_way + through * w[_S + _K_E]
+            w[_B + _R_S] = b_r + through * w[_S + _R_S]
+            w[_B + _L_S] = b_x * c.pole_pairs * half_way + through * w[_S + _L_S]
+            for j in range(bent.shape[0]):
+                v_bent = v_full * _bent(i_s, bent[j, 0], bent[j, 1])
+                w[_S + _FIRST_WAY + j] = s_ll * v_bent * loop
+                w[_B + _FIRST_WAY + j] = b_ll * v_bent + through * w[_S + _FIRST_WAY + j]
+        else:
+            w[_S : _S + WIDE] = 0.0
+            w[_B : _B + WIDE] = 0.0
+        # DC link and air gap
+        damped = 1.0 + 0.5 * dt / c.c_dc * (1.0 / c.load - slope)
+        change = v_after - v_dc
+        v_half = v_dc + 0.5 * change
+        i_step = max(c.c_dc * change / dt + v_half / c.load, 0.0)
+        fed = 1.0 if i_step > 0.0 else 0.0
+        per = 1.0 / half_way if half_way > 1.0 else 0.0
+        torque_em = per * ((v_half + 2.0 * c.v_diode) * i_step + 3.0 * c.r_s * i_s * i_s)
+        leak = -v_half / (c.load * c.load)
+        w[_CHANGE + _LOAD], w[_CHANGE + _C_DC] = -dt / c.c_dc * leak / damped, -change / c.c_dc / damped
+        w[_STEP + _LOAD], w[_STEP + _C_DC] = leak, change / dt
+        w[_P + _V_DIODE], w[_P + _R_S] = 2.0 * i_step, 3.0 * i_s * i_s
+        fill = dt / c.c_dc / damped
+        # fast shaft
+        turned, edge = 1.0, 0.0
+        if half_way < 20.0 * TURN:
+            turned = math.tanh(half_way / TURN)
+            edge = (1.0 - turned * turned) / TURN
+        losses = 0.5 * (c.b_rotor + c.windage * half_way + c.friction * edge)
+        losses_h = 0.5 * (c.windage - c.friction * edge * 2.0 * turned / TURN)
+        dry_h = c.friction * edge * 2.0 * turned / TURN * half_way
+        drum_half = 0.5 * (v[n] + v[n + 1]) / c.r_drum
+        lag = drum_half - 0.5 * omega / c.gear
+        slip = drum_half - 0.5 * (omega + omega_after) / c.gear
+        on = 1.0 if c.k_shaft * twist + stiff * slip > 0.0 else 0.0
+        heavy = mass + losses + on * 0.5 * share * stiff / c.gear
+        moved = 1.0 / heavy if omega_after > 0.0 else 0.0
+        spring = c.k_shaft * twist + stiff * lag
+        w[_AFTER + _J] = moved * (omega - omega_after) / dt
+        w[_AFTER + _DAMPER] = -0.5 * moved * (omega + omega_after)
+        w[_AFTER + _WINDAGE] = -0.5 * moved * half_way * (omega + omega_after)
+        w[_AFTER + _FRICTION] = -moved * (0.5 * edge * (omega + omega_after) + turned - edge * half_way)
+        by_share = on * moved * (spring - 0.5 * stiff * omega_after / c.gear)
+        w[_AFTER + _ETA] = by_share / c.gear
+        w[_AFTER + _GEAR] = share / c.gear * (on * moved * 0.5 * stiff / c.gear * (omega + omega_after) - by_share)
+        w[_AFTER + _K] = on * moved * share * (twist + 0.5 * dt * slip)
+        w[_AFTER + _C] = on * moved * share * slip
+        w[_AFTER + _R_DRUM] = -on * moved * share * stiff * drum_half / c.r_drum
+        w[_SLIP + _GEAR], w[_SLIP + _R_DRUM] = 0.5 * (omega + omega_after) / (c.gear * c.gear), -drum_half / c.r_drum
+        w[_TORQUE + _K], w[_TORQUE + _C] = twist + 0.5 * dt * slip, slip
+        by_omega = moved * (mass - losses - on * 0.5 * share * stiff / c.gear)
+        by_half = -moved * (losses_h * (omega + omega_after) + dry_h - torque_em * per)
+        by_twist, by_p = on * moved * share * c.k_shaft, moved * per
+        for k in range(WIDE):
+            d_omega, d_v, d_twist = w[_D_OMEGA + k], w[_D_V + k], w[_D_TWIST + k]
+            d_half = turning * (1.5 * d_omega - 0.5 * w[_D_BEFORE + k])
+            d_s = s_h * d_half + s_v * d_v + w[_S + k]
+            d_b = b_h * d_half + b_v * d_v + w[_B + k]
+            d_change = fill * (d_b - d_v / c.load) + w[_CHANGE + k]
+            d_v_half = d_v + 0.5 * d_change
+            d_step = fed * (c.c_dc / dt * d_change + d_v_half / c.load + w[_STEP + k])
+            d_p = 6.0 * c.r_s * i_s * d_s + d_v_half * i_step + (v_half + 2.0 * c.v_diode) * d_step + w[_P + k]
+            d_after = by_omega * d_omega + by_half * d_half + by_twist * d_twist - by_p * d_p + w[_AFTER + k]
+            d_slip = w[_SLIP + k] - 0.5 / c.gear * (d_omega + d_after)
+            d_torque = on * (c.k_shaft * d_twist + stiff * d_slip + w[_TORQUE + k])
+            w[_D_TWIST + k] = on * (d_twist + dt * d_slip)
+            w[_D_MEAN + k] = 0.5 * (d_torque + w[_D_LAST + k])
+            w[_D_LAST + k] = d_torque
+            w[_D_BEFORE + k] = d_omega
+            w[_D_OMEGA + k] = d_after
+            w[_D_SEEN + k] = d_v
+            w[_D_V + k] = d_v + d_change
+        if n % every == 0:
+            for k in range(size):
+                kept[0, k, n // every], kept[1, k, n // every] = w[_D_MEAN + k], w[_D_SEEN + k]
+        omega_before = omega
+    if (v.size - 1) % every == 0:
+        for k in range(size):
+            kept[0, k, (v.size - 1) // every], kept[1, k, (v.size - 1) // every] = w[_D_LAST + k], w[_D_V + k]
