@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 CHANNELS = ("pressure", "force", "torque", "vdc", "idc")
 """Channels that are compared, in the order of the columns of every block array."""
 
-COARSE = 1e-3
+COARSE = 2.5e-3
 """Step of the solutions that a fit compares with one another. [s]"""
 
 GRID = 0.01

@@ -34,7 +34,7 @@ def bridge_table() -> Signal:
     return wide
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _weights(x: float) -> tuple[float, float, float, float]:
     """Weights of four points in a row for a place between the middle two, 0 to 1 (Keys 1981, a = -1/2)."""
     return (
@@ -45,7 +45,7 @@ def _weights(x: float) -> tuple[float, float, float, float]:
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _slopes(x: float) -> tuple[float, float, float, float]:
     """Derivatives of `_weights`."""
     return (
@@ -56,7 +56,7 @@ def _slopes(x: float) -> tuple[float, float, float, float]:
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def bridge_state(
     v_total: float, v_ll: float, r_s: float, reactance: float, table: Signal
 ) -> tuple[float, float, float, float]:
@@ -98,7 +98,7 @@ def bridge_state(
     return max(i_dc, 0.0) * scale, max(i_s, 0.0) * scale, min(up_dc * falling, 0.0), min(up_s * falling, 0.0)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def bridge_turned(v_total: float, v_ll: float, r_s: float, reactance: float, table: Signal) -> tuple[float, float]:
     """How mean DC current and stator rms current change with the angle atan2(r_s, reactance), at one impedance. [A/rad]"""
     if v_ll <= 0.0 or v_total >= _SQRT2 * v_ll:
@@ -120,7 +120,7 @@ def bridge_turned(v_total: float, v_ll: float, r_s: float, reactance: float, tab
     return by_dc * scale, by_s * scale
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def bridge_currents(v_total: float, v_ll: float, r_s: float, reactance: float, table: Signal) -> tuple[float, float]:
     """Mean DC current and stator rms current alone, as `bridge_state` gives them. [A]"""
     i_dc, i_s, _, _ = bridge_state(v_total, v_ll, r_s, reactance, table)

@@ -2,8 +2,8 @@
 
 The line's motion is given, so force and pressure follow from it at once; what has a state is the fast shaft behind clutch
 and shaft spring, the gas's temperature and the DC link. All are stepped by the trapezoidal rule, linearly implicitly (the
-spring by its own stiffness, the DC link by the slope of the bridge's characteristic, dry friction by its own), so the error
-falls with the square of the step.
+spring by its own stiffness, DC link and machine together by the slopes of the bridge's characteristic, dry friction by its
+own), so the error falls with the square of the step.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ def rolloff_slopes(left: tuple[float, ...]) -> tuple[float, ...]:
     return tuple(float(slope) for slope in slopes)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def left_of_k_e(i_s: float, c: Constants) -> tuple[float, float]:
     """What is left of the back-EMF constant at a stator current [1], and its slope [1/A]."""
     if i_s >= ROLLOFF_KNOTS[-1]:
@@ -127,28 +127,32 @@ def left_of_k_e(i_s: float, c: Constants) -> tuple[float, float]:
     return c.rolloff[k] + x * (first + x * (bend + x * twist)), (first + x * (2.0 * bend + 3.0 * x * twist)) / width
 
 
-_SETTLED = 1e-7
-"""Stator current is found to this. [A]"""
+_NEAR = 1e-3
+"""Stator current is within this of the root before a last step of Newton, which leaves a ten-millionth or so. [A]"""
 
 NEWTON_ALONE = 4
-"""Steps of Newton before a bracket is set up: from the step before, two are enough nearly always."""
+"""Steps of Newton before a bracket is set up: from the step before, one is enough nearly always."""
 
 _SQRT2 = math.sqrt(2.0)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def weakened_bridge(
     v_total: float, v_full: float, reactance: float, guess: float, c: Constants, table: Signal
-) -> tuple[float, float, float]:
-    """Currents of the bridge, DC and stator rms, while the latter weakens the back-EMF, and the slope of the DC current.
+) -> tuple[float, float, float, float, float, float]:
+    """Currents of the bridge, DC and stator rms [A], while the latter weakens the back-EMF; the slopes of both over the DC
+    voltage [A/V], and over the back-EMF that no current weakens, at one reactance [A/V].
 
-    More current, less back-EMF, so there is one root alone: Newton from the step before and, should it overshoot and jump to
-    and fro where the roll-off is steep, in a bracket.
+    More current, less back-EMF, so there is one root alone: Newton from a guess and, should it overshoot and jump to and fro
+    where the roll-off is steep, in a bracket.
     """
-    if c.rolloff[-1] == 1.0 or v_total >= _SQRT2 * v_full:
-        i_b, i_s, d_b, _ = bridge_state(v_total, v_full, c.r_s, reactance, table)
-        return i_b, i_s, d_b
+    if v_total >= _SQRT2 * v_full:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    if c.rolloff[-1] == 1.0:
+        i_b, i_s, d_b, d_s = bridge_state(v_total, v_full, c.r_s, reactance, table)
+        return i_b, i_s, d_b, d_s, (i_b - v_total * d_b) / v_full, (i_s - v_total * d_s) / v_full
     low, high, now = 0.0, math.inf, max(guess, 0.0)
+    left = bend = loop = missed = by_b = by_s = i_b = d_b = d_s = 0.0
     for turn in range(60):
         if turn == NEWTON_ALONE:
             _, high, _, _ = bridge_state(v_total, v_full, c.r_s, reactance, table)
@@ -156,21 +160,24 @@ def weakened_bridge(
         left, slope = left_of_k_e(now, c)
         v_ll, bend = v_full * left, v_full * slope
         i_b, i_s, d_b, d_s = bridge_state(v_total, v_ll, c.r_s, reactance, table)
-        rise = (i_s - v_total * d_s) / v_ll * bend
-        if abs(i_s - now) < _SETTLED:
+        by_b, by_s = (i_b - v_total * d_b) / v_ll, (i_s - v_total * d_s) / v_ll
+        loop, missed = 1.0 / (1.0 - by_s * bend), i_s - now
+        if abs(missed) < _NEAR:
             break
         if turn >= NEWTON_ALONE:
-            if i_s > now:
+            if missed > 0.0:
                 low = now
             else:
                 high = now
-        newton = now + (i_s - now) / (1.0 - rise)
+        newton = now + missed * loop
         now = newton if low < newton < high else 0.5 * (low + min(high, 2.0 * now + 1.0))
-    through = d_s / (1.0 - rise)
-    return i_b, i_s, min(d_b + (i_b - v_total * d_b) / v_ll * bend * through, 0.0)
+    s_total, s_full = d_s * loop, by_s * left * loop
+    b_total, b_full = d_b + by_b * bend * s_total, by_b * (left + bend * s_full)
+    last = missed * loop
+    return i_b + by_b * bend * last, now + last, min(b_total, 0.0), s_total, b_full, s_full
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def run_shaft(v: Signal, dt: float, c: Constants, table: Signal, out: Signal) -> None:
     """Step the generator's side along a line motion: clutch, shaft, gear, machine, bridge and DC link.
 
@@ -181,7 +188,7 @@ def run_shaft(v: Signal, dt: float, c: Constants, table: Signal, out: Signal) ->
     table : as `bridge_table` gives it
     out : (n, 8) is filled with `SHAFT`; torque and currents are the mean of the half steps on either side
     """
-    omega = omega_before = twist = v_dc = i_s = 0.0
+    omega = omega_before = twist = v_dc = guess = 0.0
     torque_mid = em_mid = i_mid = is_mid = 0.0
     rpm = 30.0 / math.pi
     share = c.eta_mesh / c.gear
@@ -189,28 +196,34 @@ def run_shaft(v: Signal, dt: float, c: Constants, table: Signal, out: Signal) ->
     mass = c.inertia_rotor / dt
     for n in range(v.size):
         omega_drum = v[n] / c.r_drum
-        # DC link, from here to the next step: the bridge at the speed half-way, its current by its slope half-way too
+        # bridge at the DC voltage now and the speed half-way, as it is foreseen
         half_way = max(omega + 0.5 * (omega - omega_before), 0.0)
         v_total = v_dc + 2.0 * c.v_diode
         reactance = max(c.pole_pairs * half_way * c.l_s, 1e-6)
-        i_b, i_s, slope = weakened_bridge(v_total, c.k_e * half_way * rpm, reactance, i_s, c, table)
-        leak = 1.0 / c.load - slope
-        change = dt / c.c_dc * (i_b - v_dc / c.load) / (1.0 + 0.5 * dt / c.c_dc * leak)
-        change = max(change, -v_dc)
-        v_half = v_dc + 0.5 * change
-        i_b = max(c.c_dc * change / dt + v_half / c.load, 0.0)
-        p_em = (v_half + 2.0 * c.v_diode) * i_b + 3.0 * c.r_s * i_s * i_s
-        torque_em = p_em / half_way if half_way > 1.0 else 0.0
+        i_b, i_s, b_v, s_v, b_full, s_full = weakened_bridge(
+            v_total, c.k_e * half_way * rpm, reactance, guess, c, table
+        )
+        guess = i_s
+        # half-way, DC voltage and air-gap torque follow the speed there by the bridge's slopes
+        b_h, s_h = b_full * c.k_e * rpm, s_full * c.k_e * rpm
+        holds = 2.0 * c.c_dc / dt + 1.0 / c.load - b_v
+        fills = (i_b - v_dc / c.load) / holds
+        per = 1.0 / half_way if half_way > 1.0 else 0.0
+        em = (v_total * i_b + 3.0 * c.r_s * i_s * i_s) * per
+        em_v = (i_b + v_total * b_v + 6.0 * c.r_s * i_s * s_v) * per
+        em_h = (v_total * b_h + 6.0 * c.r_s * i_s * s_h - em) * per
+        em += em_v * fills
+        brakes = max(em_h + em_v * b_h / holds, 0.0)
         # fast shaft, from here to the next step, by the trapezoidal rule
         drum_half = omega_drum if n + 1 == v.size else 0.5 * (v[n] + v[n + 1]) / c.r_drum
-        losses = 0.5 * (c.b_rotor + c.windage * abs(half_way))
+        losses = 0.5 * (c.b_rotor + c.windage * abs(half_way) + brakes)
         dry = 0.0
         if c.friction != 0.0:
             turned = math.tanh(half_way / TURN)
             steep = c.friction * (1.0 - turned * turned) / TURN
             losses += 0.5 * steep
             dry = c.friction * turned - steep * half_way
-        driven = (mass - losses) * omega - torque_em - dry
+        driven = (mass - losses) * omega - em + brakes * half_way - dry
         after = (driven + share * (c.k_shaft * twist + stiff * (drum_half - 0.5 * omega / c.gear))) / (
             mass + losses + 0.5 * share * stiff / c.gear
         )
@@ -222,18 +235,24 @@ def run_shaft(v: Signal, dt: float, c: Constants, table: Signal, out: Signal) ->
             torque, twist = 0.0, 0.0
             after = driven / (mass + losses)
         after = max(after, 0.0)
+        # DC link
+        faster = 0.5 * (omega + after) - half_way
+        change = max(2.0 * (fills + b_h * faster / holds), -v_dc)
+        i_b = max(c.c_dc * change / dt + (v_dc + 0.5 * change) / c.load, 0.0)
+        i_s = max(i_s + 0.5 * s_v * change + s_h * faster, 0.0)
+        em += brakes * faster
         first = 1.0 if n == 0 else 0.5
         out[n, 0] = first * torque + (1.0 - first) * torque_mid
         out[n, 1], out[n, 2], out[n, 3] = v_dc, v_dc / c.load, omega
         out[n, 4] = first * i_s + (1.0 - first) * is_mid
-        out[n, 5] = first * torque_em + (1.0 - first) * em_mid
+        out[n, 5] = first * em + (1.0 - first) * em_mid
         out[n, 6] = first * i_b + (1.0 - first) * i_mid
         out[n, 7] = twist
-        torque_mid, em_mid, i_mid, is_mid = torque, torque_em, i_b, i_s
+        torque_mid, em_mid, i_mid, is_mid = torque, em, i_b, i_s
         omega_before, omega, v_dc = omega, after, v_dc + change
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def run_line(x: Signal, v: Signal, a: Signal, dt: float, c: Constants, torque: Signal, out: Signal) -> None:
     """Give what the line feels: gas, screw, losses and inertia at the drum, and the torque that the clutch carries.
 

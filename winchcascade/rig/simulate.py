@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from winchcascade.rig.motion import Motion
     from winchcascade.run import Signal
 
-STEP = 5e-4
+STEP = 1e-3
 """Step of a simulation: half of it changes no channel by more than 0.05 % of its plateau. [s]"""
 
 READ = ("pressure", "force", "torque", "vdc", "idc")

@@ -39,14 +39,14 @@ WIDE = 24
 MOST_WAYS = WIDE - len(NUMBERS)
 """So many of them are directions of the roll-off."""
 
-_ROWS = 15
-_D_OMEGA, _D_BEFORE, _D_TWIST, _D_V, _D_LAST, _D_MEAN, _D_SEEN = (WIDE * row for row in range(7))
-"""Where the derivatives of the state begin in the working array: speed of the fast shaft now and a step before, twist, DC
-voltage, the clutch's torque of the step before and its mean of two, DC voltage at the beginning of the step."""
+_ROWS = 13
+_D_OMEGA, _D_TWIST, _D_V, _D_LAST, _D_MEAN, _D_SEEN = (WIDE * row for row in range(6))
+"""Where the derivatives of the state begin in the working array: speed of the fast shaft, twist, DC voltage, the clutch's
+torque of the step before and its mean of two, DC voltage at the beginning of the step."""
 
-_S, _B, _CHANGE, _STEP, _P, _AFTER, _SLIP, _TORQUE = (WIDE * row for row in range(7, _ROWS))
-"""And where that begins which a number moves at once, not by the state: stator and bridge current, change of the DC voltage,
-current into the link, air-gap power, speed after the step, slip of the shaft spring, its torque."""
+_S, _B, _V, _EM, _AFTER, _SLIP, _TORQUE = (WIDE * row for row in range(6, _ROWS))
+"""And where that begins which a number moves at once, not by the state: stator and bridge current, DC voltage half-way,
+air-gap torque, torque on the fast shaft, slip of the shaft spring, its torque."""
 
 Direction = tuple[float, ...]
 """Change of the roll-off at every knot and of its slopes there, in a row."""
@@ -144,19 +144,18 @@ def run_tangent(
     stiff = 0.5 * dt * c.k_shaft + c.c_shaft
     mass = c.inertia_rotor / dt
     w = np.zeros(_ROWS * WIDE)
-    i_s = omega_before = 0.0
+    guess = 0.0
     for n in range(v.size - 1):
         omega, twist, v_dc = solution[n, _OMEGA], solution[n, _TWIST], solution[n, _V_DC]
         omega_after, v_after = solution[n + 1, _OMEGA], solution[n + 1, _V_DC]
-        rising = omega + 0.5 * (omega - omega_before)
-        half_way = max(rising, 0.0)
-        turning = 1.0 if rising > 0.0 else 0.0
-        # bridge: currents over speed and voltage, and over its own numbers at once
-        v_total = v_dc + 2.0 * c.v_diode
+        half_way, v_half, change = 0.5 * (omega + omega_after), 0.5 * (v_dc + v_after), v_after - v_dc
+        # bridge: currents over speed and voltage half-way, and over its own numbers at once
+        v_total = v_half + 2.0 * c.v_diode
         reactance = max(c.pole_pairs * half_way * c.l_s, 1e-6)
         v_full = c.k_e * half_way * rpm
-        i_b, i_s, slope = weakened_bridge(v_total, v_full, reactance, i_s, c, table)
-        s_v = s_h = b_v = b_h = 0.0
+        i_b, i_s, b_v, s_v, b_full, s_full = weakened_bridge(v_total, v_full, reactance, guess, c, table)
+        guess = i_s
+        s_h = b_h = 0.0
         if i_b > 0.0:
             left, left_slope = left_of_k_e(i_s, c)
             v_ll = v_full * left
@@ -168,14 +167,14 @@ def run_tangent(
             b_x, s_x = (-b_turned * c.r_s - i_b * reactance) / square, (-s_turned * c.r_s - i_s * reactance) / square
             loop = 1.0 / (1.0 - s_ll * v_full * left_slope)
             through = b_ll * v_full * left_slope
-            full_h, x_h = rpm * c.k_e * turning, c.pole_pairs * c.l_s * turning
-            s_h, s_v = (s_ll * left * full_h + s_x * x_h) * loop, s_total * loop
-            b_h, b_v = b_ll * left * full_h + b_x * x_h + through * s_h, b_total + through * s_v
-            w[_S + _V_DIODE], w[_S + _K_E] = 2.0 * s_v, s_ll * left * rpm * half_way * loop
-            w[_S + _R_S], w[_S + _L_S] = s_r * loop, s_x * c.pole_pairs * half_way * loop
-            w[_B + _V_DIODE], w[_B + _K_E] = 2.0 * b_v, b_ll * left * rpm * half_way + through * w[_S + _K_E]
-            w[_B + _R_S] = b_r + through * w[_S + _R_S]
-            w[_B + _L_S] = b_x * c.pole_pairs * half_way + through * w[_S + _L_S]
+            s_r, s_x = s_r * loop, s_x * loop
+            b_r, b_x = b_r + through * s_r, b_x + through * s_x
+            s_h = s_full * c.k_e * rpm + s_x * c.pole_pairs * c.l_s
+            b_h = b_full * c.k_e * rpm + b_x * c.pole_pairs * c.l_s
+            w[_S + _V_DIODE], w[_B + _V_DIODE] = 2.0 * s_v, 2.0 * b_v
+            w[_S + _K_E], w[_B + _K_E] = s_full * rpm * half_way, b_full * rpm * half_way
+            w[_S + _R_S], w[_B + _R_S] = s_r, b_r
+            w[_S + _L_S], w[_B + _L_S] = s_x * c.pole_pairs * half_way, b_x * c.pole_pairs * half_way
             for j in range(bent.shape[0]):
                 v_bent = v_full * _bent(i_s, bent[j, 0], bent[j, 1])
                 w[_S + _FIRST_WAY + j] = s_ll * v_bent * loop
@@ -183,72 +182,60 @@ def run_tangent(
         else:
             w[_S : _S + WIDE] = 0.0
             w[_B : _B + WIDE] = 0.0
-        # DC link and air gap
-        damped = 1.0 + 0.5 * dt / c.c_dc * (1.0 / c.load - slope)
-        change = v_after - v_dc
-        v_half = v_dc + 0.5 * change
-        i_step = max(c.c_dc * change / dt + v_half / c.load, 0.0)
-        fed = 1.0 if i_step > 0.0 else 0.0
+        # DC link: its voltage half-way over the speed there, and at once
+        stores = 2.0 * c.c_dc / dt
+        holds = stores + 1.0 / c.load - b_v
+        v_h = b_h / holds
+        w[_V + _LOAD], w[_V + _C_DC] = v_half / (c.load * c.load) / holds, -change / dt / holds
+        # air-gap torque over speed and voltage half-way
         per = 1.0 / half_way if half_way > 1.0 else 0.0
-        torque_em = per * ((v_half + 2.0 * c.v_diode) * i_step + 3.0 * c.r_s * i_s * i_s)
-        leak = -v_half / (c.load * c.load)
-        w[_CHANGE + _LOAD], w[_CHANGE + _C_DC] = -dt / c.c_dc * leak / damped, -change / c.c_dc / damped
-        w[_STEP + _LOAD], w[_STEP + _C_DC] = leak, change / dt
-        w[_P + _V_DIODE], w[_P + _R_S] = 2.0 * i_step, 3.0 * i_s * i_s
-        fill = dt / c.c_dc / damped
+        em = (v_total * i_b + 3.0 * c.r_s * i_s * i_s) * per
+        em_b, em_s = v_total * per, 6.0 * c.r_s * i_s * per
+        em_v = i_b * per + em_b * b_v + em_s * s_v
+        em_h = em_b * b_h + em_s * s_h - em * per
+        w[_EM + _V_DIODE], w[_EM + _R_S] = 2.0 * i_b * per, 3.0 * i_s * i_s * per
         # fast shaft
         turned, edge = 1.0, 0.0
         if half_way < 20.0 * TURN:
             turned = math.tanh(half_way / TURN)
             edge = (1.0 - turned * turned) / TURN
-        losses = 0.5 * (c.b_rotor + c.windage * half_way + c.friction * edge)
-        losses_h = 0.5 * (c.windage - c.friction * edge * 2.0 * turned / TURN)
-        dry_h = c.friction * edge * 2.0 * turned / TURN * half_way
+        losses = 0.5 * (c.b_rotor + 2.0 * c.windage * half_way + c.friction * edge + em_h + em_v * v_h)
         drum_half = 0.5 * (v[n] + v[n + 1]) / c.r_drum
-        lag = drum_half - 0.5 * omega / c.gear
-        slip = drum_half - 0.5 * (omega + omega_after) / c.gear
+        slip = drum_half - half_way / c.gear
         on = 1.0 if c.k_shaft * twist + stiff * slip > 0.0 else 0.0
-        heavy = mass + losses + on * 0.5 * share * stiff / c.gear
-        moved = 1.0 / heavy if omega_after > 0.0 else 0.0
-        spring = c.k_shaft * twist + stiff * lag
-        w[_AFTER + _J] = moved * (omega - omega_after) / dt
-        w[_AFTER + _DAMPER] = -0.5 * moved * (omega + omega_after)
-        w[_AFTER + _WINDAGE] = -0.5 * moved * half_way * (omega + omega_after)
-        w[_AFTER + _FRICTION] = -moved * (0.5 * edge * (omega + omega_after) + turned - edge * half_way)
-        by_share = on * moved * (spring - 0.5 * stiff * omega_after / c.gear)
-        w[_AFTER + _ETA] = by_share / c.gear
-        w[_AFTER + _GEAR] = share / c.gear * (on * moved * 0.5 * stiff / c.gear * (omega + omega_after) - by_share)
-        w[_AFTER + _K] = on * moved * share * (twist + 0.5 * dt * slip)
-        w[_AFTER + _C] = on * moved * share * slip
-        w[_AFTER + _R_DRUM] = -on * moved * share * stiff * drum_half / c.r_drum
-        w[_SLIP + _GEAR], w[_SLIP + _R_DRUM] = 0.5 * (omega + omega_after) / (c.gear * c.gear), -drum_half / c.r_drum
+        bound = on * 0.5 * share * stiff / c.gear
+        moved = 1.0 / (mass + losses + bound) if omega_after > 0.0 else 0.0
+        torque = c.k_shaft * twist + stiff * slip
+        w[_AFTER + _J] = -(omega_after - omega) / dt
+        w[_AFTER + _DAMPER] = -half_way
+        w[_AFTER + _WINDAGE] = -half_way * half_way
+        w[_AFTER + _FRICTION] = -turned
+        w[_AFTER + _ETA] = on * torque / c.gear
+        w[_AFTER + _GEAR] = on * share / c.gear * (stiff * half_way / c.gear - torque)
+        w[_AFTER + _K] = on * share * (twist + 0.5 * dt * slip)
+        w[_AFTER + _C] = on * share * slip
+        w[_AFTER + _R_DRUM] = -on * share * stiff * drum_half / c.r_drum
+        w[_SLIP + _GEAR], w[_SLIP + _R_DRUM] = half_way / (c.gear * c.gear), -drum_half / c.r_drum
         w[_TORQUE + _K], w[_TORQUE + _C] = twist + 0.5 * dt * slip, slip
-        by_omega = moved * (mass - losses - on * 0.5 * share * stiff / c.gear)
-        by_half = -moved * (losses_h * (omega + omega_after) + dry_h - torque_em * per)
-        by_twist, by_p = on * moved * share * c.k_shaft, moved * per
+        keeps, pulls = mass - losses - bound, on * share * c.k_shaft
         for k in range(WIDE):
             d_omega, d_v, d_twist = w[_D_OMEGA + k], w[_D_V + k], w[_D_TWIST + k]
-            d_half = turning * (1.5 * d_omega - 0.5 * w[_D_BEFORE + k])
-            d_s = s_h * d_half + s_v * d_v + w[_S + k]
-            d_b = b_h * d_half + b_v * d_v + w[_B + k]
-            d_change = fill * (d_b - d_v / c.load) + w[_CHANGE + k]
-            d_v_half = d_v + 0.5 * d_change
-            d_step = fed * (c.c_dc / dt * d_change + d_v_half / c.load + w[_STEP + k])
-            d_p = 6.0 * c.r_s * i_s * d_s + d_v_half * i_step + (v_half + 2.0 * c.v_diode) * d_step + w[_P + k]
-            d_after = by_omega * d_omega + by_half * d_half + by_twist * d_twist - by_p * d_p + w[_AFTER + k]
-            d_slip = w[_SLIP + k] - 0.5 / c.gear * (d_omega + d_after)
+            d_given = (stores * d_v + w[_B + k]) / holds + w[_V + k]
+            d_em = em_v * d_given + em_b * w[_B + k] + em_s * w[_S + k] + w[_EM + k]
+            d_after = moved * (keeps * d_omega + pulls * d_twist - d_em + w[_AFTER + k])
+            d_half = 0.5 * (d_omega + d_after)
+            d_v_half = d_given + v_h * d_half
+            d_slip = w[_SLIP + k] - d_half / c.gear
             d_torque = on * (c.k_shaft * d_twist + stiff * d_slip + w[_TORQUE + k])
             w[_D_TWIST + k] = on * (d_twist + dt * d_slip)
             w[_D_MEAN + k] = 0.5 * (d_torque + w[_D_LAST + k])
             w[_D_LAST + k] = d_torque
-            w[_D_BEFORE + k] = d_omega
             w[_D_OMEGA + k] = d_after
             w[_D_SEEN + k] = d_v
-            w[_D_V + k] = d_v + d_change
+            w[_D_V + k] = 2.0 * d_v_half - d_v
         if n % every == 0:
             for k in range(size):
                 kept[0, k, n // every], kept[1, k, n // every] = w[_D_MEAN + k], w[_D_SEEN + k]
-        omega_before = omega
     if (v.size - 1) % every == 0:
         for k in range(size):
             kept[0, k, (v.size - 1) // every], kept[1, k, (v.size - 1) // every] = w[_D_LAST + k], w[_D_V + k]
