@@ -101,8 +101,8 @@ def fit_set(
 
     Parameters
     ----------
-    start : a fit to begin from, whose columns serve as long as they foresee what a step brings, those of nuisances to the end;
-        suspects that it lacks begin absent
+    start : a fit to begin from, whose columns serve as long as they foresee what a step brings; suspects that it lacks begin
+        absent
     rows : (M * 5,) weights of the residuals, 0 for what takes no part; 1 for all by default
     quick : take nuisances as linear about the start; else they are simulated
     passing : a few steps only, since a larger set will follow
@@ -148,10 +148,15 @@ def fit_set(
                 break
         if gained < settled and (fresh or promised < settled or not renewals):
             break
+        if gained and abs(promised - gained) < settled:
+            break  # as foreseen: this is the minimum
         fresh = renewals > 0 and gained < (AS_FORESEEN_QUICK if quick else AS_FORESEEN) * promised
         if fresh:
             renewals -= 1
             columns = all_columns(data, suspects, about if linear else nu, values, names)
+            if not linear:
+                made = _made(suspects, values)
+                j_nu = data.nuisance_columns(nu, made, data.predict(nu, made))
     j_phi = _side_by_side(columns, names, z.size)
     q = quadratic(z, weights(z), j_nu * take[:, None], j_phi * take[:, None], nu)
     return Fit(names, tuple(values.values()), nu, loss, z, q.curve, q.slope, low, high, j_nu, columns)

@@ -13,7 +13,7 @@ from winchcascade.diagnose.suspects import Suspects, freedom
 from winchcascade.fit.solve import box_minimum, huber, quadratic, weights
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from winchcascade.fit.campaign import Fitted
     from winchcascade.run import Signal
@@ -179,26 +179,32 @@ def search(data: Fitted, suspects: Suspects, tell: Callable[[str], None] = lambd
     ----------
     tell : is told what is being done
     """
-    null = fit_set(data, suspects, ())
+    null = fit_set(data, suspects, (), passing=True)
+    if scale_of(null) < HOPELESS:
+        null = fit_set(data, suspects, (), start=null)
     fits: dict[Names, Fit] = {(): null}
-    best, scale = null, scale_of(null)
     linear, start = linearise(data, suspects, _at_nominal(data, null))
-    begin: list[Names] = [()]
+    visited: dict[Names, tuple[Fit, Linear]] = {(): (null, linear)}
+    best, scale = null, scale_of(null)
     for _ in range(ROUNDS):
         tell(f"{len(fits)} sets fitted, best so far: {', '.join(best.names) or 'none'}")
-        fresh = {best.names}
-        for names in _promising(linear, scale, begin, fresh):
+        for names in _promising(linear, scale, [best.names], {best.names}):
             fits[names] = _better(fits.get(names), fit_set(data, suspects, names, start=start, quick=True))
         scale = min(scale_of(fit) for fit in fits.values())
-        top = max(fits.values(), key=lambda fit: evidence_of(fit, scale) - CLEARLY * len(fit.names))
-        if top.names == best.names or (len(best.names) >= MANY and scale_of(best) > HOPELESS):
+        top = _most_worth(fits.values(), scale)
+        if top.names in visited or (len(best.names) >= MANY and scale_of(best) > HOPELESS):
             break
         best = fit_set(data, suspects, top.names, start=_without_nuisances(data, suspects, top), passing=True)
         linear, start = linearise(data, suspects, best, start.columns)
         fits[top.names] = best = start
-        begin = [best.names]
-    best, linear = _smallest(data, suspects, fits, start if best.names else best, linear, scale)
+        visited[top.names] = best, linear
+    best = _most_worth([fit for fit, _ in visited.values()], scale)
+    best, linear = _smallest(data, suspects, fits, best, visited[best.names][1], scale)
     return Found(best, null, fits, linear, scale)
+
+
+def _most_worth(fits: Iterable[Fit], scale: float) -> Fit:
+    return max(fits, key=lambda fit: evidence_of(fit, scale) - CLEARLY * len(fit.names))
 
 
 def _smallest(

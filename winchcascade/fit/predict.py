@@ -173,15 +173,17 @@ def _of_the_shaft(numbers: Constants) -> tuple[float | tuple[float, ...], ...]:
 
 
 def delayed(x: Signal, steps: float) -> Signal:
-    """A signal at even steps as it was so many steps before, by straight lines; its first value before it begins."""
+    """A signal at even steps as it was so many steps before, by straight lines; its ends hold on."""
     if steps == 0.0:
         return x
     whole = math.floor(steps)
-    share = steps - whole
-    index = np.arange(x.size) - whole
-    after, before = np.clip(index, 0, x.size - 1), np.clip(index - 1, 0, x.size - 1)
-    late: Signal = (1.0 - share) * x[after] + share * x[before]
-    return late
+    late = x[:-1] + (1.0 - (steps - whole)) * (x[1:] - x[:-1])  # late[k] lies between x[k] and x[k + 1]
+    out = np.empty_like(x)
+    first = max(min(whole + 1, x.size), 0)
+    last = max(min(whole + x.size, x.size), 0)
+    out[:first], out[last:] = x[0], x[-1]
+    out[first:last] = late[first - whole - 1 : last - whole - 1]
+    return out
 
 
 MOST_KEPT = 48

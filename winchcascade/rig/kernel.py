@@ -9,6 +9,7 @@ own), so the error falls with the square of the step.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 from numba import njit
@@ -101,6 +102,7 @@ def constants(model: Model, load: float) -> Constants:
 _NO_SLOPE = (0.0,) * len(ROLLOFF_KNOTS)
 
 
+@lru_cache(maxsize=256)
 def rolloff_slopes(left: tuple[float, ...]) -> tuple[float, ...]:
     """Slopes at `ROLLOFF_KNOTS` of the monotone cubic through what is left there (Fritsch and Butland 1984). [1/A]"""
     if left == NO_ROLLOFF:
