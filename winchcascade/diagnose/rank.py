@@ -182,8 +182,8 @@ def search(data: Fitted, suspects: Suspects, tell: Callable[[str], None] = lambd
     null = fit_set(data, suspects, (), passing=True)
     if scale_of(null) < HOPELESS:
         null = fit_set(data, suspects, (), start=null)
-    fits: dict[Names, Fit] = {(): null}
     linear, start = linearise(data, suspects, _at_nominal(data, null))
+    fits: dict[Names, Fit] = {(): fit_set(data, suspects, (), start=start, quick=True)}  # as linear as those it meets
     visited: dict[Names, tuple[Fit, Linear]] = {(): (null, linear)}
     best, scale = null, scale_of(null)
     for _ in range(ROUNDS):
@@ -199,6 +199,7 @@ def search(data: Fitted, suspects: Suspects, tell: Callable[[str], None] = lambd
         fits[top.names] = best = start
         visited[top.names] = best, linear
     best = _most_worth([fit for fit, _ in visited.values()], scale)
+    fits[()] = null
     best, linear = _smallest(data, suspects, fits, best, visited[best.names][1], scale)
     return Found(best, null, fits, linear, scale)
 

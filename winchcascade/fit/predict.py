@@ -123,7 +123,9 @@ class Course:
     def differences(
         self, model: Model, others: Sequence[Model], skew: Signal | None = None, skews: Sequence[Signal] | None = None
     ) -> Signal:
-        """What other models, near to one, read beyond it, (m, 5, k) as means of blocks; the shaft to first order.
+        """What other models, near to one, read beyond it, (m, 5, k) as means of blocks.
+
+        The shaft follows to first order but for the numbers that bend it too much, with which it is solved anew.
 
         Parameters
         ----------
@@ -135,13 +137,15 @@ class Course:
         base = self._read(model, here, kept.clutch, kept.vdc, skew)
         moved = np.empty((*base.shape, len(others)))
         still = _of_the_shaft(here)
-        tangent: Tangent | None = None
-        if any(_of_the_shaft(there) != still for there in numbers):
-            tangent = self.tangent(here, numbers)
+        near = [there for there in numbers if _of_the_shaft(there) != still and not _far(here, there)]
+        tangent = self.tangent(here, near) if near else None
         for k, (other, there) in enumerate(zip(others, numbers, strict=True)):
             late = skew if skews is None else skews[k]
             clutch, vdc = kept.clutch, kept.vdc
-            if tangent is not None and _of_the_shaft(there) != still:
+            if _far(here, there):
+                solved = self.shaft(there)
+                clutch, vdc = solved.clutch, solved.vdc
+            elif tangent is not None and _of_the_shaft(there) != still:
                 by_clutch, by_vdc = tangent.change(there)
                 clutch, vdc = clutch + by_clutch, vdc + by_vdc
             moved[:, :, k] = self._read(other, there, clutch, vdc, late) - base
@@ -170,6 +174,13 @@ ELECTRICAL = CHANNELS.index("vdc")
 
 def _of_the_shaft(numbers: Constants) -> tuple[float | tuple[float, ...], ...]:
     return (numbers.r_drum, *numbers[_SHAFT_FROM:])
+
+
+def _far(here: Constants, there: Constants) -> bool:
+    """Whether a number differs that no first order serves: dry friction stops a shaft for good, and a capacitor that differs
+    by its tolerance empties by another exponential.
+    """
+    return here.friction != there.friction or here.c_dc != there.c_dc
 
 
 def delayed(x: Signal, steps: float) -> Signal:
