@@ -21,7 +21,7 @@ STEP = 0.02
 """Share of a field's plausible range by which its derivative is taken."""
 
 ROUNDS, ROUNDS_QUICK = 12, 5
-"""Steps of a fit at most; of a quick or a passing one, which find their columns anew once at most."""
+"""Steps of a fit at most; of a quick one, which finds its columns anew once at most."""
 
 SETTLED, SETTLED_QUICK = 0.05, 0.5
 """A fit has settled when a step improves its objective by less than this; a quick one sooner. [1]"""
@@ -95,7 +95,6 @@ def fit_set(
     start: Fit | None = None,
     rows: Signal | None = None,
     quick: bool = False,
-    passing: bool = False,
 ) -> Fit:
     """Fit a set of suspects by Gauss and Newton, nuisances beside them.
 
@@ -104,35 +103,25 @@ def fit_set(
     start : a fit to begin from, whose columns serve as long as they foresee what a step brings; suspects that it lacks begin
         absent
     rows : (M * 5,) weights of the residuals, 0 for what takes no part; 1 for all by default
-    quick : take nuisances as linear about the start; else they are simulated
-    passing : a few steps only, since a larger set will follow
+    quick : a few steps, enough to tell which of some sets is best
     """
     begun = {} if start is None else dict(zip(start.names, start.values, strict=True))
     values = {name: begun.get(name, freedom(suspects[name]).absent) for name in names}
     nu = np.zeros(len(data.nuisances)) if start is None else start.nu
     take = np.ones(data.measured.size) if rows is None else rows
-    linear = quick and start is not None
-    about = nu
-    if start is not None:
-        j_nu = start.j_nu
-    else:
-        made = _made(suspects, values)
-        j_nu = data.nuisance_columns(nu, made, data.predict(nu, made))
+    j_nu = _nuisance_columns(data, suspects, nu, values) if start is None else start.j_nu
     columns = {} if start is None else {name: start.columns[name] for name in names if name in start.columns}
     columns |= all_columns(data, suspects, nu, values, [name for name in names if name not in columns])
 
     def residual(nu: Signal, values: Mapping[str, Signal]) -> Signal:
-        if linear:
-            return (data.residual(about, _made(suspects, values)) - j_nu @ (nu - about)) * take
         return data.residual(nu, _made(suspects, values)) * take
 
     z = residual(nu, values)
     loss = huber(z) + 0.5 * float(nu @ nu)
     low, high = _bounds(suspects, names)
-    settled, fresh = (SETTLED_QUICK if quick else SETTLED), True
-    short = quick or passing
-    renewals = 1 if short else ROUNDS
-    for _ in range(ROUNDS_QUICK if short else ROUNDS):
+    settled, foresight = (SETTLED_QUICK, AS_FORESEEN_QUICK) if quick else (SETTLED, AS_FORESEEN)
+    renewals, fresh = (1 if quick else ROUNDS), True
+    for _ in range(ROUNDS_QUICK if quick else ROUNDS):
         j_phi, x = _side_by_side(columns, names, z.size), _in_a_row(values)
         q = quadratic(z, weights(z), j_nu * take[:, None], j_phi * take[:, None], nu)
         d_phi, d_nu = bounded_step(q, low - x, high - x)
@@ -150,16 +139,19 @@ def fit_set(
             break
         if gained and abs(promised - gained) < settled:
             break  # as foreseen: this is the minimum
-        fresh = renewals > 0 and gained < (AS_FORESEEN_QUICK if quick else AS_FORESEEN) * promised
+        fresh = renewals > 0 and gained < foresight * promised
         if fresh:
             renewals -= 1
-            columns = all_columns(data, suspects, about if linear else nu, values, names)
-            if not linear:
-                made = _made(suspects, values)
-                j_nu = data.nuisance_columns(nu, made, data.predict(nu, made))
+            columns = all_columns(data, suspects, nu, values, names)
+            j_nu = _nuisance_columns(data, suspects, nu, values)
     j_phi = _side_by_side(columns, names, z.size)
     q = quadratic(z, weights(z), j_nu * take[:, None], j_phi * take[:, None], nu)
     return Fit(names, tuple(values.values()), nu, loss, z, q.curve, q.slope, low, high, j_nu, columns)
+
+
+def _nuisance_columns(data: Fitted, suspects: Suspects, nu: Signal, values: Mapping[str, Signal]) -> Signal:
+    made = _made(suspects, values)
+    return data.nuisance_columns(nu, made, data.predict(nu, made))
 
 
 SHARES = (1.0, 0.4, 0.15, 0.05)

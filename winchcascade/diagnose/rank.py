@@ -13,13 +13,10 @@ from winchcascade.diagnose.suspects import Suspects, freedom
 from winchcascade.fit.solve import box_minimum, huber, quadratic, weights
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
 
     from winchcascade.fit.campaign import Fitted
     from winchcascade.run import Signal
-
-SHAFT_STAGES = ("generator", "gearbox")
-"""Stages whose effects move the shaft, which is what costs time."""
 
 BEAM = 8
 """So many sets are grown at once."""
@@ -98,25 +95,14 @@ def scale_of(fit: Fit) -> float:
     return max(2.0 * huber(fit.z) / max(int(np.count_nonzero(seen)), 1), 1.0)
 
 
-def linearise(
-    data: Fitted, suspects: Suspects, about: Fit, known: Mapping[str, Signal] | None = None
-) -> tuple[Linear, Fit]:
-    """Expand the objective about a fit in the fields of every suspect; and the fit with all their columns.
-
-    Parameters
-    ----------
-    known : columns of suspects from elsewhere: those of the shaft serve on where no cause of the fit acts on it
-    """
+def linearise(data: Fitted, suspects: Suspects, about: Fit) -> tuple[Linear, Fit]:
+    """Expand the objective about a fit in the fields of every suspect; and the fit with all their columns, found anew."""
     names = tuple(suspects)
-    on_shaft = any(suspects[name].stage in SHAFT_STAGES for name in about.names)
-    if on_shaft:
-        made = about.effects(suspects)
-        about = msgspec.structs.replace(about, j_nu=data.nuisance_columns(about.nu, made, data.predict(about.nu, made)))
+    made = about.effects(suspects)
+    about = msgspec.structs.replace(about, j_nu=data.nuisance_columns(about.nu, made, data.predict(about.nu, made)))
     begun = dict(zip(about.names, about.values, strict=True))
     free = {name: freedom(suspects[name]) for name in names}
-    kept = () if on_shaft or known is None else [n for n in names if suspects[n].stage in SHAFT_STAGES]
-    columns = {name: known[name] for name in kept} if known is not None else {}
-    columns |= all_columns(data, suspects, about.nu, begun, [name for name in names if name not in columns])
+    columns = all_columns(data, suspects, about.nu, begun, names)
     q = quadratic(about.z, weights(about.z), about.j_nu, np.hstack([columns[name] for name in names]), about.nu)
     ends = np.cumsum([0, *(free[name].absent.size for name in names)]).tolist()
     linear = Linear(
@@ -179,33 +165,27 @@ def search(data: Fitted, suspects: Suspects, tell: Callable[[str], None] = lambd
     ----------
     tell : is told what is being done
     """
-    null = fit_set(data, suspects, (), passing=True)
+    null = fit_set(data, suspects, (), quick=True)
     if scale_of(null) < HOPELESS:
         null = fit_set(data, suspects, (), start=null)
-    linear, start = linearise(data, suspects, _at_nominal(data, null))
-    fits: dict[Names, Fit] = {(): fit_set(data, suspects, (), start=start, quick=True)}  # as linear as those it meets
-    visited: dict[Names, tuple[Fit, Linear]] = {(): (null, linear)}
     best, scale = null, scale_of(null)
+    fits: dict[Names, Fit] = {(): null}
+    linear, start = linearise(data, suspects, _at_nominal(data, null))
+    visited: dict[Names, Linear] = {(): linear}
     for _ in range(ROUNDS):
         tell(f"{len(fits)} sets fitted, best so far: {', '.join(best.names) or 'none'}")
         for names in _promising(linear, scale, [best.names], {best.names}):
             fits[names] = _better(fits.get(names), fit_set(data, suspects, names, start=start, quick=True))
         scale = min(scale_of(fit) for fit in fits.values())
-        top = _most_worth(fits.values(), scale)
+        top = max(fits.values(), key=lambda fit: evidence_of(fit, scale) - CLEARLY * len(fit.names))
         if top.names in visited or (len(best.names) >= MANY and scale_of(best) > HOPELESS):
             break
-        best = fit_set(data, suspects, top.names, start=_without_nuisances(data, suspects, top), passing=True)
-        linear, start = linearise(data, suspects, best, start.columns)
+        linear, start = linearise(data, suspects, top)
         fits[top.names] = best = start
-        visited[top.names] = best, linear
-    best = _most_worth([fit for fit, _ in visited.values()], scale)
-    fits[()] = null
-    best, linear = _smallest(data, suspects, fits, best, visited[best.names][1], scale)
+        visited[top.names] = linear
+    best = max((fits[names] for names in visited), key=lambda fit: evidence_of(fit, scale) - CLEARLY * len(fit.names))
+    best, linear = _smallest(data, suspects, fits, best, visited[best.names], scale)
     return Found(best, null, fits, linear, scale)
-
-
-def _most_worth(fits: Iterable[Fit], scale: float) -> Fit:
-    return max(fits, key=lambda fit: evidence_of(fit, scale) - CLEARLY * len(fit.names))
 
 
 def _smallest(
@@ -226,7 +206,7 @@ def _smallest(
                 least = lost, fits[names]
         if least is None:
             break
-        linear, best = linearise(data, suspects, least[1], best.columns)
+        linear, best = linearise(data, suspects, least[1])
     return best, linear
 
 
@@ -256,9 +236,3 @@ def _at_nominal(data: Fitted, null: Fit) -> Fit:
     """The rig as given, with the columns of its nuisances: where the first expansion is made."""
     nothing = np.zeros_like(null.nu)
     return msgspec.structs.replace(null, nu=nothing, z=data.residual(nothing, []))
-
-
-def _without_nuisances(data: Fitted, suspects: Suspects, fit: Fit) -> Fit:
-    """A place to begin from: nuisances of a set that lacked a cause have gone astray."""
-    nothing = np.zeros_like(fit.nu)
-    return msgspec.structs.replace(fit, nu=nothing, z=data.residual(nothing, fit.effects(suspects)))
