@@ -516,6 +516,12 @@ def diagnose_command(
         Path | None, typer.Option("--html", metavar="FILE", help="Write the report as one self-contained page.")
     ] = None,
     pdf: Annotated[Path | None, typer.Option("--pdf", metavar="FILE", help="Write the report as PDF.")] = None,
+    suspect: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--suspect", metavar="EFFECT", help="Suspect this effect alone; repeat it. By default the catalogue."
+        ),
+    ] = None,
     predictions: Annotated[
         Path | None,
         typer.Option(
@@ -535,10 +541,11 @@ def diagnose_command(
     _one_thread_each()
     from winchcascade.batch.diagnosis import diagnose_file, write_predictions
     from winchcascade.campaign import load_campaign
-    from winchcascade.effects.catalogue import EFFECTS
+    from winchcascade.effects.catalogue import EFFECTS, find_effect
     from winchcascade.report.diagnosis_text import diagnosis_text
     from winchcascade.report.progress import Telling
 
+    suspects = {name: find_effect(name) for name in suspect} if suspect else EFFECTS
     read = load_campaign(campaign)
     logs = [run.file for run in read.runs]
     results = {"--json": Path(json) if json else None, "--html": html, "--pdf": pdf}
@@ -547,7 +554,7 @@ def diagnose_command(
     )
     _use_threads(jobs)
     with Telling(f"diagnosing {read.title or campaign.name}") as tell:
-        found = diagnose_file(campaign, EFFECTS, rig=rig, loads=withhold or (), seed=seed, tell=tell)
+        found = diagnose_file(campaign, suspects, rig=rig, loads=withhold or (), seed=seed, tell=tell)
         written = [] if predictions is None else write_predictions(found, predictions, force=force)
         if html is not None or pdf is not None:
             from winchcascade.report.diagnosis import write_diagnosis_reports

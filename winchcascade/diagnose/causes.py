@@ -10,9 +10,10 @@ import numpy as np
 
 from winchcascade.diagnose.fit import Fit, fit_set
 from winchcascade.diagnose.rank import Found, Names, evidence_of
-from winchcascade.diagnose.suspects import Suspects, with_values
+from winchcascade.diagnose.suspects import Suspects, freedom, with_values
 from winchcascade.fit.blocks import PHASES
 from winchcascade.fit.predict import CHANNELS
+from winchcascade.fit.solve import quadratic, weights
 
 if TYPE_CHECKING:
     from winchcascade.fit.campaign import Fitted
@@ -26,6 +27,10 @@ TRIED = 3
 
 RIVALS = 2
 """So many rivals of each cause are named at most."""
+
+LAW = 0.01
+"""No rig follows an effect's law exactly: how well what the effect does is known at best, a standard uncertainty as a share of
+it. Assumed; about what twins that bend by laws of their own scatter by."""
 
 COVERED = 1.96
 """Standard deviations on either side of a 95 % interval."""
@@ -74,7 +79,7 @@ def causes_of(data: Fitted, suspects: Suspects, found: Found) -> tuple[Cause, ..
                 effect=name,
                 stage=suspects[name].stage,
                 probability=sum(p for names, p in chance.items() if name in names),
-                parameters=parameters_of(suspects, best, name, found.scale),
+                parameters=parameters_of(data, suspects, best, name, found.scale),
                 rivals=tuple(_named(data, best, fit, chance) for fit in swapped[name])[:RIVALS],
                 weight=weight,
             )
@@ -91,13 +96,13 @@ def probabilities(fits: dict[Names, Fit], scale: float) -> dict[Names, float]:
     return {names: p / total for names, p in odds.items()}
 
 
-def parameters_of(suspects: Suspects, fit: Fit, name: str, scale: float) -> dict[str, Reported]:
-    """What is reported of one cause, with 95 % intervals; fields at a bound count as known."""
+def parameters_of(data: Fitted, suspects: Suspects, fit: Fit, name: str, scale: float) -> dict[str, Reported]:
+    """What is reported of one cause, with 95 % intervals; fields at a bound count as known, and a law as far as `LAW` says."""
     kind = suspects[name]
     place = _place(fit, name)
     values = fit.values[fit.names.index(name)]
-    covariance = covariance_of(fit, scale)[place, place]
-    made = with_values(kind, values).reported()
+    covariance = covariance_of(data, fit, scale)[place, place]
+    made, absent = with_values(kind, values).reported(), with_values(kind, freedom(kind).absent).reported()
     found = {}
     for reported, value in made.items():
         gradient = np.zeros(values.size)
@@ -107,20 +112,51 @@ def parameters_of(suspects: Suspects, fit: Fit, name: str, scale: float) -> dict
             moved = values.copy()
             moved[k] += step
             gradient[k] = (with_values(kind, moved).reported()[reported] - value) / step
-        u = math.sqrt(max(float(gradient @ covariance @ gradient), 0.0))
+        u = math.hypot(
+            math.sqrt(max(float(gradient @ covariance @ gradient), 0.0)), LAW * abs(value - absent[reported])
+        )
         found[reported] = Reported(value, value - COVERED * u, value + COVERED * u, kind.reports[reported])
     return found
 
 
-def covariance_of(fit: Fit, scale: float) -> Signal:
-    """Covariance of all fields of a fit, (k, k): what its data leave, nuisances included; 0 for fields at a bound."""
+def covariance_of(data: Fitted, fit: Fit, scale: float) -> Signal:
+    """Covariance of all fields of a fit, (k, k): what its data leave, nuisances included; 0 for fields at a bound.
+
+    Residuals of one phase of a cycle are no independent numbers, whatever whitening did: a field varies at least by what the
+    scores of these phases add up to (Liang and Zeger 1986).
+    """
     x = np.concatenate(fit.values)
     eps = 1e-9 * (fit.high - fit.low)
     inside = np.flatnonzero((x > fit.low + eps) & (x < fit.high - eps))
     covariance = np.zeros((x.size, x.size))
     if inside.size:
-        covariance[np.ix_(inside, inside)] = np.linalg.pinv(fit.curve[np.ix_(inside, inside)] / scale, hermitian=True)
+        within = np.ix_(inside, inside)
+        inverse = np.linalg.pinv(fit.curve[within], hermitian=True)
+        own, together = scale * np.diag(inverse), np.diag(inverse @ _scattered(data, fit)[within] @ inverse)
+        grown = np.sqrt(np.maximum(together / np.maximum(own, 1e-300), 1.0))
+        covariance[within] = scale * inverse * np.outer(grown, grown)
     return covariance
+
+
+def _scattered(data: Fitted, fit: Fit) -> Signal:
+    """Scatter of the objective's slope over a fit's fields, (k, k): of phases of cycles, and of the nuisances' priors."""
+    j_phi = np.hstack([fit.columns[name] for name in fit.names])
+    w = weights(fit.z)
+    back = quadratic(fit.z, w, fit.j_nu, j_phi, fit.nu).back
+    scores = (w * fit.z)[:, None] * (j_phi - fit.j_nu @ back)
+    blocks = [log.course.blocks for log in data.logs]
+    stretch = np.cumsum(np.concatenate([~b.joined for b in blocks]).astype(np.intp)) - 1
+    total = np.zeros((int(stretch[-1]) + 1, j_phi.shape[1]))
+    np.add.at(total, np.repeat(stretch, len(CHANNELS)), scores)
+    told = total[np.any(total != 0.0, axis=1)]
+    if told.shape[0] < FEW:
+        return np.zeros((j_phi.shape[1],) * 2)
+    scattered: Signal = told.shape[0] / (told.shape[0] - 1.0) * told.T @ told + back.T @ back
+    return scattered
+
+
+FEW = 10
+"""Fewer phases of cycles tell no scatter."""
 
 
 def _place(fit: Fit, name: str) -> slice:

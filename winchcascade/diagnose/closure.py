@@ -22,6 +22,10 @@ if TYPE_CHECKING:
 DRAWS = 400
 """Resampled sets of cycles for the interval."""
 
+REACH = 3.0
+"""A prediction keeps the rig's numbers and its sensors within so many of their standard uncertainties: the causes shall close
+the gap, not a rig that nobody has."""
+
 LEAST = 0.2
 """A channel of a log whose misfit before exceeds its noise by less than this share of it has no gap to close."""
 
@@ -67,10 +71,10 @@ def close(data: Fitted, suspects: Suspects, best: Fit, withheld: Sequence[int], 
     predictions = []
     for k in withheld:
         fit = best
-        if k not in data.withheld:
+        if k not in data.withheld or np.any(np.abs(best.nu) > REACH):
             rows = np.ones(data.measured.size)
             rows.reshape(-1, len(CHANNELS))[data.rows[k]] = 0.0
-            fit = fit_set(data, suspects, best.names, start=best, rows=rows, quick=True)
+            fit = fit_set(data, suspects, best.names, start=best, rows=rows, quick=True, reach=REACH)
         predictions.append(Prediction(k, fit))
     after = np.full_like(data.measured, math.nan)
     for one in predictions:

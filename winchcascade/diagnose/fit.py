@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.diagnose.suspects import Suspect, Suspects, freedom, with_values
-from winchcascade.fit.solve import bounded_step, huber, quadratic, weights
+from winchcascade.fit.solve import bounded_step, huber, joint_step, quadratic, weights
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -95,6 +95,7 @@ def fit_set(
     start: Fit | None = None,
     rows: Signal | None = None,
     quick: bool = False,
+    reach: float = math.inf,
 ) -> Fit:
     """Fit a set of suspects by Gauss and Newton, nuisances beside them.
 
@@ -104,10 +105,11 @@ def fit_set(
         absent
     rows : (M * 5,) weights of the residuals, 0 for what takes no part; 1 for all by default
     quick : a few steps, enough to tell which of some sets is best
+    reach : largest magnitude of a nuisance, in units of its tolerance
     """
     begun = {} if start is None else dict(zip(start.names, start.values, strict=True))
     values = {name: begun.get(name, freedom(suspects[name]).absent) for name in names}
-    nu = np.zeros(len(data.nuisances)) if start is None else start.nu
+    nu = np.zeros(len(data.nuisances)) if start is None else np.clip(start.nu, -reach, reach)
     take = np.ones(data.measured.size) if rows is None else rows
     j_nu = _nuisance_columns(data, suspects, nu, values) if start is None else start.j_nu
     columns = {} if start is None else {name: start.columns[name] for name in names if name in start.columns}
@@ -123,8 +125,10 @@ def fit_set(
     renewals, fresh = (1 if quick else ROUNDS), True
     for _ in range(ROUNDS_QUICK if quick else ROUNDS):
         j_phi, x = _side_by_side(columns, names, z.size), _in_a_row(values)
-        q = quadratic(z, weights(z), j_nu * take[:, None], j_phi * take[:, None], nu)
-        d_phi, d_nu = bounded_step(q, low - x, high - x)
+        w, seen = weights(z), (j_phi * take[:, None], j_nu * take[:, None])
+        d_phi, d_nu = bounded_step(quadratic(z, w, seen[1], seen[0], nu), low - x, high - x)
+        if np.any(np.abs(nu + d_nu) > reach):
+            d_phi, d_nu = joint_step(z, w, seen, nu, (low - x, high - x), reach)
         foreseen = (z - (j_nu @ d_nu + j_phi @ d_phi) * take, nu + d_nu)
         promised = loss - huber(foreseen[0]) - 0.5 * float(foreseen[1] @ foreseen[1])
         gained = 0.0

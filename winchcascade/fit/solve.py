@@ -64,6 +64,27 @@ def bounded_step(q: Quadratic, low: Signal, high: Signal) -> tuple[Signal, Signa
     return phi, q.own - q.back @ phi
 
 
+def joint_step(
+    z: Signal, w: Signal, columns: tuple[Signal, Signal], nu: Signal, bounds: tuple[Signal, Signal], reach: float
+) -> tuple[Signal, Signal]:
+    """Best step of the effects' numbers within bounds and of the nuisances within a reach, (k,) and (n,).
+
+    Parameters
+    ----------
+    columns : of the effects' numbers and of the nuisances
+    bounds : (k,) each, least and largest step of the effects' numbers
+    reach : largest magnitude of a nuisance, in units of its tolerance
+    """
+    j = np.hstack(columns)
+    k = columns[0].shape[1]
+    prior = np.concatenate((np.zeros(k), np.ones(nu.size)))
+    curve = (j * w[:, None]).T @ j + np.diag(prior)
+    slope = (j * w[:, None]).T @ z - np.concatenate((np.zeros(k), nu))
+    low, high = (np.concatenate((end, side * reach - nu)) for end, side in zip(bounds, (-1.0, 1.0), strict=True))
+    step = box_minimum(curve, slope, low, high)
+    return step[:k], step[k:]
+
+
 def box_minimum(curve: Signal, slope: Signal, low: Signal, high: Signal) -> Signal:
     """Where x' curve x / 2 - slope' x is least within a box, by active sets (Lawson and Hanson 1974)."""
     scale = np.sqrt(np.maximum(np.diag(curve), 1e-300))
