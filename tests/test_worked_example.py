@@ -1,0 +1,48 @@
+"""The worked example: its commands print what it shows, and every number of its text is one that a command printed.
+
+`PYTHONPATH=tests python tests/test_worked_example.py` writes the present output into it.
+"""
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+from test_readme import BLOCK, ROOT, output
+
+PAGE = ROOT / "docs" / "worked_example.md"
+BLOCKS = BLOCK.findall(PAGE.read_text(encoding="utf-8"))
+
+OUTSIDE = {"5.1", "5.16", "7", "11", "5", "8", "2", "9"}
+"""Numbers that the text brings along: of the paper, and of the roll-off that it tries."""
+
+
+def follow(place: Path) -> dict[str, str]:
+    """Follow the page in a folder that holds the fixtures; what each command printed."""
+    shutil.copytree(ROOT / "fixtures", place / "fixtures")
+    return {command: output(command, place) for command, _ in BLOCKS}
+
+
+@pytest.mark.slow
+def test_the_commands_print_what_is_shown(tmp_path: Path) -> None:
+    assert len(BLOCKS) == 8
+    assert follow(tmp_path / "a reader") == dict(BLOCKS)
+
+
+def test_every_number_of_the_text_was_printed() -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    printed = "\n".join(shown for _, shown in BLOCKS)
+    text = re.sub(r"```.*?```|\]\([^)]*\)|^#.*?$|`[^`]*`", " ", page, flags=re.DOTALL | re.MULTILINE)
+    numbers = re.findall(r"(?<![\w.])\d+(?:\.\d+)?(?![\w])", text.replace("2026", ""))
+    assert len(numbers) > 10
+    for number in numbers:
+        assert number in OUTSIDE or re.search(rf"(?<![\d.]){re.escape(number)}(?!\d)", printed), number
+
+
+if __name__ == "__main__":
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        outputs = follow(Path(folder) / "reader")
+    text = BLOCK.sub(lambda m: f"```console\n$ {m[1]}\n{outputs[m[1]]}```", PAGE.read_text(encoding="utf-8"))
+    PAGE.write_text(text, encoding="utf-8")
