@@ -37,7 +37,7 @@ from winchcascade.report.diagnosis_laws import (
     rows_of,
     tolerance_of,
 )
-from winchcascade.report.diagnosis_map import closure_bars, gap_map, signed
+from winchcascade.report.diagnosis_map import closure_bars, gap_map, signed, stage_map
 from winchcascade.report.diagnosis_odds import effect_odds, odds_figure, set_odds, thresholds
 from winchcascade.report.style import house_style
 from winchcascade.rigtoml import load_rig
@@ -136,6 +136,18 @@ def test_the_map_has_a_number_for_every_place(name: str) -> None:
     assert sorted(texts) == sorted(signed(place.z) for place in found.places)
     bold = sum(text.get_fontweight() == "bold" for text in figure.axes[0].texts)
     assert bold == sum(abs(place.z) > STANDS_OUT for place in found.places)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_the_stages_have_a_number_for_every_place(name: str) -> None:
+    found = diagnosed(name)
+    figure = stage_map(found)
+    assert figure is not None
+    texts = [text.get_text() for text in figure.axes[0].texts]
+    assert sorted(texts) == sorted(signed(place.z) for place in found.stages)
+    names = [text.get_text() for text in figure.axes[0].get_yticklabels()]
+    assert names[0] == "restoring: pressure, payout"
+    assert len(names) == len({(place.stage, place.phase) for place in found.stages})
 
 
 def test_the_bars_of_the_closure_end_at_before_and_after() -> None:

@@ -79,7 +79,9 @@ def test_every_figure_says_in_words_what_it_shows(name: str) -> None:
 
 
 def test_the_figures_of_the_paper_are_there_for_any_campaign() -> None:
-    assert {"map", "closure-bars", "history", "errors", "speed", "numbers", "odds"} <= set(pictures(report("copper")))
+    assert {"map", "stages", "closure-bars", "history", "errors", "speed", "numbers", "odds"} <= set(
+        pictures(report("copper"))
+    )
     assert "rolloff" in pictures(report("rolloff"))
     assert {"map", "history", "errors", "speed"} <= set(pictures(report("nothing")))
 
@@ -106,6 +108,16 @@ def test_the_places_are_told_worst_first_with_their_yardsticks() -> None:
     z = [abs(value(row[-1])) for row in rows]
     assert z == sorted(z, reverse=True)
     assert all(value(cell) >= 0.0 for row in rows for cell in row[5:8] if cell != "–")
+
+
+def test_each_stage_and_phase_is_told_at_its_worst_load() -> None:
+    found = diagnosed("outsider")
+    rows = tables(report("outsider"))["stages"].rows
+    assert rows[0][:3] == ("gearbox: torque (N·m)", "Vdc, Idc", "payout")
+    z = [abs(value(row[-1])) for row in rows]
+    assert z == sorted(z, reverse=True)
+    assert z[0] == pytest.approx(max(abs(place.z) for place in found.stages), rel=0.02)
+    assert "Stage by stage" in pictures(report("outsider"))["stages"].caption
 
 
 def test_suspects_that_are_not_needed_are_listed_with_their_odds() -> None:

@@ -17,11 +17,13 @@ from winchcascade.report.diagnosis_text import diagnosis_lines, diagnosis_text
 from winchcascade.report.diagnosis_words import (
     alarm_meaning,
     alarm_words,
+    arises_words,
     checked_words,
     closure_words,
     experiment_words,
     interval_words,
     remainder_words,
+    says_more,
     simulated_words,
     sure_words,
     verdict_words,
@@ -111,6 +113,50 @@ def test_where_no_mean_stands_out_the_strongest_sign_is_told_instead() -> None:
     told = where_words(changed(found, places=quiet, remainder=Remainder(1.0, (alarm,), alarm.where)))
     assert told.startswith("No mean over a phase is off by more than noise and tolerances allow.")
     assert "Idc within blocks of payout: the scatter is 20.1 times what noise explains (limit 2.2)" in told
+
+
+def test_where_a_gap_arises_is_told_beside_where_it_shows() -> None:
+    found = diagnosed("outsider")
+    assert found.where is not None
+    assert found.where.stage == "gearbox"
+    assert arises_words(found).startswith(
+        "Given its own logged inputs, the gearbox stage alone is off: torque is under-"
+    )
+    assert says_more(found)
+    text = flat(diagnosis_text(found))
+    assert flat(arises_words(found).replace("Ω", "ohm")) in text
+    assert as_json(found)["where"]["sentence"].endswith(found.where.arises)
+
+
+def test_a_stage_that_is_that_of_the_cause_is_not_told_twice() -> None:
+    found = diagnosed("rolloff")
+    assert found.where is not None
+    assert found.where.stage == "generator"
+    assert not says_more(found)
+    assert "logged inputs" not in diagnosis_text(found)
+    assert "Given its own logged inputs, the generator stage alone is off" in as_json(found)["where"]["sentence"]
+    assert says_more(changed(found, verdict="partly_explained"))
+    assert arises_words(diagnosed("nothing")) == ""
+
+
+def test_the_record_holds_the_stages_beside_the_map() -> None:
+    found = diagnosed("outsider")
+    rows = as_json(found)["where"]["stages"]
+    assert len(rows) == len(found.stages)
+    fields = {
+        "stage", "channel", "inputs", "phase", "file", "load_ohm", "blocks", "bias", "rms", "noise", "u_noise", "u_repeat",
+        "u_tolerance", "z",
+    }  # fmt: skip
+    assert all(set(row) == fields for row in rows)
+    worst = max(rows, key=lambda row: abs(row["z"]))
+    assert (worst["stage"], worst["channel"], worst["inputs"]) == ("gearbox", "torque", ["velocity", "vdc", "idc"])
+
+
+def test_without_a_cause_a_stage_that_is_off_is_counted() -> None:
+    found = diagnosed("nothing")
+    one = msgspec.structs.replace(found.stages[0], z=-5.0)
+    told = checked_words(changed(found, stages=(one, *found.stages[1:])))
+    assert f" Stage by stage 1 of {len(found.stages)} are. " in told
 
 
 def test_a_sure_cause_without_a_rival_is_told_as_such() -> None:

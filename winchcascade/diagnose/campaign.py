@@ -16,8 +16,10 @@ from winchcascade.diagnose.rank import Found, search
 from winchcascade.diagnose.remainder import Alarm, alarms_of
 from winchcascade.errors import CampaignError, OptionError
 from winchcascade.fit.campaign import Fitted
+from winchcascade.gap.arises import arises
 from winchcascade.gap.compare import Place, compare, without_zeros
 from winchcascade.gap.locate import Where, locate
+from winchcascade.gap.stagewise import StagePlace, stagewise
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -47,7 +49,8 @@ class Remainder(msgspec.Struct, frozen=True):
 class Diagnosis(msgspec.Struct, frozen=True):
     """What a diagnosis found. `predicted` (M, 5) are the blocks of the rig as given, `fitted` of the fit with its causes.
 
-    `causes` are those named; `sets` the posterior probability of every set of suspects that was fitted.
+    `places` map the gap end to end, `stages` stage by stage. `causes` are those named; `sets` the posterior probability of
+    every set of suspects that was fitted.
     """
 
     title: str
@@ -63,6 +66,7 @@ class Diagnosis(msgspec.Struct, frozen=True):
     remainder: Remainder | None
     experiment: Experiment | None
     places: tuple[Place, ...]
+    stages: tuple[StagePlace, ...]
     predicted: Signal
     fitted: Signal
     sets: dict[tuple[str, ...], float]
@@ -162,7 +166,10 @@ def _result(
     experiment: Experiment | None = None,
 ) -> Diagnosis:
     residual = without_zeros(data, data.measured - predicted)
-    where = None if verdict == "no_gap" else locate(data, residual, places, causes[0].stage if causes else None)
+    stages = stagewise(data)
+    own, lead = arises(stages), causes[0].stage if causes else None
+    stage = lead if verdict == "explained" else own.stage or lead
+    where = None if verdict == "no_gap" else locate(data, residual, places, stage, own.sentence)
     return Diagnosis(
         title=title,
         rig=rig,
@@ -177,6 +184,7 @@ def _result(
         remainder=None if verdict == "no_gap" else remainder,
         experiment=experiment,
         places=places,
+        stages=stages,
         predicted=predicted,
         fitted=data.predict(found.best.nu, found.best.effects(suspects)),
         sets=probabilities(found.fits, found.scale),

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from winchcascade.diagnose.experiment import Experiment
     from winchcascade.gap.compare import Place
     from winchcascade.gap.locate import Where
+    from winchcascade.gap.stagewise import StagePlace
 
 SCHEMA = "winchcascade/diagnosis/1"
 
@@ -52,12 +53,15 @@ def _where(where: Where, found: Diagnosis) -> dict[str, Any]:
         "load_ohm": _load(where.load),
         "rpm": [_number(x) for x in where.rpm],
         "i_dc_a": [_number(x) for x in where.i_dc],
-        "sentence": where.sentence,
+        "sentence": f"{where.sentence} {where.arises}".rstrip(),
         "map": [_place(place, found) for place in found.places],
+        "stages": [
+            {"stage": place.stage, "inputs": list(place.inputs), **_place(place, found)} for place in found.stages
+        ],
     }
 
 
-def _place(place: Place, found: Diagnosis) -> dict[str, Any]:
+def _place(place: Place | StagePlace, found: Diagnosis) -> dict[str, Any]:
     return {
         "channel": place.channel,
         "phase": place.phase,

@@ -116,23 +116,56 @@ def _place(
     u_zero: float,
     where: tuple[str, str, int],
 ) -> Place:
-    count = int(np.count_nonzero(here))
-    bias = float(np.mean(residual[here]))
-    own = float(np.sqrt(np.mean(noise[here] ** 2)))
-    u_noise = math.hypot(own / math.sqrt(count) * 1.5**0.5, u_zero)
-    u_tolerance = float(np.sqrt(np.sum(np.mean(tolerances[here], axis=0) ** 2)))
-    cycle = log.course.blocks.cycle[here]
-    means = [float(np.mean(residual[here][cycle == c])) for c in np.unique(cycle)]
-    u_repeat = float(np.std(means, ddof=1)) / math.sqrt(len(means)) if len(means) > 1 else math.nan
-    u = math.sqrt(u_noise**2 + u_tolerance**2 + (0.0 if math.isnan(u_repeat) else u_repeat**2))
+    by = weigh(residual[here], log.course.blocks.cycle[here], noise[here], u_zero, tolerances[here])
     return Place(
         channel=where[0],
         phase=where[1],
         log=where[2],
         load=log.run.load,
-        blocks=count,
+        blocks=int(np.count_nonzero(here)),
+        bias=by.bias,
+        rms=by.rms,
+        noise=by.noise,
+        u_noise=by.u_noise,
+        u_repeat=by.u_repeat,
+        u_tolerance=by.u_tolerance,
+        z=by.z,
+    )
+
+
+class Weighed(msgspec.Struct, frozen=True):
+    """Bias of some blocks against the yardsticks, with the fields of a `Place`."""
+
+    bias: float
+    rms: float
+    noise: float
+    u_noise: float
+    u_repeat: float
+    u_tolerance: float
+    z: float
+
+
+def weigh(residual: Signal, cycle: NDArray[np.intp], noise: Signal, u_zero: float, tolerances: Signal) -> Weighed:
+    """Weigh the bias of some blocks of one phase, in the unit of their channel.
+
+    Parameters
+    ----------
+    residual : (m,) measured minus predicted
+    cycle : (m,) number of the cycle of each
+    noise : (m,) one standard deviation of each block
+    u_zero : standard uncertainty of the zeros, which all blocks share
+    tolerances : (m, k) what one standard uncertainty of each number that is not quite known moves
+    """
+    count, bias = residual.size, float(np.mean(residual))
+    own = float(np.sqrt(np.mean(noise**2)))
+    u_noise = math.hypot(own / math.sqrt(count) * 1.5**0.5, u_zero)
+    u_tolerance = float(np.sqrt(np.sum(np.mean(tolerances, axis=0) ** 2)))
+    means = [float(np.mean(residual[cycle == c])) for c in np.unique(cycle)]
+    u_repeat = float(np.std(means, ddof=1)) / math.sqrt(len(means)) if len(means) > 1 else math.nan
+    u = math.sqrt(u_noise**2 + u_tolerance**2 + (0.0 if math.isnan(u_repeat) else u_repeat**2))
+    return Weighed(
         bias=bias,
-        rms=float(np.sqrt(np.mean(residual[here] ** 2))),
+        rms=float(np.sqrt(np.mean(residual**2))),
         noise=own,
         u_noise=u_noise,
         u_repeat=u_repeat,

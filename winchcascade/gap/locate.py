@@ -41,7 +41,10 @@ NAMES = {"pressure": "pressure", "force": "line force", "torque": "torque", "vdc
 
 
 class Where(msgspec.Struct, frozen=True):
-    """Where a gap lies; `rpm` and `i_dc` span the blocks that stand out [rpm, A], `sentence` says it in words."""
+    """Where a gap lies; `rpm` and `i_dc` span the blocks that stand out end to end [rpm, A].
+
+    `sentence` says in words where it shows end to end, `arises` where when each stage is given its own logged inputs.
+    """
 
     stage: str
     channel: str
@@ -50,16 +53,21 @@ class Where(msgspec.Struct, frozen=True):
     rpm: tuple[float, float]
     i_dc: tuple[float, float]
     sentence: str
+    arises: str = ""
 
 
-def locate(data: Fitted, residual: Signal, places: Sequence[Place], stage: str | None = None) -> Where:
+def locate(
+    data: Fitted, residual: Signal, places: Sequence[Place], stage: str | None = None, arises: str = ""
+) -> Where:
     """Find where a gap lies.
 
     Parameters
     ----------
     residual : (M, 5) measured minus simulated blocks, zeros taken off
     places : the map of the gap
-    stage : of its main cause, where that is known; else the last one of the cascade whose output stands out
+    stage : of its main cause, or the one that is off by itself, where either is known; else the last one of the cascade whose
+        output stands out
+    arises : where it arises stage by stage, in words
     """
     if stage is None or stage == "sensor":
         channel = _last_that_stands_out(places)
@@ -77,6 +85,7 @@ def locate(data: Fitted, residual: Signal, places: Sequence[Place], stage: str |
         rpm=rpm,
         i_dc=current,
         sentence=_sentence(stage, worst, rpm, current, size),
+        arises=arises,
     )
 
 
@@ -113,9 +122,6 @@ def _region(
 
 def _sentence(stage: str, worst: Place, rpm: tuple[float, float], current: tuple[float, float], size: float) -> str:
     """Say it: where, in which direction, at what currents and speeds, by how much."""
-    load = "" if worst.load is None else " in open circuit" if math.isinf(worst.load) else f" at {worst.load:g} ohm"
-    side = "over-predicted" if size < 0.0 else "under-predicted"
-    factor, unit = (1.0 / 98066.5, "kg/cm2") if worst.channel == "pressure" else (1.0, UNITS[worst.channel])
     region = ""
     if worst.phase == "payout" and math.isfinite(rpm[0]):
         region = f" between {rpm[0]:.0f} and {rpm[1]:.0f} rpm"
@@ -123,6 +129,34 @@ def _sentence(stage: str, worst: Place, rpm: tuple[float, float], current: tuple
             region += f" and {max(current[0], 0.0):.1f} to {current[1]:.1f} A DC"
     where = "a sensor" if stage == "sensor" else f"the {stage} stage"
     return (
-        f"The gap lies in {where}: {NAMES[worst.channel]} is {side} during {worst.phase.replace('_', '-')}{region}, most "
-        f"clearly{load}, by up to {abs(size) * factor:.3g} {unit}."
+        f"The gap lies in {where}: {off_words(worst.channel, size)} during {worst.phase.replace('_', '-')}{region}, most "
+        f"clearly{load_words(worst.load)}, by up to {size_words(worst.channel, size)}."
     )
+
+
+def off_words(channel: str, bias: float) -> str:
+    """In which direction a channel is off, by the sign of measured minus simulated.
+
+    >>> off_words("force", -3.0)
+    'line force is over-predicted'
+    """
+    return f"{NAMES[channel]} is {'over' if bias < 0.0 else 'under'}-predicted"
+
+
+def size_words(channel: str, size: float) -> str:
+    """The magnitude of a difference with its unit, from SI units.
+
+    >>> size_words("pressure", -98066.5), size_words("vdc", 12.345)
+    ('1 kg/cm2', '12.3 V')
+    """
+    factor, unit = (1.0 / 98066.5, "kg/cm2") if channel == "pressure" else (1.0, UNITS[channel])
+    return f"{abs(size) * factor:.3g} {unit}"
+
+
+def load_words(load: float | None) -> str:
+    """At which load, with a blank before it; nothing for a load that is not known. [ohm]
+
+    >>> load_words(4.5), load_words(math.inf), load_words(None)
+    (' at 4.5 ohm', ' in open circuit', '')
+    """
+    return "" if load is None else " in open circuit" if math.isinf(load) else f" at {load:g} ohm"

@@ -11,7 +11,7 @@ from winchcascade.report import diagnosis_tables as tables
 from winchcascade.report.diagnosis_data import Sides, most_telling, sides
 from winchcascade.report.diagnosis_figures import error_figure, error_panels, history, over_speed_figure
 from winchcascade.report.diagnosis_laws import numbers_figure, profile_figure
-from winchcascade.report.diagnosis_map import closure_bars, gap_map
+from winchcascade.report.diagnosis_map import closure_bars, gap_map, stage_map
 from winchcascade.report.diagnosis_method import METHOD
 from winchcascade.report.diagnosis_names import (
     apart_words,
@@ -25,6 +25,7 @@ from winchcascade.report.diagnosis_names import (
 from winchcascade.report.diagnosis_odds import odds_figure, threshold_words, thresholds
 from winchcascade.report.diagnosis_words import (
     VERDICTS,
+    arises_words,
     checked_words,
     closure_words,
     experiment_words,
@@ -121,7 +122,7 @@ def _points(found: Diagnosis) -> list[Point]:
     good = found.verdict in ("no_gap", "explained")
     points.append(Point("Verdict", verdict_words(found), "good" if good else "warn"))
     if found.where is not None:
-        points.append(Point("Where", where_words(found)))
+        points.append(Point("Where", f"{where_words(found)} {arises_words(found)}".rstrip()))
     points += [Point("Which" if k == 0 else "and", _cause_words(found, cause)) for k, cause in enumerate(found.causes)]
     points.append(Point("How sure", sure_words(found)))
     if found.closure is not None:
@@ -195,8 +196,22 @@ def _where(found: Diagnosis) -> Section:
         ),
         Note(YARDSTICKS),
         tables.places_table(found),
+        Note(STAGE_BY_STAGE),
+        picture(
+            stage_map(found), "stages",
+            f"Stage by stage: {word} minus what each stage makes of its own inputs from the log, by the rig as given, in "
+            "standard uncertainties; numbers and colours as in the map.",
+            "Matrix of numbers by stage and phase (rows) and load (columns); the largest are in the table.",
+        ),
+        tables.stages_table(found),
     )  # fmt: skip
 
+
+STAGE_BY_STAGE = (
+    "The map reads end to end: the line's motion alone drives the model, so what is wrong in one stage shows in those behind "
+    "it, and upstream through torque and force. Stage by stage each is given its own inputs from the log instead: read it to "
+    "see where the gap arises. A sensor that is off shows in every stage that it feeds or ends."
+)
 
 YARDSTICKS = (
     "A difference counts only against what could make it by chance. Three yardsticks make up its standard uncertainty: "

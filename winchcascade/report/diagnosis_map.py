@@ -17,8 +17,11 @@ from winchcascade.report.diagnosis_names import load_words, phase_words
 from winchcascade.report.digits import MINUS
 from winchcascade.report.model_figures import legend_above
 from winchcascade.report.style import COLOURS, WIDTH
+from winchcascade.rig.stages import STAGES
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from matplotlib.axes import Axes
 
     from winchcascade.diagnose.campaign import Diagnosis
@@ -38,22 +41,43 @@ BEFORE, AFTER = "rig as given", "with the fitted effects"
 
 def gap_map(found: Diagnosis) -> Figure | None:
     """Draw the bias of each channel and phase (rows) at each load (columns) over its standard uncertainty."""
-    cells = {(p.channel, p.phase, p.log): p for p in found.places}
-    rows = [(c, p) for c in CHANNELS for p in PHASES if any(key[:2] == (c, p) for key in cells)]
+    cells = {(p.channel, p.phase, p.log): p.z for p in found.places}
+    return _matrix(found, {(c, p): f"{NAMES[c]}, {phase_words(p)}" for c in CHANNELS for p in PHASES}, cells, left=0.19)
+
+
+def stage_map(found: Diagnosis) -> Figure | None:
+    """Draw the bias of each stage's output, from its own inputs, by phase (rows) and load (columns), as `gap_map`."""
+    cells = {(p.stage, p.phase, p.log): p.z for p in found.stages}
+    ends = {p.stage: p.channel for p in found.stages}
+    rows = {(s, p): f"{s}: {NAMES[ends[s]]}, {phase_words(p)}" for s in STAGES if s in ends for p in PHASES}
+    return _matrix(found, rows, cells, left=0.275)
+
+
+def _matrix(
+    found: Diagnosis, names: Mapping[tuple[str, str], str], cells: Mapping[tuple[str, str, int], float], *, left: float
+) -> Figure | None:
+    """Draw numbers of standard uncertainties as a matrix of colours, a line between the rows of one kind and the next.
+
+    Parameters
+    ----------
+    names : of the rows, by kind and phase; a row without a cell is left out
+    cells : by kind, phase and log
+    left : share of the width for the names
+    """
+    rows = [row for row in names if any(key[:2] == row for key in cells)]
     logs = by_load(found)
     if not rows:
         return None
     height = 0.3 + 0.235 * len(rows)
     figure = Figure((WIDTH, height))
     ax = figure.subplots()
-    figure.subplots_adjust(left=0.19, right=0.985, top=1 - 0.24 / height, bottom=0.04 / height)
-    for i, (channel, phase) in enumerate(rows):
+    figure.subplots_adjust(left=left, right=0.985, top=1 - 0.24 / height, bottom=0.04 / height)
+    for i, (kind, phase) in enumerate(rows):
         for j, log in enumerate(logs):
-            place = cells.get((channel, phase, log))
-            if place is not None:
-                _cell(ax, i, j, place)
+            if (kind, phase, log) in cells:
+                _cell(ax, i, j, cells[kind, phase, log])
     ax.set_xticks(range(len(logs)), _load_labels(found, logs))
-    ax.set_yticks(range(len(rows)), [f"{NAMES[c]}, {phase_words(p)}" for c, p in rows])
+    ax.set_yticks(range(len(rows)), [names[row] for row in rows])
     ax.xaxis.tick_top()
     ax.tick_params(length=0)
     ax.grid(False)
@@ -73,17 +97,17 @@ def _load_labels(found: Diagnosis, logs: list[int]) -> list[str]:
     return [f"{text} ({texts[:k].count(text) + 1})" if texts.count(text) > 1 else text for k, text in enumerate(texts)]
 
 
-def _cell(ax: Axes, i: int, j: int, place: Place) -> None:
+def _cell(ax: Axes, i: int, j: int, z: float) -> None:
     """Colour one cell by its sign and its size, and write its number."""
-    stands_out = abs(place.z) > STANDS_OUT
-    strength = STRONGEST * min(abs(place.z) / FULL, 1.0) if stands_out else 0.0
-    colour = COLOURS["gen" if place.z > 0.0 else "mech"]
+    stands_out = abs(z) > STANDS_OUT
+    strength = STRONGEST * min(abs(z) / FULL, 1.0) if stands_out else 0.0
+    colour = COLOURS["gen" if z > 0.0 else "mech"]
     ax.fill(
         [j - 0.48, j + 0.48, j + 0.48, j - 0.48], [i - 0.46, i - 0.46, i + 0.46, i + 0.46],
         color=colour if stands_out else COLOURS["hold"], alpha=max(strength, 0.18) if stands_out else 1.0, lw=0,
     )  # fmt: skip
     ax.text(
-        j, i, signed(place.z), ha="center", va="center", fontsize=7.0, color=COLOURS["ink" if stands_out else "soft"],
+        j, i, signed(z), ha="center", va="center", fontsize=7.0, color=COLOURS["ink" if stands_out else "soft"],
         fontweight="bold" if stands_out else "normal",
     )  # fmt: skip
 

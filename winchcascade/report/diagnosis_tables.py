@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from winchcascade.diagnose.campaign import Diagnosis
     from winchcascade.fit.nuisances import Nuisance
     from winchcascade.gap.compare import Place
+    from winchcascade.gap.stagewise import StagePlace
 
 MOST_PLACES, MOST_NUISANCES = 12, 10
 """Rows of the places that stand out most, and of the nuisances that are pulled most."""
@@ -122,13 +123,43 @@ def places_table(found: Diagnosis) -> Table | None:
     )
 
 
-def _place_row(p: Place) -> tuple[str, ...]:
+def _place_row(p: Place | StagePlace) -> tuple[str, ...]:
     unit, factor = COMPARED[p.channel]
     u = [x * factor for x in (p.u_noise, p.u_repeat, p.u_tolerance)]
     return (
         NAMES[p.channel], phase_words(p.phase), load_words(p.load), unit, significant(p.bias * factor, 3),
         *(significant(x, 2) for x in u), signed(p.z),
     )  # fmt: skip
+
+
+def stages_table(found: Diagnosis) -> Table | None:
+    """The stages that are off most when each is given its own inputs: of each phase the worst load."""
+    worst: dict[tuple[str, str], StagePlace] = {}
+    for p in sorted(found.stages, key=lambda p: abs(p.z)):
+        worst[p.stage, p.phase] = p
+    ranked = sorted(worst.values(), key=lambda p: -abs(p.z))
+    rows = [_stage_row(p) for p in [p for p in ranked if abs(p.z) > STANDS_OUT] or ranked[:3]]
+    if not rows:
+        return None
+    out = sum(abs(p.z) > STANDS_OUT for p in found.stages)
+    return Table(
+        id="stages",
+        caption=f"Stages given their own inputs: {out} of {len(found.stages)} places are off by more than {STANDS_OUT:g} "
+        "standard uncertainties; of each stage and phase the load with the largest z.",
+        head=("Stage: output", "From", "Phase", "Load", "Bias", "Noise", "Cycles", "Tolerance", "z"),
+        units=("", "", "", "", "", "and zeros", "repeat to", "of the rig", "bias / u"),
+        rows=tuple(rows),
+        text_columns=(0, 1, 2, 3),
+        note="Bias: logged minus what the stage makes of its inputs; no zero is taken off, so the noise includes those of "
+        "output and inputs. Every stage but the load follows the line's velocity too. The generator's resistance and "
+        "inductance count in gearbox and generator alike.",
+    )
+
+
+def _stage_row(p: StagePlace) -> tuple[str, ...]:
+    channel, phase, load, unit, *numbers = _place_row(p)
+    inputs = ", ".join(NAMES[name] for name in p.inputs if name != "velocity") or "velocity"
+    return (f"{p.stage}: {channel} ({unit})", inputs, phase, load, *numbers)
 
 
 def closure_table(found: Diagnosis) -> Table | None:

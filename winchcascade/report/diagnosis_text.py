@@ -10,11 +10,13 @@ from winchcascade.report.diagnosis_names import probability_words, quantity_word
 from winchcascade.report.diagnosis_words import (
     VERDICTS,
     alarm_words,
+    arises_words,
     checked_words,
     closure_words,
     experiment_words,
     files_of,
     remainder_words,
+    says_more,
     simulated_words,
     sure_words,
     unnamed,
@@ -49,6 +51,7 @@ def diagnosis_text(found: Diagnosis, files: Sequence[Path | str] = ()) -> str:
     lines += _entry("verdict", verdict_words(found))
     lines += _entry("note", simulated_words(found))
     lines += _entry("where", where_words(found))
+    lines += _entry("", arises_words(found) if says_more(found) else "")
     lines += _causes(found)
     lines += _entry("how sure", sure_words(found))
     lines += _how_far(found)

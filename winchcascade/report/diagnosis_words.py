@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from winchcascade.gap.arises import arises
 from winchcascade.gap.locate import STANDS_OUT
 from winchcascade.report.diagnosis_names import apart_words, load_words, nuisance_words, probability_words, share_words
 from winchcascade.report.digits import number
@@ -83,7 +84,7 @@ def unnamed(found: Diagnosis) -> list[str]:
 
 
 def where_words(found: Diagnosis) -> str:
-    """Where the gap lies; where no mean stands out, the strongest sign instead."""
+    """Where the gap lies end to end; where no mean stands out, the strongest sign instead."""
     if found.where is None:
         return ""
     if (
@@ -91,9 +92,26 @@ def where_words(found: Diagnosis) -> str:
         or found.remainder is None
         or not found.remainder.alarms
     ):
-        return found.where.sentence.replace("cm2", "cm²").replace(" ohm", " Ω")
+        return _signs(found.where.sentence)
     worst = alarm_words(found.remainder.alarms[0], files_of(found))
     return f"No mean over a phase is off by more than noise and tolerances allow. {worst}."
+
+
+def arises_words(found: Diagnosis) -> str:
+    """In which stage the gap arises when each is given its own measured inputs."""
+    return "" if found.where is None else _signs(found.where.arises)
+
+
+def says_more(found: Diagnosis) -> bool:
+    """Whether the stages by themselves say anything beyond the stage that is told already."""
+    if found.where is None:
+        return False
+    own = arises(found.stages)
+    return found.verdict != "explained" or own.stage != found.where.stage or len(own.off) > 1
+
+
+def _signs(text: str) -> str:
+    return text.replace("cm2", "cm²").replace(" ohm", " Ω").replace(" -", " −")
 
 
 def files_of(found: Diagnosis) -> list[str]:
@@ -106,9 +124,11 @@ def checked_words(found: Diagnosis) -> str:
     out = sum(abs(place.z) > STANDS_OUT for place in found.places)
     off = "none is" if not out else f"{out} are"
     more = ", but no effect explains that better than tolerances do" if out else ""
+    alone = sum(abs(place.z) > STANDS_OUT for place in found.stages)
+    staged = f" Stage by stage {alone} of {len(found.stages)} are." if alone else ""
     return (
         f"{len(found.places)} means by channel, phase and load: {off} off by more than {STANDS_OUT:g} standard "
-        f"uncertainties{more}. {len(found.suspects)} effects: none is worth its freedom."
+        f"uncertainties{more}.{staged} {len(found.suspects)} effects: none is worth its freedom."
     )
 
 

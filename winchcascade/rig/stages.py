@@ -12,27 +12,34 @@ from typing import TYPE_CHECKING, Literal
 
 import msgspec
 import numpy as np
-from numba import njit
 
 from winchcascade.errors import LogError
 from winchcascade.order import median
 from winchcascade.rig.backemf import RPM_LEAST
-from winchcascade.rig.bridge import bridge_currents, bridge_table
+from winchcascade.rig.bridge import bridge_table
+from winchcascade.rig.bridge_inverse import dc_voltages, stator_currents
 from winchcascade.rig.generator import NO_ROLLOFF, ROLLOFF_KNOTS
 from winchcascade.rig.kernel import LINE, REST, SHAFT, TURN, constants, run_line, run_shaft
 from winchcascade.rig.motion import SAMPLES, motion_of
+from winchcascade.rig.sensors import Sensors
 from winchcascade.smooth import local_quadratic
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Collection, Mapping
 
     from numpy.typing import NDArray
 
     from winchcascade.rig.model import Model
-    from winchcascade.rig.sensors import Sensors
+    from winchcascade.rig.motion import Motion
     from winchcascade.run import Run, Signal
 
 Stage = Literal["restoring", "transmission", "gearbox", "generator", "load"]
+
+STAGES = ("restoring", "transmission", "gearbox", "generator", "load")
+"""Stages in their order from the line to the load."""
+
+EXACT = Sensors()
+"""Sensors without an error."""
 
 STEP = 1e-3
 """Step at which the gas and the clutch are followed. [s]"""
@@ -59,19 +66,28 @@ class StageOutput(msgspec.Struct, frozen=True):
     predicted: Signal
 
 
-class _Drive(msgspec.Struct, frozen=True):
-    """What drives the stages, at the stamps, (n,) each, SI units: line motion, channels freed of the sensors' errors.
+class Along(msgspec.Struct, frozen=True):
+    """The motion of a log as its stages need it, SI units: `motion` on even steps, at the stamps `x`, `v`, `a`, (n,) each.
 
-    `gauge` is the pressure of the gas along the motion, `engaged` tells where the clutch carries torque, `rpm` is the speed
-    of the generator there. `i_load` is the current of the load, `i_bridge` with that of the capacitor.
+    `engaged` (n,) tells the stamps at which the clutch carries torque while the line pays out.
     """
 
+    motion: Motion
     x: Signal
     v: Signal
     a: Signal
-    seen: Mapping[str, Signal]
-    gauge: Signal
     engaged: NDArray[np.bool_]
+
+
+class _Drive(msgspec.Struct, frozen=True):
+    """What drives the stages: the motion, and the channels, (n,) each in SI units, freed of the sensors' errors.
+
+    `rpm` is the speed of the generator while the clutch is engaged, `i_load` the current of the load, `i_bridge` with that of
+    the capacitor.
+    """
+
+    along: Along
+    seen: Mapping[str, Signal]
     rpm: Signal
     i_load: Signal
     i_bridge: Signal
@@ -82,17 +98,44 @@ def stage_outputs(run: Run, model: Model) -> tuple[StageOutput, ...]:
 
     restoring : pressure of the gas, from the line's motion
     transmission : torque behind the clutch, from line force, motion and pressure: what screw, losses and inertia leave of it
-    gearbox : the same torque, from the shaft's speed and the power across the air gap, which Vdc and Idc ask for
+    gearbox : the same torque, from the shaft's speed and the power across the air gap, which Vdc and Idc ask for; in haul-in
+        what the open clutch drags
     generator : Vdc, from the shaft's speed and the current that Idc and the capacitor take
     load : Idc, from Vdc; only where the load is known and no open circuit
 
     A stage whose inputs the log lacks is left out. Which torque the clutch carries at all is taken from the model along the
     motion, so from no measured force, torque or voltage. In open circuit the bleed is the load, and Idc is not looked at.
     """
+    motion = motion_of(run, STEP)
+    numbers = constants(model, math.inf if run.load is None else run.load)
+    shaft = np.empty((motion.t.size, len(SHAFT)))
+    run_shaft(motion.v, motion.step, numbers, bridge_table(), shaft)
+    return outputs_along(run, model, along(run, motion, shaft[:, SHAFT.index("clutch")]))
+
+
+def along(run: Run, motion: Motion, clutch: Signal) -> Along:
+    """Lay a motion onto a log's stamps.
+
+    Parameters
+    ----------
+    clutch : torque that the clutch carries on the steps of the motion [N m]
+    """
+    carries = np.interp(run.t, motion.t, (clutch > 0.0).astype(np.float64))
+    x, v, a = (np.interp(run.t, motion.t, y) for y in (motion.x, motion.v, motion.a))
+    return Along(motion, x, v, a, (carries == 1.0) & (v > MOVING))
+
+
+def outputs_along(run: Run, model: Model, course: Along, only: Collection[str] = STAGES) -> tuple[StageOutput, ...]:
+    """Give the outputs of some stages, as `stage_outputs`, along a motion that is known.
+
+    Parameters
+    ----------
+    only : the stages that are asked for
+    """
     electric = ("vdc",) if run.open_circuit else ("vdc", "idc")
-    drive = _drive(run, model)
+    drive = _drive(run, model, course)
     laws: tuple[tuple[Stage, str, tuple[str, ...], Callable[[], Signal]], ...] = (
-        ("restoring", "pressure", ("velocity",), lambda: drive.gauge),
+        ("restoring", "pressure", ("velocity",), lambda: _pressure(run, model, course.motion)),
         ("transmission", "torque", ("velocity", "force", "pressure"), lambda: _torque_of_line(model, drive)),
         ("gearbox", "torque", ("velocity", *electric), lambda: _torque_of_shaft(model, drive)),
         ("generator", "vdc", ("velocity", *electric), lambda: _voltage(model, drive)),
@@ -101,7 +144,9 @@ def stage_outputs(run: Run, model: Model) -> tuple[StageOutput, ...]:
     return tuple(
         StageOutput(stage, channel, inputs, _read(run, model, channel, law()))
         for stage, channel, inputs, law in laws
-        if set(inputs) <= set(run.channels) and (stage != "load" or math.isfinite(_resistance(run, model)))
+        if stage in only
+        and set(inputs) <= set(run.channels)
+        and (stage != "load" or math.isfinite(_resistance(run, model)))
     )
 
 
@@ -110,31 +155,17 @@ def _resistance(run: Run, model: Model) -> float:
     return math.inf if run.load is None else run.load * (1.0 + model.dc_link.load_change)
 
 
-def _drive(run: Run, model: Model) -> _Drive:
-    motion = motion_of(run, STEP)
-    numbers = constants(model, math.inf if run.load is None else run.load)
-    shaft, line = np.empty((motion.t.size, len(SHAFT))), np.empty((motion.t.size, len(LINE)))
-    run_shaft(motion.v, motion.step, numbers, bridge_table(), shaft)
-    run_line(motion.x, motion.v, motion.a, motion.step, numbers, np.zeros(motion.t.size), line)
-    carries = np.interp(run.t, motion.t, (shaft[:, SHAFT.index("clutch")] > 0.0).astype(np.float64))
-    x, v, a, gauge = (np.interp(run.t, motion.t, y) for y in (motion.x, motion.v, motion.a, line[:, 0]))
+def _drive(run: Run, model: Model, course: Along) -> _Drive:
     seen = _as_they_were(run, model.sensors)
     i_load, i_bridge = _currents(run, model, seen)
-    return _Drive(
-        x=x,
-        v=v,
-        a=a,
-        seen=seen,
-        gauge=gauge,
-        engaged=(carries == 1.0) & (v > MOVING),
-        rpm=v / model.winch.r_drum * model.drivetrain.gear * 30.0 / math.pi,
-        i_load=i_load,
-        i_bridge=i_bridge,
-    )
+    rpm = course.v / model.winch.r_drum * model.drivetrain.gear * 30.0 / math.pi
+    return _Drive(along=course, seen=seen, rpm=rpm, i_load=i_load, i_bridge=i_bridge)
 
 
-def _as_they_were(run: Run, sensors: Sensors) -> dict[str, Signal]:
+def _as_they_were(run: Run, sensors: Sensors) -> Mapping[str, Signal]:
     """Channels without the gains, zeros and lag that the model knows of its sensors."""
+    if sensors == EXACT:
+        return run.channels
     found = {}
     for name, x in run.channels.items():
         then = np.interp(run.t + sensors.electrical_lag, run.t, x) if name in ("vdc", "idc") else x
@@ -159,33 +190,46 @@ def _currents(run: Run, model: Model, seen: Mapping[str, Signal]) -> tuple[Signa
     return load, load + model.dc_link.c_dc * np.gradient(smooth, run.t)
 
 
+def _pressure(run: Run, model: Model, motion: Motion) -> Signal:
+    """Gauge pressure of the gas along the motion, (n,) at the stamps [Pa]."""
+    numbers = constants(model, math.inf if run.load is None else run.load)
+    line = np.empty((motion.t.size, len(LINE)))
+    run_line(motion.x, motion.v, motion.a, motion.step, numbers, np.zeros(motion.t.size), line)
+    gauge: Signal = np.interp(run.t, motion.t, line[:, LINE.index("pressure")])
+    return gauge
+
+
 def _torque_of_line(model: Model, drive: _Drive) -> Signal:
     """Torque that the line force leaves for the clutch, (n,) [N m]: `kernel.run_line` the other way round."""
-    winch, gas = model.winch, model.restoring
-    direction = np.tanh(drive.v / REST)
+    winch, gas, course = model.winch, model.restoring, drive.along
+    direction = np.tanh(course.v / REST)
     thrust = drive.seen["pressure"] * gas.area + gas.seal_friction * direction
     thread = 0.5 * (1.0 + direction) / gas.eta_forward + 0.5 * (1.0 - direction) * gas.eta_reverse
-    lost = winch.friction * direction + winch.drag * drive.v / winch.r_drum
-    pull = drive.seen["force"] * winch.r_drum * (1.0 + winch.layering * drive.x)
-    torque = pull - gas.lead * thrust * thread - lost - winch.inertia * drive.a / winch.r_drum
-    return np.where(np.abs(drive.v) > MOVING, torque, np.nan)
+    lost = winch.friction * direction + winch.drag * course.v / winch.r_drum
+    pull = drive.seen["force"] * winch.r_drum * (1.0 + winch.layering * course.x)
+    torque = pull - gas.lead * thrust * thread - lost - winch.inertia * course.a / winch.r_drum
+    return np.where(np.abs(course.v) > MOVING, torque, np.nan)
 
 
 def _torque_of_shaft(model: Model, drive: _Drive) -> Signal:
-    """Torque that the fast shaft asks of the clutch, (n,) [N m].
+    """Torque that the fast shaft asks of the clutch, (n,) [N m]; in haul-in that of the open clutch.
 
     The machine's is that of the power across the air gap (Vdc + 2 V_d) I + 3 r_s i_s^2: neither k_e nor its roll-off enters.
     """
-    shaft, machine = model.drivetrain, model.generator
-    omega = drive.rpm * math.pi / 30.0
-    known = drive.engaged & (drive.rpm > RPM_LEAST)
-    v_total, current = drive.seen["vdc"] + 2.0 * machine.v_diode, np.maximum(drive.i_bridge, 0.0)
+    shaft, machine, course = model.drivetrain, model.generator, drive.along
+    direction = np.tanh(course.v / REST)
+    open_clutch = -shaft.clutch_drag * 0.5 * (1.0 - direction) * np.abs(direction)
+    torque = np.where(course.v < -MOVING, open_clutch, np.nan)
+    known = course.engaged & (drive.rpm > RPM_LEAST) & np.isfinite(drive.i_bridge)
+    omega = drive.rpm[known] * math.pi / 30.0
+    v_total, current = drive.seen["vdc"][known] + 2.0 * machine.v_diode, np.maximum(drive.i_bridge[known], 0.0)
     reactance = machine.pole_pairs * np.maximum(omega, 1.0) * machine.l_s
-    i_s = _stator_currents(np.maximum(v_total, 0.0), current, machine.r_s, reactance, bridge_table())
+    i_s = stator_currents(np.maximum(v_total, 0.0), current, machine.r_s, reactance, bridge_table())
     torque_em = (v_total * current + 3.0 * machine.r_s * i_s**2) / np.maximum(omega, 1.0)
     drag = shaft.b_rotor * omega + shaft.windage * omega * np.abs(omega) + shaft.friction * np.tanh(omega / TURN)
-    speeding = shaft.inertia_rotor * drive.a / model.winch.r_drum * shaft.gear
-    return np.where(known, shaft.gear / shaft.eta_mesh * (torque_em + drag + speeding), np.nan)
+    speeding = shaft.inertia_rotor * course.a[known] / model.winch.r_drum * shaft.gear
+    torque[known] = shaft.gear / shaft.eta_mesh * (torque_em + drag + speeding)
+    return torque
 
 
 def _voltage(model: Model, drive: _Drive) -> Signal:
@@ -194,15 +238,18 @@ def _voltage(model: Model, drive: _Drive) -> Signal:
     Roll-off needs the stator current, which the bridge's current sets nearly alone, so a few rounds settle it.
     """
     machine = model.generator
-    reactance = machine.pole_pairs * np.maximum(drive.rpm, 1.0) * math.pi / 30.0 * machine.l_s
-    known = drive.engaged & (drive.rpm > RPM_LEAST) & (drive.i_bridge > CONDUCTING * np.maximum(drive.i_load, 0.0))
-    known &= drive.i_bridge > 0.0
-    v_ll, current = machine.k_e * np.maximum(drive.rpm, 0.0), np.where(known, drive.i_bridge, 0.0)
+    known = drive.along.engaged & (drive.rpm > RPM_LEAST) & (drive.i_bridge > 0.0)
+    known &= drive.i_bridge > CONDUCTING * np.maximum(drive.i_load, 0.0)
+    rpm, current = drive.rpm[known], drive.i_bridge[known]
+    reactance = machine.pole_pairs * rpm * math.pi / 30.0 * machine.l_s
     left_at = _roll_off(machine.rolloff)
-    i_s = np.zeros_like(v_ll)
+    i_s, v_total = np.zeros_like(rpm), np.zeros_like(rpm)
     for _ in range(1 if machine.rolloff == NO_ROLLOFF else ROUNDS):
-        v_total, i_s = _dc_voltages(v_ll * left_at(i_s), current, machine.r_s, reactance, bridge_table())
-    return np.where(known & (v_total > 0.0), v_total - 2.0 * machine.v_diode, np.nan)
+        v_ll = machine.k_e * rpm * left_at(i_s)
+        v_total, i_s = dc_voltages(v_ll, current, machine.r_s, reactance, bridge_table())
+    found = np.full(known.size, np.nan)
+    found[known] = np.where(v_total > 0.0, v_total - 2.0 * machine.v_diode, np.nan)
+    return found
 
 
 ROUNDS = 8
@@ -219,39 +266,9 @@ def _roll_off(left: tuple[float, ...]) -> Callable[[Signal], Signal]:
     return lambda i_s: np.asarray(curve(np.minimum(i_s, ROLLOFF_KNOTS[-1])), dtype=np.float64)
 
 
-@njit(cache=True)
-def _stator_currents(v_total: Signal, i_dc: Signal, r_s: float, reactance: Signal, table: Signal) -> Signal:
-    """Stator current of a bridge that carries a current into a voltage: the back-EMF for it by bisection. [A]"""
-    found = np.zeros_like(v_total)
-    for n in range(v_total.size):
-        low, high = v_total[n] / math.sqrt(2.0), 3.0 * v_total[n] + 10.0 * i_dc[n] * (r_s + reactance[n])
-        for _ in range(50):
-            middle = 0.5 * (low + high)
-            i_b, found[n] = bridge_currents(v_total[n], middle, r_s, reactance[n], table)
-            if i_b < i_dc[n]:
-                low = middle
-            else:
-                high = middle
-    return found
-
-
-@njit(cache=True)
-def _dc_voltages(v_ll: Signal, i_dc: Signal, r_s: float, reactance: Signal, table: Signal) -> tuple[Signal, Signal]:
-    """Voltage behind the bridge, diodes included, at which a back-EMF gives a current, and the stator current. [V, A]"""
-    voltage, i_s = np.zeros_like(v_ll), np.zeros_like(v_ll)
-    for n in range(v_ll.size):
-        low, high = 0.0, math.sqrt(2.0) * v_ll[n]
-        for _ in range(50):
-            voltage[n] = 0.5 * (low + high)
-            i_b, i_s[n] = bridge_currents(voltage[n], v_ll[n], r_s, reactance[n], table)
-            if i_b > i_dc[n]:
-                low = voltage[n]
-            else:
-                high = voltage[n]
-    return voltage, i_s
-
-
-def line_power(run: Run, mass_extra: float = 0.0, force: float = 0.0, b_line: float = 0.0) -> Signal:
+def line_power(
+    run: Run, mass_extra: float = 0.0, force: float = 0.0, b_line: float = 0.0, width: float = ACCELERATION
+) -> Signal:
     """Give the mechanical power at the winch from line force and speed, in line units: no drum radius is needed, (n,) [W].
 
     P = v (F - m dv/dt - F_0 sgn v - b v): what the tether brings, less what speeds the winch up and what is lost on the way. As
@@ -262,6 +279,7 @@ def line_power(run: Run, mass_extra: float = 0.0, force: float = 0.0, b_line: fl
     mass_extra : what turns with the line, as a mass on it [kg]
     force : constant friction, against the motion [N]
     b_line : drag in proportion to the speed [N s/m]
+    width : of the local quadratic whose slope is the acceleration [s]
 
     Raises
     ------
@@ -272,7 +290,7 @@ def line_power(run: Run, mass_extra: float = 0.0, force: float = 0.0, b_line: fl
     v = run.channels["velocity"]
     taken = force * np.tanh(v / REST) + b_line * v
     if mass_extra:
-        taken = taken + mass_extra * acceleration(run.t, v)
+        taken = taken + mass_extra * acceleration(run.t, v, width)
     power: Signal = v * (run.channels["force"] - taken)
     return power
 
