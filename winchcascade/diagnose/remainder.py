@@ -24,7 +24,7 @@ model is right it stays below 1.7, and below 2.4 behind a large lag, as the bloc
 RESTLESS = 2.2
 """Scatter within blocks over what noise alone explains, beyond which something moves that the model does not know."""
 
-PULLED = 4.5
+PULLED = 5.0
 """A nuisance pulled beyond this many of its tolerances is none."""
 
 
