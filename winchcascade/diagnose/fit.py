@@ -101,8 +101,8 @@ def fit_set(
 
     Parameters
     ----------
-    start : a fit to begin from, whose columns serve as long as they foresee what a step brings; suspects that it lacks begin
-        absent
+    start : a fit to begin from, whose columns, where it has any, serve as long as they foresee what a step brings; suspects that
+        it lacks begin absent
     rows : (M * 5,) weights of the residuals, 0 for what takes no part; 1 for all by default
     quick : a few steps, enough to tell which of some sets is best
     reach : largest magnitude of a nuisance, in units of its tolerance
@@ -111,7 +111,7 @@ def fit_set(
     values = {name: begun.get(name, freedom(suspects[name]).absent) for name in names}
     nu = np.zeros(len(data.nuisances)) if start is None else np.clip(start.nu, -reach, reach)
     take = np.ones(data.measured.size) if rows is None else rows
-    j_nu = _nuisance_columns(data, suspects, nu, values) if start is None else start.j_nu
+    j_nu = _nuisance_columns(data, suspects, nu, values) if start is None or not start.j_nu.size else start.j_nu
     columns = {} if start is None else {name: start.columns[name] for name in names if name in start.columns}
     columns |= all_columns(data, suspects, nu, values, [name for name in names if name not in columns])
 

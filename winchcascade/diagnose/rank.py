@@ -175,7 +175,7 @@ def search(data: Fitted, suspects: Suspects, tell: Callable[[str], None] = lambd
     for _ in range(ROUNDS):
         tell(f"{len(fits)} sets fitted, best so far: {', '.join(best.names) or 'none'}")
         for names in _promising(linear, scale, [best.names], {best.names}):
-            fits[names] = _better(fits.get(names), fit_set(data, suspects, names, start=start, quick=True))
+            fits[names] = _better(fits.get(names), _light(fit_set(data, suspects, names, start=start, quick=True)))
         scale = min(scale_of(fit) for fit in fits.values())
         top = max(fits.values(), key=lambda fit: evidence_of(fit, scale) - CLEARLY * len(fit.names))
         if top.names in visited or (len(best.names) >= MANY and scale_of(best) > HOPELESS):
@@ -200,7 +200,7 @@ def _smallest(
             names = tuple(n for n in best.names if n != gone)
             if linear.evidence(best.names, scale) - linear.evidence(names, scale) > 4.0 * CLEARLY:
                 continue
-            fits[names] = _better(fits.get(names), fit_set(data, suspects, names, start=best, quick=True))
+            fits[names] = _better(fits.get(names), _light(fit_set(data, suspects, names, start=best, quick=True)))
             lost = evidence_of(best, scale) - evidence_of(fits[names], scale)
             if lost < CLEARLY and (least is None or lost < least[0]):
                 least = lost, fits[names]
@@ -214,6 +214,11 @@ def _finished(data: Fitted, suspects: Suspects, fit: Fit) -> Fit:
     """A fit carried to its end, with the columns of every suspect."""
     final = fit_set(data, suspects, fit.names, start=fit)
     return msgspec.structs.replace(final, columns={**fit.columns, **final.columns})
+
+
+def _light(fit: Fit) -> Fit:
+    """A fit without its columns, which are most of its memory; `linearise` finds them anew where they are wanted."""
+    return msgspec.structs.replace(fit, j_nu=fit.j_nu[:0], columns={})
 
 
 def _better(one: Fit | None, other: Fit) -> Fit:

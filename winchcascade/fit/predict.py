@@ -197,7 +197,7 @@ def delayed(x: Signal, steps: float) -> Signal:
     return out
 
 
-MOST_KEPT = 48
+MOST_KEPT = 16
 """So many solutions of a log are kept, the oldest goes first."""
 
 
