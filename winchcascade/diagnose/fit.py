@@ -101,8 +101,8 @@ def fit_set(
 
     Parameters
     ----------
-    start : a fit to begin from, whose columns, where it has any, serve as long as they foresee what a step brings; suspects that
-        it lacks begin absent
+    start : a fit to begin from, whose columns, if any, serve as long as they foresee what a step brings; suspects that it lacks
+        begin absent
     rows : (M * 5,) weights of the residuals, 0 for what takes no part; 1 for all by default
     quick : a few steps, enough to tell which of some sets is best
     reach : largest magnitude of a nuisance, in units of its tolerance
