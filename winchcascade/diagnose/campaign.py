@@ -32,7 +32,7 @@ NAMED = 2
 """So many causes are named at most where much stays unexplained: more would be a crowd, none of them sure."""
 
 MOSTLY = 0.9
-"""Share of the gap that must be closed for a verdict of `explained` while something small remains."""
+"""Share of the gap that must be closed for a verdict of `explained` while something without structure remains."""
 
 HALF = 0.5
 """With less closed and a structured remainder a gap is unexplained."""
@@ -104,72 +104,9 @@ def diagnose(
     tell("simulating the rig as given")
     data = Fitted(runs, rig, cycles, withheld)
     found = search(data, suspects, tell)
-    nothing = np.zeros(len(data.nuisances))
-    predicted = data.predict(nothing, [])
-    places = _map(data, predicted)
-    best = found.best
-    alarms = alarms_of(data, suspects, best)
-    if not best.names:
-        verdict = "unexplained" if alarms else "no_gap"
-        return _result(
-            title,
-            rig,
-            seed,
-            data,
-            found,
-            suspects,
-            verdict,
-            places,
-            predicted,
-            remainder=Remainder(1.0, alarms, _worst(alarms)),
-        )
-    tell("predicting withheld runs")
-    left_out = list(withheld) or [k for k, log in enumerate(data.logs) if not math.isinf(log.load)]
-    left_out = left_out or list(range(len(data.logs)))
-    closure = close(data, suspects, best, left_out, seed)
-    verdict = _verdict(alarms, closure)
-    tell("looking for rivals")
-    causes = causes_of(data, suspects, found)
-    if verdict != "explained":
-        causes = causes[:NAMED]
-    experiment = _experiment(data, suspects, found, causes)
-    return _result(
-        title,
-        rig,
-        seed,
-        data,
-        found,
-        suspects,
-        verdict,
-        places,
-        predicted,
-        causes=causes,
-        closure=closure,
-        remainder=Remainder(max(1.0 - closure.share, 0.0), alarms, _worst(alarms)),
-        experiment=experiment,
-    )
-
-
-def _result(
-    title: str,
-    rig: Rig,
-    seed: int,
-    data: Fitted,
-    found: Found,
-    suspects: Suspects,
-    verdict: str,
-    places: tuple[Place, ...],
-    predicted: Signal,
-    causes: tuple[Cause, ...] = (),
-    closure: Closure | None = None,
-    remainder: Remainder | None = None,
-    experiment: Experiment | None = None,
-) -> Diagnosis:
-    residual = without_zeros(data, data.measured - predicted)
-    stages = stagewise(data)
-    own, lead = arises(stages), causes[0].stage if causes else None
-    stage = lead if verdict == "explained" else own.stage or lead
-    where = None if verdict == "no_gap" else locate(data, residual, places, stage, own.sentence)
+    judged = _judge(data, suspects, found, withheld, seed, tell)
+    predicted = data.predict(np.zeros(len(data.nuisances)), [])
+    places, stages = _map(data, predicted), stagewise(data)
     return Diagnosis(
         title=title,
         rig=rig,
@@ -177,18 +114,60 @@ def _result(
         data=data,
         found=found,
         suspects=suspects,
-        verdict=verdict,
-        where=where,
-        causes=causes,
-        closure=closure,
-        remainder=None if verdict == "no_gap" else remainder,
-        experiment=experiment,
+        verdict=judged.verdict,
+        where=_where(data, predicted, places, stages, judged),
+        causes=judged.causes,
+        closure=judged.closure,
+        remainder=judged.remainder,
+        experiment=judged.experiment,
         places=places,
         stages=stages,
         predicted=predicted,
         fitted=data.predict(found.best.nu, found.best.effects(suspects)),
         sets=probabilities(found.fits, found.scale),
     )
+
+
+class _Judged(msgspec.Struct, frozen=True):
+    """What follows from a search: the verdict and what belongs to it."""
+
+    verdict: str
+    causes: tuple[Cause, ...] = ()
+    closure: Closure | None = None
+    remainder: Remainder | None = None
+    experiment: Experiment | None = None
+
+
+def _judge(
+    data: Fitted, suspects: Suspects, found: Found, withheld: Sequence[int], seed: int, tell: Callable[[str], None]
+) -> _Judged:
+    """Close the gap on withheld logs with the causes that were found, and weigh what is left."""
+    alarms = alarms_of(data, suspects, found.best)
+    if not found.best.names:
+        if not alarms:
+            return _Judged("no_gap")
+        return _Judged("unexplained", remainder=Remainder(1.0, alarms, _worst(alarms)))
+    tell("predicting withheld runs")
+    left_out = list(withheld) or [k for k, log in enumerate(data.logs) if not math.isinf(log.load)]
+    closure = close(data, suspects, found.best, left_out or list(range(len(data.logs))), seed)
+    verdict = _verdict(alarms, closure)
+    tell("looking for rivals")
+    causes = causes_of(data, suspects, found)
+    if verdict != "explained":
+        causes = causes[:NAMED]
+    remainder = Remainder(max(1.0 - closure.share, 0.0), alarms, _worst(alarms))
+    return _Judged(verdict, causes, closure, remainder, _experiment(data, suspects, found, causes))
+
+
+def _where(
+    data: Fitted, predicted: Signal, places: Sequence[Place], stages: Sequence[StagePlace], judged: _Judged
+) -> Where | None:
+    """Where the gap lies: in the leading cause's stage if that explains it, else in the one that is most off by itself."""
+    if judged.verdict == "no_gap":
+        return None
+    own, lead = arises(stages), judged.causes[0].stage if judged.causes else None
+    stage = lead if judged.verdict == "explained" else own.stage or lead
+    return locate(data, without_zeros(data, data.measured - predicted), places, stage, own.sentence)
 
 
 def _map(data: Fitted, predicted: Signal) -> tuple[Place, ...]:
