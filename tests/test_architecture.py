@@ -8,8 +8,8 @@ import pytest
 PACKAGE = Path(__file__).parent.parent / "winchcascade"
 
 GROUND = {
-    "errors", "quantity", "channels", "run", "campaign", "rigfile", "rigtoml", "table", "tabletoml", "tasks", "files",
-    "integrate", "order", "smooth", "threads", "addresses",
+    "errors", "quantity", "channels", "run", "campaign", "rigfile", "rigtoml", "table", "tabletoml", "tomltext", "tasks",
+    "plaintext", "files", "integrate", "order", "smooth", "threads", "addresses",
 }  # fmt: skip
 """Open to every room."""
 
@@ -23,8 +23,9 @@ MAY_IMPORT = {
     "fit": {"rig", "phases"},
     "gap": {"cascade", "fit"},
     "diagnose": {"gap", "rig"},
+    "reach": {"published", "diagnose"},
     "blind": {"ingest", "diagnose"},
-    "report": {"phases", "cascade", "published", "rig", "gap", "diagnose", "blind"},
+    "report": {"phases", "cascade", "published", "rig", "gap", "diagnose", "reach", "blind"},
     "batch": {"ingest", "cascade", "diagnose", "report"},
 }
 """Rooms and the rooms they may import directly; the right includes what the imported room may import."""

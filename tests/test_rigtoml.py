@@ -124,7 +124,7 @@ def test_a_sensor_of_a_rig_based_on_another_keeps_nothing_of_the_old_one() -> No
         (MINIMAL + '[columns]\nwind = "w"\n', "[columns] wind is no channel"),
         (MINIMAL + '[columns]\nforce = { name = "F", unit = "V" }\n', "'V' is none of force"),
         (MINIMAL + "[thresholds]\nwindow = 0\n", "[thresholds] window is 0"),
-        (MINIMAL + "[thresholds]\nwindow = 1" + "0" * 400 + "\n", "[thresholds] window is 1000"),
+        (MINIMAL + "[thresholds]\nwindow = 1" + "0" * 400 + "\n", "thresholds window is the whole number of hundreds"),
         (MINIMAL + "[thresholds]\nrpm_bin = 1e-9\n", "expected between 1 and 100000"),
         (MINIMAL + "[thresholds]\nsmoothing = 3000\n", "expected between 0.001 and 10"),
         (MINIMAL + '[winch]\nr_drum = { value = 130, unit = "m" }\n', "expected between 0.001 and 100"),

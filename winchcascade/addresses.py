@@ -55,6 +55,8 @@ def fingerprint(address: str) -> str:
     digest = hashlib.sha256()
     try:
         if not is_remote(local_path(address)):
+            if not Path(local_path(address)).is_file():  # a pipe would keep its reader waiting
+                return ""
             with open(local_path(address), "rb") as file:
                 return hashlib.file_digest(file, "sha256").hexdigest()
         with _opened(address) as source:

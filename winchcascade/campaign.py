@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from winchcascade.errors import CampaignError
+from winchcascade.tomltext import toml_values
 
 CAMPAIGN_FILE = "campaign.toml"
 
@@ -40,12 +40,15 @@ def load_campaign(path: Path) -> Campaign:
     """Read a campaign.toml, or the one in a folder; CampaignError names what is wrong and where."""
     if path.is_dir():
         path = path / CAMPAIGN_FILE
+    if path.exists() and not path.is_file():
+        raise CampaignError(f"{path}: is a device or a pipe; expected a campaign.toml.")
     try:
-        raw = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        text = path.read_text(encoding="utf-8-sig")
     except OSError as fault:
         raise CampaignError(f"{path}: cannot be read ({fault.strerror}); expected a campaign.toml.") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as fault:
+    except UnicodeDecodeError as fault:
         raise CampaignError(f"{path}: not a valid TOML file: {fault}.") from None
+    raw = toml_values(text, str(path), CampaignError)
     for key in raw:
         if key not in ("title", "rig", "run"):
             raise CampaignError(f"{path}: {key} is no entry of a campaign; expected title, rig and [[run]] tables.")

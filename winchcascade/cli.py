@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, NoReturn, TextIO
 
 import typer
 
@@ -15,8 +15,8 @@ from winchcascade.errors import LogError, OptionError, WinchcascadeError
 
 if TYPE_CHECKING:
     from winchcascade.cascade.reduce import Reduction
-    from winchcascade.diagnose.reach import Reach
     from winchcascade.published.audit import Audit
+    from winchcascade.reach.reach import Reach
     from winchcascade.rigfile import Rig
 
 app = typer.Typer(
@@ -127,7 +127,14 @@ def reduce_command(
                 sys.stdout.buffer.write(reduction_json(reduction, found))
                 return
             write_json(reduction, found, Path(json), force=force)
-    print(reduction_text(reduction), end="")
+    _show(reduction_text(reduction))
+
+
+def _show(text: str, *, file: TextIO | None = None, flush: bool = False) -> None:
+    """Print lines, with a question mark for each character that a terminal would obey: names from files may hold any."""
+    from winchcascade.plaintext import lines
+
+    print(lines(text), end="", file=file, flush=flush)
 
 
 def _check_load(load_ohm: float | None) -> None:
@@ -212,7 +219,7 @@ def batch_command(
             plan, out, reports=REPORTS[reports], jobs=jobs or processes(), scheduler=scheduler, workbook=excel,
             command=_command(), force=force, watch=watch,
         )  # fmt: skip
-    print(campaign_text(batch.summary, out, kept=batch.kept), end="")
+    _show(campaign_text(batch.summary, out, kept=batch.kept))
     raise typer.Exit(1 if batch.faults else 0)
 
 
@@ -265,9 +272,9 @@ def check_command(
     if junit is not None:
         write_content(junit, junit_xml(outcome), force=force)
     if not _write_json(json, check_record(outcome), force):
-        print(check_text(outcome), end="")
+        _show(check_text(outcome))
     if github:
-        print(github_annotations(outcome, table.path), end="", file=sys.stderr if json == "-" else sys.stdout)
+        _show(github_annotations(outcome, table.path), file=sys.stderr if json == "-" else sys.stdout)
     raise typer.Exit(0 if outcome.ok else 1)
 
 
@@ -320,15 +327,15 @@ def audit_command(
         reach = _reach(outcome, rig)
         record, text, ok = record | {"physics": reach_record(reach)}, text + reach_text(reach), ok and reach.ok
     if not _write_json(json, record, force):
-        print(text, end="")
+        _show(text)
     raise typer.Exit(0 if ok else 1)
 
 
 def _reach(audit: Audit, rig: str | None) -> Reach:
     """What a rig can reach of a table, by the rules that reduce a log."""
     from winchcascade.cascade.first import first_metrics
-    from winchcascade.diagnose.reach import reach
     from winchcascade.effects.catalogue import EFFECTS
+    from winchcascade.reach.reach import reach
     from winchcascade.report.progress import Progress
     from winchcascade.rigtoml import DEFAULT_RIG, load_rig
 
@@ -382,11 +389,11 @@ def demo_command(
             plan, out / "results", reports=REPORTS["all"], jobs=jobs or processes(), workbook=True, command=_command(),
             force=force, watch=watch,
         )  # fmt: skip
-    print(campaign_text(batch.summary, batch.folder, kept=batch.kept), end="", flush=True)
+    _show(campaign_text(batch.summary, batch.folder, kept=batch.kept), flush=True)
     _use_threads(jobs)
     with Telling(f"diagnosing {plan.title}") as tell:
         found, files = diagnose_copy(campaign, out / "results", EFFECTS, command=_command(), force=force, tell=tell)
-    print(diagnosis_lines(found, files), end="")
+    _show(diagnosis_lines(found, files))
     raise typer.Exit(1 if batch.faults else 0)
 
 
@@ -433,7 +440,7 @@ def simulate_command(
         model = make_effect(name, fields).bend(model)
     simulation = simulate(run, model)
     write_log(simulation, out, force=force)
-    print(simulation_text(simulation, out), end="")
+    _show(simulation_text(simulation, out))
 
 
 def _fields(options: Sequence[str]) -> dict[str, dict[str, float]]:
@@ -483,7 +490,7 @@ def calibrate_command(
     if write is not None:
         write_content(write, calibrated_text(calibration), force=force)
     if not _write_json(json, calibration_record(calibration), force):
-        print(calibration_text(calibration, write), end="")
+        _show(calibration_text(calibration, write))
 
 
 def _steady_payouts(reduction: Reduction) -> list[tuple[float, float]]:
@@ -536,13 +543,13 @@ def diagnose_command(
 ) -> None:
     """Find out why logs and model differ: where, which effects, how sure, how far they close the gap, what to test next.
 
-    The rig file is taken as given. Without --withhold and without withheld runs in the campaign each load is left out once.
+    The rig file is taken as given. Without --withhold and without withheld runs in the campaign each load is left out once. A
+    winch for which no model can be made is diagnosed from line force, speed and mechanical power, its cycles left out in turn.
     """
     _one_thread_each()
-    from winchcascade.batch.diagnosis import diagnose_file, write_predictions
+    from winchcascade.batch.winch_diagnosis import outcome
     from winchcascade.campaign import load_campaign
     from winchcascade.effects.catalogue import EFFECTS, find_effect
-    from winchcascade.report.diagnosis_text import diagnosis_text
     from winchcascade.report.progress import Telling
 
     suspects = {name: find_effect(name) for name in suspect} if suspect else EFFECTS
@@ -554,20 +561,16 @@ def diagnose_command(
     )
     _use_threads(jobs)
     with Telling(f"diagnosing {read.title or campaign.name}") as tell:
-        found = diagnose_file(campaign, suspects, rig=rig, loads=withhold or (), seed=seed, tell=tell)
-        written = [] if predictions is None else write_predictions(found, predictions, force=force)
+        found = outcome(campaign, suspects, rig=rig, loads=withhold or (), seed=seed, tell=tell)
+        written = [] if predictions is None else found.write_predictions(predictions, force)
         if html is not None or pdf is not None:
-            from winchcascade.report.diagnosis import write_diagnosis_reports
-
             tell("writing reports")
-            write_diagnosis_reports(found, html=html, pdf=pdf, command=_command(), force=force)
-    from winchcascade.diagnose.record import as_json
-
-    if not _write_json(json, as_json(found), force):
+            found.write_reports(html=html, pdf=pdf, command=_command(), force=force)
+    if not _write_json(json, found.record, force):
         files: list[Path | str] = [path for path in results.values() if path is not None]
         if predictions is not None:
             files.append(predictions if written else "no predictions, as no effect was fitted")
-        print(diagnosis_text(found, files), end="")
+        _show(found.text(files))
 
 
 def _one_thread_each() -> None:
@@ -607,7 +610,7 @@ def effects_command(
     """List the effects that a rig may have beyond its model, or tell all about one."""
     from winchcascade.effects.catalogue import describe
 
-    print(describe(name).rstrip("\n"))
+    _show(describe(name).rstrip("\n") + "\n")
 
 
 class _Settings(NamedTuple):
@@ -644,7 +647,7 @@ def rig_command(
     """Print a built-in rig file, to start one's own from; without a name the paper's."""
     from winchcascade.rigtoml import DEFAULT_RIG, built_in_text
 
-    print(built_in_text(name or DEFAULT_RIG), end="")
+    _show(built_in_text(name or DEFAULT_RIG))
 
 
 blind = typer.Typer(
@@ -680,7 +683,7 @@ def blind_deal_command(
 
     with Progress(f"dealing {cases} cases") as watch:
         done = deal(out, cases, seed, jobs=jobs or processes(), scheduler=scheduler, force=force, watch=watch)
-    print(dealt_text(done, out), end="")
+    _show(dealt_text(done, out))
     raise typer.Exit(1 if done.faults else 0)
 
 
@@ -701,7 +704,7 @@ def blind_diagnose_command(
         done = diagnose(
             trial, diagnose_campaign, EFFECTS, jobs=jobs or processes(), scheduler=scheduler, force=force, watch=watch
         )
-    print(diagnosed_text(done, trial), end="")
+    _show(diagnosed_text(done, trial))
     raise typer.Exit(1 if done.faults else 0)
 
 
@@ -725,7 +728,7 @@ def blind_score_command(
     if html is not None or pdf is not None:
         write_trial_reports(found, html=html, pdf=pdf, command=_command(), force=force)
     if not _write_json(json, score_record(found), force):
-        print(trial_text(found, trial), end="")
+        _show(trial_text(found, trial))
 
 
 _INTERRUPTED = 130
@@ -769,7 +772,7 @@ def main() -> None:
 
 
 def _refuse(sentence: str, *, code: int = 2) -> NoReturn:
-    print(f"winchcascade: {' '.join(sentence.split())}", file=sys.stderr)
+    _show(f"winchcascade: {' '.join(sentence.split())}\n", file=sys.stderr)
     sys.exit(code)
 
 

@@ -7,9 +7,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 from winchcascade.errors import OutputError
+from winchcascade.plaintext import one_line
 
-MARKS = (b"winchcascade/", b"Generator speed (rpm),Stator current (A rms),Air-gap torque (N.m)")
-"""Schema or generator marks by which this tool knows its own files: in JSON and Parquet, and in simulated logs."""
+MARKS = (
+    b"winchcascade/",
+    b"Generator speed (rpm),Stator current (A rms),Air-gap torque (N.m)",
+    b"Time (s),Cycle,Predicted mechanical power (W)",
+)
+"""Schema or generator marks by which this tool knows its own files: in JSON and Parquet, in simulated logs, in predictions."""
 
 _LOOK = 1 << 16
 
@@ -51,8 +56,8 @@ def write_whole(path: Path, write: Callable[[Path], None], *, force: bool = Fals
 
 
 def readable(name: str) -> str:
-    """A file name as text, with a question mark for each byte of it that is none."""
-    return name.encode("utf-8", "replace").decode("utf-8")
+    """A file name as text, with a question mark for each byte of it that is none and each character that is no text."""
+    return one_line(name)
 
 
 def write_content(path: Path, content: bytes | str, *, force: bool = False) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import tomllib
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from winchcascade.channels import CHANNELS
 from winchcascade.errors import RigError
 from winchcascade.quantity import Quantity, find_unit
 from winchcascade.rigfile import Column, DcLink, Drivetrain, Generator, Restoring, Rig, Sensor, Thresholds, Winch
+from winchcascade.tomltext import toml_values
 
 BUILT_IN = ("hsu2026", "kitepower")
 DEFAULT_RIG = "hsu2026"
@@ -72,15 +72,12 @@ def parse_rig(text: str, where: str) -> Rig:
 
     `based_on = "hsu2026"` takes everything the file does not say from that built-in rig.
     """
-    try:
-        raw = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as fault:
-        raise RigError(f"{where}: not a valid TOML file: {fault}.") from None
+    raw = toml_values(text, where, RigError)
     base = raw.pop("based_on", None)
     if base is not None:
         if base not in BUILT_IN:
             raise RigError(f"{where}: based_on = {base!r} is no built-in rig; expected one of {', '.join(BUILT_IN)}.")
-        raw = _merged(tomllib.loads(built_in_text(base)), raw)
+        raw = _merged(toml_values(built_in_text(base), base, RigError), raw)
     return _rig(raw, where)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -27,6 +26,7 @@ from winchcascade.table import (
     load_text,
     same_load,
 )
+from winchcascade.tomltext import toml_values
 
 BUILT_IN = ("hsu2026-table2",)
 _FOLDER = Path(__file__).parent / "published"
@@ -57,10 +57,7 @@ def load_table(table: str | Path) -> Table:
 
 def parse_table(text: str, where: str, *, name: str = "table") -> Table:
     """Turn the text of a table file into a Table; `where` names the file in the one sentence of a TableError."""
-    try:
-        raw = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as fault:
-        raise TableError(f"{where}: not a valid TOML file: {fault}.") from None
+    raw = toml_values(text, where, TableError)
     _known(raw, {"title", "source", "cycles", "columns", "row", "claim", *(f"{d}_percent" for d in DEVIATIONS)}, where)
     columns = _columns(raw.get("columns"), where)
     rows, total = _rows(_tables(raw, "row", where), columns, where, _lines(text, "row"))

@@ -53,13 +53,15 @@ def load_results(target: Path, *, jobs: int = 1) -> Results:
 
 
 def _json(path: Path) -> dict[str, Any]:
+    if path.exists() and not path.is_file():
+        raise OptionError(f"{path}: is no file; expected a campaign, the folder of a batch or a reduction's JSON.")
     try:
         return msgspec.json.decode(path.read_bytes(), type=dict[str, Any])
     except OSError as fault:
         raise OptionError(
             f"{path}: cannot be read ({fault.strerror}); expected a campaign, the folder of a batch or a reduction's JSON."
         ) from None
-    except msgspec.DecodeError as fault:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as fault:
         raise OptionError(
             f"{path}: is no JSON of a reduction ({fault}); expected a campaign, the folder of a batch or a reduction's JSON."
         ) from None

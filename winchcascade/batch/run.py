@@ -180,7 +180,7 @@ def is_kept(work: Work, runs: Path, reports: Sequence[str]) -> bool:
     """Whether an earlier call made all of a log's files from the same content with the same options."""
     try:
         kept = _KEPT.decode((runs / f"{work.name}.json").read_bytes())
-    except (OSError, msgspec.DecodeError):
+    except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError):
         return False
     if kept.batch.key != work.key or not set(reports) <= set(kept.batch.reports):
         return False
@@ -232,7 +232,7 @@ def _said(path: Path) -> dict[str, Any]:
     """Record of the campaign as an earlier call left it, empty if it left none."""
     try:
         return msgspec.json.decode(path.read_bytes(), type=dict[str, Any])
-    except (OSError, msgspec.DecodeError):
+    except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError):
         return {}
 
 

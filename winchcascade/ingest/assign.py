@@ -96,7 +96,7 @@ def _named_in_rig(headers: Sequence[Header], rig: Rig, where: str) -> dict[str, 
         elif channel in ("velocity", "time"):
             raise LogError(
                 f"{where}: no column {column.name!r}, which the rig {rig.name} names for {channel}; the log has "
-                f"{_listed(names)}. Correct [columns] in the rig file or choose the rig with --rig."
+                f"{listed(names)}. Correct [columns] in the rig file or choose the rig with --rig."
             )
     return found
 
@@ -128,14 +128,15 @@ def _better(headers: Sequence[Header], old: int, new: int, channel: str, where: 
 def _check_usable(taken: Mapping[str, int], headers: Sequence[Header], where: str) -> None:
     if "velocity" in taken or "displacement" in taken:
         return
-    found = _listed([h.name.strip() for h in headers])
+    found = listed([h.name.strip() for h in headers])
     raise LogError(
         f"{where}: no column for the line velocity or displacement; the log has {found}. Name the columns in a rig file "
         f"under [columns]."
     )
 
 
-def _listed(names: Sequence[str], most: int = 12) -> str:
+def listed(names: Sequence[str], most: int = 12) -> str:
+    """Names of columns for a sentence: so many of them, none of them long."""
     shown = ", ".join((n if len(n) <= 40 else n[:37] + "...") for n in names[:most])
     return shown + (f" and {len(names) - most} more" if len(names) > most else "") if names else "no columns"
 
@@ -161,7 +162,7 @@ def _assignment(
         channels[channel] = Match(index, unit.factor, unit.offset)
     if unknown:
         what = f"{len(unknown)} columns that are no channel" if len(unknown) > 1 else "1 column that is no channel"
-        findings.append(Finding("unknown_column", f"{what}: {_listed(unknown)}", "not read", count=len(unknown)))
+        findings.append(Finding("unknown_column", f"{what}: {listed(unknown)}", "not read", count=len(unknown)))
     return Assignment(channels, time, time_unit_known, tuple(findings), simulated)
 
 

@@ -58,6 +58,15 @@ def even_clock(n: int, step: float, start: float = 0.0) -> Clock:
     return Clock(start + step * np.arange(n, dtype=np.float64), None, np.empty((0, 2)), 1.0 / step, ())
 
 
+def require_rising(t: Signal, where: str) -> None:
+    """Refuse stamps that no number tells apart, as a wrong one among them or a start aeons ago leaves them; LogError."""
+    if t.size > 1 and not np.diff(t).min() > 0:
+        raise LogError(
+            f"{where}: stamps from {t.min():.6g} to {t.max():.6g} s lie too far from zero to be told apart; expected stamps "
+            "that rise from row to row. Correct the wrong ones."
+        )
+
+
 def read_clock(stamps: Signal, where: str) -> Clock:
     """Check the stamps of a log and repair what can be repaired.
 
@@ -83,11 +92,13 @@ def read_clock(stamps: Signal, where: str) -> Clock:
     even = evened(t, np.diff(t), usual)
     if even is not None:
         t = counted(t, even, resolution(t, usual), findings)
+        require_rising(t, where)
         return Clock(t, _kept(rows, stamps.size), np.empty((0, 2)), _rate(even[1] - even[0]), tuple(findings))
     if np.any(np.diff(t) == 0):
         t, rows = without_repeats(t, rows, usual, findings)
     if t.size < 3:
         raise LogError(f"{where}: {t.size} stamps are left that rise from row to row; expected at least three.")
+    require_rising(t, where)
     gaps, fs = _intervals(t, rows, usual, findings)
     return Clock(t, _kept(rows, stamps.size), gaps, fs, tuple(findings))
 

@@ -188,7 +188,10 @@ class _Parser(msgspec.Struct):
         """The lines of a block that are rows, each with the same number of cells."""
         delimiter, most = self.layout.delimiter.encode(), self.layout.width - 1
         rows = []
-        for line in text.splitlines():
+        lines = text.splitlines()
+        if max(self._used(), default=0) > 0 and b"\0" not in text:  # the others are remarks, and there may be millions
+            lines = [line for line in lines if delimiter in line]
+        for line in lines:
             if b"\0" in line:
                 self.cut.append("lines hold NUL bytes, as a loss of power leaves them")
             elif line.count(delimiter) == most and b'"' not in line:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import datetime as dt
 import io
-import re
 import zipfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from itertools import islice
@@ -17,6 +16,7 @@ import numpy as np
 from python_calamine import CalamineError, CalamineWorkbook, PasswordError
 
 from winchcascade.errors import LogError
+from winchcascade.ingest.extent import named_corner, repeated_corner
 from winchcascade.ingest.sheet import (
     ROWS_LOOKED_AT,
     ROWS_SEARCHED,
@@ -39,8 +39,6 @@ BYTES_UNPACKED = 500 * 2**20
 
 CELLS = 50_000_000
 """Most cells between the first and the last of a sheet: the reader lays them out densely, 32 bytes each."""
-
-_CELL_NAME = re.compile(rb'<(?:\w+:)?c [^>]*?\br="([A-Z]{1,3})(\d{1,7})"')
 
 
 def open_excel(path: Path) -> Source:
@@ -88,7 +86,8 @@ def _refuse_bomb(path: Path, content: bytes) -> None:
     Raises
     ------
     LogError
-        the parts are larger than `BYTES_UNPACKED`, or a stray cell stretches a sheet over `CELLS` cells
+        the parts are larger than `BYTES_UNPACKED`, a cell lies where no sheet has one, or a stray one stretches a sheet over
+        `CELLS` cells
     """
     with zipfile.ZipFile(io.BytesIO(content)) as parts:
         size = sum(part.file_size for part in parts.infolist())
@@ -98,33 +97,14 @@ def _refuse_bomb(path: Path, content: bytes) -> None:
                 "are read; export the sheet as CSV."
             )
         for part in parts.infolist():
+            reach = repeated_corner if part.filename == "content.xml" else named_corner
             with parts.open(part) as stream:
-                rows, columns = _corner(iter(partial(stream.read, 2**20), b""))
-            if rows * columns > CELLS:
+                corner = reach(iter(partial(stream.read, 2**20), b""))
+            if not corner.possible or corner.rows * corner.columns > CELLS:
                 raise LogError(
-                    f"{path.name}: a sheet reaches to row {rows} and column {columns}; at most {CELLS} cells are read; "
-                    "delete the stray cells outside the table or export the sheet as CSV."
+                    f"{path.name}: a sheet reaches to row {corner.rows:.7g} and column {corner.columns:.7g}; at most "
+                    f"{CELLS} cells are read; delete the stray cells outside the table or export the sheet as CSV."
                 )
-
-
-def _corner(pieces: Iterable[bytes]) -> tuple[int, int]:
-    """Find the last row and the last column that the XML of a sheet names; (0, 0) for another part."""
-    rows = columns = 0
-    tail = b""
-    for piece in pieces:
-        seen = set(_CELL_NAME.findall(tail + piece))
-        rows = max(rows, *(int(row) for _, row in seen), 0)
-        columns = max(columns, *(_column_number(letters) for letters in {letters for letters, _ in seen}), 0)
-        tail = piece[-200:]  # a cell's name may be cut between two pieces
-    return rows, columns
-
-
-def _column_number(letters: bytes) -> int:
-    """Count the columns up to one that is named by letters, A being 1."""
-    number = 0
-    for letter in letters:
-        number = 26 * number + letter - 64
-    return number
 
 
 def _workbook(path: Path, content: bytes) -> CalamineWorkbook:

@@ -8,6 +8,7 @@ import zlib
 from collections.abc import Iterator
 from math import prod
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,6 +34,10 @@ SMALL = 10**6
 MOPT = re.compile(r"[01]0[0-5][012]")
 """Byte order (0 little, 1 big), a zero, the precision and the kind of a v4 variable, as one decimal number."""
 
+HEADER_4 = 20
+BYTES_4 = (8, 4, 4, 2, 2, 1)
+"""Bytes of the numbers before the name of a v4 variable, and of one element by its precision."""
+
 LONGEST_NAME = 64
 """Most bytes that the name of a v4 variable takes, its closing zero included."""
 
@@ -47,14 +52,10 @@ def is_v4(head: bytes) -> bool:
     >>> is_v4(b"Time (s),Velocity (m/s),Pressure (bar)")
     False
     """
-    if len(head) < 22:
+    try:
+        return _NAME_4.fullmatch(head[HEADER_4 : HEADER_4 + _header_4(head, 0).name]) is not None
+    except (ValueError, struct.error):
         return False
-    for order, digit in (("<", "0"), (">", "1")):
-        mopt, rows, columns, imaginary, length = struct.unpack_from(f"{order}5i", head)
-        shaped = rows >= 0 and columns >= 0 and imaginary in (0, 1) and 2 <= length <= LONGEST_NAME
-        if shaped and MOPT.fullmatch(f"{mopt:04d}") and f"{mopt:04d}".startswith(digit):
-            return _NAME_4.fullmatch(head[20 : 20 + length]) is not None
-    return False
 
 
 def refuse_bomb(path: Path, numbers: int) -> None:
@@ -70,6 +71,41 @@ def refuse_bomb(path: Path, numbers: int) -> None:
             f"{path.name}: its variables take {8 * numbers / 2**30:.0f} GiB; at most {BYTES_LOADED / 2**30:.0f} GiB "
             "are read; save the channels alone or cut the log into shorter files."
         )
+
+
+class _Header4(NamedTuple):
+    """What stands before the name of a v4 variable: type, rows, columns, whether it is complex, bytes of the name."""
+
+    mopt: int
+    rows: int
+    columns: int
+    imaginary: int
+    name: int
+
+    @property
+    def size(self) -> int:
+        """Bytes from the beginning of the header to the next one."""
+        return HEADER_4 + self.name + self.rows * self.columns * (1 + self.imaginary) * BYTES_4[self.mopt // 10 % 10]
+
+
+def _header_4(content: bytes, at: int) -> _Header4:
+    """Read the header of a v4 variable in the byte order that it names; ValueError or struct.error where there is none."""
+    for order, digit in (("<", "0"), (">", "1")):
+        header = _Header4(*struct.unpack_from(f"{order}5i", content, at))
+        shaped = header.rows >= 0 and header.columns >= 0 and header.imaginary in (0, 1)
+        typed = MOPT.fullmatch(f"{header.mopt:04d}") and f"{header.mopt:04d}".startswith(digit)
+        if shaped and typed and 2 <= header.name <= LONGEST_NAME:
+            return header
+    raise ValueError("no header of a variable")
+
+
+def check_4(content: bytes) -> None:
+    """Check that the variables of a v4 file lie within it before scipy makes room for what they claim; ValueError if not."""
+    at = 0
+    while at < len(content):
+        at += _header_4(content, at).size
+    if at > len(content):
+        raise ValueError(f"variables of {at} bytes in {len(content)}")
 
 
 def check_5(path: Path, content: bytes) -> None:

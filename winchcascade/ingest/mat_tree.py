@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from winchcascade.errors import LogError
-from winchcascade.ingest.mat_tags import check_5, refuse_bomb
+from winchcascade.ingest.mat_tags import check_4, check_5, refuse_bomb
 
 if TYPE_CHECKING:
     from winchcascade.run import Signal
@@ -45,8 +45,11 @@ def _read_72(path: Path) -> dict[str, Node]:
         # scipy turns a variable that breaks off into a warning and a text in its place.
         warnings.simplefilter("ignore")
         warnings.simplefilter("error", MatReadWarning)
+        content = path.read_bytes()
         if matfile_version(path)[0] == 1:
-            check_5(path, path.read_bytes())
+            check_5(path, content)
+        else:
+            check_4(content)
         refuse_bomb(path, sum(prod(map(int, shape)) for _, shape, _ in whosmat(path)))
         raw = loadmat(path, simplify_cells=True)
     return _nodes_72({name: value for name, value in raw.items() if not name.startswith("__")})

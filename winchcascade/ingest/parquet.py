@@ -47,7 +47,9 @@ def open_parquet(path: Path) -> Source:
 def _opened(path: Path) -> Iterator[Any]:
     """Open the file and turn whatever its reader trips over into one sentence."""
     try:
-        with pq.ParquetFile(path) as file:
+        # Texts as dictionaries: one long text in every row is one text, else a file of a kilobyte fills the memory.
+        texts = [field.name for field in pq.read_schema(path) if _is_text(field.type)]
+        with pq.ParquetFile(path, read_dictionary=texts) as file:
             yield file
     except LogError:
         raise
@@ -86,7 +88,7 @@ def _load(path: Path, wanted: Sequence[int], time: int | None) -> Table:
         if time is None:
             return Table(values)
         kind = file.schema_arrow[time].type
-        kind = kind.value_type if pa.types.is_dictionary(kind) else kind
+        kind = _value_type(kind)
         if pa.types.is_temporal(kind):
             return Table(values, stamps=_seconds(file, time), stamped=True)
         if _is_text(kind):
@@ -111,7 +113,7 @@ def _refuse_bomb(path: Path, file: Any, columns: int) -> None:
 
 
 def _pieces(file: Any, i: int) -> Iterator[Any]:
-    """Yield one column row group by row group, without dictionaries."""
+    """Yield one column row group by row group, of dictionaries those of texts alone."""
     names = file.schema_arrow.names
     for k in range(file.num_row_groups):
         table = file.read_row_group(k, columns=[names[i]])
@@ -119,7 +121,8 @@ def _pieces(file: Any, i: int) -> Iterator[Any]:
         column = [table.column(j) for j, name in enumerate(table.column_names) if name == names[i]][
             names[:i].count(names[i])
         ]
-        yield column.cast(column.type.value_type) if pa.types.is_dictionary(column.type) else column
+        whole = pa.types.is_dictionary(column.type) and not _is_text(column.type.value_type)
+        yield column.cast(column.type.value_type) if whole else column
 
 
 def _column(file: Any, i: int) -> Signal:
@@ -137,6 +140,8 @@ def _column(file: Any, i: int) -> Signal:
 def _numbers(piece: Any) -> Signal:
     """Convert a piece of a column to numbers."""
     kind = piece.type
+    if pa.types.is_dictionary(kind):
+        return np.concatenate([np.empty(0), *(_numbers_of_words(chunk) for chunk in piece.chunks)])
     if _is_text(kind):
         return np.array([_number(text or "") for text in piece.to_pylist()], dtype=np.float64)
     if pa.types.is_decimal(kind):
@@ -147,6 +152,23 @@ def _numbers(piece: Any) -> Signal:
         return np.full(len(piece), np.nan)
     numbers: Signal = pc.fill_null(pc.cast(piece, pa.float64(), safe=False), np.nan).to_numpy()
     return numbers
+
+
+def _words(chunk: Any) -> tuple[list[str], Any]:
+    """Take the texts of a dictionary, an empty one last, and which of them stands in each row: the last for a null."""
+    words = [text or "" for text in chunk.dictionary.to_pylist()]
+    return [*words, ""], pc.fill_null(chunk.indices.cast(pa.int64()), len(words)).to_numpy(zero_copy_only=False)
+
+
+def _numbers_of_words(chunk: Any) -> Signal:
+    words, rows = _words(chunk)
+    numbers: Signal = np.array([_number(word) for word in words])[rows]
+    return numbers
+
+
+def _value_type(kind: Any) -> Any:
+    """What a column holds, whether or not each value is kept once."""
+    return kind.value_type if pa.types.is_dictionary(kind) else kind
 
 
 def _is_text(kind: Any) -> bool:
@@ -162,7 +184,12 @@ def _number(text: str) -> float:
 
 
 def _texts(file: Any, i: int) -> list[str]:
-    return [text or "" for piece in _pieces(file, i) for text in piece.to_pylist()]
+    texts: list[str] = []
+    for piece in _pieces(file, i):
+        for chunk in piece.chunks:
+            words, rows = _words(chunk.dictionary_encode())
+            texts += [words[k] for k in rows.tolist()]
+    return texts
 
 
 def _seconds(file: Any, i: int) -> Signal:

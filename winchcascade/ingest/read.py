@@ -13,8 +13,8 @@ import numpy as np
 
 from winchcascade.errors import LogError
 from winchcascade.files import readable
-from winchcascade.ingest.assign import Assignment, assign
-from winchcascade.ingest.clock import Clock, even_clock, read_clock
+from winchcascade.ingest.assign import Assignment, assign, listed
+from winchcascade.ingest.clock import Clock, even_clock, read_clock, require_rising
 from winchcascade.ingest.formats import open_log
 from winchcascade.ingest.quality import check
 from winchcascade.order import median
@@ -33,6 +33,7 @@ _FEWEST = 10
 """A log with fewer rows than this shows no motion."""
 
 
+@np.errstate(invalid="ignore")  # a file of binary numbers may hold NaN of the kind that signals
 def read_run(
     path: str | Path,
     *,
@@ -121,12 +122,14 @@ def _clock(
     findings: list[Finding] = []
     if table.stamps is None:
         if source.time_step is not None:
-            return even_clock(samples, source.time_step, source.time_start), findings
+            clock = even_clock(samples, source.time_step, source.time_start)
+            require_rising(clock.t, where)
+            return clock, findings
         if rig.sample_rate is not None:
             return even_clock(samples, 1.0 / rig.sample_rate), findings
         raise LogError(
             f"{where}: no time column and no sampling interval; the log has "
-            f"{', '.join(h.name.strip() for h in source.headers[:8])}. Name the column in a rig file under [columns], or "
+            f"{listed([h.name.strip() for h in source.headers])}. Name the column in a rig file under [columns], or "
             f"its rate as sample_rate_hz under [log]."
         )
     if isinstance(table.stamps, np.ndarray):
@@ -156,8 +159,8 @@ def _assumed_time(stamps: Signal, table: Table, found: Assignment) -> tuple[floa
     if moved is not None and speed is not None and usual > 0:
         travelled = float(np.nansum(np.abs(np.diff(table.values[moved.index])))) * moved.factor
         expected = float(np.nansum(np.abs(table.values[speed.index]))) * speed.factor * usual
-        if travelled > 0 and expected > 0:
-            ratio = math.log(travelled / expected)
+        if 0 < travelled < math.inf and 0 < expected < math.inf:
+            ratio = math.log(travelled) - math.log(expected)  # the quotient itself may be too small for a number
             unit = min(_TIME_UNITS, key=lambda name: abs(math.log(_TIME_UNITS[name]) - ratio))
             why = "with which velocity and displacement agree"
     return _TIME_UNITS[unit], Finding(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import logging
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -50,13 +51,26 @@ def open_tdms(path: Path) -> Source:
     )
 
 
+class _Whole(io.BufferedReader):
+    """A file that is never asked for more bytes than it has: the parser believes every length that it reads."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(io.FileIO(path))
+        self._size = path.stat().st_size
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """Read so many bytes, at most those that are left."""
+        left = max(0, self._size - self.tell())
+        return super().read(left if size is None or size < 0 else min(size, left))
+
+
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
     """Open the file and turn whatever its parser trips over into one sentence."""
     log_manager.set_level(logging.CRITICAL)  # what the parser logs on stderr is said here by findings and errors
     try:
         # A stream, not a path: beside a path the parser would trust an index file that may be an old one.
-        with path.open("rb") as stream:
+        with _Whole(path) as stream:
             if stream.read(4) != b"TDSm":
                 raise ValueError("no TDMS segment at the start")
             stream.seek(0)

@@ -100,11 +100,12 @@ def _needs(claim: ValueClaim, row: Row, table: Table) -> str:
             part, of = out.replace("energy", kind), into.replace("energy", kind)
             if eta in cells and claim.metric in (part, of) and {part, of} <= set(cells):
                 both = cells | {claim.metric: value}
-                needs.append(f"{eta} {both[part] / both[of]:.3f} where {table.cell(row, eta)} is printed")
+                ratio = f"{both[part] / both[of]:.3f}" if both[of] > 0 else "without end"
+                needs.append(f"{eta} {ratio} where {table.cell(row, eta)} is printed")
     kind, _, stage = claim.metric.partition("_")
     other = f"{'power' if kind == 'energy' else 'energy'}_{stage}"
     span = window({name: cell for name, cell in table.spans(row).items() if not name.endswith(f"_{stage}")})
-    if kind != "eta" and other in cells and span is not None and value > 0:
+    if kind != "eta" and cells.get(other, 0.0) > 0 and span is not None and value > 0:
         seconds = value / cells[other] if kind == "energy" else cells[other] / value
         needs.append(f"a window of {seconds:.2f} s where the other stages have {0.5 * (span.low + span.high):.2f} s")
     return f"needs {', '.join(needs)}" if needs else "is not"

@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from winchcascade.diagnose.payouts import RAMPS, STARTED
+from winchcascade.reach.payouts import RAMPS, STARTED
 from winchcascade.report.check_text import load_record, wrapped
 from winchcascade.table import load_text, unit_suffix
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from winchcascade.diagnose.explain import Ability, FieldRange, Mover
-    from winchcascade.diagnose.reach import Reach
-    from winchcascade.diagnose.rows import Cell, RowReach
-    from winchcascade.diagnose.search import Values
+    from winchcascade.reach.explain import Ability, FieldRange, Mover
+    from winchcascade.reach.reach import Reach
+    from winchcascade.reach.rows import Cell, RowReach
+    from winchcascade.reach.search import Values
 
 _WORTH, _NOTHING = 0.2, 0.005
 """An effect that takes away less than this share of what is out of reach is not shown in detail, or said to do nothing. [1]"""

@@ -31,6 +31,9 @@ def trial_text(score: Score, place: Path) -> str:
     lines += ["", "single effects named, by strength:"]
     lines += _aligned([(f"  {strength:g}", *_count_cells(count)) for strength, count in score.strengths.items()])
     lines += ["", f"closure, computed again from the predictions: {closure_words(score)}"]
+    lines += ["", "what each was taken for:"]
+    rows = [("  hidden", "cases", "named", "otherwise taken for (cases)")]
+    lines += _aligned([*rows, *((f"  {hidden}", *cells) for hidden, *cells in taken_rows(score))])
     wrong = [case for case in score.cases if not case.went_well and case.outcome != "missing"]
     if wrong:
         lines += ["", "cases that were not named, told wrongly or raised without a cause:"]
@@ -95,6 +98,10 @@ def said_words(case: CaseScore) -> str:
     return f"{verdict}: {' + '.join(causes)}" if causes else verdict
 
 
+WIDELY = 0.85
+"""Share of a gap beyond which it counts as closed for the most part."""
+
+
 def closure_words(score: Score) -> str:
     """How much was closed where a cause was named, and how far the claims are from it."""
     named = [c for c in score.of_kind(*_HIDDEN) if c.outcome == "named" and c.closure.share is not None]
@@ -103,7 +110,8 @@ def closure_words(score: Score) -> str:
     words = []
     if shares:
         words.append(
-            f"{_share(_median(shares))} in the middle of {len(shares)} named cases, {_share(min(shares))} at least"
+            f"{_share(_median(shares))} in the middle of {len(shares)} named cases, above {_share(WIDELY)} in "
+            f"{sum(share > WIDELY for share in shares)} of them, {_share(min(shares))} at least"
         )
     both = [(c.closure.share, c.share_claimed) for c in score.cases]
     apart = [abs(found - said) for found, said in both if found is not None and said is not None]
@@ -262,19 +270,24 @@ def hidden_order(score: Score) -> list[str]:
     return single + sorted(name for name in found if name not in single)
 
 
-def _taken_table(score: Score) -> Table:
+def taken_rows(score: Score) -> list[tuple[str, str, str, str]]:
+    """By what was hidden: how many cases, how many were named, and what the others were taken for."""
     found = score.taken_for
     rows = []
     for hidden in hidden_order(score):
         row = found[hidden]
         others = [f"{name} ({n})" for name, n in sorted(row.items(), key=lambda x: -x[1]) if name != hidden]
-        rows.append((hidden, str(sum(row.values())), str(row.get(hidden, 0)), ", ".join(others) or "–"))
+        rows.append((hidden, str(sum(row.values())), str(row.get(hidden, 0)), ", ".join(others) or "-"))
+    return rows
+
+
+def _taken_table(score: Score) -> Table:
     return Table(
         id="taken",
         caption="What was hidden, how often, how often it was named, and what it was taken for otherwise.",
         head=("Hidden", "Cases", "Named", "Otherwise taken for"),
         units=("", "", "", "(cases)"),
-        rows=tuple(rows),
+        rows=tuple((*cells, "–" if others == "-" else others) for *cells, others in taken_rows(score)),
         text_columns=(0, 3),
         note=f"“{NO_GAP}” is right where nothing is hidden, “{UNEXPLAINED}” where the cause is outside the catalogue.",
     )

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from winchcascade.cascade.efficiency import RATIOS
-from winchcascade.diagnose.payouts import Point, measure, meet
+from winchcascade.reach.payouts import Point, measure, meet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from winchcascade.diagnose.payouts import Reduce
-    from winchcascade.diagnose.rows import RowReach
+    from winchcascade.reach.payouts import Reduce
+    from winchcascade.reach.rows import RowReach
     from winchcascade.rig.model import Model
     from winchcascade.run import Signal
 

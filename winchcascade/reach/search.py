@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.diagnose.bench import ETAS
-from winchcascade.diagnose.curves import Curve, bent, reach_of
 from winchcascade.diagnose.suspects import freedom, with_values
+from winchcascade.reach.bench import ETAS
+from winchcascade.reach.curves import Curve, bent, reach_of
 
 if TYPE_CHECKING:
-    from winchcascade.diagnose.bench import Bench
-    from winchcascade.diagnose.curves import Catalogue
     from winchcascade.diagnose.suspects import Suspect
+    from winchcascade.reach.bench import Bench
+    from winchcascade.reach.curves import Catalogue
     from winchcascade.run import Signal
 
 Curves = Mapping[str, Sequence[Curve | None]]

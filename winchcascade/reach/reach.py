@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 
-from winchcascade.diagnose.bench import Bench
-from winchcascade.diagnose.explain import Explanation, explain
-from winchcascade.diagnose.rows import Cell, NotJudged, RowReach, bounds_of_row, windows_of
+from winchcascade.reach.bench import Bench
+from winchcascade.reach.explain import Explanation, explain
+from winchcascade.reach.rows import Cell, NotJudged, RowReach, bounds_of_row, windows_of
 from winchcascade.rig.model import baseline
 from winchcascade.rigfile import Rig
 from winchcascade.table import load_text
 
 if TYPE_CHECKING:
-    from winchcascade.diagnose.curves import Catalogue
-    from winchcascade.diagnose.payouts import Reduce
+    from winchcascade.reach.curves import Catalogue
+    from winchcascade.reach.payouts import Reduce
     from winchcascade.table import Table
 
 

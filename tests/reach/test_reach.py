@@ -15,15 +15,15 @@ import pytest
 from winchcascade.cascade.efficiency import METRICS
 from winchcascade.cascade.first import first_metrics
 from winchcascade.cascade.reduce import reduce
-from winchcascade.diagnose.bench import Bench
-from winchcascade.diagnose.curves import bent
-from winchcascade.diagnose.reach import Reach, reach
-from winchcascade.diagnose.rows import Cell, repeatability, windows_of
 from winchcascade.diagnose.suspects import with_values
 from winchcascade.effects.catalogue import EFFECTS, make_effect
 from winchcascade.errors import RigError
 from winchcascade.ingest.read import read_run
 from winchcascade.published.means import repeatability as known_of
+from winchcascade.reach.bench import Bench
+from winchcascade.reach.curves import bent
+from winchcascade.reach.reach import Reach, reach
+from winchcascade.reach.rows import Cell, repeatability, windows_of
 from winchcascade.report.reach_text import reach_record, reach_text
 from winchcascade.rig.model import Model, baseline
 from winchcascade.rig.simulate import simulate

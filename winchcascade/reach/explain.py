@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Literal
 import msgspec
 import numpy as np
 
-from winchcascade.diagnose.bench import ETAS
-from winchcascade.diagnose.curves import Curve, field_curves
-from winchcascade.diagnose.search import Search, Values
 from winchcascade.diagnose.suspects import freedom
+from winchcascade.reach.bench import ETAS
+from winchcascade.reach.curves import Curve, field_curves
+from winchcascade.reach.search import Search, Values
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from winchcascade.diagnose.bench import Bench
-    from winchcascade.diagnose.curves import Bounded, Catalogue
-    from winchcascade.diagnose.search import Curves
+    from winchcascade.reach.bench import Bench
+    from winchcascade.reach.curves import Bounded, Catalogue
+    from winchcascade.reach.search import Curves
     from winchcascade.run import Signal
 
 Verdict = Literal["explains", "beyond_plausible", "no"]

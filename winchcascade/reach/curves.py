@@ -11,7 +11,7 @@ import numpy as np
 from winchcascade.diagnose.suspects import Freedom, Suspect, freedom, with_values
 
 if TYPE_CHECKING:
-    from winchcascade.diagnose.bench import Bench
+    from winchcascade.reach.bench import Bench
     from winchcascade.run import Signal
 
 BEYOND = 4.0

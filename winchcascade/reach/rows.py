@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from winchcascade.cascade.efficiency import RATIOS
-from winchcascade.diagnose.payouts import Payout, Point, Target, drive, measure, meet, payouts
 from winchcascade.fit.nuisances import nuisances, shifted
+from winchcascade.reach.payouts import Payout, Point, Target, drive, measure, meet, payouts
 from winchcascade.rig.model import baseline
 from winchcascade.rig.simulate import simulate_along
 from winchcascade.table import Span, load_text
@@ -23,7 +23,7 @@ from winchcascade.table import Span, load_text
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from winchcascade.diagnose.payouts import Reduce
+    from winchcascade.reach.payouts import Reduce
     from winchcascade.rig.model import Model
     from winchcascade.rigfile import Rig
     from winchcascade.run import Run

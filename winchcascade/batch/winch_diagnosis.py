@@ -1,0 +1,169 @@
+"""A campaign to its diagnosis and its outputs: by the model of its rig or, without one, from line force, speed and power."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+import numpy as np
+
+from winchcascade.batch.diagnosis import DEFAULT_RIG, diagnose_file, write_predictions
+from winchcascade.campaign import load_campaign
+from winchcascade.diagnose.line.campaign import LineDiagnosis, diagnose_line
+from winchcascade.diagnose.line.record import as_json as line_json
+from winchcascade.diagnose.record import as_json
+from winchcascade.errors import OptionError, RigError
+from winchcascade.files import write_whole
+from winchcascade.ingest.read import read_run
+from winchcascade.rig.model import baseline
+from winchcascade.rigtoml import load_rig
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+    from pathlib import Path
+
+    from winchcascade.campaign import Campaign
+    from winchcascade.diagnose.line.closure import Judged
+    from winchcascade.rigfile import Rig
+    from winchcascade.run import Run, Signal
+
+POWER = "power_mech"
+
+HEADER = "Time (s),Cycle,Predicted mechanical power (W)"
+"""Of the files of predictions, by which this tool knows them for its own."""
+
+
+class Writes(Protocol):
+    """Writes the report of a diagnosis as a page, as a PDF, or both."""
+
+    def __call__(self, *, html: Path | None, pdf: Path | None, command: str, force: bool) -> None:
+        """Write the files."""
+
+
+class Outcome(NamedTuple):
+    """A diagnosis and its outputs: JSON as a dict, the page for the terminal given the files, reports, and predictions."""
+
+    record: dict[str, Any]
+    text: Callable[[Sequence[Path | str]], str]
+    write_reports: Writes
+    write_predictions: Callable[[Path, bool], list[Path]]
+
+
+def outcome(
+    path: Path,
+    suspects: Mapping[str, type],
+    *,
+    rig: str | None = None,
+    loads: Sequence[float] = (),
+    seed: int = 0,
+    tell: Callable[[str], None] = lambda _: None,
+) -> Outcome:
+    """Diagnose a campaign.toml, or the one in a folder, whatever its rig. Parameters and faults as `diagnose_file`."""
+    campaign = load_campaign(path)
+    the_rig = load_rig(rig or campaign.rig or DEFAULT_RIG)
+    try:
+        baseline(the_rig)
+    except RigError:
+        runs = _read(campaign, the_rig, tell)
+        if not any(POWER in names for names in (the_rig.sensors, the_rig.columns, *(run.channels for run in runs))):
+            raise
+        return _of_line(_diagnosed(campaign, runs, the_rig, suspects, loads, seed, tell))
+    from winchcascade.report.diagnosis_text import diagnosis_text
+
+    found = diagnose_file(path, suspects, rig=rig, loads=loads, seed=seed, tell=tell)
+
+    def write_reports(*, html: Path | None, pdf: Path | None, command: str, force: bool) -> None:
+        from winchcascade.report.diagnosis import write_diagnosis_reports
+
+        write_diagnosis_reports(found, html=html, pdf=pdf, command=command, force=force)
+
+    def predict(folder: Path, force: bool) -> list[Path]:
+        return write_predictions(found, folder, force=force)
+
+    return Outcome(as_json(found), partial(diagnosis_text, found), write_reports, predict)
+
+
+def _of_line(found: LineDiagnosis) -> Outcome:
+    from winchcascade.report.line_text import line_text
+
+    def write_reports(*, html: Path | None, pdf: Path | None, command: str, force: bool) -> None:
+        from winchcascade.report.line_diagnosis import write_line_reports
+
+        write_line_reports(found, html=html, pdf=pdf, command=command, force=force)
+
+    def predict(folder: Path, force: bool) -> list[Path]:
+        return write_line_predictions(found, folder, force=force)
+
+    return Outcome(line_json(found), partial(line_text, found), write_reports, predict)
+
+
+def _read(campaign: Campaign, rig: Rig, tell: Callable[[str], None]) -> list[Run]:
+    """Read the log of each entry, once where several entries share it."""
+    read: dict[Path, Run] = {}
+    for number, entry in enumerate(campaign.runs, 1):
+        if entry.file not in read:
+            tell(f"reading {entry.file.name} ({number} of {len(campaign.runs)})")
+            read[entry.file] = read_run(entry.file, rig=rig, about=campaign.title)
+    return [read[entry.file] for entry in campaign.runs]
+
+
+def _diagnosed(
+    campaign: Campaign,
+    runs: Sequence[Run],
+    rig: Rig,
+    suspects: Mapping[str, type],
+    loads: Sequence[float],
+    seed: int,
+    tell: Callable[[str], None],
+) -> LineDiagnosis:
+    if loads:
+        raise OptionError(
+            f"--withhold {loads[0]:g}: rig {rig.name} has no load; withhold cycles instead, by a [[run]] with cycles and "
+            f"withheld = true in {campaign.path.name}."
+        )
+    return diagnose_line(
+        runs,
+        rig,
+        suspects,
+        title=campaign.title or campaign.path.resolve().parent.name,
+        cycles=[entry.cycles for entry in campaign.runs],
+        withheld=[k for k, entry in enumerate(campaign.runs) if entry.withheld],
+        seed=seed,
+        tell=tell,
+    )
+
+
+def write_line_predictions(found: LineDiagnosis, folder: Path, *, force: bool = False) -> list[Path]:
+    """Write the power that is predicted of the judged cycles, one file for each log: `before`, line force times speed, and
+    `after`, by a fit that did not know them. Stamps are those of the log; samples that do not count are left out.
+
+    Raises
+    ------
+    OutputError : a file cannot be written, or is not this tool's own and `force` does not allow to replace it
+    """
+    if found.judged is None:
+        return []
+    written = []
+    for side in ("before", "after"):
+        (folder / side).mkdir(parents=True, exist_ok=True)
+        for name, rows in _predicted(found.judged, side).items():
+            path = folder / side / f"{name.rpartition('.')[0] or name}.csv"
+            write_whole(path, partial(_fill, rows), force=force)
+            written.append(path)
+    return written
+
+
+def _predicted(judged: Judged, side: str) -> dict[str, Signal]:
+    """Stamps [s], cycles and predicted power [W] of each log, (k, 3) by its name, in order of time."""
+    found: dict[str, list[Signal]] = {}
+    for part, after in zip(judged.parts, judged.after, strict=True):
+        given = part.run.channels["force"][part.here] * part.run.channels["velocity"][part.here]
+        predicted = given if side == "before" else given + part.gap - after
+        rows = np.column_stack([part.run.t[part.here], part.cycle.astype(np.float64), predicted])
+        found.setdefault(part.run.name, []).append(rows)
+    return {name: np.vstack(rows)[np.argsort(np.vstack(rows)[:, 0], kind="stable")] for name, rows in found.items()}
+
+
+def _fill(rows: Signal, path: Path) -> None:
+    stamps = "%.6f" if rows[-1, 0] < 1e6 else "%.3f"
+    np.savetxt(path, rows, fmt=[stamps, "%d", "%.9g"], delimiter=",", header=HEADER, comments="")

@@ -1,0 +1,96 @@
+"""How far the sheets of a zipped workbook reach by their own words, before a reader lays them out cell by cell."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+ROWS, COLUMNS = 1 << 20, 1 << 14
+"""Most rows and columns that a sheet of any spreadsheet program has."""
+
+_PIECE = 1 << 16
+"""A tag is shorter than this; what is cut off at the end of a piece is kept for the next one."""
+
+_NAMED = re.compile(rb"""<(?:\w+:)?(?:c|row)\s[^>]*?\br\s*=\s*["']\s*\$?([A-Za-z]*)\$?(\d*)""")
+_TAG = re.compile(rb"<(/?)(?:\w+:)?(table|table-row|table-cell|covered-table-cell)(\s[^>]*)?>")
+_REPEATED = re.compile(rb"""number-(?:rows|columns)-repeated\s*=\s*["']\s*(\d+)""")
+
+
+class Corner(NamedTuple):
+    """The last row and the last column of a sheet, both counted from 1; 0 without a cell."""
+
+    rows: int
+    columns: int
+
+    @property
+    def possible(self) -> bool:
+        """Whether a spreadsheet program can make such a sheet."""
+        return self.rows <= ROWS and self.columns <= COLUMNS
+
+
+def named_corner(pieces: Iterable[bytes]) -> Corner:
+    """Find the last row and column that the cells of a sheet of Excel are named for; (0, 0) for another part."""
+    rows = columns = 0
+    for piece in _whole_tags(pieces):
+        seen = set(_NAMED.findall(piece))
+        rows = max(rows, *(int(row or 0) for _, row in seen), 0)
+        columns = max(columns, *(_column_number(letters) for letters in {letters for letters, _ in seen}), 0)
+    return Corner(rows, columns)
+
+
+def repeated_corner(pieces: Iterable[bytes]) -> Corner:
+    """Find the last row and column with something in them of the sheets of LibreOffice, which repeat rows and cells."""
+    most = Corner(0, 0)
+    row = column = filled = wide = times = 0
+    for tag, opens, attributes in _tags(pieces):
+        if tag == b"table" and opens:
+            row = 0
+        elif tag == b"table-row" and opens:
+            column = filled = 0
+            times = _times(attributes)
+            if attributes.endswith(b"/"):
+                row += times
+        elif tag == b"table-row":
+            row += times
+            wide = max(wide, filled)
+            most = Corner(max(most.rows, row), wide) if filled else most
+        elif opens:
+            column += _times(attributes)
+            filled = filled if attributes.endswith(b"/") and b"value" not in attributes else column
+    return most
+
+
+def _tags(pieces: Iterable[bytes]) -> Iterator[tuple[bytes, bool, bytes]]:
+    """Yield the tags of tables, rows and cells: which, whether it opens one, and its attributes."""
+    for piece in _whole_tags(pieces):
+        for closing, tag, attributes in _TAG.findall(piece):
+            yield tag.removeprefix(b"covered-"), not closing, attributes.rstrip()
+
+
+def _times(attributes: bytes) -> int:
+    found = _REPEATED.search(attributes)
+    return int(found[1]) if found else 1
+
+
+def _whole_tags(pieces: Iterable[bytes]) -> Iterator[bytes]:
+    """Yield the text of a part in pieces that end where tags end."""
+    rest = b""
+    for piece in pieces:
+        text = rest + piece
+        end = text.rfind(b">") + 1
+        rest = text[end:][-_PIECE:]
+        yield text[:end]
+    yield rest
+
+
+def _column_number(letters: bytes) -> int:
+    """Count the columns up to one that is named by letters, A being 1.
+
+    >>> _column_number(b"A"), _column_number(b"xfd")
+    (1, 16384)
+    """
+    number = 0
+    for letter in letters.upper():
+        number = 26 * number + letter - 64
+    return number

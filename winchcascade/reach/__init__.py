@@ -1,0 +1,1 @@
+"""What a rig can reach: a published table held against its constants, and the effects that could move it."""
