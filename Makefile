@@ -22,10 +22,9 @@ test-browser: $(VENV)/installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[browser]"
 	WINCHCASCADE_BROWSER=1 $(BIN)/pytest tests/report/test_browser.py
 
+# One table of ratios, some minutes; make bench BENCH=--quick is rougher and takes less than one.
 bench: $(VENV)/installed
-	$(BIN)/python benchmarks/run.py
-	$(BIN)/python benchmarks/batch.py
-	$(BIN)/python benchmarks/model.py
+	$(BIN)/python benchmarks/all.py $(BENCH)
 
 $(VENV)/installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)

@@ -1,11 +1,12 @@
-"""Print how a batch scales, each ratio measured in this one run: processes, a second call, a Dask cluster on this machine.
+"""Print what a batch costs and how it scales: processes, a second call, a Dask cluster on this machine.
 
-python benchmarks/batch.py [--logs 1000]
+python benchmarks/batch.py [--quick] [--logs 1000]
+
+No reports are drawn. The script with pandas finds means alone: no uncertainty, nothing that is kept.
 """
 
 from __future__ import annotations
 
-import argparse
 import re
 import subprocess
 import sys
@@ -15,7 +16,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from run import ROOT, timed, winchcascade
+from measure import Row, Sizes, Used, main, script, timed, winchcascade
+
+WARM = "import winchcascade.batch.work"
+"""What the workers of a cluster that has been up for a while have imported."""
 
 
 @contextmanager
@@ -48,50 +52,38 @@ def _wait_for(address: str, workers: int) -> None:
 
     with Client(address, set_as_default=False) as client:  # type: ignore[no-untyped-call]
         client.wait_for_workers(workers, timeout=60)
-        client.run(_warm)
+        client.run(exec, WARM)
 
 
-def _warm() -> None:
-    """Import what the work needs, as in a cluster that has been up for a while."""
-    import winchcascade.batch.work  # noqa: F401
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--logs", type=int, default=1000)
-    logs = parser.parse_args().logs
-    subprocess.run([sys.executable, "-m", "compileall", "-q", str(ROOT / "winchcascade")], check=True)
+def rows(sizes: Sizes) -> Iterator[Row]:
+    """Measure one campaign of many short logs in every way, and a tenth of it."""
     with tempfile.TemporaryDirectory() as folder:
-        place = Path(folder)
-        maker = [sys.executable, str(ROOT / "benchmarks" / "make_campaign.py")]
+        place, logs = Path(folder), sizes.logs
         for name, count in (("campaign", logs), ("tenth", logs // 10)):
-            subprocess.run([*maker, str(place / name), "--logs", str(count)], check=True)
+            subprocess.run(script("make_campaign.py", place / name, "--logs", str(count)), check=True)
 
-        def batch(campaign: str, out: str, *options: str) -> tuple[float, float]:
+        def batch(campaign: str, out: str, *options: str) -> Used:
             return timed(winchcascade("batch", place / campaign, "--out", place / out, "--reports", "none", *options))
 
-        start = timed(winchcascade("batch", "--help"))[0]
-        one, memory = batch("campaign", "one", "--jobs", "1")
-        _, memory_tenth = batch("tenth", "tenth-out", "--jobs", "1")
-        two, _ = batch("campaign", "two", "--jobs", "2")
-        again, _ = batch("campaign", "two", "--jobs", "2")
+        def pandas(jobs: int) -> float:
+            table = ("--out", place / "table.csv", "--jobs", str(jobs))
+            return timed(script("with_pandas.py", place / "campaign", *table)).seconds
+
+        one, plain = batch("campaign", "one", "--jobs", "1"), pandas(1)
+        yield Row(f"{logs} logs, one process", one.seconds, plain, "s", "pandas, one process")
+        two, plain_two = batch("campaign", "two", "--jobs", "2"), pandas(2)
+        yield Row(f"{logs} logs, two processes", two.seconds, plain_two, "s", "pandas, two processes")
+        yield Row(f"{logs} logs, two processes", two.seconds, one.seconds, "s", "ours, one process")
         with cluster(2) as address:
-            dask, _ = batch("campaign", "dask", "--scheduler", address)
-        rows = [
-            (f"{logs} logs, one process", one, "", ""),
-            ("two processes", two, f"{one / two:.2f} times as fast", "at least 1.7"),
-            (
-                "second call, beyond start-up",
-                again - start,
-                f"{1e3 * (again - start) / logs:.2f} ms a log",
-                "at most 1",
-            ),
-            ("Dask, two workers", dask, f"{dask / two:.2f} times the two processes", "at most 1.6"),
-        ]
-        for name, seconds, ratio, goal in rows:
-            print(f"{name:<30} {seconds:7.2f} s   {ratio:<30} {goal}")
-        print(f"memory of {logs} and of {logs // 10} logs: {memory:.0f} and {memory_tenth:.0f} MB")
+            dask = batch("campaign", "dask", "--scheduler", address)
+        yield Row(f"{logs} logs, Dask with two workers", dask.seconds, two.seconds, "s", "ours, two processes")
+        again = batch("campaign", "two", "--jobs", "2")
+        yield Row("second call of the batch", again.seconds, plain_two, "s", "pandas, two processes, once more")
+        beyond = again.seconds - timed(winchcascade("batch", "--help")).seconds
+        yield Row("second call, beyond start-up", 1e3 * beyond / logs, None, "ms a log", "-")
+        tenth = batch("tenth", "tenth-out", "--jobs", "1")
+        yield Row(f"memory of {logs} logs", one.memory, tenth.memory, "MB", f"ours, {logs // 10} logs")
 
 
 if __name__ == "__main__":
-    main()
+    main("Print what a batch costs and how it scales.", rows)

@@ -14,6 +14,7 @@ import msgspec
 
 from winchcascade import __version__
 from winchcascade.files import write_whole
+from winchcascade.report.moment import made_at
 from winchcascade.report.records import table_rows, table_schema
 
 TABLES = ("runs", "cycles", "bins", "findings")
@@ -66,7 +67,7 @@ def _fill_workbook(folder: Path, path: Path) -> None:
         str(path),
         {"constant_memory": True, "nan_inf_to_errors": True, "strings_to_formulas": False, "strings_to_urls": False},
     ) as book:
-        book.set_properties({"comments": f"winchcascade/{__version__}"})
+        book.set_properties({"comments": f"winchcascade/{__version__}", "created": made_at()})
         bold = book.add_format({"bold": True})
         for table in TABLES:
             sheet = book.add_worksheet(table)

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-import os
 import platform
 from collections.abc import Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +14,7 @@ from winchcascade.report import figures, tables
 from winchcascade.report.digits import number, percent, places, stated
 from winchcascade.report.layout import Block, Note, Picture, Point, Report, Section, Table, Tile
 from winchcascade.report.model_section import Modelled, modelled, run_section
+from winchcascade.report.moment import made_at
 from winchcascade.report.style import house_style, svg_text
 from winchcascade.report.traces import readout
 from winchcascade.report.wording import by_sensor, not_known
@@ -333,8 +332,5 @@ def file_digest(path: str) -> str:
 
 
 def made_on() -> str:
-    """The time of making, or SOURCE_DATE_EPOCH where a build must be repeatable."""
-    epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
-    given = epoch.isdigit() and len(epoch) <= 11
-    now = datetime.fromtimestamp(int(epoch), UTC) if given else datetime.now(UTC)
-    return now.strftime("%Y-%m-%d %H:%M:%S UTC")
+    """The time of making, as it stands in a report."""
+    return made_at().strftime("%Y-%m-%d %H:%M:%S UTC")

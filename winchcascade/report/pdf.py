@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from winchcascade.files import write_content
 from winchcascade.report.cleaning import cleaned
+from winchcascade.report.moment import made_at
 from winchcascade.report.templates import template_folder
 
 if TYPE_CHECKING:
@@ -35,7 +36,8 @@ def pdf_bytes(report: Report) -> bytes:
         text = text.replace(c, f"⟨U+{ord(c):04X}⟩")
     fonts = typst.Fonts(include_system_fonts=False, font_paths=[own, *(Path(file).parent for file, _ in fallback)])
     template = (template_folder() / "report.typ").read_bytes()
-    content = typst.Compiler(template, font_paths=fonts, sys_inputs={"report": text}).compile()
+    made = int(made_at().timestamp())
+    content = typst.Compiler(template, font_paths=fonts, sys_inputs={"report": text}).compile(timestamp=made)
     assert isinstance(content, bytes)
     return content
 

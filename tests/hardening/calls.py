@@ -1,0 +1,76 @@
+"""The command line called in this process: as a user meets it, without the second that a process takes to start."""
+
+import io
+import os
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+from winchcascade.cli import main
+
+PATIENCE = 60
+"""A command on a small file that has not ended after this never will. [s]"""
+
+
+class Called(NamedTuple):
+    """What a command left behind: its exit code and what it said."""
+
+    code: int
+    out: str
+    err: str
+
+
+def call(*arguments: str | Path, encoding: str = "utf-8") -> Called:
+    """Call the command line on a terminal of an encoding; a command that never ends is a fault of the test."""
+    streams = [io.TextIOWrapper(io.BytesIO(), encoding=encoding) for _ in range(2)]
+    kept = sys.argv, sys.stdout, sys.stderr
+    sys.argv = ["winchcascade", *map(str, arguments)]
+    sys.stdout, sys.stderr = streams
+    try:
+        with _patience():
+            main()
+        code = 0
+    except SystemExit as ended:
+        code = ended.code if isinstance(ended.code, int) else 0
+    finally:
+        sys.argv, sys.stdout, sys.stderr = kept
+    return Called(code, *map(_content, streams))
+
+
+def _content(stream: io.TextIOWrapper) -> str:
+    stream.flush()
+    content = stream.buffer
+    assert isinstance(content, io.BytesIO)
+    return content.getvalue().decode(stream.encoding)
+
+
+@contextmanager
+def _patience() -> Iterator[None]:
+    if os.name == "nt":
+        yield
+        return
+    old = signal.signal(signal.SIGALRM, _never)
+    signal.alarm(PATIENCE)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, old)
+
+
+def _never(_number: int, _frame: object) -> None:
+    raise AssertionError(f"no end after {PATIENCE} s")
+
+
+def told(arguments: Sequence[str | Path]) -> str:
+    """The one sentence of a command that cannot use what it was given."""
+    called = call(*arguments)
+    assert called.code == 2, called
+    assert called.out == ""
+    assert called.err.startswith("winchcascade: ")
+    assert called.err.count("\n") == 1
+    assert called.err.rstrip("\n").isprintable()
+    return called.err

@@ -1,0 +1,363 @@
+"""Calls that are killed, that find the disk full, or that share a folder: nothing finished is lost, nothing half is read.
+
+`python tests/hardening/faults.py --kills 100` prints counts and returns 1 on a fault. After each disturbance every result
+that is there can be read, and a second call completes, keeps what was finished, and leaves what an undisturbed call leaves.
+"""
+
+import argparse
+import hashlib
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from pyarrow import parquet
+from seeds import ROOT, text
+
+from winchcascade.blind.hidden import PARTS
+from winchcascade.blind.trial import diagnose
+
+COPIES = 6
+"""Logs of a batch: enough that some are done and some are not when it is disturbed."""
+
+PATIENCE = 300.0
+"""A call that has not ended after this never will. [s]"""
+
+OWN = [sys.executable, "-m", "winchcascade"]
+GUESS = [sys.executable, __file__, "--guess"]
+"""The diagnosis of a trial by one who only looks at the logs: what is kept and how is the same, and it takes no minutes."""
+
+
+class Kind(NamedTuple):
+    """A command to disturb: its name, its words, what stands in its folder before, and its folder of results."""
+
+    name: str
+    command: Sequence[str]
+    prepare: Callable[[Path], None]
+    out: str
+    finished: str
+    """Pattern of the files that tell that a part is done."""
+
+
+class Counts(NamedTuple):
+    """How often a disturbance was tried, how many of them hit a call that was still at work, how many parts were kept."""
+
+    name: str
+    tries: int = 0
+    hits: int = 0
+    kept: int = 0
+    faults: tuple[str, ...] = ()
+
+    def and_then(self, *, hit: bool, kept: int, fault: str | None) -> "Counts":
+        """One more try."""
+        faults = (*self.faults, fault) if fault else self.faults
+        return Counts(self.name, self.tries + 1, self.hits + hit, self.kept + kept, faults)
+
+    def line(self) -> str:
+        """The counts as a row of the table."""
+        return f"{self.name:44}{self.tries:7}{self.hits:7}{self.kept:7}{len(self.faults):8}"
+
+
+HEAD = f"{'disturbance':44}{'tries':>7}{'at work':>8}{'kept':>6}{'faults':>8}"
+
+
+def _logs(place: Path) -> None:
+    (place / "logs").mkdir(parents=True)
+    for k in range(COPIES):
+        (place / "logs" / f"log {k}.csv").write_text(text())
+
+
+def _dealt(place: Path) -> None:
+    place.mkdir(parents=True)
+    subprocess.run(
+        [*OWN, "blind", "deal", *CASES, "--out", "out", "--jobs", "1"], cwd=place, check=True, capture_output=True
+    )
+
+
+CASES = ["--cases", "3", "--seed", "7"]
+BATCH = Kind("batch", [*OWN, "batch", "logs", "--out", "out", "--reports", "none"], _logs, "out", "runs/*.json")
+DEAL = Kind(
+    "blind deal",
+    [*OWN, "blind", "deal", *CASES, "--out", "out"],
+    lambda place: place.mkdir(parents=True),
+    "out",
+    "case-*",
+)
+GUESSED = Kind("blind diagnose, by a guess", [*GUESS, "out"], _dealt, "out", "diagnoses/*.json")
+DIAGNOSED = Kind("blind diagnose", [*OWN, "blind", "diagnose", "out"], _dealt, "out", "diagnoses/*.json")
+
+
+def guess(campaign_toml: Path, *, suspects: Mapping[str, type], seed: int, predictions: Path | None) -> dict[str, Any]:
+    """Diagnose a campaign by a glance at its logs, with predictions of some size."""
+    logs = sorted(campaign_toml.parent.glob("*.csv"))
+    for log in logs:
+        assert predictions is not None
+        (predictions / log.name).write_bytes(log.read_bytes())
+    seen = [hashlib.sha256(log.read_bytes()).hexdigest() for log in logs]
+    return {"schema": "winchcascade/diagnosis/1", "seen": seen, "suspects": len(suspects), "seed": seed}
+
+
+# --- what is looked at
+
+
+def content(out: Path) -> dict[str, bytes]:
+    """Every file but the scratch files of calls that were cut short, and what it holds."""
+    found = (path.relative_to(out) for path in sorted(out.rglob("*")) if path.is_file())
+    return {str(name): (out / name).read_bytes() for name in found if not any(p.startswith(".") for p in name.parts)}
+
+
+def half(out: Path) -> str | None:
+    """A file that stands under its own name and cannot be read whole; None if there is none."""
+    for name, data in content(out).items():
+        try:
+            if name.endswith(".json"):
+                json.loads(data)
+            if name.endswith(".parquet"):
+                parquet.read_table(out / name)
+        except Exception as fault:
+            return f"{name} is half-written ({type(fault).__name__})"
+        if not data:
+            return f"{name} is empty"
+    return None
+
+
+def stamps(out: Path, kind: Kind) -> dict[str, int]:
+    """When each finished part was written."""
+    return {str(path.relative_to(out)): path.stat().st_mtime_ns for path in out.glob(kind.finished)}
+
+
+def call(kind: Kind, place: Path, *, jobs: int = 1, limit: int | None = None) -> "subprocess.Popen[str]":
+    """Begin a call in a folder, in a group of processes of its own, with a limit on the size of each file [bytes]."""
+    return subprocess.Popen(
+        [*_limited(limit), *kind.command, "--jobs", str(jobs)], cwd=place, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        text=True, start_new_session=True,
+    )  # fmt: skip
+
+
+def _limited(limit: int | None) -> list[str]:
+    """What goes before a command that may write files of so many blocks of 1024 bytes at most."""
+    return [] if limit is None else ["bash", "-c", f'ulimit -f {max(1, limit // 1024)}; exec "$0" "$@"']
+
+
+def complete(kind: Kind, place: Path, undisturbed: Mapping[str, bytes], *, jobs: int = 1) -> tuple[int, str | None]:
+    """Call once more; how many parts were kept, and what is wrong with what is there after it, if anything is."""
+    out = place / kind.out
+    broken, kept = half(out), stamps(out, kind)
+    if broken:
+        return len(kept), broken
+    said, told = (again := call(kind, place, jobs=jobs)).communicate(timeout=PATIENCE)
+    if again.returncode or "Traceback" in told:
+        return len(kept), f"the second call ended with {again.returncode}: {told[-300:]} {said[-300:]}"
+    after = stamps(out, kind)
+    if {name: after.get(name) for name in kept} != kept:
+        return len(kept), "what was finished was made anew"
+    found = content(out)
+    if found != undisturbed:
+        odd = sorted(name for name in {*found, *undisturbed} if found.get(name) != undisturbed.get(name))
+        return len(kept), f"other content in {', '.join(odd[:5])}"
+    return len(kept), None
+
+
+def undisturbed(kind: Kind, place: Path) -> tuple[dict[str, bytes], float]:
+    """What a call leaves that nobody disturbs, and how long it takes. [s]"""
+    kind.prepare(place)
+    begun = time.perf_counter()
+    one = call(kind, place)
+    _, told = one.communicate(timeout=PATIENCE)
+    assert one.returncode == 0, told
+    return content(place / kind.out), time.perf_counter() - begun
+
+
+# --- disturbances
+
+
+def kills(kind: Kind, folder: Path, number: int, rng: random.Random) -> Counts:
+    """Kill a call with all its processes at a random moment, then complete."""
+    whole, seconds = undisturbed(kind, folder / "undisturbed")
+    counts = Counts(f"{kind.name}: kill -9")
+    for k in range(number):
+        place = folder / f"kill {k}"
+        kind.prepare(place)
+        jobs = 1 + k % 2
+        one = call(kind, place, jobs=jobs)
+        with suppress(subprocess.TimeoutExpired):
+            one.wait(rng.uniform(0.0, seconds))
+        hit = one.poll() is None
+        with suppress(ProcessLookupError):
+            os.killpg(one.pid, signal.SIGKILL)
+        one.communicate()
+        kept, fault = complete(kind, place, whole, jobs=jobs)
+        counts = counts.and_then(hit=hit, kept=kept, fault=fault and f"{place.name}: {fault}")
+        shutil.rmtree(place)
+    return counts
+
+
+def both_at_once(kind: Kind, folder: Path, number: int, rng: random.Random) -> Counts:
+    """Have two calls work on one folder, the second one begun a little later."""
+    whole, seconds = undisturbed(kind, folder / "undisturbed")
+    counts = Counts(f"{kind.name}: two calls on one folder")
+    for k in range(number):
+        place = folder / f"two {k}"
+        kind.prepare(place)
+        one = call(kind, place)
+        with suppress(subprocess.TimeoutExpired):
+            one.wait(rng.uniform(0.0, 0.5 * seconds))
+        hit = one.poll() is None
+        other = call(kind, place, jobs=1 + k % 2)
+        ended = [(each.communicate(timeout=PATIENCE)[1], each.returncode) for each in (one, other)]
+        told = [f"a call ended with {code}: {said[-300:]}" for said, code in ended if code]
+        kept, fault = complete(kind, place, whole)
+        counts = counts.and_then(hit=hit, kept=kept, fault=next(iter(told), fault))
+        shutil.rmtree(place)
+    return counts
+
+
+def too_large(kind: Kind, folder: Path, sizes: Sequence[int]) -> Counts:
+    """Let no file grow beyond a size, as on a full disk, then complete."""
+    whole, _ = undisturbed(kind, folder / "undisturbed")
+    counts = Counts(f"{kind.name}: no room for a file")
+    for size in sizes:
+        place = folder / f"limit {size}"
+        kind.prepare(place)
+        one = call(kind, place, limit=size)
+        said, told = one.communicate(timeout=PATIENCE)
+        kept, fault = complete(kind, place, whole)
+        counts = counts.and_then(
+            hit=one.returncode != 0, kept=kept, fault=_badly_told(told, said, one.returncode) or fault
+        )
+        shutil.rmtree(place)
+    return counts
+
+
+def _badly_told(told: str, said: str, code: int) -> str | None:
+    """What is wrong with how a call said that it could not go on."""
+    if code == 0 or ("Traceback" not in told and (told + said).strip() and code in (1, 2)):
+        return None
+    return f"ended with {code} and told {(told or said)[-300:]!r}"
+
+
+@contextmanager
+def small_disk(folder: Path, size: int) -> Iterator[Path | None]:
+    """A file system of so many bytes; None where none may be mounted. [bytes]"""
+    folder.mkdir(parents=True)
+    made = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", f"size={size}", "none", str(folder)], capture_output=True, check=False
+    )
+    try:
+        yield folder if made.returncode == 0 else None
+    finally:
+        if made.returncode == 0:
+            subprocess.run(["umount", str(folder)], check=True)
+
+
+def full_disk(kind: Kind, folder: Path, sizes: Sequence[int]) -> Counts:
+    """Write to a file system that is too small, then complete after it has grown."""
+    whole, _ = undisturbed(kind, folder / "undisturbed")
+    counts = Counts(f"{kind.name}: a full disk")
+    for size in sizes:
+        place = folder / f"disk {size}"
+        kind.prepare(place)
+        kept_apart = place / kind.out
+        before = content(kept_apart)
+        shutil.rmtree(kept_apart, ignore_errors=True)
+        with small_disk(kept_apart, size + sum(4096 * (2 + len(data) // 4096) for data in before.values())) as disk:
+            if disk is None:
+                return counts
+            for name, data in before.items():
+                (disk / name).parent.mkdir(parents=True, exist_ok=True)
+                (disk / name).write_bytes(data)
+            one = call(kind, place)
+            said, told = one.communicate(timeout=PATIENCE)
+            wrong = _badly_told(told, said, one.returncode) or half(disk)
+            subprocess.run(["mount", "-o", "remount,size=1G", str(disk)], check=True)
+            kept, fault = complete(kind, place, whole)
+            counts = counts.and_then(hit=one.returncode != 0, kept=kept, fault=wrong or fault)
+        shutil.rmtree(place)
+    return counts
+
+
+NOWHERE = ("logs/log 0.csv/out", "/proc/out", "/sys/out", "/dev/null/out", "/dev/full")
+
+
+def nowhere(kind: Kind, folder: Path) -> Counts:
+    """Name folders of results that cannot be made: each is one sentence."""
+    counts = Counts(f"{kind.name}: a folder that cannot be made")
+    place = folder / "nowhere"
+    _logs(place)
+    for out in NOWHERE:
+        command = [str(place / out) if word == "out" else word for word in kind.command]
+        one = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False, timeout=PATIENCE)
+        good = one.returncode == 2 and one.stderr.startswith("winchcascade: ") and one.stderr.count("\n") == 1
+        counts = counts.and_then(
+            hit=True, kept=0, fault=None if good else f"{out}: {one.returncode} {one.stderr[-300:]}"
+        )
+    shutil.rmtree(place)
+    return counts
+
+
+def lost_worker() -> Counts:
+    """The test of a cluster whose worker is killed, as it stands beside the other tests of clusters."""
+    test = ROOT / "tests" / "batch" / "test_cluster.py"
+    command = [sys.executable, "-m", "pytest", "-q", str(test), "-k", "killed_worker"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    fault = None if done.returncode == 0 else done.stdout[-300:]
+    return Counts("batch: a worker of a cluster is lost").and_then(hit=True, kept=0, fault=fault)
+
+
+def main() -> int:
+    """Run the command."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--kills", type=int, default=100, help="of each command")
+    parser.add_argument("--diagnoses", type=int, default=0, help="kills of blind diagnose itself, minutes each")
+    parser.add_argument("--seed", type=int, default=1, help="of the moments of the kills")
+    parser.add_argument("--guess", metavar="TRIAL", type=Path, help=argparse.SUPPRESS)
+    parser.add_argument("--jobs", type=int, default=1, help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.guess:
+        done = diagnose(given.guess, guess, PARTS_AS_SUSPECTS)
+        print(*done.faults.values(), sep="\n")
+        return 1 if done.faults else 0
+    rng = random.Random(given.seed)
+    found: list[str] = []
+    print(HEAD)
+    with tempfile.TemporaryDirectory(prefix="faults-") as scratch:
+        for number, disturbance in enumerate(_disturbances(given.kills, given.diagnoses, rng)):
+            counts = disturbance(Path(scratch) / str(number))
+            print(counts.line(), *counts.faults, sep="\n", flush=True)
+            found += counts.faults
+    print(f"seed {given.seed}")
+    return 1 if found else 0
+
+
+PARTS_AS_SUSPECTS: dict[str, type] = dict.fromkeys(PARTS, int)
+
+
+def _disturbances(number: int, diagnoses: int, rng: random.Random) -> Iterator[Callable[[Path], Counts]]:
+    pairs = max(1, number // 10)
+    for kind in (BATCH, DEAL, GUESSED):
+        yield lambda folder, kind=kind: kills(kind, folder, number, rng)  # type: ignore[misc]
+    for kind in (BATCH, DEAL):
+        yield lambda folder, kind=kind: both_at_once(kind, folder, pairs, rng)  # type: ignore[misc]
+    yield lambda folder: too_large(BATCH, folder, [1 << k for k in range(10, 18)])
+    yield lambda folder: too_large(DEAL, folder, [1 << k for k in range(10, 18, 2)])
+    yield lambda folder: full_disk(BATCH, folder, [40_000, 60_000, 80_000, 120_000])
+    yield lambda folder: full_disk(DEAL, folder, [20_000, 200_000, 900_000])
+    yield lambda folder: full_disk(GUESSED, folder, [20_000, 400_000, 1_000_000])
+    for kind in (BATCH, DEAL):
+        yield lambda folder, kind=kind: nowhere(kind, folder)  # type: ignore[misc]
+    yield lambda folder: lost_worker()  # noqa: ARG005
+    if diagnoses:
+        yield lambda folder: kills(DIAGNOSED, folder, diagnoses, rng)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

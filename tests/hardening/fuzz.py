@@ -1,0 +1,335 @@
+"""Damaged files by the thousand: each is read or refused in one sentence; anything else is a fault that can be made again.
+
+`python tests/hardening/fuzz.py --inputs 50000 --jobs 2` prints a table of counts by format and returns 1 on faults;
+`python tests/hardening/fuzz.py --show tdms 1234` does one again, with its traceback.
+"""
+
+import argparse
+import json
+import os
+import resource
+import selectors
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import traceback
+import unicodedata
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from mutate import mutated
+from seeds import LOG, SEEDS
+
+from winchcascade.batch.plan import make_plan
+from winchcascade.batch.results import load_results
+from winchcascade.cascade.montecarlo import uncertainty
+from winchcascade.cascade.reduce import Reduction, reduce, require_payouts
+from winchcascade.errors import WinchcascadeError
+from winchcascade.ingest.read import read_run
+from winchcascade.published.audit import audit
+from winchcascade.published.check import check, measured_from_record, measured_from_reduction
+from winchcascade.report.check_text import audit_text, check_text
+from winchcascade.report.records import reduction_json
+from winchcascade.report.terminal import reduction_text
+from winchcascade.rigfile import Rig
+from winchcascade.rigtoml import load_rig
+from winchcascade.tabletoml import load_table
+
+LONGEST = 5.0
+"""A file that takes more of the processor is a hang, on a busy machine too. [s]"""
+
+PATIENCE = 15.0
+"""A worker that has said nothing for so long waits for something, or is stuck in compiled code, and is killed. [s]"""
+
+MEMORY = 1 << 30
+"""What a file of less than a megabyte may take beyond what the readers themselves take. [bytes]"""
+
+SHARES = {
+    "text": 6, "lvm": 2, "toa5": 2, "tdms": 4, "mat": 4, "mat73": 1, "parquet": 4, "excel": 2, "rig": 4, "campaign": 3,
+    "table": 3, "result": 2,
+}  # fmt: skip
+"""Of so many inputs, how many are of each kind."""
+
+NAMES = {"rig": "rig.toml", "campaign": "campaign.toml", "table": "table.toml", "result": "result.json"}
+
+
+class TooSlow(BaseException):
+    """The alarm of one input; no reader takes it for damage of its file."""
+
+
+class Judged(NamedTuple):
+    """What became of one input: read, refused (in a sentence) or a fault (and what it is)."""
+
+    form: str
+    seed: int
+    outcome: str
+    told: str = ""
+
+
+def read_log(path: Path) -> None:
+    """Read a log and reduce it, as `reduce` does, and look whether what comes out is sound."""
+    run = read_run(path)
+    assert bool(np.all(np.diff(run.t) > 0)), "stamps that do not rise"
+    assert all(np.isfinite(x).all() and len(x) == len(run.t) for x in run.channels.values()), "a channel not finite"
+    _reduced(reduce(run))
+
+
+def _reduced(reduction: Reduction) -> None:
+    require_payouts(reduction)
+    content = reduction_json(reduction, uncertainty(reduction))
+    json.loads(content, parse_constant=_no_number)
+    assert reduction_text(reduction)
+
+
+def _no_number(word: str) -> None:
+    raise AssertionError(f"{word} in JSON")
+
+
+def read_rig(path: Path) -> None:
+    """Read a rig file and reduce a sound log with it."""
+    rig: Rig = load_rig(path)
+    _reduced(reduce(read_run(LOG, rig=rig, load=36.0), rig=rig))
+
+
+def read_campaign(path: Path) -> None:
+    """Plan a campaign, without its logs."""
+    assert make_plan([str(path)]).work
+
+
+@cache
+def _measured() -> Any:
+    reduction = reduce(read_run(LOG, load=36.0))
+    return measured_from_reduction(reduction, uncertainty(reduction))
+
+
+def read_table(path: Path) -> None:
+    """Hold a published table against itself and against a sound log."""
+    table = load_table(path)
+    assert audit_text(audit(table))
+    assert check_text(check([_measured()], table))
+
+
+def read_result(path: Path) -> None:
+    """Hold the results of a JSON file against the built-in table."""
+    found = load_results(path)
+    measured = [measured_from_record(record, name) for name, record in found.records]
+    assert check_text(check(measured, load_table("hsu2026-table2"), whole_campaign=found.whole))
+
+
+READERS: dict[str, Callable[[Path], None]] = {
+    "rig": read_rig, "campaign": read_campaign, "table": read_table, "result": read_result,
+}  # fmt: skip
+
+
+def judge(form: str, seed: int, folder: Path) -> Judged:
+    """Make one input, read it, and say what became of it."""
+    path = folder / NAMES.get(form, "log.dat")
+    path.write_bytes(mutated(form, seed))
+    try:
+        READERS.get(form, read_log)(path)
+    except WinchcascadeError as fault:
+        return Judged(form, seed, *_refusal(fault))
+    except TooSlow:
+        return Judged(form, seed, "fault", f"took more than {LONGEST:g} s at {_place_of(sys.exc_info()[2])}")
+    except Exception as fault:
+        return Judged(form, seed, "fault", f"{type(fault).__name__}: {fault} at {_place_of(fault.__traceback__)}")
+    return Judged(form, seed, "read")
+
+
+def _refusal(fault: WinchcascadeError) -> tuple[str, str]:
+    """A refusal that is one line for people, and not memory that ran out, is as it should be."""
+    said = str(fault)
+    cause = fault.__cause__
+    if type(cause).__name__ == "PanicException":  # tells its own story on standard error
+        return "fault", f"a panic: {said}"
+    if isinstance(cause, MemoryError):
+        return "fault", f"memory ran out: {said}"
+    if any(unicodedata.category(letter) in ("Cc", "Cs", "Zl", "Zp") for letter in said):
+        return "fault", f"not one line for people: {said!r}"
+    if len(said) > 2000 or not said.rstrip().endswith((".", ")")):
+        return "fault", f"no sentence of a length to be read: {said[:300]!r}"
+    if isinstance(cause, Warning | AssertionError):
+        return "fault", f"{type(cause).__name__}: {cause} behind {said}"
+    return "refused", said
+
+
+def _place_of(trace: Any) -> str:
+    """The last line of this project's code in a traceback."""
+    ours = [f for f in traceback.extract_tb(trace) if "winchcascade/" in f.filename.replace(os.sep, "/")]
+    return f"{Path(ours[-1].filename).name}:{ours[-1].lineno}" if ours else "this script"
+
+
+def kinds(inputs: int, first: int) -> Iterator[tuple[str, int]]:
+    """The kind and the number of each input, in turn."""
+    wheel = [form for form in SEEDS for _ in range(SHARES[form])]
+    return ((wheel[k % len(wheel)], k) for k in range(first, first + inputs))
+
+
+def work(orders: Sequence[tuple[str, int]]) -> None:
+    """Judge inputs one by one, saying on standard output which is begun and what became of it."""
+    warnings.simplefilter("error")
+    signal.signal(signal.SIGPROF, _alarm)
+    with tempfile.TemporaryDirectory() as folder:
+        _warm_up(Path(folder))
+        _limit_memory()
+        for form, seed in orders:
+            _say(form, seed)
+            signal.setitimer(signal.ITIMER_PROF, LONGEST)
+            try:
+                judged = judge(form, seed, Path(folder))
+            finally:
+                signal.setitimer(signal.ITIMER_PROF, 0)
+            _say(*judged)
+
+
+def _say(*words: object) -> None:
+    print(json.dumps(words), flush=True)
+
+
+def _alarm(_number: int, _frame: object) -> None:
+    raise TooSlow
+
+
+def _warm_up(folder: Path) -> None:
+    """Read a sound file of each kind, so that imports and threads count neither as memory nor as time."""
+    for form in SEEDS:
+        for content in SEEDS[form]():
+            path = folder / NAMES.get(form, "log.dat")
+            path.write_bytes(content)
+            try:
+                READERS.get(form, read_log)(path)
+            except WinchcascadeError:
+                continue
+
+
+def _limit_memory() -> None:
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    limit = pages * resource.getpagesize() + MEMORY
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+
+
+def run_orders(orders: Sequence[tuple[str, int]]) -> Iterator[Judged]:
+    """Have worker processes judge inputs; one that ends or falls silent is a fault of the input it had begun."""
+    left = list(orders)
+    while left:
+        done = 0
+        for judged in _worker(left):
+            done += 1
+            yield judged
+        left = left[done:]
+
+
+def _worker(orders: Sequence[tuple[str, int]]) -> Iterator[Judged]:
+    """What one worker process says of inputs, up to the one that it does not survive."""
+    with tempfile.TemporaryFile() as errors:
+        command = [sys.executable, __file__, "--work"]
+        process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors)
+        assert process.stdin is not None
+        assert process.stdout is not None
+        with process.stdin as orders_in:
+            orders_in.write(json.dumps(list(orders)).encode())
+        begun: Sequence[Any] = ()
+        with process:
+            for line in _lines(process):
+                said = json.loads(line)
+                begun = said if len(said) == 2 else ()
+                if len(said) > 2:
+                    yield Judged(*said)
+        if begun or process.returncode:
+            errors.seek(0)
+            last = " ".join(errors.read().decode("utf-8", "replace").split())[-600:]
+            assert begun, f"a worker did not begin: {last}"
+            yield Judged(begun[0], begun[1], "fault", f"the process ended ({process.returncode}): {last}")
+
+
+def _lines(process: "subprocess.Popen[bytes]") -> Iterator[bytes]:
+    """Lines of a process as they come; it is killed when none has come for a while."""
+    assert process.stdout is not None
+    with selectors.DefaultSelector() as ready:
+        ready.register(process.stdout, selectors.EVENT_READ)
+        patience, rest = 120.0, b""
+        while True:
+            if not ready.select(patience):
+                process.kill()
+                return
+            data = os.read(process.stdout.fileno(), 1 << 16)
+            if not data:
+                return
+            *whole, rest = (rest + data).split(b"\n")
+            yield from whole
+            patience = PATIENCE
+
+
+def fuzz(inputs: int, *, first: int = 0, jobs: int = 1, only: str | None = None) -> list[Judged]:
+    """Judge so many inputs, from a number on."""
+    orders = [order for order in kinds(inputs, first) if only in (None, order[0])]
+    parts = [orders[k::jobs] for k in range(jobs)]
+    with ThreadPoolExecutor(jobs) as pool:
+        return [judged for part in pool.map(lambda part: list(run_orders(part)), parts) for judged in part]
+
+
+def table(judged: Sequence[Judged]) -> str:
+    """Counts by kind, as lines."""
+    lines = [f"{'format':10}{'inputs':>8}{'read':>8}{'refused':>9}{'faults':>8}"]
+    for form in [*SEEDS, "all"]:
+        of = [j.outcome for j in judged if form in (j.form, "all")]
+        if of:
+            counts = [len(of), *(of.count(outcome) for outcome in ("read", "refused", "fault"))]
+            lines.append(f"{form:10}{counts[0]:8}{counts[1]:8}{counts[2]:9}{counts[3]:8}")
+    return "\n".join(lines) + "\n"
+
+
+def show(form: str, seed: int, keep: Path | None) -> int:
+    """Do one input again, without limits, with whatever it raises."""
+    warnings.simplefilter("error")
+    if keep is not None:
+        keep.write_bytes(mutated(form, seed))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / NAMES.get(form, "log.dat")
+        path.write_bytes(mutated(form, seed))
+        try:
+            READERS.get(form, read_log)(path)
+        except WinchcascadeError as fault:
+            print(f"refused: {fault}")
+            if fault.__cause__ is not None:
+                traceback.print_exception(fault.__cause__)
+            return 0
+    print("read")
+    return 0
+
+
+def main() -> int:
+    """Run the command."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--inputs", type=int, default=1000)
+    parser.add_argument("--first", type=int, default=0, help="number of the first input")
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--only", choices=list(SEEDS), help="inputs of this kind alone")
+    parser.add_argument("--show", nargs=2, metavar=("FORM", "NUMBER"), help="do one input again")
+    parser.add_argument("--keep", type=Path, help="with --show: write the input here")
+    parser.add_argument("--work", action="store_true", help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.work:
+        work([(form, seed) for form, seed in json.load(sys.stdin)])
+        return 0
+    if given.show:
+        return show(given.show[0], int(given.show[1]), given.keep)
+    begun = time.perf_counter()
+    judged = fuzz(given.inputs, first=given.first, jobs=given.jobs, only=given.only)
+    print(table(judged), end="")
+    print(f"inputs {given.first} to {given.first + given.inputs - 1}, {time.perf_counter() - begun:.0f} s")
+    faults = [j for j in judged if j.outcome == "fault"]
+    for fault in faults:
+        print(f"--show {fault.form} {fault.seed}: {fault.told}")
+    return 1 if faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

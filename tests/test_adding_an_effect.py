@@ -1,0 +1,60 @@
+"""The page on adding an effect is followed in a copy of the project, and prints what it shows.
+
+`PYTHONPATH=tests python tests/test_adding_an_effect.py` writes the present output into it.
+"""
+
+import os
+import re
+import shutil
+import tempfile
+from pathlib import Path
+
+import pytest
+from pages import DOCS, ROOT, follow, shown, write_outputs
+
+PAGE = "adding_an_effect.md"
+
+
+def a_copy(place: Path) -> Path:
+    """What the page needs of a checkout."""
+    for folder in ("winchcascade", "tests", "docs", "fixtures"):
+        shutil.copytree(ROOT / folder, place / folder)
+    shutil.copy(ROOT / "pyproject.toml", place)
+    return place
+
+
+@pytest.mark.slow
+def test_the_page_adds_an_effect_that_is_then_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    place = a_copy(tmp_path / "checkout")
+    monkeypatch.setenv("PYTHONPATH", str(place))
+    assert follow(PAGE, place) == shown(PAGE)
+
+
+def test_the_trial_says_what_the_text_says() -> None:
+    told = re.split(r"^(?=\w)", shown(PAGE)["python try_it.py"], flags=re.MULTILINE)[1:]
+    causes = [re.findall(r"^  (\w+)\.\w+ (\S+) \((\S+) to (\S+)\)", part, re.MULTILINE) for part in told]
+    assert [[cause[0] for cause in found] for found in causes] == [
+        ["pressure_gain"], ["precharge", "piston_area", "gas_volume"], ["precharge"], ["piston_area"],
+    ]  # fmt: skip
+    ((_, _, low, high),) = causes[0]
+    assert float(low) <= 0.05 <= float(high)
+    assert all("explained" in part for part in told)
+
+
+def test_the_signature_is_that_of_the_docstring() -> None:
+    lines = [line.split() for line in shown(PAGE)["python signature.py"].splitlines()]
+    assert {name for name, change, _ in lines if float(change) > 0.0} == {"pressure"}
+
+
+def test_the_places_of_a_law_are_those_where_windage_stands() -> None:
+    places = re.findall(r"^\| `([\w/]+\.py)` \|", (DOCS / PAGE).read_text(encoding="utf-8"), re.MULTILINE)
+    assert len(places) == 10
+    for place in places:
+        assert "windage" in (ROOT / place).read_text(encoding="utf-8"), place
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as folder:
+        copy = a_copy(Path(folder) / "checkout")
+        os.environ["PYTHONPATH"] = str(copy)
+        write_outputs(PAGE, follow(PAGE, copy))

@@ -1,0 +1,98 @@
+"""The page on checks that run by themselves: its commands, and the action that it describes.
+
+`PYTHONPATH=tests python tests/test_ci_page.py` writes the present output into it.
+"""
+
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import textwrap
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from pages import DOCS, ROOT, follow, shown, steps, with_fixtures, write_outputs
+
+PAGE = "ci.md"
+ACTION = (ROOT / "action.yml").read_text(encoding="utf-8")
+CHECK = {"CAMPAIGN": "fixtures/campaign", "TABLE": "hsu2026-table2"}
+LOGS = {"LOGS": "fixtures/campaign/r9*.csv\nfixtures/damaged_logs/dropouts.csv\n"}
+
+
+def test_the_page_can_be_followed(tmp_path: Path) -> None:
+    place = with_fixtures(tmp_path)
+    assert follow(PAGE, place) == shown(PAGE)
+    suites = ElementTree.parse(place / "check.xml").getroot()
+    assert (suites.get("tests"), suites.get("failures")) == ("3", "0")
+
+
+def test_the_inputs_are_those_of_the_action() -> None:
+    inputs = re.findall(r"^  (\w+):\n    description: [^\n]*\n    default: (\S*)$", ACTION, re.MULTILINE)
+    page = (DOCS / PAGE).read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| (?:`([^`]*)` )?\| ", page, re.MULTILINE)
+    assert rows == [(name, default.strip('"')) for name, default in inputs]
+    used = {key for step in steps(PAGE) if step.kind == "yaml" for key in re.findall(r"^ {10}(\w+):", step.text, re.M)}
+    assert used - {"path", "name", "key"} <= {name for name, _ in inputs}
+
+
+def act(place: Path, **inputs: str) -> subprocess.CompletedProcess[str]:
+    """Run the action's last step as GitHub runs it."""
+    script = textwrap.dedent(ACTION[ACTION.rindex("run: |\n") + len("run: |\n") :])
+    given = dict.fromkeys(("CAMPAIGN", "TABLE", "LOGS", "ARGUMENTS"), "") | {"RESULTS": "found here"} | inputs
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+    return subprocess.run(
+        ["bash", "--noprofile", "--norc", "-eo", "pipefail", "-c", script],
+        capture_output=True, cwd=place, encoding="utf-8", env=os.environ | {"PATH": path} | given, check=False,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("inputs", "code", "written"),
+    [
+        (CHECK, 0, ["check.xml"]),
+        (CHECK | {"ARGUMENTS": "--tolerance deviation=0 --tolerance uncertainty=0"}, 1, ["check.xml"]),
+        (LOGS, 0, ["batch/campaign.json"]),
+        (LOGS | {"ARGUMENTS": "--window 5.48"}, 0, ["batch/campaign.json"]),
+        (CHECK | LOGS, 0, ["check.xml", "batch/campaign.json"]),
+        (CHECK | LOGS | {"ARGUMENTS": "--window 5.48"}, 2, []),
+        ({"LOGS": "fixtures/damaged_logs/*.csv"}, 1, ["batch/campaign.json"]),
+        ({"CAMPAIGN": "fixtures/campaign"}, 2, []),
+        ({}, 2, []),
+    ],
+    ids=[
+        "check",
+        "a miss",
+        "logs",
+        "logs with a window",
+        "both",
+        "both with a window",
+        "a failed log",
+        "no table",
+        "nothing",
+    ],
+)
+def test_the_action_does_what_the_page_says(
+    tmp_path: Path, inputs: dict[str, str], code: int, written: list[str]
+) -> None:
+    done = act(with_fixtures(tmp_path), **inputs)
+    assert done.returncode == code, done.stderr
+    assert all((tmp_path / "found here" / name).is_file() for name in written)
+    assert ("::error" in done.stdout) == (code != 0 and "LOGS" not in inputs)
+
+
+def test_the_exit_codes_are_those_of_the_help() -> None:
+    for command in (["check"], ["audit"], ["batch"], ["blind", "deal"], ["blind", "diagnose"]):
+        told = subprocess.run(
+            [sys.executable, "-m", "winchcascade", *command, "--help"],
+            capture_output=True,
+            encoding="utf-8",
+            check=True,
+        ).stdout
+        assert "Exit code 1" in " ".join(told.split()), command
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as folder:
+        write_outputs(PAGE, follow(PAGE, with_fixtures(Path(folder))))
