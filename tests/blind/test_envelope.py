@@ -30,10 +30,13 @@ def test_a_missing_answer_file_is_named(tmp_path: Path) -> None:
         open_seal(folder)
 
 
-@pytest.mark.parametrize("content", ["", "[]", "{}", '{"schema": "winchcascade/trial/1"}'])
-def test_a_folder_without_a_record_of_a_trial_is_refused(tmp_path: Path, content: str) -> None:
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"[]", b"{}", b'{"schema": "winchcascade/trial/1"}', b'{"schema": "\xff"}', b'{"a": ' + 9999 * b"["],
+)
+def test_a_folder_without_a_record_of_a_trial_is_refused(tmp_path: Path, content: bytes) -> None:
     if content:
-        (tmp_path / TRIAL).write_text(content)
+        (tmp_path / TRIAL).write_bytes(content)
     with pytest.raises(OptionError, match=r"trial\.json"):
         read_trial(tmp_path)
 

@@ -62,7 +62,7 @@ def read_trial(folder: Path) -> Trial:
         raise OptionError(
             f"{path}: cannot be read ({fault.strerror}); expected the folder of a trial, as blind deal makes it."
         ) from None
-    except msgspec.DecodeError as fault:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as fault:
         raise OptionError(f"{path}: is no record of a trial ({fault}); deal the trial again.") from None
     if trial.schema != TRIAL_SCHEMA:
         raise OptionError(f"{path}: has the schema {trial.schema}; expected {TRIAL_SCHEMA}.")
@@ -91,6 +91,6 @@ def open_seal(folder: Path) -> tuple[Trial, Envelope]:
         )
     try:
         envelope = msgspec.json.decode(content, type=Envelope)
-    except msgspec.DecodeError as fault:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as fault:
         raise OptionError(f"{path}: holds no answers that this version can read ({fault}); deal again.") from None
     return trial, envelope

@@ -94,7 +94,7 @@ def read_diagnosis(path: Path) -> Diagnosis | None:
         return msgspec.json.decode(path.read_bytes(), type=Diagnosis)
     except FileNotFoundError:
         return None
-    except msgspec.DecodeError as fault:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as fault:
         raise OptionError(f"{path}: is no diagnosis ({fault}); diagnose the case again.") from None
 
 

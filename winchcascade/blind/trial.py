@@ -303,7 +303,7 @@ def _key(case: Path, suspects: Mapping[str, type], seed: int) -> str:
 def _is_kept(folder: Path, name: str, key: str) -> bool:
     try:
         return msgspec.json.decode((folder / DIAGNOSES / f"{name}.json").read_bytes(), type=_Marked).trial.key == key
-    except (OSError, msgspec.DecodeError):
+    except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError):
         return False
 
 
