@@ -22,7 +22,7 @@ test-browser: $(VENV)/installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[browser]"
 	WINCHCASCADE_BROWSER=1 $(BIN)/pytest tests/report/test_browser.py
 
-# One table of ratios, some minutes; make bench BENCH=--quick is rougher and takes less than one.
+# One table of ratios in a quarter of an hour or less; make bench BENCH=--quick takes about a minute and is rougher.
 bench: $(VENV)/installed
 	$(BIN)/python benchmarks/all.py $(BENCH)
 

@@ -32,7 +32,7 @@ class Sizes(NamedTuple):
 
 
 FULL = Sizes(starts=15, pairs=3, rows=14_000_000, logs=1000, loads=7, cases=8)
-QUICK = Sizes(starts=1, pairs=1, rows=300_000, logs=40, loads=2, cases=1)
+QUICK = Sizes(starts=1, pairs=1, rows=200_000, logs=20, loads=2, cases=1)
 
 
 class Row(NamedTuple):
@@ -140,7 +140,7 @@ HEAD = f"{'what':<46} {'ours':>9} {'other':>9} {'ratio':>8}  {'unit':<9} other i
 def main(purpose: str, *parts: Callable[[Sizes], Iterator[Row]]) -> None:
     """Measure some parts and print their rows as they come."""
     parser = argparse.ArgumentParser(description=purpose)
-    parser.add_argument("--quick", action="store_true", help="small sizes: less than a minute, and rough")
+    parser.add_argument("--quick", action="store_true", help="small sizes: about a minute, and rough")
     for name, size in FULL._asdict().items():
         parser.add_argument(f"--{name}", type=int, help=f"{size} by default, {getattr(QUICK, name)} with --quick")
     asked = vars(parser.parse_args())
