@@ -473,6 +473,7 @@ def calibrate_command(
     force: ForceOption = False,
 ) -> None:
     """Calibrate a rig from an open circuit: back-EMF constant, damper and screw friction, with their uncertainty."""
+    _one_thread_each()
     from winchcascade.cascade.reduce import reduce
     from winchcascade.files import write_content
     from winchcascade.fit.calibrate import calibrate
