@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from winchcascade.fit.solve import HUBER, bounded_step, box_minimum, huber, quadratic, weights
+from winchcascade.fit.solve import HUBER, bounded_step, box_minimum, huber, joint_step, quadratic, weights
 
 AS_LOW = 1e-6
 """The objective in a box is as low as scipy's, to this share of what the box allows to gain."""
@@ -76,3 +76,18 @@ def test_nuisances_done_away_with_give_the_same_step_as_all_together() -> None:
         (both * w[:, None]).T @ both + prior, (both * w[:, None]).T @ z - prior @ np.r_[nu, phi * 0]
     )
     assert np.r_[d_nu, phi] == pytest.approx(whole, rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_joint_step_is_the_least_within_bounds_and_reach(seed: int) -> None:
+    a, b, low, high = problem(seed, 1.0)
+    rng = np.random.default_rng(seed)
+    j_nu, nu, w, reach = rng.normal(size=(b.size, 3)), rng.normal(size=3), rng.uniform(0.5, 1.0, b.size), 1.5
+    d_phi, d_nu = joint_step(b, w, (a, j_nu), np.clip(nu, -reach, reach), (low, high), reach)
+    nu = np.clip(nu, -reach, reach)
+    root = np.sqrt(w)[:, None]
+    whole = np.vstack((np.hstack((root * a, root * j_nu)), np.hstack((np.zeros((3, low.size)), np.eye(3)))))
+    rhs = np.concatenate((root[:, 0] * b, -nu))
+    bounds = (np.concatenate((low, -reach - nu)), np.concatenate((high, reach - nu)))
+    best = lsq_linear(whole, rhs, bounds=bounds, tol=1e-12).x
+    assert np.concatenate((d_phi, d_nu)) == pytest.approx(best, abs=1e-4)

@@ -97,3 +97,12 @@ def test_an_input_is_never_replaced(campaign: Path) -> None:
     told = one_sentence("diagnose", campaign, "--json", campaign / "campaign.toml", "--force")
     assert "is an input of this command" in told
     assert (campaign / "campaign.toml").read_bytes() == before
+
+
+def test_an_effect_that_alone_is_suspected_is_the_only_one_that_is_named(campaign: Path, tmp_path: Path) -> None:
+    done = winchcascade("diagnose", campaign, "--suspect", "ke_rolloff", "--json", "-")
+    assert done.returncode == 0, done.stderr
+    record = json.loads(done.stdout)
+    assert {cause["effect"] for cause in record["causes"]} <= {"ke_rolloff"}
+    assert record["verdict"] != "no_gap"
+    assert "effect 'rolloff' is not in the catalogue" in one_sentence("diagnose", campaign, "--suspect", "rolloff")
