@@ -29,7 +29,7 @@ from winchcascade.rigtoml import load_rig, parse_rig
 from winchcascade.tabletoml import load_table, parse_table
 
 FEW = 300
-MANY = 1_200
+MANY = 500
 
 
 def faults(judged: list[Judged]) -> list[str]:
