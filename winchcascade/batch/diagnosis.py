@@ -13,14 +13,11 @@ from winchcascade.errors import CampaignError
 from winchcascade.ingest.read import read_run
 from winchcascade.rig.simulate import simulate
 from winchcascade.rig.write import write_log
-from winchcascade.rigtoml import load_rig
+from winchcascade.rigtoml import DEFAULT_RIG, load_rig
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
-
-
-DEFAULT_RIG = "hsu2026"
 
 
 def diagnose_file(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from winchcascade.batch.diagnosis import DEFAULT_RIG, diagnose_file, write_predictions
+from winchcascade.batch.diagnosis import diagnose_file, write_predictions
 from winchcascade.campaign import load_campaign
 from winchcascade.diagnose.line.campaign import LineDiagnosis, diagnose_line
 from winchcascade.diagnose.line.record import as_json as line_json
@@ -16,7 +16,7 @@ from winchcascade.errors import OptionError, RigError
 from winchcascade.files import write_whole
 from winchcascade.ingest.read import read_run
 from winchcascade.rig.model import baseline
-from winchcascade.rigtoml import load_rig
+from winchcascade.rigtoml import DEFAULT_RIG, load_rig
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

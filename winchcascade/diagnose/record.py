@@ -32,12 +32,12 @@ def as_json(found: Diagnosis) -> dict[str, Any]:
         ],
         "verdict": found.verdict,
         "where": None if found.where is None else _where(found.where, found),
-        "causes": [_cause(cause) for cause in found.causes],
+        "causes": [cause_record(cause) for cause in found.causes],
         "closure": None if found.closure is None else _closure(found.closure, found),
         "remainder": None
         if found.remainder is None
         else {
-            "share": _number(found.remainder.share),
+            "share": number(found.remainder.share),
             "where": found.remainder.where or None,
             "alarms": [msgspec.to_builtins(alarm) for alarm in found.remainder.alarms],
         },
@@ -51,8 +51,8 @@ def _where(where: Where, found: Diagnosis) -> dict[str, Any]:
         "channel": where.channel,
         "phase": where.phase,
         "load_ohm": _load(where.load),
-        "rpm": [_number(x) for x in where.rpm],
-        "i_dc_a": [_number(x) for x in where.i_dc],
+        "rpm": [number(x) for x in where.rpm],
+        "i_dc_a": [number(x) for x in where.i_dc],
         "sentence": f"{where.sentence} {where.arises}".rstrip(),
         "map": [_place(place, found) for place in found.places],
         "stages": [
@@ -68,27 +68,28 @@ def _place(place: Place | StagePlace, found: Diagnosis) -> dict[str, Any]:
         "file": found.data.logs[place.log].run.name,
         "load_ohm": _load(place.load),
         "blocks": place.blocks,
-        "bias": _number(place.bias),
-        "rms": _number(place.rms),
-        "noise": _number(place.noise),
-        "u_noise": _number(place.u_noise),
-        "u_repeat": _number(place.u_repeat),
-        "u_tolerance": _number(place.u_tolerance),
-        "z": _number(place.z),
+        "bias": number(place.bias),
+        "rms": number(place.rms),
+        "noise": number(place.noise),
+        "u_noise": number(place.u_noise),
+        "u_repeat": number(place.u_repeat),
+        "u_tolerance": number(place.u_tolerance),
+        "z": number(place.z),
     }
 
 
-def _cause(cause: Cause) -> dict[str, Any]:
+def cause_record(cause: Cause) -> dict[str, Any]:
+    """One cause by the interface's names."""
     return {
         "effect": cause.effect,
         "stage": cause.stage,
-        "probability": _number(cause.probability),
+        "probability": number(cause.probability),
         "parameters": {
-            name: {"value": _number(x.value), "low": _number(x.low), "high": _number(x.high), "unit": x.unit}
+            name: {"value": number(x.value), "low": number(x.low), "high": number(x.high), "unit": x.unit}
             for name, x in cause.parameters.items()
         },
         "rivals": [
-            {"effect": r.effect, "probability": _number(r.probability), "told_apart_by": r.told_apart_by}
+            {"effect": r.effect, "probability": number(r.probability), "told_apart_by": r.told_apart_by}
             for r in cause.rivals
         ],
     }
@@ -98,11 +99,11 @@ def _closure(closure: Closure, found: Diagnosis) -> dict[str, Any]:
     return {
         "withheld": [_load(found.data.logs[k].run.load) for k in closure.withheld],
         "channels": {
-            name: {"before": _number(x.before), "after": _number(x.after), "noise": _number(x.noise)}
+            name: {"before": number(x.before), "after": number(x.after), "noise": number(x.noise)}
             for name, x in closure.channels.items()
         },
-        "share_closed": _number(closure.share),
-        "interval": [_number(closure.low), _number(closure.high)],
+        "share_closed": number(closure.share),
+        "interval": [number(closure.low), number(closure.high)],
     }
 
 
@@ -110,10 +111,10 @@ def _experiment(plan: Experiment) -> dict[str, Any]:
     return {
         "loads": [_load(plan.load)],
         "profile": plan.profile,
-        "speed_mps": _number(plan.speed),
-        "length_m": _number(plan.length),
+        "speed_mps": number(plan.speed),
+        "length_m": number(plan.length),
         "separates": list(plan.separates),
-        "expected_z": _number(plan.expected_z),
+        "expected_z": number(plan.expected_z),
     }
 
 
@@ -121,5 +122,6 @@ def _load(load: float | None) -> float | str | None:
     return "inf" if load is not None and math.isinf(load) else load
 
 
-def _number(x: float) -> float | None:
+def number(x: float) -> float | None:
+    """A number at six digits, None for one that is not finite."""
     return float(f"{x:.6g}") if math.isfinite(x) else None

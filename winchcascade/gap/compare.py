@@ -123,13 +123,7 @@ def _place(
         log=where[2],
         load=log.run.load,
         blocks=int(np.count_nonzero(here)),
-        bias=by.bias,
-        rms=by.rms,
-        noise=by.noise,
-        u_noise=by.u_noise,
-        u_repeat=by.u_repeat,
-        u_tolerance=by.u_tolerance,
-        z=by.z,
+        **msgspec.structs.asdict(by),
     )
 
 

@@ -187,13 +187,7 @@ def _places(
             log=number,
             load=run.load,
             blocks=int(np.count_nonzero(here)),
-            bias=by.bias,
-            rms=by.rms,
-            noise=by.noise,
-            u_noise=by.u_noise,
-            u_repeat=by.u_repeat,
-            u_tolerance=by.u_tolerance,
-            z=by.z,
+            **msgspec.structs.asdict(by),
             by_gain={n.name: float(np.mean(x)) / n.sd for n, x in own.items() if n.kind == "gain"},
         )
 

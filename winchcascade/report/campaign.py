@@ -19,6 +19,7 @@ from winchcascade.report.layout import Note, Point, Report, Section, Table, Tile
 from winchcascade.report.model_account import Account
 from winchcascade.report.model_data import says_not_measured
 from winchcascade.report.model_section import Named, campaign_section
+from winchcascade.report.publish import publish
 from winchcascade.report.style import house_style
 
 SEED = 20260
@@ -35,15 +36,8 @@ def write_campaign_reports(summary: Mapping[str, Any], out: Path, reports: Seque
     summary : the campaign's record, schema `winchcascade/campaign/1`
     reports : "html", "pdf" or both
     """
-    report = make_campaign_report(summary, out, command=command)
-    if "html" in reports:
-        from winchcascade.report.html import write_html
-
-        write_html(report, out / "campaign.html", force=True)
-    if "pdf" in reports:
-        from winchcascade.report.pdf import write_pdf
-
-        write_pdf(report, out / "campaign.pdf", force=True)
+    html, pdf = (out / f"campaign.{ending}" if ending in reports else None for ending in ("html", "pdf"))
+    publish(make_campaign_report(summary, out, command=command), html=html, pdf=pdf, force=True)
 
 
 def make_campaign_report(summary: Mapping[str, Any], out: Path, *, command: str = "") -> Report:

@@ -41,6 +41,7 @@ from winchcascade.report.diagnosis_words import (
 )
 from winchcascade.report.document import file_digest, made_on, picture, provenance_table, section
 from winchcascade.report.layout import Note, Point, Report, Section, Table, Tile
+from winchcascade.report.publish import publish
 from winchcascade.report.style import house_style
 
 if TYPE_CHECKING:
@@ -49,22 +50,12 @@ if TYPE_CHECKING:
     from winchcascade.diagnose.campaign import Diagnosis
     from winchcascade.diagnose.causes import Cause
 
-TONES = {"no_gap": "good", "explained": "good", "partly_explained": "warn", "unexplained": "warn"}
-
 
 def write_diagnosis_reports(
     found: Diagnosis, *, html: Path | None, pdf: Path | None, command: str = "", force: bool = False
 ) -> None:
     """Write the report of a diagnosis as a self-contained page, as a PDF, or both. Raises as `write_content`."""
-    report = make_diagnosis_report(found, command=command)
-    if html is not None:
-        from winchcascade.report.html import write_html
-
-        write_html(report, html, force=force)
-    if pdf is not None:
-        from winchcascade.report.pdf import write_pdf
-
-        write_pdf(report, pdf, force=force)
+    publish(make_diagnosis_report(found, command=command), html=html, pdf=pdf, force=force)
 
 
 def make_diagnosis_report(found: Diagnosis, *, command: str = "") -> Report:

@@ -15,6 +15,7 @@ from winchcascade.report.digits import number, percent, places, stated
 from winchcascade.report.layout import Block, Note, Picture, Point, Report, Section, Table, Tile
 from winchcascade.report.model_section import Modelled, modelled, run_section
 from winchcascade.report.moment import made_at
+from winchcascade.report.publish import publish
 from winchcascade.report.style import house_style, svg_text
 from winchcascade.report.traces import readout
 from winchcascade.report.wording import by_sensor, not_known
@@ -54,15 +55,7 @@ def write_reports(
     ------
     OutputError : a file that cannot be written, or that this tool did not write and `force` does not allow to replace
     """
-    report = make_report(reduction, found, command=command)
-    if html is not None:
-        from winchcascade.report.html import write_html
-
-        write_html(report, html, force=force)
-    if pdf is not None:
-        from winchcascade.report.pdf import write_pdf
-
-        write_pdf(report, pdf, force=force)
+    publish(make_report(reduction, found, command=command), html=html, pdf=pdf, force=force)
 
 
 def make_report(

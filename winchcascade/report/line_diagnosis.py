@@ -16,6 +16,7 @@ from winchcascade.report.diagnosis_names import apart_words, probability_words, 
 from winchcascade.report.diagnosis_words import VERDICTS
 from winchcascade.report.document import file_digest, made_on, picture, provenance_table, section
 from winchcascade.report.layout import Note, Point, Report, Section, Table, Tile, Tone
+from winchcascade.report.publish import publish
 from winchcascade.report.style import house_style
 
 if TYPE_CHECKING:
@@ -28,15 +29,7 @@ def write_line_reports(
     found: LineDiagnosis, *, html: Path | None, pdf: Path | None, command: str = "", force: bool = False
 ) -> None:
     """Write the report as a self-contained page, as a PDF, or both. Raises as `write_content`."""
-    report = make_line_report(found, command=command)
-    if html is not None:
-        from winchcascade.report.html import write_html
-
-        write_html(report, html, force=force)
-    if pdf is not None:
-        from winchcascade.report.pdf import write_pdf
-
-        write_pdf(report, pdf, force=force)
+    publish(make_line_report(found, command=command), html=html, pdf=pdf, force=force)
 
 
 def make_line_report(found: LineDiagnosis, *, command: str = "") -> Report:

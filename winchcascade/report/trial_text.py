@@ -12,6 +12,7 @@ from winchcascade.blind.hidden import OUTSIDERS, PARTS
 from winchcascade.blind.tally import NO_GAP, NOTHING, UNEXPLAINED, Count, Score, hidden_name
 from winchcascade.order import median
 from winchcascade.report.layout import Note, Point, Report, Table, Tile
+from winchcascade.report.publish import publish
 
 if TYPE_CHECKING:
     from winchcascade.blind.tally import CaseScore
@@ -150,15 +151,7 @@ def write_trial_reports(
     score: Score, *, html: Path | None, pdf: Path | None, command: str = "", force: bool = False
 ) -> None:
     """Write the report of a scored trial as a self-contained page, as a PDF, or both. Raises as `write_content`."""
-    report = make_trial_report(score, command=command)
-    if html is not None:
-        from winchcascade.report.html import write_html
-
-        write_html(report, html, force=force)
-    if pdf is not None:
-        from winchcascade.report.pdf import write_pdf
-
-        write_pdf(report, pdf, force=force)
+    publish(make_trial_report(score, command=command), html=html, pdf=pdf, force=force)
 
 
 def make_trial_report(score: Score, *, command: str = "") -> Report:
