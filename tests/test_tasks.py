@@ -1,7 +1,10 @@
 """Jobs on processes: every job has one outcome, whatever the others do."""
 
+import inspect
 import os
 import signal
+import struct
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -13,7 +16,7 @@ from winchcascade.tasks import Outcome, processes, run_here
 
 
 class Task(NamedTuple):
-    """What a job is to do: `good`, `fault`, `error`, `missing`, `exit`, `kill`, `once` or `wait`."""
+    """What a job is to do: `good`, `fault`, `error`, `missing`, `exit`, `kill`, `once`, `wait` or `half`."""
 
     does: str
     value: int = 0
@@ -44,6 +47,15 @@ def work(task: Task) -> int:
             while not (task.folder / "go").exists():
                 pass
             os._exit(3)
+        case "half":
+            frame = inspect.currentframe()
+            while frame is not None and "result_queue" not in frame.f_locals:
+                frame = frame.f_back
+            assert frame is not None
+            frame.f_locals["result_queue"]._writer._send(struct.pack("!i", 1000))  # and never the thousand bytes
+            os.kill(os.getppid(), signal.SIGINT)
+            while True:
+                time.sleep(1.0)
     return 2 * task.value
 
 
@@ -121,3 +133,29 @@ def wait_for_the_end_of(process: int) -> None:
 
 def test_there_is_a_processor() -> None:
     assert processes() >= 1
+
+
+@pytest.mark.skipif(os.name == "nt", reason="interrupts as POSIX does")
+def test_an_interrupt_ends_a_pool_that_waits_for_the_rest_of_a_result() -> None:
+    with pytest.raises(KeyboardInterrupt):
+        list(run_here(work, [Task("half"), Task("good", 1)], workers=2))
+
+
+@pytest.mark.skipif(os.name == "nt", reason="interrupts as POSIX does")
+def test_after_an_interrupt_the_next_one_is_raised_as_before() -> None:
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        list(run_here(work, [Task("half"), Task("good", 1)], workers=2))
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.skipif(os.name == "nt", reason="interrupts as POSIX does")
+def test_interrupts_that_are_ignored_stay_ignored() -> None:
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        found = run_here(work, [Task("good", k) for k in range(4)], workers=2)
+        next(found)
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+        assert len(list(found)) == 3
+    finally:
+        signal.signal(signal.SIGINT, before)

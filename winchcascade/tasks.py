@@ -7,9 +7,12 @@ from __future__ import annotations
 
 import os
 import re
+import signal
+import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from typing import TYPE_CHECKING, Generic, TypeVar
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from winchcascade.errors import OptionError, WinchcascadeError
 
@@ -23,6 +26,9 @@ _ADDRESS = re.compile(r"^(tcp|tls|ws|wss|ucx)://[^/\s]+:[0-9]{1,5}$")
 
 MOST_WORKERS = 61
 """More processes than this Windows cannot wait for."""
+
+PATIENCE = 0.2
+"""An interrupt is heard after this at the latest. [s]"""
 
 CONNECT = 10.0
 """A scheduler that has not answered after this cannot be reached. [s]"""
@@ -99,9 +105,6 @@ def _pool(workers: int) -> ProcessPoolExecutor:
 
 def _quietly() -> None:
     """Leave an interrupt to the process that gave the jobs, and end with it, however it ends."""
-    import signal
-    import threading
-
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
@@ -125,43 +128,70 @@ def _pooled(
     running: dict[Future[list[Outcome[Done]]], range] = {}
     pool = _pool(workers)
     try:
-        while waiting or running:
-            while waiting and len(running) < 2 * workers:
-                places = waiting[-1]
-                running[pool.submit(_several, work, places, [jobs[k] for k in places])] = places
-                waiting.pop()  # only now: a pool that is broken takes no more
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                outcomes = future.result()
-                del running[future]
-                yield from outcomes
+        with _interrupts_held() as interrupted:
+            while waiting or running:
+                while waiting and len(running) < 2 * workers:
+                    places = waiting[-1]
+                    running[pool.submit(_several, work, places, [jobs[k] for k in places])] = places
+                    waiting.pop()  # only now: a pool that is broken takes no more
+                for future in wait(running, timeout=PATIENCE, return_when=FIRST_COMPLETED).done:
+                    outcomes = future.result()
+                    del running[future]
+                    yield from outcomes
+                if interrupted():
+                    raise KeyboardInterrupt
     except BrokenProcessPool:
         whole = [future for future in running if future.done() and future.exception() is None]
         for future in whole:
             yield from future.result()
             del running[future]
         return list(reversed(waiting)), [place for places in running.values() for place in places]
-    except (
-        BaseException
-    ):  # an interrupt, say: what the processes have in hand is not wanted, and every file is written whole
-        for process in list((pool._processes or {}).values()):
-            process.terminate()
+    except BaseException:  # an interrupt, say
+        _abandon(pool)
         raise
     finally:
-        pool.shutdown(wait=False, cancel_futures=True)
+        _close(pool)
     return [], []
 
 
 def _alone(work: Callable[[Job], Done], jobs: Sequence[Job], place: int) -> Iterator[Outcome[Done]]:
     """Try a job in a process of its own."""
-    from concurrent.futures.process import BrokenProcessPool
-
-    pool = _pool(1)
-    try:
-        yield from pool.submit(_several, work, [place], [jobs[place]]).result()
-    except BrokenProcessPool:
+    left, lost = yield from _pooled(work, jobs, [range(place, place + 1)], 1)
+    if left or lost:
         yield Outcome(place, fault="the process that worked on it was killed twice; is there enough memory?")
+
+
+@contextmanager
+def _interrupts_held() -> Generator[Callable[[], bool], None, None]:
+    """Keep interrupts from falling anywhere: one that is raised within a lock of the pool breaks it. Tells whether one came."""
+    before = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or not callable(before):  # where none is raised
+        yield lambda: False
+        return
+    came = threading.Event()
+    signal.signal(signal.SIGINT, lambda *_: came.set())
+    try:
+        yield came.is_set
     finally:
-        pool.shutdown(wait=False, cancel_futures=True)
+        signal.signal(signal.SIGINT, before)
+
+
+def _abandon(pool: ProcessPoolExecutor) -> None:
+    """End the processes at once: what they have in hand is not wanted, and every file is written whole.
+
+    A process may end halfway through the sending of a result; the pool would wait for the rest as long as anybody holds the
+    sending end, which this process does.
+    """
+    for process in list((pool._processes or {}).values()):
+        process.terminate()
+    results: Any = pool._result_queue
+    if results is not None:
+        results._writer.close()
+
+
+def _close(pool: ProcessPoolExecutor) -> None:
+    """End a pool and wait for it: Python's own end may otherwise come upon it half closed, and complain."""
+    pool.shutdown(cancel_futures=True)
 
 
 def run_there(work: Callable[[Job], Done], jobs: Sequence[Job], *, scheduler: str) -> Iterator[Outcome[Done]]:
