@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from winchcascade.phases.detect import Cycle, detect, smoothed_velocity
+from winchcascade.phases.detect import Cycle, crossing, detect, long_gaps, smoothed_velocity
 from winchcascade.rigfile import Thresholds
 from winchcascade.run import CLOCK, Run
 
@@ -144,3 +144,93 @@ def test_a_haul_in_that_was_not_logged_still_parts_two_payouts() -> None:
     channels = {name: x[kept] for name, x in whole.channels.items()}
     run = Run("made", t, channels, 1 / DT, t.size, gaps={CLOCK: np.array([gap])})
     assert len(detect(run, smoothed_velocity(run, RULES), RULES)) == 2
+
+
+def without(v: np.ndarray, *spans: tuple[float, float], bridged: bool = False, displacement: bool = True) -> Run:
+    """A motion whose samples between two instants are missing, or bridged by a straight line of the velocity."""
+    whole = run_of(v)
+    lost = np.zeros(v.size, dtype=bool)
+    gaps = []
+    for a, b in spans:
+        lost |= (whole.t > a) & (whole.t < b)
+        gaps.append((whole.t[whole.t <= a][-1], whole.t[whole.t >= b][0]))
+    channels = {name: x for name, x in whole.channels.items() if displacement or name == "velocity"}
+    if bridged:
+        kept = np.ones(v.size, dtype=bool)
+        channels = {name: np.interp(whole.t, whole.t[~lost], x[~lost]) for name, x in channels.items()}
+        channels["displacement"] = whole.channels["displacement"]
+    else:
+        kept = ~lost
+    known = {"velocity" if bridged else CLOCK: np.array(gaps)}
+    return Run("made", whole.t[kept], {name: x[kept] for name, x in channels.items()}, 1 / DT, v.size, gaps=known)
+
+
+def found_in(run: Run) -> list[Cycle]:
+    return detect(run, smoothed_velocity(run, RULES), RULES)
+
+
+@pytest.mark.parametrize("bridged", [False, True])
+def test_a_gap_over_a_haul_in_from_plateau_to_plateau_parts_two_payouts(bridged: bool) -> None:
+    """A straight line over the gap would go on paying out; the displacement tells that the line went back."""
+    run = without(profile(REST, *CYCLE, *CYCLE), (14.0, 38.0), bridged=bridged)
+    first, second = found_in(run)
+    assert first.onset == pytest.approx(5.07, abs=EARLY)
+    assert first.payout_end == pytest.approx(14.0, abs=1e-9)
+    assert second.onset >= 37.9
+    assert second.payout_end == pytest.approx(35.0 + 12.0 - 0.03, abs=EARLY)
+
+
+@pytest.mark.parametrize("displacement", [True, False])
+def test_a_gap_inside_a_payout_leaves_it_one(displacement: bool) -> None:
+    (cycle,) = found_in(without(profile(REST, *CYCLE), (10.0, 12.5), displacement=displacement))
+    assert cycle.onset == pytest.approx(5.07, abs=EARLY)
+    assert cycle.payout_end == pytest.approx(17.0 - 0.03, abs=EARLY)
+
+
+def test_gaps_of_the_clock_and_of_the_velocity_come_in_order_and_short_ones_do_not_count() -> None:
+    v = profile(REST, *CYCLE)
+    gaps = {"velocity": np.array([[20.0, 22.0], [3.0, 3.5]]), CLOCK: np.array([[6.0, 8.0], [1.0, 2.0]])}
+    run = Run("made", run_of(v).t, run_of(v).channels, 1 / DT, v.size, gaps=gaps | {"torque": np.array([[9.0, 19.0]])})
+    assert long_gaps(run, 1.0).tolist() == [[6.0, 8.0], [20.0, 22.0]]
+    assert long_gaps(run_of(v), 1.0).shape == (0, 2)
+
+
+def test_a_log_that_begins_or_ends_with_a_gap_is_read() -> None:
+    v = profile(REST, *CYCLE, (20.0, 0.0))
+    for span in ((0.0, 3.0), (32.0, 50.0)):
+        (cycle,) = found_in(without(v, span))
+        assert cycle.onset == pytest.approx(5.07, abs=EARLY)
+
+
+@pytest.mark.parametrize(("onward", "payouts"), [(2.0, 2), (4.5, 1)])
+def test_a_reversal_joins_only_what_it_is_overtaken_by(onward: float, payouts: int) -> None:
+    """Back 1.8 m after 9 m: joined if the line then goes on by more than half as much again."""
+    back = ((0.2, -0.9), (1.8, -0.9), (0.2, 0.0))
+    v = profile(REST, (1.0, 0.9), (9.0, 0.9), (0.2, 0.0), *back, (0.2, 0.9), (onward / 0.9, 0.9), (0.2, 0.0), HOLD)
+    v = np.concatenate((v, profile(*HAUL_IN, (3.0, -1.2), (4.0, -1.2), (0.5, 0.0), REST)))
+    assert len(cycles_of(v)) == payouts
+
+
+def test_what_counts_as_creep_is_measured_against_the_payouts_top_speed() -> None:
+    """Before the payout and along it, at 8 and at 14 % of its top speed: the first is creep, the second is not."""
+    for speed, begin in ((0.072, 13.0), (0.126, 5.0)):
+        v = profile(REST, (0.2, speed), (4.6, speed), (0.2, 0.0), (3.0, 0.0), *CYCLE)
+        (cycle,) = cycles_of(v)
+        assert cycle.onset == pytest.approx(begin + 0.06, abs=0.2)
+
+
+def test_the_haul_in_has_creep_of_its_own() -> None:
+    v = profile(REST, *PAYOUT, HOLD, (0.2, -0.06), (3.0, -0.06), (0.2, 0.0), (2.0, 0.0), *HAUL_IN, REST)
+    (cycle,) = cycles_of(v)
+    assert cycle.haul_in is not None
+    assert cycle.haul_in[0] == pytest.approx(17.0 + 4.0 + 5.4 + 0.025, abs=0.1)
+
+
+def test_a_crossing_lies_on_the_line_between_two_samples() -> None:
+    t, v = np.array([0.0, 1.0, 3.0, 4.0]), np.array([0.0, 0.2, 0.6, 0.6])
+    assert crossing(t, v, 1, 0.05) == pytest.approx(0.25)
+    assert crossing(t, v, 2, 0.3) == pytest.approx(1.5)
+    assert crossing(t, v, 2, 0.1) == 1.0
+    assert crossing(t, v, 2, 0.9) == 3.0
+    assert crossing(t, v, 3, 0.3) == 4.0
+    assert (crossing(t, v, 0, 0.3), crossing(t, v, -1, 0.3), crossing(t, v, 4, 0.3)) == (0.0, 0.0, 4.0)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from winchcascade.phases.detect import Cycle
-from winchcascade.phases.window import find_plateau, find_window
+from winchcascade.phases.window import Plateau, find_plateau, find_window
 from winchcascade.rigfile import Thresholds
 
 RULES = Thresholds()
@@ -106,3 +106,64 @@ def test_a_payout_cut_late_on_its_plateau_has_a_whole_window() -> None:
     v = trapezoid()[kept]
     window = find_window(cut, find_plateau(T[kept], v, cut, RULES), float(v.max()), cut.payout_end, "auto", RULES)
     assert window.fault is None
+
+
+def test_plateau_and_braking_lie_between_the_samples() -> None:
+    """On straight lines the instants are exact: 98 % of the ramp that begins at 5.01 s and 2 % down from 16 s."""
+    v = np.interp(T, [5.01, 7.01, 16.0, 17.0], [0.0, 0.9, 0.9, 0.0])
+    plateau = find_plateau(T, v, cycle(), RULES)
+    assert plateau is not None
+    assert plateau.begin == pytest.approx(5.01 + 0.98 * 2.0, abs=1e-9)
+    assert plateau.braking == pytest.approx(16.0 + 0.02, abs=1e-9)
+
+
+def test_a_plateau_that_the_log_begins_or_ends_in_reaches_its_first_or_last_stamp() -> None:
+    v = np.full(T.size, 0.9)
+    plateau = find_plateau(T, v, Cycle(T[0], T[-1], None, None, True, True), RULES)
+    assert plateau is not None
+    assert (plateau.begin, plateau.braking) == (T[0], T[-1])
+
+
+def test_a_plateau_that_the_payout_ends_in_reaches_its_last_sample() -> None:
+    v = np.where(T > 8.0, 0.9, 0.0)
+    plateau = find_plateau(T, v, Cycle(5.0, 12.0, None, None, False, False), RULES)
+    assert plateau is not None
+    assert plateau.braking == pytest.approx(12.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("samples", "found"), [(2, False), (3, True)])
+def test_three_samples_are_the_fewest_a_plateau_is_sought_in(samples: int, found: bool) -> None:
+    t, v = np.arange(samples) * 0.2, np.full(samples, 0.9)
+    assert (find_plateau(t, v, Cycle(t[0], t[-1], None, None, False, False), RULES) is not None) == found
+
+
+def test_a_level_that_is_only_reached_counts() -> None:
+    v = np.where((T >= 6.0) & (T <= 8.0), 1.0, np.where((T >= 8.0) & (T <= 14.0), 0.98, 0.0))
+    v[T < 5.0] = 0.0
+    rules = Thresholds(plateau_quantile=1.0, plateau_band=0.99)
+    plateau = find_plateau(T, v, cycle(), rules)
+    assert plateau is not None
+    assert plateau.speed == 1.0
+    assert plateau.braking > 13.9
+
+
+@pytest.mark.parametrize(("ends_inside", "fault"), [(False, None), (True, "the log ends inside the payout")])
+def test_the_rule_payout_says_if_the_log_ends_before_it(ends_inside: bool, fault: str | None) -> None:
+    assert find_window(cycle(ends_inside=ends_inside), None, 0.9, T[-1], "payout", RULES).fault == fault
+
+
+def test_a_fixed_window_may_end_with_the_log() -> None:
+    assert find_window(cycle(), None, 0.9, 10.0, 5.0, RULES).fault is None
+
+
+def test_a_cut_payout_must_hold_its_window_and_must_not_have_been_faster_than_its_plateau() -> None:
+    cut = Cycle(5.0, 10.0, None, None, False, True)
+    late, early = Plateau(0.9, 9.6, 10.0), Plateau(0.9, 7.0, 10.0)
+    assert find_window(cut, early, 0.92, 10.0, "auto", RULES).fault is None
+    assert find_window(cut, late, 0.92, 10.0, "auto", RULES).fault is not None
+    assert find_window(cut, early, 0.93, 10.0, "auto", RULES).fault is not None
+
+
+def test_a_payout_without_a_plateau_has_no_window_of_its_own() -> None:
+    window = find_window(cycle(), None, 0.9, T[-1], "auto", RULES)
+    assert (window.cutoff, window.fault) == (17.0, "the payout never holds a plateau speed")
