@@ -133,7 +133,7 @@ def test_a_plateau_that_the_payout_ends_in_reaches_its_last_sample() -> None:
 
 @pytest.mark.parametrize(("samples", "found"), [(2, False), (3, True)])
 def test_three_samples_are_the_fewest_a_plateau_is_sought_in(samples: int, found: bool) -> None:
-    t, v = np.arange(samples) * 0.2, np.full(samples, 0.9)
+    t, v = 0.2 * np.arange(samples, dtype=np.float64), np.full(samples, 0.9)
     assert (find_plateau(t, v, Cycle(t[0], t[-1], None, None, False, False), RULES) is not None) == found
 
 
