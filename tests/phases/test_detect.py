@@ -172,12 +172,13 @@ def found_in(run: Run) -> list[Cycle]:
 @pytest.mark.parametrize("bridged", [False, True])
 def test_a_gap_over_a_haul_in_from_plateau_to_plateau_parts_two_payouts(bridged: bool) -> None:
     """A straight line over the gap would go on paying out; the displacement tells that the line went back."""
-    run = without(profile(REST, *CYCLE, *CYCLE), (14.0, 38.0), bridged=bridged)
+    longer = ((2.0, 0.9), (20.0, 0.9), (1.0, 0.0), HOLD)
+    run = without(profile(REST, *CYCLE, *longer), (14.0, 38.0), bridged=bridged)
     first, second = found_in(run)
     assert first.onset == pytest.approx(5.07, abs=EARLY)
     assert first.payout_end == pytest.approx(14.0, abs=1e-9)
     assert second.onset >= 37.9
-    assert second.payout_end == pytest.approx(35.0 + 12.0 - 0.03, abs=EARLY)
+    assert second.payout_end == pytest.approx(35.0 + 23.0 - 0.03, abs=EARLY)
 
 
 @pytest.mark.parametrize("displacement", [True, False])
