@@ -147,8 +147,6 @@ def _refusal(fault: WinchcascadeError) -> tuple[str, str]:
     """A refusal that is one line for people, and not memory that ran out, is as it should be."""
     said = str(fault)
     cause = fault.__cause__
-    if type(cause).__name__ == "PanicException":  # tells its own story on standard error
-        return "fault", f"a panic: {said}"
     if isinstance(cause, MemoryError):
         return "fault", f"memory ran out: {said}"
     if any(unicodedata.category(letter) in ("Cc", "Cs", "Zl", "Zp") for letter in said):

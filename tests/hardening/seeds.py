@@ -14,6 +14,7 @@ import h5py
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+import xlsb
 import xlsxwriter
 from nptdms import ChannelObject, RootObject, TdmsWriter
 from scipy.io import savemat
@@ -191,6 +192,13 @@ def _workbook(*, units: bool) -> bytes:
     return stream.getvalue()
 
 
+def _binary_workbook() -> bytes:
+    rows = [HEADERS, *([float(cell) for cell in row] for row in ROWS[:500])]
+    stream = io.BytesIO()
+    xlsb.write(stream, xlsb.sheet(rows))
+    return stream.getvalue()
+
+
 def zipped(parts: dict[str, bytes], method: int = zipfile.ZIP_DEFLATED) -> bytes:
     """Parts as one zipped file."""
     stream = io.BytesIO()
@@ -226,8 +234,8 @@ def _ods() -> bytes:
 
 
 def excel() -> list[bytes]:
-    """Workbooks of Excel and of LibreOffice."""
-    return [_workbook(units=False), _workbook(units=True), _ods()]
+    """Workbooks of Excel, zipped XML and zipped records, and of LibreOffice."""
+    return [_workbook(units=False), _workbook(units=True), _ods(), _binary_workbook()]
 
 
 def campaign() -> list[bytes]:

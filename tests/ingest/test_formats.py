@@ -16,6 +16,7 @@ import openpyxl
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+import xlsb
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
@@ -697,6 +698,26 @@ def test_excel_stray_cell_does_not_stretch_the_sheet_over_memory(tmp_path: Path)
     assert "stray" in sentence(lambda: open_excel(path), path)
 
 
+def test_a_binary_workbook_is_read_like_any_other(tmp_path: Path) -> None:
+    rows = [["Time", "Force"], ["s", "kgf"], *([0.04 * k, 100.0 + k] for k in range(300))]
+    source, table = read_all(xlsb.write(tmp_path / "a.xlsb", xlsb.sheet(rows)), open_excel)
+    assert names(source) == ["Time", "Force"]
+    assert units(source) == ["s", "kgf"]
+    assert table.values[1][-1] == 399.0
+
+
+def test_binary_workbooks_stray_cell_does_not_stretch_the_sheet_over_memory(tmp_path: Path) -> None:
+    stray = xlsb.row(1_048_575, [xlsb.cell(16_383, 1.0)])
+    path = xlsb.write(tmp_path / "a.xlsb", xlsb.sheet([["v"], [1.0]], stray))
+    assert "reaches to row 1048576 and column 16384" in sentence(lambda: open_excel(path), path)
+
+
+def test_a_panic_of_the_reader_leaves_the_sentence_alone(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    path = xlsb.write(tmp_path / "a.xlsb", xlsb.sheet([["v"], [1.0]]), name_letters=1_000_000)
+    assert "damaged or breaks off" in sentence(lambda: open_excel(path), path)
+    assert capfd.readouterr().err == ""
+
+
 def test_excel_zip_bomb_is_refused_before_it_unpacks(tmp_path: Path) -> None:
     path = write_excel(tmp_path / "a.xlsx", ["v"], [1.0])
     with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as book, book.open("xl/media/zeros", "w") as part:
@@ -748,6 +769,11 @@ def _excel(path: Path) -> Path:
     return write_excel(path, ["Time", "v"], ["s", "m/s"], *([t, v] for t, v in zip(T, V, strict=True)))
 
 
+def _binary_excel(path: Path) -> Path:
+    rows = zip(T.tolist(), V.tolist(), strict=True)
+    return xlsb.write(path, xlsb.sheet([["Time", "v"], ["s", "m/s"], *([t, v] for t, v in rows)]))
+
+
 FORMATS: dict[str, tuple[Callable[[Path], Path], Callable[[Path], Source]]] = {
     "tdms": (_tdms, open_tdms),
     "mat": (_mat, open_mat),
@@ -755,6 +781,7 @@ FORMATS: dict[str, tuple[Callable[[Path], Path], Callable[[Path], Source]]] = {
     "mat73": (write_mat73, open_mat),
     "parquet": (write_parquet, open_parquet),
     "xlsx": (_excel, open_excel),
+    "xlsb": (_binary_excel, open_excel),
 }
 
 

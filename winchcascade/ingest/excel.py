@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import datetime as dt
 import io
+import os
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from itertools import islice
@@ -16,7 +17,7 @@ import numpy as np
 from python_calamine import CalamineError, CalamineWorkbook, PasswordError
 
 from winchcascade.errors import LogError
-from winchcascade.ingest.extent import named_corner, repeated_corner
+from winchcascade.ingest.extent import Corner, binary_corner, named_corner, repeated_corner
 from winchcascade.ingest.sheet import (
     ROWS_LOOKED_AT,
     ROWS_SEARCHED,
@@ -53,7 +54,8 @@ def open_excel(path: Path) -> Source:
         content = path.read_bytes()
         if zipfile.is_zipfile(io.BytesIO(content)):
             _refuse_bomb(path, content)
-        name, layout, rows = _best_sheet(path, content)
+        with _quiet():
+            name, layout, rows = _best_sheet(path, content)
     return Source(
         headers=layout.headers,
         load=partial(_load, layout, rows),
@@ -80,6 +82,24 @@ def _told(path: Path) -> Iterator[None]:
         ) from fault
 
 
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep from the terminal what the Rust reader writes there, past Python, when it panics: `_told` says it in a sentence."""
+    try:
+        terminal = os.dup(2)
+    except OSError:  # closed by the caller
+        yield
+        return
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    try:
+        yield
+    finally:
+        os.dup2(terminal, 2)
+        os.close(terminal)
+        os.close(nowhere)
+
+
 def _refuse_bomb(path: Path, content: bytes) -> None:
     """Unpack every part once, a piece at a time: sizes, checksums and the corner of the sheets.
 
@@ -97,7 +117,7 @@ def _refuse_bomb(path: Path, content: bytes) -> None:
                 "are read; export the sheet as CSV."
             )
         for part in parts.infolist():
-            reach = repeated_corner if part.filename == "content.xml" else named_corner
+            reach = _reach_of(part.filename)
             with parts.open(part) as stream:
                 corner = reach(iter(partial(stream.read, 2**20), b""))
             if not corner.possible or corner.rows * corner.columns > CELLS:
@@ -105,6 +125,13 @@ def _refuse_bomb(path: Path, content: bytes) -> None:
                     f"{path.name}: a sheet reaches to row {corner.rows:.7g} and column {corner.columns:.7g}; at most "
                     f"{CELLS} cells are read; delete the stray cells outside the table or export the sheet as CSV."
                 )
+
+
+def _reach_of(part: str) -> Callable[[Iterable[bytes]], Corner]:
+    """How to find the last cell of a part by its name."""
+    if part.startswith("xl/worksheets/") and part.endswith(".bin"):
+        return binary_corner
+    return repeated_corner if part == "content.xml" else named_corner
 
 
 def _workbook(path: Path, content: bytes) -> CalamineWorkbook:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import struct
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
@@ -15,6 +16,9 @@ _PIECE = 1 << 16
 _NAMED = re.compile(rb"""<(?:\w+:)?(?:c|row)\s[^>]*?\br\s*=\s*["']\s*\$?([A-Za-z]*)\$?(\d*)""")
 _TAG = re.compile(rb"<(/?)(?:\w+:)?(table|table-row|table-cell|covered-table-cell)(\s[^>]*)?>")
 _REPEATED = re.compile(rb"""number-(?:rows|columns)-repeated\s*=\s*["']\s*(\d+)""")
+_NUMBER = struct.Struct("<I")
+_ROW_HEADER, _CELLS = 0, range(1, 12)
+"""Types of records of a binary sheet: BrtRowHdr, and BrtCellBlank to BrtFmlaError."""
 
 
 class Corner(NamedTuple):
@@ -59,6 +63,38 @@ def repeated_corner(pieces: Iterable[bytes]) -> Corner:
             column += _times(attributes)
             filled = filled if attributes.endswith(b"/") and b"value" not in attributes else column
     return most
+
+
+def binary_corner(pieces: Iterable[bytes]) -> Corner:
+    """Find the last row and column with a cell of a sheet of a binary workbook ([MS-XLSB] 2.1.4 and 2.5: records of a type, a
+    size and a body; a row's number begins its header, a column's its cells).
+
+    Raises
+    ------
+    IndexError, struct.error : the part breaks off within a record
+    """
+    data = b"".join(pieces)
+    row = rows = columns = at = 0
+    while at < len(data):
+        kind, at = _seven_bits(data, at, most=2)
+        size, at = _seven_bits(data, at, most=4)
+        if kind == _ROW_HEADER:
+            (row,) = _NUMBER.unpack_from(data, at)
+        elif kind in _CELLS:
+            (column,) = _NUMBER.unpack_from(data, at)
+            rows, columns = max(rows, row + 1), max(columns, column + 1)
+        at += size
+    return Corner(rows, columns)
+
+
+def _seven_bits(data: bytes, at: int, *, most: int) -> tuple[int, int]:
+    """Read a number in groups of seven bits, the lowest first, of which all but the last are marked; and the place after it."""
+    value = 0
+    for k in range(most):
+        value |= (data[at + k] & 0x7F) << (7 * k)
+        if data[at + k] < 0x80:
+            return value, at + k + 1
+    return value, at + most
 
 
 def _tags(pieces: Iterable[bytes]) -> Iterator[tuple[bytes, bool, bytes]]:
