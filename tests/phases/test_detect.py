@@ -235,3 +235,10 @@ def test_a_crossing_lies_on_the_line_between_two_samples() -> None:
     assert crossing(t, v, 2, 0.9) == 3.0
     assert crossing(t, v, 3, 0.3) == 4.0
     assert (crossing(t, v, 0, 0.3), crossing(t, v, -1, 0.3), crossing(t, v, 4, 0.3)) == (0.0, 0.0, 4.0)
+
+
+def test_a_haul_in_that_follows_at_once_is_one() -> None:
+    v = profile(REST, (2.0, 0.9), (9.0, 0.9), (0.04, -1.2), (8.0, -1.2), (1.0, 0.0), REST)
+    (cycle,) = cycles_of(v)
+    assert cycle.payout_end == pytest.approx(16.0, abs=0.1)
+    assert cycle.haul_in == pytest.approx((16.0, 25.0), abs=0.1)
