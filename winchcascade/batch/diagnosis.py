@@ -19,33 +19,46 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
+    from winchcascade.campaign import Campaign
+    from winchcascade.rigfile import Rig
+
 
 def diagnose_file(
     path: Path,
     suspects: Mapping[str, type],
     *,
-    rig: str | None = None,
+    seed: int = 0,
+    tell: Callable[[str], None] = lambda _: None,
+) -> Diagnosis:
+    """Diagnose a campaign.toml, or the one in a folder, on its own rig; faults as `diagnose_listed`."""
+    campaign = load_campaign(path)
+    return diagnose_listed(campaign, load_rig(campaign.rig or DEFAULT_RIG), suspects, seed=seed, tell=tell)
+
+
+def diagnose_listed(
+    campaign: Campaign,
+    rig: Rig,
+    suspects: Mapping[str, type],
+    *,
     loads: Sequence[float] = (),
     seed: int = 0,
     tell: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
-    """Diagnose a campaign.toml, or the one in a folder.
+    """Diagnose the logs that a campaign lists.
 
     Parameters
     ----------
-    rig : of the command line, before the campaign's own
+    rig : for which a model can be made
     loads : of the runs to withhold; by default those that the campaign marks [ohm]
 
     Raises
     ------
     WinchcascadeError : something of the input cannot be used; the message says what
     """
-    campaign = load_campaign(path)
-    the_rig = load_rig(rig or campaign.rig or DEFAULT_RIG)
     runs = []
     for number, entry in enumerate(campaign.runs, 1):
         tell(f"reading {entry.file.name} ({number} of {len(campaign.runs)})")
-        run = read_run(entry.file, rig=the_rig, load=entry.load)
+        run = read_run(entry.file, rig=rig, load=entry.load)
         if run.load is None:
             raise CampaignError(
                 f"{campaign.path}: run {number} ({entry.file.name}) has no load; a diagnosis simulates it, so give load_ohm."
@@ -53,9 +66,9 @@ def diagnose_file(
         runs.append(run)
     return diagnose(
         runs,
-        the_rig,
+        rig,
         suspects,
-        title=campaign.title or campaign.path.resolve().parent.name,
+        title=campaign.name,
         cycles=[entry.cycles for entry in campaign.runs],
         withheld=withheld_numbers(loads, runs, [entry.withheld for entry in campaign.runs]),
         seed=seed,

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from winchcascade.batch.diagnosis import diagnose_file, write_predictions
-from winchcascade.campaign import load_campaign
+from winchcascade.batch.diagnosis import diagnose_listed, write_predictions
 from winchcascade.diagnose.line.campaign import LineDiagnosis, diagnose_line
 from winchcascade.diagnose.line.record import as_json as line_json
 from winchcascade.diagnose.record import as_json
@@ -50,7 +49,7 @@ class Outcome(NamedTuple):
 
 
 def outcome(
-    path: Path,
+    campaign: Campaign,
     suspects: Mapping[str, type],
     *,
     rig: str | None = None,
@@ -58,8 +57,9 @@ def outcome(
     seed: int = 0,
     tell: Callable[[str], None] = lambda _: None,
 ) -> Outcome:
-    """Diagnose a campaign.toml, or the one in a folder, whatever its rig. Parameters and faults as `diagnose_file`."""
-    campaign = load_campaign(path)
+    """Diagnose the logs that a campaign lists, whatever their rig. Parameters and faults as `diagnose_listed`, but for `rig`,
+    which is a rig file or a name, before the campaign's own.
+    """
     the_rig = load_rig(rig or campaign.rig or DEFAULT_RIG)
     try:
         baseline(the_rig)
@@ -70,7 +70,7 @@ def outcome(
         return _of_line(_diagnosed(campaign, runs, the_rig, suspects, loads, seed, tell))
     from winchcascade.report.diagnosis_text import diagnosis_text
 
-    found = diagnose_file(path, suspects, rig=rig, loads=loads, seed=seed, tell=tell)
+    found = diagnose_listed(campaign, the_rig, suspects, loads=loads, seed=seed, tell=tell)
 
     def write_reports(*, html: Path | None, pdf: Path | None, command: str, force: bool) -> None:
         from winchcascade.report.diagnosis import write_diagnosis_reports
@@ -125,7 +125,7 @@ def _diagnosed(
         runs,
         rig,
         suspects,
-        title=campaign.title or campaign.path.resolve().parent.name,
+        title=campaign.name,
         cycles=[entry.cycles for entry in campaign.runs],
         withheld=[k for k, entry in enumerate(campaign.runs) if entry.withheld],
         seed=seed,

@@ -63,13 +63,13 @@ def diagnose_command(
     from winchcascade.report.progress import Telling
 
     suspects = {name: find_effect(name) for name in suspect} if suspect else EFFECTS
-    read = load_campaign(campaign)
-    logs = [run.file for run in read.runs]
+    listed = load_campaign(campaign)
+    logs = [run.file for run in listed.runs]
     results = {"--json": Path(json) if json else None, "--html": html, "--pdf": pdf}
-    check_outputs(results | _prediction_files(predictions, logs), [read.path, *logs, rig], force=force)
+    check_outputs(results | _prediction_files(predictions, logs), [listed.path, *logs, rig], force=force)
     use_threads(jobs)
-    with Telling(f"diagnosing {read.title or campaign.name}") as tell:
-        found = outcome(campaign, suspects, rig=rig, loads=withhold or (), seed=seed, tell=tell)
+    with Telling(f"diagnosing {listed.name}") as tell:
+        found = outcome(listed, suspects, rig=rig, loads=withhold or (), seed=seed, tell=tell)
         written = [] if predictions is None else found.write_predictions(predictions, force)
         if html is not None or pdf is not None:
             tell("writing reports")
