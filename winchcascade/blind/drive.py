@@ -137,8 +137,7 @@ def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int, out: Signal
     out : (n, 4) is filled with `COLUMNS`, ledger : (12,) with `LEDGER`
     """
     i, on, work = np.zeros(3), np.zeros(3, dtype=np.int64), np.zeros((4, 3))
-    twist = omega = v_dc = angle = heat = 0.0
-    mean_square = 0.0
+    twist = omega = v_dc = angle = heat = mean_square = 0.0
     rpm = 30.0 / math.pi
     share = d.eta_mesh / d.gear
     for n in range(out.shape[0]):
