@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
-from winchcascade.commands.complete import reports as reports_completion
+from winchcascade.commands.complete import report_choices
 from winchcascade.commands.options import ForceOption, JobsOption, RigOption, SchedulerOption, WindowOption
 from winchcascade.commands.outputs import given_command, show
-from winchcascade.commands.processors import one_thread_each, use_threads
 from winchcascade.errors import OptionError
+from winchcascade.threads import one_thread_each, set_threads
 
 
 def batch_command(
@@ -34,7 +34,7 @@ def batch_command(
             "--reports",
             metavar="none|html|all",
             help="Reports of each log and of the campaign; all: PDF too.",
-            autocompletion=reports_completion,
+            autocompletion=report_choices,
         ),
     ] = "html",
     excel: Annotated[bool, typer.Option("--excel", help="Write the tables as an Excel workbook too.")] = False,
@@ -93,7 +93,7 @@ def demo_command(
             force=force, watch=watch,
         )  # fmt: skip
     show(campaign_text(batch.summary, batch.folder, kept=batch.kept), flush=True)
-    use_threads(jobs)
+    set_threads(jobs or processes())
     with Telling(f"diagnosing {plan.title}") as tell:
         found, files = diagnose_copy(campaign, out / "results", EFFECTS, command=command, force=force, tell=tell)
     show(diagnosis_lines(found, files))

@@ -9,7 +9,7 @@ import typer
 
 from winchcascade.commands.options import ForceOption, HtmlOption, JobsOption, JsonOption, PdfOption, SchedulerOption
 from winchcascade.commands.outputs import check_outputs, given_command, show, write_json
-from winchcascade.commands.processors import one_thread_each
+from winchcascade.threads import one_thread_each
 
 blind = typer.Typer(
     help="Try the diagnosis on campaigns of an independent twin whose answers are sealed.", no_args_is_help=True

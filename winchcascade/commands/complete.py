@@ -3,28 +3,28 @@
 from __future__ import annotations
 
 
-def rigs(incomplete: str) -> list[str]:
+def rig_names(incomplete: str) -> list[str]:
     """Built-in rigs that start like this."""
     from winchcascade.rigtoml import BUILT_IN
 
     return [name for name in BUILT_IN if name.startswith(incomplete)]
 
 
-def tables(incomplete: str) -> list[str]:
+def table_names(incomplete: str) -> list[str]:
     """Built-in tables that start like this."""
     from winchcascade.tabletoml import BUILT_IN
 
     return [name for name in BUILT_IN if name.startswith(incomplete)]
 
 
-def effects(incomplete: str) -> list[tuple[str, str]]:
+def effect_names(incomplete: str) -> list[tuple[str, str]]:
     """Effects that start like this, each with what is unmodelled without it."""
     from winchcascade.effects.catalogue import EFFECTS, words
 
     return [(name, words(kind).summary) for name, kind in EFFECTS.items() if name.startswith(incomplete)]
 
 
-def reports(incomplete: str) -> list[str]:
+def report_choices(incomplete: str) -> list[str]:
     """Choices of `--reports` that start like this."""
     from winchcascade.batch.run import REPORTS
 

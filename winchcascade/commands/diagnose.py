@@ -8,11 +8,11 @@ from typing import Annotated
 
 import typer
 
-from winchcascade.commands.complete import effects
+from winchcascade.commands.complete import effect_names
 from winchcascade.commands.options import ForceOption, HtmlOption, JsonOption, PdfOption, RigOption
 from winchcascade.commands.outputs import check_outputs, given_command, show, write_json
-from winchcascade.commands.processors import one_thread_each, use_threads
 from winchcascade.errors import OptionError
+from winchcascade.threads import one_thread_each, set_threads
 
 
 def diagnose_command(
@@ -36,7 +36,7 @@ def diagnose_command(
             "--suspect",
             metavar="EFFECT",
             help="Suspect this effect alone; repeat it. By default the catalogue.",
-            autocompletion=effects,
+            autocompletion=effect_names,
         ),
     ] = None,
     predictions: Annotated[
@@ -61,13 +61,14 @@ def diagnose_command(
     from winchcascade.campaign import load_campaign
     from winchcascade.effects.catalogue import EFFECTS, find_effect
     from winchcascade.report.progress import Telling
+    from winchcascade.tasks import processes
 
     suspects = {name: find_effect(name) for name in suspect} if suspect else EFFECTS
     listed = load_campaign(campaign)
     logs = [run.file for run in listed.runs]
     results = {"--json": Path(json) if json else None, "--html": html, "--pdf": pdf}
     check_outputs(results | _prediction_files(predictions, logs), [listed.path, *logs, rig], force=force)
-    use_threads(jobs)
+    set_threads(jobs or processes())
     with Telling(f"diagnosing {listed.name}") as tell:
         found = outcome(listed, suspects, rig=rig, loads=withhold or (), seed=seed, tell=tell)
         written = [] if predictions is None else found.write_predictions(predictions, force)

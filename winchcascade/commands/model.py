@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from winchcascade.commands.complete import effects as effects_completion
-from winchcascade.commands.complete import rigs
+from winchcascade.commands.complete import effect_names, rig_names
 from winchcascade.commands.options import ForceOption, JsonOption, LoadOption, RigOption
 from winchcascade.commands.outputs import check_outputs, show, write_json
-from winchcascade.commands.processors import one_thread_each
 from winchcascade.commands.settings import check_load, settings_of
 from winchcascade.errors import LogError, OptionError
+from winchcascade.threads import one_thread_each
 
 if TYPE_CHECKING:
     from winchcascade.cascade.reduce import Reduction
@@ -131,7 +130,7 @@ def _steady_payouts(reduction: Reduction) -> list[tuple[float, float]]:
 def effects_command(
     name: Annotated[
         str | None,
-        typer.Argument(metavar="[NAME]", help="An effect.", show_default=False, autocompletion=effects_completion),
+        typer.Argument(metavar="[NAME]", help="An effect.", show_default=False, autocompletion=effect_names),
     ] = None,
 ) -> None:
     """List the effects that a rig may have beyond its model, or tell all about one."""
@@ -142,7 +141,8 @@ def effects_command(
 
 def rig_command(
     name: Annotated[
-        str | None, typer.Argument(metavar="[NAME]", help="A built-in rig.", show_default=False, autocompletion=rigs)
+        str | None,
+        typer.Argument(metavar="[NAME]", help="A built-in rig.", show_default=False, autocompletion=rig_names),
     ] = None,
 ) -> None:
     """Print a built-in rig file, to start one's own from; without a name the paper's."""

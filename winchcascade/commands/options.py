@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from winchcascade.commands.complete import rigs
+from winchcascade.commands.complete import rig_names
 
 RigOption = Annotated[
     str | None,
@@ -15,7 +15,7 @@ RigOption = Annotated[
         "--rig",
         metavar="RIG",
         help="Rig file, or a built-in rig: hsu2026 (default), kitepower.",
-        autocompletion=rigs,
+        autocompletion=rig_names,
     ),
 ]
 WindowOption = Annotated[

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from winchcascade.commands.complete import tables
+from winchcascade.commands.complete import table_names
 from winchcascade.commands.options import ForceOption, JobsOption, JsonOption, RigOption
 from winchcascade.commands.outputs import check_outputs, show, write_json
 from winchcascade.errors import OptionError
@@ -35,7 +35,7 @@ def check_command(
             metavar="TABLE",
             help="Table file, or the built-in hsu2026-table2.",
             show_default=False,
-            autocompletion=tables,
+            autocompletion=table_names,
         ),
     ],
     tolerance: Annotated[
@@ -101,7 +101,7 @@ def audit_command(
             metavar="TABLE",
             help="Table file, or the built-in hsu2026-table2.",
             show_default=False,
-            autocompletion=tables,
+            autocompletion=table_names,
         ),
     ],
     physics: Annotated[
