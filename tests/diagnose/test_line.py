@@ -11,7 +11,7 @@ import pytest
 from test_cli import one_sentence, winchcascade
 from winchlog import RIG, planted
 
-from winchcascade.batch.winch_diagnosis import outcome
+from winchcascade.batch.diagnosis import outcome
 from winchcascade.campaign import load_campaign
 from winchcascade.diagnose.line.campaign import LineDiagnosis, diagnose_line
 from winchcascade.diagnose.line.record import as_json

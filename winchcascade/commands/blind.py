@@ -49,7 +49,7 @@ def blind_diagnose_command(
 ) -> None:
     """Diagnose every case of a trial from its logs alone; what is done is kept. Exit code 1 if a case failed."""
     one_thread_each()
-    from winchcascade.batch.diagnosis import diagnose_campaign
+    from winchcascade.batch.model_diagnosis import diagnose_campaign
     from winchcascade.blind.trial import diagnose
     from winchcascade.effects.catalogue import EFFECTS
     from winchcascade.report.progress import Progress

@@ -57,7 +57,7 @@ def diagnose_command(
     winch for which no model can be made is diagnosed from line force, speed and mechanical power, its cycles left out in turn.
     """
     one_thread_each()
-    from winchcascade.batch.winch_diagnosis import outcome
+    from winchcascade.batch.diagnosis import outcome
     from winchcascade.campaign import load_campaign
     from winchcascade.effects.catalogue import EFFECTS, find_effect
     from winchcascade.report.progress import Telling
