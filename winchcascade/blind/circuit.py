@@ -126,28 +126,6 @@ def _open(i: Signal, on: Switches, phase: int) -> None:
 
 
 @njit(cache=True)
-def _first_switching(
-    i: Signal, then: Signal, on: Switches, amplitude: float, angle: float, after: Signal, v_total: float, before: Signal
-) -> tuple[int, int, int, float]:
-    """Phase whose diode opens first in a step or, before any does, phase whose diode closes, and to which rail, -1 where
-    none; and at which share of the step.
-
-    Parameters
-    ----------
-    i, then : (3,) currents at the ends of the step [A]
-    angle, after : electrical angle at the start [rad], and (3,) back-EMFs at the end [V]
-    before : (3,) scratch
-    """
-    opens, share = _opening(i, then, on)
-    if on[0] == 0 or on[1] == 0 or on[2] == 0:
-        _emf(amplitude, angle, before)
-        closes, rail, soon = _closing(before, after, on, v_total)
-        if closes >= 0 and (opens < 0 or soon < share):
-            return -1, closes, rail, soon
-    return opens, -1, 0, share
-
-
-@njit(cache=True)
 def bridge_step(
     i: Signal, on: Switches, angle: float, turn: float, amplitude: float, v_total: float, r_s: float, l_s: float,
     dt: float, work: Signal,
@@ -185,7 +163,15 @@ def bridge_step(
             continue
         _emf(amplitude, angle + 0.5 * turn * left, half)
         _advance(i, on, half, v_total, r_s, l_s, left, then)
-        opens, closes, rail, share = _first_switching(i, then, on, amplitude, angle, after, v_total, before)
+        opens, share = _opening(i, then, on)
+        closes, rail, soon = -1, 0, 1.0
+        if on[0] == 0 or on[1] == 0 or on[2] == 0:
+            _emf(amplitude, angle, before)
+            closes, rail, soon = _closing(before, after, on, v_total)
+        if closes >= 0 and (opens < 0 or soon < share):
+            opens, share = -1, soon
+        else:
+            closes = -1
         h = share * left
         if share < 1.0:
             _emf(amplitude, angle + 0.5 * turn * h, half)
