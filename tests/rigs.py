@@ -8,8 +8,13 @@ from typing import Any
 
 import msgspec
 
+from winchcascade.rig.kernel import COLUMNS
 from winchcascade.rig.model import Model, baseline
+from winchcascade.rig.motion import motion_of
+from winchcascade.rig.simulate import STEP, solve
+from winchcascade.rig.stages import StageOutput, along, outputs_along
 from winchcascade.rigtoml import built_in
+from winchcascade.run import Run
 
 LOADS = {
     "open_circuit": math.inf, "r45ohm": 45.0, "r36ohm": 36.0, "r27ohm": 27.0, "r18ohm": 18.0, "r9ohm": 9.0, "r4p5ohm": 4.5,
@@ -36,6 +41,13 @@ def own_model(truth: dict[str, Any]) -> Model:
 
 def truth_of(folder: Path) -> dict[str, Any]:
     return json.loads((folder / "truth.json").read_text())  # type: ignore[no-any-return]
+
+
+def stage_outputs(run: Run, model: Model) -> tuple[StageOutput, ...]:
+    """What each stage makes of its own inputs, the clutch as the model has it along the motion."""
+    motion = motion_of(run, STEP)
+    clutch = solve(model, motion, math.inf if run.load is None else run.load)[:, COLUMNS.index("clutch")]
+    return outputs_along(run, model, along(run, motion, clutch))
 
 
 def logs_of(folder: Path) -> Iterator[tuple[Path, float]]:

@@ -2,13 +2,17 @@
 
 import json
 import os
+import platform
 import shutil
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
+from winchcascade import __version__
+from winchcascade.commands.version import MATTERING, versions
 from winchcascade.rigtoml import built_in_text
 
 
@@ -53,7 +57,31 @@ def test_every_command_has_help(command: list[str]) -> None:
 
 
 def test_the_version_names_what_matters() -> None:
-    assert winchcascade("--version").stdout.startswith("winchcascade 0.")
+    first, *packages = winchcascade("--version").stdout.splitlines()
+    assert first == f"winchcascade {__version__} (Python {platform.python_version()}, {platform.platform()})"
+    assert packages == [f"{name} {version(name)}" for name in MATTERING]
+
+
+def test_the_version_tells_of_a_package_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("winchcascade.commands.version.MATTERING", ("numpy", "winchcascade-nothing"))
+    assert versions().splitlines()[1:] == [f"numpy {version('numpy')}", "winchcascade-nothing not installed"]
+
+
+@pytest.mark.parametrize("by", ["KeyboardInterrupt", "RuntimeError('made') from KeyboardInterrupt()"])
+@pytest.mark.parametrize("at", ["typer", "winchcascade.commands.batch", "numpy"])
+def test_an_interrupt_of_an_import_is_one_sentence(at: str, by: str) -> None:
+    code = (
+        "import sys\n"
+        "class Interrupts:\n"
+        "    def find_spec(name, *_):\n"
+        f"        if name == {at!r}: raise {by}\n"
+        "sys.meta_path.insert(0, Interrupts)\n"
+        "from winchcascade.cli import main\n"
+        "main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code, "reduce", "x.csv"], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (130, "")
+    assert done.stderr == "winchcascade: interrupted; what was finished is kept, no file was left half-written.\n"
 
 
 def test_a_log_with_blanks_and_other_letters_in_its_name_reduces(log: Path) -> None:

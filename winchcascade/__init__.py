@@ -7,9 +7,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
+TYPE_CHECKING = False  # not from typing, whose import takes longer than all else before `main` answers an interrupt
 if TYPE_CHECKING:
+    from typing import Any
+
     from winchcascade.cascade.bins import Bin
     from winchcascade.cascade.efficiency import Metrics
     from winchcascade.cascade.montecarlo import Uncertainty, uncertainty

@@ -35,6 +35,11 @@ class Campaign(msgspec.Struct, frozen=True):
     rig: str | None
     runs: tuple[CampaignRun, ...]
 
+    @property
+    def name(self) -> str:
+        """Its title, or the name of its folder where it has none."""
+        return self.title or self.path.resolve().parent.name
+
 
 def load_campaign(path: Path) -> Campaign:
     """Read a campaign.toml, or the one in a folder; CampaignError names what is wrong and where."""

@@ -12,7 +12,7 @@ import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from winchcascade.errors import OptionError, WinchcascadeError
 
@@ -41,6 +41,26 @@ class Outcome(Generic[Done]):
 
     def __init__(self, place: int, value: Done | None = None, fault: str | None = None) -> None:
         self.place, self.value, self.fault = place, value, fault
+
+
+class Watch(Protocol):
+    """Who is told how a piece of work goes on."""
+
+    def begin(self, kept: int, todo: int) -> None:
+        """So many parts of it are done already, so many are to be done."""
+
+    def done(self, name: str, fault: str | None) -> None:
+        """One more is done, or failed for a reason."""
+
+
+class Nobody:
+    """Watches no work."""
+
+    def begin(self, kept: int, todo: int) -> None:
+        """Hear nothing."""
+
+    def done(self, name: str, fault: str | None) -> None:
+        """Hear nothing."""
 
 
 def processes() -> int:

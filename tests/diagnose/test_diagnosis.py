@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from planted import LOGS, campaign
 
-from winchcascade.batch.diagnosis import diagnose_campaign, diagnose_file
+from winchcascade.batch.model_diagnosis import diagnose_campaign, diagnose_file
 from winchcascade.diagnose.campaign import Diagnosis, diagnose, withheld_numbers
 from winchcascade.diagnose.record import as_json
 from winchcascade.effects.catalogue import EFFECTS

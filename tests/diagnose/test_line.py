@@ -11,7 +11,8 @@ import pytest
 from test_cli import one_sentence, winchcascade
 from winchlog import RIG, planted
 
-from winchcascade.batch.winch_diagnosis import outcome
+from winchcascade.batch.diagnosis import outcome
+from winchcascade.campaign import load_campaign
 from winchcascade.diagnose.line.campaign import LineDiagnosis, diagnose_line
 from winchcascade.diagnose.line.record import as_json
 from winchcascade.effects.catalogue import EFFECTS
@@ -240,7 +241,7 @@ def campaign(tmp_path: Path) -> Path:
 
 
 def test_a_campaign_of_one_log_is_split_by_cycles(campaign: Path) -> None:
-    record = outcome(campaign, EFFECTS).record
+    record = outcome(load_campaign(campaign), EFFECTS).record
     assert record["schema"] == "winchcascade/diagnosis/1"
     assert [cause["effect"] for cause in record["causes"]] == ["drum_inertia", "line_drag"]
     where = record["where"]
@@ -259,7 +260,7 @@ def test_a_campaign_of_one_log_is_split_by_cycles(campaign: Path) -> None:
 
 
 def test_predictions_are_the_power_at_the_logs_stamps(campaign: Path) -> None:
-    found = outcome(campaign, EFFECTS)
+    found = outcome(load_campaign(campaign), EFFECTS)
     written = found.write_predictions(campaign / "out", False)
     assert [str(path.relative_to(campaign / "out")) for path in written] == ["before/log.csv", "after/log.csv"]
     rows = {path.parent.name: np.loadtxt(path, delimiter=",", skiprows=1) for path in written}
@@ -292,12 +293,12 @@ def test_the_command_writes_all_that_it_offers(campaign: Path) -> None:
 
 def test_a_load_cannot_be_withheld_of_a_rig_without_one(campaign: Path) -> None:
     with pytest.raises(OptionError, match=r"--withhold 18: rig kitepower has no load; withhold cycles instead"):
-        outcome(campaign, EFFECTS, loads=[18.0])
+        outcome(load_campaign(campaign), EFFECTS, loads=[18.0])
 
 
 def test_a_log_of_the_other_sign_is_turned_at_the_door_and_told(campaign: Path) -> None:
     write_log(planted(0, mass=500.0, drag=370.0), campaign / "log.csv", sign=-1.0)
-    found = outcome(campaign, EFFECTS)
+    found = outcome(load_campaign(campaign), EFFECTS)
     assert "line_drag" in [cause["effect"] for cause in found.record["causes"]]
     assert "power_mech has the opposite sign" in flat(found.text([]))
 
@@ -310,7 +311,7 @@ def test_a_rig_that_lacks_a_number_and_logs_no_power_is_told_what_it_lacks(campa
     (campaign / "log.csv").write_text("\n".join(short) + "\n", encoding="utf-8")
     (campaign / "campaign.toml").write_text(CAMPAIGN.replace('"kitepower"', '"rig.toml"'), encoding="utf-8")
     with pytest.raises(RigError, match="rig half: no model can be made"):
-        outcome(campaign, EFFECTS)
+        outcome(load_campaign(campaign), EFFECTS)
 
 
 def flat(text: str) -> str:

@@ -15,7 +15,7 @@ from test_readme import BLOCK, ROOT, output
 from winchcascade import load_rig
 
 MANUAL = ROOT / "docs" / "calibrate.md"
-BLOCKS = BLOCK.findall(MANUAL.read_text(encoding="utf-8"))
+BLOCKS = [(command, text) for _, command, text in BLOCK.findall(MANUAL.read_text(encoding="utf-8"))]
 
 
 @pytest.fixture
@@ -117,5 +117,5 @@ if __name__ == "__main__":
 
     with tempfile.TemporaryDirectory() as folder:
         outputs = follow(Path(folder) / "reader")
-    text = BLOCK.sub(lambda m: f"```console\n$ {m[1]}\n{outputs[m[1]]}```", MANUAL.read_text(encoding="utf-8"))
+    text = BLOCK.sub(lambda m: f"```console\n$ {m[2]}\n{outputs[m[2]]}```", MANUAL.read_text(encoding="utf-8"))
     MANUAL.write_text(text, encoding="utf-8")

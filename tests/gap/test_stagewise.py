@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 from openlog import made_log, motion_run
+from rigs import stage_outputs
 
 from winchcascade.campaign import load_campaign
 from winchcascade.effects.catalogue import make_effect
@@ -18,7 +19,7 @@ from winchcascade.gap.locate import STANDS_OUT
 from winchcascade.gap.stagewise import TOUCHED, StagePlace, stagewise
 from winchcascade.ingest.read import read_run
 from winchcascade.rig.model import Model, baseline
-from winchcascade.rig.stages import STAGES, stage_outputs
+from winchcascade.rig.stages import STAGES
 from winchcascade.rigtoml import built_in
 from winchcascade.run import Run
 

@@ -34,9 +34,9 @@ from winchcascade.cascade.reduce import Reduction, reduce, require_payouts
 from winchcascade.errors import WinchcascadeError
 from winchcascade.ingest.read import read_run
 from winchcascade.published.audit import audit
-from winchcascade.published.check import check, measured_from_record, measured_from_reduction
+from winchcascade.published.check import check, measured_from_record
 from winchcascade.report.check_text import audit_text, check_text
-from winchcascade.report.records import reduction_json
+from winchcascade.report.records import reduction_json, reduction_record
 from winchcascade.report.terminal import reduction_text
 from winchcascade.rigfile import Rig
 from winchcascade.rigtoml import load_rig
@@ -106,7 +106,7 @@ def read_campaign(path: Path) -> None:
 @cache
 def _measured() -> Any:
     reduction = reduce(read_run(LOG, load=36.0))
-    return measured_from_reduction(reduction, uncertainty(reduction))
+    return measured_from_record(reduction_record(reduction, uncertainty(reduction)), LOG.name)
 
 
 def read_table(path: Path) -> None:

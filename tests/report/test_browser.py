@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from diagnosed import diagnosed
 
-from winchcascade.cli import app
+from winchcascade.commands.app import app
 from winchcascade.report.diagnosis import write_diagnosis_reports
 
 CHROMIUM = next(

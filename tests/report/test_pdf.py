@@ -14,7 +14,7 @@ import pytest
 from winchcascade import __version__
 from winchcascade.cascade.montecarlo import uncertainty
 from winchcascade.cascade.reduce import reduce
-from winchcascade.cli import app
+from winchcascade.commands.app import app
 from winchcascade.errors import OutputError
 from winchcascade.files import check_replaceable
 from winchcascade.ingest.read import read_run

@@ -7,12 +7,12 @@ import msgspec
 import numpy as np
 import pytest
 from openlog import made_log, motion_run
-from rigs import LOADS, own_model, truth_of
+from rigs import LOADS, own_model, stage_outputs, truth_of
 
 from winchcascade import load_rig, read_run, reduce, simulate
 from winchcascade.errors import LogError
 from winchcascade.rig.model import Model, baseline
-from winchcascade.rig.stages import MOVING, StageOutput, acceleration, line_power, stage_outputs
+from winchcascade.rig.stages import MOVING, StageOutput, acceleration, line_power
 from winchcascade.rigtoml import built_in
 from winchcascade.run import Run
 

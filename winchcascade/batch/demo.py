@@ -70,7 +70,7 @@ def diagnose_copy(
     kept = None if force else _kept(files, campaign)
     if kept is not None:
         return kept, files
-    from winchcascade.batch.diagnosis import diagnose_file
+    from winchcascade.batch.model_diagnosis import diagnose_file
     from winchcascade.diagnose.record import as_json
     from winchcascade.report.diagnosis import write_diagnosis_reports
 

@@ -1,101 +1,89 @@
-"""A campaign from its file to its diagnosis, and the predictions of the logs that were withheld."""
+"""A campaign to its diagnosis and its outputs: by the model of its rig or, without one, from line force, speed and power."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
-import numpy as np
-
-from winchcascade.campaign import load_campaign
-from winchcascade.diagnose.campaign import Diagnosis, diagnose, withheld_numbers
+from winchcascade.batch.line_diagnosis import diagnose_logs, read_logs, write_line_predictions
+from winchcascade.batch.model_diagnosis import diagnose_listed, write_predictions
+from winchcascade.diagnose.line.campaign import LineDiagnosis
+from winchcascade.diagnose.line.record import as_json as line_json
 from winchcascade.diagnose.record import as_json
-from winchcascade.errors import CampaignError
-from winchcascade.ingest.read import read_run
-from winchcascade.rig.simulate import simulate
-from winchcascade.rig.write import write_log
+from winchcascade.errors import RigError
+from winchcascade.rig.model import baseline
 from winchcascade.rigtoml import DEFAULT_RIG, load_rig
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
+    from winchcascade.campaign import Campaign
 
-def diagnose_file(
-    path: Path,
+POWER = "power_mech"
+"""Channel without which a winch that has no model cannot be diagnosed."""
+
+
+class Writes(Protocol):
+    """Writes the report of a diagnosis as a page, as a PDF, or both."""
+
+    def __call__(self, *, html: Path | None, pdf: Path | None, command: str, force: bool) -> None:
+        """Write the files."""
+
+
+class Outcome(NamedTuple):
+    """A diagnosis and its outputs: JSON as a dict, the page for the terminal given the files, reports, and predictions."""
+
+    record: dict[str, Any]
+    text: Callable[[Sequence[Path | str]], str]
+    write_reports: Writes
+    write_predictions: Callable[[Path, bool], list[Path]]
+
+
+def outcome(
+    campaign: Campaign,
     suspects: Mapping[str, type],
     *,
     rig: str | None = None,
     loads: Sequence[float] = (),
     seed: int = 0,
     tell: Callable[[str], None] = lambda _: None,
-) -> Diagnosis:
-    """Diagnose a campaign.toml, or the one in a folder.
-
-    Parameters
-    ----------
-    rig : of the command line, before the campaign's own
-    loads : of the runs to withhold; by default those that the campaign marks [ohm]
-
-    Raises
-    ------
-    WinchcascadeError : something of the input cannot be used; the message says what
+) -> Outcome:
+    """Diagnose the logs that a campaign lists, whatever their rig. Parameters and faults as `diagnose_listed`, but for `rig`,
+    which is a rig file or a name, before the campaign's own.
     """
-    campaign = load_campaign(path)
     the_rig = load_rig(rig or campaign.rig or DEFAULT_RIG)
-    runs = []
-    for number, entry in enumerate(campaign.runs, 1):
-        tell(f"reading {entry.file.name} ({number} of {len(campaign.runs)})")
-        run = read_run(entry.file, rig=the_rig, load=entry.load)
-        if run.load is None:
-            raise CampaignError(
-                f"{campaign.path}: run {number} ({entry.file.name}) has no load; a diagnosis simulates it, so give load_ohm."
-            )
-        runs.append(run)
-    return diagnose(
-        runs,
-        the_rig,
-        suspects,
-        title=campaign.title or campaign.path.resolve().parent.name,
-        cycles=[entry.cycles for entry in campaign.runs],
-        withheld=withheld_numbers(loads, runs, [entry.withheld for entry in campaign.runs]),
-        seed=seed,
-        tell=tell,
-    )
+    try:
+        baseline(the_rig)
+    except RigError:
+        runs = read_logs(campaign, the_rig, tell)
+        if not any(POWER in names for names in (the_rig.sensors, the_rig.columns, *(run.channels for run in runs))):
+            raise
+        return _of_line(diagnose_logs(campaign, runs, the_rig, suspects, loads, seed, tell))
+    from winchcascade.report.diagnosis_text import diagnosis_text
+
+    found = diagnose_listed(campaign, the_rig, suspects, loads=loads, seed=seed, tell=tell)
+
+    def write_reports(*, html: Path | None, pdf: Path | None, command: str, force: bool) -> None:
+        from winchcascade.report.diagnosis import write_diagnosis_reports
+
+        write_diagnosis_reports(found, html=html, pdf=pdf, command=command, force=force)
+
+    def predict(folder: Path, force: bool) -> list[Path]:
+        return write_predictions(found, folder, force=force)
+
+    return Outcome(as_json(found), partial(diagnosis_text, found), write_reports, predict)
 
 
-def diagnose_campaign(
-    campaign_toml: Path, *, suspects: Mapping[str, type], seed: int, predictions: Path | None
-) -> dict[str, Any]:
-    """Diagnose a campaign for a trial: JSON as a dict, predictions into a folder if one is given."""
-    found = diagnose_file(campaign_toml, suspects, seed=seed)
-    if predictions is not None:
-        write_predictions(found, predictions)
-    return as_json(found)
+def _of_line(found: LineDiagnosis) -> Outcome:
+    from winchcascade.report.line_text import line_text
 
+    def write_reports(*, html: Path | None, pdf: Path | None, command: str, force: bool) -> None:
+        from winchcascade.report.line_diagnosis import write_line_reports
 
-def write_predictions(found: Diagnosis, folder: Path, *, force: bool = False) -> list[Path]:
-    """Write what is predicted of every withheld log, as simulated logs: `before`, the rig as given, and `after`, by the fit
-    without that log; zeros of its sensors are in neither.
+        write_line_reports(found, html=html, pdf=pdf, command=command, force=force)
 
-    Raises
-    ------
-    OutputError : a file cannot be written, or is not this tool's own and `force` does not allow to replace it
-    """
-    data = found.data
-    logs = found.closure.predictions if found.closure is not None else ()
-    written = []
-    for side in ("before", "after"):
-        (folder / side).mkdir(parents=True, exist_ok=True)
-    for one in logs:
-        run = data.logs[one.log].run
-        nu = np.where([n.kind == "zero" for n in data.nuisances], 0.0, one.fit.nu)
-        after = data.models(nu, one.fit.effects(found.suspects))[one.log]
-        for side, model in (("before", data.nominal), ("after", after)):
-            path = folder / side / f"{_stem(run.name)}.csv"
-            write_log(simulate(run, model), path, force=force)
-            written.append(path)
-    return written
+    def predict(folder: Path, force: bool) -> list[Path]:
+        return write_line_predictions(found, folder, force=force)
 
-
-def _stem(name: str) -> str:
-    return name.rpartition(".")[0] or name
+    return Outcome(line_json(found), partial(line_text, found), write_reports, predict)

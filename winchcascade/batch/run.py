@@ -7,7 +7,7 @@ import shutil
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
@@ -17,7 +17,7 @@ from winchcascade.batch.dataset import TABLES, write_dataset, write_workbook
 from winchcascade.batch.work import ENDINGS, Order, reduce_log, write_made
 from winchcascade.errors import OutputError
 from winchcascade.files import check_replaceable, readable, write_content
-from winchcascade.tasks import Outcome, run_here, run_there
+from winchcascade.tasks import Nobody, Outcome, Watch, run_here, run_there
 
 if TYPE_CHECKING:
     from winchcascade.batch.plan import Plan, Work
@@ -32,22 +32,6 @@ CAMPAIGN_FILES = ("campaign.json", "campaign.html", "campaign.pdf", "campaign.xl
 
 _STALE = 3600.0
 """A scratch file older than this is left of a call that was killed. [s]"""
-
-
-class Watch(Protocol):
-    """Who is told how a batch goes on."""
-
-    def begin(self, kept: int, todo: int) -> None:
-        """So many logs are done already, so many are to be done."""
-
-    def done(self, name: str, fault: str | None) -> None:
-        """One more log is done, or failed for a reason."""
-
-
-class _Nobody:
-    def begin(self, kept: int, todo: int) -> None: ...
-
-    def done(self, name: str, fault: str | None) -> None: ...
 
 
 class Batch(msgspec.Struct, frozen=True):
@@ -116,7 +100,7 @@ def run_batch(
     todo = [work for work in plan.work if not is_kept(work, runs, reports)]
     if not force:
         _check_foreign(out, runs, todo)
-    watch = watch or _Nobody()
+    watch = watch or Nobody()
     watch.begin(len(plan.work) - len(todo), len(todo))
     faults: dict[str, str] = {}
     folder = None if scheduler is not None else str(runs)

@@ -99,6 +99,33 @@ def weakened(i_s: float, law: float, knee: float, width: float, power: float) ->
 
 
 @njit(cache=True)
+def _clutch(twist: float, slip: float, d: Drive) -> tuple[float, float]:
+    """Torque of the slow shaft [N m], and twisting of its spring [rad/s]; it lets go where both would pull."""
+    torque = d.k_shaft * twist + d.c_shaft * slip
+    if torque > 0.0:
+        return torque, slip
+    return 0.0, -d.k_shaft * twist / d.c_shaft
+
+
+@njit(cache=True)
+def _link(v_dc: float, charge: float, load: float, dt: float, d: Drive) -> tuple[float, float]:
+    """Voltage of the DC link after a step that brings it a charge [V], and the current that leaks past the load [A]."""
+    leaking = d.leak * (v_dc / d.leak_volt) ** d.leak_power if d.leak > 0.0 and v_dc > 0.0 else 0.0
+    fade = 0.5 * dt / (load * d.c_dc)
+    then = max((v_dc * (1.0 - fade) + (charge - leaking * dt) / d.c_dc) / (1.0 + fade), 0.0)
+    return (then if then > _EMPTY else 0.0), leaking
+
+
+@njit(cache=True)
+def _store(ledger: Signal, twist: float, omega: float, i: Signal, v_dc: float, d: Drive) -> None:
+    """Book the energy that spring, rotor, field and DC link hold in the end."""
+    ledger[8] = 0.5 * d.k_shaft * twist**2
+    ledger[9] = 0.5 * d.j_rotor * omega**2
+    ledger[10] = 0.5 * d.l_s * (i[0] ** 2 + i[1] ** 2 + i[2] ** 2)
+    ledger[11] = 0.5 * d.c_dc * v_dc**2
+
+
+@njit(cache=True)
 def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int, out: Signal, ledger: Signal) -> None:
     """Step the drive from rest.
 
@@ -110,8 +137,7 @@ def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int, out: Signal
     out : (n, 4) is filled with `COLUMNS`, ledger : (12,) with `LEDGER`
     """
     i, on, work = np.zeros(3), np.zeros(3, dtype=np.int64), np.zeros((4, 3))
-    twist = omega = v_dc = angle = heat = 0.0
-    mean_square = 0.0
+    twist = omega = v_dc = angle = heat = mean_square = 0.0
     rpm = 30.0 / math.pi
     share = d.eta_mesh / d.gear
     for n in range(out.shape[0]):
@@ -123,13 +149,7 @@ def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int, out: Signal
         dt = GRID / steps
         for m in range(steps):
             drum = first + (last - first) * (m + 0.5) / steps
-            # slow shaft: the clutch lets go where the spring and its damping would pull
-            slip = drum - omega / d.gear
-            torque = d.k_shaft * twist + d.c_shaft * slip
-            if torque > 0.0:
-                rate = slip
-            else:
-                torque, rate = 0.0, -d.k_shaft * twist / d.c_shaft
+            torque, rate = _clutch(twist, drum - omega / d.gear, d)
             twist_then = twist + dt * rate
             # generator and bridge
             turn = d.pole_pairs * omega
@@ -146,12 +166,8 @@ def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int, out: Signal
             drag = omega * (d.b_rotor + d.windage * abs(omega)) + d.friction * omega / math.sqrt(omega**2 + _TURN**2)
             driving = torque * share / mesh[n]
             then = max(omega + dt * (driving - brake - drag) / d.j_rotor, 0.0)
-            # DC link
             load = d.load * (1.0 + d.warming * heat)
-            leaking = d.leak * (v_dc / d.leak_volt) ** d.leak_power if d.leak > 0.0 and v_dc > 0.0 else 0.0
-            fade = 0.5 * dt / (load * d.c_dc)
-            v_then = max((v_dc * (1.0 - fade) + (charge - leaking * dt) / d.c_dc) / (1.0 + fade), 0.0)
-            v_then = v_then if v_then > _EMPTY else 0.0
+            v_then, leaking = _link(v_dc, charge, load, dt, d)
             middle = 0.5 * (v_dc + v_then)
             heat += dt * (middle * middle / load - heat / d.cooling)
             ledger[0] += dt * torque * drum
@@ -169,7 +185,4 @@ def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int, out: Signal
             twist, omega, v_dc = twist_then, then, v_then
         out[n, 0], out[n, 1] = torque_sum / steps, volt_sum / steps
         out[n, 2], out[n, 3] = ampere_sum / steps, speed_sum / steps
-    ledger[8] = 0.5 * d.k_shaft * twist**2
-    ledger[9] = 0.5 * d.j_rotor * omega**2
-    ledger[10] = 0.5 * d.l_s * (i[0] ** 2 + i[1] ** 2 + i[2] ** 2)
-    ledger[11] = 0.5 * d.c_dc * v_dc**2
+    _store(ledger, twist, omega, i, v_dc, d)

@@ -20,7 +20,7 @@ from winchcascade.blind.numbers import LOADS
 from winchcascade.campaign import CAMPAIGN_FILE
 from winchcascade.errors import OptionError, OutputError
 from winchcascade.files import check_replaceable, write_content
-from winchcascade.tasks import Outcome, run_here, run_there
+from winchcascade.tasks import Nobody, Outcome, Watch, run_here, run_there
 
 DIAGNOSES, PREDICTIONS = "diagnoses", "predictions"
 """Folders of a trial beside its cases: a JSON for each case, and what the diagnosis predicted of its logs."""
@@ -30,22 +30,6 @@ _STALE = 3600.0
 
 Job = TypeVar("Job")
 Made = TypeVar("Made")
-
-
-class Watch(Protocol):
-    """Who is told how a trial goes on."""
-
-    def begin(self, kept: int, todo: int) -> None:
-        """So many cases are done already, so many are to be done."""
-
-    def done(self, name: str, fault: str | None) -> None:
-        """One more case is done, or failed for a reason."""
-
-
-class _Nobody:
-    def begin(self, kept: int, todo: int) -> None: ...
-
-    def done(self, name: str, fault: str | None) -> None: ...
 
 
 class Diagnose(Protocol):
@@ -111,7 +95,7 @@ def deal(
     todo = [case for case in plan if not (out / case.name).is_dir()]
     orders = [_Deal(case, None if scheduler is not None else str(out)) for case in todo]
     faults: dict[str, str] = {}
-    watch = watch or _Nobody()
+    watch = watch or Nobody()
     watch.begin(cases - len(todo), len(todo))
     for outcome in _outcomes(_deal_case, orders, jobs, scheduler):
         name = todo[outcome.place].name
@@ -265,7 +249,7 @@ def diagnose(
         for name in todo
     ]
     faults: dict[str, str] = {}
-    watch = watch or _Nobody()
+    watch = watch or Nobody()
     watch.begin(len(trial.cases) - len(todo), len(todo))
     for outcome in _outcomes(_diagnose_case, orders, jobs, scheduler):
         name = todo[outcome.place]

@@ -14,7 +14,8 @@ from winchcascade.diagnose.experiment import Experiment, plan
 from winchcascade.diagnose.fit import Fit, fit_set
 from winchcascade.diagnose.rank import Found, search
 from winchcascade.diagnose.remainder import Alarm, alarms_of
-from winchcascade.errors import CampaignError, OptionError
+from winchcascade.diagnose.rules import HALF, NAMED, check_withheld
+from winchcascade.errors import OptionError
 from winchcascade.fit.campaign import Fitted
 from winchcascade.gap.arises import arises
 from winchcascade.gap.compare import Place, compare, without_zeros
@@ -27,15 +28,6 @@ if TYPE_CHECKING:
     from winchcascade.diagnose.suspects import Suspects
     from winchcascade.rigfile import Rig
     from winchcascade.run import Run, Signal
-
-NAMED = 2
-"""So many causes are named at most where much stays unexplained: more would be a crowd, none of them sure."""
-
-MOSTLY = 0.9
-"""Share of the gap that must be closed for a verdict of `explained` while something without structure remains."""
-
-HALF = 0.5
-"""With less closed and a structured remainder a gap is unexplained."""
 
 
 class Remainder(msgspec.Struct, frozen=True):
@@ -99,8 +91,7 @@ def diagnose(
     CampaignError : fewer runs take part than a choice needs
     RigError : the rig file lacks numbers that the model needs
     """
-    if len(runs) <= len(set(withheld)):
-        raise CampaignError("every run is withheld; a diagnosis needs at least one that takes part in the fit.")
+    check_withheld(runs, withheld)
     tell("simulating the rig as given")
     data = Fitted(runs, rig, cycles, withheld)
     found = search(data, suspects, tell)

@@ -12,11 +12,11 @@ import numpy as np
 from winchcascade.diagnose.fit import Fit
 from winchcascade.diagnose.suspects import Suspects, freedom
 from winchcascade.fit.blocks import PHASES, blocks_of
-from winchcascade.fit.campaign import side_by_side
 from winchcascade.fit.nuisances import shifted
 from winchcascade.fit.predict import CHANNELS, Course
 from winchcascade.rig.model import baseline
 from winchcascade.run import Run
+from winchcascade.threads import all_at_once
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -62,7 +62,7 @@ def plan(data: Fitted, suspects: Suspects, best: Fit, rival: Fit, separates: tup
     loads = sorted({log.load for log in data.logs})
     tried = list(dict.fromkeys([loads[0], loads[len(loads) // 2], loads[-1]]))
     options = [(load, share * speed) for load in tried for share in SPEEDS]
-    scores = side_by_side([partial(_score, data, suspects, best, rival, load, v, length) for load, v in options])
+    scores = all_at_once([partial(_score, data, suspects, best, rival, load, v, length) for load, v in options])
     z, (load, v) = max(((float(s[0]), o) for s, o in zip(scores, options, strict=True)), key=lambda pair: pair[0])
     return Experiment(load, v, length, separates, z)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 import numpy as np
@@ -114,30 +114,18 @@ def fit_set(
     j_nu = _nuisance_columns(data, suspects, nu, values) if start is None or not start.j_nu.size else start.j_nu
     columns = {} if start is None else {name: start.columns[name] for name in names if name in start.columns}
     columns |= all_columns(data, suspects, nu, values, [name for name in names if name not in columns])
-
-    def residual(nu: Signal, values: Mapping[str, Signal]) -> Signal:
-        return data.residual(nu, _made(suspects, values)) * take
-
-    z = residual(nu, values)
-    loss = huber(z) + 0.5 * float(nu @ nu)
+    here = _point(data, suspects, take, nu, values)
     low, high = _bounds(suspects, names)
     settled, foresight = (SETTLED_QUICK, AS_FORESEEN_QUICK) if quick else (SETTLED, AS_FORESEEN)
     renewals, fresh = (1 if quick else ROUNDS), True
     for _ in range(ROUNDS_QUICK if quick else ROUNDS):
-        j_phi, x = _side_by_side(columns, names, z.size), _in_a_row(values)
-        w, seen = weights(z), (j_phi * take[:, None], j_nu * take[:, None])
-        d_phi, d_nu = bounded_step(quadratic(z, w, seen[1], seen[0], nu), low - x, high - x)
-        if np.any(np.abs(nu + d_nu) > reach):
-            d_phi, d_nu = joint_step(z, w, seen, nu, (low - x, high - x), reach)
-        foreseen = (z - (j_nu @ d_nu + j_phi @ d_phi) * take, nu + d_nu)
-        promised = loss - huber(foreseen[0]) - 0.5 * float(foreseen[1] @ foreseen[1])
+        j_phi, x = _side_by_side(columns, names, here.z.size), _in_a_row(here.values)
+        d_phi, d_nu, promised = _step(here, j_phi, j_nu, take, (low - x, high - x), reach)
         gained = 0.0
         for share in SHARES:
-            moved, nu_new = _moved(values, share * d_phi), nu + share * d_nu
-            z_new = residual(nu_new, moved)
-            new = huber(z_new) + 0.5 * float(nu_new @ nu_new)
-            if new < loss:
-                gained, loss, z, nu, values = loss - new, new, z_new, nu_new, moved
+            there = _point(data, suspects, take, here.nu + share * d_nu, _moved(here.values, share * d_phi))
+            if there.loss < here.loss:
+                gained, here = here.loss - there.loss, there
                 break
         if gained < settled and (fresh or promised < settled or not renewals):
             break
@@ -146,11 +134,46 @@ def fit_set(
         fresh = renewals > 0 and gained < foresight * promised
         if fresh:
             renewals -= 1
-            columns = all_columns(data, suspects, nu, values, names)
-            j_nu = _nuisance_columns(data, suspects, nu, values)
-    j_phi = _side_by_side(columns, names, z.size)
-    q = quadratic(z, weights(z), j_nu * take[:, None], j_phi * take[:, None], nu)
-    return Fit(names, tuple(values.values()), nu, loss, z, q.curve, q.slope, low, high, j_nu, columns)
+            columns = all_columns(data, suspects, here.nu, here.values, names)
+            j_nu = _nuisance_columns(data, suspects, here.nu, here.values)
+    j_phi = _side_by_side(columns, names, here.z.size)
+    q = quadratic(here.z, weights(here.z), j_nu * take[:, None], j_phi * take[:, None], here.nu)
+    return Fit(
+        names, tuple(here.values.values()), here.nu, here.loss, here.z, q.curve, q.slope, low, high, j_nu, columns
+    )
+
+
+class _Point(NamedTuple):
+    """Where a fit stands: nuisances, fields of the suspects, whitened residuals that count, and the objective."""
+
+    nu: Signal
+    values: Mapping[str, Signal]
+    z: Signal
+    loss: float
+
+
+def _point(data: Fitted, suspects: Suspects, take: Signal, nu: Signal, values: Mapping[str, Signal]) -> _Point:
+    z = data.residual(nu, _made(suspects, values)) * take
+    return _Point(nu, values, z, huber(z) + 0.5 * float(nu @ nu))
+
+
+def _step(
+    here: _Point, j_phi: Signal, j_nu: Signal, take: Signal, room: tuple[Signal, Signal], reach: float
+) -> tuple[Signal, Signal, float]:
+    """The step of fields and nuisances that the columns ask for, and by how much they promise the objective to fall.
+
+    Parameters
+    ----------
+    j_phi, j_nu : columns of the fields and of the nuisances
+    take : weights of the residuals
+    room : how far each field may go down and up
+    """
+    w, seen = weights(here.z), (j_phi * take[:, None], j_nu * take[:, None])
+    d_phi, d_nu = bounded_step(quadratic(here.z, w, seen[1], seen[0], here.nu), *room)
+    if np.any(np.abs(here.nu + d_nu) > reach):
+        d_phi, d_nu = joint_step(here.z, w, seen, here.nu, room, reach)
+    foreseen, nu = here.z - (j_nu @ d_nu + j_phi @ d_phi) * take, here.nu + d_nu
+    return d_phi, d_nu, here.loss - huber(foreseen) - 0.5 * float(nu @ nu)
 
 
 def _nuisance_columns(data: Fitted, suspects: Suspects, nu: Signal, values: Mapping[str, Signal]) -> Signal:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Protocol
@@ -17,9 +16,10 @@ from winchcascade.fit.nuisances import Nuisance, nuisances, shifted
 from winchcascade.fit.predict import CHANNELS, COARSE, Course
 from winchcascade.rig.model import baseline
 from winchcascade.rig.simulate import STEP
+from winchcascade.threads import all_at_once
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Sequence
+    from collections.abc import Collection, Iterable, Sequence
 
     from winchcascade.rig.model import Model
     from winchcascade.rigfile import Rig
@@ -35,10 +35,6 @@ class Bend(Protocol):
 
 RHO = 0.2
 """Correlation of a block's error with the one before: smoothing of the velocity, gusts, ringing."""
-
-
-THREADS = 2
-"""Threads that work side by side; a command may set it."""
 
 
 class Log(msgspec.Struct, frozen=True):
@@ -123,7 +119,7 @@ class Fitted:
         models = self.models(nu, effects)
         which = range(len(self.logs)) if logs is None else sorted(logs)
         skew = self.skew(nu)
-        parts = side_by_side([partial(self.logs[k].course.predict, models[k], skew=skew) for k in which])
+        parts = all_at_once([partial(self.logs[k].course.predict, models[k], skew=skew) for k in which])
         zeros = np.zeros((len(self.logs), len(CHANNELS)))
         for n, x in zip(self.nuisances, nu, strict=True):
             if n.kind == "zero":
@@ -190,15 +186,7 @@ class Fitted:
             partial(log.course.differences, models[k], [other[k] for other in others], skew, skews)
             for k, log in enumerate(self.logs)
         ]
-        return np.concatenate(side_by_side(jobs))
-
-
-def side_by_side(jobs: Sequence[Callable[[], Signal]]) -> list[Signal]:
-    """Do some jobs on some threads, in order; the compiled step leaves the interpreter free."""
-    if len(jobs) < 2 or THREADS < 2:
-        return [job() for job in jobs]
-    with ThreadPoolExecutor(THREADS) as pool:
-        return list(pool.map(lambda job: job(), jobs))
+        return np.concatenate(all_at_once(jobs))
 
 
 def _with_law(model: Model, part: str, name: str, by: float) -> Model:

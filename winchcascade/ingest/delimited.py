@@ -70,7 +70,6 @@ def open_delimited(path: Path) -> Source:
     return Source(
         headers=layout.headers,
         load=lambda wanted, time: _load(path, encoding, layout, step, wanted, time),
-        form="delimited text",
         time_step=step,
         time_start=start,
         properties=dict(layout.properties),

@@ -55,11 +55,10 @@ def open_excel(path: Path) -> Source:
         if zipfile.is_zipfile(io.BytesIO(content)):
             _refuse_bomb(path, content)
         with _quiet():
-            name, layout, rows = _best_sheet(path, content)
+            layout, rows = _best_sheet(path, content)
     return Source(
         headers=layout.headers,
         load=partial(_load, layout, rows),
-        form=f"Excel workbook, sheet {name!r}",
     )
 
 
@@ -141,9 +140,9 @@ def _workbook(path: Path, content: bytes) -> CalamineWorkbook:
         return CalamineWorkbook.from_path(path)  # by its name alone is one with a password told from a damaged one
 
 
-def _best_sheet(path: Path, content: bytes) -> tuple[str, Layout, list[Row]]:
+def _best_sheet(path: Path, content: bytes) -> tuple[Layout, list[Row]]:
     """Pick the sheet whose table has the most named columns over numbers, the longer one of two alike."""
-    best: tuple[str, Layout, list[Row]] | None = None
+    best: tuple[Layout, list[Row]] | None = None
     rank = (0, 0)
     with _workbook(path, content) as book:
         for name in book.sheet_names:
@@ -151,7 +150,7 @@ def _best_sheet(path: Path, content: bytes) -> tuple[str, Layout, list[Row]]:
             layout = find_table(list(islice(sheet.iter_rows(), ROWS_SEARCHED + ROWS_LOOKED_AT)))
             if layout is not None and (layout.share, sheet.height) > rank:
                 rank = (layout.share, sheet.height)
-                best = name, layout, without_empty_end(list(sheet.iter_rows()), layout)
+                best = layout, without_empty_end(list(sheet.iter_rows()), layout)
     if best is None:
         raise LogError(
             f"{path.name}: no sheet has a row of names over columns of numbers; one such table was expected; "

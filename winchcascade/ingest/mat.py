@@ -47,7 +47,6 @@ def open_mat(path: Path) -> Source:
     return Source(
         headers=tuple(Header(name, units.get(name) or units.get(name.rpartition(".")[2])) for name in columns),
         load=partial(_load, list(columns.values())),
-        form="MATLAB",
         time_step=_time_step(properties),
         properties=properties,
     )

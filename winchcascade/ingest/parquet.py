@@ -40,7 +40,7 @@ def open_parquet(path: Path) -> Source:
         schema = file.schema_arrow
         headers = tuple(Header(field.name, _unit(field.metadata or {})) for field in schema)
         properties = _properties(schema.metadata or {})
-    return Source(headers=headers, load=partial(_load, path), form="Parquet", properties=properties)
+    return Source(headers=headers, load=partial(_load, path), properties=properties)
 
 
 @contextmanager

@@ -44,12 +44,10 @@ class Source(msgspec.Struct, frozen=True):
     time_step : sampling interval that the file states itself (a waveform); None where stamps or nothing say it [s]
     time_start : stamp of the first sample of such a waveform [s]
     properties : what the file says about itself, such as `load_ohm`
-    form : the format in words, for messages
     """
 
     headers: Sequence[Header]
     load: Callable[[Sequence[int], int | None], Table]
-    form: str
     time_step: float | None = None
     time_start: float = 0.0
     properties: Mapping[str, str | float] = msgspec.field(default_factory=dict)

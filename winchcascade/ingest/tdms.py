@@ -44,7 +44,6 @@ def open_tdms(path: Path) -> Source:
     return Source(
         headers=tuple(column.header for column in columns),
         load=partial(_load, path, columns, clock, findings),
-        form="LabVIEW TDMS",
         time_step=clock.step if clock else None,
         time_start=clock.start if clock else 0.0,
         properties=properties,

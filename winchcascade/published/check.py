@@ -8,17 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import msgspec
 
 from winchcascade.cascade.efficiency import METRICS
 from winchcascade.errors import OptionError, WinchcascadeError
 from winchcascade.table import Row, Table, load_text, same_load
-
-if TYPE_CHECKING:
-    from winchcascade.cascade.montecarlo import Uncertainty
-    from winchcascade.cascade.reduce import Reduction
 
 REDUCTION_SCHEMA = "winchcascade/reduction/1"
 
@@ -122,18 +118,6 @@ class Check(msgspec.Struct, frozen=True):
     def ok(self) -> bool:
         """Whether every cell agrees."""
         return not self.misses
-
-
-def measured_from_reduction(reduction: Reduction, found: Uncertainty | None = None) -> Measured:
-    """Take what a reduction says of its log; without `found` the uncertainty of the means counts as not known."""
-    run = reduction.run
-    return Measured(
-        name=run.name,
-        load=run.load,
-        mean={m: getattr(reduction.mean, m) for m in METRICS},
-        deviation={m: getattr(reduction.max_deviation_percent, m) for m in METRICS},
-        uncertainty={m: None if found is None else getattr(found.standard, m) for m in METRICS},
-    )
 
 
 def measured_from_record(record: object, where: str) -> Measured:

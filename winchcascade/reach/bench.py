@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from winchcascade.cascade.efficiency import RATIOS
 from winchcascade.reach.payouts import Point, measure, meet
+from winchcascade.threads import all_at_once
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,9 +24,6 @@ ETAS = tuple(RATIOS)
 
 DUST = 2e-4
 """What may be left out of reach in all rows together: simulations of a table are no better. [1]"""
-
-THREADS = 2
-"""Rows that are simulated at a time: the compiled step leaves the interpreter free."""
 
 
 class Bench:
@@ -55,8 +53,9 @@ class Bench:
         ----------
         speeds : guesses, (rows,) [m/s]
         """
-        with ThreadPoolExecutor(THREADS) as pool:
-            points = list(pool.map(lambda job: self._point(model, *job), zip(self.rows, speeds.tolist(), strict=True)))
+        points = all_at_once(
+            [partial(self._point, model, row, guess) for row, guess in zip(self.rows, speeds.tolist(), strict=True)]
+        )
         found = [point for point in points if point is not None]
         if len(found) < len(points):
             return None

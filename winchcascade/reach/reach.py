@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from functools import partial
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -12,6 +13,7 @@ from winchcascade.reach.rows import Cell, NotJudged, RowReach, bounds_of_row, wi
 from winchcascade.rig.model import baseline
 from winchcascade.rigfile import Rig
 from winchcascade.table import load_text
+from winchcascade.tasks import Nobody, Watch
 
 if TYPE_CHECKING:
     from winchcascade.reach.curves import Catalogue
@@ -44,16 +46,6 @@ class Reach(msgspec.Struct, frozen=True):
         return not self.outside
 
 
-class Watch(Protocol):
-    """Whoever wants to know how far the work is."""
-
-    def begin(self, kept: int, todo: int) -> None:
-        """So many pieces of work are to be done."""
-
-    def done(self, name: str, fault: str | None) -> None:
-        """One more is done."""
-
-
 def reach(
     table: Table,
     rig: Rig,
@@ -77,12 +69,9 @@ def reach(
     """
     model = baseline(rig)
     windows, notes = windows_of(table)
-    if watch is not None:
-        watch.begin(0, len(table.rows) + len(suspects))
-
-    def tell(name: str) -> None:
-        if watch is not None:
-            watch.done(name, None)
+    watch = watch or Nobody()
+    watch.begin(0, len(table.rows) + len(suspects))
+    tell = partial(watch.done, fault=None)
 
     rows: list[RowReach] = []
     not_judged: list[NotJudged] = []

@@ -179,6 +179,40 @@ def weakened_bridge(
     return i_b + by_b * bend * last, now + last, min(b_total, 0.0), s_total, b_full, s_full
 
 
+@njit(cache=True, error_model="numpy")
+def _turned(
+    omega: float, half_way: float, twist: float, drum_half: float, em: float, brakes: float, dt: float, c: Constants
+) -> tuple[float, float, float]:
+    """Turn the fast shaft by one step, by the trapezoidal rule: the clutch's torque [N m], the twist [rad] and the speed
+    [rad/s] after it.
+
+    Parameters
+    ----------
+    omega, half_way, twist : speed now, speed half-way as it is foreseen, and twist now
+    drum_half : speed of the drum half-way [rad/s]
+    em, brakes : air-gap torque at the foreseen speed [N m], and how it rises with the speed [N m s/rad]
+    """
+    share = c.eta_mesh / c.gear
+    stiff = 0.5 * dt * c.k_shaft + c.c_shaft
+    mass = c.inertia_rotor / dt
+    losses = 0.5 * (c.b_rotor + c.windage * abs(half_way) + brakes)
+    dry = 0.0
+    if c.friction != 0.0:
+        turned = math.tanh(half_way / TURN)
+        steep = c.friction * (1.0 - turned * turned) / TURN
+        losses += 0.5 * steep
+        dry = c.friction * turned - steep * half_way
+    driven = (mass - losses) * omega - em + brakes * half_way - dry
+    after = (driven + share * (c.k_shaft * twist + stiff * (drum_half - 0.5 * omega / c.gear))) / (
+        mass + losses + 0.5 * share * stiff / c.gear
+    )
+    slip = drum_half - 0.5 * (omega + after) / c.gear
+    torque = c.k_shaft * twist + stiff * slip
+    if torque > 0.0:
+        return torque, twist + dt * slip, max(after, 0.0)
+    return 0.0, 0.0, max(driven / (mass + losses), 0.0)
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def run_shaft(v: Signal, dt: float, c: Constants, table: Signal, out: Signal) -> None:
     """Step the generator's side along a line motion: clutch, shaft, gear, machine, bridge and DC link.
@@ -193,9 +227,6 @@ def run_shaft(v: Signal, dt: float, c: Constants, table: Signal, out: Signal) ->
     omega = omega_before = twist = v_dc = guess = 0.0
     torque_mid = em_mid = i_mid = is_mid = 0.0
     rpm = 30.0 / math.pi
-    share = c.eta_mesh / c.gear
-    stiff = 0.5 * dt * c.k_shaft + c.c_shaft
-    mass = c.inertia_rotor / dt
     for n in range(v.size):
         omega_drum = v[n] / c.r_drum
         # bridge at the DC voltage now and the speed half-way, as it is foreseen
@@ -216,27 +247,8 @@ def run_shaft(v: Signal, dt: float, c: Constants, table: Signal, out: Signal) ->
         em_h = (v_total * b_h + 6.0 * c.r_s * i_s * s_h - em) * per
         em += em_v * fills
         brakes = max(em_h + em_v * b_h / holds, 0.0)
-        # fast shaft, from here to the next step, by the trapezoidal rule
         drum_half = omega_drum if n + 1 == v.size else 0.5 * (v[n] + v[n + 1]) / c.r_drum
-        losses = 0.5 * (c.b_rotor + c.windage * abs(half_way) + brakes)
-        dry = 0.0
-        if c.friction != 0.0:
-            turned = math.tanh(half_way / TURN)
-            steep = c.friction * (1.0 - turned * turned) / TURN
-            losses += 0.5 * steep
-            dry = c.friction * turned - steep * half_way
-        driven = (mass - losses) * omega - em + brakes * half_way - dry
-        after = (driven + share * (c.k_shaft * twist + stiff * (drum_half - 0.5 * omega / c.gear))) / (
-            mass + losses + 0.5 * share * stiff / c.gear
-        )
-        slip = drum_half - 0.5 * (omega + after) / c.gear
-        torque = c.k_shaft * twist + stiff * slip
-        if torque > 0.0:
-            twist += dt * slip
-        else:
-            torque, twist = 0.0, 0.0
-            after = driven / (mass + losses)
-        after = max(after, 0.0)
+        torque, twist, after = _turned(omega, half_way, twist, drum_half, em, brakes, dt, c)
         # DC link
         faster = 0.5 * (omega + after) - half_way
         change = max(2.0 * (fills + b_h * faster / holds), -v_dc)

@@ -19,8 +19,8 @@ from winchcascade.rig.backemf import RPM_LEAST
 from winchcascade.rig.bridge import bridge_table
 from winchcascade.rig.bridge_inverse import dc_voltages, stator_currents
 from winchcascade.rig.generator import NO_ROLLOFF, ROLLOFF_KNOTS
-from winchcascade.rig.kernel import LINE, REST, SHAFT, TURN, constants, run_line, run_shaft
-from winchcascade.rig.motion import SAMPLES, motion_of
+from winchcascade.rig.kernel import LINE, REST, TURN, constants, run_line
+from winchcascade.rig.motion import SAMPLES
 from winchcascade.rig.sensors import Sensors
 from winchcascade.smooth import local_quadratic
 
@@ -40,9 +40,6 @@ STAGES = ("restoring", "transmission", "gearbox", "generator", "load")
 
 EXACT = Sensors()
 """Sensors without an error."""
-
-STEP = 1e-3
-"""Step at which the gas and the clutch are followed. [s]"""
 
 MOVING = 0.03
 """Slower than this, friction only bounds the force, and the torque that follows from it. [m/s]"""
@@ -93,26 +90,6 @@ class _Drive(msgspec.Struct, frozen=True):
     i_bridge: Signal
 
 
-def stage_outputs(run: Run, model: Model) -> tuple[StageOutput, ...]:
-    """Give what each stage of a rig makes of its own measured inputs, in order from the line to the load.
-
-    restoring : pressure of the gas, from the line's motion
-    transmission : torque behind the clutch, from line force, motion and pressure: what screw, losses and inertia leave of it
-    gearbox : the same torque, from the shaft's speed and the power across the air gap, which Vdc and Idc ask for; in haul-in
-        what the open clutch drags
-    generator : Vdc, from the shaft's speed and the current that Idc and the capacitor take
-    load : Idc, from Vdc; only where the load is known and no open circuit
-
-    A stage whose inputs the log lacks is left out. Which torque the clutch carries at all is taken from the model along the
-    motion, so from no measured force, torque or voltage. In open circuit the bleed is the load, and Idc is not looked at.
-    """
-    motion = motion_of(run, STEP)
-    numbers = constants(model, math.inf if run.load is None else run.load)
-    shaft = np.empty((motion.t.size, len(SHAFT)))
-    run_shaft(motion.v, motion.step, numbers, bridge_table(), shaft)
-    return outputs_along(run, model, along(run, motion, shaft[:, SHAFT.index("clutch")]))
-
-
 def along(run: Run, motion: Motion, clutch: Signal) -> Along:
     """Lay a motion onto a log's stamps.
 
@@ -126,10 +103,21 @@ def along(run: Run, motion: Motion, clutch: Signal) -> Along:
 
 
 def outputs_along(run: Run, model: Model, course: Along, only: Collection[str] = STAGES) -> tuple[StageOutput, ...]:
-    """Give the outputs of some stages, as `stage_outputs`, along a motion that is known.
+    """Give what each stage of a rig makes of its own measured inputs, in order from the line to the load.
+
+    restoring : pressure of the gas, from the line's motion
+    transmission : torque behind the clutch, from line force, motion and pressure: what screw, losses and inertia leave of it
+    gearbox : the same torque, from the shaft's speed and the power across the air gap, which Vdc and Idc ask for; in haul-in
+        what the open clutch drags
+    generator : Vdc, from the shaft's speed and the current that Idc and the capacitor take
+    load : Idc, from Vdc; only where the load is known and no open circuit
+
+    A stage whose inputs the log lacks is left out. Which torque the clutch carries at all is taken from the model along the
+    motion, so from no measured force, torque or voltage. In open circuit the bleed is the load, and Idc is not looked at.
 
     Parameters
     ----------
+    course : the log's motion, as `along` lays it onto the stamps
     only : the stages that are asked for
     """
     electric = ("vdc",) if run.open_circuit else ("vdc", "idc")

@@ -130,73 +130,23 @@ def _fault(
 
 
 @njit(cache=True)
-def steady_state(u: float, rho: float) -> tuple[float, float]:
-    """Solve the bridge at one point: mean DC current and rms phase current, times Z / V_LL; zeros where nothing conducts.
-
-    Parameters
-    ----------
-    u : DC voltage with two diode drops over the peak of the line-to-line voltage, 0 (short circuit) to 1 [1]
-    rho : resistance over reactance of a phase, above 0 [1]
-    """
-    impedance = math.sqrt(1.0 + rho * rho)
-    voltage = u * math.sqrt(2.0)
-    conducting, upper = np.zeros(3, dtype=np.bool_), np.zeros(3, dtype=np.bool_)
-    rail, initial = np.zeros(3), np.zeros(3)
-    levels = _levels(rail, conducting)
-    start = theta = 0.0
-    step = 2.0 * math.pi / _STEPS
-    sixth = _STEPS // 6
-    before = np.zeros(3)
-    charge = square = 0.0
-    for period in range(6 * _PERIODS):
-        charge = square = 0.0
-        for _ in range(sixth):
-            target = theta + step
-            last = _currents(rho, start, theta, initial, levels, conducting)
-            for _ in range(12):  # commutations within one step
-                fault = _fault(rho, start, target, initial, levels, rail, upper, conducting, voltage)
-                end = target
-                if fault >= 0:
-                    low, high = theta, target
-                    for _ in range(46):
-                        middle = 0.5 * (low + high)
-                        at = _fault(rho, start, middle, initial, levels, rail, upper, conducting, voltage)
-                        if at >= 0:
-                            high, fault = middle, at
-                        else:
-                            low = middle
-                    end = high
-                middle_now = _currents(rho, start, 0.5 * (theta + end), initial, levels, conducting)
-                now = _currents(rho, start, end, initial, levels, conducting)
-                width = (end - theta) / 6.0  # Simpson's rule
-                for k in range(3):
-                    square += width * (last[k] ** 2 + 4.0 * middle_now[k] ** 2 + now[k] ** 2) / 3.0
-                    if conducting[k] and upper[k]:
-                        charge += width * (last[k] + 4.0 * middle_now[k] + now[k])
-                theta = end
-                last = now
-                if fault < 0:
-                    break
-                _commutate(fault, now, theta, conducting, upper, rail, voltage)
-                initial[:] = now
-                for k in range(3):
-                    if not conducting[k]:
-                        initial[k] = 0.0
-                last = initial.copy()
-                levels = _levels(rail, conducting)
-                start = theta
-                if theta >= target:
-                    break
-            theta = target
-        now = _currents(rho, start, theta, initial, levels, conducting)
-        change = 0.0
-        for k in range(3):  # after a sixth of a period phase k + 1 carries what phase k carried, with the other sign
-            change = max(change, abs(now[k] + before[(k + 1) % 3]))
-        before[:] = now
-        if period > 12 and change * impedance < _SETTLED:
-            break
-    width = math.pi / 3.0
-    return charge / width * impedance, math.sqrt(square / width) * impedance
+def _next_commutation(
+    rho: float, start: float, theta: float, target: float, initial: Signal, levels: Signal, rail: Signal,
+    upper: NDArray[np.bool_], conducting: NDArray[np.bool_], voltage: float,
+) -> tuple[int, float]:  # fmt: skip
+    """What `_fault` first finds after an angle and by a target, and the angle where; -1 and the target if nothing."""
+    fault = _fault(rho, start, target, initial, levels, rail, upper, conducting, voltage)
+    if fault < 0:
+        return fault, target
+    low, high = theta, target
+    for _ in range(46):
+        middle = 0.5 * (low + high)
+        at = _fault(rho, start, middle, initial, levels, rail, upper, conducting, voltage)
+        if at >= 0:
+            high, fault = middle, at
+        else:
+            low = middle
+    return fault, high
 
 
 @njit(cache=True)
@@ -230,6 +180,67 @@ def _commutate(
             if math.cos(theta - 2.0 * math.pi * k / 3.0) < math.cos(theta - 2.0 * math.pi * low / 3.0):
                 low = k
         conducting[low], upper[low], rail[low] = True, False, 0.0
+
+
+@njit(cache=True)
+def steady_state(u: float, rho: float) -> tuple[float, float]:
+    """Solve the bridge at one point: mean DC current and rms phase current, times Z / V_LL; zeros where nothing conducts.
+
+    Parameters
+    ----------
+    u : DC voltage with two diode drops over the peak of the line-to-line voltage, 0 (short circuit) to 1 [1]
+    rho : resistance over reactance of a phase, above 0 [1]
+    """
+    impedance = math.sqrt(1.0 + rho * rho)
+    voltage = u * math.sqrt(2.0)
+    conducting, upper = np.zeros(3, dtype=np.bool_), np.zeros(3, dtype=np.bool_)
+    rail, initial = np.zeros(3), np.zeros(3)
+    levels = _levels(rail, conducting)
+    start = theta = 0.0
+    step = 2.0 * math.pi / _STEPS
+    sixth = _STEPS // 6
+    before = np.zeros(3)
+    charge = square = 0.0
+    for period in range(6 * _PERIODS):
+        charge = square = 0.0
+        for _ in range(sixth):
+            target = theta + step
+            last = _currents(rho, start, theta, initial, levels, conducting)
+            for _ in range(12):  # commutations within one step
+                fault, end = _next_commutation(
+                    rho, start, theta, target, initial, levels, rail, upper, conducting, voltage
+                )
+                middle_now = _currents(rho, start, 0.5 * (theta + end), initial, levels, conducting)
+                now = _currents(rho, start, end, initial, levels, conducting)
+                width = (end - theta) / 6.0  # Simpson's rule
+                for k in range(3):
+                    square += width * (last[k] ** 2 + 4.0 * middle_now[k] ** 2 + now[k] ** 2) / 3.0
+                    if conducting[k] and upper[k]:
+                        charge += width * (last[k] + 4.0 * middle_now[k] + now[k])
+                theta = end
+                last = now
+                if fault < 0:
+                    break
+                _commutate(fault, now, theta, conducting, upper, rail, voltage)
+                initial[:] = now
+                for k in range(3):
+                    if not conducting[k]:
+                        initial[k] = 0.0
+                last = initial.copy()
+                levels = _levels(rail, conducting)
+                start = theta
+                if theta >= target:
+                    break
+            theta = target
+        now = _currents(rho, start, theta, initial, levels, conducting)
+        change = 0.0
+        for k in range(3):  # after a sixth of a period phase k + 1 carries what phase k carried, with the other sign
+            change = max(change, abs(now[k] + before[(k + 1) % 3]))
+        before[:] = now
+        if period > 12 and change * impedance < _SETTLED:
+            break
+    width = math.pi / 3.0
+    return charge / width * impedance, math.sqrt(square / width) * impedance
 
 
 def bridge_table() -> Signal:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from winchcascade.diagnose.campaign import HALF, MOSTLY, NAMED
 from winchcascade.diagnose.causes import Cause, Reported
 from winchcascade.diagnose.line.closure import Judged, Left, judge, left_in
 from winchcascade.diagnose.line.data import Lines, lines_of
@@ -15,8 +14,8 @@ from winchcascade.diagnose.line.experiment import LineExperiment, plan
 from winchcascade.diagnose.line.numbers import again_alone, causes_of
 from winchcascade.diagnose.line.sets import Choice, Moments, choose, moments_of, with_best_span
 from winchcascade.diagnose.line.where import Row, map_of, worst
+from winchcascade.diagnose.rules import HALF, MOSTLY, NAMED, check_withheld
 from winchcascade.diagnose.suspects import Suspects
-from winchcascade.errors import CampaignError
 from winchcascade.rigfile import Rig
 
 if TYPE_CHECKING:
@@ -86,8 +85,7 @@ def diagnose_line(
     ------
     CampaignError, LogError, OptionError : something cannot be used; the message says what
     """
-    if len(runs) <= len(set(withheld)):
-        raise CampaignError("every run is withheld; a diagnosis needs at least one that takes part in the fit.")
+    check_withheld(runs, withheld)
     tell("taking the samples that count")
     lines = with_best_span(lines_of(runs, rig, suspects, cycles or [None] * len(runs), withheld))
     tell("leaving each cycle out in turn")
@@ -96,11 +94,7 @@ def diagnose_line(
     judged = judge(lines, moments, choice.chosen, seed) if choice.chosen else None
     tell("looking for rivals")
     causes = causes_of(lines, moments, choice, suspects)
-    left = (
-        left_in(lines.parts, [part.gap for part in lines.parts])
-        if judged is None
-        else left_in(judged.parts, judged.after)
-    )
+    left = left_of(lines, judged)
     verdict = verdict_of(judged, left)
     if verdict != "explained":
         causes = causes[:NAMED]
@@ -121,6 +115,13 @@ def diagnose_line(
         left=left,
         experiment=experiment,
     )
+
+
+def left_of(lines: Lines, judged: Judged | None) -> Left:
+    """What the causes leave on the parts that they are judged on, or without a cause the whole gap."""
+    if judged is None:
+        return left_in(lines.parts, [part.gap for part in lines.parts])
+    return left_in(judged.parts, judged.after)
 
 
 def verdict_of(judged: Judged | None, left: Left) -> str:

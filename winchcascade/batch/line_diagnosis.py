@@ -1,22 +1,16 @@
-"""A campaign to its diagnosis and its outputs: by the model of its rig or, without one, from line force, speed and power."""
+"""A campaign of a rig without a model: its logs, its diagnosis from line force, speed and power, and what that predicts."""
 
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from winchcascade.batch.diagnosis import diagnose_file, write_predictions
-from winchcascade.campaign import load_campaign
 from winchcascade.diagnose.line.campaign import LineDiagnosis, diagnose_line
-from winchcascade.diagnose.line.record import as_json as line_json
-from winchcascade.diagnose.record import as_json
-from winchcascade.errors import OptionError, RigError
+from winchcascade.errors import OptionError
 from winchcascade.files import write_whole
 from winchcascade.ingest.read import read_run
-from winchcascade.rig.model import baseline
-from winchcascade.rigtoml import DEFAULT_RIG, load_rig
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -27,77 +21,11 @@ if TYPE_CHECKING:
     from winchcascade.rigfile import Rig
     from winchcascade.run import Run, Signal
 
-POWER = "power_mech"
-
 HEADER = "Time (s),Cycle,Predicted mechanical power (W)"
 """Of the files of predictions, by which this tool knows them for its own."""
 
 
-class Writes(Protocol):
-    """Writes the report of a diagnosis as a page, as a PDF, or both."""
-
-    def __call__(self, *, html: Path | None, pdf: Path | None, command: str, force: bool) -> None:
-        """Write the files."""
-
-
-class Outcome(NamedTuple):
-    """A diagnosis and its outputs: JSON as a dict, the page for the terminal given the files, reports, and predictions."""
-
-    record: dict[str, Any]
-    text: Callable[[Sequence[Path | str]], str]
-    write_reports: Writes
-    write_predictions: Callable[[Path, bool], list[Path]]
-
-
-def outcome(
-    path: Path,
-    suspects: Mapping[str, type],
-    *,
-    rig: str | None = None,
-    loads: Sequence[float] = (),
-    seed: int = 0,
-    tell: Callable[[str], None] = lambda _: None,
-) -> Outcome:
-    """Diagnose a campaign.toml, or the one in a folder, whatever its rig. Parameters and faults as `diagnose_file`."""
-    campaign = load_campaign(path)
-    the_rig = load_rig(rig or campaign.rig or DEFAULT_RIG)
-    try:
-        baseline(the_rig)
-    except RigError:
-        runs = _read(campaign, the_rig, tell)
-        if not any(POWER in names for names in (the_rig.sensors, the_rig.columns, *(run.channels for run in runs))):
-            raise
-        return _of_line(_diagnosed(campaign, runs, the_rig, suspects, loads, seed, tell))
-    from winchcascade.report.diagnosis_text import diagnosis_text
-
-    found = diagnose_file(path, suspects, rig=rig, loads=loads, seed=seed, tell=tell)
-
-    def write_reports(*, html: Path | None, pdf: Path | None, command: str, force: bool) -> None:
-        from winchcascade.report.diagnosis import write_diagnosis_reports
-
-        write_diagnosis_reports(found, html=html, pdf=pdf, command=command, force=force)
-
-    def predict(folder: Path, force: bool) -> list[Path]:
-        return write_predictions(found, folder, force=force)
-
-    return Outcome(as_json(found), partial(diagnosis_text, found), write_reports, predict)
-
-
-def _of_line(found: LineDiagnosis) -> Outcome:
-    from winchcascade.report.line_text import line_text
-
-    def write_reports(*, html: Path | None, pdf: Path | None, command: str, force: bool) -> None:
-        from winchcascade.report.line_diagnosis import write_line_reports
-
-        write_line_reports(found, html=html, pdf=pdf, command=command, force=force)
-
-    def predict(folder: Path, force: bool) -> list[Path]:
-        return write_line_predictions(found, folder, force=force)
-
-    return Outcome(line_json(found), partial(line_text, found), write_reports, predict)
-
-
-def _read(campaign: Campaign, rig: Rig, tell: Callable[[str], None]) -> list[Run]:
+def read_logs(campaign: Campaign, rig: Rig, tell: Callable[[str], None]) -> list[Run]:
     """Read the log of each entry, once where several entries share it."""
     read: dict[Path, Run] = {}
     for number, entry in enumerate(campaign.runs, 1):
@@ -107,7 +35,7 @@ def _read(campaign: Campaign, rig: Rig, tell: Callable[[str], None]) -> list[Run
     return [read[entry.file] for entry in campaign.runs]
 
 
-def _diagnosed(
+def diagnose_logs(
     campaign: Campaign,
     runs: Sequence[Run],
     rig: Rig,
@@ -116,6 +44,13 @@ def _diagnosed(
     seed: int,
     tell: Callable[[str], None],
 ) -> LineDiagnosis:
+    """Diagnose the logs of a campaign, as `read_logs` gives them.
+
+    Raises
+    ------
+    OptionError : `loads` are to be withheld, which no such rig has
+    CampaignError, LogError : something else cannot be used; the message says what
+    """
     if loads:
         raise OptionError(
             f"--withhold {loads[0]:g}: rig {rig.name} has no load; withhold cycles instead, by a [[run]] with cycles and "
@@ -125,7 +60,7 @@ def _diagnosed(
         runs,
         rig,
         suspects,
-        title=campaign.title or campaign.path.resolve().parent.name,
+        title=campaign.name,
         cycles=[entry.cycles for entry in campaign.runs],
         withheld=[k for k, entry in enumerate(campaign.runs) if entry.withheld],
         seed=seed,

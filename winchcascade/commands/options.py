@@ -1,0 +1,44 @@
+"""The options that several commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from winchcascade.commands.complete import rig_names
+
+RigOption = Annotated[
+    str | None,
+    typer.Option(
+        "--rig",
+        metavar="RIG",
+        help="Rig file, or a built-in rig: hsu2026 (default), kitepower.",
+        autocompletion=rig_names,
+    ),
+]
+WindowOption = Annotated[
+    str | None,
+    typer.Option("--window", metavar="RULE", help="auto, payout, or a length in seconds; the rig's rule by default."),
+]
+LoadOption = Annotated[
+    float | None, typer.Option("--load-ohm", metavar="OHM", help="Load resistance; inf is an open circuit.")
+]
+JsonOption = Annotated[
+    str | None, typer.Option("--json", metavar="FILE", help="Write the result as JSON; - prints it alone.")
+]
+HtmlOption = Annotated[
+    Path | None, typer.Option("--html", metavar="FILE", help="Write the report as one self-contained page.")
+]
+PdfOption = Annotated[Path | None, typer.Option("--pdf", metavar="FILE", help="Write the report as PDF.")]
+JobsOption = Annotated[
+    int | None, typer.Option("--jobs", metavar="N", min=1, help="Processes; by default one for each processor.")
+]
+SchedulerOption = Annotated[
+    str | None,
+    typer.Option("--scheduler", metavar="ADDRESS", help="Work on this Dask scheduler, such as tcp://host:8786."),
+]
+ForceOption = Annotated[
+    bool, typer.Option("--force", help="Replace existing files, also those that another program wrote.")
+]

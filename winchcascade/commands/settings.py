@@ -1,0 +1,56 @@
+"""Rig, load and window of a log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from winchcascade.errors import OptionError
+
+if TYPE_CHECKING:
+    from winchcascade.rigfile import Rig
+
+
+class Settings(NamedTuple):
+    """How a log is read and reduced: what the options say, else the campaign beside it, else the file's or the rig's own.
+
+    `load` [ohm] is None where only the log may know it, `load_source` tells where it comes from, `window` is a rule or a
+    length [s], `cycles` are the first and the last that count, and `about` is the campaign's title.
+    """
+
+    rig: Rig
+    load: float | None
+    load_source: str
+    window: str | float | None
+    cycles: tuple[int, int] | None
+    about: str
+
+
+def settings_of(log: Path, *, rig: str | None, load_ohm: float | None, window: str | None) -> Settings:
+    """Settle what the options of a command leave open.
+
+    Raises
+    ------
+    CampaignError : the campaign.toml in the log's folder cannot be used
+    RigError : the rig file cannot be used
+    """
+    from winchcascade.campaign import campaign_beside
+    from winchcascade.rigtoml import DEFAULT_RIG, load_rig
+
+    rule: str | float | None = window
+    source, about, cycles = "--load-ohm", "", None
+    listed = campaign_beside(log) if None in (rig, load_ohm, window) else None
+    if listed is not None:
+        campaign, run = listed
+        about, cycles = campaign.title, run.cycles
+        rig = rig if rig is not None else campaign.rig
+        rule = rule if rule is not None else run.window
+        if load_ohm is None:
+            load_ohm, source = run.load, campaign.path.name
+    return Settings(load_rig(rig or DEFAULT_RIG), load_ohm, source, rule, cycles, about)
+
+
+def check_load(load_ohm: float | None) -> None:
+    """Refuse a load that is no resistance; OptionError tells what is expected."""
+    if load_ohm is not None and not load_ohm > 0:
+        raise OptionError(f"--load-ohm {load_ohm:g}: expected a number of ohms above 0, or inf for an open circuit.")

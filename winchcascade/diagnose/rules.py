@@ -1,0 +1,27 @@
+"""What a diagnosis by a model and one without have in common: what may be withheld, and when a gap is explained."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from winchcascade.errors import CampaignError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from winchcascade.run import Run
+
+NAMED = 2
+"""So many causes are named at most where much stays unexplained: more would be a crowd, none of them sure."""
+
+MOSTLY = 0.9
+"""Share of the gap that must be closed for a verdict of `explained` while something without structure remains."""
+
+HALF = 0.5
+"""With less closed and a structured remainder a gap is unexplained."""
+
+
+def check_withheld(runs: Sequence[Run], withheld: Sequence[int]) -> None:
+    """Refuse to withhold all runs, by their numbers: CampaignError."""
+    if len(runs) <= len(set(withheld)):
+        raise CampaignError("every run is withheld; a diagnosis needs at least one that takes part in the fit.")
