@@ -123,9 +123,33 @@ def _pool(workers: int) -> ProcessPoolExecutor:
     return ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_quietly)
 
 
+_at_work = False
+"""Whether this process of a pool has jobs in hand."""
+
+
+def _in_pool(work: Callable[[Job], Done], places: Sequence[int], jobs: Sequence[Job]) -> list[Outcome[Done]]:
+    """Do jobs in a process of a pool; told to end, it leaves no half-written file behind."""
+    global _at_work
+    _at_work = True
+    try:
+        return _several(work, places, jobs)
+    except SystemExit:
+        os._exit(1)
+    finally:
+        _at_work = False
+
+
+def _end(*_: object) -> None:
+    """End this process of a pool: from within its jobs, so that they clean up, or at once."""
+    if _at_work:
+        raise SystemExit(1)
+    os._exit(1)
+
+
 def _quietly() -> None:
     """Leave an interrupt to the process that gave the jobs, and end with it, however it ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, _end)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
@@ -152,7 +176,7 @@ def _pooled(
             while waiting or running:
                 while waiting and len(running) < 2 * workers:
                     places = waiting[-1]
-                    running[pool.submit(_several, work, places, [jobs[k] for k in places])] = places
+                    running[pool.submit(_in_pool, work, places, [jobs[k] for k in places])] = places
                     waiting.pop()  # only now: a pool that is broken takes no more
                 for future in wait(running, timeout=PATIENCE, return_when=FIRST_COMPLETED).done:
                     outcomes = future.result()
@@ -194,6 +218,8 @@ def _interrupts_held() -> Generator[Callable[[], bool], None, None]:
         yield came.is_set
     finally:
         signal.signal(signal.SIGINT, before)
+    if came.is_set():  # after it was asked for the last time
+        raise KeyboardInterrupt
 
 
 def _abandon(pool: ProcessPoolExecutor) -> None:
