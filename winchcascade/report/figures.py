@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,7 @@ from winchcascade.phases.window import Plateau
 from winchcascade.quantity import KGF
 from winchcascade.report.digits import significant
 from winchcascade.report.style import COLOURS, STAGE_STYLE, WIDTH, label_panel
-from winchcascade.report.traces import envelope
+from winchcascade.report.traces import clock_zero, envelope, time_label
 from winchcascade.report.wording import by_sensor
 
 if TYPE_CHECKING:
@@ -80,18 +80,6 @@ def powers_of(reduction: Reduction) -> dict[str, Signal]:
     """Power stream of every stage that the log gives, (n,) [W]."""
     found = {stage: power(reduction.run.channels, stage, reduction.rig.r_drum) for stage in STAGES}
     return {stage: x for stage, x in found.items() if x is not None}
-
-
-def clock_zero(run: Run) -> float:
-    """What a drawn time axis begins from: 0, or the log's first stamp where that is large, as the seconds of an epoch. [s]"""
-    first, last = float(run.t[0]), float(run.t[-1])
-    return 0.0 if abs(first) < 10.0 * max(last - first, 1.0) else first
-
-
-def time_label(run: Run) -> str:
-    """Label of a drawn time axis."""
-    zero = clock_zero(run)
-    return "Time (s)" if zero == 0.0 else f"Time since {zero:.2f} s on the log's clock (s)"
 
 
 def time_histories(reduction: Reduction, powers: dict[str, Signal]) -> Figure:
@@ -160,8 +148,16 @@ def _phase_key(ax: Axes, cycles: Sequence[CycleResult]) -> None:
     names = ["payout", "hold", "integration window"]
     if any(not c.complete for c in cycles):
         entries.append(ax.plot([], [], ls=":", lw=0.8, color=COLOURS["soft"])[0])
-        names.append("window of an incomplete cycle")
-    ax.legend(entries, names, loc="lower right", ncols=len(names), bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
+        names.append("of an incomplete cycle")
+    ax.legend(
+        entries,
+        names,
+        loc="lower right",
+        ncols=len(names),
+        bbox_to_anchor=(1.0, 1.0),
+        borderaxespad=0.1,
+        columnspacing=1.2,
+    )
 
 
 def power_streams(reduction: Reduction, powers: dict[str, Signal]) -> Figure | None:
@@ -244,13 +240,19 @@ def representative(reduction: Reduction) -> CycleResult:
     return (*reduction.complete, *reduction.cycles)[0]
 
 
-def energy_flow(reduction: Reduction) -> Figure | None:
-    """Draw the mean energy of a window from the line to the DC link: heights are energies, losses branch off."""
+def energy_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) -> Figure | None:
+    """Draw the mean energy of a window from the line to the DC link: heights are energies, losses branch off.
+
+    Parameters
+    ----------
+    texts : means as they are told, by metric; with four digits if not given
+    """
     mean = reduction.mean
     known = [s for s in STAGES if getattr(mean, f"energy_{s}") is not None]
     joules = [float(getattr(mean, f"energy_{s}")) for s in known]
     if len(known) < 2 or min(joules) <= 0 or any(b > a for a, b in pairwise(joules)):
         return None
+    told = [(texts or {}).get(f"energy_{s}") or significant(joule, 4) for s, joule in zip(known, joules, strict=True)]
     figure = Figure((WIDTH, 2.35))
     ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     ax.set_axis_off()
@@ -261,7 +263,7 @@ def energy_flow(reduction: Reduction) -> Figure | None:
     for k, (x, h) in enumerate(zip(at, heights, strict=True)):
         ax.add_patch(Rectangle((x, top - h), bar, h, fc=COLOURS[known[k]], lw=0))
         ax.text(
-            x + bar / 2, top + 0.05, f"{_ENERGY_TEX[known[k]]} = {significant(joules[k], 4)} J\n{_STAGE_WORDS[known[k]]}",
+            x + bar / 2, top + 0.05, f"{_ENERGY_TEX[known[k]]} = {told[k]} J\n{_STAGE_WORDS[known[k]]}",
             ha="left" if k == 0 else "right" if k == len(known) - 1 else "center", va="bottom", fontsize=8.5,
         )  # fmt: skip
         if k + 1 < len(known):

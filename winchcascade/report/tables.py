@@ -6,13 +6,14 @@ import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from winchcascade.cascade.efficiency import METRICS
+from winchcascade.cascade.efficiency import METRICS, RATIOS
 from winchcascade.cascade.power import STAGES
 from winchcascade.cascade.uncertainty import R_DRUM, shares
 from winchcascade.channels import CHANNELS
 from winchcascade.quantity import KGF, find_unit, si_unit
 from winchcascade.report.digits import MINUS, number, of_many, percent, places, significant, stated, uncertain
 from winchcascade.report.layout import Table
+from winchcascade.report.traces import clock_zero
 from winchcascade.report.wording import not_known, source_name
 
 if TYPE_CHECKING:
@@ -41,6 +42,30 @@ _DECIMALS = {m: 3 if m.startswith("eta") else 0 for m in METRICS}
 _KGCM2 = KGF * 1e4
 
 
+_STAGE = {"line": "the line (force times speed)", "mech": "the shaft", "gen": "the DC link (Vdc times Idc)"}
+"""What the stages are, by the end of a symbol."""
+
+
+def known_u(found: Uncertainty, metric: str) -> float | None:
+    """Standard uncertainty of a mean; where no sensor's accuracy is known, what the repeatability alone makes of it."""
+    u: float | None = getattr(found.standard, metric) or getattr(found.budget.repeatability, metric)
+    return u
+
+
+def mean_text(reduction: Reduction, found: Uncertainty, metric: str) -> str:
+    """Mean of a metric, with the digits that its uncertainty allows."""
+    u = known_u(found, metric)
+    value = getattr(reduction.mean, metric)
+    return stated(value, u, _DECIMALS[metric]) if u else _four(value, metric)
+
+
+def _four(value: float | None, metric: str) -> str:
+    """A value of unknown uncertainty: four digits before the point tell enough."""
+    if value is None or not math.isfinite(value) or abs(value) < 1e4:
+        return stated(value, None, _DECIMALS[metric])
+    return number(value, 3 - math.floor(math.log10(abs(value))))
+
+
 def label(cycle: CycleResult) -> str:
     """Number of a cycle, in brackets if it is incomplete."""
     return f"{cycle.cycle}" if cycle.complete else f"({cycle.cycle})"
@@ -53,14 +78,16 @@ def cycles_table(reduction: Reduction, found: Uncertainty) -> Table:
     of = {c.cycle: u for c, u in zip(reduction.cycles, known.cycles, strict=True)}
 
     def row(c: CycleResult) -> tuple[str, ...]:
-        values = (of_many(getattr(c.metrics, m), getattr(of[c.cycle], m), _DECIMALS[m]) for m in given)
+        values = []
+        for m in given:
+            value, u = getattr(c.metrics, m), getattr(of[c.cycle], m)
+            values.append(of_many(value, u, _DECIMALS[m]) if u else _four(value, m))
         return (label(c), number(c.window.cutoff - c.window.onset, 2), *values)
 
     n = len(reduction.complete)
     below: list[tuple[str, ...]] = []
     if n and given:
-        mean = (stated(getattr(reduction.mean, m), getattr(found.standard, m), _DECIMALS[m]) for m in given)
-        below.append((f"mean of {n}", "", *mean))
+        below.append((f"mean of {n}", "", *(mean_text(reduction, found, m) for m in given)))
     if found.method:
         below.append(("standard uncertainty", "", *(uncertain(getattr(found.standard, m)) for m in given)))
         below.append(("95 % interval, from", "", *(_end(found, m, "low") for m in given)))
@@ -71,13 +98,22 @@ def cycles_table(reduction: Reduction, found: Uncertainty) -> Table:
     incomplete = "" if n == len(reduction.cycles) else " A cycle in brackets is incomplete and not in the mean."
     return Table(
         id="cycles",
-        caption="Cycles: energies over the integration window, mean powers in it, efficiencies." + incomplete,
+        caption="Cycles: energies E over the integration window, mean powers P in it, efficiencies η." + incomplete,
         head=("Cycle", "Window", *(SYMBOL[m] for m in given)),
         units=("", "s", *(UNIT[m] for m in given)),
         rows=(*_thinned(reduction.cycles, row, 2 + len(given)), *below),
         summary=len(below),
-        note="Digits of a cycle are those that the sensors' errors allow; the mean's uncertainty adds the repeatability.",
-    )
+        note=_metrics_note(given)
+        + ("Digits of a cycle are those that the sensors' errors allow; the mean's uncertainty adds the repeatability."
+           if found.method else ""),
+    )  # fmt: skip
+
+
+def _metrics_note(given: Sequence[str]) -> str:
+    """What the symbols of some metrics mean."""
+    stages = [f"{s}, {what}" for s, what in _STAGE.items() if f"energy_{s}" in given or f"power_{s}" in given]
+    ratios = [f"{SYMBOL[m]} = {SYMBOL[up]} / {SYMBOL[low]}" for m, (up, low) in RATIOS.items() if m in given]
+    return "".join(f"{text}. " for text in (f"Subscripts: {'; '.join(stages)}", ", ".join(ratios)) if text)
 
 
 def _end(found: Uncertainty, metric: str, end: str) -> str:
@@ -99,6 +135,7 @@ def _thinned(
 
 def payouts_table(reduction: Reduction) -> Table:
     """Payout of every cycle: instants, travel, and time means over its plateau."""
+    zero = clock_zero(reduction.run)
 
     def row(c: CycleResult) -> tuple[str, ...]:
         p = c.summary.payout
@@ -109,7 +146,7 @@ def payouts_table(reduction: Reduction) -> Table:
             else [flat.speed, flat.force, flat.torque, flat.power_line, flat.power_mech, flat.power_gen]
         )
         return (
-            label(c), number(c.phases.onset, 2), number(p.duration, 2), number(p.travel, 2), number(p.speed_max, 2),
+            label(c), number(c.phases.onset - zero, 2), number(p.duration, 2), number(p.travel, 2), number(p.speed_max, 2),
             *(number(x, d) for x, d in zip(means, (3, 0, 1, 0, 0, 0), strict=True)),
         )  # fmt: skip
 
@@ -120,8 +157,15 @@ def payouts_table(reduction: Reduction) -> Table:
             head=("Cycle", "Onset", "Payout", "Travel", "v_max", "v_plateau", "F", "τ", "P_line", "P_mech", "P_gen"),
             units=("", "s", "s", "m", "m/s", "m/s", "N", "N·m", "W", "W", "W"),
             rows=tuple(_thinned(reduction.cycles, row, 11)),
+            note=f"Onset: when the payout begins{_since(zero)}. v: line velocity; F: line force; τ: torque behind the clutch. "
+            "Plateau: the stretch of steady speed.",
         )
     )
+
+
+def _since(zero: float) -> str:
+    """What times count from, where it is not the zero of the log's clock."""
+    return f", counted from {zero:.2f} s on the log's clock" if zero else ""
 
 
 def holds_table(reduction: Reduction) -> Table:
@@ -146,6 +190,7 @@ def holds_table(reduction: Reduction) -> Table:
             head=("Cycle", "Hold", "F_hold", "τ_hold", "p_hold", "Haul-in", "v_max", "F_mean", "F_min", "E_line"),
             units=("", "s", "N", "N·m", "kg/cm²", "s", "m/s", "N", "N", "J"),
             rows=tuple(_thinned(reduction.cycles, row, 10)),
+            note="F: line force; τ: torque behind the clutch; p: accumulator pressure, gauge; v: line speed of the haul-in.",
         )
     )
 
@@ -164,7 +209,7 @@ def repeatability_table(reduction: Reduction, found: Uncertainty) -> Table | Non
         far = max(complete, key=lambda c: abs(getattr(c.metrics, m) - mean))
         u = getattr(found.budget.repeatability, m)
         rows.append((
-            SYMBOL[m], UNIT[m], stated(mean, getattr(found.standard, m), _DECIMALS[m]),
+            SYMBOL[m], UNIT[m], mean_text(reduction, found, m),
             stated(min(values), u, _DECIMALS[m]), stated(max(values), u, _DECIMALS[m]),
             number(getattr(reduction.max_deviation_percent, m), 2), f"{far.cycle}", uncertain(u * math.sqrt(len(values))),
             uncertain(u),
@@ -178,13 +223,16 @@ def repeatability_table(reduction: Reduction, found: Uncertainty) -> Table | Non
         units=("", "", "", "", "", "%", "", "", ""),
         rows=tuple(rows),
         text_columns=(0, 1),
-        note="The largest deviation of a cycle from the mean, in percent of the mean; s is the standard deviation.",
+        note="The largest deviation of a cycle from the mean, in percent of the mean. s: standard deviation of a cycle; "
+        "s/√N: of the mean of the N cycles.",
     )
 
 
 def uncertainty_table(reduction: Reduction, found: Uncertainty) -> Table | None:
     """Uncertainty of each mean: of the sensors, of the repeatability, together, and the 95 % interval; None without any."""
     known = found.budget
+    if not found.method:
+        return None
     rows = []
     for m in METRICS:
         mean, u = getattr(reduction.mean, m), getattr(found.standard, m)
@@ -212,11 +260,15 @@ def uncertainty_table(reduction: Reduction, found: Uncertainty) -> Table | None:
     )
 
 
+def unknown_words(found: Uncertainty) -> str:
+    """Why no uncertainty is stated; nothing where one is."""
+    if found.method:
+        return ""
+    return f"Only the repeatability is known; {'; '.join(not_known(found.budget)) or 'no metric is known'}."
+
+
 def _how_stated(found: Uncertainty) -> str:
     """Where the stated uncertainties come from."""
-    if not found.method:
-        why = "; ".join(not_known(found.budget)) or "no metric is known"
-        return f"Only the repeatability is known; {why}."
     by_draws = [SYMBOL[m] for m in METRICS if found.method.get(m) == "monte_carlo"]
     which = "the Monte Carlo confirms the budget of every metric"
     if by_draws:
@@ -231,8 +283,13 @@ def _span(low: float, high: float, u: float | None) -> str:
     return f"{number(low, places(u))} to {number(high, places(u))}" if u else "–"
 
 
-def budget_table(found: Uncertainty) -> Table | None:
-    """Which error contributes which share of the variance of each mean; None where no accuracy is known."""
+def budget_table(found: Uncertainty, source: str = "") -> Table | None:
+    """Which error contributes which share of the variance of each mean; None where no accuracy is known.
+
+    Parameters
+    ----------
+    source : what the rig file says of where its numbers come from
+    """
     known = found.budget
     metrics = [m for m in (*METRICS[6:], *METRICS[:3]) if getattr(known.mean, m)]
     if not metrics:
@@ -248,8 +305,14 @@ def budget_table(found: Uncertainty) -> Table | None:
         rows=tuple(rows),
         text_columns=(0, 1, 2, 3, 4),
         note="Errors of a sensor are the same over the whole log, so they do not average out over its cycles. A limit in "
-        "shares of the full scale is half zero and half gain error.",
+        "shares of the full scale is half zero and half gain error. u: standard uncertainty of the error."
+        + _from(source),
     )
+
+
+def _from(source: str) -> str:
+    """What the words of a rig file about its sources refer to."""
+    return f" From: the rig file's words; its source is {source}." if source else ""
 
 
 def _about(row: Contribution) -> tuple[str, str, str, str, str]:
@@ -293,7 +356,8 @@ def findings_table(reduction: Reduction) -> Table | None:
     quality, samples = reduction.quality, reduction.run.samples
     if not quality:
         return None
-    rows = [_finding(f, samples) for f in quality[:MOST_FINDINGS]]
+    zero = clock_zero(reduction.run)
+    rows = [_finding(f, samples, zero) for f in quality[:MOST_FINDINGS]]
     if len(quality) > MOST_FINDINGS:
         rows.append((f"… {len(quality) - MOST_FINDINGS} more", *[""] * 6))
     return Table(
@@ -303,12 +367,14 @@ def findings_table(reduction: Reduction) -> Table | None:
         units=("", "", "s", "s", "%", "", ""),
         rows=tuple(rows),
         text_columns=(0, 1, 5, 6),
+        note=f"Times are{_since(zero).lstrip(',')}." if zero else "",
     )
 
 
-def _finding(f: Finding, samples: int) -> tuple[str, ...]:
+def _finding(f: Finding, samples: int, zero: float) -> tuple[str, ...]:
     lost = percent(f.removed / samples if samples else 0.0, 2)
-    return (f.kind.replace("_", " "), f.channel or "", number(f.start, 2), number(f.end, 2), lost, f.message, f.action)
+    start, end = (number(None if t is None else t - zero, 2) for t in (f.start, f.end))
+    return (f.kind.replace("_", " "), f.channel or "", start, end, lost, f.message, f.action)
 
 
 def sensors_table(reduction: Reduction) -> Table | None:
@@ -334,6 +400,7 @@ def sensors_table(reduction: Reduction) -> Table | None:
         units=("", "", "", "", ""),
         rows=tuple(rows),
         text_columns=(0, 1, 2, 3, 4),
+        note=_from(reduction.rig.source).strip(),
     )
 
 
