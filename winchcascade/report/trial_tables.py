@@ -24,7 +24,7 @@ def totals_table(score: Score) -> Table:
         units=("", "", "", "Wilson"),
         rows=tuple(rows),
         note="Misnamed: another effect was named; silent: no gap was seen; abstained: a gap was seen and left unexplained. "
-        "Outsiders hide something that is not in the catalogue, so that unexplained, or no more than partly explained, is right.",
+        "Outsiders hide something that is not in the catalogue: they are recognised if their gap is not called explained.",
     )
 
 

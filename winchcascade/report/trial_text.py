@@ -97,8 +97,8 @@ def make_trial_report(score: Score, *, command: str = "") -> Report:
                 "taken", "What each effect is taken for",
                 picture(
                     taken_figure(score), "taken",
-                    "How many cases of what was hidden (rows) were taken for what (columns): on the diagonal it was named, in a "
-                    "frame it is wrong. Several: more than one effect was named. Pairs are in the table.",
+                    "How many cases of what was hidden (rows) were taken for what (columns): on the diagonal it was named, in "
+                    "a frame it is wrong. Several: more than one effect was named. Pairs are in the table.",
                     "Matrix of counts; the same numbers are in the table below.",
                 ),
                 tables.taken_table(score),
@@ -107,8 +107,8 @@ def make_trial_report(score: Score, *, command: str = "") -> Report:
                 "parameters", "Numbers of the named effects",
                 picture(
                     coverage_figure(score), "coverage",
-                    "What was found of each named effect less the truth, over the size of the true change, with 95 % intervals: "
-                    "of twenty intervals nineteen should hold the truth, which lies at zero.",
+                    "What was found of each named effect less the truth, over the size of the true change, with 95 % "
+                    "intervals: of twenty intervals nineteen should hold the truth, which lies at zero.",
                     "Points with bars about zero; the numbers are in the table below.",
                 ),
                 tables.parameters_table(score),
