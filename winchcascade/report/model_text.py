@@ -234,7 +234,7 @@ def budget_table(names: Sequence[str], budgets: Sequence[Budget]) -> Table:
     return Table(
         id="loss-budget",
         caption="Simulated loss budget: energy of the line in the window and where it goes, means over the cycles.",
-        head=("Load", "from the line", *(GROUPS[g].name for g in groups)),
+        head=("Load", "total", *(GROUPS[g].name for g in groups)),
         units=("", *("J" for _ in range(1 + len(groups)))),
         rows=tuple(row(name, b) for name, b in zip(names, budgets, strict=True)),
         note=_parts_note(groups),

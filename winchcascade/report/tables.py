@@ -103,17 +103,18 @@ def cycles_table(reduction: Reduction, found: Uncertainty) -> Table:
         units=("", "s", *(UNIT[m] for m in given)),
         rows=(*_thinned(reduction.cycles, row, 2 + len(given)), *below),
         summary=len(below),
-        note=_metrics_note(given)
+        note=metrics_note(given)
         + ("Digits of a cycle are those that the sensors' errors allow; the mean's uncertainty adds the repeatability."
            if found.method else ""),
     )  # fmt: skip
 
 
-def _metrics_note(given: Sequence[str]) -> str:
+def metrics_note(given: Sequence[str]) -> str:
     """What the symbols of some metrics mean."""
     stages = [f"{s}, {what}" for s, what in _STAGE.items() if f"energy_{s}" in given or f"power_{s}" in given]
     ratios = [f"{SYMBOL[m]} = {SYMBOL[up]} / {SYMBOL[low]}" for m, (up, low) in RATIOS.items() if m in given]
-    return "".join(f"{text}. " for text in (f"Subscripts: {'; '.join(stages)}", ", ".join(ratios)) if text)
+    told = f"Subscripts: {'; '.join(stages)}" if stages else ""
+    return "".join(f"{text}. " for text in (told, ", ".join(ratios)) if text)
 
 
 def _end(found: Uncertainty, metric: str, end: str) -> str:
