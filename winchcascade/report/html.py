@@ -32,7 +32,7 @@ def html_text(report: Report) -> str:
     from markupsafe import Markup, escape
 
     def symbols(text: str) -> Markup:
-        return Markup(_SYMBOL.sub(r"\1<sub>\2</sub>", str(escape(text))))
+        return Markup(_SYMBOL.sub(r"\1<sub>\2</sub>", str(escape(text))).replace(" %", "\u00a0%"))
 
     def symbol(text: str) -> Markup:
         return symbols(text) if _SYMBOL.fullmatch(text) else escape(text)
