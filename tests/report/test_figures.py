@@ -282,3 +282,23 @@ def test_the_house_style_leaves_no_trace_in_the_users_settings() -> None:
         with house_style():
             assert matplotlib.rcParams["lines.linewidth"] != 7.0
         assert dict(matplotlib.rcParams) == before
+
+
+@pytest.mark.parametrize("log", ["clean", "aborted"])
+def test_what_shades_mean_stands_beside_the_title_not_on_it(results: dict[str, Result], log: str) -> None:
+    reduction = results[log][0]
+    with house_style():
+        figure = figures.time_histories(reduction, figures.powers_of(reduction))
+        figure.draw_without_rendering()
+        for ax in (figure.axes[0], figure.axes[-1]):
+            key = ax.get_legend()
+            assert key is not None
+            title = ax._left_title  # type: ignore[attr-defined]
+            assert key.get_window_extent().x0 > title.get_window_extent().x1
+
+
+def test_the_flow_tells_energies_as_the_tables_do(clean: Result) -> None:
+    figure = figures.energy_flow(clean[0], {"energy_line": "7110"})
+    assert figure is not None
+    texts = " ".join(text.get_text() for text in figure.axes[0].texts)
+    assert "= 7110 J" in texts

@@ -365,3 +365,31 @@ def test_sensors_are_listed_as_the_rig_file_states_them(clean: Result) -> None:
     assert table is not None
     (force,) = (row for row in table.rows if row[0] == "force")
     assert force == ("force", "cell", f"{MINUS}5 to 20 kN", "0.2 % of full scale and 0.05 kN", "sheet 3")
+
+
+def test_times_are_counted_from_the_first_stamp_of_an_epoch(clean: Result) -> None:
+    reduction, epoch = clean[0], 1_776_506_400.0
+    finding = Finding("spike", "one sample", "bridged", channel="force", start=epoch + 12.0, end=epoch + 12.5)
+    run = msgspec.structs.replace(reduction.run, t=reduction.run.t + epoch)
+    late = msgspec.structs.replace(reduce(run, window=5.48), quality=(finding,))
+    onsets = columns(tables.payouts_table(late))["Onset"]
+    assert [read(t) for t in onsets] == pytest.approx([c.phases.onset for c in reduction.cycles], abs=0.011)
+    shown = tables.findings_table(late)
+    assert shown is not None
+    assert (shown.rows[0][2], shown.rows[0][3]) == ("12.00", "12.50")
+    assert f"{epoch:.2f} s on the log's clock" in shown.note
+    assert f"{epoch:.2f} s on the log's clock" in tables.payouts_table(late).note
+
+
+def test_a_large_energy_of_unknown_uncertainty_has_four_digits(clean: Result) -> None:
+    from winchcascade.report.tables import _four
+
+    assert [_four(x, "energy_line") for x in (301855.2, 7114.9, None)] == ["301900", "7115", "–"]
+    assert _four(0.8658, "eta_trans") == "0.866"
+
+
+def test_every_symbol_of_the_cycles_is_told_below_them(results: dict[str, Result]) -> None:
+    note = tables.cycles_table(*results["clean"]).note
+    assert note.startswith("Subscripts: line, the line (force times speed); mech, the shaft; gen, the DC link")
+    assert "η_pto = E_gen / E_line" in note
+    assert "gen" not in tables.metrics_note(["energy_line", "energy_mech", "eta_trans"])

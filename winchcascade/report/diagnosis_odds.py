@@ -62,6 +62,8 @@ def difference_words(names: tuple[str, ...], best: tuple[str, ...]) -> str:
 
     >>> difference_words(("b",), ("a", "b")), difference_words(("b", "c"), ("a", "b")), difference_words((), ())
     ('without a', 'c for a', 'no cause')
+    >>> difference_words(("a", "b"), ("a", "b", "c", "d", "e")), difference_words((), ("a", "b", "c"))
+    ('only a + b', 'no effect')
     """
     if names == best:
         return (
