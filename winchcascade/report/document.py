@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from winchcascade import __version__
 from winchcascade.cascade.efficiency import METRICS, NOTHING
-from winchcascade.report import figures, tables
+from winchcascade.report import cycle_figures, figures, tables, uncertainty_tables
 from winchcascade.report.digits import number, percent, places, stated, uncertain
 from winchcascade.report.layout import Block, Note, Picture, Point, Report, Section, Table, Tile
 from winchcascade.report.model_section import Modelled, modelled, run_section
@@ -264,17 +264,17 @@ def _cycles(reduction: Reduction, powers: dict[str, Signal]) -> Section:
     if extremes is not None:
         best, worst, by = extremes[0].cycle, extremes[1].cycle, f" Best and worst by {tables.SYMBOL[extremes[2]]}."
     many = len(reduction.cycles)
-    some = f" {figures.OVERLAID} of {many} cycles, evenly chosen." if many > figures.OVERLAID else ""
+    some = f" {cycle_figures.OVERLAID} of {many} cycles, evenly chosen." if many > cycle_figures.OVERLAID else ""
     return section(
         "cycles-and-phases", "Cycles and phases",
         picture(
-            figures.overlaid(reduction, powers, best, worst), "overlaid",
+            cycle_figures.overlaid(reduction, powers, best, worst), "overlaid",
             "Cycles on a common clock that starts at each onset: where the curves part, the cycles did not repeat. Dashed: end "
             f"of the window.{by}{some}",
             "Line plots of the cycles laid over each other.",
         ),
         picture(
-            figures.trend(reduction), "trend", "Complete cycles one after the other: a slope would be a drift.",
+            cycle_figures.trend(reduction), "trend", "Complete cycles one after the other: a slope would be a drift.",
             "Dots of the efficiencies and energies over the number of the cycle; the values are in the tables.",
         ),
         tables.payouts_table(reduction),
@@ -283,11 +283,11 @@ def _cycles(reduction: Reduction, powers: dict[str, Signal]) -> Section:
 
 
 def _repeatability(reduction: Reduction, found: Uncertainty) -> Section:
-    unknown = tables.unknown_words(found)
+    unknown = uncertainty_tables.unknown_words(found)
     return section(
         "uncertainty", "Repeatability and uncertainty",
-        tables.repeatability_table(reduction, found),
-        tables.uncertainty_table(reduction, found) if reduction.complete else None,
+        uncertainty_tables.repeatability_table(reduction, found),
+        uncertainty_tables.uncertainty_table(reduction, found) if reduction.complete else None,
         Note(unknown) if unknown else None,
         picture(
             figures.uncertainty_bars(found.budget), "budget",
@@ -295,8 +295,8 @@ def _repeatability(reduction: Reduction, found: Uncertainty) -> Section:
             "of the cycles (repeatability).",
             "Bars of the shares of the variance; the numbers are in the uncertainty budget.",
         ),
-        tables.budget_table(found, reduction.rig.source),
-        tables.sensors_table(reduction),
+        uncertainty_tables.budget_table(found, reduction.rig.source),
+        uncertainty_tables.sensors_table(reduction),
     )  # fmt: skip
 
 
