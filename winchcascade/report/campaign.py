@@ -14,11 +14,11 @@ from winchcascade import __version__
 from winchcascade.report import campaign_figures as figures
 from winchcascade.report import campaign_tables as tables
 from winchcascade.report.digits import percent, stated
-from winchcascade.report.document import made_on, picture, provenance_table, section
 from winchcascade.report.layout import Note, Point, Report, Section, Table, Tile
 from winchcascade.report.model_account import Account
 from winchcascade.report.model_data import says_not_measured
 from winchcascade.report.model_section import Named, campaign_section
+from winchcascade.report.parts import made_on, picture, provenance_table, section
 from winchcascade.report.publish import publish
 from winchcascade.report.style import house_style
 

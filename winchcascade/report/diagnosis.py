@@ -40,8 +40,8 @@ from winchcascade.report.diagnosis_words import (
     word_of,
 )
 from winchcascade.report.digits import significant
-from winchcascade.report.document import file_digest, made_on, picture, provenance_table, section
 from winchcascade.report.layout import Note, Point, Report, Section, Table, Tile
+from winchcascade.report.parts import file_digest, made_on, picture, provenance_table, section
 from winchcascade.report.publish import publish
 from winchcascade.report.style import house_style
 

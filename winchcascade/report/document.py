@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import platform
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,17 +11,15 @@ from winchcascade import __version__
 from winchcascade.cascade.efficiency import METRICS, NOTHING
 from winchcascade.report import cycle_figures, figures, tables, uncertainty_tables
 from winchcascade.report.digits import number, percent, places, stated, uncertain
-from winchcascade.report.layout import Block, Note, Picture, Point, Report, Section, Table, Tile
+from winchcascade.report.layout import Note, Point, Report, Section, Table, Tile
 from winchcascade.report.model_section import Modelled, modelled, run_section
-from winchcascade.report.moment import made_at
+from winchcascade.report.parts import file_digest, made_on, picture, provenance_table, section
 from winchcascade.report.publish import publish
-from winchcascade.report.style import house_style, svg_text
+from winchcascade.report.style import house_style
 from winchcascade.report.traces import readout
 from winchcascade.report.wording import by_sensor, not_known
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from winchcascade.cascade.montecarlo import Uncertainty
     from winchcascade.cascade.reduce import CycleResult, Reduction
     from winchcascade.run import Signal
@@ -300,16 +297,6 @@ def _repeatability(reduction: Reduction, found: Uncertainty) -> Section:
     )  # fmt: skip
 
 
-def section(name: str, heading: str, *blocks: Block | None) -> Section:
-    """A section of the blocks that there are."""
-    return Section(name, heading, tuple(b for b in blocks if b is not None))
-
-
-def picture(figure: Figure | None, name: str, caption: str, alt: str, *, interactive: bool = False) -> Picture | None:
-    """A figure as a block of a report; None for none."""
-    return None if figure is None else Picture(name, caption, alt, svg_text(figure, name), interactive)
-
-
 def _shade_words(reduction: Reduction) -> str:
     if len(reduction.cycles) > figures.SHADED_CYCLES:
         return " Phases are not shaded: they would be too narrow to see."
@@ -339,27 +326,3 @@ def _provenance(reduction: Reduction, found: Uncertainty, command: str) -> Table
         ("Made on", made_on()),
     ]
     return provenance_table(rows)
-
-
-def provenance_table(rows: Sequence[tuple[str, str]]) -> Table:
-    """Where every number comes from: items with their values, those without one left out."""
-    return Table(
-        id="provenance",
-        caption="What the report was made from, and how.",
-        head=("Item", "Value"),
-        units=("", ""),
-        rows=tuple(row for row in rows if row[1]),
-        text_columns=(0, 1),
-    )
-
-
-def file_digest(path: str) -> str:
-    """SHA-256 of a rig file, nothing for a built-in one."""
-    import hashlib
-
-    return hashlib.sha256(Path(path).read_bytes()).hexdigest() if Path(path).is_file() else ""
-
-
-def made_on() -> str:
-    """The time of making, as it stands in a report."""
-    return made_at().strftime("%Y-%m-%d %H:%M:%S UTC")

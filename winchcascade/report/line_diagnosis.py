@@ -20,8 +20,8 @@ from winchcascade.report.diagnosis_page import (
     next_section,
     verdict_tiles,
 )
-from winchcascade.report.document import file_digest, made_on, picture, provenance_table, section
 from winchcascade.report.layout import Point, Report, Section, Tile, Tone
+from winchcascade.report.parts import file_digest, made_on, picture, provenance_table, section
 from winchcascade.report.publish import publish
 from winchcascade.report.style import house_style
 

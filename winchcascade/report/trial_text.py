@@ -86,7 +86,7 @@ def write_trial_reports(
 def make_trial_report(score: Score, *, command: str = "") -> Report:
     """Make the rows and figures of the report of a trial."""
     from winchcascade.report import trial_tables as tables
-    from winchcascade.report.document import picture, section
+    from winchcascade.report.parts import picture, section
     from winchcascade.report.style import house_style
     from winchcascade.report.trial_figures import coverage_figure, taken_figure
 
@@ -164,7 +164,7 @@ def _points(score: Score) -> tuple[Point, ...]:
 
 
 def _provenance(score: Score, command: str) -> Table:
-    from winchcascade.report.document import made_on, provenance_table
+    from winchcascade.report.parts import made_on, provenance_table
 
     return provenance_table(
         [
