@@ -42,16 +42,20 @@ def value(cell: str) -> float:
 
 def test_the_first_page_answers_where_which_how_sure_how_far_and_what_next() -> None:
     told = points(report("copper"))
-    assert {"Verdict", "Where", "Which", "How sure", "How far", "What next", "What is left", "Simulated"} <= set(told)
-    assert told["Which"].startswith("copper_heating: stator resistance lies above its cold value")
-    assert [tile.value for tile in report("copper").tiles] == ["Explained", "copper heating", "> 99 %"]
+    assert {"Verdict", "Where", "Cause", "How sure", "How far", "What next", "What is left", "Simulated"} <= set(told)
+    assert told["Cause"].startswith("copper_heating: stator resistance lies above its cold value")
+    assert [tile.value for tile in report("copper").tiles] == ["Explained", "copper_heating", "> 99 %"]
+    interval = report("copper").tiles[1].interval
+    assert re.fullmatch(r"stator resistance \+[\d.]+ % \(95 %: [\d.]+ to [\d.]+ %\)", interval)
 
 
 def test_without_a_gap_the_first_page_tells_what_would_have_been_seen() -> None:
     told = points(report("nothing"))
     assert "What was checked" in told
     assert re.search(r"stator resistance \+\d", told["What would show"])
-    assert [tile.value for tile in report("nothing").tiles] == ["No gap"]
+    verdict, largest, tried = report("nothing").tiles
+    assert (verdict.value, tried.value) == ("No gap", "4")
+    assert float(largest.value) == pytest.approx(max(abs(p.z) for p in diagnosed("nothing").places), abs=0.06)
     assert "Where" not in told
 
 
@@ -60,6 +64,7 @@ def test_what_no_suspect_explains_is_told_as_such() -> None:
     assert "outside the catalogue" in told["Verdict"]
     assert "signs of something unexplained" in told["What is left"]
     assert report("outsider").tiles[0].interval == "no cause named"
+    assert report("outsider").tiles[2].symbol == "Strongest sign"
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -158,7 +163,7 @@ def test_rivals_stand_in_the_tables_with_what_tells_them_apart() -> None:
         ("copper_heating", "line_drag", "0.30", "torque during payout at open circuit, by 1.9 standard deviations"),
     )
     assert tables(made)["causes"].rows[0][-1] == "line_drag"
-    assert "Or in its place line_drag." in points(made)["Which"]
+    assert "Or in its place line_drag." in points(made)["Cause"]
 
 
 def test_provenance_names_logs_hashes_seed_and_command() -> None:

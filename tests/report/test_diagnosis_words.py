@@ -232,7 +232,7 @@ def test_what_was_checked_counts_means_and_effects() -> None:
     found = diagnosed("nothing")
     assert checked_words(found) == (
         f"{len(found.places)} means by channel, phase and load: none is off by more than 4 standard uncertainties. "
-        "4 effects: none is worth its freedom."
+        "4 effects: none explains more than chance would."
     )
 
 

@@ -21,7 +21,7 @@ from winchcascade.files import check_replaceable
 from winchcascade.ingest.read import read_run
 from winchcascade.report import figures
 from winchcascade.report.document import make_report
-from winchcascade.report.html import html_text, write_html
+from winchcascade.report.html import html_text, width, write_html
 from winchcascade.report.layout import Note, Picture, Report, Section, Table
 from winchcascade.report.style import COLOURS
 from winchcascade.rigtoml import load_rig
@@ -289,3 +289,13 @@ def test_a_page_of_this_tool_is_replaced_and_no_other(hostile: Made, tmp_path: P
     with pytest.raises(OutputError, match="was not written by winchcascade"):
         write_html(hostile.report, path)
     assert path.read_text() == "<!doctype html><title>mine</title>"
+
+
+def test_few_columns_stand_close_and_many_keep_the_first_in_sight() -> None:
+    def table(columns: int, text: tuple[int, ...] = (0,), first: str = "a") -> Table:
+        names = tuple(f"n{k}" for k in range(columns))
+        return Table("t", "T.", names, ("",) * columns, ((first, *names[1:]),), text)
+
+    assert [width(table(k)) for k in (3, 4, 5)] == ["narrow", "narrow", "wide"]
+    assert width(table(2, (0, 1))) == "full"
+    assert width(table(5, first="a name that is as long as a sentence")) == "full"

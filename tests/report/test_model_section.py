@@ -93,7 +93,7 @@ def test_an_open_circuit_has_damper_and_back_emf_instead(sections: dict[str, Sec
 def test_every_caption_tells_with_what_was_simulated(sections: dict[str, Section], name: str) -> None:
     for figure, caption in captions(sections[name]).items():
         if figure != "model-emf":  # nothing in it is simulated
-            assert "rig hsu2026 along the logged line motion, no effect added" in caption, figure
+            assert "rig hsu2026 along the logged line motion, as in its rig file" in caption, figure
         assert re.search(r"[Ss]imulat", caption) or figure == "model-emf"
         assert "measured" in caption or (name, figure) == ("open circuit", "model-budget")
 
@@ -184,7 +184,7 @@ def test_a_model_with_an_effect_says_so_in_every_caption() -> None:
     with house_style():
         section = run_section(Modelled(comparison, account_of(comparison)))
     assert all("with gear_mesh_loss" in caption for caption in captions(section).values())
-    assert not any("no effect added" in caption for caption in captions(section).values())
+    assert not any("as in its rig file" in caption for caption in captions(section).values())
 
 
 def test_the_section_stands_in_the_report_of_a_log() -> None:
@@ -344,7 +344,8 @@ def test_the_tables_of_a_campaign_hold_the_numbers_of_its_logs(campaign: Section
     assert value(rows["r18ohm.csv"][shown.head.index("τ bias")]) == pytest.approx(np.mean(apart), abs=0.006)
     budget = table(campaign, "loss-budget")
     for row in budget.rows:
-        assert sum(value(cell) for cell in row[2:]) == pytest.approx(value(row[1]), abs=0.06 * len(row))
+        half = 0.06 if "." in row[1] else 0.6
+        assert sum(value(cell) for cell in row[2:]) == pytest.approx(value(row[1]), abs=half * len(row))
 
 
 def test_a_result_keeps_its_curves_and_little_more(batch: Path) -> None:

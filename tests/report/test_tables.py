@@ -12,7 +12,7 @@ from winchcascade.cascade.efficiency import METRICS
 from winchcascade.cascade.montecarlo import Uncertainty, uncertainty
 from winchcascade.cascade.reduce import Reduction, reduce
 from winchcascade.ingest.read import read_run
-from winchcascade.report import tables
+from winchcascade.report import tables, uncertainty_tables
 from winchcascade.report.digits import MINUS
 from winchcascade.report.layout import Table
 from winchcascade.rigtoml import parse_rig
@@ -87,9 +87,10 @@ def all_tables(result: Result) -> Iterator[Table]:
     yield tables.payouts_table(reduction)
     yield tables.holds_table(reduction)
     for table in (
-        tables.uncertainty_table(reduction, found),
-        tables.repeatability_table(reduction, found), tables.budget_table(found), tables.bins_table(reduction),
-        tables.findings_table(reduction), tables.sensors_table(reduction),
+        uncertainty_tables.uncertainty_table(reduction, found),
+        uncertainty_tables.repeatability_table(reduction, found), uncertainty_tables.budget_table(found),
+        tables.bins_table(reduction),
+        tables.findings_table(reduction), uncertainty_tables.sensors_table(reduction),
     ):  # fmt: skip
         if table is not None:
             yield table
@@ -176,7 +177,7 @@ def test_cycles_in_brackets_are_those_that_the_mean_leaves_out(results: dict[str
     ):
         assert {row[0] for row in table.rows if row[0].startswith("(")} == incomplete
     assert "in brackets is incomplete" in tables.cycles_table(reduction, found).caption
-    repeated = tables.repeatability_table(reduction, found)
+    repeated = uncertainty_tables.repeatability_table(reduction, found)
     assert repeated is not None
     assert not {cell.strip("()") for cell in columns(repeated)["in cycle"]} & {c.strip("()") for c in incomplete}
 
@@ -206,7 +207,7 @@ def test_sixty_cycles_are_all_listed(many: Result) -> None:
 
 @pytest.mark.parametrize("log", LOGS)
 def test_shares_of_the_budget_add_up_to_the_whole(results: dict[str, Result], log: str) -> None:
-    table = tables.budget_table(results[log][1])
+    table = uncertainty_tables.budget_table(results[log][1])
     if not results[log][0].complete:
         assert table is None
         return
@@ -221,7 +222,7 @@ def test_shares_of_the_budget_add_up_to_the_whole(results: dict[str, Result], lo
 
 def test_the_repeatability_states_the_scatter_of_the_complete_cycles(clean: Result) -> None:
     reduction, found = clean
-    table = tables.repeatability_table(reduction, found)
+    table = uncertainty_tables.repeatability_table(reduction, found)
     assert table is not None
     named = columns(table)
     assert named["Metric"] == list(SYMBOLS.values())
@@ -242,12 +243,12 @@ def test_the_repeatability_states_the_scatter_of_the_complete_cycles(clean: Resu
 def test_a_single_complete_cycle_has_no_repeatability(clean: Result) -> None:
     reduction, _ = clean
     one = msgspec.structs.replace(reduction, cycles=reduction.cycles[:1])
-    assert tables.repeatability_table(one, uncertainty(one, draws=200)) is None
+    assert uncertainty_tables.repeatability_table(one, uncertainty(one, draws=200)) is None
 
 
 def test_the_uncertainty_table_states_both_parts_and_both_intervals(clean: Result) -> None:
     reduction, found = clean
-    table = tables.uncertainty_table(reduction, found)
+    table = uncertainty_tables.uncertainty_table(reduction, found)
     assert table is not None
     named = columns(table)
     for k, metric in enumerate(METRICS):
@@ -268,14 +269,13 @@ def test_without_accuracies_only_the_repeatability_is_stated() -> None:
     rig = parse_rig('name = "bare"\n[winch]\nr_drum = { value = 0.13, unit = "m" }\n', "bare.toml")
     reduction = reduce(read_run(FIXTURES / "campaign" / "r36ohm.csv", rig=rig), rig=rig, window=5.48)
     found = uncertainty(reduction, draws=200)
-    table = tables.uncertainty_table(reduction, found)
+    assert uncertainty_tables.uncertainty_table(reduction, found) is None
+    table = uncertainty_tables.repeatability_table(reduction, found)
     assert table is not None
-    named = columns(table)
-    assert set(named["u"]) == set(named["u, sensors"]) == set(named["95 % interval"]) == {"–"}
-    assert "–" not in named["u, cycles"]
-    assert "for lack of an accuracy of force, idc, torque, vdc" in table.note
-    assert tables.budget_table(found) is None
-    assert tables.sensors_table(reduction) is None
+    assert "–" not in columns(table)["s/√N"]
+    assert "for lack of an accuracy of force, idc, torque, vdc" in uncertainty_tables.unknown_words(found)
+    assert uncertainty_tables.budget_table(found) is None
+    assert uncertainty_tables.sensors_table(reduction) is None
 
 
 @pytest.mark.parametrize("log", LOGS)
@@ -362,7 +362,35 @@ def test_sensors_are_listed_as_the_rig_file_states_them(clean: Result) -> None:
         'accuracy = 0.05\nsource = "sheet 3"\ninstrument = "cell"\n',
         "mine.toml",
     )
-    table = tables.sensors_table(msgspec.structs.replace(clean[0], rig=rig))
+    table = uncertainty_tables.sensors_table(msgspec.structs.replace(clean[0], rig=rig))
     assert table is not None
     (force,) = (row for row in table.rows if row[0] == "force")
     assert force == ("force", "cell", f"{MINUS}5 to 20 kN", "0.2 % of full scale and 0.05 kN", "sheet 3")
+
+
+def test_times_are_counted_from_the_first_stamp_of_an_epoch(clean: Result) -> None:
+    reduction, epoch = clean[0], 1_776_506_400.0
+    finding = Finding("spike", "one sample", "bridged", channel="force", start=epoch + 12.0, end=epoch + 12.5)
+    run = msgspec.structs.replace(reduction.run, t=reduction.run.t + epoch)
+    late = msgspec.structs.replace(reduce(run, window=5.48), quality=(finding,))
+    onsets = columns(tables.payouts_table(late))["Onset"]
+    assert [read(t) for t in onsets] == pytest.approx([c.phases.onset for c in reduction.cycles], abs=0.011)
+    shown = tables.findings_table(late)
+    assert shown is not None
+    assert (shown.rows[0][2], shown.rows[0][3]) == ("12.00", "12.50")
+    assert f"{epoch:.2f} s on the log's clock" in shown.note
+    assert f"{epoch:.2f} s on the log's clock" in tables.payouts_table(late).note
+
+
+def test_a_large_energy_of_unknown_uncertainty_has_four_digits(clean: Result) -> None:
+    from winchcascade.report.tables import _four
+
+    assert [_four(x, "energy_line") for x in (301855.2, 7114.9, None)] == ["301900", "7115", "–"]
+    assert _four(0.8658, "eta_trans") == "0.866"
+
+
+def test_every_symbol_of_the_cycles_is_told_below_them(results: dict[str, Result]) -> None:
+    note = tables.cycles_table(*results["clean"]).note
+    assert note.startswith("Subscripts: line, the line (force times speed); mech, the shaft; gen, the DC link")
+    assert "η_pto = E_gen / E_line" in note
+    assert "gen" not in tables.metrics_note(["energy_line", "energy_mech", "eta_trans"])

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from winchcascade.cascade.reduce import Reduction, reduce
 from winchcascade.ingest.read import read_run
-from winchcascade.report.figures import clock_zero, powers_of
-from winchcascade.report.traces import MOST_SPANS, READ_OUT, envelope, readout
+from winchcascade.report.figures import powers_of
+from winchcascade.report.traces import MOST_SPANS, READ_OUT, clock_zero, envelope, readout
 
 SLACK = 4
 """Rows beyond `most`: the last stretch may be a short one (2), first and last row are always kept (2)."""

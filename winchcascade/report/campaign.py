@@ -14,11 +14,11 @@ from winchcascade import __version__
 from winchcascade.report import campaign_figures as figures
 from winchcascade.report import campaign_tables as tables
 from winchcascade.report.digits import percent, stated
-from winchcascade.report.document import made_on, picture, provenance_table, section
 from winchcascade.report.layout import Note, Point, Report, Section, Table, Tile
 from winchcascade.report.model_account import Account
 from winchcascade.report.model_data import says_not_measured
 from winchcascade.report.model_section import Named, campaign_section
+from winchcascade.report.parts import made_on, picture, provenance_table, section
 from winchcascade.report.publish import publish
 from winchcascade.report.style import house_style
 
@@ -49,19 +49,20 @@ def make_campaign_report(summary: Mapping[str, Any], out: Path, *, command: str 
         sections = (
             section(
                 "results", "Energies and efficiencies",
-                tables.energies_table(runs) if runs else None,
-                tables.efficiencies_table(runs) if runs else None,
                 picture(
                     figures.over_load(loaded), "loads",
-                    f"Mean powers and efficiencies over {figures.over_what(loaded)}; bars are 95 % intervals.",
+                    f"Mean powers and efficiencies over {figures.over_what(loaded)}; bars are 95 % intervals. Where η_pto is "
+                    "highest, most of the line's energy reaches the DC link.",
                     "Points of powers and efficiencies over the load; the values are in the tables.",
                 ),
+                tables.energies_table(runs) if runs else None,
+                tables.efficiencies_table(runs) if runs else None,
             ),
             section(
                 "speed", "Over generator speed",
                 picture(
                     figures.over_speed(runs, _bins(out, runs)), "speed",
-                    "Means of the payouts of each run in bins of generator speed."
+                    "Means of the payouts of each run in bins of generator speed; markers tell the loads apart."
                     + (f" {figures.DRAWN_RUNS} runs, evenly chosen." if len(runs) > figures.DRAWN_RUNS else ""),
                     "Curves of binned torque and power over generator speed, one for each run.",
                 ),

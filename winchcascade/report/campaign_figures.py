@@ -12,8 +12,9 @@ from matplotlib.ticker import FixedLocator, NullLocator
 
 from winchcascade.report.campaign_tables import Run, load_of, load_text
 from winchcascade.report.figures import readable
+from winchcascade.report.model_figures import MARK_SIZE, MARKS
 from winchcascade.report.records import FIELDS
-from winchcascade.report.style import COLOURS, STAGE_STYLE, WIDTH, label_panel
+from winchcascade.report.style import COLOURS, LOAD_COLOURS, STAGE_STYLE, WIDTH, label_panel
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,7 +30,6 @@ _TEX = {
 }  # fmt: skip
 _MARKS: dict[str, Any] = {"line": "o", "mech": "s", "gen": "^"}
 _DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)))
-_CURVES = ("line", "mech", "gen", "extra")
 
 
 def over_load(runs: Sequence[Run]) -> Figure | None:
@@ -125,16 +125,21 @@ def over_speed(runs: Sequence[Run], bins: Mapping[str, Sequence[Mapping[str, Any
     ][-3:]
     if not shown or not fields:
         return None
-    figure = Figure((WIDTH, 3.1))
+    head = 0.27 + 0.17 * -(-len(shown) // 7)
+    height = head + 2.42
+    figure = Figure((WIDTH, height))
     axes: list[Axes] = list(figure.subplots(1, len(fields), squeeze=False, gridspec_kw={"wspace": 0.34})[0])
-    figure.subplots_adjust(left=0.085, right=0.985, top=0.78, bottom=0.15)
+    figure.subplots_adjust(left=0.085, right=0.985, top=1 - head / height, bottom=0.46 / height)
     for k, (ax, (field, title, unit)) in enumerate(zip(axes, fields, strict=True)):
         columns = [_curve(bins[run["name"]], field) for run in shown]
         short, unit = readable(unit, *(y for _, y in columns))
         for n, (run, (x, y)) in enumerate(zip(shown, columns, strict=True)):
             label = load_text(run) if load_of(run) is not None else f"log {runs.index(run) + 1}"
+            dashes = _DASHES[n // len(LOAD_COLOURS) % len(_DASHES)]
+            marks: Any = {"marker": MARKS[n % len(MARKS)], "ms": MARK_SIZE, "mfc": COLOURS["paper"], "mew": 0.7}
             ax.plot(
-                x, y * short, color=COLOURS[_CURVES[n % len(_CURVES)]], ls=_DASHES[n // len(_CURVES) % len(_DASHES)],
+                x, y * short, color=COLOURS[LOAD_COLOURS[n % len(LOAD_COLOURS)]], ls=dashes, **marks,
+                markevery=(n % 3, max(1, x.size // 6)),
                 label=label if math.isinf(load_of(run) or 0.0) or load_of(run) is None else f"{label} Ω",
             )  # fmt: skip
         label_panel(ax, "abc"[k], title)

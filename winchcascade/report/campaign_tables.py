@@ -10,7 +10,7 @@ from winchcascade.cascade.efficiency import METRICS
 from winchcascade.report.digits import number, percent, places, stated, uncertain
 from winchcascade.report.layout import Table
 from winchcascade.report.records import FIELDS
-from winchcascade.report.tables import SYMBOL, UNIT
+from winchcascade.report.tables import SYMBOL, UNIT, metrics_note
 
 Run = Mapping[str, Any]
 """One log of a campaign's summary."""
@@ -50,6 +50,7 @@ def energies_table(runs: Sequence[Run]) -> Table:
         units=("", "Ω", "", *(UNIT[m] for m in given)),
         rows=tuple(_thinned(runs, row)),
         links=_links(runs),
+        note=metrics_note(given).strip(),
     )
 
 
@@ -67,7 +68,8 @@ def efficiencies_table(runs: Sequence[Run]) -> Table:
         head=("Log", "Load", *(text for m in given for text in (SYMBOL[m], "95 % interval"))),
         units=("", "Ω", *("" for _ in given for _ in range(2))),
         rows=tuple(_thinned(runs, row)),
-        note="Errors of the sensors are common to all runs with the same sensors, so differences between loads are better "
+        note=metrics_note(given)
+        + "Errors of the sensors are common to all runs with the same sensors, so differences between loads are better "
         "known than each value.",
     )
 

@@ -11,24 +11,24 @@ from winchcascade.report import diagnosis_tables as tables
 from winchcascade.report.diagnosis_data import Sides, most_telling, sides
 from winchcascade.report.diagnosis_figures import error_figure, error_panels, history, over_speed_figure
 from winchcascade.report.diagnosis_laws import numbers_figure, profile_figure
-from winchcascade.report.diagnosis_map import closure_bars, gap_map, stage_map
+from winchcascade.report.diagnosis_map import closure_bars, gap_map, stage_map, worst_first
 from winchcascade.report.diagnosis_method import METHOD
-from winchcascade.report.diagnosis_names import (
-    apart_words,
-    load_words,
-    meaning,
-    parameter_words,
-    probability_words,
-    share_words,
-    told,
-)
+from winchcascade.report.diagnosis_names import load_words, meaning, nuisance_words, parameter_words, phase_words, told
 from winchcascade.report.diagnosis_odds import odds_figure, threshold_words, thresholds
+from winchcascade.report.diagnosis_page import (
+    Closed,
+    cause_points,
+    cause_sentence,
+    method_section,
+    next_section,
+    verdict_tiles,
+)
 from winchcascade.report.diagnosis_words import (
-    VERDICTS,
     arises_words,
     checked_words,
     closure_words,
     experiment_words,
+    files_of,
     interval_words,
     remainder_words,
     simulated_words,
@@ -39,8 +39,9 @@ from winchcascade.report.diagnosis_words import (
     withheld_words,
     word_of,
 )
-from winchcascade.report.document import file_digest, made_on, picture, provenance_table, section
+from winchcascade.report.digits import significant
 from winchcascade.report.layout import Note, Point, Report, Section, Table, Tile
+from winchcascade.report.parts import file_digest, made_on, picture, provenance_table, section
 from winchcascade.report.publish import publish
 from winchcascade.report.style import house_style
 
@@ -48,7 +49,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from winchcascade.diagnose.campaign import Diagnosis
-    from winchcascade.diagnose.causes import Cause
 
 
 def write_diagnosis_reports(
@@ -70,7 +70,7 @@ def make_diagnosis_report(found: Diagnosis, *, command: str = "") -> Report:
             _next(found),
             _remainder(found),
             _considered(found),
-            Section("method", "Method and its limits", tuple(Note(text) for text in METHOD)),
+            method_section(METHOD),
             Section("provenance", "Provenance", (tables.logs_table(found), _provenance(found, command))),
         )
     return Report(
@@ -86,22 +86,30 @@ def make_diagnosis_report(found: Diagnosis, *, command: str = "") -> Report:
 
 # ---------------------------------------------------------------------------------------------- the page for a decision
 def _tiles(found: Diagnosis) -> tuple[Tile, ...]:
-    """Verdict, leading cause, and share that is closed."""
-    count = len(found.causes)
-    what = "nothing stands out" if not count and found.verdict == "no_gap" else "no cause named" if not count else ""
-    tiles = [Tile("Verdict", "", VERDICTS[found.verdict], what or f"{count} cause{'s' if count > 1 else ''} named")]
+    """Verdict, leading cause, and share that is closed; without a cause how far the logs are off."""
+    closed = None if found.closure is None else Closed(found.closure.share, interval_words(found), "logs")
     if found.causes:
-        lead = found.causes[0]
-        tiles.append(
-            Tile(
-                "Leading cause", "", lead.effect.replace("_", " "), f"probability {probability_words(lead.probability)}"
-            )
-        )
-    if found.closure is not None:
-        tiles.append(
-            Tile("Gap closed", "on fresh logs", share_words(found.closure.share), f"95 %: {interval_words(found)}")
-        )
-    return tuple(tiles)
+        return tuple(verdict_tiles(found.verdict, found.causes, parameter_words(found.causes[0]), closed))
+    return (*verdict_tiles(found.verdict, (), "", closed), *_extremes(found))
+
+
+def _extremes(found: Diagnosis) -> list[Tile]:
+    """The mean that is farthest off, and the strongest sign of something unexplained or how many effects were tried."""
+    tiles = []
+    ranked = worst_first(found)
+    if ranked:
+        worst = ranked[0]
+        where = f"{NAMES[worst.channel]}, {phase_words(worst.phase)}, {load_words(worst.load)}"
+        size = f"{abs(worst.z):.1f}"
+        tiles.append(Tile("Largest gap", f"limit {STANDS_OUT:g}", size, f"standard uncertainties: {where}"))
+    if found.remainder is not None and found.remainder.alarms:
+        alarm = found.remainder.alarms[0]
+        where = nuisance_words(alarm.where, files_of(found))
+        size, kind = significant(alarm.size, 2), tables.SIGNS[alarm.kind]
+        tiles.append(Tile("Strongest sign", f"limit {alarm.limit:g}", size, f"{kind}: {where}"))
+    else:
+        tiles.append(Tile("Effects tried", "", f"{len(found.suspects)}", "none is named"))
+    return tiles
 
 
 def _points(found: Diagnosis) -> list[Point]:
@@ -114,7 +122,9 @@ def _points(found: Diagnosis) -> list[Point]:
     points.append(Point("Verdict", verdict_words(found), "good" if good else "warn"))
     if found.where is not None:
         points.append(Point("Where", f"{where_words(found)} {arises_words(found)}".rstrip()))
-    points += [Point("Which" if k == 0 else "and", _cause_words(found, cause)) for k, cause in enumerate(found.causes)]
+    points += cause_points(
+        [cause_sentence(c, meaning(found.suspects[c.effect]), parameter_words(c)) for c in found.causes]
+    )
     points.append(Point("How sure", sure_words(found)))
     if found.closure is not None:
         points.append(Point("How far", closure_words(found)))
@@ -128,19 +138,6 @@ def _points(found: Diagnosis) -> list[Point]:
         points += [Point("What would show", seen)] if seen else []
     points += _cut_short(found)
     return points
-
-
-def _cause_words(found: Diagnosis, cause: Cause) -> str:
-    """One cause: its name, what it is, and its numbers."""
-    text = f"{cause.effect}: {_lower(meaning(found.suspects[cause.effect]).rstrip('.'))}. "
-    text += f"Found: {parameter_words(cause)}."
-    if cause.rivals:
-        text += f" Or in its place {' or '.join(rival.effect for rival in cause.rivals)}."
-    return text
-
-
-def _lower(text: str) -> str:
-    return text[:1].lower() + text[1:]
 
 
 EXAMPLES = ("copper_heating", "gear_mesh_loss", "line_friction", "precharge")
@@ -177,7 +174,7 @@ def _cut_short(found: Diagnosis) -> list[Point]:
 def _where(found: Diagnosis) -> Section:
     word = word_of(found)
     return section(
-        "where", "Where the gap lies",
+        "where", "Where a gap was looked for" if found.verdict == "no_gap" else "Where the gap lies",
         picture(
             gap_map(found), "map",
             f"Map of the gap: {word} minus simulated by the rig as given, as a mean over each phase of each log, in "
@@ -241,8 +238,8 @@ def _which(found: Diagnosis) -> Section:
 def _odds_caption(found: Diagnosis) -> str:
     both = "Probability of each effect (green: named), and odds" if found.causes else "Odds"
     return (
-        f"{both} of the likeliest of {len(found.sets)} sets of effects that were fitted against the best one, in powers of "
-        "ten."
+        f"{both} of the likeliest of {len(found.sets)} sets of effects that were fitted, against the best one: a bar that is "
+        "as long as the first would be as likely, one of no length is ruled out."
     )
 
 
@@ -298,21 +295,11 @@ def _next(found: Diagnosis) -> Section:
     plan = found.experiment
     if plan is None:
         return Section("next", "What to test next", ())
-    one, other = plan.separates
-    rows = (
-        ("Load", load_words(plan.load)),
-        ("Motion", plan.profile),
-        ("Tells apart", f"{one} from {other}"),
-        ("They would differ by", f"{apart_words(plan.expected_z)} standard deviations"),
-    )
-    return section(
-        "next", "What to test next",
-        Table("experiment", "The run that would tell most.", ("Item", "Value"), ("", ""), rows, (0, 1)),
-        Note(
-            "Tried were the smallest, the middle and the largest load of the campaign at three speeds. The "
-            "difference is what is left of it after every tolerance, every zero and the rival's own numbers have "
-            "adapted as far as they can."
-        ),
+    return next_section(
+        (("Load", load_words(plan.load)), ("Motion", plan.profile)), plan.separates, plan.expected_z,
+        "The run that would tell most.",
+        "Tried were the smallest, the middle and the largest load of the campaign at three speeds. The difference is what is "
+        "left of it after every tolerance, every zero and the rival's own numbers have adapted as far as they can.",
     )  # fmt: skip
 
 
@@ -346,7 +333,10 @@ def _provenance(found: Diagnosis, command: str) -> Table:
             ("Source of the rig's numbers", rig.source),
             ("SHA-256 of the rig file", file_digest(rig.path)),
             ("Suspects", ", ".join(found.suspects)),
-            ("Fits", f"{fits} sets of effects; {len(found.data.nuisances)} tolerances beside each"),
+            (
+                "Fits",
+                f"{fits} set{'s' if fits > 1 else ''} of effects; {len(found.data.nuisances)} tolerances beside each",
+            ),
             ("Seed of the resampled cycles", str(found.seed)),
             ("Made by", f"winchcascade {__version__}, Python {platform.python_version()}, numpy {numpy.__version__}"),
             ("Command", command),

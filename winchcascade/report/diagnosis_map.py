@@ -115,11 +115,13 @@ def _cell(ax: Axes, i: int, j: int, z: float) -> None:
 def signed(z: float) -> str:
     """A number of standard uncertainties, with one decimal below ten and no more than three digits.
 
-    >>> signed(3.14), signed(-41.7), signed(1.0e4)
-    ('+3.1', '−42', '> 999')
+    >>> signed(3.14), signed(-41.7), signed(1.0e4), signed(-0.04)
+    ('+3.1', '−42', '> 999', '0.0')
     """
     if abs(z) > 999.0:
         return "> 999" if z > 0 else f"< {MINUS}999"
+    if abs(z) < 0.05:
+        return "0.0"
     text = f"{z:+.1f}" if abs(z) < 9.95 else f"{z:+.0f}"
     return text.replace("-", MINUS)
 
@@ -138,7 +140,7 @@ def closure_bars(found: Diagnosis) -> Figure | None:
         ax.plot([after, before], [row, row], color=COLOURS["loss"], lw=2.2, solid_capstyle="round", zorder=1)
         ax.plot([before], [row], "o", ms=MARK, mfc=COLOURS["paper"], mec=COLOURS["mech"], mew=1.1)
         ax.plot([after], [row], "s", ms=MARK, color=COLOURS["gen"])
-    ax.axvline(1.0, color=COLOURS["ink"], lw=0.8, ls="--", zorder=0.5)
+    ax.axvline(1.0, color=COLOURS["ink"], lw=1.0, ls="--", zorder=0.9)
     ax.set_xscale("log")
     ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
     ax.xaxis.set_minor_formatter(NullFormatter())

@@ -15,22 +15,22 @@ METHOD = (
     "tether's ringing, which cancels with most of the correlation between samples. The noise of a block comes from the "
     "log itself: fourth differences of its samples, the velocity's noise carried through the model, and second "
     "differences from block to block.",
-    "Tolerances. Numbers of the rig file, loads, gains, timing and zeros of the sensors are nuisances with normal priors "
-    "of their standard uncertainty, in every fit; so is a little dry friction that no rig is free of. A deviation within "
-    "them is not a cause.",
-    f"Fit. Whitened residuals count by Huber's loss (Huber 1964, corner at {HUBER:g}) plus half the squares of the "
-    "nuisances; steps by Gauss and Newton within bounds (Lawson and Hanson 1974).",
+    "Tolerances. Numbers of the rig file, loads, gains, timing and zeros of the sensors are known only so well. Every fit "
+    "adjusts them too, each held to its stated value by its standard uncertainty (a normal prior); so it does a little dry "
+    "friction that no rig is free of. A deviation within them is not a cause.",
+    f"Fit. Residuals over their noise count by Huber's loss (Huber 1964, corner at {HUBER:g}) plus half the squares of those "
+    "adjustments in standard uncertainties; steps by Gauss and Newton within bounds (Lawson and Hanson 1974).",
     "Choice. A set of effects is worth the logarithm of its evidence (Laplace; MacKay 2003, ch. 28): minus the loss, minus "
-    "what the freedom of its fields costs over their plausible range, minus ln 28 for each effect. Sets are screened in "
-    "closed form from one expansion and the best are fitted anew. The smallest set wins unless a larger one has more by "
+    "what its free numbers cost over their plausible range, minus ln 28 for each effect. Sets are screened by the slopes of "
+    "one fit and the best are fitted anew. The smallest set wins unless a larger one has more by "
     f"{CLEARLY:g}. The probabilities are those among the sets that were fitted; an effect that falls short by less than "
     f"{AS_GOOD:g} in place of a cause is its rival.",
     "Closure. Each withheld log is predicted by a fit that did not know it. With mean squares of blocks, share = 1 − "
     "Σ(after² − noise²)/noise² ÷ Σ(before² − noise²)/noise² over channels and logs; the zeros of each log's sensors are "
     "estimated alike on either side. The interval resamples the cycles.",
     f"Alarms. A remainder is called structured if blocks of a channel and phase exceed {ROUGH:g} times their noise, if the "
-    f"scatter within blocks exceeds {RESTLESS:g} times what noise explains, or if a nuisance is pulled beyond {PULLED:g} of "
-    "its standard uncertainties.",
+    f"scatter within blocks exceeds {RESTLESS:g} times what noise explains, or if a number with a tolerance had to "
+    f"move by more than {PULLED:g} of its standard uncertainties.",
     "Limits. Only effects of the catalogue can be named; what none of them explains is told as a remainder. The "
     "intervals assume that the stated tolerances hold. Two effects that do the same to these logs are rivals, whatever "
     "the probability of each. At rest force and torque say next to nothing.",

@@ -77,13 +77,23 @@ def meaning(kind: type[Suspect]) -> str:
 
 def quantity_words(effect: str, name: str, found: Reported) -> tuple[str, str]:
     """A reported number with its unit, and its 95 % interval, with as many digits as the interval allows."""
-    how = told(effect, name, found.unit)
+    return number_words(told(effect, name, found.unit), found, 5)
+
+
+def number_words(how: Told, found: Reported, otherwise: int) -> tuple[str, str]:
+    """A number and its 95 % interval as they are told, with the digits that the interval allows, else with so many."""
     u = (found.high - found.low) / 3.92 * how.factor
-    decimals = places(u) if u > 0.0 else 4 - math.floor(math.log10(max(abs(found.value * how.factor), 1e-12)))
+    size = max(abs(found.value * how.factor), 1e-12)
+    decimals = places(u) if u > 0.0 else otherwise - 1 - math.floor(math.log10(size))
     low, value, high = (number(x * how.factor, decimals) for x in (found.low, found.value, found.high))
     if how.signed and found.value > 0.0:
         value = f"+{value}"
     return f"{value} {how.unit}".rstrip(), f"{low} to {high} {how.unit}".rstrip()
+
+
+def without_unit(interval: str, how: Told) -> str:
+    """An interval that stands beside a number with the unit."""
+    return interval.removesuffix(how.unit).rstrip()
 
 
 def parameter_words(cause: Cause) -> str:

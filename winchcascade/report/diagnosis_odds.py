@@ -62,12 +62,16 @@ def difference_words(names: tuple[str, ...], best: tuple[str, ...]) -> str:
 
     >>> difference_words(("b",), ("a", "b")), difference_words(("b", "c"), ("a", "b")), difference_words((), ())
     ('without a', 'c for a', 'no cause')
+    >>> difference_words(("a", "b"), ("a", "b", "c", "d", "e")), difference_words((), ("a", "b", "c"))
+    ('only a + b', 'no effect')
     """
     if names == best:
         return (
             " + ".join(names) if 0 < len(names) <= FEW else f"the best, {len(names)} effects" if names else "no cause"
         )
     gone, new = [n for n in best if n not in names], [n for n in names if n not in best]
+    if len(gone) > FEW and len(names) <= FEW:
+        return f"only {' + '.join(names)}" if names else "no effect"
     lost = " + ".join(gone) if len(gone) <= FEW else f"{len(gone)} of them"
     if gone and new:
         return f"{' + '.join(new)} for {lost}"
@@ -82,10 +86,10 @@ def odds_figure(found: Diagnosis) -> Figure | None:
     height = 0.75 + 0.2 * max(len(effects), len(sets))
     figure = Figure((WIDTH, height))
     if effects:
-        ax = figure.add_axes((0.15, 0.42 / height, 0.18, 1 - 0.72 / height))
+        ax = figure.add_axes((0.15, 0.42 / height, 0.2, 1 - 0.72 / height))
         _effect_bars(ax, found, effects)
         label_panel(ax, "a", "Effects")
-    left = 0.745 if effects else 0.4
+    left = 0.715 if effects else 0.4
     ax = figure.add_axes((left, 0.42 / height, 0.985 - left, 1 - 0.72 / height))
     _set_bars(ax, sets)
     if effects:
@@ -97,7 +101,7 @@ def _effect_bars(ax: Axes, found: Diagnosis, effects: list[tuple[str, float]]) -
     named = {cause.effect for cause in found.causes}
     for k, (name, p) in enumerate(effects):
         ax.barh(k, p, height=0.62, color=COLOURS["gen" if name in named else "loss"], lw=0)
-        ax.text(min(p, 0.62) + 0.03 if p < 0.6 else 0.03, k, probability_words(p), va="center", fontsize=6.8)
+        ax.text(p + 0.03, k, probability_words(p), va="center", fontsize=6.8)
     ax.set_yticks(range(len(effects)), [name for name, _ in effects], fontsize=7.0)
     ax.set_ylim(max(len(effects), 1) - 0.4, -0.6)
     ax.set_xlim(0.0, 1.0)

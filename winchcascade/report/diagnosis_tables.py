@@ -10,6 +10,7 @@ from winchcascade.fit.blocks import PHASES
 from winchcascade.fit.predict import CHANNELS
 from winchcascade.gap.locate import NAMES, STANDS_OUT
 from winchcascade.quantity import find_unit
+from winchcascade.report import diagnosis_page as page
 from winchcascade.report.diagnosis_map import signed, worst_first
 from winchcascade.report.diagnosis_names import (
     load_words,
@@ -21,6 +22,7 @@ from winchcascade.report.diagnosis_names import (
     share_words,
     told,
     told_apart_words,
+    without_unit,
 )
 from winchcascade.report.diagnosis_odds import threshold_words, thresholds
 from winchcascade.report.diagnosis_words import alarm_meaning, files_of, interval_words
@@ -38,8 +40,8 @@ MOST_PLACES, MOST_NUISANCES = 12, 10
 """Rows of the places that stand out most, and of the nuisances that are pulled most."""
 
 SIGNS = {
-    "structure": "left, in noises",
-    "scatter": "scatter, in noises",
+    "structure": "left, over the noise",
+    "scatter": "scatter, over the noise",
     "nuisance": "moved, in uncertainties",
 }
 """Kinds of alarms, and what their size counts."""
@@ -53,11 +55,12 @@ def causes_table(found: Diagnosis) -> Table | None:
     rows = []
     for cause in found.causes:
         for k, (name, value) in enumerate(cause.parameters.items()):
+            how = told(cause.effect, name, value.unit)
             text, interval = quantity_words(cause.effect, name, value)
             rivals = ", ".join(r.effect for r in cause.rivals) or "none"
             first = (cause.effect, cause.stage) if k == 0 else ("", "")
             last = (probability_words(cause.probability), rivals) if k == 0 else ("", "")
-            rows.append((*first, told(cause.effect, name, value.unit).what, text, interval, *last))
+            rows.append((*first, how.what, text, without_unit(interval, how), *last))
     if not rows:
         return None
     return Table(
@@ -86,20 +89,10 @@ def meanings_table(found: Diagnosis) -> Table | None:
 
 def rivals_table(found: Diagnosis) -> Table | None:
     """What would tell each cause from its rivals in the logs at hand."""
-    rows = [
-        (cause.effect, rival.effect, probability_words(rival.probability), told_apart_words(rival.told_apart_by))
-        for cause in found.causes
-        for rival in cause.rivals
-    ]
-    if not rows:
-        return None
-    return Table(
-        id="rivals",
-        caption="Rivals: effects that explain the same data about as well, and where the two explanations differ most.",
-        head=("Effect", "Rival", "Probability", "They differ most in"),
-        units=("", "", "of the rival", ""),
-        rows=tuple(rows),
-        text_columns=(0, 1, 3),
+    return page.rivals_table(
+        found.causes,
+        "Rivals: effects that explain the same data about as well, and where the two explanations differ most.",
+        told_apart_words,
     )
 
 
@@ -112,7 +105,7 @@ def places_table(found: Diagnosis) -> Table | None:
     out = sum(abs(p.z) > STANDS_OUT for p in ranked)
     return Table(
         id="places",
-        caption=f"Where the gap is largest: {out} of {len(ranked)} places stand out by more than {STANDS_OUT:g} "
+        caption=f"Where the gap is largest: {out or 'none'} of {len(ranked)} places stand out by more than {STANDS_OUT:g} "
         "standard uncertainties.",
         head=("Channel", "Phase", "Load", "Unit", "Bias", "Noise", "Cycles", "Tolerance", "z"),
         units=("", "", "", "", "", "and zero", "repeat to", "of the rig", "bias / u"),
@@ -144,8 +137,8 @@ def stages_table(found: Diagnosis) -> Table | None:
     out = sum(abs(p.z) > STANDS_OUT for p in found.stages)
     return Table(
         id="stages",
-        caption=f"Stages given their own inputs: {out} of {len(found.stages)} places are off by more than {STANDS_OUT:g} "
-        "standard uncertainties; of each stage and phase the load with the largest z.",
+        caption=f"Stages given their own inputs: {out or 'none'} of {len(found.stages)} places are off by more than "
+        f"{STANDS_OUT:g} standard uncertainties; of each stage and phase the load with the largest z.",
         head=("Stage: output", "From", "Phase", "Load", "Bias", "Noise", "Cycles", "Tolerance", "z"),
         units=("", "", "", "", "", "and zeros", "repeat to", "of the rig", "bias / u"),
         rows=tuple(rows),
@@ -171,17 +164,15 @@ def closure_table(found: Diagnosis) -> Table | None:
     for name, x in closure.channels.items():
         unit, factor = COMPARED[name]
         values = [v * factor for v in (x.before, x.after, x.noise)]
-        least = min((v for v in values if v > 0.0), default=1.0)
-        decimals = max(1 - math.floor(math.log10(least)), 0)
-        ratios = [number(v / x.noise, 1) if x.noise else "–" for v in (x.before, x.after)]
-        rows.append((NAMES[name], unit, *(number(v, decimals) for v in values), *ratios))
+        ratios = [significant(v / x.noise, 2) if x.noise else "–" for v in (x.before, x.after)]
+        rows.append((NAMES[name], unit, *(significant(v, 2) for v in values), *ratios))
     loads = ", ".join(load_words(found.data.logs[k].run.load) for k in closure.withheld)
     return Table(
         id="closure",
         caption=f"Misfit on logs that did not take part in the fit ({loads}): root mean squares of means over "
         "blocks of 0.44 s.",
         head=("Channel", "Unit", "Before", "After", "Noise", "Before", "After"),
-        units=("", "", "rig as given", "fitted effects", "of a block", "in noises", "in noises"),
+        units=("", "", "rig as given", "fitted effects", "of a block", "over noise", "over noise"),
         rows=tuple(rows),
         text_columns=(0, 1),
         note=f"Share of the explainable gap that is closed: {share_words(closure.share)}, 95 %: "
@@ -289,8 +280,8 @@ def suspects_table(found: Diagnosis) -> Table | None:
         units=("", "", "", "beside the causes"),
         rows=tuple(row for _, row in rows),
         text_columns=(0, 1, 2),
-        note="Odds of the named causes with the effect against those without, from the expansion of the fit; below "
-        "1 : 1 the effect is not worth its freedom.",
+        note="Odds of the named causes with the effect against those without, estimated from the slopes of the fit; below "
+        "1 : 1 the effect explains less than one more free number would by chance.",
     )
 
 
@@ -322,8 +313,8 @@ def thresholds_table(found: Diagnosis) -> Table | None:
         units=("", "", "", ""),
         rows=tuple(rows),
         text_columns=(0, 1, 2),
-        note="From the expansion of the fit and the rule by which causes are chosen; on one side, the other one is "
-        "alike. Without the noise of a real log: half of such effects would be named.",
+        note="Of effects as large as this half would be named, half be lost in the noise. Estimated from the slopes of the fit "
+        "by the rule that chooses causes; where an effect may have either sign one is listed, the other is about alike.",
     )
 
 

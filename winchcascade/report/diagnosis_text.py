@@ -6,7 +6,14 @@ import textwrap
 from typing import TYPE_CHECKING, Any
 
 from winchcascade.gap.locate import NAMES
-from winchcascade.report.diagnosis_names import probability_words, quantity_words, share_words, told, told_apart_words
+from winchcascade.report.diagnosis_names import (
+    probability_words,
+    quantity_words,
+    share_words,
+    told,
+    told_apart_words,
+    without_unit,
+)
 from winchcascade.report.diagnosis_words import (
     VERDICTS,
     alarm_words,
@@ -130,10 +137,10 @@ def _cause_rows(cause: Cause) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = []
     for k, (name, value) in enumerate(cause.parameters.items()):
         text, interval = quantity_words(cause.effect, name, value)
-        unit = told(cause.effect, name, value.unit).unit
+        how = told(cause.effect, name, value.unit)
         first = (cause.effect, cause.stage) if k == 0 else ("", "")
         last = probability_words(cause.probability) if k == 0 else ""
-        rows.append((*first, told(cause.effect, name).what, text, interval.removesuffix(unit).rstrip(), last))
+        rows.append((*first, told(cause.effect, name).what, text, without_unit(interval, how), last))
     return rows
 
 

@@ -128,7 +128,7 @@ def checked_words(found: Diagnosis) -> str:
     staged = f" Stage by stage {alone} of {len(found.stages)} are." if alone else ""
     return (
         f"{len(found.places)} means by channel, phase and load: {off} off by more than {STANDS_OUT:g} standard "
-        f"uncertainties{more}.{staged} {len(found.suspects)} effects: none is worth its freedom."
+        f"uncertainties{more}.{staged} {len(found.suspects)} effects: none explains more than chance would."
     )
 
 

@@ -4,27 +4,25 @@ from __future__ import annotations
 
 import math
 import platform
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from winchcascade import __version__
 from winchcascade.cascade.efficiency import METRICS, NOTHING
-from winchcascade.report import figures, tables
-from winchcascade.report.digits import number, percent, places, stated
-from winchcascade.report.layout import Block, Note, Picture, Point, Report, Section, Table, Tile
+from winchcascade.report import cycle_figures, figures, tables, uncertainty_tables
+from winchcascade.report.digits import number, percent, places, stated, uncertain
+from winchcascade.report.layout import Note, Point, Report, Section, Table, Tile
 from winchcascade.report.model_section import Modelled, modelled, run_section
-from winchcascade.report.moment import made_at
+from winchcascade.report.parts import file_digest, made_on, picture, provenance_table, section
 from winchcascade.report.publish import publish
-from winchcascade.report.style import house_style, svg_text
+from winchcascade.report.style import house_style
 from winchcascade.report.traces import readout
 from winchcascade.report.wording import by_sensor, not_known
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from winchcascade.cascade.montecarlo import Uncertainty
     from winchcascade.cascade.reduce import CycleResult, Reduction
+    from winchcascade.run import Signal
 
 _NAMES = {
     "eta_trans": "line to shaft",
@@ -96,9 +94,12 @@ def _tiles(reduction: Reduction, found: Uncertainty) -> tuple[Tile, ...]:
     tiles = []
     for m in given:
         u, interval = getattr(found.standard, m), found.interval_95.get(m)
-        value = stated(getattr(reduction.mean, m), u, 3 if m.startswith("eta") else 0)
+        value = tables.mean_text(reduction, found, m)
         unit = tables.UNIT[m]
-        text = "uncertainty unknown"
+        scatter = getattr(found.budget.repeatability, m)
+        text = (
+            f"± {f'{uncertain(scatter)} {unit}'.rstrip()} by repeatability alone" if scatter else "uncertainty unknown"
+        )
         if interval is not None and u:
             text = f"95 %: {stated(interval.low, u, 3)} to {stated(interval.high, u, 3)} {unit}".strip()
         tiles.append(Tile(tables.SYMBOL[m], _NAMES[m], f"{value} {unit}".strip(), text))
@@ -191,87 +192,109 @@ def _uncertainty_points(found: Uncertainty) -> list[Point]:
 
 def _sections(reduction: Reduction, found: Uncertainty, model: Modelled, command: str) -> tuple[Section, ...]:
     powers = figures.powers_of(reduction)
-    extremes = best_and_worst(reduction)
-    best, worst = (extremes[0].cycle, extremes[1].cycle) if extremes is not None else (None, None)
-    symbol = "" if extremes is None else f" Best and worst by {tables.SYMBOL[extremes[2]]}."
-    cycle = figures.representative(reduction).cycle
     sections = (
-        section(
-            "results", "Energies and efficiencies",
-            picture(figures.energy_flow(reduction), "flow",
-                     "Mean energies of a window from the line to the DC link; η are means of the cycles' ratios.",
-                     "Flow diagram: " + _flow_words(reduction)),
-            tables.cycles_table(reduction, found),
-        ),
-        section(
-            "histories", "Time histories",
-            picture(
-                figures.time_histories(reduction, powers), "histories",
-                "Channels and powers over the whole log." + _shade_words(reduction),
-                "Line plots of every channel over time; the values are in the log, means of the phases in the tables.",
-                interactive=True,
-            ),
-        ),
-        section(
-            "powers", "Power over time and over generator speed" if reduction.bins else "Power over time",
-            picture(
-                figures.power_streams(reduction, powers), "streams",
-                f"Powers of cycle {cycle} over time; dashed: integration window" + (
-                    ". Powers of the payouts of all complete cycles over generator speed, with means in bins."
-                    if reduction.bins else "."),
-                "Line plot of the powers over time" + (
-                    ", and dots with binned means over generator speed; the means are in the table of bins."
-                    if reduction.bins else "."),
-            ),
-            tables.bins_table(reduction),
-        ),
-        section(
-            "cycles-and-phases", "Cycles and phases",
-            picture(
-                figures.overlaid(reduction, powers, best, worst), "overlaid",
-                "Cycles on a common clock that starts at each onset; dashed: end of the window." + symbol + (
-                    f" {figures.OVERLAID} of {len(reduction.cycles)} cycles, evenly chosen."
-                    if len(reduction.cycles) > figures.OVERLAID else ""),
-                "Line plots of the cycles laid over each other.",
-            ),
-            picture(figures.trend(reduction), "trend", "Complete cycles one after the other.",
-                     "Dots of the efficiencies and energies over the number of the cycle; the values are in the tables."),
-            tables.payouts_table(reduction),
-            tables.holds_table(reduction),
-        ),
+        _results(reduction, found),
+        _histories(reduction, powers),
+        _powers(reduction, powers),
+        _cycles(reduction, powers),
         run_section(model),
+        _repeatability(reduction, found),
         section(
-            "uncertainty", "Repeatability and uncertainty",
-            tables.repeatability_table(reduction, found),
-            tables.uncertainty_table(reduction, found) if reduction.complete else None,
-            picture(figures.uncertainty_bars(found.budget), "budget", "What makes the uncertainty of each mean.",
-                     "Bars of the shares of the variance; the numbers are in the uncertainty budget."),
-            tables.budget_table(found),
-            tables.sensors_table(reduction),
-        ),
-        section(
-            "findings", "Findings",
-            tables.findings_table(reduction) or Note("No fault was found in the log."),
+            "findings", "Findings", tables.findings_table(reduction) or Note("No fault was found in the log.")
         ),
         section("provenance", "Provenance", _provenance(reduction, found, command)),
     )  # fmt: skip
     return tuple(s for s in sections if s.blocks)
 
 
-def section(name: str, heading: str, *blocks: Block | None) -> Section:
-    """A section of the blocks that there are."""
-    return Section(name, heading, tuple(b for b in blocks if b is not None))
+def _results(reduction: Reduction, found: Uncertainty) -> Section:
+    told = {m: tables.mean_text(reduction, found, m) for m in METRICS[:3] if getattr(reduction.mean, m) is not None}
+    words = ", ".join(f"{tables.SYMBOL[m]} {text} J" for m, text in told.items())
+    return section(
+        "results", "Energies and efficiencies",
+        picture(
+            figures.energy_flow(reduction, told), "flow",
+            "Where the energy of a window goes, stage by stage, as a mean over the complete cycles: heights are "
+            "energies, grey is lost on the way. η are means of the cycles' ratios.",
+            f"Flow diagram: {words}.",
+        ),
+        tables.cycles_table(reduction, found),
+    )  # fmt: skip
 
 
-def picture(figure: Figure | None, name: str, caption: str, alt: str, *, interactive: bool = False) -> Picture | None:
-    """A figure as a block of a report; None for none."""
-    return None if figure is None else Picture(name, caption, alt, svg_text(figure, name), interactive)
+def _histories(reduction: Reduction, powers: dict[str, Signal]) -> Section:
+    return section(
+        "histories", "Time histories",
+        picture(
+            figures.time_histories(reduction, powers), "histories",
+            "Channels and powers over the whole log." + _shade_words(reduction),
+            "Line plots of every channel over time; the values are in the log, means of the phases in the tables.",
+            interactive=True,
+        ),
+    )  # fmt: skip
 
 
-def _flow_words(reduction: Reduction) -> str:
-    mean = reduction.mean
-    words = [f"{tables.SYMBOL[m]} {getattr(mean, m):.0f} J" for m in METRICS[:3] if getattr(mean, m) is not None]
-    return ", ".join(words) + "."
+def _powers(reduction: Reduction, powers: dict[str, Signal]) -> Section:
+    """Powers over time and, where it is known, over the speed of the generator."""
+    cycle = figures.representative(reduction).cycle if reduction.cycles else 0
+    heading, more, alt = "Power over time", "", ""
+    if reduction.bins:
+        heading += " and over generator speed"
+        more = " Right: powers of the payouts of all complete cycles over generator speed, with means in bins."
+        alt = ", and dots with binned means over generator speed; the means are in the table of bins"
+    return section(
+        "powers", heading,
+        picture(
+            figures.power_streams(reduction, powers), "streams",
+            f"{'Left: p' if more else 'P'}owers of cycle {cycle} over time; between the dashed lines lies the integration "
+            f"window. What lies between two curves is lost from one stage to the next.{more}",
+            f"Line plot of the powers over time{alt}.",
+        ),
+        tables.bins_table(reduction),
+    )  # fmt: skip
+
+
+def _cycles(reduction: Reduction, powers: dict[str, Signal]) -> Section:
+    """Cycles laid over each other and one after the other."""
+    extremes = best_and_worst(reduction)
+    best, worst, by = (None, None, "")
+    if extremes is not None:
+        best, worst, by = extremes[0].cycle, extremes[1].cycle, f" Best and worst by {tables.SYMBOL[extremes[2]]}."
+    many = len(reduction.cycles)
+    some = f" {cycle_figures.OVERLAID} of {many} cycles, evenly chosen." if many > cycle_figures.OVERLAID else ""
+    return section(
+        "cycles-and-phases", "Cycles and phases",
+        picture(
+            cycle_figures.overlaid(reduction, powers, best, worst), "overlaid",
+            "Cycles on a common clock that starts at each onset: where the curves part, the cycles did not repeat. Dashed: end "
+            f"of the window.{by}{some}",
+            "Line plots of the cycles laid over each other.",
+        ),
+        picture(
+            cycle_figures.trend(reduction), "trend", "Complete cycles one after the other: a slope would be a drift.",
+            "Dots of the efficiencies and energies over the number of the cycle; the values are in the tables.",
+        ),
+        tables.payouts_table(reduction),
+        tables.holds_table(reduction),
+    )  # fmt: skip
+
+
+def _repeatability(reduction: Reduction, found: Uncertainty) -> Section:
+    unknown = uncertainty_tables.unknown_words(found)
+    return section(
+        "uncertainty", "Repeatability and uncertainty",
+        uncertainty_tables.repeatability_table(reduction, found),
+        uncertainty_tables.uncertainty_table(reduction, found) if reduction.complete else None,
+        Note(unknown) if unknown else None,
+        picture(
+            figures.uncertainty_bars(found.budget), "budget",
+            "What makes the uncertainty of each mean: the longest part of a bar is the sensor to improve first, or the scatter "
+            "of the cycles (repeatability).",
+            "Bars of the shares of the variance; the numbers are in the uncertainty budget.",
+        ),
+        uncertainty_tables.budget_table(found, reduction.rig.source),
+        uncertainty_tables.sensors_table(reduction),
+    )  # fmt: skip
 
 
 def _shade_words(reduction: Reduction) -> str:
@@ -303,27 +326,3 @@ def _provenance(reduction: Reduction, found: Uncertainty, command: str) -> Table
         ("Made on", made_on()),
     ]
     return provenance_table(rows)
-
-
-def provenance_table(rows: Sequence[tuple[str, str]]) -> Table:
-    """Where every number comes from: items with their values, those without one left out."""
-    return Table(
-        id="provenance",
-        caption="What the report was made from, and how.",
-        head=("Item", "Value"),
-        units=("", ""),
-        rows=tuple(row for row in rows if row[1]),
-        text_columns=(0, 1),
-    )
-
-
-def file_digest(path: str) -> str:
-    """SHA-256 of a rig file, nothing for a built-in one."""
-    import hashlib
-
-    return hashlib.sha256(Path(path).read_bytes()).hexdigest() if Path(path).is_file() else ""
-
-
-def made_on() -> str:
-    """The time of making, as it stands in a report."""
-    return made_at().strftime("%Y-%m-%d %H:%M:%S UTC")

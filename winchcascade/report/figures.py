@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,7 @@ from winchcascade.phases.window import Plateau
 from winchcascade.quantity import KGF
 from winchcascade.report.digits import significant
 from winchcascade.report.style import COLOURS, STAGE_STYLE, WIDTH, label_panel
-from winchcascade.report.traces import envelope
+from winchcascade.report.traces import clock_zero, envelope, time_label
 from winchcascade.report.wording import by_sensor
 
 if TYPE_CHECKING:
@@ -26,22 +26,13 @@ if TYPE_CHECKING:
 
     from winchcascade.cascade.reduce import CycleResult, Reduction
     from winchcascade.cascade.uncertainty import Budget
-    from winchcascade.run import Run, Signal
+    from winchcascade.run import Signal
 
 DRAWN = 3000
 """Points of a trace that are drawn at most: two for each pixel of a wide screen."""
 
 SHADED_CYCLES = 60
 """With more cycles than this, shaded phases would be narrower than a pixel or two."""
-
-TREND_FROM = 6
-"""With fewer cycles than this the table shows a drift as well."""
-
-OVERLAID = 40
-"""Cycles that are laid over each other at most; of more, an even selection."""
-
-OVERLAID_POINTS = 6000
-"""Points of all overlaid cycles together in one panel, about."""
 
 DOTS = 1200
 """Samples of each power that are drawn over the generator's speed at most; of more, an even selection."""
@@ -57,10 +48,10 @@ PANELS = (
 )
 """Channels that have a panel of their own: name, title, unit, and what turns SI units into it."""
 
-_TEX = {"line": r"$P_\mathrm{line}$", "mech": r"$P_\mathrm{mech}$", "gen": r"$P_\mathrm{gen}$"}
+TEX = {"line": r"$P_\mathrm{line}$", "mech": r"$P_\mathrm{mech}$", "gen": r"$P_\mathrm{gen}$"}
 _ENERGY_TEX = {"line": r"$E_\mathrm{line}$", "mech": r"$E_\mathrm{mech}$", "gen": r"$E_\mathrm{gen}$"}
 _STAGE_WORDS = {"line": "line", "mech": "shaft", "gen": "DC link"}
-_ETA_TEX = {
+ETA_TEX = {
     "eta_trans": r"$\eta_\mathrm{trans}$",
     "eta_gen": r"$\eta_\mathrm{gen}$",
     "eta_pto": r"$\eta_\mathrm{pto}$",
@@ -80,18 +71,6 @@ def powers_of(reduction: Reduction) -> dict[str, Signal]:
     """Power stream of every stage that the log gives, (n,) [W]."""
     found = {stage: power(reduction.run.channels, stage, reduction.rig.r_drum) for stage in STAGES}
     return {stage: x for stage, x in found.items() if x is not None}
-
-
-def clock_zero(run: Run) -> float:
-    """What a drawn time axis begins from: 0, or the log's first stamp where that is large, as the seconds of an epoch. [s]"""
-    first, last = float(run.t[0]), float(run.t[-1])
-    return 0.0 if abs(first) < 10.0 * max(last - first, 1.0) else first
-
-
-def time_label(run: Run) -> str:
-    """Label of a drawn time axis."""
-    zero = clock_zero(run)
-    return "Time (s)" if zero == 0.0 else f"Time since {zero:.2f} s on the log's clock (s)"
 
 
 def time_histories(reduction: Reduction, powers: dict[str, Signal]) -> Figure:
@@ -116,7 +95,7 @@ def time_histories(reduction: Reduction, powers: dict[str, Signal]) -> Figure:
         for stage, x in powers.items():
             rows_drawn = envelope(x, DRAWN)
             ax.plot(
-                run.t[rows_drawn] - zero, x[rows_drawn] * short, color=COLOURS[stage], ls=STAGE_STYLE[stage], label=_TEX[stage],
+                run.t[rows_drawn] - zero, x[rows_drawn] * short, color=COLOURS[stage], ls=STAGE_STYLE[stage], label=TEX[stage],
                 gid=f"trace-power_{stage}",
             )  # fmt: skip
         label_panel(ax, "abcdefgh"[rows - 1], "Power")
@@ -160,8 +139,16 @@ def _phase_key(ax: Axes, cycles: Sequence[CycleResult]) -> None:
     names = ["payout", "hold", "integration window"]
     if any(not c.complete for c in cycles):
         entries.append(ax.plot([], [], ls=":", lw=0.8, color=COLOURS["soft"])[0])
-        names.append("window of an incomplete cycle")
-    ax.legend(entries, names, loc="lower right", ncols=len(names), bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
+        names.append("of an incomplete cycle")
+    ax.legend(
+        entries,
+        names,
+        loc="lower right",
+        ncols=len(names),
+        bbox_to_anchor=(1.0, 1.0),
+        borderaxespad=0.1,
+        columnspacing=1.2,
+    )
 
 
 def power_streams(reduction: Reduction, powers: dict[str, Signal]) -> Figure | None:
@@ -190,7 +177,7 @@ def _one_cycle(ax: Axes, reduction: Reduction, powers: dict[str, Signal]) -> Non
             x[part][rows] * short,
             color=COLOURS[stage],
             ls=STAGE_STYLE[stage],
-            label=_TEX[stage],
+            label=TEX[stage],
         )
     for edge in (cycle.window.onset, cycle.window.cutoff):
         ax.axvline(edge - zero, color=COLOURS["soft"], ls="--", lw=0.8)
@@ -223,7 +210,7 @@ def _over_speed(ax: Axes, reduction: Reduction, powers: dict[str, Signal]) -> No
         dots(ax, run.channels["velocity"][rows] * factor, x[rows] * short, COLOURS[stage])
         means = [(0.5 * (b.rpm_low + b.rpm_high), y * short) for b in bins if (y := b.power.get(stage)) is not None]
         ax.plot(
-            *np.array(means).reshape(-1, 2).T, color=COLOURS[stage], ls=STAGE_STYLE[stage], lw=1.3, label=_TEX[stage]
+            *np.array(means).reshape(-1, 2).T, color=COLOURS[stage], ls=STAGE_STYLE[stage], lw=1.3, label=TEX[stage]
         )
     ax.set_xlim(min(0.0, bins[0].rpm_low), highest)
     label_panel(ax, "b", f"Payouts; lines: means in bins of {rig.thresholds.rpm_bin:g} rpm")
@@ -244,13 +231,19 @@ def representative(reduction: Reduction) -> CycleResult:
     return (*reduction.complete, *reduction.cycles)[0]
 
 
-def energy_flow(reduction: Reduction) -> Figure | None:
-    """Draw the mean energy of a window from the line to the DC link: heights are energies, losses branch off."""
+def energy_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) -> Figure | None:
+    """Draw the mean energy of a window from the line to the DC link: heights are energies, losses branch off.
+
+    Parameters
+    ----------
+    texts : means as they are told, by metric; with four digits if not given
+    """
     mean = reduction.mean
     known = [s for s in STAGES if getattr(mean, f"energy_{s}") is not None]
     joules = [float(getattr(mean, f"energy_{s}")) for s in known]
     if len(known) < 2 or min(joules) <= 0 or any(b > a for a, b in pairwise(joules)):
         return None
+    told = [(texts or {}).get(f"energy_{s}") or significant(joule, 4) for s, joule in zip(known, joules, strict=True)]
     figure = Figure((WIDTH, 2.35))
     ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     ax.set_axis_off()
@@ -261,7 +254,7 @@ def energy_flow(reduction: Reduction) -> Figure | None:
     for k, (x, h) in enumerate(zip(at, heights, strict=True)):
         ax.add_patch(Rectangle((x, top - h), bar, h, fc=COLOURS[known[k]], lw=0))
         ax.text(
-            x + bar / 2, top + 0.05, f"{_ENERGY_TEX[known[k]]} = {significant(joules[k], 4)} J\n{_STAGE_WORDS[known[k]]}",
+            x + bar / 2, top + 0.05, f"{_ENERGY_TEX[known[k]]} = {told[k]} J\n{_STAGE_WORDS[known[k]]}",
             ha="left" if k == 0 else "right" if k == len(known) - 1 else "center", va="bottom", fontsize=8.5,
         )  # fmt: skip
         if k + 1 < len(known):
@@ -270,7 +263,7 @@ def energy_flow(reduction: Reduction) -> Figure | None:
             value = getattr(mean, eta, None)
             if value is not None:
                 ax.text(
-                    (x + bar + at[k + 1]) / 2, top - heights[k + 1] / 2, f"{_ETA_TEX[eta]} = {value:.3f}",
+                    (x + bar + at[k + 1]) / 2, top - heights[k + 1] / 2, f"{ETA_TEX[eta]} = {value:.3f}",
                     ha="center", va="center", fontsize=9.5,
                 )  # fmt: skip
             lost = joules[k] - joules[k + 1]
@@ -301,124 +294,9 @@ def _flow(ax: Axes, x0: float, x1: float, top: float, before: float, after: floa
     ax.add_patch(PathPatch(Outline(points, codes), fc=COLOURS["loss"], lw=0))
 
 
-def overlaid(reduction: Reduction, powers: dict[str, Signal], best: int | None, worst: int | None) -> Figure | None:
-    """Lay the cycles over each other on a clock that starts at each onset; best and worst stand out.
-
-    Parameters
-    ----------
-    best, worst : numbers of the cycles of the highest and the lowest efficiency, None where they cannot be told
-    """
-    run, cycles = reduction.run, reduction.cycles
-    names = [n for n in ("velocity", "force", "torque", "pressure") if n in run.channels][:3]
-    panels = [p for p in PANELS if p[0] in names]
-    columns: list[tuple[str, str, Signal]] = [(t, u, run.channels[n] * f) for n, t, u, f in panels]
-    last = [s for s in ("gen", "mech", "line") if s in powers][:1]
-    columns += [(f"Power {_TEX[s]}", "W", powers[s]) for s in last]
-    if not cycles or not columns:
-        return None
-    rows = -(-len(columns) // 2)
-    height = 0.5 + 1.55 * rows
-    figure = Figure((WIDTH, height))
-    grid = figure.subplots(rows, 2, sharex=True, squeeze=False, gridspec_kw={"hspace": 0.36, "wspace": 0.24})
-    figure.subplots_adjust(left=0.095, right=0.985, top=1 - 0.42 / height, bottom=0.42 / height)
-    axes: list[Axes] = list(grid.ravel())
-    for ax in axes[len(columns) :]:
-        ax.set_visible(False)
-    chosen = _selection(cycles, best, worst)
-    longest = max(_end_of(c, run) - c.phases.onset for c in chosen)
-    for k, (ax, (title, unit, x)) in enumerate(zip(axes, columns, strict=False)):
-        short, unit = readable(unit, x)
-        for c in chosen:
-            _one_overlaid(ax, run, x * short, c, best, worst, most=max(150, OVERLAID_POINTS // len(chosen)))
-        for c in chosen[:1]:
-            ax.axvline(c.window.cutoff - c.window.onset, color=COLOURS["soft"], ls="--", lw=0.8)
-        label_panel(ax, "abcdefgh"[k], title)
-        ax.set_ylabel(unit)
-        ax.set_xlim(-1.0, longest)
-        if k + 2 >= len(columns):
-            ax.set_xlabel("Time since onset (s)")
-            ax.tick_params(labelbottom=True)
-    handles, labels = axes[0].get_legend_handles_labels()
-    named = dict(zip(labels, handles, strict=True))
-    figure.legend(named.values(), named.keys(), loc="upper right", ncols=len(named), bbox_to_anchor=(0.99, 1.0))
-    return figure
-
-
-def trend(reduction: Reduction) -> Figure | None:
-    """Draw efficiencies and energies over the number of the cycle, so that a drift is seen; None for few cycles."""
-    complete = reduction.complete
-    etas = [m for m in RATIOS if getattr(reduction.mean, m) is not None]
-    energies = [m for m in _ETA_TEX if m.startswith("energy") and getattr(reduction.mean, m) is not None]
-    groups = [(title, names) for title, names in (("Efficiencies", etas), ("Energies", energies)) if names]
-    if len(complete) < TREND_FROM or not groups:
-        return None
-    height = 0.55 + 1.5 * len(groups)
-    figure = Figure((WIDTH, height))
-    axes: list[Axes] = list(
-        figure.subplots(len(groups), 1, sharex=True, squeeze=False, gridspec_kw={"hspace": 0.3})[:, 0]
-    )
-    figure.subplots_adjust(left=0.095, right=0.985, top=1 - 0.25 / height, bottom=0.42 / height)
-    number = np.array([c.cycle for c in complete], dtype=float)
-    for k, (ax, (title, names)) in enumerate(zip(axes, groups, strict=True)):
-        columns = {name: np.array([getattr(c.metrics, name) for c in complete], dtype=float) for name in names}
-        short, unit = readable("J" if title == "Energies" else "1", *columns.values())
-        ax.set_ylabel(unit)
-        for name, joule in columns.items():
-            values = joule * short
-            rows = envelope(values, DRAWN // 2)
-            stage = _TREND_STAGE[name]
-            ax.plot(number[rows], values[rows], color=COLOURS[stage], lw=0.5, alpha=0.5)
-            mark: Any = {"line": "o", "mech": "s", "gen": "^"}[stage]
-            few = len(rows) <= 200
-            ax.plot(
-                number[rows] if few else [], values[rows] if few else [], ls="none", marker=mark, ms=2.2, mew=0,
-                color=COLOURS[stage], label=_ETA_TEX[name],
-            )  # fmt: skip
-            if not few:
-                dots(ax, number[rows], values[rows], COLOURS[stage])
-        label_panel(ax, "ab"[k], title)
-        ax.legend(loc="lower right", ncols=3, bbox_to_anchor=(1.0, 0.98), borderaxespad=0.0, markerscale=1.8)
-    axes[-1].set_xlabel("Cycle")
-    return figure
-
-
-_TREND_STAGE = {
-    "eta_trans": "mech", "eta_gen": "gen", "eta_pto": "line", "energy_line": "line", "energy_mech": "mech", "energy_gen": "gen",
-}  # fmt: skip
-
-
-def _selection(cycles: Sequence[CycleResult], best: int | None, worst: int | None) -> list[CycleResult]:
-    """Cycles to be drawn, best and worst last so that they lie on top."""
-    even = np.linspace(0, len(cycles) - 1, min(len(cycles), OVERLAID)).round().astype(int)
-    rest = [cycles[k] for k in even.tolist() if cycles[k].cycle not in (best, worst)]
-    return rest + [c for number in (worst, best) for c in cycles if c.cycle == number]
-
-
-def _end_of(cycle: CycleResult, run: Run) -> float:
-    phases = cycle.phases
-    end = phases.haul_in[1] if phases.haul_in is not None else phases.hold[1] if phases.hold else phases.payout_end
-    return min(end, float(run.t[-1]))
-
-
-def _one_overlaid(
-    ax: Axes, run: Run, x: Signal, c: CycleResult, best: int | None, worst: int | None, *, most: int
-) -> None:
-    part = slice(*np.searchsorted(run.t, (c.phases.onset - 1.0, _end_of(c, run))).tolist())
-    rows = envelope(x[part], most)
-    t = run.t[part][rows] - c.phases.onset
-    style: dict[str, Any] = {"color": COLOURS["soft"], "lw": 0.7, "label": "other cycles"}
-    if c.cycle == best:
-        style = {"color": COLOURS["line"], "lw": 1.1, "label": f"best, cycle {best}"}
-    elif c.cycle == worst:
-        style = {"color": COLOURS["mech"], "lw": 1.1, "ls": (0, (4, 1.2)), "label": f"worst, cycle {worst}"}
-    elif not c.complete:
-        style = {"color": COLOURS["soft"], "lw": 0.7, "ls": ":", "label": "incomplete"}
-    ax.plot(t, x[part][rows], **style)
-
-
 def uncertainty_bars(known: Budget) -> Figure | None:
     """Draw which sensor makes which share of the variance of each mean."""
-    metrics = [m for m in _ETA_TEX if getattr(known.mean, m)]
+    metrics = [m for m in ETA_TEX if getattr(known.mean, m)]
     parts = {m: by_sensor(known, m) for m in metrics}
     names = sorted({n for p in parts.values() for n in p}, key=lambda n: (n == "repeatability", n))
     if not names:
@@ -443,7 +321,7 @@ def uncertainty_bars(known: Budget) -> Figure | None:
                     bbox={"boxstyle": "round,pad=0.15", "fc": COLOURS["paper"], "lw": 0},
                 )  # fmt: skip
         left += share
-    ax.set_yticks(rows, [_ETA_TEX[m] for m in metrics])
+    ax.set_yticks(rows, [ETA_TEX[m] for m in metrics])
     ax.set_xlim(0, 100)
     ax.set_xlabel("Share of the variance of the mean (%)")
     ax.grid(axis="y", visible=False)

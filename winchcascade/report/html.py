@@ -12,9 +12,13 @@ from winchcascade.report.style import COLOURS
 from winchcascade.report.templates import template_folder
 
 if TYPE_CHECKING:
-    from winchcascade.report.layout import Report
+    from winchcascade.report.layout import Report, Table
 
 _SYMBOL = re.compile(r"\b([EPFvpητ])_(line|mech|gen|trans|pto|max|min|mean|plateau|hold)\b")
+
+
+FEW = 4
+"""A table of numbers with no more columns than this is not stretched over the page."""
 
 
 def write_html(report: Report, path: Path, *, force: bool = False) -> None:
@@ -28,7 +32,7 @@ def html_text(report: Report) -> str:
     from markupsafe import Markup, escape
 
     def symbols(text: str) -> Markup:
-        return Markup(_SYMBOL.sub(r"\1<sub>\2</sub>", str(escape(text))))
+        return Markup(_SYMBOL.sub(r"\1<sub>\2</sub>", str(escape(text))).replace(" %", "\u00a0%"))
 
     def symbol(text: str) -> Markup:
         return symbols(text) if _SYMBOL.fullmatch(text) else escape(text)
@@ -46,6 +50,7 @@ def html_text(report: Report) -> str:
         "symbols": symbols,
         "symbol": symbol,
         "drawing": drawing,
+        "width": width,
         "kind": lambda block: type(block).__name__,
     }
     style = (folder / "style.css").read_text(encoding="utf-8")
@@ -56,6 +61,13 @@ def html_text(report: Report) -> str:
         script=Markup(script),
         traces=Markup(report.traces.replace("<", "\\u003c")),
     )
+
+
+def width(table: Table) -> str:
+    """How wide a table is: few columns of numbers stand close together; of many the first stays in sight on a phone."""
+    if len(table.head) <= FEW and set(table.text_columns) <= {0}:
+        return "narrow"
+    return "wide" if len(table.head) > FEW and not table.is_long(0) else "full"
 
 
 def themed(svg: str) -> str:

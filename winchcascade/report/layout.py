@@ -45,9 +45,10 @@ class Picture(msgspec.Struct, frozen=True, tag="picture"):
 
 
 class Note(msgspec.Struct, frozen=True, tag="note"):
-    """A paragraph."""
+    """A paragraph, and what it is about where that is set before it."""
 
     text: str
+    about: str = ""
 
 
 Block = Table | Picture | Note

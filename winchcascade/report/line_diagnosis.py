@@ -12,10 +12,16 @@ from winchcascade.diagnose.remainder import ROUGH
 from winchcascade.report import line_figures as figures
 from winchcascade.report import line_tables as tables
 from winchcascade.report import line_words as words
-from winchcascade.report.diagnosis_names import apart_words, probability_words, share_words
-from winchcascade.report.diagnosis_words import VERDICTS
-from winchcascade.report.document import file_digest, made_on, picture, provenance_table, section
-from winchcascade.report.layout import Note, Point, Report, Section, Table, Tile, Tone
+from winchcascade.report.diagnosis_page import (
+    Closed,
+    cause_points,
+    cause_sentence,
+    method_section,
+    next_section,
+    verdict_tiles,
+)
+from winchcascade.report.layout import Point, Report, Section, Tile, Tone
+from winchcascade.report.parts import file_digest, made_on, picture, provenance_table, section
 from winchcascade.report.publish import publish
 from winchcascade.report.style import house_style
 
@@ -59,22 +65,10 @@ def make_line_report(found: LineDiagnosis, *, command: str = "") -> Report:
 # ---------------------------------------------------------------------------------------------- the page for a decision
 def _tiles(found: LineDiagnosis) -> tuple[Tile, ...]:
     """Verdict, leading cause, and share that is closed."""
-    count = len(found.causes)
-    what = "nothing stands out" if found.verdict == "no_gap" else "no cause named"
-    named = f"{count} cause{'s' if count > 1 else ''} named" if count else what
-    tiles = [Tile("Verdict", "", VERDICTS[found.verdict], named)]
-    if found.causes:
-        lead = found.causes[0]
-        sure = f"probability {probability_words(lead.probability)}"
-        tiles.append(Tile("Leading cause", "", lead.effect.replace("_", " "), sure))
-    if found.judged is not None:
-        share = share_words(found.judged.closed)
-        tiles.append(Tile("Gap closed", "on fresh cycles", share, f"95 %: {words.interval_words(found)}"))
-    return tuple(tiles)
-
-
-def _named(text: str, name: str) -> str:
-    return f"{name}: {text[:1].lower()}{text[1:]}"
+    judged = found.judged
+    closed = None if judged is None else Closed(judged.closed, words.interval_words(found), "cycles")
+    lead = words.cause_words(found.causes[0]) if found.causes else ""
+    return tuple(verdict_tiles(found.verdict, found.causes, lead, closed))
 
 
 def _tone(found: LineDiagnosis) -> Tone:
@@ -89,10 +83,7 @@ def _points(found: LineDiagnosis) -> list[Point]:
         Point("Sign turned", words.flipped_words(found), "warn"),
         Point("Verdict", words.verdict_words(found), _tone(found)),
         Point("Where", words.where_words(found)),
-        *(
-            Point("Which" if k == 0 else "and", f"{_named(words.MEANINGS[c.effect], c.effect)} Found: {words.cause_words(c)}.")
-            for k, c in enumerate(found.causes)
-        ),
+        *cause_points([cause_sentence(c, words.MEANINGS[c.effect], words.cause_words(c)) for c in found.causes]),
         Point("How sure", words.sure_words(found)),
         Point("How far", words.closure_words(found)),
         Point("How steady", words.again_words(found)),
@@ -115,7 +106,7 @@ def _where(found: LineDiagnosis) -> Section:
             " These cycles took no part in the fit." if found.lines.judged[0].withheld else " Each by a fit without it."
         )
     return section(
-        "where", "Where the gap lies",
+        "where", "Where a gap was looked for" if found.verdict == "no_gap" else "Where the gap lies",
         picture(
             figures.history(found, word), "history",
             f"Power of the winch: {word}, line force times speed{causes}; below, what is left of it.{role}",
@@ -163,20 +154,11 @@ def _next(found: LineDiagnosis) -> Section:
     plan = found.experiment
     if plan is None:
         return Section("next", "What to test next", ())
-    one, other = plan.separates
-    rows = (
-        ("Motion", plan.profile),
-        ("Tells apart", f"{one} from {other}"),
-        ("They would differ by", f"{apart_words(plan.expected_z)} standard deviations"),
-    )
-    return section(
-        "next", "What to test next",
-        Table("experiment", "The motion that would tell most.", ("Item", "Value"), ("", ""), rows, (0, 1)),
-        Note(
-            "Tried were reel-out in steps of speed, reel-out in steps of force, out and back at one speed, and a swinging "
-            "speed. The difference is what is left of it once the other explanation's own numbers have adapted as far as these "
-            "logs allow; of motions that tell about as much, the one with the least effort is named."
-        ),
+    return next_section(
+        (("Motion", plan.profile),), plan.separates, plan.expected_z, "The motion that would tell most.",
+        "Tried were reel-out in steps of speed, reel-out in steps of force, out and back at one speed, and a swinging speed. "
+        "The difference is what is left of it once the other explanation's own numbers have adapted as far as these logs "
+        "allow; of motions that tell about as much, the one with the least effort is named.",
     )  # fmt: skip
 
 
@@ -206,7 +188,7 @@ def _method(found: LineDiagnosis) -> Section:
         "the tether on the drum, and losses that change with temperature, are told as a mean; the numbers of the withheld "
         "cycles alone show how far they move. What is faster than the samples is seen as noise.",
     )
-    return Section("method", "Method and its limits", tuple(Note(text) for text in texts))
+    return method_section(texts)
 
 
 def _provenance(found: LineDiagnosis, command: str) -> Section:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from winchcascade.report import diagnosis_page as page
 from winchcascade.report import line_words as words
 from winchcascade.report.diagnosis_map import signed
-from winchcascade.report.diagnosis_names import phase_words, probability_words, share_words
+from winchcascade.report.diagnosis_names import phase_words, probability_words, share_words, without_unit
 from winchcascade.report.digits import number, significant
 from winchcascade.report.layout import Table
 
@@ -24,13 +25,15 @@ def causes_table(found: LineDiagnosis) -> Table | None:
     rows = []
     for cause in found.causes:
         (own,) = cause.parameters.values()
+        how = words.PARAMETERS[cause.effect]
         value, interval = words.value_words(cause.effect, own)
         again = "–"
         if cause.effect in found.again:
-            again = " (".join(words.value_words(cause.effect, found.again[cause.effect])) + ")"
+            other, within = words.value_words(cause.effect, found.again[cause.effect])
+            again = f"{other} ({without_unit(within, how)})"
         rivals = ", ".join(rival.effect for rival in cause.rivals) or "none"
-        what = words.PARAMETERS[cause.effect].what
-        rows.append((cause.effect, what, value, interval, again, probability_words(cause.probability), rivals))
+        sure = probability_words(cause.probability)
+        rows.append((cause.effect, how.what, value, without_unit(interval, how), again, sure, rivals))
     if not rows:
         return None
     return Table(
@@ -134,19 +137,11 @@ def sets_table(found: LineDiagnosis) -> Table:
 
 def rivals_table(found: LineDiagnosis) -> Table | None:
     """Suspects that would do in place of a cause."""
-    rows = tuple(
-        (cause.effect, rival.effect, probability_words(rival.probability), rival.told_apart_by)
-        for cause in found.causes
-        for rival in cause.rivals
+    return page.rivals_table(
+        found.causes,
+        "Rivals: suspects that predict about as well in place of a cause, and where the two differ most.",
+        str,
     )
-    if not rows:
-        return None
-    return Table(
-        id="rivals",
-        caption="Rivals: suspects that predict about as well in place of a cause, and where the two differ most.",
-        head=("Effect", "Rival", "Probability", "They differ most in"), units=("", "", "of the rival", ""),
-        rows=rows, text_columns=(0, 1, 3),
-    )  # fmt: skip
 
 
 def logs_table(found: LineDiagnosis) -> Table:

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 from winchcascade.diagnose.line.closure import BURST
 from winchcascade.diagnose.line.data import beside
 from winchcascade.diagnose.line.sets import DRAWS
 from winchcascade.diagnose.line.where import sentence
-from winchcascade.report.diagnosis_names import Told, apart_words, phase_words, probability_words, share_words
+from winchcascade.report.diagnosis_names import (
+    Told,
+    apart_words,
+    number_words,
+    phase_words,
+    probability_words,
+    share_words,
+)
 from winchcascade.report.diagnosis_words import FAR_ENOUGH, SURE
-from winchcascade.report.digits import number, places, significant
+from winchcascade.report.digits import number, significant
 from winchcascade.report.model_data import says_not_measured, source_word
 
 if TYPE_CHECKING:
@@ -50,13 +56,8 @@ def word_of(found: LineDiagnosis) -> str:
 
 def value_words(effect: str, found: Reported) -> tuple[str, str]:
     """A number with its unit, and its 95 % interval, with as many digits as the interval allows."""
-    how = PARAMETERS[effect]
-    u = (found.high - found.low) / 3.92 * how.factor
-    decimals = places(u) if u > 0.0 else 2 - math.floor(math.log10(max(abs(found.value * how.factor), 1e-12)))
-    low, value, high = (number(x * how.factor, decimals) for x in (found.low, found.value, found.high))
-    if how.signed and found.value > 0.0:
-        value = f"+{value}"
-    return f"{value} {how.unit}", f"{low} to {high} {how.unit}" if u > 0.0 else "at the end of what is plausible"
+    value, interval = number_words(PARAMETERS[effect], found, 3)
+    return value, interval if found.high > found.low else "at the end of what is plausible"
 
 
 def cause_words(cause: Cause) -> str:

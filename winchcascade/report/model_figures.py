@@ -169,7 +169,6 @@ def shade_over_speed(ax: Axes, rated: float | None) -> bool:
     if rated is None or rated >= high:
         return False
     ax.axvspan(max(rated, low), high, color=COLOURS["over"], lw=0, zorder=0.1)
-    ax.axvline(max(rated, low), color=COLOURS["soft"], ls="--", lw=0.7, zorder=0.2)
     ax.set_xlim(low, high)
     return True
 

@@ -60,7 +60,7 @@ def run_section(found: Modelled) -> Section:
     if comparison is None:
         return Section("model", text.heading(account.word), (Note(f"Left out: {account.why}"),))
     part = text.part_note(account)
-    blocks: list[Block | None] = [Note(part)] if part else []
+    blocks: list[Block | None] = [Note(f"{text.aim(account.word)} {part}".rstrip())]
     blocks += _run_pictures(comparison, account)
     blocks.append(text.differences_table([account], [()], ()))
     blocks += _open_circuit(account)
@@ -168,6 +168,7 @@ def campaign_section(logs: Sequence[Named], word: str) -> Section | None:
     left_out = [log for log in logs if log.account.why]
     blocks: list[Block | None] = [Note(_reasons(left_out, alone=not given))] if left_out else []
     if given:
+        blocks.append(Note(text.aim(word)))
         blocks += _campaign_pictures(given)
         blocks += _campaign_tables(given)
     return Section("model", text.heading(word), tuple(b for b in blocks if b is not None)) if blocks else None

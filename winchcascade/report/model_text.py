@@ -16,6 +16,12 @@ if TYPE_CHECKING:
     from winchcascade.report.model_budget import Budget
 
 _SYMBOL = {"torque": "τ", "vdc": "Vdc", "idc": "Idc", "pressure": "p", "force": "F"}
+_CALLED = {
+    "torque": "τ: torque behind the clutch",
+    "vdc": "Vdc, Idc: voltage and current of the DC link",
+    "pressure": "p: gas pressure, gauge",
+    "force": "F: line force",
+}
 _DECIMALS = {"torque": 2, "vdc": 2, "idc": 3, "pressure": 3, "force": 1}
 _FINE = 2000.0
 """With less energy of the line than this a budget is told to a tenth of a joule. [J]"""
@@ -71,7 +77,16 @@ def simulated_with(accounts: Sequence[Account]) -> str:
     """With which rig the simulations were made, and what was added to it."""
     rigs = ", ".join(dict.fromkeys(account.rig for account in accounts))
     changed = ", ".join(dict.fromkeys(account.changed for account in accounts if account.changed))
-    return f"rig {rigs} along the logged line motion, {f'with {changed}' if changed else 'no effect added'}"
+    return f"rig {rigs} along the logged line motion, {f'with {changed}' if changed else 'as in its rig file'}"
+
+
+def aim(word: str) -> str:
+    """What the section is for."""
+    logged = "measured" if word == "measured" else "logged"
+    return (
+        f"The {logged} motion of the line drives a model of the rig with the numbers of its rig file. Where markers leave the "
+        "lines, rig and model differ: by how much stands in the table of differences, and a diagnosis looks for the cause."
+    )
 
 
 def part_note(account: Account) -> str:
@@ -127,8 +142,8 @@ def regression_caption(account: Account, fit: Regression) -> str:
 def budget_caption(accounts: Sequence[Account]) -> str:
     """What the stacked bars and the points on them are."""
     caption = (
-        f"Simulated loss budget ({simulated_with(accounts)}): where the energy of the simulated line goes from onset to "
-        "cutoff, as a mean over the windows of the compared cycles, with that energy beside each bar. The stroke across a bar "
+        f"Simulated loss budget ({simulated_with(accounts)}): where the energy of the simulated line goes within the "
+        "integration window, as a mean over the cycles; beside each bar that energy. The stroke across a bar "
         "is what reaches the torque sensor"
     )
     logged = {stage for a in accounts if a.budget is not None for stage in a.budget.log}
@@ -156,14 +171,15 @@ def differences_table(
     if not names:
         return None
     word = "Measured" if accounts[0].word == "measured" else "Log"
-    note = "A bias below zero: the simulation lies above the log."
+    note = "".join(f"{_CALLED[name]}. " for name in names if name in _CALLED)
+    note += "A bias below zero: the simulation lies above the log."
     if any(account.open_circuit for account in accounts):
         note += " In open circuit torque and Idc are not compared."
     if any(account.cycles < account.total for account in accounts):
         note += " Of a long log the first complete cycles are compared."
     return Table(
         id="differences",
-        caption=f"{word} − simulated over the payouts of the compared cycles: mean (bias) and root mean square (rms).",
+        caption=f"{word} − simulated over the payouts: mean (bias) and root mean square (rms).",
         head=(*head, "Cycles", *(f"{_SYMBOL[name]} {what}" for name in names for what in ("bias", "rms"))),
         units=(*("" for _ in head), "", *(COMPARED[name][0] for name in names for _ in range(2))),
         rows=tuple((*first, f"{a.cycles}", *_differences(a, names)) for first, a in zip(firsts, accounts, strict=True)),
@@ -186,20 +202,42 @@ def _named(budgets: Sequence[Budget]) -> list[str]:
     return [g for g in reversed(GROUPS) if g in ALWAYS or any(abs(b.shares[g]) >= NOTHING for b in budgets)]
 
 
+_PARTS = {
+    "stored": "stored gas: held by the accumulator when the window ends",
+    "screw": "screw: friction of the ball screw",
+    "line": "line losses: between line and torque sensor",
+    "inertia": "inertia: rotor and drum still turning",
+    "capacitor": "capacitor: charge of the DC link",
+    "shaft": "shaft: its spring and damping",
+    "mesh": "mesh: gear teeth",
+    "damper": "damper: viscous drag of the fast shaft",
+    "copper": "copper: resistance of the stator",
+    "diodes": "diodes: drop of the bridge",
+    "dc": "DC link: delivered",
+}
+"""What the parts of a budget are."""
+
+
+def _parts_note(groups: Sequence[str]) -> str:
+    told = "; ".join(_PARTS[g] for g in groups if g in _PARTS)
+    return f"{told[:1].upper()}{told[1:]}."
+
+
 def budget_table(names: Sequence[str], budgets: Sequence[Budget]) -> Table:
     """Loss budget of several logs, a row for each, mean energies of their windows."""
     groups = _named(budgets)
-    decimals = 1 if min(b.line for b in budgets) < _FINE else 0
 
     def row(name: str, b: Budget) -> tuple[str, ...]:
+        decimals = 1 if b.line < _FINE else 0
         return (name, number(b.line, decimals), *(number(b.groups[g], decimals) for g in groups))
 
     return Table(
         id="loss-budget",
-        caption="Simulated loss budget: energy of the line and where it goes, means over the windows of the compared cycles.",
-        head=("Load", "from the line", *(GROUPS[g].name for g in groups)),
+        caption="Simulated loss budget: energy of the line in the window and where it goes, means over the cycles.",
+        head=("Load", "total", *(GROUPS[g].name for g in groups)),
         units=("", *("J" for _ in range(1 + len(groups)))),
         rows=tuple(row(name, b) for name, b in zip(names, budgets, strict=True)),
+        note=_parts_note(groups),
     )
 
 
@@ -210,9 +248,10 @@ def one_budget_table(budget: Budget) -> Table:
     rows = [(GROUPS[g].name, number(budget.groups[g], decimals), number(100 * budget.shares[g], 2)) for g in groups]
     return Table(
         id="loss-budget",
-        caption="Simulated loss budget, from the line to the DC link: means over the windows of the compared cycles.",
+        caption="Simulated loss budget, from the line to the DC link: energies in the window, means over the cycles.",
         head=("Part", "Energy", "Share of the line's"),
         units=("", "J", "%"),
         rows=(*rows, ("from the line", number(budget.line, decimals), number(100 * sum(budget.shares.values()), 2))),
         summary=1,
+        note=_parts_note(groups),
     )

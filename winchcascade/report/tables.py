@@ -6,20 +6,16 @@ import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from winchcascade.cascade.efficiency import METRICS
+from winchcascade.cascade.efficiency import METRICS, RATIOS
 from winchcascade.cascade.power import STAGES
-from winchcascade.cascade.uncertainty import R_DRUM, shares
-from winchcascade.channels import CHANNELS
-from winchcascade.quantity import KGF, find_unit, si_unit
-from winchcascade.report.digits import MINUS, number, of_many, percent, places, significant, stated, uncertain
+from winchcascade.quantity import KGF
+from winchcascade.report.digits import number, of_many, percent, places, stated, uncertain
 from winchcascade.report.layout import Table
-from winchcascade.report.wording import not_known, source_name
+from winchcascade.report.traces import clock_zero
 
 if TYPE_CHECKING:
     from winchcascade.cascade.montecarlo import Uncertainty
     from winchcascade.cascade.reduce import CycleResult, Reduction
-    from winchcascade.cascade.uncertainty import Contribution
-    from winchcascade.rigfile import Sensor
     from winchcascade.run import Finding
 
 MOST_CYCLES = 60
@@ -37,8 +33,32 @@ SYMBOL = {
 """Symbols of the metrics; what follows the underscore is set low."""
 
 UNIT = {m: "J" if m.startswith("energy") else "W" if m.startswith("power") else "" for m in METRICS}
-_DECIMALS = {m: 3 if m.startswith("eta") else 0 for m in METRICS}
+DECIMALS = {m: 3 if m.startswith("eta") else 0 for m in METRICS}
 _KGCM2 = KGF * 1e4
+
+
+_STAGE = {"line": "the line (force times speed)", "mech": "the shaft", "gen": "the DC link (Vdc times Idc)"}
+"""What the stages are, by the end of a symbol."""
+
+
+def known_u(found: Uncertainty, metric: str) -> float | None:
+    """Standard uncertainty of a mean; where no sensor's accuracy is known, what the repeatability alone makes of it."""
+    u: float | None = getattr(found.standard, metric) or getattr(found.budget.repeatability, metric)
+    return u
+
+
+def mean_text(reduction: Reduction, found: Uncertainty, metric: str) -> str:
+    """Mean of a metric, with the digits that its uncertainty allows."""
+    u = known_u(found, metric)
+    value = getattr(reduction.mean, metric)
+    return stated(value, u, DECIMALS[metric]) if u else _four(value, metric)
+
+
+def _four(value: float | None, metric: str) -> str:
+    """A value of unknown uncertainty: four digits before the point tell enough."""
+    if value is None or not math.isfinite(value) or abs(value) < 1e4:
+        return stated(value, None, DECIMALS[metric])
+    return number(value, 3 - math.floor(math.log10(abs(value))))
 
 
 def label(cycle: CycleResult) -> str:
@@ -53,34 +73,46 @@ def cycles_table(reduction: Reduction, found: Uncertainty) -> Table:
     of = {c.cycle: u for c, u in zip(reduction.cycles, known.cycles, strict=True)}
 
     def row(c: CycleResult) -> tuple[str, ...]:
-        values = (of_many(getattr(c.metrics, m), getattr(of[c.cycle], m), _DECIMALS[m]) for m in given)
+        values = []
+        for m in given:
+            value, u = getattr(c.metrics, m), getattr(of[c.cycle], m)
+            values.append(of_many(value, u, DECIMALS[m]) if u else _four(value, m))
         return (label(c), number(c.window.cutoff - c.window.onset, 2), *values)
 
     n = len(reduction.complete)
     below: list[tuple[str, ...]] = []
     if n and given:
-        mean = (stated(getattr(reduction.mean, m), getattr(found.standard, m), _DECIMALS[m]) for m in given)
-        below.append((f"mean of {n}", "", *mean))
+        below.append((f"mean of {n}", "", *(mean_text(reduction, found, m) for m in given)))
     if found.method:
         below.append(("standard uncertainty", "", *(uncertain(getattr(found.standard, m)) for m in given)))
-        below.append(("95 % interval, from", "", *(_end(found, m, "low") for m in given)))
-        below.append(("to", "", *(_end(found, m, "high") for m in given)))
+        below.append(("95 % interval, from", "", *(end_text(found, m, "low") for m in given)))
+        below.append(("to", "", *(end_text(found, m, "high") for m in given)))
     if n > 1 and given:
         deviation = reduction.max_deviation_percent
         below.append(("largest deviation (%)", "", *(number(getattr(deviation, m), 2) for m in given)))
     incomplete = "" if n == len(reduction.cycles) else " A cycle in brackets is incomplete and not in the mean."
     return Table(
         id="cycles",
-        caption="Cycles: energies over the integration window, mean powers in it, efficiencies." + incomplete,
+        caption="Cycles: energies E over the integration window, mean powers P in it, efficiencies η." + incomplete,
         head=("Cycle", "Window", *(SYMBOL[m] for m in given)),
         units=("", "s", *(UNIT[m] for m in given)),
         rows=(*_thinned(reduction.cycles, row, 2 + len(given)), *below),
         summary=len(below),
-        note="Digits of a cycle are those that the sensors' errors allow; the mean's uncertainty adds the repeatability.",
-    )
+        note=metrics_note(given)
+        + ("Digits of a cycle are those that the sensors' errors allow; the mean's uncertainty adds the repeatability."
+           if found.method else ""),
+    )  # fmt: skip
 
 
-def _end(found: Uncertainty, metric: str, end: str) -> str:
+def metrics_note(given: Sequence[str]) -> str:
+    """What the symbols of some metrics mean."""
+    stages = [f"{s}, {what}" for s, what in _STAGE.items() if f"energy_{s}" in given or f"power_{s}" in given]
+    ratios = [f"{SYMBOL[m]} = {SYMBOL[up]} / {SYMBOL[low]}" for m, (up, low) in RATIOS.items() if m in given]
+    told = f"Subscripts: {'; '.join(stages)}" if stages else ""
+    return "".join(f"{text}. " for text in (told, ", ".join(ratios)) if text)
+
+
+def end_text(found: Uncertainty, metric: str, end: str) -> str:
     """One end of a 95 % interval, with the digits of the standard uncertainty."""
     interval, u = found.interval_95.get(metric), getattr(found.standard, metric)
     return "–" if interval is None or not u else number(getattr(interval, end), places(u))
@@ -99,6 +131,7 @@ def _thinned(
 
 def payouts_table(reduction: Reduction) -> Table:
     """Payout of every cycle: instants, travel, and time means over its plateau."""
+    zero = clock_zero(reduction.run)
 
     def row(c: CycleResult) -> tuple[str, ...]:
         p = c.summary.payout
@@ -109,7 +142,7 @@ def payouts_table(reduction: Reduction) -> Table:
             else [flat.speed, flat.force, flat.torque, flat.power_line, flat.power_mech, flat.power_gen]
         )
         return (
-            label(c), number(c.phases.onset, 2), number(p.duration, 2), number(p.travel, 2), number(p.speed_max, 2),
+            label(c), number(c.phases.onset - zero, 2), number(p.duration, 2), number(p.travel, 2), number(p.speed_max, 2),
             *(number(x, d) for x, d in zip(means, (3, 0, 1, 0, 0, 0), strict=True)),
         )  # fmt: skip
 
@@ -120,8 +153,15 @@ def payouts_table(reduction: Reduction) -> Table:
             head=("Cycle", "Onset", "Payout", "Travel", "v_max", "v_plateau", "F", "τ", "P_line", "P_mech", "P_gen"),
             units=("", "s", "s", "m", "m/s", "m/s", "N", "N·m", "W", "W", "W"),
             rows=tuple(_thinned(reduction.cycles, row, 11)),
+            note=f"Onset: when the payout begins{_since(zero)}. v: line velocity; F: line force; τ: torque behind the clutch. "
+            "Plateau: the stretch of steady speed.",
         )
     )
+
+
+def _since(zero: float) -> str:
+    """What times count from, where it is not the zero of the log's clock."""
+    return f", counted from {zero:.2f} s on the log's clock" if zero else ""
 
 
 def holds_table(reduction: Reduction) -> Table:
@@ -146,122 +186,9 @@ def holds_table(reduction: Reduction) -> Table:
             head=("Cycle", "Hold", "F_hold", "τ_hold", "p_hold", "Haul-in", "v_max", "F_mean", "F_min", "E_line"),
             units=("", "s", "N", "N·m", "kg/cm²", "s", "m/s", "N", "N", "J"),
             rows=tuple(_thinned(reduction.cycles, row, 10)),
+            note="F: line force; τ: torque behind the clutch; p: accumulator pressure, gauge; v: line speed of the haul-in.",
         )
     )
-
-
-def repeatability_table(reduction: Reduction, found: Uncertainty) -> Table | None:
-    """Scatter of the complete cycles: largest deviation, which cycle has it, and s/sqrt(N); None for fewer than two."""
-    complete = reduction.complete
-    if len(complete) < 2:
-        return None
-    rows = []
-    for m in METRICS:
-        mean = getattr(reduction.mean, m)
-        if mean is None:
-            continue
-        values = [getattr(c.metrics, m) for c in complete]
-        far = max(complete, key=lambda c: abs(getattr(c.metrics, m) - mean))
-        u = getattr(found.budget.repeatability, m)
-        rows.append((
-            SYMBOL[m], UNIT[m], stated(mean, getattr(found.standard, m), _DECIMALS[m]),
-            stated(min(values), u, _DECIMALS[m]), stated(max(values), u, _DECIMALS[m]),
-            number(getattr(reduction.max_deviation_percent, m), 2), f"{far.cycle}", uncertain(u * math.sqrt(len(values))),
-            uncertain(u),
-        ))  # fmt: skip
-    if not rows:
-        return None
-    return Table(
-        id="repeatability",
-        caption=f"Repeatability of {len(complete)} complete cycles.",
-        head=("Metric", "Unit", "Mean", "Least", "Largest", "Largest deviation", "in cycle", "s", "s/√N"),
-        units=("", "", "", "", "", "%", "", "", ""),
-        rows=tuple(rows),
-        text_columns=(0, 1),
-        note="The largest deviation of a cycle from the mean, in percent of the mean; s is the standard deviation.",
-    )
-
-
-def uncertainty_table(reduction: Reduction, found: Uncertainty) -> Table | None:
-    """Uncertainty of each mean: of the sensors, of the repeatability, together, and the 95 % interval; None without any."""
-    known = found.budget
-    rows = []
-    for m in METRICS:
-        mean, u = getattr(reduction.mean, m), getattr(found.standard, m)
-        if mean is None:
-            continue
-        freedom = getattr(known.freedom, m)
-        alone = found.interval_95_sensors.get(m)
-        rows.append((
-            SYMBOL[m], UNIT[m], stated(mean, u, _DECIMALS[m]), uncertain(getattr(known.sensors, m)),
-            uncertain(getattr(known.repeatability, m)), uncertain(u),
-            "–" if freedom is None else "∞" if freedom > 1000 else number(freedom, 0 if freedom >= 10 else 1),
-            f"{_end(found, m, 'low')} to {_end(found, m, 'high')}" if u else "–",
-            "–" if alone is None else _span(alone.low, alone.high, getattr(known.sensors, m)),
-        ))  # fmt: skip
-    if not rows:
-        return None
-    return Table(
-        id="uncertainty",
-        caption="Standard uncertainty u of the means and 95 % intervals.",
-        head=("Metric", "Unit", "Mean", "u, sensors", "u, cycles", "u", "ν", "95 % interval", "these cycles alone"),
-        units=("", "", "", "", "", "", "", "", ""),
-        rows=tuple(rows),
-        text_columns=(0, 1),
-        note=_how_stated(found),
-    )
-
-
-def _how_stated(found: Uncertainty) -> str:
-    """Where the stated uncertainties come from."""
-    if not found.method:
-        why = "; ".join(not_known(found.budget)) or "no metric is known"
-        return f"Only the repeatability is known; {why}."
-    by_draws = [SYMBOL[m] for m in METRICS if found.method.get(m) == "monte_carlo"]
-    which = "the Monte Carlo confirms the budget of every metric"
-    if by_draws:
-        which = f"of {', '.join(by_draws)} the Monte Carlo's u is stated, as the errors do not act linearly"
-    return (
-        f"Monte Carlo of {found.draws} draws, seed {found.seed}: {which}. ν: effective degrees of freedom. 'These cycles "
-        "alone' leaves the repeatability out: it is what the sensors leave open of the very cycles of this log."
-    )
-
-
-def _span(low: float, high: float, u: float | None) -> str:
-    return f"{number(low, places(u))} to {number(high, places(u))}" if u else "–"
-
-
-def budget_table(found: Uncertainty) -> Table | None:
-    """Which error contributes which share of the variance of each mean; None where no accuracy is known."""
-    known = found.budget
-    metrics = [m for m in (*METRICS[6:], *METRICS[:3]) if getattr(known.mean, m)]
-    if not metrics:
-        return None
-    rows = [(*_about(r), *(percent(getattr(shares(r.of, known.mean), m) or None) for m in metrics)) for r in known.rows]
-    scatter = shares(known.repeatability, known.mean)
-    rows.append(("repeatability", "", "normal", "", "cycles", *(percent(getattr(scatter, m)) for m in metrics)))
-    return Table(
-        id="budget",
-        caption="Uncertainty budget: share of the variance of each mean, in percent.",
-        head=("Source", "Limit", "Distribution", "u", "From", *(SYMBOL[m] for m in metrics)),
-        units=("", "", "", "", "", *("%" for _ in metrics)),
-        rows=tuple(rows),
-        text_columns=(0, 1, 2, 3, 4),
-        note="Errors of a sensor are the same over the whole log, so they do not average out over its cycles. A limit in "
-        "shares of the full scale is half zero and half gain error.",
-    )
-
-
-def _about(row: Contribution) -> tuple[str, str, str, str, str]:
-    source = row.source
-    if source is None:
-        return source_name(None), "", "rectangular", "", "data beside the gaps"
-    if source.part == "gain" or source.channel == R_DRUM:
-        factor, unit = 100.0, "%"
-    else:
-        factor, unit = 1.0, si_unit(CHANNELS[source.channel].dimension).replace(".", "·")
-    limit = "" if source.limit is None else f"{significant(source.limit * factor)} {unit}"
-    return source_name(source), limit, source.shape, f"{significant(source.u * factor)} {unit}", source.origin or "–"
 
 
 def bins_table(reduction: Reduction) -> Table | None:
@@ -293,7 +220,8 @@ def findings_table(reduction: Reduction) -> Table | None:
     quality, samples = reduction.quality, reduction.run.samples
     if not quality:
         return None
-    rows = [_finding(f, samples) for f in quality[:MOST_FINDINGS]]
+    zero = clock_zero(reduction.run)
+    rows = [_finding(f, samples, zero) for f in quality[:MOST_FINDINGS]]
     if len(quality) > MOST_FINDINGS:
         rows.append((f"… {len(quality) - MOST_FINDINGS} more", *[""] * 6))
     return Table(
@@ -303,54 +231,14 @@ def findings_table(reduction: Reduction) -> Table | None:
         units=("", "", "s", "s", "%", "", ""),
         rows=tuple(rows),
         text_columns=(0, 1, 5, 6),
+        note=f"Times are{_since(zero).lstrip(',')}." if zero else "",
     )
 
 
-def _finding(f: Finding, samples: int) -> tuple[str, ...]:
+def _finding(f: Finding, samples: int, zero: float) -> tuple[str, ...]:
     lost = percent(f.removed / samples if samples else 0.0, 2)
-    return (f.kind.replace("_", " "), f.channel or "", number(f.start, 2), number(f.end, 2), lost, f.message, f.action)
-
-
-def sensors_table(reduction: Reduction) -> Table | None:
-    """Sensors of the channels of the log, as the rig file states them."""
-    rows = []
-    for name, sensor in reduction.rig.sensors.items():
-        if name not in reduction.run.channels:
-            continue
-        known = find_unit(sensor.unit)
-        factor = 1.0 if known is None else known.factor
-        ends = (
-            "–"
-            if sensor.high is None
-            else f"{_given(sensor.low or 0.0, factor)} to {_given(sensor.high, factor)} {sensor.unit}"
-        )
-        rows.append((name, sensor.instrument or "–", ends, _accuracy(sensor, factor), sensor.source or "–"))
-    if not rows:
-        return None
-    return Table(
-        id="sensors",
-        caption="Sensors, as the rig file states them; accuracies are limits.",
-        head=("Channel", "Instrument", "Range", "Accuracy", "From"),
-        units=("", "", "", "", ""),
-        rows=tuple(rows),
-        text_columns=(0, 1, 2, 3, 4),
-    )
-
-
-def _given(value: float, factor: float = 1.0) -> str:
-    """A number of a rig file, in the file's own unit."""
-    return f"{value / factor:.6g}".replace("-", MINUS)
-
-
-def _accuracy(sensor: Sensor, factor: float) -> str:
-    parts = []
-    if sensor.accuracy_full_scale is not None:
-        parts.append(f"{_given(100.0 * sensor.accuracy_full_scale)} % of full scale")
-    if sensor.accuracy_reading is not None:
-        parts.append(f"{_given(100.0 * sensor.accuracy_reading)} % of the reading")
-    if sensor.accuracy is not None:
-        parts.append(f"{_given(sensor.accuracy, factor)} {sensor.unit}")
-    return " and ".join(parts) or "not stated"
+    start, end = (number(None if t is None else t - zero, 2) for t in (f.start, f.end))
+    return (f.kind.replace("_", " "), f.channel or "", start, end, lost, f.message, f.action)
 
 
 def _without_empty(table: Table) -> Table:

@@ -51,11 +51,23 @@ def envelope(x: Signal, most: int) -> NDArray[np.intp]:
     return np.sort(kept)
 
 
+def clock_zero(run: Run) -> float:
+    """What a drawn time axis begins from: 0, or the log's first stamp where that is large, as the seconds of an epoch. [s]"""
+    first, last = float(run.t[0]), float(run.t[-1])
+    return 0.0 if abs(first) < 10.0 * max(last - first, 1.0) else first
+
+
+def time_label(run: Run) -> str:
+    """Label of a drawn time axis."""
+    zero = clock_zero(run)
+    return "Time (s)" if zero == 0.0 else f"Time since {zero:.2f} s on the log's clock (s)"
+
+
 def readout(run: Run, cycles: Sequence[CycleResult], powers: Mapping[str, Signal]) -> str:
     """Traces as JSON for the read-out of a page: samples, or of a long log the least and the largest of each stretch."""
     import msgspec
 
-    from winchcascade.report.figures import PANELS, clock_zero, time_label
+    from winchcascade.report.figures import PANELS
 
     shown = [(title, unit, run.channels[name], f) for name, title, unit, f in PANELS if name in run.channels]
     shown += [(f"P_{stage}", "W", x, 1.0) for stage, x in powers.items()]

@@ -6,9 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from winchcascade.blind.tally import NO_GAP, NOTHING, UNEXPLAINED, hidden_name, taken_as
+from winchcascade.report.digits import MINUS
+from winchcascade.report.model_figures import legend_above
 from winchcascade.report.style import COLOURS, WIDTH
+from winchcascade.report.trial_words import hidden_order
 
 if TYPE_CHECKING:
     from winchcascade.blind.tally import CaseScore, Score
@@ -33,10 +37,13 @@ def taken_figure(score: Score) -> Figure | None:
     ax = figure.subplots()
     figure.subplots_adjust(left=0.2, right=0.985, top=1 - 1.35 / height, bottom=0.1 / height)
     for i, j in zip(*np.nonzero(counts), strict=True):
-        ax.scatter(j, i, s=52, marker="s", color=COLOURS["mech" if wrong[i, j] else "gen"], alpha=0.35, linewidths=0)
+        colour = COLOURS["mech" if wrong[i, j] else "gen"]
+        ax.scatter(j, i, s=52, marker="s", color=colour, alpha=0.35, linewidths=0)
+        if wrong[i, j]:
+            ax.scatter(j, i, s=52, marker="s", facecolors="none", edgecolors=colour, linewidths=1.0)
         ax.text(j, i, str(counts[i, j]), ha="center", va="center", fontsize=6.5, color=COLOURS["ink"])
-    ax.set_xticks(range(len(columns)), [c.replace("_", " ") for c in columns], rotation=90, fontsize=6.5)
-    ax.set_yticks(range(len(rows)), [r.replace("_", " ") for r in rows], fontsize=6.5)
+    ax.set_xticks(range(len(columns)), columns, rotation=90, fontsize=6.5)
+    ax.set_yticks(range(len(rows)), rows, fontsize=6.5)
     ax.xaxis.tick_top()
     ax.set_xlim(-0.6, len(columns) - 0.4)
     ax.set_ylim(len(rows) - 0.4, -0.6)
@@ -44,8 +51,6 @@ def taken_figure(score: Score) -> Figure | None:
 
 
 def _rows(score: Score, cases: tuple[CaseScore, ...]) -> list[str]:
-    from winchcascade.report.trial_text import hidden_order
-
     hidden = {hidden_name(case) for case in cases}
     return [name for name in hidden_order(score) if name in hidden]
 
@@ -79,14 +84,18 @@ def coverage_figure(score: Score) -> Figure | None:
     found.sort(key=lambda row: row[0])
     figure = Figure((WIDTH, 2.6))
     ax = figure.subplots()
-    figure.subplots_adjust(left=0.09, right=0.985, top=0.95, bottom=0.36)
+    figure.subplots_adjust(left=0.09, right=0.985, top=0.91, bottom=0.36)
     for k, (_, covered, (value, low, high)) in enumerate(found):
         colour = COLOURS["gen" if covered else "mech"]
         ax.plot([k, k], [low, high], color=colour, linewidth=1.1)
         ax.plot([k], [value], marker="o" if covered else "x", markersize=2.6, color=colour)
     ax.axhline(0.0, color=COLOURS["soft"], linewidth=0.6)
+    kinds = (("gen", "o", "interval holds the truth"), ("mech", "x", "does not"))
+    legend_above(
+        figure, [(Line2D([], [], color=COLOURS[c], lw=1.1, marker=m, markersize=3.5), text) for c, m, text in kinds]
+    )
     names = [row[0] for row in found]
     firsts = [k for k, name in enumerate(names) if k == 0 or names[k - 1] != name]
-    ax.set_xticks(firsts, [names[k].replace("_", " ") for k in firsts], rotation=90, fontsize=6.0)
-    ax.set_ylabel("(found - true) / true size")
+    ax.set_xticks(firsts, [names[k] for k in firsts], rotation=90, fontsize=6.0)
+    ax.set_ylabel(f"(found {MINUS} true) / size (1)")
     return figure
