@@ -8,10 +8,11 @@ import shutil
 from pathlib import Path
 
 import pytest
-from test_readme import BLOCK, ROOT, output
+from pages import CONSOLE, ROOT
+from test_readme import output
 
 PAGE = ROOT / "docs" / "worked_example.md"
-BLOCKS = BLOCK.findall(PAGE.read_text(encoding="utf-8"))
+BLOCKS = CONSOLE.findall(PAGE.read_text(encoding="utf-8"))
 
 OUTSIDE = {"5.1", "5.16", "7", "11", "5", "8", "2", "9"}
 """Numbers that the text brings along: of the paper, and of the roll-off that it tries."""
