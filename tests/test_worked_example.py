@@ -45,5 +45,5 @@ if __name__ == "__main__":
 
     with tempfile.TemporaryDirectory() as folder:
         outputs = follow(Path(folder) / "reader")
-    text = BLOCK.sub(lambda m: f"```console\n$ {m[1]}\n{outputs[m[1]]}```", PAGE.read_text(encoding="utf-8"))
+    text = CONSOLE.sub(lambda m: f"```console\n$ {m[1]}\n{outputs[m[1]]}```", PAGE.read_text(encoding="utf-8"))
     PAGE.write_text(text, encoding="utf-8")
