@@ -240,7 +240,13 @@ def _summary(check: Check) -> str:
     without = sum(cell.outcome == "no_run" for cell in check.cells)
     off = len(check.misses) - unmeasured - without
     parts = [
-        f"{n} {what}" for n, what in ((off, "differ"), (unmeasured, "not measured"), (without, "without a run")) if n
+        f"{n} {what}"
+        for n, what in (
+            (off, "differs" if off == 1 else "differ"),
+            (unmeasured, "not measured"),
+            (without, "without a run"),
+        )
+        if n
     ]
     return f"{agreed} of {all_of} cells agree; {', '.join(parts)}"
 
