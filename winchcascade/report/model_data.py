@@ -104,7 +104,7 @@ def _lacking(rig: Rig, fault: str) -> str:
     what = ", ".join(f"{name} under [{section}]" for name, section in numbers)
     if len(numbers) > 4:
         what = f"{len(numbers)} numbers under " + ", ".join(f"[{section}]" for section in sections)
-    return f"the rig file of {rig.name} lacks what a model needs: {what} (winchcascade rig hsu2026 prints a file that has them)."
+    return f"the rig file of {rig.name} lacks what a model needs: {what} (`winchcascade rig hsu2026` shows them)."
 
 
 def compare(reduction: Reduction, model: Model, *, changed: str = "") -> Comparison | LeftOut:
