@@ -8,6 +8,7 @@ import pytest
 from openlog import made_log, motion_run
 
 from winchcascade import simulate
+from winchcascade.effects.catalogue import make_effect
 from winchcascade.fit.campaign import RHO, Fitted
 from winchcascade.fit.predict import CHANNELS
 from winchcascade.rig.model import baseline
@@ -117,3 +118,16 @@ def test_a_missing_channel_is_left_out_of_the_fit() -> None:
     data = Fitted([bare], RIG)
     assert not data.logs[0].noise.seen[:, CHANNELS.index("torque")].any()
     assert not any(n.name == "torque" for n in data.nuisances)
+
+
+def test_a_number_and_an_effect_together_make_no_rig_that_cannot_be(data: Fitted) -> None:
+    names = [(n.section, n.name) for n in data.nuisances]
+    for effect, name, limit in (
+        (make_effect("screw_friction", {"mu_change": -0.04}), ("restoring", "mu_screw"), -2.0),
+        (make_effect("gear_mesh_loss", {"efficiency_change": 0.0}), ("drivetrain", "eta_mesh"), 50.0),
+    ):
+        nu = np.zeros(len(data.nuisances))
+        nu[names.index(name)] = limit
+        found = data.models(nu, [effect])[0]
+        assert (found.restoring.mu, found.drivetrain.eta_mesh).count(0.0 if limit < 0.0 else 1.0) == 1
+        assert simulate(motion_run(load=18.0, cycles=1), found).run.t.size > 0

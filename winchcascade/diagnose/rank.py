@@ -33,8 +33,9 @@ ROUNDS = 8
 MOST = 9
 """No set is larger."""
 
-CLEARLY = 3.5
-"""The smaller set wins unless the larger one has so much more evidence: odds of thirty to one, prices paid."""
+CLEARLY = 5.0
+"""The smaller set wins unless the larger one has so much more evidence, prices paid: very strong by Kass and Raftery (1995),
+odds of a hundred and fifty to one."""
 
 MANY, HOPELESS = 5, 2.0
 """So many causes that still leave blocks this far beyond their noise, in mean squares, will not be saved by one more."""
@@ -198,7 +199,7 @@ def _smallest(
         least: tuple[float, Fit] | None = None
         for gone in best.names:
             names = tuple(n for n in best.names if n != gone)
-            if linear.evidence(best.names, scale) - linear.evidence(names, scale) > 4.0 * CLEARLY:
+            if linear.evidence(best.names, scale) - linear.evidence(names, scale) > 3.0 * CLEARLY:
                 continue
             fits[names] = _better(fits.get(names), _light(fit_set(data, suspects, names, start=best, quick=True)))
             lost = evidence_of(best, scale) - evidence_of(fits[names], scale)

@@ -14,7 +14,7 @@ from winchcascade.fit.blocks import blocks_of
 from winchcascade.fit.noise import Noise, noise_of, with_extra
 from winchcascade.fit.nuisances import Nuisance, nuisances, shifted
 from winchcascade.fit.predict import CHANNELS, COARSE, Course
-from winchcascade.rig.model import baseline
+from winchcascade.rig.model import baseline, possible
 from winchcascade.rig.simulate import STEP
 from winchcascade.threads import all_at_once
 
@@ -98,6 +98,7 @@ class Fitted:
                 model = _with_law(model, n.section, n.name, x * n.sd)
         for effect in effects:
             model = effect.bend(model)
+        model = possible(model)
         gains = {n.name: x * n.sd for n, x in zip(self.nuisances, nu, strict=True) if n.kind == "gain"}
         sensors = model.sensors
         for name, gain in gains.items():

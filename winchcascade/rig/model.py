@@ -80,3 +80,18 @@ def baseline(rig: Rig) -> Model:
             "(`winchcascade rig hsu2026` shows how)."
         )
     return model
+
+
+def possible(model: Model) -> Model:
+    """The nearest model that a rig can have: no friction that drives, no gear that gives more than it takes.
+
+    What moves a number from several sides, an effect and what is not known of the rig, may together pass such a limit.
+    """
+    mu, eta_mesh = model.restoring.mu, model.drivetrain.eta_mesh
+    if mu >= 0.0 and eta_mesh <= 1.0:
+        return model
+    return msgspec.structs.replace(
+        model,
+        restoring=msgspec.structs.replace(model.restoring, mu=max(mu, 0.0)),
+        drivetrain=msgspec.structs.replace(model.drivetrain, eta_mesh=min(eta_mesh, 1.0)),
+    )
