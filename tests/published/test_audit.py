@@ -209,7 +209,7 @@ def test_the_27_ohm_row_contradicts_itself_and_no_other(hsu: Audit) -> None:
         "eta_pto": pytest.approx((0.708, 0.708)),
         "energy_line": (8621.0, 8623.0),
     }
-    assert "energy_gen / energy_line is 0.7102" in item.sentence
+    assert "energy_gen / energy_line is 0.7102, which differs from eta_pto by at least 0.37 %" in item.sentence
     assert item.line is not None
     assert HSU_TEXT.splitlines()[item.line - 1] == "eta_pto = 0.707"
 
@@ -318,6 +318,27 @@ def test_a_stage_that_gives_out_more_than_it_takes_in_is_found() -> None:
     (item, *_) = audit(parse_table(HSU_TEXT.replace("eta_trans = 0.879", "eta_trans = 1.079"), "t")).contradictions
     assert item.cells == ("eta_trans",)
     assert "conservation of energy allows at most 1.0000" in item.sentence
+    assert "no stage gives out more than it takes in" in item.sentence
+
+
+def test_a_share_of_a_row_that_contradicts_itself_is_read_both_ways() -> None:
+    """Its eta_pto prints 0.707, its energies give 0.7102: 71 % may be meant of either."""
+    share = 'part = "energy_gen"\nof = "energy_line"\nload_ohm = 27.0\nunit = "%"\ndecimals = 1\n'
+    said = '[[claim]]\nsays = "of the line\'s energy"\nwhere = "made"\n'
+    for value, verdict, sentence in (
+        (71.0, "confirmed", "the row gives 70.65 to 71.03 % (eta_pto)"),
+        (72.0, "contradicted", "the row gives 70.65 to 71.03 % (eta_pto)"),
+    ):
+        found = claim(audit(parse_table(f"{HSU_TEXT}\n{said}{share}value = {value}\n", "t")), f"{value:.1f} %")
+        assert found.verdict == verdict
+        assert sentence in found.sentence
+
+
+def test_the_window_that_a_contradicted_efficiency_needs_is_not_told() -> None:
+    text = HSU_TEXT + '\n[[claim]]\nsays = "eta"\nwhere = "made"\nmetric = "eta_gen"\nload_ohm = 36.0\nvalue = 0.9\n'
+    found = claim(audit(parse_table(text + 'unit = "1"\ndecimals = 3\n', "t")), "0.900")
+    assert found.verdict == "contradicted"
+    assert "window" not in found.sentence
 
 
 def test_windows_of_two_stages_that_do_not_meet_are_found() -> None:
