@@ -280,6 +280,12 @@ def test_rows_and_repeatability_add_in_squares_to_the_mean(metric: str) -> None:
     assert whole == pytest.approx(getattr(found.mean, metric), rel=ROUNDING)
 
 
+def test_of_a_single_cycle_the_sensors_are_all_that_is_known() -> None:
+    one = budget(reduce(run36(), window=5.48, cycles=(2, 2)))
+    assert one.mean == one.sensors
+    assert none_of(one.repeatability) == set(METRICS)
+
+
 def test_on_the_papers_rig_only_the_velocity_is_taken_as_exact() -> None:
     assert known(5.48, False).exact == ("velocity",)
     assert known(5.48, True).exact == ()
