@@ -202,7 +202,7 @@ def test_a_window_that_is_none_is_told(word: str) -> None:
 def test_only_the_cycles_that_are_asked_for_count_and_keep_their_numbers(fixtures: Path) -> None:
     run = read_run(fixtures / "campaign" / "r36ohm.csv")
     whole, part = reduce(run, window=5.48), reduce(run, window=5.48, cycles=(2, 3))
-    assert [cycle.index for cycle in whole.cycles] == [1, 2, 3]
+    assert [result.cycle for result in whole.cycles] == [1, 2, 3]
     assert [c.cycle for c in part.cycles] == [2, 3]
     energies = [[c.metrics.energy_gen for c in found] for found in (part.cycles, whole.cycles[1:])]
     assert energies[0] == pytest.approx(energies[1])
