@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from winchcascade import __version__
+from winchcascade.cli import main
 from winchcascade.commands.version import MATTERING, versions
 from winchcascade.rigtoml import built_in_text
 
@@ -277,3 +278,22 @@ def test_a_reader_that_stops_early_sees_no_traceback(log: Path) -> None:
     command = f'"{sys.executable}" -m winchcascade reduce "{log}" --json - | head -c 10'
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("wrapped", [True, False])
+def test_what_trips_over_an_interrupt_is_an_interrupt(
+    wrapped: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def trip(**_: object) -> None:
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as fault:
+            if wrapped:
+                raise RuntimeError("made of one") from fault
+            raise RuntimeError("release unlocked lock")  # noqa: B904
+
+    monkeypatch.setattr("winchcascade.commands.app.app", trip)
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 130
+    assert capsys.readouterr().err.startswith("winchcascade: interrupted; ")

@@ -74,11 +74,11 @@ def _refuse_use(fault: Exception) -> NoReturn:
 
 
 def _was_interrupted(fault: BaseException | None) -> bool:
-    """Whether a fault was made of an interrupt: Python, typer and other libraries wrap one that meets them at work."""
+    """Whether a fault was made of an interrupt: Python, typer and other libraries wrap one, or trip over one, at work."""
     while fault is not None:
         if isinstance(fault, KeyboardInterrupt) or type(fault).__name__ == "Abort":
             return True
-        fault = fault.__cause__
+        fault = fault.__cause__ or fault.__context__
     return False
 
 
