@@ -34,7 +34,7 @@ def test_the_trial_says_what_the_text_says() -> None:
     told = re.split(r"^(?=\w)", shown(PAGE)["python try_it.py"], flags=re.MULTILINE)[1:]
     causes = [re.findall(r"^  (\w+)\.\w+ (\S+) \((\S+) to (\S+)\)", part, re.MULTILINE) for part in told]
     assert [[cause[0] for cause in found] for found in causes] == [
-        ["pressure_gain"], ["precharge", "piston_area", "gas_volume"], ["precharge"], ["piston_area"],
+        ["pressure_gain"], ["precharge", "force_zero"], ["precharge"], ["piston_area"],
     ]  # fmt: skip
     ((_, _, low, high),) = causes[0]
     assert float(low) <= 0.05 <= float(high)

@@ -18,6 +18,12 @@ MARKS = (
 
 _LOOK = 1 << 16
 
+_writing = 0
+"""Files that this process is writing now."""
+
+_end_wanted = False
+"""Whether this process was told to end while it wrote."""
+
 
 def write_whole(path: Path, write: Callable[[Path], None], *, force: bool = False) -> None:
     """Write a file through a temporary one beside it and rename it into place.
@@ -31,6 +37,17 @@ def write_whole(path: Path, write: Callable[[Path], None], *, force: bool = Fals
     ------
     OutputError : the folder does not exist or cannot be written, or the file is not this tool's own
     """
+    global _writing
+    _writing += 1
+    try:
+        _write_beside(path, write, force=force)
+    finally:
+        _writing -= 1
+        if _end_wanted and not _writing:
+            raise SystemExit(1)
+
+
+def _write_beside(path: Path, write: Callable[[Path], None], *, force: bool) -> None:
     import tempfile
 
     path = Path(os.path.realpath(path))  # a link stays a link to what is written
@@ -53,6 +70,15 @@ def write_whole(path: Path, write: Callable[[Path], None], *, force: bool = Fals
         ) from None
     finally:
         part.unlink(missing_ok=True)
+
+
+def end_between_files() -> None:
+    """End this process by SystemExit: now, or once the file that it is writing is whole. For a handler of a signal."""
+    global _end_wanted
+    if _writing:
+        _end_wanted = True
+    else:
+        raise SystemExit(1)
 
 
 def readable(name: str) -> str:

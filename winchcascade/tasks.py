@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from winchcascade.errors import OptionError, WinchcascadeError
+from winchcascade.files import end_between_files
 
 if TYPE_CHECKING:
     from concurrent.futures import ProcessPoolExecutor
@@ -141,9 +142,9 @@ def _in_pool(work: Callable[[Job], Done], places: Sequence[int], jobs: Sequence[
 
 def _end(*_: object) -> None:
     """End this process of a pool: from within its jobs, so that they clean up, or at once."""
-    if _at_work:
-        raise SystemExit(1)
-    os._exit(1)
+    if not _at_work:
+        os._exit(1)
+    end_between_files()
 
 
 def _quietly() -> None:
