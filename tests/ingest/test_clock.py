@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from winchcascade.errors import LogError
-from winchcascade.ingest.clock import read_clock
+from winchcascade.ingest.clock import read_clock, require_rising
 from winchcascade.ingest.repair import MANY
 
 H = 0.04
@@ -212,3 +212,9 @@ def test_a_repaired_clock_always_rises_and_keeps_its_rows(values: list[float], o
         return
     assert np.all(np.diff(clock.t) > 0)
     assert clock.t.size == (stamps.size if clock.rows is None else clock.rows.size)
+
+
+def test_stamps_of_wrong_bytes_are_refused() -> None:
+    with pytest.raises(LogError, match="to be told apart"):
+        require_rising(np.array([0.0, 2e-314, 1.0, 2.0]), "log.csv")
+    require_rising(np.array([0.0, 1e-9, 1.0]), "log.csv")

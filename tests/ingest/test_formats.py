@@ -26,6 +26,7 @@ from winchcascade import read_run, reduce
 from winchcascade.errors import LogError
 from winchcascade.ingest import parquet
 from winchcascade.ingest.excel import open_excel
+from winchcascade.ingest.extent import texts_claimed
 from winchcascade.ingest.mat import open_mat
 from winchcascade.ingest.mat_tags import is_v4
 from winchcascade.ingest.parquet import open_parquet
@@ -715,6 +716,20 @@ def test_a_panic_of_the_reader_leaves_the_sentence_alone(tmp_path: Path, capfd: 
     path = xlsb.write(tmp_path / "a.xlsb", xlsb.sheet([["v"], [1.0]]), name_letters=1_000_000)
     assert "damaged or breaks off" in sentence(lambda: open_excel(path), path)
     assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("claim", [b'uniqueCount="2147483648"', b'count = "99999999999"'])
+def test_a_workbook_that_claims_more_texts_than_bytes_is_refused(tmp_path: Path, claim: bytes) -> None:
+    path = write_excel(tmp_path / "a.xlsx", ["v"], [1.0])
+    with zipfile.ZipFile(path, "a") as book:
+        book.writestr("xl/SharedStrings.xml", b'<?xml version="1.0"?><sst ' + claim + b"><si><t>v</t></si></sst>")
+    assert "the workbook is damaged: it claims" in sentence(lambda: open_excel(path), path)
+
+
+def test_a_binary_workbook_tells_how_many_texts_it_claims() -> None:
+    assert texts_claimed(xlsb.record(0x9F, struct.pack("<II", 9, 4_000_000_000))) == 4_000_000_000
+    assert texts_claimed(xlsb.record(0x9E, struct.pack("<II", 9, 4))) == 0
+    assert texts_claimed(b"\x9f\x01") == 0
 
 
 def test_excel_zip_bomb_is_refused_before_it_unpacks(tmp_path: Path) -> None:

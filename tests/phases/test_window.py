@@ -167,3 +167,8 @@ def test_a_cut_payout_must_hold_its_window_and_must_not_have_been_faster_than_it
 def test_a_payout_without_a_plateau_has_no_window_of_its_own() -> None:
     window = find_window(cycle(), None, 0.9, T[-1], "auto", RULES)
     assert (window.cutoff, window.fault) == (17.0, "the payout never holds a plateau speed")
+
+
+def test_a_payout_that_only_a_gap_tells_of_has_no_plateau() -> None:
+    assert find_plateau(T, np.full(T.size, -0.2), cycle(), RULES) is None
+    assert find_plateau(T, np.zeros(T.size), cycle(), RULES) is None

@@ -36,6 +36,9 @@ UNEVEN = 0.2
 _BLOCK = 1 << 18
 
 
+NO_TIME = 1e-150
+"""The square of a shorter interval is no number: stamps of wrong bytes, which no clock makes. [s]"""
+
 SHORTEST = 1e-9
 """No log is sampled more often. [s]"""
 
@@ -60,7 +63,7 @@ def even_clock(n: int, step: float, start: float = 0.0) -> Clock:
 
 def require_rising(t: Signal, where: str) -> None:
     """Refuse stamps that no number tells apart, as a wrong one among them or a start aeons ago leaves them; LogError."""
-    if t.size > 1 and not np.diff(t).min() > 0:
+    if t.size > 1 and not np.diff(t).min() > NO_TIME:
         raise LogError(
             f"{where}: stamps from {t.min():.6g} to {t.max():.6g} s lie too far from zero to be told apart; expected stamps "
             "that rise from row to row. Correct the wrong ones."

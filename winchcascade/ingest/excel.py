@@ -17,7 +17,7 @@ import numpy as np
 from python_calamine import CalamineError, CalamineWorkbook, PasswordError
 
 from winchcascade.errors import LogError
-from winchcascade.ingest.extent import Corner, binary_corner, named_corner, repeated_corner
+from winchcascade.ingest.extent import Corner, binary_corner, named_corner, repeated_corner, texts_claimed
 from winchcascade.ingest.sheet import (
     ROWS_LOOKED_AT,
     ROWS_SEARCHED,
@@ -116,6 +116,8 @@ def _refuse_bomb(path: Path, content: bytes) -> None:
                 "are read; export the sheet as CSV."
             )
         for part in parts.infolist():
+            if part.filename.lower().startswith("xl/sharedstrings"):
+                _refuse_lie(path, parts.read(part))
             reach = _reach_of(part.filename)
             with parts.open(part) as stream:
                 corner = reach(iter(partial(stream.read, 2**20), b""))
@@ -124,6 +126,16 @@ def _refuse_bomb(path: Path, content: bytes) -> None:
                     f"{path.name}: a sheet reaches to row {corner.rows:.7g} and column {corner.columns:.7g}; at most "
                     f"{CELLS} cells are read; delete the stray cells outside the table or export the sheet as CSV."
                 )
+
+
+def _refuse_lie(path: Path, texts: bytes) -> None:
+    """Refuse shared texts that claim to be more than their bytes: room would be made for all of them (LogError)."""
+    claimed = texts_claimed(texts)
+    if claimed > len(texts):
+        raise LogError(
+            f"{path.name}: the workbook is damaged: it claims {claimed} texts in {len(texts)} bytes; a whole .xlsx or .xlsb "
+            "was expected; open it in a spreadsheet program and save it again, or export the sheet as CSV."
+        )
 
 
 def _reach_of(part: str) -> Callable[[Iterable[bytes]], Corner]:

@@ -16,7 +16,11 @@ _PIECE = 1 << 16
 _NAMED = re.compile(rb"""<(?:\w+:)?(?:c|row)\s[^>]*?\br\s*=\s*["']\s*\$?([A-Za-z]*)\$?(\d*)""")
 _TAG = re.compile(rb"<(/?)(?:\w+:)?(table|table-row|table-cell|covered-table-cell)(\s[^>]*)?>")
 _REPEATED = re.compile(rb"""number-(?:rows|columns)-repeated\s*=\s*["']\s*(\d+)""")
+_COUNTED = re.compile(rb"""\b(?:uniqueC|c)ount\s*=\s*["']\s*(\d+)""")
 _NUMBER = struct.Struct("<I")
+_SHARED_TEXTS = 0x9F
+"""Type of the record that begins the shared texts: BrtBeginSst."""
+
 _ROW_HEADER, _CELLS = 0, range(1, 12)
 """Types of records of a binary sheet: BrtRowHdr, and BrtCellBlank to BrtFmlaError."""
 
@@ -85,6 +89,21 @@ def binary_corner(pieces: Iterable[bytes]) -> Corner:
             rows, columns = max(rows, row + 1), max(columns, column + 1)
         at += size
     return Corner(rows, columns)
+
+
+def texts_claimed(part: bytes) -> int:
+    """How many texts the beginning of a workbook's shared texts says that they are, XML or records (BrtBeginSst); 0 if nothing.
+
+    A reader makes room for so many before it has read one.
+    """
+    if part.lstrip().startswith(b"<"):
+        return max((int(number) for number in _COUNTED.findall(part)), default=0)
+    try:
+        kind, at = _seven_bits(part, 0, most=2)
+        _, at = _seven_bits(part, at, most=4)
+        return max(struct.unpack_from("<II", part, at)) if kind == _SHARED_TEXTS else 0
+    except (IndexError, struct.error):
+        return 0
 
 
 def _seven_bits(data: bytes, at: int, *, most: int) -> tuple[int, int]:

@@ -47,6 +47,8 @@ def find_plateau(t: Signal, v_smooth: Signal, cycle: Cycle, thresholds: Threshol
     if v.size < 3:
         return None
     top = quantile(v, thresholds.plateau_quantile)
+    if not top > 0.0:  # a payout that nothing but a gap tells of
+        return None
     speed = median(v[v >= thresholds.plateau_band * top])
     level = thresholds.plateau_level * speed
     high = np.zeros(v.size + 2, dtype=bool)
