@@ -251,3 +251,8 @@ def test_a_spoilt_file_gives_a_run_or_one_sentence(first: int, tmp_path: Path) -
         told = outcome(path)
         assert told == "" or (told.startswith("log.csv: ") and told.endswith(".") and "\n" not in told), seed
         assert perf_counter() - begun < 5.0, seed  # a pattern that never ends is a fault; all else takes milliseconds
+
+
+def test_a_cell_of_thousands_of_digits_is_no_number() -> None:
+    assert looks_like_a_number("9" * 309)
+    assert not looks_like_a_number("9" * 5000)

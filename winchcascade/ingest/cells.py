@@ -30,6 +30,9 @@ _GROUPED = {
 }
 """Digits in groups of three, by the decimal sign of the file."""
 
+LONGEST = 400
+"""No number has more characters: the largest float has 309 digits. To look closely at longer ones would take long."""
+
 _MINUS = str.maketrans("\u2212\u2013\u2010\u2011\uff0d\ufe63", "------")
 _BLANKS = re.compile(r"[ \t]+")
 
@@ -53,7 +56,7 @@ def split_row(line: str, delimiter: str) -> list[str]:
 
 def looks_like_a_number(cell: str) -> bool:
     """Whether a cell is a number in any way of writing one."""
-    return _NUMBER.match(cell) is not None
+    return len(cell) <= LONGEST and _NUMBER.match(cell) is not None
 
 
 def is_value(cell: str) -> bool:
