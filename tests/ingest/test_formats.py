@@ -732,6 +732,11 @@ def test_a_binary_workbook_tells_how_many_texts_it_claims() -> None:
     assert texts_claimed(b"\x9f\x01") == 0
 
 
+def test_a_text_that_speaks_of_a_count_claims_nothing() -> None:
+    assert texts_claimed(b'<sst count="3" uniqueCount="2"><si><t>count="99999999"</t></si></sst>') == 3
+    assert texts_claimed(b'<x><t>count="99999999"</t></x>') == 0
+
+
 def test_excel_zip_bomb_is_refused_before_it_unpacks(tmp_path: Path) -> None:
     path = write_excel(tmp_path / "a.xlsx", ["v"], [1.0])
     with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as book, book.open("xl/media/zeros", "w") as part:

@@ -117,7 +117,8 @@ def _refuse_bomb(path: Path, content: bytes) -> None:
             )
         for part in parts.infolist():
             if part.filename.lower().startswith("xl/sharedstrings"):
-                _refuse_lie(path, parts.read(part))
+                with parts.open(part) as stream:
+                    _refuse_lie(path, stream.read(2**16), part.file_size)
             reach = _reach_of(part.filename)
             with parts.open(part) as stream:
                 corner = reach(iter(partial(stream.read, 2**20), b""))
@@ -128,12 +129,12 @@ def _refuse_bomb(path: Path, content: bytes) -> None:
                 )
 
 
-def _refuse_lie(path: Path, texts: bytes) -> None:
+def _refuse_lie(path: Path, beginning: bytes, size: int) -> None:
     """Refuse shared texts that claim to be more than their bytes: room would be made for all of them (LogError)."""
-    claimed = texts_claimed(texts)
-    if claimed > len(texts):
+    claimed = texts_claimed(beginning)
+    if claimed > size:
         raise LogError(
-            f"{path.name}: the workbook is damaged: it claims {claimed} texts in {len(texts)} bytes; a whole .xlsx or .xlsb "
+            f"{path.name}: the workbook is damaged: it claims {claimed} texts in {size} bytes; a whole .xlsx or .xlsb "
             "was expected; open it in a spreadsheet program and save it again, or export the sheet as CSV."
         )
 

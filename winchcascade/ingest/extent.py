@@ -16,6 +16,7 @@ _PIECE = 1 << 16
 _NAMED = re.compile(rb"""<(?:\w+:)?(?:c|row)\s[^>]*?\br\s*=\s*["']\s*\$?([A-Za-z]*)\$?(\d*)""")
 _TAG = re.compile(rb"<(/?)(?:\w+:)?(table|table-row|table-cell|covered-table-cell)(\s[^>]*)?>")
 _REPEATED = re.compile(rb"""number-(?:rows|columns)-repeated\s*=\s*["']\s*(\d+)""")
+_SHARED_TAG = re.compile(rb"<(?:\w+:)?sst\b[^>]*")
 _COUNTED = re.compile(rb"""\b(?:uniqueC|c)ount\s*=\s*["']\s*(\d+)""")
 _NUMBER = struct.Struct("<I")
 _SHARED_TEXTS = 0x9F
@@ -97,7 +98,8 @@ def texts_claimed(part: bytes) -> int:
     A reader makes room for so many before it has read one.
     """
     if part.lstrip().startswith(b"<"):
-        return max((int(number) for number in _COUNTED.findall(part)), default=0)
+        tag = _SHARED_TAG.search(part)
+        return max((int(number) for number in _COUNTED.findall(tag[0])), default=0) if tag else 0
     try:
         kind, at = _seven_bits(part, 0, most=2)
         _, at = _seven_bits(part, at, most=4)
