@@ -1,6 +1,7 @@
 """Calls that are killed, that find the disk full, or that share a folder: nothing finished is lost, nothing half is read.
 
-`python tests/hardening/faults.py --kills 100` prints counts and returns 1 on a fault. After each disturbance every result
+`python tests/hardening/faults.py --kills 100` prints counts and returns 1 on a fault; `--only "blind deal"` disturbs that
+command alone. After each disturbance every result
 that is there can be read, and a second call completes, keeps what was finished, and leaves what an undisturbed call leaves.
 """
 
@@ -17,6 +18,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -77,10 +79,13 @@ def _logs(place: Path) -> None:
 
 
 def _dealt(place: Path) -> None:
-    place.mkdir(parents=True)
-    subprocess.run(
-        [*OWN, "blind", "deal", *CASES, "--out", "out", "--jobs", "1"], cwd=place, check=True, capture_output=True
-    )
+    """A copy of a trial that is dealt once, beside the places of all tries."""
+    once = place.parent / "dealt"
+    if not once.exists():
+        once.mkdir(parents=True)
+        command = [*OWN, "blind", "deal", *CASES, "--out", "out", "--jobs", "1"]
+        subprocess.run(command, cwd=once, check=True, capture_output=True)
+    shutil.copytree(once, place)
 
 
 CASES = ["--cases", "3", "--seed", "7"]
@@ -93,6 +98,17 @@ DEAL = Kind(
     "case-*",
 )
 GUESSED = Kind("blind diagnose, by a guess", [*GUESS, "out"], _dealt, "out", "diagnoses/*.json")
+KINDS = (BATCH, DEAL, GUESSED)
+SIZES = {BATCH.name: [1 << k for k in range(10, 18)], DEAL.name: [1 << k for k in range(10, 18, 2)]}
+"""Of commands that make a folder of results: sizes beyond which no file may grow. [bytes]"""
+
+DISKS = {
+    BATCH.name: [40_000, 60_000, 80_000, 120_000],
+    DEAL.name: [20_000, 200_000, 900_000],
+    GUESSED.name: [20_000, 400_000, 1_000_000],
+}
+"""Sizes of disks that are too small. [bytes]"""
+
 DIAGNOSED = Kind("blind diagnose", [*OWN, "blind", "diagnose", "out"], _dealt, "out", "diagnoses/*.json")
 
 
@@ -317,6 +333,7 @@ def main() -> int:
     """Run the command."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kills", type=int, default=100, help="of each command")
+    parser.add_argument("--only", choices=[kind.name for kind in KINDS], help="disturb this command alone")
     parser.add_argument("--diagnoses", type=int, default=0, help="kills of blind diagnose itself, minutes each")
     parser.add_argument("--seed", type=int, default=1, help="of the moments of the kills")
     parser.add_argument("--guess", metavar="TRIAL", type=Path, help=argparse.SUPPRESS)
@@ -327,10 +344,11 @@ def main() -> int:
         print(*done.faults.values(), sep="\n")
         return 1 if done.faults else 0
     rng = random.Random(given.seed)
+    kinds = [kind for kind in KINDS if given.only in (None, kind.name)]
     found: list[str] = []
     print(HEAD)
     with tempfile.TemporaryDirectory(prefix="faults-") as scratch:
-        for number, disturbance in enumerate(_disturbances(given.kills, given.diagnoses, rng)):
+        for number, disturbance in enumerate(_disturbances(kinds, given.kills, given.diagnoses, rng)):
             counts = disturbance(Path(scratch) / str(number))
             print(counts.line(), *counts.faults, sep="\n", flush=True)
             found += counts.faults
@@ -341,22 +359,21 @@ def main() -> int:
 PARTS_AS_SUSPECTS: dict[str, type] = dict.fromkeys(PARTS, int)
 
 
-def _disturbances(number: int, diagnoses: int, rng: random.Random) -> Iterator[Callable[[Path], Counts]]:
-    pairs = max(1, number // 10)
-    for kind in (BATCH, DEAL, GUESSED):
-        yield lambda folder, kind=kind: kills(kind, folder, number, rng)  # type: ignore[misc]
-    for kind in (BATCH, DEAL):
-        yield lambda folder, kind=kind: both_at_once(kind, folder, pairs, rng)  # type: ignore[misc]
-    yield lambda folder: too_large(BATCH, folder, [1 << k for k in range(10, 18)])
-    yield lambda folder: too_large(DEAL, folder, [1 << k for k in range(10, 18, 2)])
-    yield lambda folder: full_disk(BATCH, folder, [40_000, 60_000, 80_000, 120_000])
-    yield lambda folder: full_disk(DEAL, folder, [20_000, 200_000, 900_000])
-    yield lambda folder: full_disk(GUESSED, folder, [20_000, 400_000, 1_000_000])
-    for kind in (BATCH, DEAL):
-        yield lambda folder, kind=kind: nowhere(kind, folder)  # type: ignore[misc]
-    yield lambda folder: lost_worker()  # noqa: ARG005
+def _disturbances(
+    kinds: Sequence[Kind], number: int, diagnoses: int, rng: random.Random
+) -> Iterator[Callable[[Path], Counts]]:
+    for kind in kinds:
+        yield partial(kills, kind, number=number, rng=rng)
+    for kind in kinds:
+        if kind.name in SIZES:
+            yield partial(both_at_once, kind, number=max(1, number // 10), rng=rng)
+            yield partial(too_large, kind, sizes=SIZES[kind.name])
+            yield partial(nowhere, kind)
+        yield partial(full_disk, kind, sizes=DISKS[kind.name])
+    if BATCH in kinds:
+        yield lambda folder: lost_worker()  # noqa: ARG005
     if diagnoses:
-        yield lambda folder: kills(DIAGNOSED, folder, diagnoses, rng)
+        yield partial(kills, DIAGNOSED, number=diagnoses, rng=rng)
 
 
 if __name__ == "__main__":

@@ -52,8 +52,8 @@ MEMORY = 1 << 30
 """What a file of less than a megabyte may take beyond what the readers themselves take. [bytes]"""
 
 SHARES = {
-    "text": 6, "lvm": 2, "toa5": 2, "tdms": 4, "mat": 4, "mat73": 1, "parquet": 4, "excel": 2, "rig": 4, "campaign": 3,
-    "table": 3, "result": 2,
+    "text": 6, "lvm": 2, "toa5": 2, "tdms": 4, "mat": 4, "mat73": 1, "parquet": 4, "excel": 2, "xls": 1, "rig": 4,
+    "campaign": 3, "table": 3, "result": 2,
 }  # fmt: skip
 """Of so many inputs, how many are of each kind."""
 

@@ -190,7 +190,7 @@ TEXT: tuple[Change, ...] = (
     sign,
 )
 TOML: tuple[Change, ...] = (flip, put, cut, end, again, splice, *[number] * 5, line_ends, lines, lines, sign)
-CHANGES = dict.fromkeys(("tdms", "mat", "mat73", "parquet", "excel"), BYTES)
+CHANGES = dict.fromkeys(("tdms", "mat", "mat73", "parquet", "excel", "xls"), BYTES)
 CHANGES |= dict.fromkeys(("rig", "campaign", "table", "result"), TOML)
 """By the kind of file, what is done to it; to text where nothing is said."""
 

@@ -14,6 +14,7 @@ import h5py
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+import xls
 import xlsb
 import xlsxwriter
 from nptdms import ChannelObject, RootObject, TdmsWriter
@@ -192,10 +193,13 @@ def _workbook(*, units: bool) -> bytes:
     return stream.getvalue()
 
 
+def _sheet() -> list[list[Any]]:
+    return [HEADERS, *([float(cell) for cell in row] for row in ROWS[:500])]
+
+
 def _binary_workbook() -> bytes:
-    rows = [HEADERS, *([float(cell) for cell in row] for row in ROWS[:500])]
     stream = io.BytesIO()
-    xlsb.write(stream, xlsb.sheet(rows))
+    xlsb.write(stream, xlsb.sheet(_sheet()))
     return stream.getvalue()
 
 
@@ -236,6 +240,11 @@ def _ods() -> bytes:
 def excel() -> list[bytes]:
     """Workbooks of Excel, zipped XML and zipped records, and of LibreOffice."""
     return [_workbook(units=False), _workbook(units=True), _ods(), _binary_workbook()]
+
+
+def old_excel() -> list[bytes]:
+    """A workbook of Excel 97."""
+    return [xls.book(_sheet())]
 
 
 def campaign() -> list[bytes]:
@@ -280,6 +289,7 @@ SEEDS: dict[str, Callable[[], list[bytes]]] = {
     "mat73": mat73,
     "parquet": parquet,
     "excel": excel,
+    "xls": old_excel,
     "rig": rig,
     "campaign": campaign,
     "table": table,

@@ -249,10 +249,10 @@ LIES: dict[str, tuple[Callable[[Path], None], str]] = {
     "parquet texts": (_parquet_texts, "the time column holds 0 readable stamps"),
     "workbook, cell": (
         _workbook_far,
-        "a sheet reaches to row 1048576 and column 16384; at most 50000000 cells are read",
+        "a sheet reaches to row 1048576 and column 16384; at most 25000000 cells are read",
     ),
-    "workbook, row": (_workbook_row, "a sheet reaches to row 1e+08 and column 8; at most 50000000 cells are read"),
-    "workbook, repeated": (_ods_rows, "a sheet reaches to row 1e+09 and column 8; at most 50000000 cells are read"),
+    "workbook, row": (_workbook_row, "a sheet reaches to row 1e+08 and column 8; at most 25000000 cells are read"),
+    "workbook, repeated": (_ods_rows, "a sheet reaches to row 1e+09 and column 8; at most 25000000 cells are read"),
 }
 
 

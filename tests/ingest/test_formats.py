@@ -16,6 +16,7 @@ import openpyxl
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+import xls
 import xlsb
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -26,7 +27,7 @@ from winchcascade import read_run, reduce
 from winchcascade.errors import LogError
 from winchcascade.ingest import parquet
 from winchcascade.ingest.excel import open_excel
-from winchcascade.ingest.extent import texts_claimed
+from winchcascade.ingest.extent import old_corners, texts_claimed
 from winchcascade.ingest.mat import open_mat
 from winchcascade.ingest.mat_tags import is_v4
 from winchcascade.ingest.parquet import open_parquet
@@ -706,6 +707,49 @@ def test_a_binary_workbook_is_read_like_any_other(tmp_path: Path) -> None:
     assert table.values[1][-1] == 399.0
 
 
+def test_a_workbook_of_excel_97_is_read_like_any_other(tmp_path: Path) -> None:
+    rows: list[list[Any]] = [["Time", "Force"], ["s", "kgf"], *([0.04 * k, 100.0 + k] for k in range(300))]
+    path = tmp_path / "a.xls"
+    path.write_bytes(xls.book(rows))
+    source, table = read_all(path, open_excel)
+    assert names(source) == ["Time", "Force"]
+    assert units(source) == ["s", "kgf"]
+    assert table.values[1][-1] == 399.0
+
+
+OLD_STRAYS = {
+    "number": (xls.number(65_535, 65_535, 1.0), "row 65536 and column 65536"),
+    "several": (
+        xls.record(0xBD, struct.pack("<HHHIHIH", 65_535, 253, 0, 0, 0, 0, 16_383)),
+        "row 65536 and column 16384",
+    ),
+    "size": (xls.record(0x200, struct.pack("<IIHHH", 0, 2**32 - 1, 0, 300, 0)), "row 4.294967e+09 and column 300"),
+    "old size": (xls.record(0x200, struct.pack("<HHHHH", 0, 65_535, 0, 9999, 0)), "row 65535 and column 9999"),
+}
+
+
+@pytest.mark.parametrize("kind", OLD_STRAYS)
+def test_old_workbooks_stray_cell_does_not_stretch_the_sheet_over_memory(tmp_path: Path, kind: str) -> None:
+    further, reach = OLD_STRAYS[kind]
+    path = tmp_path / "a.xls"
+    path.write_bytes(xls.book([["v"], [1.0]], further=further))
+    assert f"a sheet reaches to {reach}" in sentence(lambda: open_excel(path), path)
+
+
+def test_the_sheets_of_an_old_workbook_count_together() -> None:
+    begin, stray = xls.record(0x809, bytes(16)), xls.number(9, 4, 1.0)
+    assert old_corners(begin + stray + begin + xls.number(0, 1, 1.0)) == [(0, 0), (10, 5), (1, 2)]
+    assert old_corners(begin + stray[:-9]) == [(0, 0), (10, 5)]
+    assert old_corners(begin + stray[:6]) == [(0, 0), (0, 0)]
+    assert old_corners(begin + xls.record(0x2F, bytes(54)) + stray) is None
+
+
+def test_an_old_workbook_with_a_password_is_refused_as_such(tmp_path: Path) -> None:
+    path = tmp_path / "a.xls"
+    path.write_bytes(xls.book([["v"], [1.0]], top=xls.record(0x2F, bytes(54))))
+    assert "locked with a password" in sentence(lambda: open_excel(path), path)
+
+
 def test_binary_workbooks_stray_cell_does_not_stretch_the_sheet_over_memory(tmp_path: Path) -> None:
     stray = xlsb.row(1_048_575, [xlsb.cell(16_383, 1.0)])
     path = xlsb.write(tmp_path / "a.xlsb", xlsb.sheet([["v"], [1.0]], stray))
@@ -793,6 +837,12 @@ def _binary_excel(path: Path) -> Path:
     return xlsb.write(path, xlsb.sheet([["Time", "v"], ["s", "m/s"], *([t, v] for t, v in rows)]))
 
 
+def _old_excel(path: Path) -> Path:
+    rows = zip(T.tolist(), V.tolist(), strict=True)
+    path.write_bytes(xls.book([["Time", "v"], ["s", "m/s"], *([t, v] for t, v in rows)]))
+    return path
+
+
 FORMATS: dict[str, tuple[Callable[[Path], Path], Callable[[Path], Source]]] = {
     "tdms": (_tdms, open_tdms),
     "mat": (_mat, open_mat),
@@ -801,6 +851,7 @@ FORMATS: dict[str, tuple[Callable[[Path], Path], Callable[[Path], Source]]] = {
     "parquet": (write_parquet, open_parquet),
     "xlsx": (_excel, open_excel),
     "xlsb": (_binary_excel, open_excel),
+    "xls": (_old_excel, open_excel),
 }
 
 

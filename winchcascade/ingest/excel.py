@@ -14,10 +14,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from olefile import OleFileIO, isOleFile
 from python_calamine import CalamineError, CalamineWorkbook, PasswordError
 
 from winchcascade.errors import LogError
-from winchcascade.ingest.extent import Corner, binary_corner, named_corner, repeated_corner, texts_claimed
+from winchcascade.ingest.extent import Corner, binary_corner, named_corner, old_corners, repeated_corner, texts_claimed
 from winchcascade.ingest.sheet import (
     ROWS_LOOKED_AT,
     ROWS_SEARCHED,
@@ -38,8 +39,11 @@ if TYPE_CHECKING:
 BYTES_UNPACKED = 500 * 2**20
 """Most that a zipped workbook may hold once unpacked."""
 
-CELLS = 50_000_000
+CELLS = 25_000_000
 """Most cells between the first and the last of a sheet: the reader lays them out densely, 32 bytes each."""
+
+_OLD_PARTS = ("Workbook", "Book")
+"""Where a workbook of Excel 97, and of Excel 95, has its sheets."""
 
 
 def open_excel(path: Path) -> Source:
@@ -54,11 +58,13 @@ def open_excel(path: Path) -> Source:
         content = path.read_bytes()
         if zipfile.is_zipfile(io.BytesIO(content)):
             _refuse_bomb(path, content)
+        elif isOleFile(io.BytesIO(content)):
+            _refuse_old_bomb(path, content)
         with _quiet():
             layout, rows = _best_sheet(path, content)
     return Source(
         headers=layout.headers,
-        load=partial(_load, layout, rows),
+        load=partial(_load, rows),
     )
 
 
@@ -122,11 +128,36 @@ def _refuse_bomb(path: Path, content: bytes) -> None:
             reach = _reach_of(part.filename)
             with parts.open(part) as stream:
                 corner = reach(iter(partial(stream.read, 2**20), b""))
-            if not corner.possible or corner.rows * corner.columns > CELLS:
-                raise LogError(
-                    f"{path.name}: a sheet reaches to row {corner.rows:.7g} and column {corner.columns:.7g}; at most "
-                    f"{CELLS} cells are read; delete the stray cells outside the table or export the sheet as CSV."
-                )
+                _refuse_reach(path, corner, corner.cells)
+
+
+def _refuse_old_bomb(path: Path, content: bytes) -> None:
+    """Look where the sheets of a workbook of Excel 97 end: the reader lays all of them out at once, and the wanted one twice.
+
+    Raises
+    ------
+    LogError
+        a cell lies where no sheet has one, or stray ones stretch the sheets over half of `CELLS`
+    PasswordError
+        the sheets are enciphered
+    """
+    with OleFileIO(io.BytesIO(content)) as parts:
+        for name in _OLD_PARTS:
+            if parts.exists(name):
+                corners = old_corners(parts.openstream(name).read())
+                if corners is None:
+                    raise PasswordError
+                largest = max(corners, key=lambda corner: corner.cells)
+                _refuse_reach(path, largest, sum(corner.cells for corner in corners), most=CELLS // 2)
+
+
+def _refuse_reach(path: Path, corner: Corner, cells: int, *, most: int = CELLS) -> None:
+    """Refuse a sheet that ends where none can, and more cells than there is room for (LogError)."""
+    if not corner.possible or cells > most:
+        raise LogError(
+            f"{path.name}: a sheet reaches to row {corner.rows:.7g} and column {corner.columns:.7g}; at most {most} cells "
+            "are read; delete the stray cells outside the table or export the sheet as CSV."
+        )
 
 
 def _refuse_lie(path: Path, beginning: bytes, size: int) -> None:
@@ -154,7 +185,8 @@ def _workbook(path: Path, content: bytes) -> CalamineWorkbook:
 
 
 def _best_sheet(path: Path, content: bytes) -> tuple[Layout, list[Row]]:
-    """Pick the sheet whose table has the most named columns over numbers, the longer one of two alike."""
+    """Pick the sheet whose table has the most named columns over numbers, the longer one of two alike; and the cells of those
+    columns below the names."""
     best: tuple[Layout, list[Row]] | None = None
     rank = (0, 0)
     with _workbook(path, content) as book:
@@ -163,7 +195,8 @@ def _best_sheet(path: Path, content: bytes) -> tuple[Layout, list[Row]]:
             layout = find_table(list(islice(sheet.iter_rows(), ROWS_SEARCHED + ROWS_LOOKED_AT)))
             if layout is not None and (layout.share, sheet.height) > rank:
                 rank = (layout.share, sheet.height)
-                best = layout, without_empty_end(list(sheet.iter_rows()), layout)
+                named = ([row[j] for j in layout.columns] for row in islice(sheet.iter_rows(), layout.first, None))
+                best = layout, without_empty_end(list(named))
     if best is None:
         raise LogError(
             f"{path.name}: no sheet has a row of names over columns of numbers; one such table was expected; "
@@ -172,13 +205,12 @@ def _best_sheet(path: Path, content: bytes) -> tuple[Layout, list[Row]]:
     return best
 
 
-def _load(layout: Layout, rows: Sequence[Row], wanted: Sequence[int], time: int | None) -> Table:
+def _load(rows: Sequence[Row], wanted: Sequence[int], time: int | None) -> Table:
     """Hand over the wanted columns as numbers and the time column as what it holds."""
-    data = rows[layout.first :]
-    values = {i: _numbers([row[layout.columns[i]] for row in data]) for i in wanted}
+    values = {i: _numbers([row[i] for row in rows]) for i in wanted}
     if time is None:
         return Table(values)
-    cells = [row[layout.columns[time]] for row in data]
+    cells = [row[time] for row in rows]
     if any(isinstance(cell, dt.date | dt.time | dt.timedelta) for cell in cells):
         t = np.array([seconds(cell) for cell in cells])
         return Table(values, stamps=t - t[np.isfinite(t)][0], stamped=True)

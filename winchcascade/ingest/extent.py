@@ -1,4 +1,4 @@
-"""How far the sheets of a zipped workbook reach by their own words, before a reader lays them out cell by cell."""
+"""How far the sheets of a workbook reach by their own words, before a reader lays them out cell by cell."""
 
 from __future__ import annotations
 
@@ -25,12 +25,27 @@ _SHARED_TEXTS = 0x9F
 _ROW_HEADER, _CELLS = 0, range(1, 12)
 """Types of records of a binary sheet: BrtRowHdr, and BrtCellBlank to BrtFmlaError."""
 
+_RECORD, _PLACE, _COLUMN = struct.Struct("<HH"), struct.Struct("<HH"), struct.Struct("<H")
+_BEGIN, _LOCKED, _SIZE = 0x809, 0x2F, 0x200
+_OLD_ROWS = frozenset({0xBD, 0xBE})
+_OLD_CELLS = _OLD_ROWS | {0x06, 0xD6, 0xFD, 0x201, 0x203, 0x204, 0x205, 0x206, 0x27E, 0x406}
+"""Types of records of a workbook of Excel 97: BOF, FilePass, Dimensions; several cells of a row, whose last column ends the
+record (MulRk, MulBlank); and the cells from Formula to RK."""
+
+_OLD_SIZES = {10: struct.Struct("<HHHH"), 14: struct.Struct("<IIHH")}
+"""Rows and columns of a sheet, the first and one after the last of each, by the length of the record."""
+
 
 class Corner(NamedTuple):
     """The last row and the last column of a sheet, both counted from 1; 0 without a cell."""
 
     rows: int
     columns: int
+
+    @property
+    def cells(self) -> int:
+        """How many cells there are up to it."""
+        return self.rows * self.columns
 
     @property
     def possible(self) -> bool:
@@ -90,6 +105,34 @@ def binary_corner(pieces: Iterable[bytes]) -> Corner:
             rows, columns = max(rows, row + 1), max(columns, column + 1)
         at += size
     return Corner(rows, columns)
+
+
+def old_corners(stream: bytes) -> list[Corner] | None:
+    """Find the last row and column of each sheet of a workbook of Excel 97, by its cells or the size that it claims ([MS-XLS]
+    2.1.4: records of a type, a size and a body; the row and the column begin a cell's).
+
+    None if the workbook is locked with a password: what follows is enciphered.
+    """
+    corners: list[Corner] = []
+    rows = columns = at = 0
+    while at + _RECORD.size <= len(stream):
+        kind, size = _RECORD.unpack_from(stream, at)
+        at += _RECORD.size
+        if kind == _LOCKED:
+            return None
+        if kind == _BEGIN:
+            corners.append(Corner(rows, columns))
+            rows = columns = 0
+        elif kind in _OLD_CELLS and size >= _PLACE.size and at + _PLACE.size <= len(stream):
+            row, column = _PLACE.unpack_from(stream, at)
+            if kind in _OLD_ROWS:
+                column = max(column, *_COLUMN.unpack(stream[at : at + size][-_COLUMN.size :]))
+            rows, columns = max(rows, row + 1), max(columns, column + 1)
+        elif kind == _SIZE and size in _OLD_SIZES and at + size <= len(stream):
+            _, row, _, column = _OLD_SIZES[size].unpack_from(stream, at)
+            rows, columns = max(rows, row), max(columns, column)
+        at += size
+    return [*corners, Corner(rows, columns)]
 
 
 def texts_claimed(part: bytes) -> int:

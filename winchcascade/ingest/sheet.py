@@ -77,10 +77,10 @@ def _is_datum(cell: Cell) -> bool:
     return cell.strip() != "" and (not is_name(cell) or re.search(r"\d[:/.\-]\d", cell) is not None)
 
 
-def without_empty_end(rows: list[Row], layout: Layout) -> list[Row]:
-    """Drop the rows below the table that have nothing in any named column."""
+def without_empty_end(rows: list[Row]) -> list[Row]:
+    """Drop the last rows that have nothing in any cell."""
     end = len(rows)
-    while end > layout.first and all(rows[end - 1][j] == "" for j in layout.columns):
+    while end and all(cell == "" for cell in rows[end - 1]):
         end -= 1
     return rows[:end]
 
