@@ -1,12 +1,10 @@
-"""A workbook of Excel 97 by its specifications ([MS-XLS], [MS-CFB]): the libraries that wrote one are no longer kept."""
+"""A workbook of Excel 97 by its specification ([MS-XLS]): the libraries that wrote one are no longer kept."""
 
 import struct
 from collections.abc import Sequence
 from typing import Any
 
-SECTOR = 512
-FREE, END, TABLE = 0xFFFFFFFF, 0xFFFFFFFE, 0xFFFFFFFD
-"""Entries of the table of sectors: unused, last of a chain, part of the table itself."""
+from winchcascade.ingest.excel97 import compound
 
 
 def record(kind: int, body: bytes = b"") -> bytes:
@@ -42,27 +40,4 @@ def book(rows: Sequence[Sequence[Any]], *, claimed: int | None = None, top: byte
     top, bottom = _begin(5) + top + record(0x42, struct.pack("<H", 1200)), texts(shared, claimed) + record(0x0A)
     begins = len(top) + len(record(0x85, bytes(6 + 2 + 6))) + len(bottom)
     listed = record(0x85, struct.pack("<IBBBB", begins, 0, 0, 3, 1) + "log".encode("utf-16-le"))
-    return _compound(top + listed + bottom + sheet)
-
-
-def _compound(stream: bytes) -> bytes:
-    """A compound file whose only stream is the workbook: header, the stream's sectors, the directory, the table."""
-    stream += bytes(max(4096 - len(stream), -len(stream) % SECTOR))
-    used = len(stream) // SECTOR
-    tables = -(-(used + 2) // (SECTOR // 4 - 1))
-    chain = [*range(1, used), END, END, *[TABLE] * tables]
-    chain += [FREE] * (tables * SECTOR // 4 - len(chain))
-    where = [used + 1 + k for k in range(tables)]
-    header = bytes.fromhex("d0cf11e0a1b11ae1") + bytes(16) + struct.pack("<HHHHH6x", 0x3E, 3, 0xFFFE, 9, 6)
-    header += struct.pack("<IIIIIIIII", 0, tables, used, 0, 4096, END, 0, END, 0)
-    header += struct.pack("<109I", *where, *[FREE] * (109 - tables))
-    root = _entry("Root Entry", 5, child=1, begins=END)
-    directory = root + _entry("Workbook", 2, size=len(stream)) + 2 * _entry("", 0)
-    return b"".join([header, stream, directory, struct.pack(f"<{len(chain)}I", *chain)])
-
-
-def _entry(name: str, kind: int, *, child: int = FREE, begins: int = 0, size: int = 0) -> bytes:
-    letters = name.encode("utf-16-le")
-    told = len(letters) + 2 if name else 0
-    head = letters.ljust(64, b"\0") + struct.pack("<HBBIII", told, kind, 1, FREE, FREE, child)
-    return head + bytes(36) + struct.pack("<IQ", begins, size)
+    return compound(top + listed + bottom + sheet)

@@ -27,7 +27,8 @@ from winchcascade import read_run, reduce
 from winchcascade.errors import LogError
 from winchcascade.ingest import parquet
 from winchcascade.ingest.excel import open_excel
-from winchcascade.ingest.extent import old_corners, texts_claimed
+from winchcascade.ingest.excel97 import Locked, corners
+from winchcascade.ingest.extent import _corner, _plain_corner, texts_claimed
 from winchcascade.ingest.mat import open_mat
 from winchcascade.ingest.mat_tags import is_v4
 from winchcascade.ingest.parquet import open_parquet
@@ -724,6 +725,10 @@ OLD_STRAYS = {
         "row 65536 and column 16384",
     ),
     "size": (xls.record(0x200, struct.pack("<IIHHH", 0, 2**32 - 1, 0, 300, 0)), "row 4.294967e+09 and column 300"),
+    "size that ends before it begins": (
+        xls.record(0x200, struct.pack("<IIHHH", 9, 8, 0, 300, 0)),
+        "row 4.294967e+09 and column 300",
+    ),
     "old size": (xls.record(0x200, struct.pack("<HHHHH", 0, 65_535, 0, 9999, 0)), "row 65535 and column 9999"),
 }
 
@@ -736,18 +741,51 @@ def test_old_workbooks_stray_cell_does_not_stretch_the_sheet_over_memory(tmp_pat
     assert f"a sheet reaches to {reach}" in sentence(lambda: open_excel(path), path)
 
 
-def test_the_sheets_of_an_old_workbook_count_together() -> None:
-    begin, stray = xls.record(0x809, bytes(16)), xls.number(9, 4, 1.0)
-    assert old_corners(begin + stray + begin + xls.number(0, 1, 1.0)) == [(0, 0), (10, 5), (1, 2)]
-    assert old_corners(begin + stray[:-9]) == [(0, 0), (10, 5)]
-    assert old_corners(begin + stray[:6]) == [(0, 0), (0, 0)]
-    assert old_corners(begin + xls.record(0x2F, bytes(54)) + stray) is None
+def test_the_sheets_of_an_old_workbook_are_found_where_it_says_that_they_begin() -> None:
+    top, end = xls.record(0x85, struct.pack("<I", 26)) + xls.record(0x85, struct.pack("<I", 48)), xls.record(0x0A)
+    first, second = xls.number(9, 4, 1.0), xls.number(0, 1, 1.0)
+    book = top + end + bytes(6) + first + end + second
+    assert book.index(first) == 26
+    assert book.index(second) == 48
+    assert corners(book) == [(10, 5), (1, 2)]
+    assert corners(book[: 26 + 8]) == [(10, 5), (0, 0)]
+    assert corners(book[: 26 + 6]) == [(0, 0), (0, 0)]
+    with pytest.raises(Locked):
+        corners(xls.record(0x2F, bytes(54)) + book)
 
 
 def test_an_old_workbook_with_a_password_is_refused_as_such(tmp_path: Path) -> None:
     path = tmp_path / "a.xls"
     path.write_bytes(xls.book([["v"], [1.0]], top=xls.record(0x2F, bytes(54))))
     assert "locked with a password" in sentence(lambda: open_excel(path), path)
+
+
+REFERENCES = st.from_regex(r"[A-Z]{0,4}[0-9]{0,9}", fullmatch=True)
+TAGS = st.sampled_from(
+    [
+        '<c r="{}" s="1"><v>1.5</v></c>',
+        '<row r="{}" spans="1:8">',
+        '<c r="{}"/>',
+        "<v>{}</v>",
+        '<cols r="{}">',
+        '<co r="{}"/>',
+    ]
+)
+ODD_TAGS = st.sampled_from(
+    ["<c r='{}'/>", '<x:c r="{}"/>', '<c s="3" r="{}"/>', '<row\nr="{}">', '<c r="${}">', "<c>{}</c>"]
+)
+
+
+@given(st.lists(st.tuples(TAGS | ODD_TAGS, REFERENCES)))
+def test_the_fast_way_to_a_sheets_corner_finds_what_the_slow_one_finds(tags: list[tuple[str, str]]) -> None:
+    text = "".join(tag.format(reference) for tag, reference in tags).encode()
+    assert _plain_corner(text) in (None, _corner(text))
+
+
+@given(st.lists(st.tuples(TAGS, REFERENCES)))
+def test_tags_as_programs_write_them_go_the_fast_way(tags: list[tuple[str, str]]) -> None:
+    text = "".join(tag.format(reference) for tag, reference in tags).encode()
+    assert _plain_corner(text) == _corner(text)
 
 
 def test_binary_workbooks_stray_cell_does_not_stretch_the_sheet_over_memory(tmp_path: Path) -> None:

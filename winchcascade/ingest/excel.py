@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from olefile import OleFileIO, isOleFile
 from python_calamine import CalamineError, CalamineWorkbook, PasswordError
 
 from winchcascade.errors import LogError
-from winchcascade.ingest.extent import Corner, binary_corner, named_corner, old_corners, repeated_corner, texts_claimed
+from winchcascade.ingest.excel97 import Locked, compound, corners, is_compound, workbook_stream
+from winchcascade.ingest.extent import Corner, binary_corner, named_corner, repeated_corner, texts_claimed
 from winchcascade.ingest.sheet import (
     ROWS_LOOKED_AT,
     ROWS_SEARCHED,
@@ -42,9 +42,6 @@ BYTES_UNPACKED = 500 * 2**20
 CELLS = 25_000_000
 """Most cells between the first and the last of a sheet: the reader lays them out densely, 32 bytes each."""
 
-_OLD_PARTS = ("Workbook", "Book")
-"""Where a workbook of Excel 97, and of Excel 95, has its sheets."""
-
 
 def open_excel(path: Path) -> Source:
     """Open the sheet with the most named columns over numbers.
@@ -58,8 +55,8 @@ def open_excel(path: Path) -> Source:
         content = path.read_bytes()
         if zipfile.is_zipfile(io.BytesIO(content)):
             _refuse_bomb(path, content)
-        elif isOleFile(io.BytesIO(content)):
-            _refuse_old_bomb(path, content)
+        elif is_compound(content):
+            content = _sound_old(path, content)
         with _quiet():
             layout, rows = _best_sheet(path, content)
     return Source(
@@ -75,7 +72,7 @@ def _told(path: Path) -> Iterator[None]:
         yield
     except (LogError, KeyboardInterrupt, SystemExit):
         raise
-    except PasswordError as fault:
+    except (PasswordError, Locked) as fault:
         raise LogError(
             f"{path.name}: the workbook is locked with a password; one that opens without was expected; "
             "save it without the password or export the sheet as CSV."
@@ -131,24 +128,24 @@ def _refuse_bomb(path: Path, content: bytes) -> None:
                 _refuse_reach(path, corner, corner.cells)
 
 
-def _refuse_old_bomb(path: Path, content: bytes) -> None:
-    """Look where the sheets of a workbook of Excel 97 end: the reader lays all of them out at once, and the wanted one twice.
+def _sound_old(path: Path, content: bytes) -> bytes:
+    """Put the stream of a workbook of Excel 97 into a sound file, after a look where its sheets end: the reader lays all of
+    them out at once, and the wanted one twice.
 
     Raises
     ------
     LogError
         a cell lies where no sheet has one, or stray ones stretch the sheets over half of `CELLS`
-    PasswordError
-        the sheets are enciphered
+    Locked
+        the workbook is locked with a password
+    OSError
+        the file is damaged
     """
-    with OleFileIO(io.BytesIO(content)) as parts:
-        for name in _OLD_PARTS:
-            if parts.exists(name):
-                corners = old_corners(parts.openstream(name).read())
-                if corners is None:
-                    raise PasswordError
-                largest = max(corners, key=lambda corner: corner.cells)
-                _refuse_reach(path, largest, sum(corner.cells for corner in corners), most=CELLS // 2)
+    stream = workbook_stream(content)
+    ends = corners(stream)
+    largest = max(ends, key=lambda corner: corner.cells, default=Corner(0, 0))
+    _refuse_reach(path, largest, sum(corner.cells for corner in ends), most=CELLS // 2)
+    return compound(stream)
 
 
 def _refuse_reach(path: Path, corner: Corner, cells: int, *, most: int = CELLS) -> None:
@@ -181,6 +178,8 @@ def _workbook(path: Path, content: bytes) -> CalamineWorkbook:
     try:
         return CalamineWorkbook.from_filelike(io.BytesIO(content))
     except CalamineError:
+        if is_compound(content):
+            raise
         return CalamineWorkbook.from_path(path)  # by its name alone is one with a password told from a damaged one
 
 
@@ -220,4 +219,6 @@ def _load(rows: Sequence[Row], wanted: Sequence[int], time: int | None) -> Table
 
 
 def _numbers(cells: Sequence[Cell]) -> Signal:
+    if {*map(type, cells)} <= {float, int}:
+        return np.array(cells, dtype=np.float64)
     return np.array([number(cell) for cell in cells], dtype=np.float64)
