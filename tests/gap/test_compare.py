@@ -14,7 +14,7 @@ from winchcascade.fit.campaign import Fitted
 from winchcascade.fit.predict import CHANNELS
 from winchcascade.gap.arises import SHARED, arises
 from winchcascade.gap.compare import ZERO_REACH, Place, compare, weigh, without_zeros, zeros_of
-from winchcascade.gap.locate import STANDS_OUT, locate
+from winchcascade.gap.locate import STANDS_OUT, _sentence, locate
 from winchcascade.gap.stagewise import StagePlace
 from winchcascade.rig.model import baseline
 from winchcascade.rigtoml import built_in
@@ -187,6 +187,13 @@ def test_at_rest_or_without_current_no_region_is_told() -> None:
     assert "clearly in open circuit, by up to " in found.sentence
     found = locate(data, left(data), [place("pressure", 9.0, "payout", math.inf)])
     assert " rpm, most clearly in open circuit" in found.sentence
+
+
+@pytest.mark.parametrize(("most", "told"), [(0.4, False), (0.6, True)])
+def test_a_current_of_less_than_half_an_ampere_is_no_region(most: float, told: bool) -> None:
+    sentence = _sentence("generator", place("vdc", 9.0), (100.0, 900.0), (-0.1, most), 2.0)
+    assert ("and 0.0 to 0.6 A DC" in sentence) == told
+    assert "between 100 and 900 rpm" in sentence
 
 
 # ------------------------------------------------------------------------------------------------------ the shared sensor

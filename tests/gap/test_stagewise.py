@@ -3,6 +3,8 @@
 import math
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import msgspec
 import numpy as np
@@ -13,10 +15,11 @@ from rigs import stage_outputs
 from winchcascade.campaign import load_campaign
 from winchcascade.effects.catalogue import make_effect
 from winchcascade.fit.campaign import Fitted
+from winchcascade.fit.noise import NOISELESS
 from winchcascade.fit.nuisances import SECTIONS
 from winchcascade.gap.arises import Arises, arises
 from winchcascade.gap.locate import STANDS_OUT
-from winchcascade.gap.stagewise import TOUCHED, StagePlace, stagewise
+from winchcascade.gap.stagewise import TOUCHED, StagePlace, _noise, stagewise
 from winchcascade.ingest.read import read_run
 from winchcascade.rig.model import Model, baseline
 from winchcascade.rig.stages import STAGES
@@ -195,3 +198,42 @@ def test_a_labelled_campaign_is_off_where_its_effect_is(shared: Path, case: str)
 
 def test_a_motion_alone_says_nothing_of_any_stage() -> None:
     assert stagewise(Fitted([motion_run(load=18.0, cycles=1)], built_in())) == ()
+
+
+# ------------------------------------------------------------------------------------------------------ the noise of a stage
+def noise_of(residual: np.ndarray, *, simulated: bool = False, joined: np.ndarray | None = None) -> np.ndarray:
+    """Noise of blocks of eleven samples of a channel that is still, where a stage predicts 200 at most."""
+    n = residual.size
+    blocks = SimpleNamespace(count=np.full(n, 11), joined=np.ones(n, dtype=bool) if joined is None else joined)
+    run = SimpleNamespace(channels={"vdc": np.zeros(11 * n)}, simulated=simulated)
+    log = SimpleNamespace(run=run, course=SimpleNamespace(blocks=blocks))
+    output = SimpleNamespace(channel="vdc", predicted=np.linspace(-200.0, 100.0, 11 * n))
+    return _noise(cast("Any", log), cast("Any", output), np.ones(n, dtype=bool), residual)
+
+
+@pytest.mark.parametrize("sd", [0.02, 3.0])
+def test_a_stages_noise_is_what_scatters_from_block_to_block(sd: float) -> None:
+    k = np.arange(4000.0)
+    residual = np.random.default_rng(3).normal(0.0, sd, k.size) + 0.3 * k
+    assert noise_of(residual) == pytest.approx(np.full(k.size, sd), rel=0.05)
+
+
+def test_a_stage_in_a_simulated_log_is_known_to_a_share_of_its_largest() -> None:
+    assert noise_of(np.zeros(9), simulated=True) == pytest.approx(np.full(9, NOISELESS * 200.0))
+    assert noise_of(np.zeros(9)) == pytest.approx(np.zeros(9))
+
+
+def test_blocks_that_are_not_joined_do_not_scatter() -> None:
+    residual, joined = np.repeat((0.0, 50.0), 20), np.ones(40, dtype=bool)
+    joined[20] = False
+    rough = noise_of(np.tile((0.0, 50.0), 20))
+    assert noise_of(residual, joined=joined) == pytest.approx(np.zeros(40))
+    assert rough[0] > 20.0
+
+
+def test_what_another_log_reads_wrong_moves_no_place_of_this_one() -> None:
+    runs = campaign(dict.fromkeys(LOADS, baseline(built_in())), 4)
+    alone = stagewise(Fitted(runs[:1], built_in()))
+    beside = [place for place in stagewise(Fitted(runs, built_in())) if place.log == 0]
+    assert [place.u_noise for place in beside] == pytest.approx([place.u_noise for place in alone])
+    assert [place.bias for place in beside] == pytest.approx([place.bias for place in alone])

@@ -156,6 +156,14 @@ def test_one_cycle_is_neither_best_nor_worst(clean: Result, reports: dict[str, R
     assert "Best and worst" not in {p.about for p in reports["none complete"].points}
 
 
+def test_one_cycle_is_told_as_one(clean: Result) -> None:
+    one = msgspec.structs.replace(clean[0], cycles=clean[0].cycles[:1])
+    report = make_report(one, uncertainty(one, draws=200))
+    assert "repeatability not known, as one cycle does not show it" in point(report, "Uncertainty").text.lower()
+    pictures = {b.id: b.caption for s in report.sections for b in s.blocks if isinstance(b, Picture)}
+    assert pictures["overlaid"] == "The cycle on a clock that starts at its onset. Dashed: end of the window."
+
+
 def test_findings_and_incomplete_cycles_are_warned_of(reports: dict[str, Report]) -> None:
     report = reports["aborted"]
     assert (point(report, "Cycles").tone, point(report, "Log").tone) == ("warn", "warn")

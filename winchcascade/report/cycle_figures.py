@@ -68,7 +68,8 @@ def overlaid(reduction: Reduction, powers: dict[str, Signal], best: int | None, 
             ax.tick_params(labelbottom=True)
     handles, labels = axes[0].get_legend_handles_labels()
     named = dict(zip(labels, handles, strict=True))
-    figure.legend(named.values(), named.keys(), loc="upper right", ncols=len(named), bbox_to_anchor=(0.99, 1.0))
+    if len(named) > 1:
+        figure.legend(named.values(), named.keys(), loc="upper right", ncols=len(named), bbox_to_anchor=(0.99, 1.0))
     return figure
 
 
@@ -134,7 +135,7 @@ def _one_overlaid(
     part = slice(*np.searchsorted(run.t, (c.phases.onset - 1.0, _end_of(c, run))).tolist())
     rows = envelope(x[part], most)
     t = run.t[part][rows] - c.phases.onset
-    style: dict[str, Any] = {"color": COLOURS["soft"], "lw": 0.7, "label": "other cycles"}
+    style: dict[str, Any] = {"color": COLOURS["soft"], "lw": 0.7, "label": "other cycles" if best else "complete"}
     if c.cycle == best:
         style = {"color": COLOURS["line"], "lw": 1.1, "label": f"best, cycle {best}"}
     elif c.cycle == worst:

@@ -261,13 +261,15 @@ def _cycles(reduction: Reduction, powers: dict[str, Signal]) -> Section:
     if extremes is not None:
         best, worst, by = extremes[0].cycle, extremes[1].cycle, f" Best and worst by {tables.SYMBOL[extremes[2]]}."
     many = len(reduction.cycles)
+    told = "Cycles on a common clock that starts at each onset: where the curves part, the cycles did not repeat."
+    if many == 1:
+        told = "The cycle on a clock that starts at its onset."
     some = f" {cycle_figures.OVERLAID} of {many} cycles, evenly chosen." if many > cycle_figures.OVERLAID else ""
     return section(
         "cycles-and-phases", "Cycles and phases",
         picture(
             cycle_figures.overlaid(reduction, powers, best, worst), "overlaid",
-            "Cycles on a common clock that starts at each onset: where the curves part, the cycles did not repeat. Dashed: end "
-            f"of the window.{by}{some}",
+            f"{told} Dashed: end of the window.{by}{some}",
             "Line plots of the cycles laid over each other.",
         ),
         picture(

@@ -90,6 +90,7 @@ def cycles_table(reduction: Reduction, found: Uncertainty) -> Table:
     if n > 1 and given:
         deviation = reduction.max_deviation_percent
         below.append(("largest deviation (%)", "", *(number(getattr(deviation, m), 2) for m in given)))
+    more = "; the mean's uncertainty adds the repeatability" if n > 1 else ""
     incomplete = "" if n == len(reduction.cycles) else " A cycle in brackets is incomplete and not in the mean."
     return Table(
         id="cycles",
@@ -99,8 +100,7 @@ def cycles_table(reduction: Reduction, found: Uncertainty) -> Table:
         rows=(*_thinned(reduction.cycles, row, 2 + len(given)), *below),
         summary=len(below),
         note=metrics_note(given)
-        + ("Digits of a cycle are those that the sensors' errors allow; the mean's uncertainty adds the repeatability."
-           if found.method else ""),
+        + (f"Digits of a cycle are those that the sensors' errors allow{more}." if found.method else ""),
     )  # fmt: skip
 
 

@@ -71,6 +71,9 @@ def not_known(known: Budget) -> list[str]:
         sentences.append(
             f"not determined for {names}: the errors of the sensors could take away all that it is made of"
         )
-    if known.exact and any(getattr(known.mean, metric) is not None for metric in METRICS):
+    stated = [metric for metric in METRICS if getattr(known.mean, metric) is not None]
+    if stated and all(getattr(known.repeatability, metric) is None for metric in stated):
+        sentences.append("repeatability not known, as one cycle does not show it")
+    if stated and known.exact:
         sentences.append(f"{', '.join(known.exact)} taken as exact")
     return sentences
