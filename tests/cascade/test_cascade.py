@@ -83,6 +83,12 @@ def test_no_cycle_deviates_by_more_than_the_largest_deviation(values: list[float
     assert all(abs(v - mean) <= most / 100 * mean * (1 + 1e-9) for v in values)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_largest_deviation_is_a_share_of_the_mean(sign: float) -> None:
+    cycles = [Metrics(energy_line=sign * energy) for energy in (400.0, 500.0, 540.0)]
+    assert largest_deviation(cycles).energy_line == pytest.approx(100.0 * 80.0 / 480.0)
+
+
 def test_one_cycle_has_no_deviation() -> None:
     assert all(getattr(largest_deviation([Metrics(energy_line=3.0)]), name) is None for name in METRICS)
 

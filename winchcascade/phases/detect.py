@@ -172,10 +172,10 @@ def _cycle(
     if after is not None:
         down, up = _motion(runs, after, thresholds, sign=-1.0)
         level = -thresholds.v_onset
-        haul_in = (crossing(t, v, runs.start[down], level), _end(t, v, runs.stop[up], level))
+        haul_in = (crossing(t, v, runs.start[down], level), _motion_end(t, v, runs.stop[up], level))
     return Cycle(
         onset=crossing(t, v, begin, thresholds.v_onset),
-        payout_end=_end(t, v, end, thresholds.v_onset),
+        payout_end=_motion_end(t, v, end, thresholds.v_onset),
         hold=None,
         haul_in=haul_in,
         begins_inside=begin == 0,
@@ -202,7 +202,7 @@ def crossing(t: Signal, v: Signal, k: int, level: float) -> float:
     return float(t[k - 1] + min(max(share, 0.0), 1.0) * (t[k] - t[k - 1]))
 
 
-def _end(t: Signal, v: Signal, k: int, level: float) -> float:
+def _motion_end(t: Signal, v: Signal, k: int, level: float) -> float:
     """Instant at which v leaves a motion before sample k; the last stamp before a gap in which it goes on unseen. [s]"""
     unseen = 0 < k < v.size and (v[k - 1] - level) * (v[k] - level) > 0.0
     return float(t[k - 1]) if unseen else crossing(t, v, k, level)

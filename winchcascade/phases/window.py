@@ -55,14 +55,18 @@ def find_plateau(t: Signal, v_smooth: Signal, cycle: Cycle, thresholds: Threshol
     high[1:-1] = v >= level
     edges = np.flatnonzero(high[1:] != high[:-1]) + first
     stretches = [
-        (crossing(t, v_smooth, int(a), level) if a > first else float(t[a]), _end(t, v_smooth, int(b), level, last))
+        (
+            crossing(t, v_smooth, int(a), level) if a > first else float(t[a]),
+            _stretch_end(t, v_smooth, int(b), level, last),
+        )
         for a, b in zip(edges[::2], edges[1::2], strict=True)
     ]
     begin = next((a for a, b in stretches if b - a >= thresholds.plateau_hold), None)
     return None if begin is None else Plateau(speed, begin, stretches[-1][1])
 
 
-def _end(t: Signal, v: Signal, k: int, level: float, last: int) -> float:
+def _stretch_end(t: Signal, v: Signal, k: int, level: float, last: int) -> float:
+    """Instant at which v falls below the level before sample k; the payout's end where it does not fall. [s]"""
     return crossing(t, v, k, level) if k < last else float(t[min(k, t.size) - 1])
 
 
