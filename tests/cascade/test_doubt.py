@@ -7,6 +7,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from winchcascade.cascade.doubt import bridging_error, gaps_of, instant_error, window_of
+from winchcascade.cascade.reduce import _doubt
+from winchcascade.rigtoml import built_in
 from winchcascade.run import CLOCK, Run
 from winchcascade.smooth import local_quadratic
 
@@ -105,3 +107,22 @@ def _onset(v: Signal) -> float:
 def test_a_gap_far_from_an_instant_does_not_move_it() -> None:
     v = np.sin(T)
     assert instant_error(run(v, velocity=[(20.0, 20.4)]), v, np.array([10.0])).tolist() == [0.0]
+
+
+@pytest.mark.parametrize(("by", "told"), [(0.2, "bridging its gaps could change E_line by 6.7%"), (0.01, None)])
+def test_a_cutoff_that_a_gap_moves_is_worth_the_power_there(by: float, told: str | None) -> None:
+    channels = {"velocity": np.full(T.size, 0.5), "force": np.full(T.size, 1000.0)}
+    steady, faults = Run("log", T, channels, 25.0, T.size), dict[int, str]()
+    spans, gaps, joule = np.array([[1.0, 4.0], [5.0, 8.0]]), np.array([[20.0, 20.2]]), np.array([1500.0, 1500.0])
+    changed = _doubt(steady, gaps, spans, joule, np.array([by, 0.0]), "line", built_in(), faults)
+    assert changed == pytest.approx([by * 500.0, 0.0])
+    assert faults == ({} if told is None else {0: told})
+
+
+def test_gaps_and_a_moved_cutoff_err_independently() -> None:
+    watts = 500.0 + 200.0 * np.sin(T)
+    steady = Run("log", T, {"velocity": np.full(T.size, 0.5), "force": 2.0 * watts}, 25.0, T.size)
+    spans, gaps, joule = np.array([[1.0, 9.0]]), np.array([[2.0, 2.6], [5.0, 5.8]]), np.array([4000.0])
+    both = _doubt(steady, gaps, spans, joule, np.array([0.1]), "line", built_in(), {})
+    alone = np.append(bridging_error(T, watts, gaps), 0.1 * np.interp(9.0, T, watts))
+    assert both == pytest.approx([np.sqrt(np.sum(alone**2))])
