@@ -35,7 +35,8 @@ from winchcascade.errors import WinchcascadeError
 from winchcascade.ingest.read import read_run
 from winchcascade.published.audit import audit
 from winchcascade.published.check import check, measured_from_record
-from winchcascade.report.check_text import audit_text, check_text
+from winchcascade.report.audit_text import audit_text
+from winchcascade.report.check_text import check_text
 from winchcascade.report.records import reduction_json, reduction_record
 from winchcascade.report.terminal import reduction_text
 from winchcascade.rigfile import Rig

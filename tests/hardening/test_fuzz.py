@@ -24,7 +24,7 @@ from winchcascade.errors import LogError, OptionError, WinchcascadeError
 from winchcascade.ingest.extent import named_corner, repeated_corner
 from winchcascade.ingest.read import read_run
 from winchcascade.published.audit import audit
-from winchcascade.report.check_text import audit_text
+from winchcascade.report.audit_text import audit_text
 from winchcascade.rigtoml import load_rig, parse_rig
 from winchcascade.tabletoml import load_table, parse_table
 

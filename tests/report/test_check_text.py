@@ -8,9 +8,8 @@ import pytest
 
 from winchcascade.published.audit import audit
 from winchcascade.published.check import Check, Factors, Measured, check
+from winchcascade.report.audit_text import audit_record, audit_text
 from winchcascade.report.check_text import (
-    audit_record,
-    audit_text,
     check_record,
     check_text,
     github_annotations,

@@ -9,7 +9,8 @@ import pytest
 
 from winchcascade import read_run, reduce
 from winchcascade.cascade.reduce import Reduction
-from winchcascade.report.records import reduction_json, reduction_record, write_parquet
+from winchcascade.report.records import reduction_json, reduction_record
+from winchcascade.report.rows import write_parquet
 from winchcascade.rigtoml import parse_rig
 
 NINE = {

@@ -15,7 +15,7 @@ import msgspec
 from winchcascade import __version__
 from winchcascade.files import write_whole
 from winchcascade.report.moment import made_at
-from winchcascade.report.records import table_rows, table_schema
+from winchcascade.report.rows import table_rows, table_schema
 
 TABLES = ("runs", "cycles", "bins", "findings")
 SCHEMA = "winchcascade/dataset/1"

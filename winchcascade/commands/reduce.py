@@ -57,7 +57,7 @@ def reduce_command(
     reduction = reduce(run, rig=settings.rig, window=settings.window, cycles=settings.cycles)
     require_payouts(reduction)
     if parquet is not None:
-        from winchcascade.report.records import write_parquet
+        from winchcascade.report.rows import write_parquet
 
         write_parquet(reduction, parquet, force=force)
     if json is not None or html is not None or pdf is not None:

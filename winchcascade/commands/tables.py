@@ -117,7 +117,7 @@ def audit_command(
     make up the difference.
     """
     from winchcascade.published.audit import audit
-    from winchcascade.report.check_text import audit_record, audit_text
+    from winchcascade.report.audit_text import audit_record, audit_text
     from winchcascade.tabletoml import load_table
 
     if rig is not None and not physics:

@@ -6,9 +6,9 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from winchcascade import __version__
-from winchcascade.report.check_text import wrapped
+from winchcascade.plaintext import one_line
 from winchcascade.report.digits import number, places, significant
-from winchcascade.report.wording import plain
+from winchcascade.report.table_text import wrapped
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -44,13 +44,13 @@ def calibration_text(calibration: Calibration, written: Path | None = None) -> s
     """
     run, regression = calibration.run, calibration.regression
     lines = wrapped(
-        f"{plain(run.name)}: open circuit ({plain(run.load_source)}), {run.samples} samples at {run.fs:.6g} Hz; "
-        f"rig {plain(calibration.rig.name)}"
+        f"{one_line(run.name)}: open circuit ({one_line(run.load_source)}), {run.samples} samples at {run.fs:.6g} Hz; "
+        f"rig {one_line(calibration.rig.name)}"
     )
     lines += ["", *_columns([_HEAD, *(_row(n) for n in calibration.numbers)]), ""]
     lines += [*wrapped(_regression(calibration)), *wrapped(_eq8(regression, calibration))]
     lines += wrapped(f"cannot be told apart here: {'; '.join(calibration.together) or 'nothing'}")
-    lines += wrapped(f"against rig {plain(calibration.rig.name)}: {_comparison(calibration)}")
+    lines += wrapped(f"against rig {one_line(calibration.rig.name)}: {_comparison(calibration)}")
     findings = [*_lag(regression), *_misfit(calibration)]
     lines.append(f"findings: {len(findings) or 'none'}")
     for finding in findings:

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from winchcascade.plaintext import one_line
 from winchcascade.report.campaign_tables import by_load, load_text
 from winchcascade.report.digits import stated, uncertain
 from winchcascade.report.records import FIELDS
-from winchcascade.report.wording import plain
 
 MOST_RUNS = 20
 """Logs that are listed; of more the first and the last half of that."""
@@ -31,7 +31,7 @@ def campaign_text(summary: Mapping[str, Any], out: Path, *, kept: int) -> str:
     """
     runs = by_load([run for run in summary["runs"] if run["fault"] is None])
     failed = [run for run in summary["runs"] if run["fault"] is not None]
-    lines = [f"{plain(summary['title'])}: {len(runs)} of {len(summary['runs'])} logs reduced" + _kept(kept), ""]
+    lines = [f"{one_line(summary['title'])}: {len(runs)} of {len(summary['runs'])} logs reduced" + _kept(kept), ""]
     if runs:
         lines += [*_table(runs), ""]
     lines += [f"failed: {_told(run)}" for run in failed[:MOST_FAULTS]]
@@ -42,7 +42,7 @@ def campaign_text(summary: Mapping[str, Any], out: Path, *, kept: int) -> str:
 
 def _told(run: Mapping[str, Any]) -> str:
     """Name and fault of a log, the name once."""
-    name, fault = plain(run["name"]), plain(run["fault"])
+    name, fault = one_line(run["name"]), one_line(run["fault"])
     return fault if name in fault.split(": ")[0] else f"{name}: {fault}"
 
 
@@ -73,7 +73,7 @@ def _row(run: Mapping[str, Any]) -> tuple[str, ...]:
         (run["standard_uncertainty"][m] for m in ("eta_pto", "eta_trans", "eta_gen") if run["mean"][m] is not None),
         None,
     )
-    name = plain(run["name"])
+    name = one_line(run["name"])
     name = name if len(name) <= 24 else f"{name[:12]}…{name[-11:]}"
     cycles = f"{run['complete']}" if run["complete"] == run["cycles"] else f"{run['complete']} of {run['cycles']}"
     return (name, load_text(run).replace("–", "-"), cycles, *values, uncertain(u).replace("–", "-"))

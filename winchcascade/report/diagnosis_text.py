@@ -6,6 +6,7 @@ import textwrap
 from typing import TYPE_CHECKING, Any
 
 from winchcascade.gap.locate import NAMES
+from winchcascade.plaintext import one_line
 from winchcascade.report.diagnosis_names import (
     probability_words,
     quantity_words,
@@ -32,7 +33,6 @@ from winchcascade.report.diagnosis_words import (
 )
 from winchcascade.report.digits import significant
 from winchcascade.report.model_curves import COMPARED
-from winchcascade.report.wording import plain
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -54,7 +54,7 @@ def diagnosis_text(found: Diagnosis, files: Sequence[Path | str] = ()) -> str:
     ----------
     files : what was written, and what was not
     """
-    lines = [f"{plain(found.title)}: {VERDICTS[found.verdict].lower()}", ""]
+    lines = [f"{one_line(found.title)}: {VERDICTS[found.verdict].lower()}", ""]
     lines += _entry("verdict", verdict_words(found))
     lines += _entry("note", simulated_words(found))
     lines += _entry("where", where_words(found))
@@ -87,7 +87,7 @@ def diagnosis_lines(record: Mapping[str, Any], files: Sequence[Path]) -> str:
 
 def _files(name: str, files: Sequence[Path | str]) -> str:
     """What was written, one a line; a path is never broken."""
-    return "".join(f"{name if k == 0 else '':<{_INDENT}}{plain(str(path))}\n" for k, path in enumerate(files))
+    return "".join(f"{name if k == 0 else '':<{_INDENT}}{one_line(str(path))}\n" for k, path in enumerate(files))
 
 
 def _entry(name: str, text: str) -> list[str]:
@@ -102,7 +102,7 @@ def _entry(name: str, text: str) -> list[str]:
 
 def plain_lines(text: str) -> list[str]:
     """Lines of a text without control characters."""
-    return [plain(line) for line in text.split("\n") if line]
+    return [one_line(line) for line in text.split("\n") if line]
 
 
 def _ascii(text: str) -> str:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import textwrap
 from typing import TYPE_CHECKING
 
+from winchcascade.plaintext import one_line
 from winchcascade.report import line_words as words
 from winchcascade.report.diagnosis_names import probability_words
 from winchcascade.report.diagnosis_text import plain_lines
 from winchcascade.report.diagnosis_words import VERDICTS
 from winchcascade.report.digits import significant
-from winchcascade.report.wording import plain
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,7 +28,7 @@ def line_text(found: LineDiagnosis, files: Sequence[Path | str] = ()) -> str:
     ----------
     files : what was written, and what was not
     """
-    lines = [f"{plain(found.title)}: {VERDICTS[found.verdict].lower()}", ""]
+    lines = [f"{one_line(found.title)}: {VERDICTS[found.verdict].lower()}", ""]
     lines += _entry("verdict", words.verdict_words(found))
     lines += _entry("note", words.simulated_words(found))
     lines += _entry("note", words.flipped_words(found))
@@ -42,7 +42,9 @@ def line_text(found: LineDiagnosis, files: Sequence[Path | str] = ()) -> str:
     lines += _entry("not needed", words.small_words(found))
     lines += _entry("slope", words.slope_words(found) if "drum_inertia" in found.choice.chosen else "")
     text = _ascii("\n".join(lines)) + "\n"
-    return text + "".join(f"{'files' if k == 0 else '':<{_INDENT}}{plain(str(path))}\n" for k, path in enumerate(files))
+    return text + "".join(
+        f"{'files' if k == 0 else '':<{_INDENT}}{one_line(str(path))}\n" for k, path in enumerate(files)
+    )
 
 
 def _entry(name: str, text: str) -> list[str]:

@@ -6,14 +6,14 @@ import sys
 from types import TracebackType
 from typing import Any
 
-from winchcascade.report.wording import plain
+from winchcascade.plaintext import one_line
 
 
 class Telling:
     """Says in one changing line what is being done, where a person looks, and nothing elsewhere."""
 
     def __init__(self, title: str) -> None:
-        self._title = plain(title)
+        self._title = one_line(title)
         self._status: Any = None
 
     def __enter__(self) -> Telling:
@@ -38,7 +38,7 @@ class Telling:
         if self._status is not None:
             from rich.markup import escape
 
-            self._status.update(escape(f"{self._title}: {plain(text)}"))
+            self._status.update(escape(f"{self._title}: {one_line(text)}"))
 
 
 class Progress:
@@ -82,7 +82,7 @@ class Progress:
             self._bar.advance(self._task)
         if fault is None:
             return
-        line = plain(f"failed: {name}")
+        line = one_line(f"failed: {name}")
         if self._bar is not None:
             self._bar.console.print(line, markup=False, highlight=False)
         else:

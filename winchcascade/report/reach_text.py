@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from winchcascade.reach.payouts import RAMPS, STARTED
-from winchcascade.report.check_text import load_record, wrapped
+from winchcascade.report.table_text import load_record, wrapped
 from winchcascade.table import load_text, unit_suffix
 
 if TYPE_CHECKING:

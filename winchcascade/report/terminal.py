@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from winchcascade.cascade.efficiency import METRICS
 from winchcascade.cascade.montecarlo import stated_uncertainty
-from winchcascade.report.wording import decisive, not_known, plain
+from winchcascade.plaintext import one_line
+from winchcascade.report.wording import decisive, not_known
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -85,13 +86,13 @@ def _title(reduction: Reduction) -> list[str]:
     run, rig = reduction.run, reduction.rig
     seconds = float(run.t[-1] - run.t[0])
     kind = "simulated log, " if run.simulated else ""
-    first = f"{plain(run.name)}: {kind}{run.samples} samples at {run.fs:.6g} Hz, {_duration(seconds)}"
+    first = f"{one_line(run.name)}: {kind}{run.samples} samples at {run.fs:.6g} Hz, {_duration(seconds)}"
     window = reduction.window if isinstance(reduction.window, str) else f"{reduction.window:g} s from the onset"
     drum = "" if rig.r_drum is None else f" (drum radius {rig.r_drum:g} m)"
-    parts = [_load(reduction), f"rig {plain(rig.name)}{drum}", f"window {window}"]
+    parts = [_load(reduction), f"rig {one_line(rig.name)}{drum}", f"window {window}"]
     lines = [first, "; ".join(part for part in parts if part)]
-    lines += [f"campaign: {plain(run.about)}"] if run.about else []
-    lines += [f"rig note: {plain(rig.note)}"] if rig.note else []
+    lines += [f"campaign: {one_line(run.about)}"] if run.about else []
+    lines += [f"rig note: {one_line(rig.note)}"] if rig.note else []
     late = sum(c.window.cutoff > c.phases.payout_end + 1e-9 for c in reduction.complete)
     lines += [f"note: the window ends after the payout in {late} of {len(reduction.complete)} cycles"] if late else []
     return lines
@@ -101,7 +102,7 @@ def _load(reduction: Reduction) -> str:
     run = reduction.run
     if run.load is None:
         return "load unknown" if "vdc" in run.channels else ""
-    return f"{'open circuit' if math.isinf(run.load) else f'load {run.load:g} ohm'} ({plain(run.load_source)})"
+    return f"{'open circuit' if math.isinf(run.load) else f'load {run.load:g} ohm'} ({one_line(run.load_source)})"
 
 
 def _duration(seconds: float) -> str:
@@ -190,7 +191,7 @@ def _finding(finding: Finding, samples: int) -> str:
         same = finding.end - finding.start < 0.005
         where = f" at {finding.start:.2f} s" if same else f" from {finding.start:.2f} to {finding.end:.2f} s"
     cost = f", {_share(finding.removed / samples)} of the samples" if finding.removed and samples else ""
-    return plain(f"{finding.kind}: {finding.message}{where}; {finding.action}{cost}")
+    return one_line(f"{finding.kind}: {finding.message}{where}; {finding.action}{cost}")
 
 
 def _share(share: float) -> str:
@@ -204,7 +205,7 @@ def simulation_text(simulation: Simulation, out: Path) -> str:
     line = float(energy["line"][most])
     load = "open circuit" if run.open_circuit else f"load {run.load:g} ohm"
     lines = [
-        f"{plain(run.name)}: simulated at {load}, {run.samples} samples, {_duration(float(run.t[-1] - run.t[0]))}",
+        f"{one_line(run.name)}: simulated at {load}, {run.samples} samples, {_duration(float(run.t[-1] - run.t[0]))}",
         "",
     ]
     shares = {name: float(joule[most]) for name, joule in energy.items() if abs(joule[most]) >= 5e-4 * abs(line)}

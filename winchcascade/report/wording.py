@@ -22,11 +22,6 @@ SENSORS = {
 """What a source of uncertainty is called in a sentence."""
 
 
-def plain(text: str) -> str:
-    """Text from a file without the control characters that a terminal would obey."""
-    return "".join(c if c.isprintable() else "?" for c in text)
-
-
 def source_name(source: Source | None) -> str:
     """Name a source of uncertainty: the sensor and what of it errs."""
     if source is None:
