@@ -62,6 +62,13 @@ def test_a_gap_of_the_pressure_concerns_no_power() -> None:
     assert driven({}, {"pressure": np.array([[2.0, 4.0]])}) == [2, 3, 4, 5]
 
 
+def test_of_two_samples_the_standard_error_is_half_their_distance() -> None:
+    (only,) = bin_powers(
+        np.array([0.11, 0.12]), 1000.0, np.ones(2, dtype=bool), {"line": np.array([3.0, 9.0]).__getitem__}, 100.0
+    )
+    assert only.standard_error["line"] == pytest.approx(3.0)
+
+
 def test_the_standard_error_is_that_of_independent_samples() -> None:
     watts = np.array([1.0, 2.0, 6.0, 100.0])
     one, other = bin_powers(

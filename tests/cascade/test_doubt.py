@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from winchcascade.cascade.doubt import bridging_error, gaps_of, instant_error, window_of
+from winchcascade.cascade.doubt import _weight, bridging_error, gaps_of, instant_error, window_of
 from winchcascade.cascade.reduce import _doubt
 from winchcascade.rigtoml import built_in
 from winchcascade.run import CLOCK, Run
@@ -126,3 +126,8 @@ def test_gaps_and_a_moved_cutoff_err_independently() -> None:
     both = _doubt(steady, gaps, spans, joule, np.array([0.1]), "line", built_in(), {})
     alone = np.append(bridging_error(T, watts, gaps), 0.1 * np.interp(9.0, T, watts))
     assert both == pytest.approx([np.sqrt(np.sum(alone**2))])
+
+
+def test_a_jump_in_the_middle_of_the_smoothing_weighs_most() -> None:
+    assert [_weight(u) for u in (0.0, 1.0)] == pytest.approx([2.25, 1.5])
+    assert _weight(np.sqrt(0.6)) == pytest.approx(0.0, abs=1e-12)
