@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from synthetic import SCENARIOS, make_log, truth, write_csv
@@ -209,3 +210,12 @@ def test_only_the_cycles_that_are_asked_for_count_and_keep_their_numbers(fixture
     assert part.mean.energy_line == pytest.approx(np.mean([c.metrics.energy_line for c in part.cycles]))
     with pytest.raises(OptionError, match=r"r36ohm.csv: cycles 4 to 9 are asked for, but it has 3; choose among those"):
         reduce(run, cycles=(4, 9))
+
+
+def test_a_ratio_that_is_no_efficiency_names_its_cycle(fixtures: Path) -> None:
+    run = read_run(fixtures / "campaign" / "r36ohm.csv")
+    torque = np.where((run.t > 38.0) & (run.t < 60.0), 3.0, 1.0) * run.channels["torque"]
+    bent = msgspec.structs.replace(run, channels={**run.channels, "torque": torque})
+    (told,) = (f for f in reduce(bent, cycles=(2, 3)).quality if "is no efficiency" in f.message)
+    assert told.message.startswith("eta_trans is no efficiency in 1 cycle (2.")
+    assert "in cycle 2); check unit, gain and sign" in told.message
