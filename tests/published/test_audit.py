@@ -263,6 +263,19 @@ def test_a_wrong_cell_beside_a_right_text_is_told_the_other_way_round() -> None:
     assert "903 W is consistent with the rest of the row" in verdict.sentence
 
 
+def test_text_and_cell_that_are_both_wrong_are_told_so() -> None:
+    verdict = claim(audit(parse_table(HSU_TEXT.replace("power_gen = 903", "power_gen = 850"), "t")), "982 W")
+    assert verdict.verdict == "contradicted"
+    assert "the text says 982 W, but the table prints 850 W; neither is consistent with the rest" in verdict.sentence
+
+
+def test_text_and_cell_that_would_both_fit_are_told_so() -> None:
+    said = '[[claim]]\nsays = "E"\nwhere = "made"\nmetric = "energy_line"\nload_ohm = 36.0\nvalue = 7124\nunit = "J"\n'
+    verdict = claim(audit(parse_table(f"{HSU_TEXT}\n{said}decimals = 0\n", "t")), "7124 J")
+    assert verdict.verdict == "contradicted"
+    assert "the text says 7124 J, but the table prints 7123 J; both are consistent with the rest" in verdict.sentence
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words", "expected"),
     [
