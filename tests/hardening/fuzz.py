@@ -271,7 +271,17 @@ def fuzz(inputs: int, *, first: int = 0, jobs: int = 1, only: str | None = None)
     orders = [order for order in kinds(inputs, first) if only in (None, order[0])]
     parts = [orders[k::jobs] for k in range(jobs)]
     with ThreadPoolExecutor(jobs) as pool:
-        return [judged for part in pool.map(lambda part: list(run_orders(part)), parts) for judged in part]
+        return [
+            judged for part in pool.map(lambda part: list(_faults_told(run_orders(part))), parts) for judged in part
+        ]
+
+
+def _faults_told(judged: Iterator[Judged]) -> Iterator[Judged]:
+    """Say at once on standard error what is a fault: a run of all inputs takes half an hour."""
+    for one in judged:
+        if one.outcome == "fault":
+            print(f"--show {one.form} {one.seed}: {one.told}", file=sys.stderr, flush=True)
+        yield one
 
 
 def table(judged: Sequence[Judged]) -> str:
@@ -324,10 +334,7 @@ def main() -> int:
     judged = fuzz(given.inputs, first=given.first, jobs=given.jobs, only=given.only)
     print(table(judged), end="")
     print(f"inputs {given.first} to {given.first + given.inputs - 1}, {time.perf_counter() - begun:.0f} s")
-    faults = [j for j in judged if j.outcome == "fault"]
-    for fault in faults:
-        print(f"--show {fault.form} {fault.seed}: {fault.told}")
-    return 1 if faults else 0
+    return 1 if any(j.outcome == "fault" for j in judged) else 0
 
 
 if __name__ == "__main__":
