@@ -49,3 +49,9 @@ def test_the_smoothed_signal_does_not_depend_on_the_blocks_of_a_long_log() -> No
     x = np.sin(0.3 * t)
     at = slice(262_100, 262_200)  # across the border of two blocks
     assert local_quadratic(t, x, 0.6)[at] == pytest.approx(local_quadratic(t[at], x[at], 0.6), abs=1e-3)
+
+
+def test_stamps_that_crowd_carry_the_quadratic_all_the_same() -> None:
+    t = np.concatenate([np.arange(0.0, 4.0, 0.04), 4.0 + 1e-6 * np.arange(20_000), np.arange(4.06, 8.0, 0.04)])
+    x = 1.0 - 2.0 * t + 0.5 * t**2
+    assert local_quadratic(t, x, 0.6) == pytest.approx(x, abs=1e-9)

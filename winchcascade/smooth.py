@@ -21,6 +21,9 @@ _BLOCK = 1 << 18
 _CELLS = 2_000_000
 """Size of the matrices in which uneven stretches are fitted, so that a long log needs no more memory than a short one."""
 
+_MOST = 1000
+"""Neighbours that a quadratic is fitted to: stamps that crowd would cost the square of their number."""
+
 
 def local_quadratic(t: Signal, x: Signal, width: float) -> Signal:
     """Smooth a signal by a quadratic fitted around each sample (Savitzky and Golay 1964), at that sample's stamp.
@@ -88,15 +91,16 @@ def _near(breaks: NDArray[np.intp], half: int, n: int) -> NDArray[np.intp]:
 
 
 def _fit(t: Signal, x: Signal, where: NDArray[np.intp], reach: float) -> Signal:
-    """Value at its own stamp of the quadratic through each sample's neighbours within `reach` [s]."""
+    """Value at its own stamp of the quadratic through each sample's neighbours within `reach` [s], of many every so-manyth."""
     first = np.searchsorted(t, t[where] - reach, side="left")
     last = np.searchsorted(t, t[where] + reach, side="right")
-    most = int((last - first).max(initial=1))
+    every = np.maximum(-(-(last - first) // _MOST), 1)
+    most = int((-(-(last - first) // every)).max(initial=1))
     fitted = np.empty(where.size)
     rows = max(1, _CELLS // most)
     for start in range(0, where.size, rows):
         block = slice(start, start + rows)
-        index = first[block, None] + np.arange(most)
+        index = first[block, None] + every[block, None] * np.arange(most)
         inside = index < last[block, None]
         index = np.minimum(index, t.size - 1)
         u = np.where(inside, (t[index] - t[where[block], None]) / reach, 0.0)

@@ -218,3 +218,32 @@ def test_stamps_of_wrong_bytes_are_refused() -> None:
     with pytest.raises(LogError, match="to be told apart"):
         require_rising(np.array([0.0, 2e-314, 1.0, 2.0]), "log.csv")
     require_rising(np.array([0.0, 1e-9, 1.0]), "log.csv")
+
+
+def test_rows_without_a_stamp_and_without_room_are_no_samples() -> None:
+    stamps = np.concatenate([LINE[:500], np.full(3000, np.nan), LINE[500:], np.full(7, np.nan)])
+    clock = read_clock(stamps, "log")
+    assert clock.rows is not None
+    assert clock.rows.tolist() == [*range(500), *range(3500, 5000)]
+    assert clock.t == pytest.approx(LINE)
+    (finding,) = clock.findings
+    assert finding.message == "3007 stamps could not be read"
+    assert finding.action.endswith(
+        "7 rows at the ends left out; 3000 rows between stamps that leave no room for them left out"
+    )
+    assert finding.removed == 3007
+
+
+def test_stamps_that_are_lost_with_their_rows_are_filled_as_before() -> None:
+    stamps = np.delete(LINE, [700])
+    stamps[[300, 301, 699]] = np.nan
+    clock = read_clock(stamps, "log")
+    assert clock.rows is None or clock.rows.size == stamps.size
+    assert clock.t[300:302] == pytest.approx(LINE[300:302])
+
+
+def test_a_log_with_empty_rows_in_it_reduces_like_the_clean_one(tmp_path: Path) -> None:
+    whole, broken = log(STAMPS).splitlines(), log(STAMPS).splitlines()
+    broken[400:400] = ["," * 7] * 2500
+    a, b = (efficiencies(read(tmp_path, "\n".join([*lines, ""]))) for lines in (whole, broken))
+    assert a == pytest.approx(b)

@@ -794,6 +794,11 @@ def test_binary_workbooks_stray_cell_does_not_stretch_the_sheet_over_memory(tmp_
     assert "reaches to row 1048576 and column 16384" in sentence(lambda: open_excel(path), path)
 
 
+def test_a_record_that_is_too_short_for_its_row_is_damage(tmp_path: Path) -> None:
+    path = xlsb.write(tmp_path / "a.xlsb", xlsb.sheet([["v"], [1.0]], xlsb.record(0, b"\1\0")))
+    assert "damaged or breaks off" in sentence(lambda: open_excel(path), path)
+
+
 def test_a_panic_of_the_reader_leaves_the_sentence_alone(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     path = xlsb.write(tmp_path / "a.xlsb", xlsb.sheet([["v"], [1.0]]), name_letters=1_000_000)
     assert "damaged or breaks off" in sentence(lambda: open_excel(path), path)

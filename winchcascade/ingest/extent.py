@@ -140,12 +140,15 @@ def binary_corner(pieces: Iterable[bytes]) -> Corner:
     Raises
     ------
     IndexError, struct.error : the part breaks off within a record
+    ValueError : a record is too short for what it holds; a reader would take the rest from the one before
     """
     data = b"".join(pieces)
     row = rows = columns = at = 0
     while at < len(data):
         kind, at = _seven_bits(data, at, most=2)
         size, at = _seven_bits(data, at, most=4)
+        if size < _NUMBER.size and (kind == _ROW_HEADER or kind in _CELLS):
+            raise ValueError(f"record {kind} of {size} bytes")
         if kind == _ROW_HEADER:
             (row,) = _NUMBER.unpack_from(data, at)
         elif kind in _CELLS:

@@ -157,8 +157,9 @@ def _assumed_time(stamps: Signal, table: Table, found: Assignment) -> tuple[floa
     unit, why = ("ms", "its steps are long") if usual >= 2 else ("s", "the usual unit")
     moved, speed = found.channels.get("displacement"), found.channels.get("velocity")
     if moved is not None and speed is not None and usual > 0:
-        travelled = float(np.nansum(np.abs(np.diff(table.values[moved.index])))) * moved.factor
-        expected = float(np.nansum(np.abs(table.values[speed.index]))) * speed.factor * usual
+        with np.errstate(over="ignore", invalid="ignore"):
+            travelled = float(np.nansum(np.abs(np.diff(table.values[moved.index])))) * moved.factor
+            expected = float(np.nansum(np.abs(table.values[speed.index]))) * speed.factor * usual
         if 0 < travelled < math.inf and 0 < expected < math.inf:
             ratio = math.log(travelled) - math.log(expected)  # the quotient itself may be too small for a number
             unit = min(_TIME_UNITS, key=lambda name: abs(math.log(_TIME_UNITS[name]) - ratio))

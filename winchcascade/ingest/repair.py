@@ -23,6 +23,9 @@ JITTER = 0.1
 LATEST = 1e17
 """A stamp beyond this is no time: three thousand million years. [s]"""
 
+CROWDED = 1.5
+"""So many times the samples that fit between two stamps are too many."""
+
 LOST = 1.5
 """An interval longer than this many usual ones has lost samples."""
 
@@ -34,7 +37,11 @@ MANY = 1000
 
 
 def with_all_stamps(stamps: Signal, findings: list[Finding], where: str) -> tuple[Signal, Index]:
-    """Fill stamps that could not be read between their neighbours; leave out rows at the ends that have none."""
+    """Fill stamps that could not be read between their neighbours.
+
+    Rows at the ends that have none are left out, and those between two stamps that are too close for so many samples: such
+    rows are not of the log's rate, as the empty ones that a spreadsheet holds between two tables.
+    """
     good = np.flatnonzero(np.abs(stamps) < LATEST)
     if good.size < 3:
         raise LogError(
@@ -44,22 +51,37 @@ def with_all_stamps(stamps: Signal, findings: list[Finding], where: str) -> tupl
     if good.size == stamps.size:
         return stamps, np.arange(stamps.size)
     rows = np.arange(good[0], good[-1] + 1)
+    outside = stamps.size - rows.size
+    rows = rows[~_crowded(stamps, good)[rows]]
+    crowded = stamps.size - outside - rows.size
     t = np.interp(rows, good, stamps[good])
     lost = stamps.size - good.size
-    outside = stamps.size - rows.size
     at = t[np.isin(rows, good, invert=True)]
+    left_out = [f"{outside} rows at the ends left out"] if outside else []
+    left_out += [f"{crowded} rows between stamps that leave no room for them left out"] if crowded else []
     findings.append(
         Finding(
             "not_a_number",
             f"{lost} stamps could not be read",
-            "filled between their neighbours" + (f"; {outside} rows at the ends left out" if outside else ""),
+            "; ".join(["filled between their neighbours", *left_out]),
             start=float(at[0]) if at.size else float(t[0]),
             end=float(at[-1]) if at.size else float(t[-1]),
             count=lost,
-            removed=outside,
+            removed=outside + crowded,
         )
     )
     return t, rows
+
+
+def _crowded(stamps: Signal, good: Index) -> NDArray[np.bool_]:
+    """Rows without a stamp whose neighbours' stamps are too close for so many samples at the log's usual interval, (n,)."""
+    between, apart = np.diff(good), np.diff(stamps[good])
+    usual = median(apart[between == 1]) if np.any(between == 1) else 0.0
+    crowded = np.zeros(stamps.size, dtype=np.bool_)
+    if usual > 0:
+        for k in np.flatnonzero((between > CROWDED * apart / usual) & (between > 1) & (apart >= 0)).tolist():
+            crowded[good[k] + 1 : good[k + 1]] = True
+    return crowded
 
 
 def evened(t: Signal, interval: Signal, usual: float) -> Signal | None:

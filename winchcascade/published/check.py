@@ -7,6 +7,7 @@ largest deviation of the measured cycles from their mean, and twice the standard
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
@@ -261,8 +262,8 @@ def _metrics(record: Mapping[str, Any], key: str, where: str) -> dict[str, float
     for metric in METRICS:
         field = metric + {"energy": "_j", "power": "_w"}.get(metric.partition("_")[0], "")
         value = part.get(field)
-        if value is not None and (_is_no_number(value) or not math.isfinite(value)):
-            raise CheckError(f"{where}: {key} {field} is {value!r}; expected a number or null.")
+        if value is not None and (_is_no_number(value) or not abs(value) <= sys.float_info.max):
+            raise CheckError(f"{where}: {key} {field} is {repr(value)[:40]}; expected a number or null.")
         if value is not None and value < 0 and key != "mean":
             raise CheckError(f"{where}: {key} {field} is {value}; expected a number that is not negative.")
         values[metric] = value
