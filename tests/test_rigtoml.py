@@ -152,3 +152,8 @@ def test_a_name_that_is_no_rig_is_told_with_those_there_are() -> None:
         RigError, match="no such file and no built-in rig of that name; give a rig file or one of hsu2026"
     ):
         load_rig("hsu2025")
+
+
+def test_a_name_that_no_file_can_have_is_no_rig() -> None:
+    with pytest.raises(RigError, match="no such file and no built-in rig of that name"):
+        load_rig("9" * 5000)

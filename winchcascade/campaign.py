@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from os.path import isfile  # unlike that of Path no error for a name that no file can have
 from pathlib import Path
 from typing import Any
 
@@ -63,7 +64,7 @@ def load_campaign(path: Path) -> Campaign:
     title, rig = raw.get("title", ""), raw.get("rig")
     if not isinstance(title, str) or not isinstance(rig, str | None):
         raise CampaignError(f"{path}: title and rig are texts; found {title!r} and {rig!r}.")
-    if rig is not None and (path.parent / rig).is_file():
+    if rig is not None and isfile(path.parent / rig):
         rig = str(path.parent / rig)
     return Campaign(path, title, rig, tuple(_run(run, k, path) for k, run in enumerate(runs, 1)))
 

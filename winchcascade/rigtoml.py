@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from functools import cache
+from os.path import isfile  # unlike that of Path no error for a name that no file can have
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +52,7 @@ def built_in(name: str = DEFAULT_RIG) -> Rig:
 def load_rig(rig: str | Path) -> Rig:
     """Read a rig file, or the built-in rig of that name where no such file exists; RigError names what is wrong."""
     path = Path(rig)
-    if not path.is_file():
+    if not isfile(path):
         if str(rig) in BUILT_IN:
             return built_in(str(rig))
         raise RigError(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
+from os.path import isfile  # unlike that of Path no error for a name that no file can have
 from pathlib import Path
 from typing import Any, Literal
 
@@ -39,7 +40,7 @@ def load_table(table: str | Path) -> Table:
     0.73
     """
     path = Path(table)
-    if not path.is_file():
+    if not isfile(path):
         if str(table) not in BUILT_IN:
             raise TableError(
                 f"table {str(table)!r}: no such file and no built-in table of that name; give a table file or "

@@ -247,3 +247,11 @@ def test_a_log_with_empty_rows_in_it_reduces_like_the_clean_one(tmp_path: Path) 
     broken[400:400] = ["," * 7] * 2500
     a, b = (efficiencies(read(tmp_path, "\n".join([*lines, ""]))) for lines in (whole, broken))
     assert a == pytest.approx(b)
+
+
+def test_stamps_that_hardly_move_and_miss_some_are_refused_and_no_warning() -> None:
+    stamps = 1e-310 * np.arange(2000, dtype=np.float64)
+    stamps[500:700] = np.nan
+    stamps[1500:] = 1e16 + np.arange(500)
+    with pytest.raises(LogError, match="does not advance"):
+        read_clock(stamps, "log")

@@ -79,7 +79,7 @@ def _crowded(stamps: Signal, good: Index) -> NDArray[np.bool_]:
     usual = median(apart[between == 1]) if np.any(between == 1) else 0.0
     crowded = np.zeros(stamps.size, dtype=np.bool_)
     if usual > 0:
-        for k in np.flatnonzero((between > CROWDED * apart / usual) & (between > 1) & (apart >= 0)).tolist():
+        for k in np.flatnonzero((between * usual > CROWDED * apart) & (between > 1) & (apart >= 0)).tolist():
             crowded[good[k] + 1 : good[k + 1]] = True
     return crowded
 
