@@ -1,5 +1,6 @@
 """What the tests share: the shipped fixtures, and the data beside the project, which users do not have."""
 
+import signal
 from pathlib import Path
 
 import pytest
@@ -7,6 +8,9 @@ from hypothesis import settings
 
 settings.register_profile("steady", deadline=None, derandomize=True)  # a busy machine is no fault of the code
 settings.load_profile("steady")
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # begun in the background: tests of interrupts would wait forever
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 ROOT = Path(__file__).parent.parent
 
