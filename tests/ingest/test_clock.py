@@ -232,6 +232,7 @@ def test_rows_without_a_stamp_and_without_room_are_no_samples() -> None:
         "7 rows at the ends left out; 3000 rows between stamps that leave no room for them left out"
     )
     assert finding.removed == 3007
+    assert (finding.start, finding.end) == pytest.approx((LINE[499], LINE[500]), abs=1e-4)
 
 
 def test_stamps_that_are_lost_with_their_rows_are_filled_as_before() -> None:

@@ -754,6 +754,14 @@ def test_the_sheets_of_an_old_workbook_are_found_where_it_says_that_they_begin()
         corners(xls.record(0x2F, bytes(54)) + book)
 
 
+def test_an_old_workbook_may_lie_about_its_shared_texts(tmp_path: Path) -> None:
+    path = tmp_path / "a.xls"
+    path.write_bytes(xls.book([["v", "p"], *([0.1 * k, 2.0] for k in range(30))], claimed=2**32 - 1))
+    source, table = read_all(path, open_excel)
+    assert names(source) == ["v", "p"]
+    assert table.values[1].tolist() == [2.0] * 30
+
+
 def test_an_old_workbook_with_a_password_is_refused_as_such(tmp_path: Path) -> None:
     path = tmp_path / "a.xls"
     path.write_bytes(xls.book([["v"], [1.0]], top=xls.record(0x2F, bytes(54))))

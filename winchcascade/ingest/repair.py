@@ -51,11 +51,9 @@ def with_all_stamps(stamps: Signal, findings: list[Finding], where: str) -> tupl
     if good.size == stamps.size:
         return stamps, np.arange(stamps.size)
     rows = np.arange(good[0], good[-1] + 1)
-    outside = stamps.size - rows.size
-    rows = rows[~_crowded(stamps, good)[rows]]
-    crowded = stamps.size - outside - rows.size
     t = np.interp(rows, good, stamps[good])
-    lost = stamps.size - good.size
+    room = ~_crowded(stamps, good)[rows]
+    lost, outside, crowded = stamps.size - good.size, stamps.size - rows.size, int(np.count_nonzero(~room))
     at = t[np.isin(rows, good, invert=True)]
     left_out = [f"{outside} rows at the ends left out"] if outside else []
     left_out += [f"{crowded} rows between stamps that leave no room for them left out"] if crowded else []
@@ -70,7 +68,7 @@ def with_all_stamps(stamps: Signal, findings: list[Finding], where: str) -> tupl
             removed=outside + crowded,
         )
     )
-    return t, rows
+    return t[room], rows[room]
 
 
 def _crowded(stamps: Signal, good: Index) -> NDArray[np.bool_]:
