@@ -19,6 +19,7 @@ import unicodedata
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -52,6 +53,9 @@ PATIENCE = 15.0
 MEMORY = 1 << 30
 """What a file of less than a megabyte may take beyond what the readers themselves take. [bytes]"""
 
+ROOM = 8
+"""Of so many times `MEMORY` addresses may be reserved where what is really taken is measured."""
+
 SHARES = {
     "text": 6, "lvm": 2, "toa5": 2, "tdms": 4, "mat": 4, "mat73": 1, "parquet": 4, "excel": 2, "xls": 1, "rig": 4,
     "campaign": 3, "table": 3, "result": 2,
@@ -66,7 +70,7 @@ class TooSlow(BaseException):
 
 
 class Judged(NamedTuple):
-    """What became of one input: read, refused (in a sentence) or a fault (and what it is)."""
+    """What became of one input: read, refused (in a sentence), starved (not judged yet) or a fault (and what it is)."""
 
     form: str
     seed: int
@@ -137,6 +141,8 @@ def judge(form: str, seed: int, folder: Path) -> Judged:
         READERS.get(form, read_log)(path)
     except WinchcascadeError as fault:
         return Judged(form, seed, *_refusal(fault))
+    except MemoryError:
+        return Judged(form, seed, "starved", "memory ran out")
     except TooSlow:
         return Judged(form, seed, "fault", f"took more than {LONGEST:g} s at {_place_of(sys.exc_info()[2])}")
     except Exception as fault:
@@ -149,7 +155,7 @@ def _refusal(fault: WinchcascadeError) -> tuple[str, str]:
     said = str(fault)
     cause = fault.__cause__
     if isinstance(cause, MemoryError):
-        return "fault", f"memory ran out: {said}"
+        return "starved", said
     if any(unicodedata.category(letter) in ("Cc", "Cs", "Zl", "Zp") for letter in said):
         return "fault", f"not one line for people: {said!r}"
     if len(said) > 2000 or not said.rstrip().endswith((".", ")")):
@@ -171,21 +177,26 @@ def kinds(inputs: int, first: int) -> Iterator[tuple[str, int]]:
     return ((wheel[k % len(wheel)], k) for k in range(first, first + inputs))
 
 
-def work(orders: Sequence[tuple[str, int]]) -> None:
-    """Judge inputs one by one, saying on standard output which is begun and what became of it."""
+def work(orders: Sequence[tuple[str, int]], *, weighed: bool) -> None:
+    """Judge inputs one by one, saying on standard output which is begun and what became of it.
+
+    A limit of addresses is what stops a bomb, but a reader may reserve addresses that it never touches (Arrow does so
+    for the size that a damaged page claims): inputs that met the limit are weighed, with more room, by what they take.
+    """
     warnings.simplefilter("error")
     signal.signal(signal.SIGPROF, _alarm)
     with tempfile.TemporaryDirectory() as folder:
         _warm_up(Path(folder))
-        _limit_memory()
+        _limit_memory(ROOM * MEMORY if weighed else MEMORY)
         for form, seed in orders:
             _say(form, seed)
             signal.setitimer(signal.ITIMER_PROF, LONGEST)
             try:
-                judged = judge(form, seed, Path(folder))
+                with memory_taken() as taken:
+                    judged = judge(form, seed, Path(folder))
             finally:
                 signal.setitimer(signal.ITIMER_PROF, 0)
-            _say(*judged)
+            _say(*(by_weight(judged, taken()) if weighed else judged))
 
 
 def _say(*words: object) -> None:
@@ -208,10 +219,34 @@ def _warm_up(folder: Path) -> None:
                 continue
 
 
-def _limit_memory() -> None:
+def _limit_memory(room: int) -> None:
     pages = int(Path("/proc/self/statm").read_text().split()[0])
-    limit = pages * resource.getpagesize() + MEMORY
+    limit = pages * resource.getpagesize() + room
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+
+
+@contextmanager
+def memory_taken() -> Iterator[Callable[[], int]]:
+    """Yield what tells, afterwards, the most memory that was taken meanwhile beyond what was taken before. [bytes]"""
+    Path("/proc/self/clear_refs").write_text("5")
+    before, most = _resident("VmRSS"), [0]
+    try:
+        yield lambda: most[0]
+    finally:
+        most[0] = _resident("VmHWM") - before
+
+
+def _resident(which: str) -> int:
+    """Memory that is really taken, now (`VmRSS`) or at most (`VmHWM`). [bytes]"""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) << 10 for line in lines if line.startswith(which))
+
+
+def by_weight(judged: Judged, taken: int) -> Judged:
+    """Judge an input by the memory that it took. [bytes]"""
+    if judged.outcome == "starved" or taken > MEMORY:
+        return judged._replace(outcome="fault", told=f"took {taken >> 20} MiB: {judged.told}")
+    return judged
 
 
 def run_orders(orders: Sequence[tuple[str, int]]) -> Iterator[Judged]:
@@ -221,14 +256,14 @@ def run_orders(orders: Sequence[tuple[str, int]]) -> Iterator[Judged]:
         done = 0
         for judged in _worker(left):
             done += 1
-            yield judged
+            yield from _worker([judged[:2]], weighed=True) if judged.outcome == "starved" else [judged]
         left = left[done:]
 
 
-def _worker(orders: Sequence[tuple[str, int]]) -> Iterator[Judged]:
+def _worker(orders: Sequence[tuple[str, int]], *, weighed: bool = False) -> Iterator[Judged]:
     """What one worker process says of inputs, up to the one that it does not survive."""
     with tempfile.TemporaryFile() as errors:
-        command = [sys.executable, __file__, "--work"]
+        command = [sys.executable, __file__, "--work", *(["--weighed"] if weighed else [])]
         process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors)
         assert process.stdin is not None
         assert process.stdout is not None
@@ -324,9 +359,10 @@ def main() -> int:
     parser.add_argument("--show", nargs=2, metavar=("FORM", "NUMBER"), help="do one input again")
     parser.add_argument("--keep", type=Path, help="with --show: write the input here")
     parser.add_argument("--work", action="store_true", help=argparse.SUPPRESS)
+    parser.add_argument("--weighed", action="store_true", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.work:
-        work([(form, seed) for form, seed in json.load(sys.stdin)])
+        work([(form, seed) for form, seed in json.load(sys.stdin)], weighed=given.weighed)
         return 0
     if given.show:
         return show(given.show[0], int(given.show[1]), given.keep)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pytest
-from fuzz import Judged, fuzz
+from fuzz import MEMORY, Judged, by_weight, fuzz, memory_taken, run_orders
 from fuzz import table as counts
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -49,6 +49,20 @@ def test_many_damaged_files_of_every_kind_are_read_or_refused() -> None:
     judged = fuzz(MANY, first=1_000_000)
     assert faults(judged) == []
     assert counts(judged).splitlines()[-1].split()[:2] == ["all", str(MANY)]
+
+
+def test_memory_is_judged_by_what_is_touched_not_by_what_is_reserved() -> None:
+    # A page of this file claims more than a GiB; Arrow reserves it, finds the page damaged and touches none of it.
+    assert [j.outcome for j in run_orders([("parquet", 3_009_657)])] == ["refused"]
+    refused, starved = Judged("parquet", 1, "refused", "why."), Judged("parquet", 1, "starved")
+    assert by_weight(refused, MEMORY) == refused
+    assert by_weight(refused, MEMORY + 1).outcome == by_weight(starved, 0).outcome == "fault"
+
+
+def test_the_most_memory_taken_is_seen_after_it_was_given_back() -> None:
+    with memory_taken() as taken:
+        assert np.ones(25_000_000).sum() == 25_000_000
+    assert 190e6 < taken() < 400e6
 
 
 @pytest.mark.parametrize("form", SEEDS)
