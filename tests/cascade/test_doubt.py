@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from winchcascade.cascade.doubt import _weight, bridging_error, gaps_of, instant_error, window_of
-from winchcascade.cascade.reduce import _doubt
+from winchcascade.cascade.energies import _doubt
 from winchcascade.rigtoml import built_in
 from winchcascade.run import CLOCK, Run
 from winchcascade.smooth import local_quadratic

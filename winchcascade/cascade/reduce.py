@@ -10,16 +10,15 @@ import msgspec
 import numpy as np
 
 from winchcascade.cascade.bins import TORQUE, Bin, bin_powers, engaged
-from winchcascade.cascade.doubt import bridging_error, gaps_of, instant_error, window_of
 from winchcascade.cascade.efficiency import Metrics, metrics
-from winchcascade.cascade.power import STAGES, power, sources, stream
+from winchcascade.cascade.energies import Energies, integrate_energies
+from winchcascade.cascade.power import STAGES, stream
 from winchcascade.cascade.repeatability import ensemble_mean, largest_deviation, total
 from winchcascade.cascade.summary import PhaseSummary, summarise, travel_and_top
+from winchcascade.cascade.windows import find_windows
 from winchcascade.errors import LogError, OptionError
-from winchcascade.integrate import integrals
-from winchcascade.order import median
 from winchcascade.phases.detect import Cycle, detect, smoothed_velocity
-from winchcascade.phases.window import Plateau, Window, find_plateau, find_window
+from winchcascade.phases.window import Plateau, Window, find_plateau
 from winchcascade.rigfile import Rig
 from winchcascade.rigtoml import built_in
 from winchcascade.run import Finding
@@ -122,7 +121,7 @@ def reduce(
     first, found = _chosen(detect(run, v_smooth, rig.thresholds), cycles, run.name)
     plateaus = [find_plateau(run.t, v_smooth, c, rig.thresholds) for c in found]
     payouts = travel_and_top(run, v_smooth, found)
-    windows = _windows(run, found, plateaus, payouts, rule, rig)
+    windows = find_windows(run, found, plateaus, payouts, rule, rig)
     summaries, (energy, bins) = side_by_side(
         lambda: summarise(run, v_smooth, found, plateaus, payouts, rig),
         lambda: _energies_and_bins(run, v_smooth, found, plateaus, windows, rule, rig),
@@ -176,63 +175,6 @@ def _not_given(run: Run, rig: Rig) -> list[Finding]:
     return [Finding("missing_channel", message, "metrics that need it are null", "torque")]
 
 
-def _windows(
-    run: Run,
-    cycles: Sequence[Cycle],
-    plateaus: Sequence[Plateau | None],
-    payouts: Sequence[tuple[float, float]],
-    rule: WindowRule,
-    rig: Rig,
-) -> list[Window]:
-    """Windows by the rule; where payouts should be alike, one that was aborted is told from the others."""
-    end = float(run.t[-1])
-    windows = [
-        find_window(c, p, top, end, rule, rig.thresholds)
-        for c, p, (_, top) in zip(cycles, plateaus, payouts, strict=True)
-    ]
-    if rule == "payout":
-        return windows
-    windows = _apart(windows)
-    whole = [travel for c, (travel, _) in zip(cycles, payouts, strict=True) if not c.begins_inside]
-    usual = median(np.array(whole)) if whole else 0.0
-    late = [w.cutoff > c.payout_end for c, w in zip(cycles, windows, strict=True) if not c.ends_inside]
-    all_late = sum(late) > 0.5 * len(late)
-    return [
-        _unless_aborted(c, w, travel, usual, all_late, rig)
-        for c, w, (travel, _) in zip(cycles, windows, payouts, strict=True)
-    ]
-
-
-def _apart(windows: Sequence[Window]) -> list[Window]:
-    """A window that reaches into the next payout is no window of one cycle."""
-    following = [*(w.onset for w in windows[1:]), math.inf][: len(windows)]
-    return [
-        Window(w.onset, w.cutoff, w.fault or "its window reaches into the next payout") if w.cutoff > after else w
-        for w, after in zip(windows, following, strict=True)
-    ]
-
-
-def _unless_aborted(cycle: Cycle, window: Window, travel: float, usual: float, all_late: bool, rig: Rig) -> Window:
-    if window.fault is not None or cycle.ends_inside:
-        return window
-    fault = None
-    if travel < rig.thresholds.aborted_below * usual:
-        fault = f"the payout is aborted after {travel:.2f} m, where others travel {usual:.2f} m"
-    elif window.cutoff > cycle.payout_end and not all_late:
-        fault = f"the payout ends {window.cutoff - cycle.payout_end:.2f} s before its window does"
-    return Window(window.onset, window.cutoff, fault)
-
-
-class _Energy(msgspec.Struct, frozen=True):
-    """Windows with what is wrong with them, the energy of each stage in each, None for one not measured, and what gaps may
-    have changed of it. [J]
-    """
-
-    windows: list[Window]
-    joules: dict[str, list[float] | None]
-    bridged: dict[str, tuple[float, ...]]
-
-
 def _energies_and_bins(
     run: Run,
     v_smooth: Signal,
@@ -241,69 +183,10 @@ def _energies_and_bins(
     windows: Sequence[Window],
     rule: WindowRule,
     rig: Rig,
-) -> tuple[_Energy, tuple[Bin, ...]]:
-    energy = _energies(run, v_smooth, windows, rule, rig)
+) -> tuple[Energies, tuple[Bin, ...]]:
+    energy = integrate_energies(run, v_smooth, windows, rule, rig)
     counted = [(c, p) for c, p, w in zip(cycles, plateaus, energy.windows, strict=True) if w.fault is None]
     return energy, _bins(run, counted, rig)
-
-
-def _energies(run: Run, v_smooth: Signal, windows: Sequence[Window], rule: WindowRule, rig: Rig) -> _Energy:
-    """Integrate each stage's power over each window; gaps that make an energy uncertain become the window's fault."""
-    spans = np.array([(w.onset, w.cutoff) for w in windows]).reshape(-1, 2)
-    joules: dict[str, list[float] | None] = {}
-    bridged: dict[str, tuple[float, ...]] = {}
-    faults: dict[int, str] = {}
-    moved = _cutoff_error(run, v_smooth, spans, rule, rig)
-    for stage in STAGES:
-        watts = stream(run.channels, stage, rig.r_drum)
-        if watts is None:
-            joules[stage] = None
-            continue
-        joule = integrals(run.t, watts, spans)
-        joules[stage] = joule.tolist()
-        gaps = gaps_of(run, sources(run.channels, stage))
-        if len(gaps):
-            bridged[stage] = tuple(_doubt(run, gaps, spans, joule, moved, stage, rig, faults).tolist())
-    named = [Window(w.onset, w.cutoff, w.fault or faults.get(k)) for k, w in enumerate(windows)]
-    return _Energy(named, joules, bridged)
-
-
-def _cutoff_error(run: Run, v_smooth: Signal, spans: Signal, rule: WindowRule, rig: Rig) -> Signal:
-    """What gaps may move each cutoff, by moving the onset or the plateau that it hangs on, (k,) [s]."""
-    if rule == "payout":
-        return np.zeros(len(spans))
-    return instant_error(run, v_smooth, spans[:, 0] if isinstance(rule, float) else spans[:, 1] - rig.thresholds.settle)
-
-
-def _doubt(
-    run: Run,
-    gaps: Signal,
-    spans: Signal,
-    joule: Signal,
-    moved: Signal,
-    stage: str,
-    rig: Rig,
-    faults: dict[int, str],
-) -> Signal:
-    """Name the windows in which a gap is too long, or in which bridging could change the energy by too much.
-
-    Returns what it could change of each energy, (k,) [J].
-    """
-    limits = rig.thresholds
-    for begin, end in gaps[gaps[:, 1] - gaps[:, 0] > limits.gap_max]:
-        for k in np.flatnonzero((spans[:, 0] < end) & (spans[:, 1] > begin)).tolist():
-            faults.setdefault(k, f"a gap of {end - begin:.2f} s lies in its window (E_{stage})")
-    watts = power(run.channels, stage, rig.r_drum)
-    assert watts is not None
-    which = window_of(gaps, spans)
-    inside = which >= 0
-    square = (moved * np.interp(spans[:, 1], run.t, watts)) ** 2  # gaps err independently of each other
-    np.add.at(square, which[inside], bridging_error(run.t, watts, gaps[inside]) ** 2)
-    changed: Signal = np.sqrt(square)
-    share = changed / np.maximum(np.abs(joule), 1e-9)
-    for k in np.flatnonzero(share > limits.gap_energy_max).tolist():
-        faults.setdefault(k, f"bridging its gaps could change E_{stage} by {min(share[k], 9.99):.1%}")
-    return changed
 
 
 def _results(
@@ -311,7 +194,7 @@ def _results(
     cycles: Sequence[Cycle],
     first: int,
     summaries: Sequence[PhaseSummary],
-    energy: _Energy,
+    energy: Energies,
     findings: list[Finding],
 ) -> list[CycleResult]:
     results = []

@@ -55,13 +55,14 @@ def with_all_stamps(stamps: Signal, findings: list[Finding], where: str) -> tupl
     room = ~_crowded(stamps, good)[rows]
     lost, outside, crowded = stamps.size - good.size, stamps.size - rows.size, int(np.count_nonzero(~room))
     at = t[np.isin(rows, good, invert=True)]
-    left_out = [f"{outside} rows at the ends left out"] if outside else []
-    left_out += [f"{crowded} rows between stamps that leave no room for them left out"] if crowded else []
+    done = ["filled between their neighbours"] if lost > outside + crowded else []
+    done += [f"{outside} rows at the ends left out"] if outside else []
+    done += [f"{crowded} rows between stamps that leave no room for them left out"] if crowded else []
     findings.append(
         Finding(
             "not_a_number",
             f"{lost} stamps could not be read",
-            "; ".join(["filled between their neighbours", *left_out]),
+            "; ".join(done),
             start=float(at[0]) if at.size else float(t[0]),
             end=float(at[-1]) if at.size else float(t[-1]),
             count=lost,
