@@ -5,6 +5,7 @@ import random
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from xml.parsers.expat import ExpatError
 
 import numpy as np
 import pyarrow as pa
@@ -278,5 +279,12 @@ EMPTY += b"</table:table-row>"
     ],
 )  # fmt: skip
 def test_empty_cells_at_the_end_of_a_sheet_of_libreoffice_do_not_count(rows: bytes, corner: tuple[int, int]) -> None:
-    assert repeated_corner([b"<table:table>" + rows + b"</table:table>"]) == corner
-    assert repeated_corner([b"<table:table>", *(rows[k : k + 7] for k in range(0, len(rows), 7))]) == corner
+    table = b"<table:table>" + rows + b"</table:table>"
+    assert repeated_corner([table]) == corner
+    assert repeated_corner(table[k : k + 7] for k in range(0, len(table), 7)) == corner
+
+
+@pytest.mark.parametrize("content", [b"", b"<table:table>" + ROW, b"<table:table>" + ROW + b"</table:tab>"])
+def test_a_sheet_of_libreoffice_without_an_end_is_refused(content: bytes) -> None:
+    with pytest.raises(ExpatError):
+        repeated_corner([content])

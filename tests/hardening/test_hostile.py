@@ -244,6 +244,12 @@ def _ods_rows(path: Path) -> None:
     path.write_bytes(zipped(parts))
 
 
+def _ods_without_end(path: Path) -> None:
+    parts = unzipped(excel()[2])
+    parts["content.xml"] = parts["content.xml"].replace(b"</table:table>", b"</table:tab1e>")
+    path.write_bytes(zipped(parts))
+
+
 LIES: dict[str, tuple[Callable[[Path], None], str]] = {
     "tdms": (_tdms_lies, "claims 1099511627776 samples; no more than the "),
     "parquet texts": (_parquet_texts, "the time column holds 0 readable stamps"),
@@ -253,6 +259,7 @@ LIES: dict[str, tuple[Callable[[Path], None], str]] = {
     ),
     "workbook, row": (_workbook_row, "a sheet reaches to row 1e+08 and column 8; at most 25000000 cells are read"),
     "workbook, repeated": (_ods_rows, "a sheet reaches to row 1e+09 and column 8; at most 25000000 cells are read"),
+    "workbook, no end": (_ods_without_end, "the workbook is damaged or breaks off (ExpatError)"),
 }
 
 

@@ -6,6 +6,7 @@ import re
 import struct
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, NamedTuple
+from xml.parsers import expat
 
 import numpy as np
 
@@ -112,10 +113,15 @@ def _named_at(text: NDArray[np.uint8], at: NDArray[np.intp]) -> Corner | None:
 
 
 def repeated_corner(pieces: Iterable[bytes]) -> Corner:
-    """Find the last row and column with something in them of the sheets of LibreOffice, which repeat rows and cells."""
+    """Find the last row and column with something in them of the sheets of LibreOffice, which repeat rows and cells.
+
+    Raises
+    ------
+    ExpatError : the part is no well-formed XML; a reader would wait for the end of its table for ever
+    """
     most = Corner(0, 0)
     row = column = filled = wide = times = 0
-    for tag, opens, attributes in _tags(pieces):
+    for tag, opens, attributes in _tags(_well_formed(pieces)):
         if tag == b"table" and opens:
             row = 0
         elif tag == b"table-row" and opens:
@@ -131,6 +137,15 @@ def repeated_corner(pieces: Iterable[bytes]) -> Corner:
             column += _times(attributes)
             filled = filled if attributes.endswith(b"/") and b"value" not in attributes else column
     return most
+
+
+def _well_formed(pieces: Iterable[bytes]) -> Iterator[bytes]:
+    """Hand XML on piece by piece; ExpatError where it is not well-formed."""
+    parser = expat.ParserCreate()
+    for piece in pieces:
+        parser.Parse(piece)
+        yield piece
+    parser.Parse(b"", True)
 
 
 def binary_corner(pieces: Iterable[bytes]) -> Corner:
