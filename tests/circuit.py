@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from scipy.optimize import brentq
 
-from winchcascade.rig.bridge import bridge_currents, bridge_table
+from winchcascade.rig.bridge import bridge_state, bridge_table
 
 K_E, R_S, L_S, V_DIODE, POLE_PAIRS, C_DC = 0.0617, 0.61, 3.35e-3, 0.7, 2, 2.2e-3
 """Numbers of the circuit: V/rpm line to line, rms; ohm and henry a phase; volt a diode; pairs of poles; farad."""
@@ -44,10 +44,10 @@ def solved(rpm: float, load: float) -> State:
     v_ll, reactance = K_E * rpm, POLE_PAIRS * 2.0 * math.pi * rpm / 60.0 * L_S
 
     def surplus(v_dc: float) -> float:
-        return bridge_currents(v_dc + 2.0 * V_DIODE, v_ll, R_S, reactance, bridge_table())[0] - v_dc / load
+        return bridge_state(v_dc + 2.0 * V_DIODE, v_ll, R_S, reactance, bridge_table())[0] - v_dc / load
 
     v_dc = float(brentq(surplus, 0.01, math.sqrt(2.0) * v_ll - 2.0 * V_DIODE))
-    i_dc, i_s = bridge_currents(v_dc + 2.0 * V_DIODE, v_ll, R_S, reactance, bridge_table())
+    i_dc, i_s = bridge_state(v_dc + 2.0 * V_DIODE, v_ll, R_S, reactance, bridge_table())[:2]
     return State(v_dc, i_s, (v_dc + 2.0 * V_DIODE) * i_dc + 3.0 * R_S * i_s**2)
 
 

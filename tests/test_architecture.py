@@ -8,8 +8,8 @@ import pytest
 PACKAGE = Path(__file__).parent.parent / "winchcascade"
 
 GROUND = {
-    "errors", "quantity", "channels", "run", "campaign", "rigfile", "rigtoml", "table", "tabletoml", "tomltext", "tasks",
-    "plaintext", "files", "integrate", "order", "smooth", "threads", "addresses",
+    "accuracy", "errors", "quantity", "channels", "run", "campaign", "rigfile", "rigtoml", "table", "tabletoml", "tomltext",
+    "tasks", "plaintext", "files", "integrate", "order", "smooth", "threads", "addresses",
 }  # fmt: skip
 """Open to every room."""
 

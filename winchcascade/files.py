@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 
 from winchcascade.errors import OutputError
 from winchcascade.plaintext import one_line
 
-MARKS = (
-    b"winchcascade/",
-    b"Generator speed (rpm),Stator current (A rms),Air-gap torque (N.m)",
-    b"Time (s),Cycle,Predicted mechanical power (W)",
+_MARKS = re.compile(
+    rb"winchcascade/(?:[a-z]+/)?\d"
+    rb"|Generator speed \(rpm\),Stator current \(A rms\),Air-gap torque \(N\.m\)"
+    rb"|Time \(s\),Cycle,Predicted mechanical power \(W\)"
 )
-"""Schema or generator marks by which this tool knows its own files: in JSON and Parquet, in simulated logs, in predictions."""
+"""By what this tool knows its own files: a schema or the version that made it, heads of simulated logs and of predictions."""
 
 _LOOK = 1 << 16
 
@@ -113,7 +114,7 @@ def check_replaceable(path: Path, *, force: bool) -> None:
             head += file.read(_LOOK)
     except OSError as fault:
         raise OutputError(f"{path}: exists and cannot be read ({fault.strerror}); choose another name.") from None
-    if head and not any(mark in head for mark in MARKS):
+    if head and _MARKS.search(head) is None:
         raise OutputError(f"{path}: exists and was not written by winchcascade; choose another name or add --force.")
 
 

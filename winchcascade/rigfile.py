@@ -17,8 +17,9 @@ from winchcascade.quantity import Quantity
 class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One sensor: range, resolution and accuracy; in the file in its own `unit`, here in SI units.
 
-    `accuracy_full_scale` is a share of `high`, `accuracy_reading` of the reading; all accuracies are limits.
-    `u_zero` and `u_gain` are standard uncertainties of zero and gain of a sensor calibrated in place.
+    `accuracy_full_scale` is a share of the end of the range that is farther from zero, `accuracy_reading` of the reading;
+    all accuracies are limits. `u_zero` and `u_gain` are standard uncertainties of zero and gain of a sensor that was
+    calibrated in place.
     """
 
     unit: str
@@ -61,7 +62,10 @@ class Restoring(msgspec.Struct, frozen=True):
 
 
 class Drivetrain(msgspec.Struct, frozen=True):
-    """Clutch, shaft, gear and fast shaft between drum and generator."""
+    """Clutch, shaft, gear and fast shaft between drum and generator.
+
+    `one_way_clutch` is None where the file does not say: the model then has one, and bins hold whole payouts.
+    """
 
     gear_ratio: Quantity | None = None
     eta_mesh: Quantity | None = None
@@ -69,7 +73,7 @@ class Drivetrain(msgspec.Struct, frozen=True):
     k_shaft: Quantity | None = None
     c_shaft: Quantity | None = None
     inertia_rotor: Quantity | None = None
-    one_way_clutch: bool = False
+    one_way_clutch: bool | None = None
 
 
 class Generator(msgspec.Struct, frozen=True):

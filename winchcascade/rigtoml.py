@@ -249,6 +249,11 @@ def _sensors(raw: dict[str, Any], where: str) -> dict[str, Sensor]:
         unit = find_unit(sensor.unit)
         if unit is None or unit.dimension != CHANNELS[name].dimension:
             raise RigError(f"{where}: {place} unit {sensor.unit!r} is none of {CHANNELS[name].dimension}.")
+        if unit.offset and (sensor.low is not None or sensor.high is not None):
+            raise RigError(
+                f"{where}: {place} unit {sensor.unit!r} does not count from the zero of the channel, as gauge pressure does; "
+                'give the range as gauge pressure, such as low = 0, high = 20, unit = "bar".'
+            )
         if sensor.low is not None and sensor.high is not None and sensor.low >= sensor.high:
             raise RigError(f"{where}: {place} low {sensor.low:g} is not below high {sensor.high:g}.")
         for key in ("resolution", "accuracy", "accuracy_full_scale", "accuracy_reading", "u_zero", "u_gain"):

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from winchcascade.blind.circuit import PEAK, bridge_step
 from winchcascade.blind.numbers import Fixed, Numbers
-from winchcascade.rig.bridge import bridge_currents, bridge_table
+from winchcascade.rig.bridge import bridge_state, bridge_table
 
 VOLTAGE, CURRENT = 0.003, 0.01
 """Largest differences: 0.3 % of Vdc, 1 % of the stator's rms current."""
@@ -61,11 +61,11 @@ def test_the_bridge_comes_to_rest_where_the_rigs_table_says(rpm: float, load: fl
     v_ll, reactance = n.k_e * rpm, f.pole_pairs * rpm * math.pi / 30.0 * n.l_s
 
     def excess(v_dc: float) -> float:
-        i_dc, _ = bridge_currents(v_dc + 2.0 * f.v_diode, v_ll, n.r_s, reactance, bridge_table())
+        i_dc, _ = bridge_state(v_dc + 2.0 * f.v_diode, v_ll, n.r_s, reactance, bridge_table())[:2]
         return i_dc - v_dc / load
 
     v_dc = float(brentq(excess, 0.1, 1.45 * v_ll))
-    _, i_s = bridge_currents(v_dc + 2.0 * f.v_diode, v_ll, n.r_s, reactance, bridge_table())
+    _, i_s = bridge_state(v_dc + 2.0 * f.v_diode, v_ll, n.r_s, reactance, bridge_table())[:2]
     found, current, _ = steady(n.k_e, n.r_s, n.l_s, n.c_dc, f.v_diode, rpm, load, STEP, settled(rpm, load, n.c_dc))
     assert found == pytest.approx(v_dc, rel=VOLTAGE)
     assert current == pytest.approx(i_s, rel=CURRENT)

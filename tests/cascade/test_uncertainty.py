@@ -14,9 +14,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from winchcascade.accuracy import error_sources
 from winchcascade.cascade.efficiency import METRICS
 from winchcascade.cascade.reduce import Reduction, reduce
-from winchcascade.cascade.uncertainty import Budget, budget, error_sources, shares
+from winchcascade.cascade.uncertainty import Budget, budget, shares
 from winchcascade.ingest.read import read_run
 from winchcascade.quantity import Quantity
 from winchcascade.rigfile import Rig, Sensor, WindowRule

@@ -12,7 +12,7 @@ import pytest
 
 from winchcascade import read_run
 from winchcascade.effects.catalogue import EFFECTS
-from winchcascade.rig.bridge import bridge_currents, bridge_table, bridge_turned
+from winchcascade.rig.bridge import bridge_state, bridge_table, bridge_turned
 from winchcascade.rig.kernel import SHAFT, Constants, constants, run_shaft
 from winchcascade.rig.model import Model, baseline
 from winchcascade.rig.motion import Motion, motion_of
@@ -98,7 +98,7 @@ def test_currents_follow_the_angle_of_the_impedance() -> None:
     for v_total in (20.0, 60.0, 110.0):
         for angle in (0.3, 0.7, 1.2):
             at = [
-                bridge_currents(v_total, 100.0, math.sin(angle + d), math.cos(angle + d), table) for d in (1e-6, -1e-6)
+                bridge_state(v_total, 100.0, math.sin(angle + d), math.cos(angle + d), table)[:2] for d in (1e-6, -1e-6)
             ]
             slopes = [(a - b) / 2e-6 for a, b in zip(*at, strict=True)]
             turned = bridge_turned(v_total, 100.0, math.sin(angle), math.cos(angle), table)

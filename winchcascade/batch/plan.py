@@ -23,7 +23,7 @@ from winchcascade.rigtoml import DEFAULT_RIG, load_rig
 if TYPE_CHECKING:
     from winchcascade.campaign import Campaign, CampaignRun
 
-LOGS = frozenset("csv tsv txt dat asc log lvm tdms mat parquet pq xlsx xls xlsm ods".split())
+LOGS = frozenset("csv tsv txt dat asc log lvm tdms mat parquet pq xlsx xls xlsm xlsb ods".split())
 """Endings of files that are taken for logs in a folder."""
 
 CYCLES = tuple[int, int]

@@ -43,7 +43,9 @@ def integrate_energies(run: Run, v_smooth: Signal, windows: Sequence[Window], ru
         joule = integrals(run.t, watts, spans)
         joules[stage] = joule.tolist()
         gaps = gaps_of(run, sources(run.channels, stage))
-        if len(gaps):
+        if len(gaps) and not (
+            stage == "gen" and run.open_circuit
+        ):  # no current flows, so that any of it is a large share
             bridged[stage] = tuple(_doubt(run, gaps, spans, joule, moved, stage, rig, faults).tolist())
     named = [Window(w.onset, w.cutoff, w.fault or faults.get(k)) for k, w in enumerate(windows)]
     return Energies(named, joules, bridged)

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Literal
 import msgspec
 import numpy as np
 
+from winchcascade.accuracy import Source
 from winchcascade.cascade.efficiency import METRICS, RATIOS, Metrics
 from winchcascade.cascade.uncertainty import (
     R_DRUM,
     Budget,
-    Source,
     Stage,
     budget,
     run_sources,
@@ -26,8 +26,8 @@ from winchcascade.cascade.uncertainty import (
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from winchcascade.accuracy import Part
     from winchcascade.cascade.reduce import Reduction
-    from winchcascade.cascade.uncertainty import Part
     from winchcascade.run import Signal
 
     Rows = NDArray[np.intp]

@@ -17,7 +17,7 @@ from winchcascade.cascade.repeatability import ensemble_mean, largest_deviation,
 from winchcascade.cascade.summary import PhaseSummary, summarise, travel_and_top
 from winchcascade.cascade.windows import find_windows
 from winchcascade.errors import LogError, OptionError
-from winchcascade.phases.detect import Cycle, detect, smoothed_velocity
+from winchcascade.phases.detect import Cycle, check_cycles, detect, smoothed_velocity
 from winchcascade.phases.window import Plateau, Window, find_plateau
 from winchcascade.rigfile import Rig
 from winchcascade.rigtoml import built_in
@@ -107,7 +107,7 @@ def reduce(
 
     Raises
     ------
-    OptionError : a window rule that is none, or cycles that the log does not have
+    OptionError : a window rule that is none, or cycles of which the log has none
 
     Examples
     --------
@@ -127,7 +127,7 @@ def reduce(
         lambda: _energies_and_bins(run, v_smooth, found, plateaus, windows, rule, rig),
         samples=run.samples,
     )
-    findings = _not_given(run, rig)
+    findings = [*_not_given(run, rig), *_too_few(cycles, first + len(found) - 1)]
     results = _results(run, found, first, summaries, energy, findings)
     complete = [r.metrics for r in results if r.complete]
     whole = sum(r.window.cutoff - r.window.onset for r in results if r.complete)
@@ -159,12 +159,17 @@ def _chosen(cycles: list[Cycle], chosen: tuple[int, int] | None, log: str) -> tu
     """Number of the first cycle that counts, and the cycles that do."""
     if chosen is None:
         return 1, cycles
+    check_cycles(chosen, cycles, log)
     first, last = chosen
-    if first > len(cycles):
-        raise OptionError(
-            f"{log}: cycles {first} to {last} are asked for, but it has {len(cycles)}; choose among those."
-        )
     return first, cycles[first - 1 : last]
+
+
+def _too_few(asked: tuple[int, int] | None, last: int) -> list[Finding]:
+    """A log that ends before the last cycle that is asked for."""
+    if asked is None or asked[1] <= last:
+        return []
+    message = f"the log ends with cycle {last}, and cycles {asked[0]} to {asked[1]} are asked for"
+    return [Finding("incomplete_cycle", message, f"cycles {asked[0]} to {last} count")]
 
 
 def _not_given(run: Run, rig: Rig) -> list[Finding]:

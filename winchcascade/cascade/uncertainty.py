@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
+from winchcascade.accuracy import Source, error_sources
 from winchcascade.cascade.efficiency import METRICS, NOTHING, RATIOS, Metrics
 from winchcascade.cascade.power import STAGES, sources
 from winchcascade.integrate import integrals
@@ -23,11 +24,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from winchcascade.cascade.reduce import Reduction
-    from winchcascade.rigfile import Rig, Sensor
+    from winchcascade.rigfile import Rig
     from winchcascade.run import Signal
-
-Part = Literal["zero", "gain"]
-Shape = Literal["rectangular", "normal"]
 
 R_DRUM = "r_drum"
 """Name of the drum radius among the sources: it has a tolerance where a rig file states one."""
@@ -41,24 +39,6 @@ NORMAL_REACH = 3.0
 
 GAIN_REACH = 0.9
 """A gain that may be off by this share of one tells nothing of what was read."""
-
-
-class Source(msgspec.Struct, frozen=True):
-    """One source of uncertainty, the same over a whole run: zero [SI unit of the channel] or gain [1] of what is read.
-
-    `u` is its standard uncertainty; `limit` the half width of a rectangular distribution, None for a normal one.
-    """
-
-    channel: str
-    part: Part
-    u: float
-    limit: float | None = None
-    origin: str = ""
-
-    @property
-    def shape(self) -> Shape:
-        """Distribution that the error is taken to have."""
-        return "normal" if self.limit is None else "rectangular"
 
 
 class Contribution(msgspec.Struct, frozen=True):
@@ -116,28 +96,6 @@ class Stage(msgspec.Struct, frozen=True):
     def energy(self) -> Signal:
         """Energies as reduced, (k,) [J]."""
         return self.scale * self.xy
-
-
-def error_sources(channel: str, sensor: Sensor) -> tuple[Source, ...]:
-    """Errors that a sensor's stated accuracy allows, in SI units; empty where none is stated.
-
-    Accuracies are limits of rectangular distributions. One in shares of the full scale (or absolute, with a known range)
-    is half zero and half gain; a share of the reading is gain alone; an absolute one without a range is zero alone.
-    Without any, standard uncertainties of a calibration in place count.
-
-    >>> from winchcascade.rigfile import Sensor
-    >>> [(s.part, s.limit) for s in error_sources("force", Sensor("N", high=20000.0, accuracy_full_scale=0.002))]
-    [('zero', 20.0), ('gain', 0.001)]
-    """
-    full_scale = max(abs(sensor.low or 0.0), abs(sensor.high or 0.0))
-    absolute = sensor.accuracy or 0.0
-    absolute += (sensor.accuracy_full_scale or 0.0) * full_scale
-    zero = 0.5 * absolute if full_scale > 0 else absolute
-    gain = (0.5 * absolute / full_scale if full_scale > 0 else 0.0) + (sensor.accuracy_reading or 0.0)
-    parts: tuple[tuple[Part, float, float | None], ...] = (("zero", zero, sensor.u_zero), ("gain", gain, sensor.u_gain))
-    if zero or gain:
-        return tuple(Source(channel, p, limit / math.sqrt(3.0), limit, sensor.source) for p, limit, _ in parts if limit)
-    return tuple(Source(channel, p, u, None, sensor.source) for p, _, u in parts if u)
 
 
 def stage_integrals(reduction: Reduction) -> dict[str, Stage]:

@@ -86,6 +86,13 @@ def _prediction_files(folder: Path | None, logs: Sequence[Path]) -> dict[str, Pa
     """Make a folder of predictions, and tell which files of it may be written."""
     if folder is None:
         return {}
+    by_name = {log.stem.casefold(): log for log in reversed(logs)}
+    for log in logs:
+        if log.resolve() != by_name[log.stem.casefold()].resolve():
+            raise OptionError(
+                f"--predictions {folder}: {by_name[log.stem.casefold()]} and {log} would be predicted in one file; give the logs "
+                "names of their own."
+            )
     found: dict[str, Path | None] = {}
     for side in ("before", "after"):
         try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from winchcascade.errors import OptionError
+from winchcascade.errors import CampaignError, OptionError
 
 if TYPE_CHECKING:
     from winchcascade.rigfile import Rig
@@ -31,7 +31,7 @@ def settings_of(log: Path, *, rig: str | None, load_ohm: float | None, window: s
 
     Raises
     ------
-    CampaignError : the campaign.toml in the log's folder cannot be used
+    CampaignError : the campaign.toml in the log's folder cannot be used, and the options leave something open
     RigError : the rig file cannot be used
     """
     from winchcascade.campaign import campaign_beside
@@ -39,7 +39,12 @@ def settings_of(log: Path, *, rig: str | None, load_ohm: float | None, window: s
 
     rule: str | float | None = window
     source, about, cycles = "--load-ohm", "", None
-    listed = campaign_beside(log) if None in (rig, load_ohm, window) else None
+    try:
+        listed = campaign_beside(log)
+    except CampaignError:
+        if None in (rig, load_ohm, window):
+            raise
+        listed = None
     if listed is not None:
         campaign, run = listed
         about, cycles = campaign.title, run.cycles

@@ -15,8 +15,9 @@ from winchcascade.diagnose.fit import Fit, fit_set
 from winchcascade.diagnose.rank import Found, search
 from winchcascade.diagnose.remainder import Alarm, alarms_of
 from winchcascade.diagnose.rules import HALF, NAMED, check_withheld
-from winchcascade.errors import OptionError
+from winchcascade.errors import LogError, OptionError
 from winchcascade.fit.campaign import Fitted
+from winchcascade.fit.predict import CHANNELS
 from winchcascade.gap.arises import arises
 from winchcascade.gap.compare import Place, compare, without_zeros
 from winchcascade.gap.locate import Where, locate
@@ -89,11 +90,13 @@ def diagnose(
     Raises
     ------
     CampaignError : fewer runs take part than a choice needs
+    LogError : no run has a channel that the model gives
     RigError : the rig file lacks numbers that the model needs
     """
     check_withheld(runs, withheld)
     tell("simulating the rig as given")
     data = Fitted(runs, rig, cycles, withheld)
+    _check_compared(data)
     found = search(data, suspects, tell)
     judged = _judge(data, suspects, found, withheld, seed, tell)
     predicted = data.predict(np.zeros(len(data.nuisances)), [])
@@ -117,6 +120,16 @@ def diagnose(
         fitted=data.predict(found.best.nu, found.best.effects(suspects)),
         sets=probabilities(found.fits, found.scale),
     )
+
+
+def _check_compared(data: Fitted) -> None:
+    """Refuse runs without a channel that the model gives: nothing would stand out, and that would be no finding."""
+    if not any(log.noise.seen.any() for k, log in enumerate(data.logs) if k not in data.withheld):
+        raise LogError(
+            f"{data.logs[0].run.name}: no log that takes part has {', '.join(CHANNELS[:-1])} or {CHANNELS[-1]} that the model "
+            "could be compared with; expected one of them at least beside the velocity. Name the columns in a rig file under "
+            "[columns]."
+        )
 
 
 class _Judged(msgspec.Struct, frozen=True):

@@ -12,9 +12,7 @@ import numpy as np
 from winchcascade.diagnose.fit import Fit
 from winchcascade.diagnose.suspects import Suspects, freedom
 from winchcascade.fit.blocks import PHASES, blocks_of
-from winchcascade.fit.nuisances import shifted
 from winchcascade.fit.predict import CHANNELS, Course
-from winchcascade.rig.model import baseline
 from winchcascade.run import Run
 from winchcascade.threads import all_at_once
 
@@ -25,7 +23,6 @@ if TYPE_CHECKING:
 
     from winchcascade.fit.campaign import Fitted
     from winchcascade.rig.model import Model
-    from winchcascade.rigfile import Rig
     from winchcascade.run import Signal
 
 SPEEDS = (0.5, 1.0, 1.3)
@@ -63,7 +60,7 @@ def plan(data: Fitted, suspects: Suspects, best: Fit, rival: Fit, separates: tup
     tried = list(dict.fromkeys([loads[0], loads[len(loads) // 2], loads[-1]]))
     options = [(load, share * speed) for load in tried for share in SPEEDS]
     scores = all_at_once([partial(_score, data, suspects, best, rival, load, v, length) for load, v in options])
-    z, (load, v) = max(((float(s[0]), o) for s, o in zip(scores, options, strict=True)), key=lambda pair: pair[0])
+    z, (load, v) = max(zip(scores, options, strict=True), key=lambda pair: pair[0])
     return Experiment(load, v, length, separates, z)
 
 
@@ -90,12 +87,12 @@ def _planned(load: float, speed: float, length: float, fs: float) -> Run:
     return Run(name="planned", t=t, channels={"velocity": velocity}, fs=fs, samples=t.size, load=load)
 
 
-def _score(data: Fitted, suspects: Suspects, best: Fit, rival: Fit, load: float, speed: float, length: float) -> Signal:
-    """Significance with which one planned cycle tells the fits apart, (1,). [sigma]"""
+def _score(data: Fitted, suspects: Suspects, best: Fit, rival: Fit, load: float, speed: float, length: float) -> float:
+    """Significance with which one planned cycle tells the fits apart. [sigma]"""
     run = _planned(load, speed, length, data.logs[0].run.fs)
     blocks = blocks_of(run, data.rig)
     course = Course(run, blocks)
-    one, other = (_model(data.rig, data, suspects, fit) for fit in (best, rival))
+    one, other = (data.model(fit.nu, fit.effects(suspects)) for fit in (best, rival))
     predicted = course.predict(other)
     sd = _noise(data, blocks.phase)
     z = ((course.predict(one) - predicted) / sd).ravel()
@@ -116,17 +113,7 @@ def _score(data: Fitted, suspects: Suspects, best: Fit, rival: Fit, load: float,
         prior[-len(own) :, -len(own) :] = rival.curve + np.diag((rival.high - rival.low) ** -2.0)
     pull = j.T @ z
     left = float(z @ z - pull @ np.linalg.solve(j.T @ j + prior, pull))
-    return np.array([math.sqrt(max(left, 0.0))])
-
-
-def _model(rig: Rig, data: Fitted, suspects: Suspects, fit: Fit) -> Model:
-    moves = {
-        (n.section, n.name): float(x) * n.sd for n, x in zip(data.nuisances, fit.nu, strict=True) if n.kind == "rig"
-    }
-    model = baseline(shifted(rig, moves))
-    for effect in fit.effects(suspects):
-        model = effect.bend(model)
-    return model
+    return math.sqrt(max(left, 0.0))
 
 
 def _moved(data: Fitted, suspects: Suspects, fit: Fit) -> Sequence[Model]:
@@ -136,7 +123,7 @@ def _moved(data: Fitted, suspects: Suspects, fit: Fit) -> Sequence[Model]:
         if n.kind == "rig":
             nu = fit.nu.copy()
             nu[k] += 1.0
-            models.append(_model(data.rig, data, suspects, msgspec.structs.replace(fit, nu=nu)))
+            models.append(data.model(nu, fit.effects(suspects)))
     return models
 
 
@@ -151,7 +138,8 @@ def _fields_moved(data: Fitted, suspects: Suspects, fit: Fit) -> Sequence[tuple[
             x = values.copy()
             x[k] += step
             changed = (*fit.values[:i], x, *fit.values[i + 1 :])
-            moved.append((_model(data.rig, data, suspects, msgspec.structs.replace(fit, values=changed)), step))
+            one = msgspec.structs.replace(fit, values=changed)
+            moved.append((data.model(one.nu, one.effects(suspects)), step))
     return moved
 
 

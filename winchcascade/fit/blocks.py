@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.phases.detect import detect, smoothed_velocity
+from winchcascade.phases.detect import check_cycles, detect, smoothed_velocity
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -73,10 +73,16 @@ def blocks_of(run: Run, rig: Rig, cycles: tuple[int, int] | None = None) -> Bloc
     Parameters
     ----------
     cycles : first and last cycle that count, both included, numbered by payout; all by default
+
+    Raises
+    ------
+    OptionError : the log has none of the cycles that count
     """
-    v = smoothed_velocity(run, rig.thresholds)
+    found = detect(run, smoothed_velocity(run, rig.thresholds), rig.thresholds)
+    if cycles is not None:
+        check_cycles(cycles, found, run.name)
     rows: list[tuple[int, int, int, int, bool]] = []
-    for begin, end, phase, cycle in _stretches(run, detect(run, v, rig.thresholds)):
+    for begin, end, phase, cycle in _stretches(run, found):
         if cycles is not None and not cycles[0] <= max(cycle, 1) <= cycles[1]:
             continue
         rows += _cut(run, begin, end, phase, cycle)

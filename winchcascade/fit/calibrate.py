@@ -9,13 +9,12 @@ import msgspec
 import numpy as np
 
 from winchcascade.errors import LogError, RigError
+from winchcascade.fit.back_emf import back_emf_of
 from winchcascade.fit.campaign import Fitted
-from winchcascade.fit.nuisances import nuisances, sensor_errors, shifted
 from winchcascade.fit.predict import CHANNELS
 from winchcascade.fit.solve import huber, quadratic, weights
 from winchcascade.quantity import Quantity, find_unit, si_unit
-from winchcascade.rig.backemf import RPM_LEAST, BackEmf, back_emf
-from winchcascade.rig.model import baseline
+from winchcascade.rig.backemf import COVERED, RPM_LEAST, BackEmf
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -35,9 +34,6 @@ TIED = ("drivetrain", "eta_mesh")
 
 MESH_TOLERANCE = 0.01
 """Standard uncertainty of a mesh efficiency for which the rig file gives none. [1]"""
-
-COVERED = 1.96
-"""Standard uncertainties on either side of a 95 % interval."""
 
 TOLD_APART = 0.5
 """A number whose uncertainty stays above this share of what was known before says nothing new."""
@@ -80,7 +76,8 @@ class Calibration(msgspec.Struct, frozen=True):
     """What an open-circuit log says of a rig: its numbers, the regression of the back-EMF, and what is held together.
 
     `misfit` is the mean square of what force, torque and pressure leave, in units of their noise: about 1 where damper and
-    screw are all that had to be found [1]. `strained` are the tolerances that the fit does not keep.
+    screw are all that had to be found [1]. `strained` are the tolerances that the fit does not keep. `settled` tells that
+    the fit came to rest; its numbers are no result otherwise.
     """
 
     run: Run
@@ -90,6 +87,7 @@ class Calibration(msgspec.Struct, frozen=True):
     together: tuple[str, ...]
     misfit: float
     strained: tuple[Strain, ...]
+    settled: bool = True
 
 
 def calibrate(
@@ -112,10 +110,10 @@ def calibrate(
     """
     _require_open_circuit(run)
     freed = _freed(rig)
-    regression = _regression(run, freed, payouts)
+    regression = back_emf_of(run, freed, payouts)
     k_e = _back_emf_constant(rig, regression)
     data = Fitted([run], _with_number(freed, k_e), [cycles])
-    value, covariance, misfit = _posterior(data)
+    value, covariance, misfit, settled = _posterior(data)
     at = [k for k, n in enumerate(data.nuisances) if (n.section, n.name) in (*FREED, TIED)]
     numbers = (k_e, *(_fitted(rig, data, k, value, covariance) for k in at))
     together = (*_with_the_gain(regression), *_together(data, covariance, at))
@@ -124,7 +122,7 @@ def calibrate(
         for k, (n, x) in enumerate(zip(data.nuisances, value, strict=True))
         if abs(x) > STRAINED and k not in at
     )
-    return Calibration(run, rig, numbers, regression, together, misfit, strained)
+    return Calibration(run, rig, numbers, regression, together, misfit, strained, settled)
 
 
 def _require_open_circuit(run: Run) -> None:
@@ -140,24 +138,6 @@ def _require_open_circuit(run: Run) -> None:
         )
     if "force" not in run.channels:
         raise LogError(f"{run.name}: no line force, which damper and screw friction are found from; log it.")
-
-
-def _regression(run: Run, rig: Rig, payouts: Sequence[tuple[float, float]]) -> BackEmf:
-    """The regression of the back-EMF, its uncertainties with what the rig file leaves open of machine and DC link.
-
-    The capacitor above all: on a ramp it takes a current whose drop in the bridge looks like a lag of Vdc.
-    """
-    gain, _ = sensor_errors(rig.sensors.get("vdc"))
-    found = back_emf(run, baseline(rig), payouts, u_gain=gain)
-    k_e = lag = 0.0
-    for n in nuisances(rig, [run]):
-        if n.kind == "rig" and n.section in ("generator", "dc_link") and n.name != "k_e":
-            moved = back_emf(run, baseline(shifted(rig, {(n.section, n.name): n.sd})), payouts)
-            k_e, lag = math.hypot(k_e, moved.k_e - found.k_e), math.hypot(lag, moved.lag - found.lag)
-    u = math.hypot(found.u_fit, found.u_sensor, k_e)
-    return msgspec.structs.replace(
-        found, low=found.k_e - COVERED * u, high=found.k_e + COVERED * u, u_lag=math.hypot(found.u_lag, lag)
-    )
 
 
 def _back_emf_constant(rig: Rig, regression: BackEmf) -> Number:
@@ -233,12 +213,14 @@ def _with_tolerance(rig: Rig, section: str, name: str, tolerance: float) -> Rig:
     return msgspec.structs.replace(rig, **{section: msgspec.structs.replace(part, **{name: wide})})
 
 
-def _posterior(data: Fitted) -> tuple[Signal, Signal, float]:
-    """Nuisances in units of their prior width, (n,), their covariance, and the misfit, from the channels before the machine."""
+def _posterior(data: Fitted) -> tuple[Signal, Signal, float, bool]:
+    """Nuisances in units of their prior width, (n,), their covariance, the misfit, and whether the fit came to rest; from the
+    channels before the machine.
+    """
     seen = np.ones((data.measured.shape[0], len(CHANNELS)))
     seen[:, [CHANNELS.index("vdc"), CHANNELS.index("idc")]] = 0.0
     nu = np.zeros(len(data.nuisances))
-    q = None
+    settled = False
     for _ in range(ROUNDS):
         at = data.predict(nu, [])
         z = data.whiten((data.measured - at) * seen)
@@ -246,11 +228,11 @@ def _posterior(data: Fitted) -> tuple[Signal, Signal, float]:
         columns[:, [n.kind == "law" for n in data.nuisances]] = 0.0  # the rig as its file has it, without dry friction
         q = quadratic(z, weights(z), columns, np.zeros((z.size, 0)), nu)
         nu = nu + q.own
-        if float(np.max(np.abs(q.own))) < SETTLED:
+        settled = float(np.max(np.abs(q.own))) < SETTLED
+        if settled:
             break
-    assert q is not None
     misfit = 2.0 * huber(z) / max(int(np.count_nonzero(z)), 1)
-    return nu, np.asarray(max(misfit, 1.0) * np.linalg.inv(q.inner), dtype=np.float64), misfit
+    return nu, np.asarray(max(misfit, 1.0) * np.linalg.inv(q.inner), dtype=np.float64), misfit, settled
 
 
 SETTLED = 1e-3

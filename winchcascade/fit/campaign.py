@@ -87,8 +87,11 @@ class Fitted:
         self.whitener = np.concatenate([log.whitener * (k not in withheld) for k, log in enumerate(self.logs)])
         self.joined = np.concatenate([log.course.blocks.joined for log in self.logs])
 
-    def models(self, nu: Signal, effects: Sequence[Bend]) -> list[Model]:
-        """The model of each log: the rig's numbers moved by nuisances in units of their tolerance, then bent by effects."""
+    def model(self, nu: Signal, effects: Sequence[Bend]) -> Model:
+        """The rig's model: its numbers and laws moved by nuisances in units of their tolerance, then bent by effects.
+
+        Loads and gains are as they are stated.
+        """
         moves = {
             (n.section, n.name): x * n.sd for n, x in zip(self.nuisances, nu, strict=True) if n.kind == "rig" and x
         }
@@ -98,11 +101,15 @@ class Fitted:
                 model = _with_law(model, n.section, n.name, x * n.sd)
         for effect in effects:
             model = effect.bend(model)
-        model = possible(model)
-        gains = {n.name: x * n.sd for n, x in zip(self.nuisances, nu, strict=True) if n.kind == "gain"}
+        return possible(model)
+
+    def models(self, nu: Signal, effects: Sequence[Bend]) -> list[Model]:
+        """The model of each log: that of the rig, gains and the log's load moved by nuisances too."""
+        model = self.model(nu, effects)
         sensors = model.sensors
-        for name, gain in gains.items():
-            sensors = sensors.with_gain(name, gain)
+        for n, x in zip(self.nuisances, nu, strict=True):
+            if n.kind == "gain":
+                sensors = sensors.with_gain(n.name, x * n.sd)
         model = msgspec.structs.replace(model, sensors=sensors)
         loads = {n.load: x * n.sd for n, x in zip(self.nuisances, nu, strict=True) if n.kind == "load"}
         return [_with_load(model, loads.get(log.load, 0.0)) for log in self.logs]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import msgspec
 
+from winchcascade.accuracy import error_sources
 from winchcascade.fit.predict import CHANNELS
 from winchcascade.quantity import Quantity
 
@@ -103,15 +104,15 @@ def nuisances(rig: Rig, runs: Sequence[Run]) -> tuple[Nuisance, ...]:
 def sensor_errors(sensor: Sensor | None) -> tuple[float, float]:
     """Standard uncertainties of a sensor's gain [1] and zero [SI unit of its channel].
 
-    As calibrated in place where the rig file says so; else from the maker's limits, taken as the half width of a rectangle.
+    As calibrated in place where the rig file says so; else from the maker's limits, as a reduction takes them.
     """
     if sensor is None:
         return 0.0, 0.0
-    limit = (sensor.accuracy or 0.0) + (sensor.accuracy_full_scale or 0.0) * (sensor.high or 0.0)
+    if sensor.u_gain is None and sensor.u_zero is None:
+        stated = {source.part: source.u for source in error_sources("", sensor)}
+        return stated.get("gain", 0.0), stated.get("zero", 0.0)
     gain = sensor.u_gain if sensor.u_gain is not None else (sensor.accuracy_reading or 0.0) / math.sqrt(3.0)
-    calibrated = sensor.u_gain is not None or sensor.u_zero is not None
-    zero = sensor.u_zero if sensor.u_zero is not None else 0.0 if calibrated else limit / math.sqrt(3.0)
-    return gain, zero
+    return gain, sensor.u_zero or 0.0
 
 
 def shifted(rig: Rig, by: Mapping[tuple[str, str], float]) -> Rig:

@@ -41,7 +41,6 @@ class Kept(msgspec.Struct, frozen=True):
     idc: Signal
     i_s: Signal
     i_bridge: Signal
-    omega: Signal
 
 
 class Course:
@@ -166,7 +165,7 @@ class Course:
 _SHAFT_FROM = 14
 """Numbers of `Constants` from here on concern the shaft; `test_predict` holds it."""
 
-_KEPT = ("clutch", "vdc", "idc", "i_s", "i_bridge", "omega_gen")
+_KEPT = ("clutch", "vdc", "idc", "i_s", "i_bridge")
 
 ELECTRICAL = CHANNELS.index("vdc")
 """Channels from here on are electrical: their lag is common."""

@@ -51,8 +51,8 @@ def zero_of(log: Log, residual: Signal, u_zero: Signal) -> Signal:
     residual : (m, 5) measured minus predicted blocks, no zero taken off
     u_zero : (5,) standard uncertainty of each zero, 0 where a sensor has none
     """
-    weight = np.where(log.noise.seen, 1.0 / log.noise.total**2, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
+        weight = np.where(log.noise.seen, 1.0 / log.noise.total**2, 0.0)
         prior = np.where(u_zero > 0.0, 1.0 / u_zero**2, np.inf)
         mean = np.sum(weight * residual, axis=0) / (np.sum(weight, axis=0) + prior)
     zero: Signal = np.clip(np.nan_to_num(mean), -ZERO_REACH * u_zero, ZERO_REACH * u_zero)

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from functools import partial
 from itertools import islice
 from pathlib import Path
+from threading import Lock
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -84,9 +85,19 @@ def _told(path: Path) -> Iterator[None]:
         ) from fault
 
 
+_TERMINAL = Lock()
+"""Held while the standard error output of the whole process is put aside: a second thread would put its own back for good."""
+
+
 @contextmanager
 def _quiet() -> Iterator[None]:
     """Keep from the terminal what the Rust reader writes there, past Python, when it panics: `_told` says it in a sentence."""
+    with _TERMINAL, _put_aside():
+        yield
+
+
+@contextmanager
+def _put_aside() -> Iterator[None]:
     try:
         terminal = os.dup(2)
     except OSError:  # closed by the caller

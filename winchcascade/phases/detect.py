@@ -13,11 +13,14 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from winchcascade.errors import OptionError
 from winchcascade.integrate import running
 from winchcascade.run import CLOCK
 from winchcascade.smooth import local_quadratic
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from winchcascade.rigfile import Thresholds
@@ -80,6 +83,15 @@ def detect(run: Run, v_smooth: Signal, thresholds: Thresholds) -> list[Cycle]:
             after = legs[k + 1] if k + 1 < len(legs) else None
             cycles.append(_cycle(run.t, v_smooth, runs, (a, b), after, thresholds))
     return _with_holds(cycles, float(run.t[-1]))
+
+
+def check_cycles(asked: tuple[int, int], cycles: Sequence[Cycle], log: str) -> None:
+    """Refuse to count a first and a last cycle of which a log has none; OptionError tells what it has."""
+    first, last = asked
+    if not 1 <= first <= min(last, len(cycles)):
+        raise OptionError(
+            f"{log}: cycles {first} to {last} are asked for, but it has {len(cycles)}; choose among those."
+        )
 
 
 def long_gaps(run: Run, longest: float) -> Signal:

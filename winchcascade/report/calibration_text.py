@@ -51,7 +51,7 @@ def calibration_text(calibration: Calibration, written: Path | None = None) -> s
     lines += [*wrapped(_regression(calibration)), *wrapped(_eq8(regression, calibration))]
     lines += wrapped(f"cannot be told apart here: {'; '.join(calibration.together) or 'nothing'}")
     lines += wrapped(f"against rig {one_line(calibration.rig.name)}: {_comparison(calibration)}")
-    findings = [*_lag(regression), *_misfit(calibration)]
+    findings = [*_lag(regression), *_misfit(calibration), *_unsettled(calibration)]
     lines.append(f"findings: {len(findings) or 'none'}")
     for finding in findings:
         lines += wrapped(finding, indent="  ")
@@ -98,6 +98,7 @@ def calibration_record(calibration: Calibration) -> dict[str, Any]:
         },
         "together": list(calibration.together),
         "misfit": calibration.misfit,
+        "settled": calibration.settled,
         "strained": [{"name": s.name, "tolerances": s.by} for s in calibration.strained],
     }
 
@@ -174,6 +175,13 @@ def _lag(r: BackEmf) -> list[str]:
         return []
     when = "late" if r.lag > 0 else "early"
     return [f"lag: Vdc is recorded {1e3 * abs(r.lag):.0f} ms {when} (95 % within {1e3 * BEYOND * r.u_lag:.0f} ms)"]
+
+
+def _unsettled(calibration: Calibration) -> list[str]:
+    if calibration.settled:
+        return []
+    names = _and([n.name for n in calibration.numbers if n.new and n.name != "k_e"] or ["other numbers than k_e"])
+    return [f"fit: it did not come to rest, so {names} are no result; a log with more payouts tells more"]
 
 
 def _misfit(calibration: Calibration) -> list[str]:

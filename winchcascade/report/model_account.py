@@ -122,12 +122,11 @@ def sweep_of(comparison: Comparison) -> Sweep | None:
 
 def regression_of(comparison: Comparison) -> Regression | None:
     """Fit the back-EMF constant of an open circuit above 1000 rpm (Fig. 12); None where the log does not carry it."""
-    from winchcascade.rig.backemf import back_emf
+    from winchcascade.fit.back_emf import back_emf_of
 
-    model, sensor = comparison.simulation.model, comparison.rig.sensors.get("vdc")
-    payouts = before_braking(comparison.cycles)
+    model = comparison.simulation.model
     try:
-        fit = back_emf(comparison.run, model, payouts, u_gain=(sensor and sensor.u_gain) or 0.0)
+        fit = back_emf_of(comparison.run, comparison.rig, before_braking(comparison.cycles))
     except LogError:
         return None
     even = np.linspace(0, fit.rpm.size - 1, min(fit.rpm.size, MOST_POINTS)).round().astype(np.intp)

@@ -8,7 +8,8 @@ from winchcascade.cascade.efficiency import METRICS
 from winchcascade.cascade.uncertainty import R_DRUM, shares
 
 if TYPE_CHECKING:
-    from winchcascade.cascade.uncertainty import Budget, Source
+    from winchcascade.accuracy import Source
+    from winchcascade.cascade.uncertainty import Budget
 
 SENSORS = {
     "force": "force cell",

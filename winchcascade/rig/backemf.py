@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
-from numba import njit
 
 from winchcascade.errors import LogError
-from winchcascade.rig.bridge import bridge_currents, bridge_table
+from winchcascade.rig.bridge import bridge_table
+from winchcascade.rig.bridge_inverse import back_emfs
 from winchcascade.rig.motion import SAMPLES
 from winchcascade.smooth import local_quadratic
 
@@ -25,6 +25,9 @@ RPM_LEAST = 1000.0
 
 BLOCK = 0.44
 """Samples closer together than this share their error: noise of the smoothed velocity, ringing, gusts. [s]"""
+
+COVERED = 1.96
+"""Standard uncertainties on either side of a 95 % interval."""
 
 LEAST = 25
 """Fewer samples carry no regression."""
@@ -88,8 +91,8 @@ def back_emf(run: Run, model: Model, payouts: Sequence[tuple[float, float]], *, 
     u = math.hypot(u_fit, slope * u_gain)
     return BackEmf(
         k_e=slope,
-        low=slope - 1.96 * u,
-        high=slope + 1.96 * u,
+        low=slope - COVERED * u,
+        high=slope + COVERED * u,
         r2=r2,
         u_fit=u_fit,
         u_sensor=slope * u_gain,
@@ -116,23 +119,8 @@ def _emf_asked(vdc: Signal, current: Signal, rpm: Signal, model: Model) -> Signa
     machine = model.generator
     reactance = machine.pole_pairs * np.maximum(rpm, 1.0) * math.pi / 30.0 * machine.l_s
     total = np.maximum(vdc, 0.0) + 2.0 * machine.v_diode
-    return _solve_emf(total, np.maximum(current, 0.0), machine.r_s, reactance, bridge_table())
-
-
-@njit(cache=True)
-def _solve_emf(v_total: Signal, i_dc: Signal, r_s: float, reactance: Signal, table: Signal) -> Signal:
-    """Back-EMF that gives each DC current, by bisection: more back-EMF, more current."""
-    found = np.empty_like(v_total)
-    for n in range(v_total.size):
-        low, high = v_total[n] / math.sqrt(2.0), 3.0 * v_total[n] + 10.0 * i_dc[n] * (r_s + reactance[n])
-        for _ in range(50):
-            middle = 0.5 * (low + high)
-            if bridge_currents(v_total[n], middle, r_s, reactance[n], table)[0] < i_dc[n]:
-                low = middle
-            else:
-                high = middle
-        found[n] = 0.5 * (low + high)
-    return found
+    v_ll, _ = back_emfs(total, np.maximum(current, 0.0), machine.r_s, reactance, bridge_table())
+    return v_ll
 
 
 def _through_zero(t: Signal, rpm: Signal, slope: Signal, v_ll: Signal) -> tuple[float, float, float, float, float]:

@@ -118,10 +118,3 @@ def bridge_turned(v_total: float, v_ll: float, r_s: float, reactance: float, tab
         by_s += across[a] * row_s
     scale = v_ll / math.hypot(r_s, reactance) * columns / (PHI_HIGH - PHI_LOW)
     return by_dc * scale, by_s * scale
-
-
-@njit(cache=True, error_model="numpy")
-def bridge_currents(v_total: float, v_ll: float, r_s: float, reactance: float, table: Signal) -> tuple[float, float]:
-    """Mean DC current and stator rms current alone, as `bridge_state` gives them. [A]"""
-    i_dc, i_s, _, _ = bridge_state(v_total, v_ll, r_s, reactance, table)
-    return i_dc, i_s

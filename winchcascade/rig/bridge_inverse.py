@@ -63,25 +63,25 @@ def dc_voltages(v_ll: Signal, i_dc: Signal, r_s: float, reactance: Signal, table
 
 
 @njit(cache=True, error_model="numpy")
-def stator_currents(v_total: Signal, i_dc: Signal, r_s: float, reactance: Signal, table: Signal) -> Signal:
-    """Stator current, rms, of a bridge that carries a current into a voltage, (n,) [A].
+def back_emfs(v_total: Signal, i_dc: Signal, r_s: float, reactance: Signal, table: Signal) -> tuple[Signal, Signal]:
+    """Back-EMF at which a bridge carries a current into a voltage, line to line, rms, and the stator current, (n,) [V, A].
 
     Parameters
     ----------
     v_total : (n,) voltage of the DC link and of the two conducting diodes [V]
-    i_dc : (n,) mean current of the bridge; none takes none of the stator [A]
+    i_dc : (n,) mean current of the bridge; none takes none of the stator, and a back-EMF whose peak is the voltage [A]
     r_s, reactance, table : as in `dc_voltages`
     """
-    found = np.zeros_like(v_total)
+    v_ll, i_s = v_total / _SQRT2, np.zeros_like(v_total)
     ratio = 1.0
     for n in range(v_total.size):
         if i_dc[n] <= 0.0:
             continue
-        least = v_total[n] / _SQRT2
+        least = v_ll[n]
         low, high = least, 3.0 * v_total[n] + 10.0 * i_dc[n] * (r_s + reactance[n])
         now = min(max(ratio * v_total[n], low), high)
         for _ in range(MOST_STEPS):
-            i_b, found[n], by_v, _ = bridge_state(v_total[n], now, r_s, reactance[n], table)
+            i_b, i_s[n], by_v, _ = bridge_state(v_total[n], now, r_s, reactance[n], table)
             if i_b < i_dc[n]:
                 low = now
             else:
@@ -93,6 +93,7 @@ def stator_currents(v_total: Signal, i_dc: Signal, r_s: float, reactance: Signal
             step, now = abs(after - now), after
             if step < CLOSE * now:
                 break
+        v_ll[n] = now
         if v_total[n] > 0.0:
             ratio = now / v_total[n]
-    return found
+    return v_ll, i_s

@@ -35,7 +35,7 @@ def baseline(rig: Rig) -> Model:
 
     Raises
     ------
-    RigError : the rig file lacks numbers that a part needs, all of them named
+    RigError : the rig file lacks numbers that a part needs, all of them named, or the rig has no one-way clutch
     """
     missing: list[str] = []
 
@@ -78,6 +78,11 @@ def baseline(rig: Rig) -> Model:
         raise RigError(
             f"rig {rig.name}: no model can be made, as it lacks {', '.join(missing)}; add them to the rig file "
             "(`winchcascade rig hsu2026` shows how)."
+        )
+    if rig.drivetrain.one_way_clutch is False:
+        raise RigError(
+            f"rig {rig.name}: no model can be made, as one_way_clutch under [drivetrain] is false, and the generator of the "
+            "model is driven in payout alone."
         )
     return model
 

@@ -17,7 +17,7 @@ from winchcascade.errors import LogError
 from winchcascade.order import median
 from winchcascade.rig.backemf import RPM_LEAST
 from winchcascade.rig.bridge import bridge_table
-from winchcascade.rig.bridge_inverse import dc_voltages, stator_currents
+from winchcascade.rig.bridge_inverse import back_emfs, dc_voltages
 from winchcascade.rig.generator import NO_ROLLOFF, ROLLOFF_KNOTS
 from winchcascade.rig.kernel import LINE, REST, TURN, constants, run_line
 from winchcascade.rig.motion import SAMPLES
@@ -212,7 +212,7 @@ def _torque_of_shaft(model: Model, drive: _Drive) -> Signal:
     omega = drive.rpm[known] * math.pi / 30.0
     v_total, current = drive.seen["vdc"][known] + 2.0 * machine.v_diode, np.maximum(drive.i_bridge[known], 0.0)
     reactance = machine.pole_pairs * np.maximum(omega, 1.0) * machine.l_s
-    i_s = stator_currents(np.maximum(v_total, 0.0), current, machine.r_s, reactance, bridge_table())
+    _, i_s = back_emfs(np.maximum(v_total, 0.0), current, machine.r_s, reactance, bridge_table())
     torque_em = (v_total * current + 3.0 * machine.r_s * i_s**2) / np.maximum(omega, 1.0)
     drag = shaft.b_rotor * omega + shaft.windage * omega * np.abs(omega) + shaft.friction * np.tanh(omega / TURN)
     speeding = shaft.inertia_rotor * course.a[known] / model.winch.r_drum * shaft.gear
