@@ -88,10 +88,10 @@ def _prediction_files(folder: Path | None, logs: Sequence[Path]) -> dict[str, Pa
         return {}
     by_name = {log.stem.casefold(): log for log in reversed(logs)}
     for log in logs:
-        if log.resolve() != by_name[log.stem.casefold()].resolve():
+        first = by_name[log.stem.casefold()]
+        if log.resolve() != first.resolve():
             raise OptionError(
-                f"--predictions {folder}: {by_name[log.stem.casefold()]} and {log} would be predicted in one file; give the logs "
-                "names of their own."
+                f"--predictions {folder}: {first} and {log} would be predicted in one file; give the logs names of their own."
             )
     found: dict[str, Path | None] = {}
     for side in ("before", "after"):

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.fit.blocks import PHASES
-from winchcascade.fit.noise import white_noise
+from winchcascade.fit.noise import restless, white_noise
 from winchcascade.fit.predict import CHANNELS, Course
 
 if TYPE_CHECKING:
@@ -23,6 +23,10 @@ model is right it stays below 1.7, and below 2.4 behind a large lag, as the bloc
 
 RESTLESS = 2.2
 """Scatter within blocks over what noise alone explains, beyond which something moves that the model does not know."""
+
+UNSTEADY = 6.0
+"""Scatter of the blocks about a smooth course over what noise alone explains, the median of the logs, beyond which something
+comes and goes that the model does not know: an eccentric drum, teeth. Ringing, gusts and a model that is right stay below 3."""
 
 PULLED = 5.0
 """A nuisance pulled beyond this many of its tolerances is none."""
@@ -39,7 +43,9 @@ class Alarm(msgspec.Struct, frozen=True):
 
 def alarms_of(data: Fitted, suspects: Suspects, fit: Fit) -> tuple[Alarm, ...]:
     """Every sign that a fit leaves more than noise, worst first."""
-    found = [*_rough(data, fit), *_restless(data, suspects, fit), *_pulled(data, fit)]
+    found = [
+        *_rough(data, fit), *_restless(data, suspects, fit), *_unsteady(data, suspects, fit), *_pulled(data, fit)
+    ]  # fmt: skip
     return tuple(sorted(found, key=lambda alarm: -alarm.size / alarm.limit))
 
 
@@ -109,6 +115,35 @@ def _restless(data: Fitted, suspects: Suspects, fit: Fit) -> list[Alarm]:
         Alarm("scatter", f"{channel} within blocks of payout", ratio, RESTLESS)
         for channel, ratio in scatter(data, suspects, fit).items()
         if ratio > RESTLESS
+    ]
+
+
+def unsteadiness(data: Fitted, suspects: Suspects, fit: Fit) -> dict[tuple[str, str], float]:
+    """Scatter of blocks about a smooth course over what noise explains, the median of the logs, by channel and phase.
+
+    The noise that a fit reckons with holds whatever scatters from block to block, so that no z tells of it.
+    """
+    residual = data.measured - data.predict(fit.nu, fit.effects(suspects))
+    tables = [
+        restless(log.noise, log.course.blocks, residual[rows])
+        for number, (log, rows) in enumerate(zip(data.logs, data.rows, strict=True))
+        if number not in data.withheld
+    ]
+    found, expected = np.moveaxis(np.array(tables), -1, 0)
+    ratio = np.divide(found, expected, out=np.full_like(found, np.nan), where=expected > 0.0)
+    return {
+        (channel, name): float(np.nanmedian(ratio[:, p, k]))
+        for p, name in enumerate(PHASES)
+        for k, channel in enumerate(CHANNELS)
+        if np.isfinite(ratio[:, p, k]).any()
+    }
+
+
+def _unsteady(data: Fitted, suspects: Suspects, fit: Fit) -> list[Alarm]:
+    return [
+        Alarm("ripple", f"{channel} during {phase.replace('_', '-')}", ratio, UNSTEADY)
+        for (channel, phase), ratio in unsteadiness(data, suspects, fit).items()
+        if ratio > UNSTEADY
     ]
 
 

@@ -47,12 +47,13 @@ class Noise(msgspec.Struct, frozen=True):
     """Noise of the blocks of one log.
 
     `seen` (m, 5) tells where a channel says anything of the model; `own` (m, 5) is the standard deviation of a block's mean
-    that each channel has for itself, `drive` (m, 5) the one that all share through the velocity's noise. SI units,
-    columns of `predict.CHANNELS`.
+    that each channel has for itself, `bare` (m, 5) the part of it that is the sensor's white noise, `drive` (m, 5) the one
+    that all share through the velocity's noise. SI units, columns of `predict.CHANNELS`.
     """
 
     seen: NDArray[np.bool_]
     own: Signal
+    bare: Signal
     drive: Signal
 
     @property
@@ -102,9 +103,11 @@ def noise_of(course: Course, model: Model, predicted: Signal) -> Noise:
     slope[fast] = (moved - predicted)[fast] / (GAIN_STEP * speed[fast, None])
     white = np.array([white_noise(run.channels[name]) if name in run.channels else 0.0 for name in CHANNELS])
     least = NOISELESS * np.max(np.abs(predicted), axis=0) if run.simulated else 0.0
+    bare = np.maximum(white / np.sqrt(blocks.count)[:, None], least)
     return Noise(
         seen=_seen(course, model, speed),
-        own=np.maximum(white / np.sqrt(blocks.count)[:, None], least),
+        own=bare,
+        bare=bare,
         drive=slope * velocity_noise(run, blocks),
     )
 
@@ -135,26 +138,35 @@ def _seen(course: Course, model: Model, speed: Signal) -> NDArray[np.bool_]:
 def with_extra(noise: Noise, blocks: Blocks, residual: Signal) -> Noise:
     """Add what else scatters from block to block: ringing, gusts, what no sensor's own noise tells.
 
-    The size is that of the residual's second differences, by the median, phase by phase: a smooth gap leaves none, and a
-    step leaves few.
-
     Parameters
     ----------
     residual : (m, 5) measured minus predicted blocks
     """
     own = noise.own.copy()
+    for phase, here in enumerate(restless(noise, blocks, residual)):
+        for k, (found, expected) in enumerate(here):
+            if found > expected:
+                rows = blocks.phase == phase
+                own[rows, k] = np.sqrt(own[rows, k] ** 2 + found**2 - expected**2)
+    return msgspec.structs.replace(noise, own=own)
+
+
+def restless(noise: Noise, blocks: Blocks, residual: Signal) -> Signal:
+    """Standard deviations of a residual's blocks about a smooth course, as found and as the noise of sensors and velocity
+    makes them, by phase and channel, (3, 5, 2) in the channels' units; NaN where there are too few blocks.
+
+    From second differences, by the median: a smooth gap leaves none, and a step leaves few.
+    """
+    expected = np.hypot(noise.bare, noise.drive)
     second = np.zeros(blocks.size, dtype=bool)
     second[2:] = blocks.joined[2:] & blocks.joined[1:-1]
+    table = np.full((len(PHASES), len(CHANNELS), 2), np.nan)
     for phase in range(len(PHASES)):
-        here = blocks.phase == phase
         for k in range(len(CHANNELS)):
-            middle = np.flatnonzero(second & here & noise.seen[:, k]) - 1
+            middle = np.flatnonzero(second & (blocks.phase == phase) & noise.seen[:, k]) - 1
             middle = middle[noise.seen[middle - 1, k] & noise.seen[middle, k]]
-            if middle.size < LEAST:
-                continue
-            r = residual[:, k]
-            ratio = np.abs(r[middle - 1] - 2.0 * r[middle] + r[middle + 1]) / np.sqrt(6.0)
-            found = GAUSS * median(ratio)
-            expected = float(np.median(noise.total[middle, k]))
-            own[here, k] = np.sqrt(own[here, k] ** 2 + max(found**2 - expected**2, 0.0))
-    return msgspec.structs.replace(noise, own=own)
+            if middle.size >= LEAST:
+                r = residual[:, k]
+                ratio = np.abs(r[middle - 1] - 2.0 * r[middle] + r[middle + 1]) / np.sqrt(6.0)
+                table[phase, k] = GAUSS * median(ratio), np.median(expected[middle, k])
+    return table

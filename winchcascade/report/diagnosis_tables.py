@@ -42,6 +42,7 @@ MOST_PLACES, MOST_NUISANCES = 12, 10
 SIGNS = {
     "structure": "left, over the noise",
     "scatter": "scatter, over the noise",
+    "ripple": "from mean to mean, over the noise",
     "nuisance": "moved, in uncertainties",
 }
 """Kinds of alarms, and what their size counts."""

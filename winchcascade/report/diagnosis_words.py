@@ -133,7 +133,21 @@ def checked_words(found: Diagnosis) -> str:
 
 
 def sure_words(found: Diagnosis) -> str:
-    """How sure the causes are."""
+    """How sure the causes are, and what no effect of the catalogue is and looks like one of them."""
+    alike = [f"{UNLISTED[c.effect]} would look like {c.effect}" for c in found.causes if c.effect in UNLISTED]
+    text = "; ".join(alike)
+    return f"{_sure_words(found)} Not in the catalogue: {text}." if alike else _sure_words(found)
+
+
+UNLISTED = {
+    "ke_shift": "an encoder or a drum radius that is off (both count as exact)",
+    "precharge": "a gain of the pressure sensor beyond its tolerance",
+    "force_gain": "a loss in proportion to the force, as over a sheave,",
+}
+"""What no effect of the catalogue is, by the effect that it would be taken for."""
+
+
+def _sure_words(found: Diagnosis) -> str:
     if not found.causes:
         others = len(found.sets) - 1
         tried = f"{others} set{'s' if others > 1 else ''} of effects came near enough to be fitted" if others else ""
@@ -211,12 +225,18 @@ def experiment_words(found: Diagnosis) -> str:
     one, other = plan.separates
     run = f"{load_words(plan.load)}, {plan.profile}"
     apart = apart_words(plan.expected_z)
+    told_apart = all(rival.effect != other for cause in found.causes for rival in cause.rivals)
+    if plan.expected_z < FAR_ENOUGH and told_apart:
+        return (
+            f"No rival is left to be told apart: these logs rule out {other}, which comes next. A further run would add little "
+            f"to them: at most {apart} standard deviations more ({run})."
+        )
     if plan.expected_z < FAR_ENOUGH:
         return (
             f"None of the runs that were considered tells {one} from {other}: they would differ by {apart} standard "
             f"deviations at most ({run}). Measure one of the two directly."
         )
-    if any(rival.effect == other for cause in found.causes for rival in cause.rivals):
+    if not told_apart:
         return f"{_upper(run)}. There {one} and {other} differ by {apart} standard deviations, so it tells which it is."
     return (
         f"No rival is left to be told apart. The sharpest further test of {one} is a run against the next suspect, "
@@ -237,6 +257,10 @@ def alarm_words(alarm: Alarm, files: Sequence[str]) -> str:
         return f"{where}: the root mean square of what is left is {size} times the noise (limit {limit})"
     if alarm.kind == "scatter":
         return f"{where}: the scatter is {size} times what noise explains (limit {limit})"
+    if alarm.kind == "ripple":
+        return (
+            f"{where}: the means scatter about a smooth course {size} times as much as noise explains (limit {limit})"
+        )
     return f"{where} had to move by {size} of its standard uncertainties (limit {limit})"
 
 
@@ -245,6 +269,7 @@ def alarm_meaning(alarm: Alarm) -> str:
     return {
         "structure": "the model's shape is wrong there",
         "scatter": "something faster than a block of 0.4 s moves, a ripple or a vibration",
+        "ripple": "something comes and goes within seconds, as with every turn of a drum that is out of round",
     }.get(alarm.kind, "either its tolerance is wrong or it stands in for something else")
 
 
