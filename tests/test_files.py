@@ -1,4 +1,6 @@
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -70,6 +72,11 @@ def test_a_process_that_is_told_to_end_while_it_writes_ends_with_the_file_whole(
     assert (tmp_path / "a.json").read_text() == "whole"
 
 
-def test_a_process_that_writes_nothing_ends_at_once() -> None:
-    with pytest.raises(SystemExit):
-        end_between_files()
+def test_a_process_that_writes_nothing_ends_at_once_even_within_a_weak_references_callback() -> None:
+    script = (
+        "import weakref; from winchcascade.files import end_between_files\n"
+        "class Thing: pass\n"
+        "thing = Thing(); seen = weakref.ref(thing, lambda _: end_between_files()); del thing; print('still here')"
+    )
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (1, "", "")

@@ -74,12 +74,15 @@ def _write_beside(path: Path, write: Callable[[Path], None], *, force: bool) -> 
 
 
 def end_between_files() -> None:
-    """End this process by SystemExit: now, or once the file that it is writing is whole. For a handler of a signal."""
+    """End this process: at once, or by SystemExit when the file that it is writing is whole. For a handler of a signal.
+
+    At once means past Python, which drops a SystemExit that is raised while it collects garbage.
+    """
     global _end_wanted
     if _writing:
         _end_wanted = True
     else:
-        raise SystemExit(1)
+        os._exit(1)
 
 
 def readable(name: str) -> str:

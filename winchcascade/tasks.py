@@ -124,33 +124,18 @@ def _pool(workers: int) -> ProcessPoolExecutor:
     return ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_quietly)
 
 
-_at_work = False
-"""Whether this process of a pool has jobs in hand."""
-
-
 def _in_pool(work: Callable[[Job], Done], places: Sequence[int], jobs: Sequence[Job]) -> list[Outcome[Done]]:
     """Do jobs in a process of a pool; told to end, it leaves no half-written file behind."""
-    global _at_work
-    _at_work = True
     try:
         return _several(work, places, jobs)
     except SystemExit:
         os._exit(1)
-    finally:
-        _at_work = False
-
-
-def _end(*_: object) -> None:
-    """End this process of a pool: from within its jobs, so that they clean up, or at once."""
-    if not _at_work:
-        os._exit(1)
-    end_between_files()
 
 
 def _quietly() -> None:
     """Leave an interrupt to the process that gave the jobs, and end with it, however it ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, _end)
+    signal.signal(signal.SIGTERM, lambda *_: end_between_files())
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
