@@ -136,6 +136,15 @@ def test_options_win_over_the_campaign(fixtures: Path) -> None:
     assert (record["log"]["load_ohm"], record["window"]) == (20.0, "auto")
 
 
+def test_an_option_more_leaves_the_cycles_of_the_campaign_as_they_are(log: Path) -> None:
+    entry = f'[[run]]\nfile = "{log.name}"\nload_ohm = 36\nwindow_s = 5.48\ncycles = [1, 2]\n'
+    (log.parent / "campaign.toml").write_text(entry, encoding="utf-8")
+    options = ("--rig", "hsu2026", "--load-ohm", "36")
+    for more in ((), ("--window", "5.48")):
+        record = json.loads(winchcascade("reduce", log, *options, *more, "--json", "-").stdout)
+        assert [cycle["cycle"] for cycle in record["cycles"]] == [1, 2]
+
+
 def test_an_infinite_load_is_an_open_circuit(log: Path) -> None:
     record = json.loads(winchcascade("reduce", log, "--json", "-", "--load-ohm", "inf").stdout)
     assert record["log"]["open_circuit"] is True
@@ -217,6 +226,12 @@ def test_a_foreign_file_is_kept_unless_forced(log: Path, tmp_path: Path) -> None
     assert "was not written by winchcascade" in one_sentence("reduce", log, "--json", mine)
     assert mine.read_text() == "mine"
     assert winchcascade("reduce", log, "--json", mine, "--force").returncode == 0
+
+
+def test_a_text_that_only_names_the_program_is_a_foreign_file(log: Path, tmp_path: Path) -> None:
+    notes = tmp_path / "notes.md"
+    notes.write_text("the figures come from winchcascade/report, see there")
+    assert "was not written by winchcascade" in one_sentence("reduce", log, "--json", notes)
 
 
 def test_a_log_is_never_replaced_by_its_result(log: Path) -> None:

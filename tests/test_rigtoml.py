@@ -120,6 +120,7 @@ def test_a_sensor_of_a_rig_based_on_another_keeps_nothing_of_the_old_one() -> No
         (MINIMAL + '[sensors.weight]\nunit = "N"\n', "[sensors.weight] is no channel"),
         (MINIMAL + '[sensors.force]\nunit = "bar"\n', "'bar' is none of force"),
         (MINIMAL + '[sensors.force]\nunit = "N"\nlow = 3\nhigh = 2\n', "low 3 is not below high 2"),
+        (MINIMAL + '[sensors.pressure]\nunit = "bar(a)"\nlow = 0\n', "does not count from the zero of the channel"),
         (MINIMAL + "[sensors.force]\nhigh = 2\n", "missing required field `unit`"),
         (MINIMAL + '[columns]\nwind = "w"\n', "[columns] wind is no channel"),
         (MINIMAL + '[columns]\nforce = { name = "F", unit = "V" }\n', "'V' is none of force"),

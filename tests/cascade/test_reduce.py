@@ -210,6 +210,16 @@ def test_only_the_cycles_that_are_asked_for_count_and_keep_their_numbers(fixture
     assert part.mean.energy_line == pytest.approx(np.mean([c.metrics.energy_line for c in part.cycles]))
     with pytest.raises(OptionError, match=r"r36ohm.csv: cycles 4 to 9 are asked for, but it has 3; choose among those"):
         reduce(run, cycles=(4, 9))
+    assert not any("asked for" in f.message for f in part.quality)
+    short = reduce(run, window=5.48, cycles=(2, 9))
+    assert [c.cycle for c in short.cycles] == [2, 3]
+    assert "the log ends with cycle 3, and cycles 2 to 9 are asked for" in [f.message for f in short.quality]
+
+
+def test_a_gap_of_the_current_costs_no_cycle_in_open_circuit(fixtures: Path) -> None:
+    run = read_run(fixtures / "campaign" / "open_circuit.csv", load=math.inf)
+    holed = msgspec.structs.replace(run, gaps={"idc": np.array([(9.0, 9.08)])})
+    assert len(reduce(holed).complete) == len(reduce(run).complete) == 3
 
 
 def test_a_ratio_that_is_no_efficiency_names_its_cycle(fixtures: Path) -> None:

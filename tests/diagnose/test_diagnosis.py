@@ -13,7 +13,7 @@ from winchcascade.batch.model_diagnosis import diagnose_campaign, diagnose_file
 from winchcascade.diagnose.campaign import Diagnosis, diagnose, withheld_numbers
 from winchcascade.diagnose.record import as_json
 from winchcascade.effects.catalogue import EFFECTS
-from winchcascade.errors import CampaignError, OptionError
+from winchcascade.errors import CampaignError, LogError, OptionError
 from winchcascade.rigtoml import built_in
 
 PLANTED = {
@@ -82,6 +82,37 @@ def test_what_no_suspect_explains_is_not_given_the_nearest_name() -> None:
     assert len(found.causes) <= 2
     assert found.remainder is not None
     assert "pressure" in found.remainder.where
+
+
+def test_an_eccentric_drum_is_no_noise() -> None:
+    drum = 0.13
+    swinging = [
+        msgspec.structs.replace(
+            run,
+            channels={
+                **run.channels,
+                "torque": run.channels["torque"]
+                + 4.0 * np.sin(run.channels["displacement"] / drum) * (run.channels["velocity"] > 0.05),
+            },
+        )
+        for run in campaign({})
+    ]
+    found = diagnose(swinging, built_in(), EFFECTS)
+    assert found.verdict == "unexplained"
+    assert found.remainder is not None
+    worst = found.remainder.alarms[0]
+    assert (worst.kind, worst.where) == ("ripple", "torque during payout")
+
+
+def test_logs_without_a_channel_of_the_model_are_refused_and_not_called_sound() -> None:
+    bare = [msgspec.structs.replace(run, channels={"velocity": run.channels["velocity"]}) for run in campaign({})]
+    with pytest.raises(LogError, match="no log that takes part has pressure, force, torque, vdc or idc"):
+        diagnose(bare, built_in(), EFFECTS)
+
+
+def test_cycles_that_a_log_has_not_are_refused() -> None:
+    with pytest.raises(OptionError, match="cycles 5 to 6 are asked for, but it has 2"):
+        diagnose(campaign({}), built_in(), EFFECTS, cycles=[None, (5, 6), None])
 
 
 def test_the_same_seed_gives_the_same_answer_to_the_digit() -> None:

@@ -14,6 +14,7 @@ from winchcascade.errors import LogError, RigError
 from winchcascade.fit.calibrate import STRAINED, Calibration
 from winchcascade.fit.nuisances import nuisances, shifted
 from winchcascade.quantity import Quantity
+from winchcascade.report.calibration_text import calibration_text
 from winchcascade.rig.model import baseline
 from winchcascade.rigfile import Rig
 from winchcascade.rigtoml import built_in
@@ -95,6 +96,17 @@ def test_without_noise_the_numbers_are_those_of_the_model() -> None:
     assert number(found, "mu_screw")[0] == pytest.approx(0.05, rel=5e-3)
     assert found.misfit < 1.5
     assert found.strained == ()
+    assert found.settled
+
+
+def test_a_fit_that_did_not_come_to_rest_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("winchcascade.fit.calibrate.ROUNDS", 1)
+    run = made_log(baseline(shifted(RIG, {("drivetrain", "b_rotor"): 2e-4})))
+    found = calibrate(run, RIG, steady_payouts(run))
+    assert not found.settled
+    assert "fit: it did not come to rest, so mu_screw and b_rotor are no result" in " ".join(
+        calibration_text(found).split()
+    )
 
 
 def test_a_number_of_which_the_log_says_nothing_new_is_marked() -> None:

@@ -1,6 +1,7 @@
 """The command diagnose as a user meets it: in a process of its own, on two logs with a known cause."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -85,6 +86,17 @@ def test_a_prediction_never_replaces_a_log_of_somebody_else(campaign: Path, tmp_
     (tmp_path / "after").mkdir()
     (tmp_path / "after" / "r18ohm.csv").write_text("t,v\n0,0\n")
     assert "was not written by winchcascade" in one_sentence("diagnose", campaign, "--predictions", tmp_path)
+
+
+def test_predictions_of_two_logs_of_one_name_are_refused(campaign: Path, tmp_path: Path) -> None:
+    lines = ['rig = "hsu2026"']
+    for day in ("mon", "tue"):
+        (tmp_path / day).mkdir()
+        shutil.copy(campaign / "r18ohm.csv", tmp_path / day / "run.csv")
+        lines.append(f'[[run]]\nfile = "{day}/run.csv"\nload_ohm = 18')
+    (tmp_path / "campaign.toml").write_text("\n".join(lines))
+    assert "would be predicted in one file" in one_sentence("diagnose", tmp_path, "--predictions", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
 
 
 def test_predictions_into_a_file_are_refused(campaign: Path, tmp_path: Path) -> None:

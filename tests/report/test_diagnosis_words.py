@@ -198,7 +198,7 @@ def test_withheld_logs_are_told_by_their_loads() -> None:
 @pytest.mark.parametrize(
     ("z", "told"),
     [
-        (1.3, "None of the runs that were considered tells copper_heating from line_drag"),
+        (1.3, "No rival is left to be told apart: these logs rule out line_drag, which comes next."),
         (22.4, "No rival is left to be told apart."),
         (959.0, "differ by more than 100 standard deviations"),
     ],
@@ -210,7 +210,25 @@ def test_the_next_experiment_is_told_with_what_it_can_do(z: float, told: str) ->
     assert "4.5 Ω, one cycle: 1.5 s ramp to 1.10 m/s" in text
 
 
-@pytest.mark.parametrize("kind", ["structure", "scatter", "nuisance"])
+def test_a_rival_that_no_run_tells_from_the_cause_is_to_be_measured() -> None:
+    found = diagnosed("copper")
+    plan = Experiment(4.5, 1.1, 9.5, ("copper_heating", "line_drag"), 1.3)
+    cause = msgspec.structs.replace(found.causes[0], rivals=(Rival("line_drag", 0.3, "idc"),))
+    assert experiment_words(changed(found, causes=(cause,), experiment=plan)).startswith(
+        "None of the runs that were considered tells copper_heating from line_drag"
+    )
+
+
+def test_what_no_effect_of_the_catalogue_is_and_looks_like_a_cause_is_told() -> None:
+    found = diagnosed("copper")
+    assert "Not in the catalogue" not in sure_words(found)
+    cause = msgspec.structs.replace(found.causes[0], effect="precharge")
+    assert sure_words(changed(found, causes=(cause,))).endswith(
+        "Not in the catalogue: a gain of the pressure sensor beyond its tolerance would look like precharge."
+    )
+
+
+@pytest.mark.parametrize("kind", ["structure", "scatter", "ripple", "nuisance"])
 def test_an_alarm_is_told_with_its_limit_and_its_meaning(kind: str) -> None:
     alarm = Alarm(kind, "zero of vdc in log 2", 6.04, 4.5)
     text = alarm_words(alarm, ["a.csv", "b.csv"])

@@ -16,6 +16,7 @@ from winchcascade.rig.model import baseline
 from winchcascade.rig.motion import motion_of
 from winchcascade.rig.simulate import simulate, solve
 from winchcascade.rig.write import write_log
+from winchcascade.rigfile import Rig
 from winchcascade.rigtoml import built_in
 from winchcascade.run import Run
 
@@ -127,6 +128,16 @@ def test_a_rig_file_without_a_part_names_all_that_it_lacks() -> None:
         RigError, match=r"rig kitepower: no model can be made, as it lacks r_drum under \[winch\], inertia"
     ):
         baseline(built_in("kitepower"))
+
+
+def test_a_rig_without_a_one_way_clutch_has_no_model() -> None:
+    def with_clutch(value: bool | None) -> Rig:
+        rig = built_in()
+        return msgspec.structs.replace(rig, drivetrain=msgspec.structs.replace(rig.drivetrain, one_way_clutch=value))
+
+    assert baseline(with_clutch(None)) == baseline(with_clutch(True))
+    with pytest.raises(RigError, match="one_way_clutch under"):
+        baseline(with_clutch(False))
 
 
 def paid_out(run: Run, factor: float) -> Run:

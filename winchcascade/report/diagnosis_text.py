@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import textwrap
 from typing import TYPE_CHECKING, Any
 
 from winchcascade.gap.locate import NAMES
 from winchcascade.plaintext import one_line
+from winchcascade.report.diagnosis_lines import INDENT, WIDTH, entry, file_lines, plain
 from winchcascade.report.diagnosis_names import (
     probability_words,
     quantity_words,
@@ -41,8 +41,6 @@ if TYPE_CHECKING:
     from winchcascade.diagnose.campaign import Diagnosis
     from winchcascade.diagnose.causes import Cause
 
-_WIDTH, _INDENT = 100, 11
-
 MOST_ALARMS = 4
 """Signs of something unexplained that are told; all are in the JSON."""
 
@@ -55,19 +53,19 @@ def diagnosis_text(found: Diagnosis, files: Sequence[Path | str] = ()) -> str:
     files : what was written, and what was not
     """
     lines = [f"{one_line(found.title)}: {VERDICTS[found.verdict].lower()}", ""]
-    lines += _entry("verdict", verdict_words(found))
-    lines += _entry("note", simulated_words(found))
-    lines += _entry("where", where_words(found))
-    lines += _entry("", arises_words(found) if says_more(found) else "")
+    lines += entry("verdict", verdict_words(found))
+    lines += entry("note", simulated_words(found))
+    lines += entry("where", where_words(found))
+    lines += entry("", arises_words(found) if says_more(found) else "")
     lines += _causes(found)
-    lines += _entry("how sure", sure_words(found))
+    lines += entry("how sure", sure_words(found))
     lines += _how_far(found)
-    lines += _entry("what next", experiment_words(found))
+    lines += entry("what next", experiment_words(found))
     lines += _left(found)
     if found.verdict == "no_gap":
-        lines += _entry("checked", checked_words(found))
+        lines += entry("checked", checked_words(found))
     lines += _considered(found)
-    return _ascii("\n".join(lines)) + "\n" + _files("files", files)
+    return plain("\n".join(lines)) + "\n" + file_lines("files", files)
 
 
 def diagnosis_lines(record: Mapping[str, Any], files: Sequence[Path]) -> str:
@@ -82,32 +80,7 @@ def diagnosis_lines(record: Mapping[str, Any], files: Sequence[Path]) -> str:
     if record["closure"] is not None:
         share = share_words(record["closure"]["share_closed"]).replace(">", "more than")
         text += f"; {share} of the gap closed on logs that were left out"
-    return _ascii("\n".join(_entry("diagnosis:", text))) + "\n" + _files("", files)
-
-
-def _files(name: str, files: Sequence[Path | str]) -> str:
-    """What was written, one a line; a path is never broken."""
-    return "".join(f"{name if k == 0 else '':<{_INDENT}}{one_line(str(path))}\n" for k, path in enumerate(files))
-
-
-def _entry(name: str, text: str) -> list[str]:
-    """A name and its text, wrapped beside it; nothing for an empty text."""
-    lines = [
-        line
-        for part in plain_lines(_ascii(text))
-        for line in textwrap.wrap(part, _WIDTH - _INDENT, break_on_hyphens=False)
-    ]
-    return [f"{name if k == 0 else '':<{_INDENT}}{line}" for k, line in enumerate(lines)]
-
-
-def plain_lines(text: str) -> list[str]:
-    """Lines of a text without control characters."""
-    return [one_line(line) for line in text.split("\n") if line]
-
-
-def _ascii(text: str) -> str:
-    """Signs that every terminal shows."""
-    return text.replace("−", "-").replace("Ω", "ohm").replace("–", "-")
+    return plain("\n".join(entry("diagnosis:", text))) + "\n" + file_lines("", files)
 
 
 def _causes(found: Diagnosis) -> list[str]:
@@ -120,17 +93,17 @@ def _causes(found: Diagnosis) -> list[str]:
     width = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     lines = ["  ".join(cell.ljust(w) for cell, w in zip(row, width, strict=True)).rstrip() for row in rows]
     widest = max(len(line) for line in lines)
-    if widest <= _WIDTH - _INDENT:
-        lines = [f"{'which' if k == 0 else '':<{_INDENT}}{line}" for k, line in enumerate(lines)]
+    if widest <= WIDTH - INDENT:
+        lines = [f"{'which' if k == 0 else '':<{INDENT}}{line}" for k, line in enumerate(lines)]
     else:
-        lines = ["which", *lines] if widest <= _WIDTH else _narrow(found)
+        lines = ["which", *lines] if widest <= WIDTH else _narrow(found)
     for cause in found.causes:
         for rival in cause.rivals:
             likely = f"probability {probability_words(rival.probability)}"
             where = told_apart_words(rival.told_apart_by)
-            lines += _entry("", f"or {rival.effect} for {cause.effect} ({likely}); the two differ most in {where}.")
+            lines += entry("", f"or {rival.effect} for {cause.effect} ({likely}); the two differ most in {where}.")
     rest = unnamed(found)
-    return [*lines, *_entry("", f"not named, though fitted: {', '.join(rest)}")] if rest else lines
+    return [*lines, *entry("", f"not named, though fitted: {', '.join(rest)}")] if rest else lines
 
 
 def _cause_rows(cause: Cause) -> list[tuple[str, ...]]:
@@ -150,7 +123,7 @@ def _narrow(found: Diagnosis) -> list[str]:
     for k, cause in enumerate(found.causes):
         for row in _cause_rows(cause):
             head = f"{row[0]} ({row[1]}, probability {row[5]}): " if row[0] else ""
-            lines += _entry("which" if k == 0 and row[0] else "", f"{head}{row[2]} {row[3]} (95 %: {row[4]})")
+            lines += entry("which" if k == 0 and row[0] else "", f"{head}{row[2]} {row[3]} (95 %: {row[4]})")
     return lines
 
 
@@ -158,7 +131,7 @@ def _how_far(found: Diagnosis) -> list[str]:
     """The share that is closed, and root mean squares by channel."""
     if found.closure is None:
         return []
-    lines = _entry("how far", closure_words(found))
+    lines = entry("how far", closure_words(found))
     rows = [("channel", "before", "after", "noise", "")]
     for name, x in found.closure.channels.items():
         unit, factor = COMPARED[name]
@@ -167,19 +140,19 @@ def _how_far(found: Diagnosis) -> list[str]:
     width = [max(len(row[k]) for row in rows) for k in range(5)]
     for row in rows:
         cells = (row[0].ljust(width[0]), *(row[k].rjust(width[k]) for k in (1, 2, 3)), row[4])
-        lines.append(f"{'':<{_INDENT}}{'  '.join(cells)}".rstrip())
-    return [*lines, *_entry("", "(root mean squares of 0.44 s means on those logs)")]
+        lines.append(f"{'':<{INDENT}}{'  '.join(cells)}".rstrip())
+    return [*lines, *entry("", "(root mean squares of 0.44 s means on those logs)")]
 
 
 def _left(found: Diagnosis) -> list[str]:
     """What is left, and the signs of something unexplained."""
     if found.remainder is None:
         return []
-    lines = _entry("left", remainder_words(found))
+    lines = entry("left", remainder_words(found))
     for alarm in found.remainder.alarms[1:MOST_ALARMS]:
-        lines += _entry("", f"{alarm_words(alarm, files_of(found))}.")
+        lines += entry("", f"{alarm_words(alarm, files_of(found))}.")
     more = len(found.remainder.alarms) - MOST_ALARMS
-    return lines + (_entry("", f"... {more} more, all in --json") if more > 0 else [])
+    return lines + (entry("", f"... {more} more, all in --json") if more > 0 else [])
 
 
 def _considered(found: Diagnosis) -> list[str]:
@@ -188,4 +161,4 @@ def _considered(found: Diagnosis) -> list[str]:
         return []
     fitted = {cause.effect for cause in found.causes} | set(unnamed(found))
     rest = [name for name in found.suspects if name not in fitted]
-    return _entry("not needed", ", ".join(rest))
+    return entry("not needed", ", ".join(rest))

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import textwrap
 from typing import TYPE_CHECKING
 
 from winchcascade.plaintext import one_line
 from winchcascade.report import line_words as words
+from winchcascade.report.diagnosis_lines import INDENT, entry, file_lines, plain
 from winchcascade.report.diagnosis_names import probability_words
-from winchcascade.report.diagnosis_text import plain_lines
 from winchcascade.report.diagnosis_words import VERDICTS
 from winchcascade.report.digits import significant
 
@@ -17,8 +16,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from winchcascade.diagnose.line.campaign import LineDiagnosis
-
-_WIDTH, _INDENT = 100, 11
 
 
 def line_text(found: LineDiagnosis, files: Sequence[Path | str] = ()) -> str:
@@ -29,37 +26,19 @@ def line_text(found: LineDiagnosis, files: Sequence[Path | str] = ()) -> str:
     files : what was written, and what was not
     """
     lines = [f"{one_line(found.title)}: {VERDICTS[found.verdict].lower()}", ""]
-    lines += _entry("verdict", words.verdict_words(found))
-    lines += _entry("note", words.simulated_words(found))
-    lines += _entry("note", words.flipped_words(found))
-    lines += _entry("where", words.where_words(found))
+    lines += entry("verdict", words.verdict_words(found))
+    lines += entry("note", words.simulated_words(found))
+    lines += entry("note", words.flipped_words(found))
+    lines += entry("where", words.where_words(found))
     lines += _causes(found)
-    lines += _entry("how sure", words.sure_words(found))
+    lines += entry("how sure", words.sure_words(found))
     lines += _how_far(found)
-    lines += _entry("steady", words.again_words(found))
-    lines += _entry("what next", words.experiment_words(found))
-    lines += _entry("left", words.remainder_words(found))
-    lines += _entry("not needed", words.small_words(found))
-    lines += _entry("slope", words.slope_words(found) if "drum_inertia" in found.choice.chosen else "")
-    text = _ascii("\n".join(lines)) + "\n"
-    return text + "".join(
-        f"{'files' if k == 0 else '':<{_INDENT}}{one_line(str(path))}\n" for k, path in enumerate(files)
-    )
-
-
-def _entry(name: str, text: str) -> list[str]:
-    """A name and its text, wrapped beside it; nothing for an empty text."""
-    lines = [
-        line
-        for part in plain_lines(_ascii(text))
-        for line in textwrap.wrap(part, _WIDTH - _INDENT, break_on_hyphens=False)
-    ]
-    return [f"{name if k == 0 else '':<{_INDENT}}{line}" for k, line in enumerate(lines)]
-
-
-def _ascii(text: str) -> str:
-    """Signs that every terminal shows."""
-    return text.replace("−", "-").replace("–", "-").replace("N·s/m", "N s/m")
+    lines += entry("steady", words.again_words(found))
+    lines += entry("what next", words.experiment_words(found))
+    lines += entry("left", words.remainder_words(found))
+    lines += entry("not needed", words.small_words(found))
+    lines += entry("slope", words.slope_words(found) if "drum_inertia" in found.choice.chosen else "")
+    return plain("\n".join(lines)) + "\n" + file_lines("files", files)
 
 
 def _causes(found: LineDiagnosis) -> list[str]:
@@ -72,22 +51,22 @@ def _causes(found: LineDiagnosis) -> list[str]:
         value, interval = words.value_words(cause.effect, number)
         how = words.PARAMETERS[cause.effect]
         interval = interval.removesuffix(how.unit).rstrip()
-        rows.append((cause.effect, how.what, _ascii(value), interval, probability_words(cause.probability)))
+        rows.append((cause.effect, how.what, plain(value), interval, probability_words(cause.probability)))
     width = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     lines = [
-        f"{'which' if k == 0 else '':<{_INDENT}}"
+        f"{'which' if k == 0 else '':<{INDENT}}"
         + "  ".join(cell.ljust(w) for cell, w in zip(row, width, strict=True)).rstrip()
         for k, row in enumerate(rows)
     ]
     for cause in found.causes:
         for rival in cause.rivals:
             likely = probability_words(rival.probability)
-            lines += _entry(
+            lines += entry(
                 "",
                 f"or {rival.effect} for {cause.effect} (probability {likely}); the two differ most in {rival.told_apart_by}.",
             )
     rest = words.unnamed(found)
-    return [*lines, *_entry("", f"not named, though fitted: {', '.join(rest)}")] if rest else lines
+    return [*lines, *entry("", f"not named, though fitted: {', '.join(rest)}")] if rest else lines
 
 
 def _how_far(found: LineDiagnosis) -> list[str]:
@@ -97,8 +76,8 @@ def _how_far(found: LineDiagnosis) -> list[str]:
     power = found.judged.power
     rows = [("channel", "before", "after", "noise", ""), ("power_mech", *(significant(x / 1e3, 2) for x in
             (power.before, power.after, power.noise)), "kW")]  # fmt: skip
-    lines = _entry("how far", words.closure_words(found))
+    lines = entry("how far", words.closure_words(found))
     for row in rows:
         cells = (row[0].ljust(10), *(cell.rjust(6) for cell in row[1:4]), row[4])
-        lines.append(f"{'':<{_INDENT}}{'  '.join(cells)}".rstrip())
-    return [*lines, *_entry("", "(root mean squares of the samples of those cycles)")]
+        lines.append(f"{'':<{INDENT}}{'  '.join(cells)}".rstrip())
+    return [*lines, *entry("", "(root mean squares of the samples of those cycles)")]
