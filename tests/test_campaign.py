@@ -39,6 +39,7 @@ def test_a_log_that_no_campaign_lists_stands_alone(tmp_path: Path) -> None:
         ("[[run]]\nfile = 'a'\nload_ohm = nan\n", "run 1: load_ohm is nan"),
         ("[[run]]\nfile = 'a'\nload_ohm = true\n", "run 1: load_ohm is True"),
         ("[[run]]\nfile = 'a'\nwindow_s = inf\n", "run 1: window_s is inf"),
+        ("[[run]]\nfile = 'a'\nwindow_s = 5e11\n", "run 1: window_s is 500000000000.0"),
         ("[[run]]\nfile = 'a'\n[[run]]\nfile = 'b'\ncycles = [3, 1]\n", "run 2: cycles is [3, 1]"),
         ("[[run]]\nfile = 'a'\nwithheld = 'no'\n", "run 1: withheld is 'no'"),
     ],

@@ -99,18 +99,26 @@ def _run(raw: dict[str, Any], number: int, path: Path) -> CampaignRun:
         raise CampaignError(f"{place}: withheld is {withheld!r}; expected true or false.")
     return CampaignRun(
         file=path.parent / file,
-        load=_above_zero(raw, "load_ohm", place, "a number of ohms above 0, or inf for an open circuit", math.inf),
+        load=_above_zero(
+            raw, "load_ohm", place, "a number of ohms above 0, or inf for an open circuit", 1e12, or_inf=True
+        ),
         window=_above_zero(raw, "window_s", place, "a length in seconds above 0", 1e9),
         cycles=_cycles(raw.get("cycles"), place),
         withheld=withheld,
     )
 
 
-def _above_zero(raw: dict[str, Any], key: str, place: str, expected: str, most: float) -> float | None:
+def _above_zero(
+    raw: dict[str, Any], key: str, place: str, expected: str, below: float, *, or_inf: bool = False
+) -> float | None:
     value = raw.get(key)
     if value is None:
         return None
-    if isinstance(value, bool) or not isinstance(value, int | float) or not (0 < value < 1e12 or value == most):
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, int | float)
+        or not (0 < value < below or (or_inf and value == math.inf))
+    ):
         raise CampaignError(f"{place}: {key} is {value!r}; expected {expected}.")
     return float(value)
 

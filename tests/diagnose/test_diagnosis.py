@@ -11,6 +11,7 @@ from planted import LOGS, campaign
 
 from winchcascade.batch.model_diagnosis import diagnose_campaign, diagnose_file
 from winchcascade.diagnose.campaign import Diagnosis, diagnose, withheld_numbers
+from winchcascade.diagnose.rank import CATALOGUE
 from winchcascade.diagnose.record import as_json
 from winchcascade.effects.catalogue import EFFECTS
 from winchcascade.errors import CampaignError, LogError, OptionError
@@ -113,6 +114,10 @@ def test_logs_without_a_channel_of_the_model_are_refused_and_not_called_sound() 
 def test_cycles_that_a_log_has_not_are_refused() -> None:
     with pytest.raises(OptionError, match="cycles 5 to 6 are asked for, but it has 2"):
         diagnose(campaign({}), built_in(), EFFECTS, cycles=[None, (5, 6), None])
+
+
+def test_a_further_cause_is_priced_as_one_of_the_whole_catalogue() -> None:
+    assert len(EFFECTS) == CATALOGUE
 
 
 def test_the_same_seed_gives_the_same_answer_to_the_digit() -> None:

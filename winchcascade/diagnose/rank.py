@@ -40,6 +40,9 @@ odds of a hundred and fifty to one."""
 MANY, HOPELESS = 5, 2.0
 """So many causes that still leave blocks this far beyond their noise, in mean squares, will not be saved by one more."""
 
+CATALOGUE = 28
+"""Suspects of which one more is chosen: the catalogue's, also where a few of them alone are suspected."""
+
 FURTHER = 2
 """The closed form is trusted with so many causes beyond those of the fit about which it was expanded."""
 
@@ -87,7 +90,7 @@ class Linear(msgspec.Struct, frozen=True):
 
 def price(names: Names) -> float:
     """What each further cause must bring beyond its own freedom: one of a catalogue of suspects, none as likely as any."""
-    return len(names) * math.log(28.0)
+    return len(names) * math.log(CATALOGUE)
 
 
 def scale_of(fit: Fit) -> float:

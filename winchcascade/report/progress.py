@@ -77,7 +77,7 @@ class Progress:
         self._bar.start()
 
     def done(self, name: str, fault: str | None) -> None:
-        """One more is done, or failed for a reason."""
+        """One more is done, or failed: its name is then told at once, the reason with the others at the end."""
         if self._bar is not None:
             self._bar.advance(self._task)
         if fault is None:

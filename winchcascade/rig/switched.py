@@ -3,7 +3,7 @@
 The circuit is solved switch by switch and exactly: between two commutations the current of every conducting phase is a
 sinusoid, a constant and an exponential, so only the instants of commutation are searched for. In units of the line-to-line
 voltage V_LL (rms) and of the reactance w_e L a steady state depends on two numbers alone: u = (Vdc + 2 Vd) / (sqrt(2) V_LL)
-and rho = R / (w_e L). `bridge_table` solves a grid of them; the grid that ships beside this file was written by
+and rho = R / (w_e L). `solve_grid` solves a grid of them; the grid that ships beside this file was written by
 
     python -m winchcascade.rig.switched
 
@@ -243,7 +243,7 @@ def steady_state(u: float, rho: float) -> tuple[float, float]:
     return charge / width * impedance, math.sqrt(square / width) * impedance
 
 
-def bridge_table() -> Signal:
+def solve_grid() -> Signal:
     """Solve the grid, (S_POINTS, PHI_POINTS, 2)."""
     table = np.zeros((S_POINTS, PHI_POINTS, 2))
     for i, s in enumerate(np.linspace(0.0, 1.0, S_POINTS)):
@@ -253,4 +253,4 @@ def bridge_table() -> Signal:
 
 
 if __name__ == "__main__":
-    np.save(TABLE, bridge_table().astype(np.float32))
+    np.save(TABLE, solve_grid().astype(np.float32))

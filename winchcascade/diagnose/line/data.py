@@ -59,7 +59,6 @@ class Part(msgspec.Struct, frozen=True):
     """
 
     run: Run
-    asked: tuple[int, int] | None
     withheld: bool
     here: Index
     cycle: Index
@@ -224,7 +223,7 @@ def _part(
             f"has {int(cycle.max())} cycles."
         )
     check_sign(run, gap[here], here)
-    return Part(run, asked, withheld, here, cycle[here], gap[here], columns[here], blocks_of(run, rig, asked))
+    return Part(run, withheld, here, cycle[here], gap[here], columns[here], blocks_of(run, rig, asked))
 
 
 def cycles_of(run: Run, rig: Rig) -> Index:
