@@ -64,6 +64,8 @@ COUNTS = frozenset(
 DIMENSION = {"time": "time"} | {name: channel.dimension for name, channel in CHANNELS.items()}
 """What each channel, and the time, measures."""
 
+_MEASURED = frozenset(DIMENSION.values())
+
 
 def letters_of(text: str) -> str:
     """Letters and digits of a name without case and accents, by which names are compared."""
@@ -113,8 +115,17 @@ def read_header(header: Header) -> _Read:
         unit = find_unit(end)
         if unit is not None and any(DIMENSION[c] == unit.dimension for c in _candidates(start)):
             return _Read(start, unit, None)
-    other = next((unit for end in inside if (unit := find_unit(end)) is not None), None)
+    other = next((unit for end in inside if (unit := find_unit(end)) is not None), None) or _unit_of_none(splits)
     return _Read(bare, other, None if other or not inside else inside[-1] or None)
+
+
+def _unit_of_none(splits: list[tuple[str, str]]) -> Unit | None:
+    """A unit that no channel has, behind the name of one: `T / °F`; a lone letter there, as in `Force/F`, may be a name."""
+    for start, end in splits:
+        unit = find_unit(end) if len(end) > 1 else None
+        if unit is not None and unit.dimension not in _MEASURED and _candidates(start):
+            return unit
+    return None
 
 
 def _before_units(*names: str) -> Iterator[tuple[str, re.Match[str]]]:
