@@ -138,6 +138,8 @@ def _before_units(*names: str) -> Iterator[tuple[str, re.Match[str]]]:
 def _candidates(name: str) -> tuple[str, ...]:
     """Channels that a name may mean, with and without the words that say where it was measured."""
     last = name.replace("\\", "/").rsplit("/", 1)[-1]
+    if last != name and find_unit(name) is not None:  # m/s is no s in a group m
+        return ()
     for text in (name, last):
         found = CHANNELS_BY_NAME.get(letters_of(text))
         if found:
