@@ -21,8 +21,8 @@ def rows_of(*above: list[str], head: list[str] = HEAD, delimiter: str = ",", dec
     return text([*above, *ROWS], head, delimiter=delimiter, decimal=decimal)
 
 
-def labview(axis: str, decimal: str, *, comment: bool) -> str:
-    """An .lvm file as LabVIEW's Write To Measurement File writes it."""
+def labview(axis: str, decimal: str, *, comment: bool, segment: int = len(ROWS)) -> str:
+    """An .lvm file as LabVIEW's Write To Measurement File writes it, with a heading above each segment of so many rows."""
     n, apart = len(NAMES) - 1, "\t\t" if axis == "Multi" else "\t"
     top = [
         "LabVIEW Measurement",
@@ -44,7 +44,9 @@ def labview(axis: str, decimal: str, *, comment: bool) -> str:
     lines[8:8] = ["Y_Unit_Label\t" + apart.join(UNITS[1:]) + "\t"]
     names = apart.replace("\t\t", "\tX_Value\t").join(NAMES[1:])
     lines += ["***End_of_Header***" + "\t" * (n + 1), f"X_Value\t{names}" + "\tComment" * comment]
-    for t, *values in ROWS:
+    heading = lines[len(top) + 2 :]
+    for k, (t, *values) in enumerate(ROWS):
+        lines += heading if k and k % segment == 0 else []
         middle = f"\t{t}\t" if axis == "Multi" else "\t"
         lines.append(("" if axis == "No" else t) + "\t" + middle.join(values) + "\t" * comment)
     return "\r\n".join(lines).replace(".", decimal).replace("N,m", "N.m") + "\r\n"
@@ -265,3 +267,12 @@ def test_a_line_of_units_is_known_by_a_unit_with_a_stroke(tmp_path: Path) -> Non
     run = read(tmp_path, text([["s", "mm", "mm/s"], *rows], NAMES[:3]))
     assert "unit_assumed" not in kinds(run)
     assert run.channels["velocity"].max() < 1.0
+
+
+@pytest.mark.parametrize("decimal", [".", ","])
+@pytest.mark.parametrize("axis", ["One", "Multi", "No"])
+def test_headings_that_labview_repeats_are_no_rows(axis: str, decimal: str, tmp_path: Path) -> None:
+    run = read(tmp_path, labview(axis, decimal, comment=True, segment=500))
+    assert kinds(run) == set()
+    assert run.samples == len(ROWS)
+    assert efficiencies(run) == pytest.approx(clean(), abs=SAME)

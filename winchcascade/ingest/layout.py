@@ -49,6 +49,7 @@ class Layout(msgspec.Struct, frozen=True):
     first : index of the first line of data
     rows : cells of the first rows of data
     quoted : cells may stand in quotation marks
+    labview : the file is a LabVIEW measurement, in which the heading may stand above every segment
     properties : `key: value` lines of the preamble, keys as written
     """
 
@@ -60,6 +61,7 @@ class Layout(msgspec.Struct, frozen=True):
     rows: tuple[tuple[str, ...], ...]
     quoted: bool
     properties: dict[str, str]
+    labview: bool = False
 
     @property
     def width(self) -> int:
@@ -129,6 +131,7 @@ def find_layout(lines: Sequence[str], where: str) -> Layout:
         tuple(map(tuple, rows)),
         any('"' in line for line in lines[first:]),
         _properties(lines[:first]),
+        _is_labview(lines[:first]),
     )
 
 
@@ -192,7 +195,7 @@ def _headers(above: Sequence[str], delimiter: str, rows: list[list[str]], where:
         names, units = [first, *names], ["", *units] if len(units) < filled else units
     if any(recognise(Header(name)) for name in names[width:] if name):
         raise LogError(_no_names([names], filled, where))
-    if any(line.startswith("***End_of_Header***") for line in above):  # LabVIEW's own columns: the axis, and remarks
+    if _is_labview(above):  # LabVIEW's own columns: the axis, and remarks
         units = [
             "s" if name == "X_Value" else unit for name, unit in zip(names, _wide(units, len(names)), strict=False)
         ]
@@ -200,6 +203,11 @@ def _headers(above: Sequence[str], delimiter: str, rows: list[list[str]], where:
     names, units = _wide(names, width), _wide(units, width)
     more = [Header(name) for name in names[width:]]
     return (*(_header(k, names[k], units[k] or None, columns[k]) for k in range(width)), *more)
+
+
+def _is_labview(above: Sequence[str]) -> bool:
+    """Whether the lines above the data are the heading of a LabVIEW measurement file."""
+    return any(line.startswith("***End_of_Header***") for line in above)
 
 
 def _units(near: Sequence[list[str]]) -> list[str]:
