@@ -57,7 +57,8 @@ DATES = frozenset("date datum fecha data dato päivä 日期 날짜 дата".sp
 
 COUNTS = frozenset(
     """no nr n index idx row rownumber rowno record recordno recordnumber recnum rn recno sample samples sampleno
-    samplenumber sampleindex scan scanno scannumber count counter line lineno 序號 序号 編號 编号 番号 번호 номер""".split()
+    samplenumber sampleindex scan scanno scannumber count counter line lineno 序號 序号 編號 编号 番号 번호 номер
+    indexlevel0 unnamed0""".split()
 )
 """Columns that number the rows: no channels, and nobody misses them."""
 

@@ -63,8 +63,7 @@ def read_run(
     path = Path(path)
     rig = rig or built_in()
     source = open_log(path)
-    found = assign(source.headers, rig, path.name)
-    table = source.load([m.index for m in found.channels.values()], found.time.index if found.time else None)
+    found, table = _loaded(source, rig, path.name)
     digest = _Digest(path)
     samples = len(next(iter(table.values.values())))
     _check_length(samples, path.name)
@@ -93,6 +92,19 @@ def read_run(
         simulated=found.simulated,
         about=about,
     )
+
+
+def _loaded(source: Source, rig: Rig, where: str) -> tuple[Assignment, Table]:
+    """The channels, with the clock that a column names or else the one that stands in a column without a name."""
+    found = assign(source.headers, rig, where)
+    wanted = [match.index for match in found.channels.values()]
+    if found.time is None and source.time_step is None:
+        from winchcascade.ingest.index import index_clock
+
+        index = index_clock(source, wanted)
+        if index is not None:
+            return assign(source.headers, rig, where, clock=index[0]), index[1]
+    return found, source.load(wanted, found.time.index if found.time else None)
 
 
 class _Digest:
@@ -164,9 +176,8 @@ def _assumed_time(stamps: Signal, table: Table, found: Assignment) -> tuple[floa
             ratio = math.log(travelled) - math.log(expected)  # the quotient itself may be too small for a number
             unit = min(_TIME_UNITS, key=lambda name: abs(math.log(_TIME_UNITS[name]) - ratio))
             why = "with which velocity and displacement agree"
-    return _TIME_UNITS[unit], Finding(
-        "unit_assumed", f"the time column names no unit; taken as {unit}, {why}", "assumed"
-    )
+    column = "the time column names no unit" if found.time_named else "the clock is a column without name or unit"
+    return _TIME_UNITS[unit], Finding("unit_assumed", f"{column}; taken as {unit}, {why}", "assumed")
 
 
 def _channels(table: Table, found: Assignment, clock: Clock) -> dict[str, Signal]:
