@@ -15,6 +15,7 @@ from winchcascade.errors import LogError
 from winchcascade.files import readable
 from winchcascade.ingest.assign import Assignment, assign, listed
 from winchcascade.ingest.clock import Clock, even_clock, read_clock, require_rising
+from winchcascade.ingest.digits import clock_of_digits
 from winchcascade.ingest.formats import open_log
 from winchcascade.ingest.quality import check
 from winchcascade.order import median
@@ -152,6 +153,9 @@ def _clock(
         stamps, stamped = seconds(table.stamps), True
     if not stamped and found.time is not None:
         factor = found.time.factor
+        digits = None if found.time_unit_known else clock_of_digits(stamps)
+        if digits is not None:
+            return read_clock(digits, where), findings
         if not found.time_unit_known:
             factor, finding = _assumed_time(stamps, table, found)
             findings.append(finding)
