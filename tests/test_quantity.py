@@ -26,7 +26,17 @@ def test_absolute_pressure_is_turned_into_gauge() -> None:
     assert unit.offset == -ATMOSPHERE
 
 
-@pytest.mark.parametrize("text", ["", "furlong", "foo", "N/A", "mPa", "°C", "V/A"])
+@pytest.mark.parametrize(
+    ("text", "melting"), [("°C", 0.0), ("℃", 0.0), ("deg C", 0.0), ("K", 273.15), ("°F", 32.0), ("degF", 32.0)]
+)
+def test_a_temperature_has_the_zero_of_its_scale(text: str, melting: float) -> None:
+    unit = find_unit(text)
+    assert unit is not None
+    assert unit.dimension == "temperature"
+    assert unit.factor * melting + unit.offset == pytest.approx(273.15, rel=1e-12)
+
+
+@pytest.mark.parametrize("text", ["", "furlong", "foo", "N/A", "mPa", "lux", "V/A"])
 def test_text_that_is_no_unit_is_not_taken_for_one(text: str) -> None:
     assert find_unit(text) is None
 

@@ -102,6 +102,7 @@ _SPELLED: dict[tuple[str, float], str] = {
     ("number", 1e-2): "% percent",
     ("frequency", 1.0): "Hz 1/s",
     ("frequency", 1e3): "kHz",
+    ("temperature", 1.0): "K kelvin",
 }
 """By dimension and factor, how loggers write a unit; pressures are gauge."""
 
@@ -115,6 +116,12 @@ _ABSOLUTE: dict[float, str] = {
 }
 """By factor, how loggers write an absolute pressure."""
 
+_TEMPERATURES: dict[tuple[float, float], str] = {
+    (1.0, 273.15): "°C C degC deg.C deg_C degreesC oC celsius 攝氏 摄氏 攝氏度 摄氏度",
+    (5.0 / 9.0, 459.67 * 5.0 / 9.0): "°F degF deg.F deg_F degreesF oF fahrenheit",
+}
+"""By factor and offset, how loggers write a temperature; none is a channel, and by these it is told from a torque T."""
+
 
 def _plain(text: str) -> str:
     """Fold the spellings of one unit: full width, superscripts, the signs of a product, blanks."""
@@ -124,11 +131,19 @@ def _plain(text: str) -> str:
 
 _FOLDED = str.maketrans(dict.fromkeys("·⋅•∙*×", ".") | dict.fromkeys("^ ", "") | dict.fromkeys("⁻\u2212", "-"))
 
-UNITS: dict[str, Unit] = {
-    _plain(name): Unit(dimension, factor) for (dimension, factor), names in _SPELLED.items() for name in names.split()
-} | {
-    _plain(name): Unit("pressure", factor, -ATMOSPHERE) for factor, names in _ABSOLUTE.items() for name in names.split()
-}
+UNITS: dict[str, Unit] = (
+    {_plain(name): Unit(dimension, factor) for (dimension, factor), names in _SPELLED.items() for name in names.split()}
+    | {
+        _plain(name): Unit("pressure", factor, -ATMOSPHERE)
+        for factor, names in _ABSOLUTE.items()
+        for name in names.split()
+    }
+    | {
+        _plain(name): Unit("temperature", factor, offset)
+        for (factor, offset), names in _TEMPERATURES.items()
+        for name in names.split()
+    }
+)
 """Every unit a log or a rig file may name without an import of pint; pressures are gauge unless they say absolute."""
 
 _FOLDED_CASE: dict[str, Unit | None] = {}

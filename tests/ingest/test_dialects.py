@@ -51,6 +51,25 @@ def test_another_quantity_is_no_channel(name: str) -> None:
     assert recognise(Header(name)) is None
 
 
+@pytest.mark.parametrize("unit", ["°C", "℃", "ºC", "C", "degC", "deg C", "Celsius", "K", "kelvin", "°F", "degF"])
+@pytest.mark.parametrize("form", ["T ({})", "T [{}]", "t ({})", "T / {}", "T, {}", "Torque ({})"])
+def test_a_temperature_is_no_torque_and_no_time(form: str, unit: str) -> None:
+    assert recognise(Header(form.format(unit))) is None
+    assert recognise(Header("T", unit)) is None
+
+
+@pytest.mark.parametrize("name", ["Force/F", "cDAQ1Mod1/F", "Force", "F"])
+def test_a_lone_letter_that_may_be_a_unit_stays_a_name(name: str) -> None:
+    assert recognise(Header(name)) == "force"
+
+
+def test_a_temperature_beside_the_torque_is_left_unread(tmp_path: Path) -> None:
+    rows = [[*row, "31.5"] for row in ROWS]
+    run = read(tmp_path, text(rows, [*HEAD, "T (°C)"]))
+    assert [f.message for f in run.findings] == ["1 column that is no channel: T (°C)"]
+    assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
+
+
 LANGUAGES = {
     "zh-tw": "時間 位移 線速度 壓力 張力 扭矩 直流電壓 直流電流",
     "zh-cn": "时间 位移 线速度 压力 拉力 扭矩 直流电压 直流电流",

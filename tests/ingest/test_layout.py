@@ -21,8 +21,8 @@ def rows_of(*above: list[str], head: list[str] = HEAD, delimiter: str = ",", dec
     return text([*above, *ROWS], head, delimiter=delimiter, decimal=decimal)
 
 
-def labview(axis: str, decimal: str, *, comment: bool) -> str:
-    """An .lvm file as LabVIEW's Write To Measurement File writes it."""
+def labview(axis: str, decimal: str, *, comment: bool, segment: int = len(ROWS)) -> str:
+    """An .lvm file as LabVIEW's Write To Measurement File writes it, with a heading above each segment of so many rows."""
     n, apart = len(NAMES) - 1, "\t\t" if axis == "Multi" else "\t"
     top = [
         "LabVIEW Measurement",
@@ -44,7 +44,9 @@ def labview(axis: str, decimal: str, *, comment: bool) -> str:
     lines[8:8] = ["Y_Unit_Label\t" + apart.join(UNITS[1:]) + "\t"]
     names = apart.replace("\t\t", "\tX_Value\t").join(NAMES[1:])
     lines += ["***End_of_Header***" + "\t" * (n + 1), f"X_Value\t{names}" + "\tComment" * comment]
-    for t, *values in ROWS:
+    heading = lines[len(top) + 2 :]
+    for k, (t, *values) in enumerate(ROWS):
+        lines += heading if k and k % segment == 0 else []
         middle = f"\t{t}\t" if axis == "Multi" else "\t"
         lines.append(("" if axis == "No" else t) + "\t" + middle.join(values) + "\t" * comment)
     return "\r\n".join(lines).replace(".", decimal).replace("N,m", "N.m") + "\r\n"
@@ -218,3 +220,59 @@ def test_a_folder_and_a_missing_file_are_no_logs(tmp_path: Path) -> None:
 def test_a_long_line_amid_the_rows_is_left_out(tmp_path: Path) -> None:
     path = write(tmp_path, text(ROWS[:900]) + "x," * 2_000_000 + "\n" + text(ROWS[900:], None))
     assert read_run(path).samples == len(ROWS)
+
+
+LETTERS = ["t", "x", "v", "p", "F", "M", "U", "I"]
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t", " "])
+def test_names_of_single_letters_are_names_though_some_are_units_too(delimiter: str, tmp_path: Path) -> None:
+    run = read(tmp_path, rows_of(head=LETTERS, delimiter=delimiter))
+    assert kinds(run) == {"unit_assumed"}
+    assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
+
+
+@pytest.mark.parametrize(("above", "columns"), [([], (0, 1, 2)), ([["Operator", "Lin", "", ""]], (0, 2, 4, 5))])
+def test_a_line_of_letters_is_the_names_where_no_other_line_is(
+    above: list[list[str]], columns: tuple[int, ...], tmp_path: Path
+) -> None:
+    head, *rows = [[line[k] for k in columns] for line in (LETTERS, *ROWS)]
+    run = read(tmp_path, text([*above, head, *rows], None))
+    assert set(run.channels) >= {"velocity"}
+    assert run.samples == len(ROWS)
+
+
+@pytest.mark.parametrize("turn", [1, -1])
+def test_a_line_of_units_beside_names_of_letters_is_known_in_any_order(turn: int, tmp_path: Path) -> None:
+    columns = (0, 2, 4, 5)
+    names, units = [[line[k] for k in columns] for line in (LETTERS, UNITS)]
+    rows = [[row[k] for k in columns] for row in ROWS]
+    run = read(tmp_path, text([*[names, units][::turn], *rows], None))
+    assert {"velocity", "force", "torque"} <= set(run.channels)
+    assert "unit_assumed" not in kinds(run)
+
+
+def test_units_without_names_above_them_are_told(tmp_path: Path) -> None:
+    rows = [row[:3] for row in ROWS]
+    with pytest.raises(LogError) as told:
+        read(tmp_path, text(rows, UNITS[:3]))
+    assert str(told.value) == (
+        "log.csv: the line above the numbers holds units (s, m, m/s) and none holds names; expected a row of names such as "
+        "'Time,Displacement,Velocity,Force' above it. Add one."
+    )
+
+
+def test_a_line_of_units_is_known_by_a_unit_with_a_stroke(tmp_path: Path) -> None:
+    rows = [[row[0], *(repr(1e3 * float(cell)) for cell in row[1:3])] for row in ROWS]
+    run = read(tmp_path, text([["s", "mm", "mm/s"], *rows], NAMES[:3]))
+    assert "unit_assumed" not in kinds(run)
+    assert run.channels["velocity"].max() < 1.0
+
+
+@pytest.mark.parametrize("decimal", [".", ","])
+@pytest.mark.parametrize("axis", ["One", "Multi", "No"])
+def test_headings_that_labview_repeats_are_no_rows(axis: str, decimal: str, tmp_path: Path) -> None:
+    run = read(tmp_path, labview(axis, decimal, comment=True, segment=500))
+    assert kinds(run) == set()
+    assert run.samples == len(ROWS)
+    assert efficiencies(run) == pytest.approx(clean(), abs=SAME)

@@ -149,3 +149,32 @@ def test_rows_with_a_stamp_and_no_number_are_kept_and_told(tmp_path: Path) -> No
     run = read(tmp_path, text(rows, head))
     assert kinds(run) == {"not_a_number"}
     assert run.samples == len(ROWS)
+
+
+@pytest.mark.parametrize(
+    ("before", "after"), [("+01:00", "+02:00"), ("+0200", "+0100"), ("-05", "-04"), ("Z", "+05:30")]
+)
+def test_an_offset_from_utc_that_changes_within_the_log_is_no_step(before: str, after: str, tmp_path: Path) -> None:
+    middle = len(T) // 3
+    zones = [(_zone(before), before)] * middle + [(_zone(after), after)] * (len(T) - middle)
+    moments = [NOON + dt.timedelta(milliseconds=round(1000 * t)) for t in T]
+    written = [
+        f"{m + east:%Y-%m-%dT%H:%M:%S}.{m.microsecond // 1000:03d}{z}"
+        for m, (east, z) in zip(moments, zones, strict=True)
+    ]
+    run = read(tmp_path, text(*with_time(written)))
+    assert kinds(run) == set()
+    assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
+
+
+def _zone(text: str) -> dt.timedelta:
+    sign, digits = -1 if text[0] == "-" else 1, text.strip("Z+-").replace(":", "").ljust(4, "0")
+    return sign * dt.timedelta(hours=int(digits[:2]), minutes=int(digits[2:]))
+
+
+def test_an_offset_that_only_some_stamps_have_changes_nothing() -> None:
+    assert seconds(["2026-03-29 01:00:00+01:00", "2026-03-29 01:00:01", "2026-03-29 01:00:02"]).tolist() == [
+        0.0,
+        1.0,
+        2.0,
+    ]

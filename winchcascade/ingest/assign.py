@@ -27,17 +27,25 @@ class Match(msgspec.Struct, frozen=True):
 
 
 class Assignment(msgspec.Struct, frozen=True):
-    """Which header is which channel; `time` is None for a log without a time column, `time_unit` if it names none."""
+    """Which header is which channel; `time` is None for a log without a time column.
+
+    `time_unit_known` and `time_named` tell whether the time column names a unit, and whether it has a name itself.
+    """
 
     channels: Mapping[str, Match]
     time: Match | None
     time_unit_known: bool
     findings: tuple[Finding, ...]
     simulated: bool
+    time_named: bool = True
 
 
-def assign(headers: Sequence[Header], rig: Rig, where: str) -> Assignment:
+def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None = None) -> Assignment:
     """Match the headers of a log to channels, by the rig file's [columns] first, then by the table of names.
+
+    Parameters
+    ----------
+    clock : index of the time column of a log that names none
 
     Raises
     ------
@@ -45,12 +53,12 @@ def assign(headers: Sequence[Header], rig: Rig, where: str) -> Assignment:
         fit, no column that could give the line velocity
     """
     named = _named_in_rig(headers, rig, where)
-    taken: dict[str, int] = dict(named)
+    taken: dict[str, int] = dict(named) if clock is None else {"time": clock} | named
     dates: list[int] = []
     unknown: list[int] = []
     simulated = any(header.name.strip() in SIMULATED_HEADERS for header in headers)
     for index, header in enumerate(headers):
-        if index in named.values() or header.name.strip() in SIMULATED_HEADERS:
+        if index == clock or index in named.values() or header.name.strip() in SIMULATED_HEADERS:
             continue
         channel = recognise(header)
         letters = letters_of(header.name)
@@ -70,7 +78,7 @@ def assign(headers: Sequence[Header], rig: Rig, where: str) -> Assignment:
     _check_usable(taken, headers, where)
     found = _assignment(taken, headers, rig, [headers[k].name.strip() for k in sorted(unknown)], simulated, where)
     absent = _absent(headers, rig, named, taken)
-    return msgspec.structs.replace(found, findings=(*found.findings, *absent))
+    return msgspec.structs.replace(found, findings=(*found.findings, *absent), time_named=clock is None)
 
 
 def _absent(headers: Sequence[Header], rig: Rig, named: Mapping[str, int], taken: Mapping[str, int]) -> list[Finding]:
@@ -136,8 +144,8 @@ def _check_usable(taken: Mapping[str, int], headers: Sequence[Header], where: st
 
 
 def listed(names: Sequence[str], most: int = 12) -> str:
-    """Names of columns for a sentence: so many of them, none of them long."""
-    shown = ", ".join((n if len(n) <= 40 else n[:37] + "...") for n in names[:most])
+    """Names of columns for a sentence: so many of them, none of them long, and none of them empty."""
+    shown = ", ".join((n if len(n) <= 40 else n[:37] + "...") or "(no name)" for n in names[:most])
     return shown + (f" and {len(names) - most} more" if len(names) > most else "") if names else "no columns"
 
 

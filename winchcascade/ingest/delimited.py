@@ -35,6 +35,9 @@ _MINUS_SIGN = "\u2212".encode()
 _D_EXPONENT = re.compile(rb"(?<=[\d.])[dD](?=[-+]?\d)")
 """As Fortran writes it."""
 
+_HEADING = re.compile(rb"^(?!nan\b|inf)(?:[*]{3}End_|[a-z])[^\n]*\n?", re.IGNORECASE | re.MULTILINE)
+"""A line of the heading that LabVIEW repeats above each segment; a row of data begins with a number or an empty cell."""
+
 _MOST_MARKS = 200
 """Texts for "no number" that are handed to Arrow; a file with more of them is read cell by cell."""
 
@@ -131,6 +134,8 @@ class _Parser(msgspec.Struct):
         """Read whole lines; an unfinished one is the end of a file that was cut off. None if nothing is left."""
         if block[-1:] != b"\n":
             block = self._end(bytes(block))
+        if self.layout.labview:
+            block = _HEADING.sub(b"", block)
         if self.layout.delimiter == " ":
             block = b"\n".join(re.sub(rb"[ \t]+", b" ", line.strip()) for line in bytes(block).splitlines())
         return self._read(block) if len(block) else None

@@ -57,12 +57,15 @@ DATES = frozenset("date datum fecha data dato päivä 日期 날짜 дата".sp
 
 COUNTS = frozenset(
     """no nr n index idx row rownumber rowno record recordno recordnumber recnum rn recno sample samples sampleno
-    samplenumber sampleindex scan scanno scannumber count counter line lineno 序號 序号 編號 编号 番号 번호 номер""".split()
+    samplenumber sampleindex scan scanno scannumber count counter line lineno 序號 序号 編號 编号 番号 번호 номер
+    indexlevel0 unnamed0""".split()
 )
 """Columns that number the rows: no channels, and nobody misses them."""
 
 DIMENSION = {"time": "time"} | {name: channel.dimension for name, channel in CHANNELS.items()}
 """What each channel, and the time, measures."""
+
+_MEASURED = frozenset(DIMENSION.values())
 
 
 def letters_of(text: str) -> str:
@@ -113,8 +116,17 @@ def read_header(header: Header) -> _Read:
         unit = find_unit(end)
         if unit is not None and any(DIMENSION[c] == unit.dimension for c in _candidates(start)):
             return _Read(start, unit, None)
-    other = next((unit for end in inside if (unit := find_unit(end)) is not None), None)
+    other = next((unit for end in inside if (unit := find_unit(end)) is not None), None) or _unit_of_none(splits)
     return _Read(bare, other, None if other or not inside else inside[-1] or None)
+
+
+def _unit_of_none(splits: list[tuple[str, str]]) -> Unit | None:
+    """A unit that no channel has, behind the name of one: `T / °F`; a lone letter there, as in `Force/F`, may be a name."""
+    for start, end in splits:
+        unit = find_unit(end) if len(end) > 1 else None
+        if unit is not None and unit.dimension not in _MEASURED and _candidates(start):
+            return unit
+    return None
 
 
 def _before_units(*names: str) -> Iterator[tuple[str, re.Match[str]]]:
@@ -127,6 +139,8 @@ def _before_units(*names: str) -> Iterator[tuple[str, re.Match[str]]]:
 def _candidates(name: str) -> tuple[str, ...]:
     """Channels that a name may mean, with and without the words that say where it was measured."""
     last = name.replace("\\", "/").rsplit("/", 1)[-1]
+    if last != name and find_unit(name) is not None:  # m/s is no s in a group m
+        return ()
     for text in (name, last):
         found = CHANNELS_BY_NAME.get(letters_of(text))
         if found:

@@ -206,7 +206,7 @@ def _best_sheet(path: Path, content: bytes) -> tuple[Layout, list[Row]]:
             if layout is not None and (layout.share, sheet.height) > rank:
                 rank = (layout.share, sheet.height)
                 named = ([row[j] for j in layout.columns] for row in islice(sheet.iter_rows(), layout.first, None))
-                best = layout, without_empty_end(list(named))
+                best = layout, without_empty_end(list(named), layout.headers)
     if best is None:
         raise LogError(
             f"{path.name}: no sheet has a row of names over columns of numbers; one such table was expected; "

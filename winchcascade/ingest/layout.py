@@ -49,6 +49,7 @@ class Layout(msgspec.Struct, frozen=True):
     first : index of the first line of data
     rows : cells of the first rows of data
     quoted : cells may stand in quotation marks
+    labview : the file is a LabVIEW measurement, in which the heading may stand above every segment
     properties : `key: value` lines of the preamble, keys as written
     """
 
@@ -60,6 +61,7 @@ class Layout(msgspec.Struct, frozen=True):
     rows: tuple[tuple[str, ...], ...]
     quoted: bool
     properties: dict[str, str]
+    labview: bool = False
 
     @property
     def width(self) -> int:
@@ -129,6 +131,7 @@ def find_layout(lines: Sequence[str], where: str) -> Layout:
         tuple(map(tuple, rows)),
         any('"' in line for line in lines[first:]),
         _properties(lines[:first]),
+        _is_labview(lines[:first]),
     )
 
 
@@ -183,7 +186,7 @@ def _headers(above: Sequence[str], delimiter: str, rows: list[list[str]], where:
     filled = max(k + 1 for k, column in enumerate(columns) if any(column))
     found = [_names(line, delimiter, width) for line in above[-12:]][::-1]
     near = [row for row in found if sum(map(bool, row)) >= 2 and len(row) >= filled - 1]
-    units = next((r for k, r in enumerate(near) if _is_units(r) and (k < 4 or "unit" in r[0].casefold())), [])
+    units = _units(near)
     names = max((row for row in near if row is not units), key=_channels, default=None)
     if names is None:
         raise LogError(_no_names(found, filled, where))
@@ -192,7 +195,7 @@ def _headers(above: Sequence[str], delimiter: str, rows: list[list[str]], where:
         names, units = [first, *names], ["", *units] if len(units) < filled else units
     if any(recognise(Header(name)) for name in names[width:] if name):
         raise LogError(_no_names([names], filled, where))
-    if any(line.startswith("***End_of_Header***") for line in above):  # LabVIEW's own columns: the axis, and remarks
+    if _is_labview(above):  # LabVIEW's own columns: the axis, and remarks
         units = [
             "s" if name == "X_Value" else unit for name, unit in zip(names, _wide(units, len(names)), strict=False)
         ]
@@ -200,6 +203,25 @@ def _headers(above: Sequence[str], delimiter: str, rows: list[list[str]], where:
     names, units = _wide(names, width), _wide(units, width)
     more = [Header(name) for name in names[width:]]
     return (*(_header(k, names[k], units[k] or None, columns[k]) for k in range(width)), *more)
+
+
+def _is_labview(above: Sequence[str]) -> bool:
+    """Whether the lines above the data are the heading of a LabVIEW measurement file."""
+    return any(line.startswith("***End_of_Header***") for line in above)
+
+
+def _units(near: Sequence[list[str]]) -> list[str]:
+    """The line of units among those above the data, nearest first; empty if there is none.
+
+    Single letters are names as well as units: `t,F,V` are tonnes, farads and volts where another line has the names, and the
+    names themselves where none has.
+    """
+    alike = [r for k, r in enumerate(near) if _is_units(r) and (k < 4 or "unit" in r[0].casefold())]
+    units = min(alike, key=lambda row: _channels(row) - _known_units(row), default=[])
+    others = [row for row in near if row is not units]
+    named = {recognise(Header(c)) for c in units if c} - {None}
+    alone = not others or ("time" in named and not any(map(_channels, others)))
+    return [] if len(named) > _known_units(units) - alone else units
 
 
 def _header(k: int, name: str, unit: str | None, column: Sequence[str]) -> Header:
@@ -235,9 +257,14 @@ def _counts(column: Sequence[str]) -> bool:
 def _is_units(row: Sequence[str]) -> bool:
     """Whether a line is a row of units: most of its cells are units or blank, and none of those is a channel's name."""
     full = [c.strip("()[] ") for c in row if c.strip("()[]-– ")]
-    known = sum(find_unit(c) is not None for c in full)
+    known = _known_units(row)
     named = sum(recognise(Header(c)) is not None and len(c) > 2 for c in full)
     return known >= 2 and known >= 0.5 * len(full) and named <= 0.3 * len(full)
+
+
+def _known_units(row: Sequence[str]) -> int:
+    """How many cells of a line are units."""
+    return sum(find_unit(c.strip("()[] ")) is not None for c in row if c.strip("()[]-– "))
 
 
 def _decimal(rows: Sequence[Sequence[str]], delimiter: str) -> str:
@@ -265,6 +292,11 @@ def _no_names(found: Sequence[Sequence[str]], filled: int, where: str) -> str:
         return (
             f"{where}: rows of {filled} numbers but no column names above them; expected a first row such as "
             f"'Time (s),Displacement (m),Velocity (m/s),Force (N)'. Add one."
+        )
+    if len(names) == filled:
+        return (
+            f"{where}: the line above the numbers holds units ({', '.join(names[:8])}) and none holds names; expected a row "
+            f"of names such as 'Time,Displacement,Velocity,Force' above it. Add one."
         )
     return (
         f"{where}: {len(names)} column names above rows of {filled} cells; expected one name for each column. Check for a "

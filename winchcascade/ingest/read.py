@@ -15,6 +15,7 @@ from winchcascade.errors import LogError
 from winchcascade.files import readable
 from winchcascade.ingest.assign import Assignment, assign, listed
 from winchcascade.ingest.clock import Clock, even_clock, read_clock, require_rising
+from winchcascade.ingest.digits import clock_of_digits
 from winchcascade.ingest.formats import open_log
 from winchcascade.ingest.quality import check
 from winchcascade.order import median
@@ -63,8 +64,7 @@ def read_run(
     path = Path(path)
     rig = rig or built_in()
     source = open_log(path)
-    found = assign(source.headers, rig, path.name)
-    table = source.load([m.index for m in found.channels.values()], found.time.index if found.time else None)
+    found, table = _loaded(source, rig, path.name)
     digest = _Digest(path)
     samples = len(next(iter(table.values.values())))
     _check_length(samples, path.name)
@@ -93,6 +93,19 @@ def read_run(
         simulated=found.simulated,
         about=about,
     )
+
+
+def _loaded(source: Source, rig: Rig, where: str) -> tuple[Assignment, Table]:
+    """The channels, with the clock that a column names or else the one that stands in a column without a name."""
+    found = assign(source.headers, rig, where)
+    wanted = [match.index for match in found.channels.values()]
+    if found.time is None and source.time_step is None:
+        from winchcascade.ingest.index import index_clock
+
+        index = index_clock(source, wanted)
+        if index is not None:
+            return assign(source.headers, rig, where, clock=index[0]), index[1]
+    return found, source.load(wanted, found.time.index if found.time else None)
 
 
 class _Digest:
@@ -140,6 +153,9 @@ def _clock(
         stamps, stamped = seconds(table.stamps), True
     if not stamped and found.time is not None:
         factor = found.time.factor
+        digits = None if found.time_unit_known else clock_of_digits(stamps)
+        if digits is not None:
+            return read_clock(digits, where), findings
         if not found.time_unit_known:
             factor, finding = _assumed_time(stamps, table, found)
             findings.append(finding)
@@ -164,9 +180,8 @@ def _assumed_time(stamps: Signal, table: Table, found: Assignment) -> tuple[floa
             ratio = math.log(travelled) - math.log(expected)  # the quotient itself may be too small for a number
             unit = min(_TIME_UNITS, key=lambda name: abs(math.log(_TIME_UNITS[name]) - ratio))
             why = "with which velocity and displacement agree"
-    return _TIME_UNITS[unit], Finding(
-        "unit_assumed", f"the time column names no unit; taken as {unit}, {why}", "assumed"
-    )
+    column = "the time column names no unit" if found.time_named else "the clock is a column without name or unit"
+    return _TIME_UNITS[unit], Finding("unit_assumed", f"{column}; taken as {unit}, {why}", "assumed")
 
 
 def _channels(table: Table, found: Assignment, clock: Clock) -> dict[str, Signal]:

@@ -22,7 +22,10 @@ _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
 
 
 class Layout(msgspec.Struct, frozen=True):
-    """Where the table of a sheet lies: its names, their units, its first row, how many names stand over data."""
+    """Where the table of a sheet lies: its names, their units, its first row, how many names stand over data.
+
+    A column of data without a name to the left of the first name, the index of a data frame, comes last.
+    """
 
     columns: tuple[int, ...]
     headers: tuple[Header, ...]
@@ -39,9 +42,15 @@ def find_table(rows: Sequence[Row]) -> Layout | None:
         columns = tuple(j for j, cell in enumerate(rows[k]) if is_name(cell))
         share = sum(_holds_data(rows[first : first + ROWS_LOOKED_AT], j) for j in columns)
         if share > (best.share if best else 0) and any(_is_datum(cell) for cell in rows[first]):
+            columns += _index(rows[k], rows[first : first + ROWS_LOOKED_AT], columns[0])
             headers = tuple(Header(str(rows[k][j]).strip(), _unit(rows[k + 1][j]) if units else None) for j in columns)
             best = Layout(columns, headers, first, share)
     return best
+
+
+def _index(names: Row, rows: Sequence[Row], named: int) -> tuple[int, ...]:
+    """The column right before the first named one, if it has data and no name."""
+    return (named - 1,) if named > 0 and names[named - 1] == "" and _holds_data(rows, named - 1) else ()
 
 
 def is_name(cell: Cell) -> bool:
@@ -77,10 +86,11 @@ def _is_datum(cell: Cell) -> bool:
     return cell.strip() != "" and (not is_name(cell) or re.search(r"\d[:/.\-]\d", cell) is not None)
 
 
-def without_empty_end(rows: list[Row]) -> list[Row]:
-    """Drop the last rows that have nothing in any cell."""
+def without_empty_end(rows: list[Row], headers: Sequence[Header]) -> list[Row]:
+    """Drop the last rows that have nothing in any cell below a name."""
+    named = [j for j, header in enumerate(headers) if header.name]
     end = len(rows)
-    while end and all(cell == "" for cell in rows[end - 1]):
+    while end and all(rows[end - 1][j] == "" for j in named):
         end -= 1
     return rows[:end]
 

@@ -33,7 +33,7 @@ _STAMP = re.compile(
       |(?P<month>[^\W\d_]{3,9})\.?\s+(?P<day>\d{1,2}),?\s+(?P<year>\d{4}))[\sT_,-]*)?
     (?P<noon1>[AaPp]\.?[Mm]\.?|上午|下午)?\s*
     (?:(?P<h>\d{1,3})[:時时](?P<m>\d\d)(?:[:分](?P<s>\d\d))?|(?<=T)(?P<hms>\d{6}))(?:[.,:](?P<frac>\d+))?秒?
-    \s*(?P<noon2>[AaPp][.,]?[Mm][.,]?)?\s*(?:Z|(?:UTC|GMT)?(?:[+-]\d\d?(?::?\d\d)?)?)[\]"'\s]*$""",
+    \s*(?P<noon2>[AaPp][.,]?[Mm][.,]?)?\s*(?P<zone>Z|(?:UTC|GMT)?(?:[+-]\d\d?(?::?\d\d)?)?)[\]"'\s]*$""",
     re.VERBOSE,
 )
 DAY = 86400.0
@@ -65,11 +65,14 @@ def seconds(texts: Sequence[str]) -> Signal:
     [0.0, 0.04]
     """
     days: dict[_Day | None, list[int]] = {}
+    zones: dict[str, list[int]] = {}
     since = np.empty(len(texts))
     period = DAY
     for k, text in enumerate(texts):
-        since[k], day, minutes = _in_day(text)
+        since[k], day, minutes, zone = _in_day(text)
         days.setdefault(day, []).append(k)
+        if zone is not None:
+            zones.setdefault(zone, []).append(k)
         period = 3600.0 if minutes else period
     good = np.flatnonzero(np.isfinite(since))
     if good.size == 0:
@@ -77,17 +80,36 @@ def seconds(texts: Sequence[str]) -> Signal:
     if any(day is not None for day in days):
         for day, number in _numbers_of(days).items():
             since[days[day]] += DAY * number
+        if (
+            len(zones) > 1 and "" not in zones
+        ):  # summer time begins or ends, and every stamp says how far it is from UTC
+            for zone, rows in zones.items():
+                since[rows] -= _east_of_utc(zone)
         good = np.flatnonzero(np.isfinite(since))
     else:
         since[good] += period * np.cumsum(np.diff(since[good], prepend=since[good[0]]) < -period / 2)
     return since - since[good[0]] if good.size else since
 
 
-def _in_day(text: str) -> tuple[float, _Day | None, bool]:
-    """Seconds since midnight, the parts of the date, and whether a text shows minutes and seconds alone."""
+def _east_of_utc(zone: str) -> float:
+    """What the clock of a zone such as `Z`, `+0530` or `UTC-8` is ahead of UTC. [s]
+
+    >>> [_east_of_utc(zone) for zone in ("Z", "+02:00", "UTC-8", "+530")]
+    [0.0, 7200.0, -28800.0, 19800.0]
+    """
+    digits = "".join(c for c in zone if c.isdecimal())
+    hours, minutes = (digits[:-2], digits[-2:]) if len(digits) > 2 else (digits, "0")
+    return (-1.0 if "-" in zone else 1.0) * (int(hours or 0) * 3600.0 + int(minutes) * 60.0)
+
+
+def _in_day(text: str) -> tuple[float, _Day | None, bool, str | None]:
+    """Seconds since midnight, the parts of the date, whether a text shows minutes and seconds alone, and its zone.
+
+    The zone is empty for a stamp without one, and None for a text that is no stamp.
+    """
     found = _STAMP.match(text) if len(text) < _LONG else None
     if found is None:
-        return float("nan"), None, False
+        return float("nan"), None, False, None
     h, m, s, frac = found.group("h", "m", "s", "frac")
     if found["hms"]:
         h, m, s = found["hms"][:2], found["hms"][2:4], found["hms"][4:]
@@ -101,8 +123,8 @@ def _in_day(text: str) -> tuple[float, _Day | None, bool]:
     in_day = hour * 3600.0 + int(m) * 60.0 + int(s or 0) + (float("0." + frac) if frac else 0.0)
     for names in (("a", "b", "c"), ("d", "e", "f"), ("day", "month", "year")):
         if found[names[0]] is not None:
-            return in_day, (found[names[0]], found[names[1]], found[names[2]]), False
-    return in_day, None, minutes
+            return in_day, (found[names[0]], found[names[1]], found[names[2]]), False, found["zone"]
+    return in_day, None, minutes, found["zone"]
 
 
 def _numbers_of(days: Mapping[_Day | None, object]) -> dict[_Day | None, float]:

@@ -1,0 +1,115 @@
+"""Logs of data frames: their index, which has no name, is the clock if it holds times, and none if it counts rows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import openpyxl
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from campaign_log import HEAD, NOON, ROWS, SAME, T, clean, efficiencies, kinds, read, stamps, text
+
+from winchcascade import Rig, read_run
+from winchcascade.errors import LogError
+
+STAMPS = stamps("%Y-%m-%d %H:%M:%S.~")
+NAMES_OF_NONE = ["", "index", "__index_level_0__", "Unnamed: 0"]
+
+Writer = Callable[[Path, str, list[Any]], Path]
+
+
+def as_csv(folder: Path, name: str, index: list[Any]) -> Path:
+    path = folder / "log.csv"
+    path.write_text(text([[str(x), *row[1:]] for x, row in zip(index, ROWS, strict=True)], [name, *HEAD[1:]]))
+    return path
+
+
+def as_excel(folder: Path, name: str, index: list[Any]) -> Path:
+    path = folder / "log.xlsx"
+    book = openpyxl.Workbook(write_only=True)
+    sheet = book.create_sheet("log")
+    sheet.append([name or None, *HEAD[1:]])
+    for x, row in zip(index, ROWS, strict=True):
+        sheet.append([x, *map(float, row[1:])])
+    book.save(path)
+    return path
+
+
+def as_parquet(folder: Path, name: str, index: list[Any]) -> Path:
+    path = folder / "log.parquet"
+    times = isinstance(index[0], str)
+    first = pa.array(np.array(index, dtype="datetime64[ms]")) if times else pa.array(index)
+    columns = [pa.array([float(row[k]) for row in ROWS]) for k in range(1, len(HEAD))]
+    pq.write_table(pa.table([*columns, first], names=[*HEAD[1:], name]), path)
+    return path
+
+
+WRITERS = pytest.mark.parametrize("write", [as_csv, as_excel, as_parquet])
+
+
+@WRITERS
+@pytest.mark.parametrize("name", NAMES_OF_NONE)
+def test_stamps_in_the_only_column_without_a_name_are_the_clock(write: Writer, name: str, tmp_path: Path) -> None:
+    run = read_run(write(tmp_path, name, STAMPS))
+    assert kinds(run) == set()
+    assert run.fs == 25.0
+    assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
+
+
+@WRITERS
+@pytest.mark.parametrize("name", NAMES_OF_NONE)
+def test_numbers_that_rise_in_the_only_column_without_a_name_are_the_clock(
+    write: Writer, name: str, tmp_path: Path
+) -> None:
+    run = read_run(write(tmp_path, name, T))
+    assert [f.message for f in run.findings] == [
+        "the clock is a column without name or unit; taken as s, with which velocity and displacement agree"
+    ]
+    assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
+
+
+@WRITERS
+@pytest.mark.parametrize("name", NAMES_OF_NONE)
+@pytest.mark.parametrize("step", [1, 10])
+def test_an_index_that_counts_rows_is_no_clock(write: Writer, name: str, step: int, tmp_path: Path) -> None:
+    path = write(tmp_path, name, list(range(0, step * len(ROWS), step)))
+    with pytest.raises(
+        LogError, match=r"no time column and no sampling interval; the log has .*sample_rate_hz"
+    ) as told:
+        read_run(path)
+    assert "has , " not in str(told.value)
+    assert ", ," not in str(told.value)
+    run = read_run(path, rig=Rig(name="fast", sample_rate=25.0))
+    assert run.fs == 25.0
+    assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
+
+
+def test_the_refusal_names_a_column_without_a_name_so_that_it_can_be_seen(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match=r"the log has \(no name\), Displacement \(m\)"):
+        read_run(as_csv(tmp_path, "", list(range(len(ROWS)))))
+
+
+def test_of_two_columns_without_a_name_that_rise_none_is_the_clock(tmp_path: Path) -> None:
+    rows = [[row[0], *row[1:], f"{2 * float(row[0]) + 0.5}"] for row in ROWS]
+    with pytest.raises(LogError, match="no time column"):
+        read(tmp_path, text(rows, ["", *HEAD[1:], ""]))
+
+
+def test_a_time_that_is_named_wins_over_an_index(tmp_path: Path) -> None:
+    rows = [[stamp, *row] for stamp, row in zip(stamps("%Y-%m-%d %H:%M:%S.~", NOON), ROWS, strict=True)]
+    run = read(tmp_path, text(rows, ["", *HEAD]))
+    assert kinds(run) == set()
+    assert run.t[-1] == pytest.approx(T[-1])
+
+
+def test_an_index_that_is_longer_than_its_table_adds_no_rows(tmp_path: Path) -> None:
+    path = as_excel(tmp_path, "", T)
+    book = openpyxl.load_workbook(path)
+    for k in range(50):
+        book["log"].cell(len(ROWS) + 2 + k, 1, T[-1] + 0.04 * (k + 1))
+    book.save(path)
+    assert read_run(path).samples == len(ROWS)
