@@ -242,3 +242,37 @@ def test_a_haul_in_that_follows_at_once_is_one() -> None:
     (cycle,) = cycles_of(v)
     assert cycle.payout_end == pytest.approx(16.0, abs=0.1)
     assert cycle.haul_in == pytest.approx((16.0, 25.0), abs=0.1)
+
+
+JOG = ((0.2, 0.1), (0.6, 0.1), (0.2, 0.0))
+"""8 cm at 0.1 m/s: too fast for creep, too short for a payout."""
+
+
+@pytest.mark.parametrize("rest", [3.0, 60.0])
+@pytest.mark.parametrize("jogs", [1, 4])
+def test_jogs_long_before_the_payout_are_no_part_of_it(rest: float, jogs: int) -> None:
+    (cycle,) = cycles_of(profile(REST, *(*JOG, (rest, 0.0)) * jogs, *CYCLE), noise=0.004)
+    assert cycle.onset == pytest.approx(5.0 + jogs * (1.0 + rest) + 0.07, abs=EARLY)
+
+
+def test_a_jog_that_the_payout_follows_at_once_belongs_to_it() -> None:
+    (cycle,) = cycles_of(profile(REST, *JOG, (1.0, 0.0), *CYCLE))
+    assert cycle.onset == pytest.approx(5.0 + 0.06, abs=EARLY)
+
+
+def test_a_jog_long_after_payout_and_haul_in_is_no_part_of_them() -> None:
+    back = tuple((seconds, -speed) for seconds, speed in JOG)
+    (cycle,) = cycles_of(profile(REST, *PAYOUT, HOLD, *JOG, HOLD, *HAUL_IN, REST, *back, REST))
+    assert cycle.payout_end == pytest.approx(17.0 - 0.03, abs=EARLY)
+    assert cycle.haul_in == pytest.approx((26.0, 35.0), abs=0.1)
+
+
+def test_a_payout_made_of_jogs_alone_begins_with_the_first() -> None:
+    (cycle,) = cycles_of(profile(REST, *(*JOG, (3.0, 0.0)) * 8))
+    assert cycle.onset == pytest.approx(5.0 + 0.06, abs=EARLY)
+    assert cycle.payout_end == pytest.approx(5.0 + 7 * 4.0 + 0.94, abs=EARLY)
+
+
+def test_a_stop_after_a_travel_of_its_own_belongs_to_the_payout_however_long() -> None:
+    (cycle,) = cycles_of(profile(REST, (0.5, 0.5), (1.0, 0.5), (0.5, 0.0), (30.0, 0.0), *CYCLE))
+    assert cycle.onset == pytest.approx(5.0 + 0.03, abs=EARLY)

@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.channels import CHANNELS
+from winchcascade.ingest.agreement import disagreements, power_disagrees, without_sign
 from winchcascade.ingest.signs import upright
 from winchcascade.ingest.spikes import find_spikes
 from winchcascade.ingest.stuck import Motion, find_stuck, motion
@@ -57,7 +58,10 @@ def check(t: Signal, channels: dict[str, Signal], rig: Rig, *, simulated: bool, 
         _drop_dead_velocity(t, channels, lost, findings)
     if "velocity" not in channels and "displacement" not in channels:
         return Checked({}, {}, tuple(findings))
+    both = not simulated and "velocity" in channels and "displacement" in channels
     _derive_velocity(t, channels, lost, findings)
+    if both:
+        findings += _give_direction(t, channels, rig)
     turned = upright(channels)
     findings += turned
     if not simulated:
@@ -66,6 +70,10 @@ def check(t: Signal, channels: dict[str, Signal], rig: Rig, *, simulated: bool, 
             if name in rig.sensors:
                 findings += _out_of_range(t, name, x, wild.get(name), signs.get(name, 1.0), rig.sensors[name])
         _take_out_stuck(t, channels, rig, lost, findings, open_circuit)
+    if both and "displacement" in channels:
+        findings += disagreements(t, channels["velocity"], channels["displacement"], rig.thresholds.v_onset)
+    if not simulated:
+        findings += power_disagrees(channels, rig.r_drum)
     gaps = {name: _bridge(t, name, channels, bad) for name, bad in lost.items() if name in channels}
     if "force" in channels and channels["force"].min() < 0:
         findings.append(_at(t, channels["force"] < 0, "slack_line", "force", "samples have a line force below zero"))
@@ -128,6 +136,16 @@ def _derive_velocity(t: Signal, channels: dict[str, Signal], lost: dict[str, Mas
         else f
         for f in findings
     ]
+
+
+def _give_direction(t: Signal, channels: dict[str, Signal], rig: Rig) -> list[Finding]:
+    """Give a speed that has no sign the direction of the displacement."""
+    v, displacement = channels["velocity"], channels["displacement"]
+    if not without_sign(t, v, displacement, rig.thresholds.v_onset, rig.thresholds.stroke_min):
+        return []
+    channels["velocity"] = np.where(_slope(t, displacement) < 0, -np.abs(v), np.abs(v))
+    message = "velocity has one sign whichever way the displacement goes: it is a speed without direction"
+    return [Finding("sign_flipped", message, "given the direction of the displacement", "velocity")]
 
 
 def _slope(t: Signal, displacement: Signal) -> Signal:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from winchcascade.ingest.agreement import smallest_step
 from winchcascade.order import median
 
 if TYPE_CHECKING:
@@ -153,7 +154,7 @@ def _apart(first: Index, last: Index, v: Signal, line: Motion, channels: Mapping
     displacement = channels["displacement"].copy()
     for a, b in zip(*_held(displacement, line.t), strict=True):
         displacement[a + 1 : b] = np.nan  # at rest, or stuck itself
-    slack = max(line.v_onset, 2 * _smallest_step(v))
+    slack = max(line.v_onset, 2 * smallest_step(v))
     for k, (a, b) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
         seconds, moved = _blocks(line.t[a:b], displacement[a:b], 0.25)
         off = np.abs(moved - v[a] * seconds)
@@ -199,7 +200,7 @@ def _unmoved(name: str, first: Index, last: Index, x: Signal, line: Motion) -> M
     position = line.position()
     span = _ptp(x)
     share = 1.0 if name == "displacement" else span / max(float(np.ptp(position)), 1e-9)
-    least = max(TRAVEL, STEPS * _smallest_step(x) / share if share else 0.0)
+    least = max(TRAVEL, STEPS * smallest_step(x) / share if share else 0.0)
     for k in np.flatnonzero(often).tolist():
         a, b = first[k], last[k]
         seconds, moved = _blocks(line.t[a:b], position[a:b], 1.0)
@@ -213,7 +214,7 @@ def _unchanged(name: str, first: Index, last: Index, x: Signal, line: Motion) ->
     often = _among(line.out, first, last) >= FEWEST
     if not often.any():
         return stuck
-    span, step = _ptp(x), _smallest_step(x)
+    span, step = _ptp(x), smallest_step(x)
     idle = IDLE * float(np.nanmax(np.abs(x)))
     for k in np.flatnonzero(often).tolist():
         part = slice(first[k], last[k])
@@ -242,12 +243,6 @@ def _speeds_up(line: Motion, part: slice) -> Mask:
 def _ptp(x: Signal) -> float:
     good = x[np.isfinite(x)]
     return float(np.ptp(good)) if good.size else 0.0
-
-
-def _smallest_step(x: Signal) -> float:
-    some = np.abs(np.diff(x[:_ENOUGH]))
-    some = some[some > 0]
-    return float(np.min(some)) if some.size else 0.0
 
 
 def _too_still(name: str, x: Signal, line: Motion, first: Index, last: Index) -> Mask:

@@ -2,7 +2,7 @@
 
 The velocity is cut into runs above +v_onset and below -v_onset. What the line travels in these runs, noise and creep below
 v_onset left out, gives turning points; between them lie the payouts and the haul-ins. A reversal that takes back little
-of a payout and is followed by more payout belongs to it.
+of a payout and is followed by more payout belongs to it; a jog that a rest parts from it does not.
 """
 
 from __future__ import annotations
@@ -33,6 +33,13 @@ NOISE = 1.5
 
 OVERTAKEN = 1.5
 """A reversal is one inside a motion only if the motion then goes on by more than this many times the reversal."""
+
+
+REST = 2.0
+"""A jog, which travels less than `stroke_min`, is apart from a motion if a rest longer than this lies between them. [s]
+
+Shorter stops are a line that tightens or a crane that takes up its load: there the motion is under way.
+"""
 
 
 class Cycle(msgspec.Struct, frozen=True):
@@ -178,11 +185,11 @@ def _cycle(
     t: Signal, v: Signal, runs: _Runs, leg: tuple[int, int], after: tuple[int, int] | None, thresholds: Thresholds
 ) -> Cycle:
     """Instants of the payout between two turning points and of the haul-in between the next two."""
-    first, last = _motion(runs, leg, thresholds, sign=1.0)
+    first, last = _motion(t, runs, leg, thresholds, sign=1.0)
     begin, end = runs.start[first], runs.stop[last]
     haul_in = None
     if after is not None:
-        down, up = _motion(runs, after, thresholds, sign=-1.0)
+        down, up = _motion(t, runs, after, thresholds, sign=-1.0)
         level = -thresholds.v_onset
         haul_in = (crossing(t, v, runs.start[down], level), _motion_end(t, v, runs.stop[up], level))
     return Cycle(
@@ -195,13 +202,33 @@ def _cycle(
     )
 
 
-def _motion(runs: _Runs, leg: tuple[int, int], thresholds: Thresholds, *, sign: float) -> tuple[int, int]:
-    """First and last run of a leg that are motions in its direction, not noise about the threshold and not creep."""
+def _motion(t: Signal, runs: _Runs, leg: tuple[int, int], thresholds: Thresholds, *, sign: float) -> tuple[int, int]:
+    """First and last run of a leg that are motions in its direction: not noise about the threshold, creep, or a jog apart."""
     along = [k for k in range(*leg) if sign * runs.travel[k] > 0]
     top = max(runs.peak[k] for k in along)
     least = min(max(NOISE * thresholds.v_onset, thresholds.creep_max * top), top)
     motions = [k for k in along if runs.peak[k] >= least]
+    lively = [k for k in range(motions[0], motions[-1] + 1) if runs.peak[k] >= least or runs.peak[k] == 0.0]
+    parts = [part for part in _parted_by_rests(t, runs, lively) if _extent(runs, part) >= thresholds.stroke_min]
+    if parts:
+        motions = [k for k in motions if parts[0][0] <= k <= parts[-1][-1]]
     return motions[0], motions[-1]
+
+
+def _parted_by_rests(t: Signal, runs: _Runs, lively: list[int]) -> list[list[int]]:
+    """Cut runs into stretches between which the line rests; what moves in a gap is unknown and no rest."""
+    parts = [lively[:1]]
+    for before, k in pairwise(lively):
+        if t[runs.start[k]] - t[runs.stop[before] - 1] > REST:
+            parts.append([])
+        parts[-1].append(k)
+    return parts
+
+
+def _extent(runs: _Runs, part: list[int]) -> float:
+    """Distance between the farthest places of a stretch of runs. [m]"""
+    position = list(accumulate((runs.travel[k] for k in part), initial=0.0))
+    return max(position) - min(position)
 
 
 def crossing(t: Signal, v: Signal, k: int, level: float) -> float:

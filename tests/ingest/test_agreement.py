@@ -1,0 +1,197 @@
+"""Channels that tell of one thing are held against each other: what differs is told, nothing that agrees is."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from synthetic import KGCM2, SENSORS
+
+from winchcascade import Finding, load_rig
+from winchcascade.ingest.agreement import disagreements, mean_speeds, power_disagrees, without_sign
+from winchcascade.ingest.quality import Checked, check
+
+Signal = NDArray[np.float64]
+Change = Callable[[Signal], Signal]
+
+RIG = load_rig("hsu2026")
+V_ONSET, STROKE = RIG.thresholds.v_onset, RIG.thresholds.stroke_min
+TABLE = np.loadtxt(
+    Path(__file__).parents[2] / "fixtures" / "campaign" / "r36ohm.csv", delimiter=",", skiprows=1, dtype=np.float64
+)
+T = TABLE[:, 0]
+SEEN_GAIN = 0.002
+"""A gain is found within this: sensor noise over three cycles."""
+SIGN_SHARE = 0.999
+"""A speed without a sign is given the right one in this share of what the line travels."""
+
+
+def channels() -> dict[str, Signal]:
+    return {name: TABLE[:, k + 1] * (KGCM2 if name == "pressure" else 1.0) for k, name in enumerate(SENSORS)}
+
+
+def changed(name: str, change: Change) -> Checked:
+    signals = channels()
+    signals[name] = change(signals[name])
+    return check(T, signals, RIG, simulated=False, open_circuit=False)
+
+
+def told(velocity: Change = lambda v: v, displacement: Change = lambda x: x) -> list[Finding]:
+    signals = channels()
+    return disagreements(T, velocity(signals["velocity"]), displacement(signals["displacement"]), V_ONSET)
+
+
+def coarse(step: float) -> Change:
+    return lambda x: np.round(x / step) * step
+
+
+# ------------------------------------------------------------------------------------------------------- gain and zero
+@pytest.mark.parametrize("gain", [0.1, 0.5, 0.9, 0.985, 1.015, 1.1, 2.0, 5.0])
+def test_a_velocity_of_another_gain_is_told_and_kept(gain: float) -> None:
+    found = changed("velocity", lambda v: gain * v)
+    (finding,) = found.findings
+    assert (finding.kind, finding.channel, finding.action) == ("out_of_range", "velocity", "reported and kept")
+    words = finding.message.split()
+    assert words[:3] == ["velocity", "integrates", "to"]
+    assert float(words[3]) == pytest.approx(gain, rel=SEEN_GAIN)
+    assert "times the travel of the displacement" in finding.message
+    assert "check unit and gain of both" in finding.message
+    assert np.array_equal(found.channels["velocity"], gain * channels()["velocity"])
+
+
+@pytest.mark.parametrize("zero", [-0.02, -0.007, 0.007, 0.02])
+def test_a_velocity_with_another_zero_is_told_and_kept(zero: float) -> None:
+    found = changed("velocity", lambda v: v + zero)
+    (finding,) = found.findings
+    assert (finding.kind, finding.channel, finding.action) == ("out_of_range", "velocity", "reported and kept")
+    assert finding.message.startswith(f"velocity reads {zero:+.3f} m/s while the displacement rests; onsets")
+    assert finding.message.endswith("check its zero")
+    assert np.array_equal(found.channels["velocity"], channels()["velocity"] + zero)
+
+
+def test_a_zero_above_the_onset_speed_is_named_as_why_a_log_seems_to_begin_in_a_payout() -> None:
+    (finding,) = told(lambda v: v + 0.04)
+    assert finding.message == (
+        "velocity reads +0.040 m/s while the displacement rests, and motion counts from 0.03 m/s: rest may pass for "
+        "motion, and a log for one that begins inside it; check its zero"
+    )
+
+
+def test_gain_and_zero_are_told_apart() -> None:
+    zero, gain = told(lambda v: 2 * v + 0.02)
+    assert "reads +0.020 m/s" in zero.message
+    assert "integrates to 2.0" in gain.message
+
+
+def test_a_displacement_that_drifts_is_not_called_a_velocity_that_does() -> None:
+    (finding,) = told(displacement=lambda x: x + 0.02 * T)
+    assert "where the displacement moves by +0.0" in finding.message
+    assert finding.message.endswith("one of the two drifts; check the zero of both")
+
+
+HARMLESS: dict[str, tuple[Change, Change]] = {
+    "as it is": (lambda v: v, lambda x: x),
+    "a small gain": (lambda v: 1.007 * v, lambda x: x),
+    "a small zero": (lambda v: v + 0.003, lambda x: x),
+    "set back every 20 s": (lambda v: v, lambda x: x - x[np.searchsorted(T, T // 20 * 20)]),
+    "wraps at 5 m": (lambda v: v, lambda x: np.mod(x, 5.0)),
+    "counts both ways": (lambda v: v, lambda x: np.concatenate(([0.0], np.cumsum(np.abs(np.diff(coarse(0.01)(x))))))),
+    "is stuck for 5 s": (lambda v: v, lambda x: np.where((T > 9) & (T < 14), x[225], x)),
+    "steps of 10 cm": (lambda v: v, coarse(0.1)),
+    "velocity in steps of 0.1 m/s": (coarse(0.1), lambda x: x),
+    "velocity half a second late": (lambda v: np.concatenate((np.zeros(12), v[:-12])), lambda x: x),
+    "holes in the velocity": (lambda v: np.where(np.arange(v.size) % 40 == 0, np.nan, v), lambda x: x),
+    "a displacement at rest": (lambda v: v + 0.5, np.zeros_like),
+}
+
+
+@pytest.mark.parametrize("name", HARMLESS)
+def test_what_says_nothing_of_gain_and_zero_gives_no_finding(name: str) -> None:
+    assert told(*HARMLESS[name]) == []
+
+
+def test_a_velocity_made_of_the_displacement_is_not_held_against_it() -> None:
+    signals = {name: x for name, x in channels().items() if name != "velocity"}
+    found = check(T, signals, RIG, simulated=False, open_circuit=False)
+    assert {f.kind for f in found.findings} == {"missing_channel"}
+
+
+def test_blocks_leave_out_holes_and_gaps() -> None:
+    t = np.concatenate((np.arange(1000) / 100, 30.0 + np.arange(1000) / 100))
+    v = np.full(t.size, 0.5)
+    v[[200, 250]] = np.nan  # between two blocks, and in the second of these
+    blocks = mean_speeds(t, v, 0.5 * t, V_ONSET)
+    assert blocks.v == pytest.approx(0.5)
+    assert blocks.by_displacement == pytest.approx(0.5)
+    assert blocks.seconds == pytest.approx(1.0)
+    assert blocks.v.size == 19 - 1 - 2
+
+
+# ------------------------------------------------------------------------------------------------ speed without a sign
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_speed_without_a_sign_is_given_the_direction_of_the_displacement(sign: float) -> None:
+    found = changed("velocity", lambda v: sign * np.abs(v))
+    (finding,) = found.findings
+    assert (finding.kind, finding.channel) == ("sign_flipped", "velocity")
+    assert finding.message == (
+        "velocity has one sign whichever way the displacement goes: it is a speed without direction"
+    )
+    assert finding.action == "given the direction of the displacement"
+    v = channels()["velocity"]
+    right = np.sign(found.channels["velocity"]) == np.sign(v)
+    assert np.abs(v[right]).sum() > SIGN_SHARE * np.abs(v).sum()
+
+
+def test_a_speed_without_a_sign_and_a_displacement_upside_down_are_both_turned() -> None:
+    signals = channels()
+    v, x = signals["velocity"], signals["displacement"]
+    signals |= {"velocity": np.abs(v), "displacement": -x}
+    found = check(T, signals, RIG, simulated=False, open_circuit=False)
+    assert {f.kind for f in found.findings} == {"sign_flipped"}
+    assert np.array_equal(found.channels["displacement"], x)
+    right = np.sign(found.channels["velocity"]) == np.sign(v)
+    assert np.abs(v[right]).sum() > SIGN_SHARE * np.abs(v).sum()
+
+
+@pytest.mark.parametrize(
+    ("velocity", "displacement"),
+    [
+        (lambda v: v, lambda x: x),
+        (lambda v: np.full(v.size, 0.95), lambda x: x),
+        (np.abs, lambda x: np.concatenate(([0.0], np.cumsum(np.abs(np.diff(x)))))),
+        (np.abs, np.zeros_like),
+        (lambda v: np.maximum(v, 0.0), lambda x: x),
+    ],
+    ids=["signed", "held", "counts both ways", "at rest", "payout alone"],
+)
+def test_no_other_velocity_passes_for_a_speed_without_a_sign(velocity: Change, displacement: Change) -> None:
+    signals = channels()
+    assert not without_sign(T, velocity(signals["velocity"]), displacement(signals["displacement"]), V_ONSET, STROKE)
+
+
+# ---------------------------------------------------------------------------------------------------- mechanical power
+def with_power(factor: float) -> dict[str, Signal]:
+    signals = channels()
+    assert RIG.r_drum is not None
+    return signals | {"power_mech": factor * signals["torque"] * signals["velocity"] / RIG.r_drum}
+
+
+@pytest.mark.parametrize("factor", [0.5, 0.95, 1.05])
+def test_a_logged_power_that_torque_contradicts_is_told_and_kept(factor: float) -> None:
+    signals = with_power(factor)
+    (finding,) = power_disagrees(signals, RIG.r_drum)
+    assert (finding.kind, finding.channel, finding.action) == ("out_of_range", "power_mech", "reported and kept")
+    assert finding.message == (
+        f"power_mech is {factor:#.4g} times torque x velocity / r_drum, with 0.13 m of the rig; E_mech goes with power_mech: "
+        f"check its unit and shaft, unit and gain of the torque, and r_drum"
+    )
+    assert finding in check(T, signals, RIG, simulated=False, open_circuit=False).findings
+
+
+def test_a_logged_power_that_agrees_or_cannot_be_compared_gives_no_finding() -> None:
+    assert power_disagrees(with_power(1.01), RIG.r_drum) == []
+    assert power_disagrees(with_power(0.5), None) == []
+    assert power_disagrees(channels(), RIG.r_drum) == []
+    still = {name: np.zeros(T.size) for name in ("power_mech", "torque", "velocity")}
+    assert power_disagrees(still, RIG.r_drum) == []
