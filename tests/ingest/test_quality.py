@@ -186,9 +186,11 @@ def test_a_hole_of_the_displacement_is_one_of_the_velocity_that_is_derived_from_
 
 
 # --------------------------------------------------------------------------------------------------- range and slack
-@pytest.mark.parametrize("samples", [2, 5, 50])
+@pytest.mark.parametrize("samples", [8, 20, 50])
 @pytest.mark.parametrize("after_onset", [-2.0, 2.0, 5.0, 9.0])
-def test_values_outside_the_range_are_reported_and_kept(tmp_path: Path, samples: int, after_onset: float) -> None:
+def test_values_that_stay_outside_the_range_are_reported_and_kept(
+    tmp_path: Path, samples: int, after_onset: float
+) -> None:
     rows = table().copy()
     k = second_cycle(after_onset)
     rows[k : k + samples, 1 + NAMES.index("torque")] = 612.0
@@ -200,12 +202,18 @@ def test_values_outside_the_range_are_reported_and_kept(tmp_path: Path, samples:
     assert run.channels["torque"][k : k + samples] == pytest.approx(612.0)
 
 
-def test_a_single_wild_value_outside_the_range_is_both_a_spike_and_out_of_range(tmp_path: Path) -> None:
+@pytest.mark.parametrize("samples", [1, 2, 5])
+@pytest.mark.parametrize("value", [612.0, 5000.0])
+@pytest.mark.parametrize("after_onset", [-2.0, 2.0, 5.0, 9.0])
+def test_a_few_wild_values_outside_the_range_are_both_spikes_and_out_of_range(
+    tmp_path: Path, after_onset: float, value: float, samples: int
+) -> None:
     rows = table().copy()
-    rows[second_cycle(5.0), 1 + NAMES.index("torque")] = 5000.0
+    k = second_cycle(after_onset)
+    rows[k : k + samples, 1 + NAMES.index("torque")] = value
     run = written(tmp_path, rows)
-    assert {(f.kind, f.count) for f in run.findings} == {("spike", 1), ("out_of_range", 1)}
-    assert "but for 1 bridged as spikes" in next(f.action for f in run.findings if f.kind == "out_of_range")
+    assert {(f.kind, f.count) for f in run.findings} == {("spike", samples), ("out_of_range", samples)}
+    assert f"but for {samples} bridged as spikes" in next(f.action for f in run.findings if f.kind == "out_of_range")
     assert run.channels["torque"].max() < 500
 
 

@@ -9,8 +9,9 @@ import numpy as np
 
 from winchcascade.channels import CHANNELS
 from winchcascade.ingest.agreement import disagreements, power_disagrees, without_sign
+from winchcascade.ingest.glitches import LONGEST, Pulses, find_glitches, find_pulses
 from winchcascade.ingest.signs import upright
-from winchcascade.ingest.spikes import find_spikes
+from winchcascade.ingest.spikes import find_bends, single_spikes
 from winchcascade.ingest.stuck import Motion, find_stuck, motion
 from winchcascade.quantity import find_unit
 from winchcascade.run import Finding
@@ -53,7 +54,7 @@ def check(t: Signal, channels: dict[str, Signal], rig: Rig, *, simulated: bool, 
     for name in list(channels):
         _take_out_holes(t, name, channels, lost, findings)
     findings += _missing(channels, rig, {f.channel for f in findings if f.kind == "missing_channel"})
-    wild = {name: _take_out_spikes(t, name, x, lost, findings) for name, x in channels.items()}
+    wild = _take_out_spikes(t, channels, rig, lost, findings)
     if not simulated:
         _drop_dead_velocity(t, channels, lost, findings)
     if "velocity" not in channels and "displacement" not in channels:
@@ -204,19 +205,57 @@ def _range(sensor: Sensor) -> tuple[float, float]:
 
 
 def _take_out_spikes(
-    t: Signal, name: str, x: Signal, lost: dict[str, Mask], findings: list[Finding]
-) -> tuple[Index, Signal] | None:
-    """Take single-sample spikes out of a channel; which they were, and what was logged there."""
-    spikes = find_spikes(x)
-    if spikes.size == 0:
-        return None
-    bad = np.zeros(x.size, dtype=bool)
-    bad[spikes] = True
-    logged = x[spikes]
-    x[spikes] = np.nan
+    t: Signal, channels: dict[str, Signal], rig: Rig, lost: dict[str, Mask], findings: list[Finding]
+) -> dict[str, tuple[Index, Signal]]:
+    """Take single-sample spikes and short glitches out of the channels; which they were, and what was logged there."""
+    longest = int(LONGEST * (t.size - 1) / float(t[-1] - t[0]) + 1e-6)
+    singles: dict[str, Index] = {}
+    pulses: dict[str, Pulses] = {}
+    logged: dict[str, Signal] = {}
+    for name, x in channels.items():
+        bends = find_bends(x)
+        spikes = single_spikes(bends)
+        pulses[name] = find_pulses(bends, spikes, longest, _limit(name, rig))
+        singles[name] = bends.logged(spikes)
+        logged[name] = x[singles[name]]
+        x[singles[name]] = np.nan
+    glitches = find_glitches(t, channels, pulses)
+    wild = {}
+    for name, x in channels.items():
+        spikes, values = singles[name], logged[name]
+        if spikes.size:
+            what = "single samples stand far off their neighbours"
+            findings.append(_taken_out(t, name, spikes, what, lost))
+        if name in glitches:
+            stretches = [np.arange(g.start, g.stop)[np.isfinite(x[g])] for g in glitches[name]]
+            samples = np.concatenate(stretches)
+            spikes, values = np.concatenate((spikes, samples)), np.concatenate((values, x[samples]))
+            x[samples] = np.nan
+            what = f"samples jump away from their neighbours and back, in {_places(len(stretches))}"
+            findings.append(_taken_out(t, name, samples, what, lost))
+        if spikes.size:
+            wild[name] = spikes, values
+    return wild
+
+
+def _places(count: int) -> str:
+    return f"{count} place{'s' if count > 1 else ''}"
+
+
+def _taken_out(t: Signal, name: str, samples: Index, what: str, lost: dict[str, Mask]) -> Finding:
+    """Mark samples of a channel as lost, and tell."""
+    bad = np.zeros(t.size, dtype=bool)
+    bad[samples] = True
     lost[name] = lost[name] | bad if name in lost else bad
-    findings.append(_at(t, bad, "spike", name, "single samples stand far off their neighbours", removed=True))
-    return spikes, logged
+    return _at(t, bad, "spike", name, what, removed=True)
+
+
+def _limit(name: str, rig: Rig) -> float:
+    """Magnitude beyond which a sensor measures nothing, whichever sign is the payout's; inf where none is stated."""
+    if name not in rig.sensors:
+        return float("inf")
+    low, high = _range(rig.sensors[name])
+    return max(abs(low) if np.isfinite(low) else high, abs(high))
 
 
 def _take_out_stuck(

@@ -1,9 +1,13 @@
-"""Single-sample spikes: one sample far off while its neighbours go on as if it were not there."""
+"""Single-sample spikes: one sample far off while its neighbours go on as if it were not there.
+
+Longer ones are found by `glitches`, which begins at the same bends.
+"""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
 from winchcascade.order import median, quantile
@@ -46,6 +50,45 @@ _ROWS = _BLOCK // 8
 _END = 64
 
 
+class Bends(msgspec.Struct, frozen=True):
+    """Where a channel bends sharply: its finite samples, their places in the log (None: all), the ends of the range in
+    which it moves, its usual curvature, and the samples that stand off the middle of their neighbours by more than `least`."""
+
+    x: Signal
+    place: Index | None
+    low: float
+    high: float
+    noise: float
+    found: Index
+
+    @property
+    def span(self) -> float:
+        """Range in which the channel moves."""
+        return self.high - self.low
+
+    @property
+    def least(self) -> float:
+        """What no spike stays below."""
+        return max(LEAST_SHARE * self.span, NOISE * self.noise)
+
+    def logged(self, index: Index) -> Index:
+        """Places in the log of finite samples."""
+        return index if self.place is None else self.place[index]
+
+
+def find_bends(x: Signal) -> Bends:
+    """Find where a channel bends sharply; x NaN where it has holes, which are left out."""
+    place = None
+    if not np.isfinite(x.sum()):
+        place = np.flatnonzero(np.isfinite(x))
+        x = x[place]
+    if x.size < 4 * AROUND:
+        return Bends(x, place, 0.0, 0.0, 0.0, np.empty(0, dtype=np.intp))
+    low, high = _range(x)
+    noise = _usual_curvature(x)
+    return Bends(x, place, low, high, noise, _candidates(x, max(LEAST_SHARE * (high - low), NOISE * noise)))
+
+
 def find_spikes(x: Signal) -> Index:
     """Find single samples far off their neighbours, which agree with each other, in a calm surrounding.
 
@@ -60,20 +103,23 @@ def find_spikes(x: Signal) -> Index:
     >>> find_spikes(x).tolist()
     [40]
     """
-    if not np.isfinite(x.sum()):
-        good = np.flatnonzero(np.isfinite(x))
-        found = find_spikes(x[good]) if good.size else good
-        near = good[np.minimum(found + 1, good.size - 1)] - good[np.maximum(found - 1, 0)] <= NEAR
-        single: Index = good[found[near]]
-        return single
+    bends = find_bends(x)
+    return bends.logged(single_spikes(bends))
+
+
+def single_spikes(bends: Bends) -> Index:
+    """Find single-sample spikes among the bends of a channel, as indices of its finite samples."""
+    x, found, least = bends.x, bends.found, bends.least
     if x.size < 4 * AROUND:
-        return np.empty(0, dtype=np.intp)
-    least = max(LEAST_SHARE * _span(x), NOISE * _usual_curvature(x))
-    found = _candidates(x, least)
+        return found
     inside = found[_stands_out(x, found, least)] if found.size else found
     ends = ([0] if _begins(x, least) else []), ([x.size - 1] if _begins(x[::-1], least) else [])
     spikes: Index = np.concatenate((ends[0], inside, ends[1])).astype(np.intp)
-    return spikes
+    if bends.place is None:
+        return spikes
+    good = bends.place
+    near = good[np.minimum(spikes + 1, good.size - 1)] - good[np.maximum(spikes - 1, 0)] <= NEAR
+    return spikes[near]
 
 
 def _begins(x: Signal, least: float) -> bool:
@@ -83,10 +129,10 @@ def _begins(x: Signal, least: float) -> bool:
     return bool(_stands_out(mirrored, np.array([2]), least)[0])
 
 
-def _span(x: Signal) -> float:
+def _range(x: Signal) -> tuple[float, float]:
     """Range in which a channel moves, a few wild values left out."""
     some = x[:: max(1, x.size // 20_000)]
-    return quantile(some, 0.995) - quantile(some, 0.005)
+    return quantile(some, 0.005), quantile(some, 0.995)
 
 
 def _usual_curvature(x: Signal) -> float:
