@@ -7,21 +7,21 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.channels import CHANNELS
 from winchcascade.ingest.agreement import disagreements, power_disagrees, without_sign
 from winchcascade.ingest.glitches import LONGEST, Pulses, find_glitches, find_pulses
+from winchcascade.ingest.sensor_range import farthest, limits_of, out_of_range
 from winchcascade.ingest.signs import upright
 from winchcascade.ingest.spikes import find_bends, single_spikes
 from winchcascade.ingest.stuck import Motion, find_stuck, motion
-from winchcascade.quantity import find_unit
+from winchcascade.ingest.told import at, dead
 from winchcascade.run import Finding
 from winchcascade.smooth import local_quadratic
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from winchcascade.rigfile import Rig, Sensor
-    from winchcascade.run import FindingKind, Signal
+    from winchcascade.rigfile import Rig
+    from winchcascade.run import Signal
 
     Index = NDArray[np.intp]
     Mask = NDArray[np.bool_]
@@ -69,7 +69,7 @@ def check(t: Signal, channels: dict[str, Signal], rig: Rig, *, simulated: bool, 
         signs = {f.channel: -1.0 for f in turned}
         for name, x in channels.items():
             if name in rig.sensors:
-                findings += _out_of_range(t, name, x, wild.get(name), signs.get(name, 1.0), rig.sensors[name])
+                findings += out_of_range(t, name, x, wild.get(name), signs.get(name, 1.0), rig.sensors[name])
         _take_out_stuck(t, channels, rig, lost, findings, open_circuit)
     if both and "displacement" in channels:
         findings += disagreements(t, channels["velocity"], channels["displacement"], rig.thresholds.v_onset)
@@ -77,7 +77,7 @@ def check(t: Signal, channels: dict[str, Signal], rig: Rig, *, simulated: bool, 
         findings += power_disagrees(channels, rig.r_drum)
     gaps = {name: _bridge(t, name, channels, bad) for name, bad in lost.items() if name in channels}
     if "force" in channels and channels["force"].min() < 0:
-        findings.append(_at(t, channels["force"] < 0, "slack_line", "force", "samples have a line force below zero"))
+        findings.append(at(t, channels["force"] < 0, "slack_line", "force", "samples have a line force below zero"))
     return Checked(channels, gaps, tuple(findings))
 
 
@@ -95,7 +95,7 @@ def _take_out_holes(
     elif bad.any():
         x[bad] = np.nan
         lost[name] = bad
-        findings.append(_at(t, bad, "not_a_number", name, "cells are empty or not a number", removed=True))
+        findings.append(at(t, bad, "not_a_number", name, "cells are empty or not a number", removed=True))
 
 
 def _missing(channels: dict[str, Signal], rig: Rig, told: set[str | None]) -> list[Finding]:
@@ -116,7 +116,7 @@ def _drop_dead_velocity(t: Signal, channels: dict[str, Signal], lost: dict[str, 
         return
     del channels["velocity"]
     lost.pop("velocity", None)
-    findings.append(_dead(t, "velocity", "derived from the displacement"))
+    findings.append(dead(t, "velocity", "derived from the displacement"))
 
 
 def _constant(x: Signal) -> bool:
@@ -157,53 +157,6 @@ def _slope(t: Signal, displacement: Signal) -> Signal:
     return slope
 
 
-def _at(t: Signal, bad: Mask, kind: FindingKind, channel: str, what: str, *, removed: bool = False) -> Finding:
-    """A finding about the samples of one channel where `bad` is set."""
-    index = np.flatnonzero(bad)
-    return Finding(
-        kind,
-        f"{index.size} {channel} {what}",
-        "bridged by straight lines" if removed else "reported and kept",
-        channel,
-        float(t[index[0]]),
-        float(t[index[-1]]),
-        int(index.size),
-        int(index.size) if removed else 0,
-    )
-
-
-def _out_of_range(
-    t: Signal, name: str, x: Signal, wild: tuple[Index, Signal] | None, sign: float, sensor: Sensor
-) -> list[Finding]:
-    """Values outside the sensor's range are reported and kept: clipping or dropping them would hide what happened."""
-    low, high = _range(sensor)
-    if wild is not None:
-        x = x.copy()
-        x[wild[0]] = sign * wild[1]
-    top, bottom = float(np.nanmax(x)), float(np.nanmin(x))
-    if bottom >= low and top <= high:
-        return []
-    limit, worst = (high, top) if top > high else (low, bottom)
-    unit = CHANNELS[name].unit
-    known = find_unit(unit)
-    factor = known.factor if known is not None else 1.0
-    what = f"samples lie outside the sensor's range, up to {worst / factor:.5g} {unit} where it ends at {limit / factor:.5g}"
-    found = _at(t, (x < low) | (x > high), "out_of_range", name, what)
-    spikes = 0 if wild is None else int(np.count_nonzero((x[wild[0]] < low) | (x[wild[0]] > high)))
-    if spikes:
-        found = msgspec.structs.replace(found, action=f"reported and kept, but for {spikes} bridged as spikes")
-    return [found]
-
-
-def _range(sensor: Sensor) -> tuple[float, float]:
-    """Limits of a sensor; its zero error may carry a reading below an end at zero."""
-    high = float("inf") if sensor.high is None else sensor.high
-    if sensor.low is None:
-        return float("-inf"), high
-    zero = (sensor.accuracy_full_scale or 0.0) * high if sensor.low == 0 and np.isfinite(high) else 0.0
-    return sensor.low - zero, high
-
-
 def _take_out_spikes(
     t: Signal, channels: dict[str, Signal], rig: Rig, lost: dict[str, Mask], findings: list[Finding]
 ) -> dict[str, tuple[Index, Signal]]:
@@ -215,7 +168,7 @@ def _take_out_spikes(
     for name, x in channels.items():
         bends = find_bends(x)
         spikes = single_spikes(bends)
-        pulses[name] = find_pulses(bends, spikes, longest, _limit(name, rig))
+        pulses[name] = find_pulses(bends, spikes, longest, farthest(rig.sensors.get(name)))
         singles[name] = bends.logged(spikes)
         logged[name] = x[singles[name]]
         x[singles[name]] = np.nan
@@ -247,15 +200,7 @@ def _taken_out(t: Signal, name: str, samples: Index, what: str, lost: dict[str, 
     bad = np.zeros(t.size, dtype=bool)
     bad[samples] = True
     lost[name] = lost[name] | bad if name in lost else bad
-    return _at(t, bad, "spike", name, what, removed=True)
-
-
-def _limit(name: str, rig: Rig) -> float:
-    """Magnitude beyond which a sensor measures nothing, whichever sign is the payout's; inf where none is stated."""
-    if name not in rig.sensors:
-        return float("inf")
-    low, high = _range(rig.sensors[name])
-    return max(abs(low) if np.isfinite(low) else high, abs(high))
+    return at(t, bad, "spike", name, what, removed=True)
 
 
 def _take_out_stuck(
@@ -274,12 +219,12 @@ def _take_out_stuck(
             continue
         if bad.sum() >= t.size - 2 and name != "velocity":
             del channels[name]
-            findings.append(_dead(t, name, "channel left out, metrics that need it are null"))
+            findings.append(dead(t, name, "channel left out, metrics that need it are null"))
             continue
         channels[name][bad] = np.nan
         lost[name] = lost[name] | bad if name in lost else bad
         what = f"samples repeat one value where it should change, in {stretches} stretch{'es' if stretches > 1 else ''}"
-        findings.append(_at(t, bad, "stuck", name, what, removed=True))
+        findings.append(at(t, bad, "stuck", name, what, removed=True))
         if name == "velocity":
             line = motion(t, _bridged(t, name, channels, bad), rig.thresholds.v_onset)
 
@@ -287,25 +232,12 @@ def _take_out_stuck(
 def _stuck(name: str, rig: Rig, line: Motion, channels: dict[str, Signal]) -> tuple[Mask, int]:
     """Samples that only repeat a stuck value, and in how many stretches; a value beyond the sensor's range is kept."""
     x = channels[name]
-    low, high = _range(rig.sensors[name]) if name in rig.sensors else (-np.inf, np.inf)
+    low, high = limits_of(rig.sensors[name]) if name in rig.sensors else (-np.inf, np.inf)
     stretches = [(a, b) for a, b in find_stuck(name, x, line, channels) if low <= x[a] <= high]
     bad = np.zeros(x.size, dtype=bool)
     for a, b in stretches:
         bad[a + 1 : b] = True  # the first sample of a held value is still a measurement
     return bad, len(stretches)
-
-
-def _dead(t: Signal, name: str, action: str) -> Finding:
-    return Finding(
-        "stuck",
-        f"{name} holds one value through the whole log while the line moves",
-        action,
-        name,
-        float(t[0]),
-        float(t[-1]),
-        t.size,
-        t.size,
-    )
 
 
 def _whole(t: Signal, x: Signal) -> Signal:
