@@ -51,8 +51,9 @@ def make_campaign_report(summary: Mapping[str, Any], out: Path, *, command: str 
                 "results", "Energies and efficiencies",
                 picture(
                     figures.over_load(loaded), "loads",
-                    f"Mean powers and efficiencies over {figures.over_what(loaded)}; bars are 95 % intervals. Where η_pto is "
-                    "highest, most of the line's energy reaches the DC link.",
+                    f"Mean powers and efficiencies over {figures.over_what(loaded)}; bars are 95 % intervals. "
+                    + ("Lines join the means of the logs of each load. " if figures.repeated(loaded) else "")
+                    + "Where η_pto is highest, most of the line's energy reaches the DC link.",
                     "Points of powers and efficiencies over the load; the values are in the tables.",
                 ),
                 tables.energies_table(runs) if runs else None,
@@ -63,6 +64,7 @@ def make_campaign_report(summary: Mapping[str, Any], out: Path, *, command: str 
                 picture(
                     figures.over_speed(runs, _bins(out, runs)), "speed",
                     "Means of the payouts of each run in bins of generator speed; markers tell the loads apart."
+                    + (" Logs of one load look alike." if figures.look_alike(runs) else "")
                     + (f" {figures.DRAWN_RUNS} runs, evenly chosen." if len(runs) > figures.DRAWN_RUNS else ""),
                     "Curves of binned torque and power over generator speed, one for each run.",
                 ),
@@ -118,7 +120,8 @@ def _model(summary: Mapping[str, Any], runs: Sequence[tables.Run], out: Path) ->
     drawn = figures.drawn_runs(runs)
     shown = [run for run in opened if run not in drawn] + drawn
     accounts = [(run, _kept(out / run["result"])) for run in shown]
-    found = [Named(run["name"], figures.load_name(run, shown), kept) for run, kept in accounts if kept is not None]
+    loads = figures.load_names(shown)
+    found = [Named(run["name"], load, a) for (run, a), load in zip(accounts, loads, strict=True) if a is not None]
     measured = all(log.account.word == "measured" for log in found) and not says_not_measured(summary["title"])
     made = campaign_section(found, "measured" if measured else "log")
     return [] if made is None else [made]
