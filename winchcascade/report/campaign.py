@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -135,22 +135,37 @@ def _kept(result: Path) -> Account | None:
         return None
 
 
-def best_load(runs: Sequence[tables.Run]) -> tuple[tables.Run, float, tables.Run] | None:
-    """The run of the highest eta_pto, how likely it is the best, and the run that is next; None where none can be told.
+class Best(NamedTuple):
+    """The run of the highest eta_pto, how likely its load is the best, the best run of the next load, and how many logs
+    the best load has.
+    """
+
+    run: tables.Run
+    likely: float
+    following: tables.Run
+    logs: int
+
+
+def best_load(runs: Sequence[tables.Run]) -> Best | None:
+    """The load of the run of the highest eta_pto, and the load that is next; None where none can be told.
 
     Each mean is drawn from a normal distribution with its standard uncertainty, the runs independent of each other: as
-    runs with the same sensors share their errors, the true probability is rather higher.
+    runs with the same sensors share their errors, the true probability is rather higher. A load is the best where any of
+    its runs is.
     """
     given = [run for run in runs if run["mean"]["eta_pto"] is not None and not run["open_circuit"]]
     given = [run for run in given if run["standard_uncertainty"]["eta_pto"] and run["load_ohm"] is not None]
-    if len(given) < 2:
+    loads = np.array([run["load_ohm"] for run in given], dtype=float)
+    if np.unique(loads).size < 2:
         return None
     mean = np.array([run["mean"]["eta_pto"] for run in given])
     u = np.array([run["standard_uncertainty"]["eta_pto"] for run in given])
     drawn = mean + u * np.random.default_rng(SEED).standard_normal((DRAWS, len(given)))
     share = np.bincount(np.argmax(drawn, axis=1), minlength=len(given)) / DRAWS
     order = np.argsort(-mean, kind="stable")
-    return given[order[0]], float(share[order[0]]), given[order[1]]
+    same = loads == loads[order[0]]
+    following = next(k for k in order.tolist() if not same[k])
+    return Best(given[order[0]], float(share[same].sum()), given[following], int(same.sum()))
 
 
 def _name(run: tables.Run) -> str:
@@ -162,7 +177,7 @@ def _tiles(runs: Sequence[tables.Run]) -> tuple[Tile, ...]:
     tiles = []
     best = best_load(runs)
     if best is not None:
-        run, likely, _ = best
+        run, likely = best.run, best.likely
         u, (low, high) = run["standard_uncertainty"]["eta_pto"], run["interval_95"]["eta_pto"]
         tiles.append(
             Tile(
@@ -174,7 +189,7 @@ def _tiles(runs: Sequence[tables.Run]) -> tuple[Tile, ...]:
         )
         tiles.append(
             Tile(
-                "η_pto", "there",
+                "η_pto", "there" if best.logs == 1 else f"there, highest of {best.logs} logs",
                 stated(run["mean"]["eta_pto"], u, 3), f"95 %: {stated(low, u, 3)} to {stated(high, u, 3)}",
             )
         )  # fmt: skip
@@ -199,8 +214,8 @@ def _points(runs: Sequence[tables.Run], failed: Sequence[tables.Run], loaded: Se
     points.append(Point("Logs", text, "warn" if failed or whole < total else "plain"))
     best = best_load(loaded)
     if best is not None:
-        run, likely, following = best
-        sure = "" if likely > 0.95 else " The uncertainties do not tell them apart."
+        run, following = best.run, best.following
+        sure = "" if best.likely > 0.95 else " The uncertainties do not tell them apart."
         values = [stated(r["mean"]["eta_pto"], r["standard_uncertainty"]["eta_pto"], 3) for r in (run, following)]
         points.append(
             Point(
