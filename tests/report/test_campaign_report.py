@@ -132,6 +132,22 @@ def test_a_load_is_not_compared_with_itself(bare: Path) -> None:
     assert report.tiles[1].name == "there, highest of 2 logs"
 
 
+def results(report: Report) -> str:
+    """What the provenance says of the files of the results."""
+    return next((row[1] for row in table(report, "provenance").rows if row[0] == "Results"), "")
+
+
+def test_the_provenance_names_the_results_that_count(bare: Path) -> None:
+    few = make_campaign_report(summary(run("a.csv", 9.0), run("b.csv-cycles-1-2", 18.0), failed("c.csv", "why.")), bare)
+    told = results(few)
+    assert told == "runs/b.csv-cycles-1-2.json, runs/a.csv.json; other files in runs are of other calls"
+    many = make_campaign_report(summary(*(run(f"a long name of a log, {k}.csv", 9.0) for k in range(40))), bare)
+    told = results(many)
+    assert told.startswith("runs/NAME.json of the NAME of each of the 40 logs in campaign.json; ")
+    nothing = make_campaign_report(summary(failed("c.csv", "why.")), bare)
+    assert results(nothing) == ""
+
+
 def test_there_is_no_best_load_of_one_or_of_those_that_are_not_known() -> None:
     assert best_load([run("a", 9.0, 0.7, 0.01)]) is None
     assert best_load([run("a", 9.0, 0.7, 0.01), run("b", 36.0), run("c", 18.0, 0.8, None)]) is None

@@ -27,6 +27,9 @@ SEED = 20260
 
 DRAWS = 20_000
 
+LISTED = 800
+"""Characters of a list of files that is given in full."""
+
 
 def write_campaign_reports(summary: Mapping[str, Any], out: Path, reports: Sequence[str], *, command: str = "") -> None:
     """Write the report of a campaign into the folder of its batch.
@@ -244,10 +247,21 @@ def _provenance(summary: Mapping[str, Any], runs: Sequence[tables.Run], command:
     finite = sorted({load for load in loads if load is not None and math.isfinite(load)})
     rows = [
         ("Campaign", summary["title"]),
-        ("Logs", f"{len(summary['runs'])}; hash, rig and window of each are in its own report and in runs/*.json"),
+        ("Logs", f"{len(summary['runs'])}; hash, rig and window of each are in its own report and its result"),
+        ("Results", _results(runs)),
         ("Loads", ", ".join(f"{load:g}" for load in finite[:20]) + (" Ω" if finite else "")),
         ("Made by", f"winchcascade {__version__}"),
         ("Command", command),
         ("Made on", made_on()),
     ]
     return provenance_table(rows)
+
+
+def _results(runs: Sequence[tables.Run]) -> str:
+    """The files that count: an earlier call may have left those of other logs beside them."""
+    if not runs:
+        return ""
+    listed = ", ".join(run["result"] for run in runs)
+    if len(listed) > LISTED:
+        listed = f"runs/NAME.json of the NAME of each of the {len(runs)} logs in campaign.json"
+    return f"{listed}; other files in runs are of other calls"
