@@ -249,6 +249,21 @@ def test_another_rig_by_option_redoes_all(campaign: Path, done: Path, tmp_path: 
     assert redone(campaign, out=done, rig=str(tmp_path / "mine.toml")) == list(LOGS)
 
 
+def test_results_of_a_log_listed_twice_are_replaced_and_those_of_another_call_stay(tmp_path: Path, out: Path) -> None:
+    ours = with_campaign(tmp_path / "ours", 'rig = "rig.toml"\n')
+    path, rig = ours / "campaign.toml", ours / "rig.toml"
+    twice = "".join(f'[[run]]\nfile = "r9ohm.csv"\nload_ohm = 9.0\ncycles = {c}\n' for c in ("[1, 2]", "[2, 3]"))
+    path.write_text(f'rig = "rig.toml"\n{twice}')
+    logs = ["r9ohm.csv-cycles-1-2", "r9ohm.csv-cycles-2-3"]
+    for name in ("ours", "ours now"):
+        rig.write_text(f'based_on = "hsu2026"\nname = "{name}"\n')
+        assert redone(ours, out=out) == logs
+    assert sorted(file.name for file in (out / "runs").iterdir()) == [f"{log}.json" for log in logs]
+    assert redone(ours / "r36ohm.csv", out=out) == ["r36ohm.csv"]
+    assert redone(ours, out=out) == []
+    assert list(summary(out)) == logs
+
+
 def test_a_new_date_or_the_same_content_again_redoes_nothing(campaign: Path, done: Path) -> None:
     before = stamps(done)
     for name in LOGS:

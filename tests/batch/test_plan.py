@@ -130,6 +130,59 @@ def test_a_log_that_is_listed_with_two_windows_has_two_names(tmp_path: Path) -> 
     assert (first.window, second.window) == (5.0, 6.0)
 
 
+def listed(folder: Path, *entries: str, rig: str = "") -> list[str]:
+    """Names of the logs of a campaign with these entries."""
+    text = "".join(f"[[run]]\n{entry}\n" for entry in entries)
+    (folder / "campaign.toml").write_text(f"{rig}\n{text}")
+    return names(folder)
+
+
+def test_a_log_that_is_listed_with_other_cycles_is_named_by_them(tmp_path: Path) -> None:
+    filled(tmp_path, "a.csv", "b.csv")
+    entries = (
+        'file = "a.csv"\ncycles = [1, 2]',
+        'file = "./a.csv"\ncycles = [3, 3]',
+        'file = "a.csv"',
+        'file = "b.csv"',
+    )
+    assert listed(tmp_path, *entries) == ["a.csv-cycles-1-2", "a.csv-cycles-3-3", "a.csv", "b.csv"]
+    assert listed(tmp_path, *entries[:1], *entries[3:]) == ["a.csv", "b.csv"]
+
+
+@pytest.mark.parametrize("also", ["cycles = [3, 3]", "load_ohm = 9.0", "window_s = 6.0"])
+def test_names_stay_while_the_rig_file_changes(tmp_path: Path, also: str) -> None:
+    filled(tmp_path / "x", "a.csv")
+    filled(tmp_path, "a.csv")
+    entries = ('file = "a.csv"', f'file = "a.csv"\n{also}', 'file = "x/a.csv"')
+    found = []
+    for name in ("ours", "ours now"):
+        (tmp_path / "rig.toml").write_text(f'based_on = "hsu2026"\nname = "{name}"\n')
+        found.append(listed(tmp_path, *entries, rig='rig = "rig.toml"'))
+    assert found[0] == found[1]
+    assert len(set(found[0])) == 3
+
+
+def test_logs_of_one_name_are_told_apart_by_their_place_alone(tmp_path: Path) -> None:
+    filled(tmp_path, "x/a.csv", "y/a.csv")
+    plain = listed(tmp_path, 'file = "x/a.csv"', 'file = "y/a.csv"')
+    assert all(re.fullmatch(r"a\.csv-[0-9a-f]{8}", name) for name in plain)
+    assert listed(tmp_path, 'file = "x/a.csv"\nload_ohm = 9.0', 'file = "y/a.csv"\ncycles = [1, 2]') == plain
+    cycles = listed(tmp_path, *(f'file = "x/a.csv"\ncycles = [{k}, {k}]' for k in (1, 2)), 'file = "y/a.csv"')
+    assert cycles == [f"{plain[0]}-cycles-1-1", f"{plain[0]}-cycles-2-2", plain[1]]
+
+
+def test_a_file_that_is_named_as_another_log_with_its_cycles_is_told_from_it(tmp_path: Path) -> None:
+    filled(tmp_path, "a.csv", "a.csv-cycles-1-2")
+    entries = ('file = "a.csv"', 'file = "a.csv"\ncycles = [1, 2]', 'file = "a.csv-cycles-1-2"')
+    assert len(set(listed(tmp_path, *entries))) == 3
+
+
+def test_cycles_of_many_digits_leave_a_name_short(tmp_path: Path) -> None:
+    filled(tmp_path, "a.csv")
+    found = listed(tmp_path, 'file = "a.csv"', 'file = "a.csv"\ncycles = [1, 9000000000000000000]')
+    assert re.fullmatch(r"a\.csv-cycles-[0-9a-f]{8}", found[1])
+
+
 def test_the_same_log_twice_is_one(tmp_path: Path) -> None:
     filled(tmp_path, "a.csv")
     assert len(names(tmp_path / "a.csv", tmp_path / "a.csv")) == 1

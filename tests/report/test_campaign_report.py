@@ -114,6 +114,40 @@ def test_the_best_of_equals_is_one_of_them_by_chance() -> None:
     assert found[1] == pytest.approx(0.2, abs=CHANCE * math.sqrt(0.2 * 0.8 / DRAWS))
 
 
+def test_logs_of_one_load_stand_for_it_together() -> None:
+    """Of three equals two are of one load, which is the best with a probability of 2/3; the next is the other load."""
+    found = best_load([run("a", 18.0, 0.7 + 1e-6, 0.01), run("b", 18.0, 0.7, 0.01), run("c", 9.0, 0.7 - 1e-6, 0.01)])
+    assert found is not None
+    assert found.likely == pytest.approx(2.0 / 3.0, abs=CHANCE * math.sqrt(2.0 / 9.0 / DRAWS) + 1e-3)
+    assert (found.run["name"], found.following["name"], found.logs) == ("a", "c", 2)
+    assert best_load([run("a", 18.0, 0.7, 0.01), run("b", 18.0, 0.6, 0.01)]) is None
+
+
+def test_a_load_is_not_compared_with_itself(bare: Path) -> None:
+    runs = [run("a", 18.0, 0.729, 0.004), run("b", 18.0, 0.727, 0.004), run("c", 27.0, 0.690, 0.004)]
+    report = make_campaign_report(summary(*runs), bare)
+    (point,) = (p.text for p in report.points if p.about == "Best load")
+    assert point == "18 Ω with η_pto = 0.729, then 27 Ω with 0.690."
+    assert report.tiles[0].interval == "best with a probability of >99 %"
+    assert report.tiles[1].name == "there, highest of 2 logs"
+
+
+def results(report: Report) -> str:
+    """What the provenance says of the files of the results."""
+    return next((row[1] for row in table(report, "provenance").rows if row[0] == "Results"), "")
+
+
+def test_the_provenance_names_the_results_that_count(bare: Path) -> None:
+    few = make_campaign_report(summary(run("a.csv", 9.0), run("b.csv-cycles-1-2", 18.0), failed("c.csv", "why.")), bare)
+    told = results(few)
+    assert told == "runs/b.csv-cycles-1-2.json, runs/a.csv.json; other files in runs are of other calls"
+    many = make_campaign_report(summary(*(run(f"a long name of a log, {k}.csv", 9.0) for k in range(40))), bare)
+    told = results(many)
+    assert told.startswith("runs/NAME.json of the NAME of each of the 40 logs in campaign.json; ")
+    nothing = make_campaign_report(summary(failed("c.csv", "why.")), bare)
+    assert results(nothing) == ""
+
+
 def test_there_is_no_best_load_of_one_or_of_those_that_are_not_known() -> None:
     assert best_load([run("a", 9.0, 0.7, 0.01)]) is None
     assert best_load([run("a", 9.0, 0.7, 0.01), run("b", 36.0), run("c", 18.0, 0.8, None)]) is None

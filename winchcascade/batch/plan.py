@@ -32,7 +32,10 @@ _RESERVED = frozenset(["CON", "PRN", "AUX", "NUL", *(f"{port}{k}" for port in ("
 """Names that Windows keeps for devices."""
 
 _NAME = 180
-"""Bytes of a name, with room for a digest and an ending within the 255 that file systems take."""
+"""Bytes of a name, with room for its marks, an ending and a scratch suffix within the 255 that file systems take."""
+
+_LONG_CYCLES = 12
+"""Characters of first and last cycle that stand in a name as they are."""
 
 
 class Work(msgspec.Struct, frozen=True):
@@ -175,30 +178,72 @@ def _title(titles: Sequence[str]) -> str:
 
 
 def _named(work: Sequence[Work]) -> list[Work]:
-    """Give each log a name of its own that any file system takes, and the key of its options."""
+    """Give each log a name of its own that any file system takes, and the key of its options.
+
+    A name has no more in it than tells it apart, the steadiest first, so that it stays as it is while rig or options
+    change: the file's name, the place of the file, the cycles, the load and window, then anything.
+    """
     once = {
         _same(item): item for item in reversed(work)
     }  # the same log with the same options is one, the first of them
-    work = list(reversed(once.values()))
-    count: dict[str, int] = {}
-    for item in work:
-        count[_safe(item.name).casefold()] = count.get(_safe(item.name).casefold(), 0) + 1
-    named = []
-    for item in work:
-        name, key = _safe(item.name), _key(item)
-        if count[name.casefold()] > 1:
-            name = f"{name}-{hashlib.sha256((item.address + key).encode()).hexdigest()[:8]}"
-        named.append(msgspec.structs.replace(item, name=name, key=key))
-    return named
+    work = [msgspec.structs.replace(item, key=_key(item)) for item in reversed(once.values())]
+    names = [_safe(item.name) for item in work]
+    for mark in (_place_mark, _cycles_mark, _options_mark, _key_mark):
+        names = _told_apart(names, [mark(item) for item in work])
+    return [msgspec.structs.replace(item, name=name) for item, name in zip(work, names, strict=True)]
+
+
+def _told_apart(names: Sequence[str], marks: Sequence[str]) -> list[str]:
+    """Add marks to the names that several have whose marks differ; an empty mark adds nothing.
+
+    >>> _told_apart(["a.csv", "A.csv", "b.csv"], ["cycles-1-2", "", "cycles-1-2"])
+    ['a.csv-cycles-1-2', 'A.csv', 'b.csv']
+    """
+    found: dict[str, set[str]] = {}
+    for name, mark in zip(names, marks, strict=True):
+        found.setdefault(name.casefold(), set()).add(mark)
+    return [
+        f"{name}-{mark}" if mark and len(found[name.casefold()]) > 1 else name
+        for name, mark in zip(names, marks, strict=True)
+    ]
+
+
+def _place_mark(work: Work) -> str:
+    return _digest(_place(work))
+
+
+def _cycles_mark(work: Work) -> str:
+    """The cycles that count, as a word; nothing for all of them."""
+    if work.cycles is None:
+        return ""
+    first, last = work.cycles
+    text = f"{first}-{last}"
+    return f"cycles-{text if len(text) <= _LONG_CYCLES else _digest(text)}"
+
+
+def _options_mark(work: Work) -> str:
+    return _digest(repr((work.load, work.window)))
+
+
+def _key_mark(work: Work) -> str:
+    return work.key[:8]
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode("utf-8", "replace")).hexdigest()[:8]
 
 
 def _same(work: Work) -> str:
     """What two entries share that are one log with the same options, however its path is spelled."""
+    return _place(work) + _key(msgspec.structs.replace(work, address=""))
+
+
+def _place(work: Work) -> str:
+    """Where a log lies, however its path is spelled."""
     try:
-        place = work.address if is_remote(work.address) else os.path.realpath(work.address)
+        return work.address if is_remote(work.address) else os.path.realpath(work.address)
     except ValueError:  # no path of this system
-        place = work.address
-    return place + _key(msgspec.structs.replace(work, address=""))
+        return work.address
 
 
 def _safe(name: str) -> str:

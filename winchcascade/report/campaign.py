@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -26,6 +26,9 @@ SEED = 20260
 """Seed of the draws that tell how likely each load is the best."""
 
 DRAWS = 20_000
+
+LISTED = 800
+"""Characters of a list of files that is given in full."""
 
 
 def write_campaign_reports(summary: Mapping[str, Any], out: Path, reports: Sequence[str], *, command: str = "") -> None:
@@ -51,8 +54,9 @@ def make_campaign_report(summary: Mapping[str, Any], out: Path, *, command: str 
                 "results", "Energies and efficiencies",
                 picture(
                     figures.over_load(loaded), "loads",
-                    f"Mean powers and efficiencies over {figures.over_what(loaded)}; bars are 95 % intervals. Where η_pto is "
-                    "highest, most of the line's energy reaches the DC link.",
+                    f"Mean powers and efficiencies over {figures.over_what(loaded)}; bars are 95 % intervals. "
+                    + ("Lines join the means of the logs of each load. " if figures.repeated(loaded) else "")
+                    + "Where η_pto is highest, most of the line's energy reaches the DC link.",
                     "Points of powers and efficiencies over the load; the values are in the tables.",
                 ),
                 tables.energies_table(runs) if runs else None,
@@ -63,6 +67,7 @@ def make_campaign_report(summary: Mapping[str, Any], out: Path, *, command: str 
                 picture(
                     figures.over_speed(runs, _bins(out, runs)), "speed",
                     "Means of the payouts of each run in bins of generator speed; markers tell the loads apart."
+                    + (" Logs of one load look alike." if figures.look_alike(runs) else "")
                     + (f" {figures.DRAWN_RUNS} runs, evenly chosen." if len(runs) > figures.DRAWN_RUNS else ""),
                     "Curves of binned torque and power over generator speed, one for each run.",
                 ),
@@ -118,7 +123,8 @@ def _model(summary: Mapping[str, Any], runs: Sequence[tables.Run], out: Path) ->
     drawn = figures.drawn_runs(runs)
     shown = [run for run in opened if run not in drawn] + drawn
     accounts = [(run, _kept(out / run["result"])) for run in shown]
-    found = [Named(run["name"], figures.load_name(run, shown), kept) for run, kept in accounts if kept is not None]
+    loads = figures.load_names(shown)
+    found = [Named(run["name"], load, a) for (run, a), load in zip(accounts, loads, strict=True) if a is not None]
     measured = all(log.account.word == "measured" for log in found) and not says_not_measured(summary["title"])
     made = campaign_section(found, "measured" if measured else "log")
     return [] if made is None else [made]
@@ -132,22 +138,37 @@ def _kept(result: Path) -> Account | None:
         return None
 
 
-def best_load(runs: Sequence[tables.Run]) -> tuple[tables.Run, float, tables.Run] | None:
-    """The run of the highest eta_pto, how likely it is the best, and the run that is next; None where none can be told.
+class Best(NamedTuple):
+    """The run of the highest eta_pto, how likely its load is the best, the best run of the next load, and how many logs
+    the best load has.
+    """
+
+    run: tables.Run
+    likely: float
+    following: tables.Run
+    logs: int
+
+
+def best_load(runs: Sequence[tables.Run]) -> Best | None:
+    """The load of the run of the highest eta_pto, and the load that is next; None where none can be told.
 
     Each mean is drawn from a normal distribution with its standard uncertainty, the runs independent of each other: as
-    runs with the same sensors share their errors, the true probability is rather higher.
+    runs with the same sensors share their errors, the true probability is rather higher. A load is the best where any of
+    its runs is.
     """
     given = [run for run in runs if run["mean"]["eta_pto"] is not None and not run["open_circuit"]]
     given = [run for run in given if run["standard_uncertainty"]["eta_pto"] and run["load_ohm"] is not None]
-    if len(given) < 2:
+    loads = np.array([run["load_ohm"] for run in given], dtype=float)
+    if np.unique(loads).size < 2:
         return None
     mean = np.array([run["mean"]["eta_pto"] for run in given])
     u = np.array([run["standard_uncertainty"]["eta_pto"] for run in given])
     drawn = mean + u * np.random.default_rng(SEED).standard_normal((DRAWS, len(given)))
     share = np.bincount(np.argmax(drawn, axis=1), minlength=len(given)) / DRAWS
     order = np.argsort(-mean, kind="stable")
-    return given[order[0]], float(share[order[0]]), given[order[1]]
+    same = loads == loads[order[0]]
+    following = next(k for k in order.tolist() if not same[k])
+    return Best(given[order[0]], float(share[same].sum()), given[following], int(same.sum()))
 
 
 def _name(run: tables.Run) -> str:
@@ -159,7 +180,7 @@ def _tiles(runs: Sequence[tables.Run]) -> tuple[Tile, ...]:
     tiles = []
     best = best_load(runs)
     if best is not None:
-        run, likely, _ = best
+        run, likely = best.run, best.likely
         u, (low, high) = run["standard_uncertainty"]["eta_pto"], run["interval_95"]["eta_pto"]
         tiles.append(
             Tile(
@@ -171,7 +192,7 @@ def _tiles(runs: Sequence[tables.Run]) -> tuple[Tile, ...]:
         )
         tiles.append(
             Tile(
-                "η_pto", "there",
+                "η_pto", "there" if best.logs == 1 else f"there, highest of {best.logs} logs",
                 stated(run["mean"]["eta_pto"], u, 3), f"95 %: {stated(low, u, 3)} to {stated(high, u, 3)}",
             )
         )  # fmt: skip
@@ -196,8 +217,8 @@ def _points(runs: Sequence[tables.Run], failed: Sequence[tables.Run], loaded: Se
     points.append(Point("Logs", text, "warn" if failed or whole < total else "plain"))
     best = best_load(loaded)
     if best is not None:
-        run, likely, following = best
-        sure = "" if likely > 0.95 else " The uncertainties do not tell them apart."
+        run, following = best.run, best.following
+        sure = "" if best.likely > 0.95 else " The uncertainties do not tell them apart."
         values = [stated(r["mean"]["eta_pto"], r["standard_uncertainty"]["eta_pto"], 3) for r in (run, following)]
         points.append(
             Point(
@@ -226,10 +247,21 @@ def _provenance(summary: Mapping[str, Any], runs: Sequence[tables.Run], command:
     finite = sorted({load for load in loads if load is not None and math.isfinite(load)})
     rows = [
         ("Campaign", summary["title"]),
-        ("Logs", f"{len(summary['runs'])}; hash, rig and window of each are in its own report and in runs/*.json"),
+        ("Logs", f"{len(summary['runs'])}; hash, rig and window of each are in its own report and its result"),
+        ("Results", _results(runs)),
         ("Loads", ", ".join(f"{load:g}" for load in finite[:20]) + (" Ω" if finite else "")),
         ("Made by", f"winchcascade {__version__}"),
         ("Command", command),
         ("Made on", made_on()),
     ]
     return provenance_table(rows)
+
+
+def _results(runs: Sequence[tables.Run]) -> str:
+    """The files that count: an earlier call may have left those of other logs beside them."""
+    if not runs:
+        return ""
+    listed = ", ".join(run["result"] for run in runs)
+    if len(listed) > LISTED:
+        listed = f"runs/NAME.json of the NAME of each of the {len(runs)} logs in campaign.json"
+    return f"{listed}; other files in runs are of other calls"

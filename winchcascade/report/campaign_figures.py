@@ -12,12 +12,15 @@ from matplotlib.ticker import FixedLocator, NullLocator
 
 from winchcascade.report.campaign_tables import Run, load_of, load_text
 from winchcascade.report.figures import readable
-from winchcascade.report.model_figures import MARK_SIZE, MARKS
+from winchcascade.report.legend import columns_within, cut_apart, lines_within, text_width
+from winchcascade.report.model_figures import LINE, MARK_SIZE, load_style
 from winchcascade.report.records import FIELDS
 from winchcascade.report.style import COLOURS, LOAD_COLOURS, STAGE_STYLE, WIDTH, label_panel
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from winchcascade.run import Signal
 
 DRAWN_RUNS = 12
 """Runs that share one panel at most; of more, an even selection."""
@@ -29,6 +32,12 @@ _TEX = {
     "eta_trans": r"$\eta_\mathrm{trans}$", "eta_gen": r"$\eta_\mathrm{gen}$", "eta_pto": r"$\eta_\mathrm{pto}$",
 }  # fmt: skip
 _MARKS: dict[str, Any] = {"line": "o", "mech": "s", "gen": "^"}
+_PANEL, _APART = 2.4, 0.05
+"""Room between the first and the last load in a panel, and between two numbers under it. [in]"""
+
+_HANDLE, _GAP = 2.6, 2.0
+"""Length of a key, and room between two columns, of the legend over speed, in sizes of its font."""
+
 _DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)))
 
 
@@ -50,6 +59,12 @@ def over_what(runs: Sequence[Run]) -> str:
     return "the load" if _places(runs) is not None else "the logs, in the order of the tables"
 
 
+def repeated(runs: Sequence[Run]) -> bool:
+    """Whether the points of `over_load` are drawn over loads of which some have several logs."""
+    at = _places(runs)
+    return at is not None and len(set(at)) < len(at)
+
+
 def _places(runs: Sequence[Run]) -> list[float] | None:
     """Loads of the runs where all have one that can be drawn, None else. [ohm]"""
     loads = [load_of(run) for run in runs]
@@ -69,15 +84,18 @@ def _points(
         ends = [run["interval_95"][FIELDS[names[stage]]] or (math.nan, math.nan) for run in runs]
         low, high = np.array(ends, dtype=float).T
         bars = np.nan_to_num(np.vstack((y - low, high - y)))[:, order].clip(0.0)
+        line: Any = {"color": COLOURS[stage], "lw": 0.9, "ls": STAGE_STYLE[stage]}
+        mark: Any = {"marker": _MARKS[stage], "ms": 4, "label": _TEX[names[stage]]}
+        if not repeated(runs):
+            ax.errorbar(x[order], y[order] * short, yerr=bars * short, capsize=2, **line, **mark)
+            continue
         ax.errorbar(
-            x[order], y[order] * short, yerr=bars * short, color=COLOURS[stage], ls=STAGE_STYLE[stage], lw=0.9, ms=4,
-            marker=_MARKS[stage], capsize=2, label=_TEX[names[stage]],
-        )  # fmt: skip
+            x[order], y[order] * short, yerr=bars * short, capsize=2, **line | {"ls": "none"}, **mark | {"label": "_"}
+        )
+        ax.plot(*_means(x, y * short), **line)
+        ax.plot([], [], **line, **mark)  # for the legend: the points on their line
     if at is not None:
-        ax.set_xscale("log")
-        ax.xaxis.set_major_locator(FixedLocator(sorted(set(at))))
-        ax.xaxis.set_minor_locator(NullLocator())
-        ax.set_xticklabels([f"{load:g}" for load in sorted(set(at))])
+        _label_loads(ax, sorted(set(at)))
     elif len(runs) <= DRAWN_RUNS:
         ax.set_xticks(x, [f"{k:g}" for k in x])
     ax.set_xlabel("Load resistance (Ω)" if at is not None else "Log, in the order of the table")
@@ -85,6 +103,29 @@ def _points(
     label_panel(ax, letter, title)
     if columns:
         ax.legend(loc="lower right", ncols=3, bbox_to_anchor=(1.01, 1.07), borderaxespad=0.0, columnspacing=1.0)
+
+
+def _means(x: Signal, y: Signal) -> tuple[list[float], list[float]]:
+    """Each load once, and the mean of what its logs give; without the loads of which none gives anything."""
+    given = np.isfinite(y)
+    loads = np.unique(x[given]).tolist()
+    return loads, [float(np.mean(y[given & (x == load)])) for load in loads]
+
+
+def _label_loads(ax: Axes, loads: Sequence[float]) -> None:
+    """Set the loads on a logarithmic axis, with a number at each that has the room for it."""
+    ax.set_xscale("log")
+    ax.xaxis.set_major_locator(FixedLocator(loads))
+    ax.xaxis.set_minor_locator(NullLocator())
+    inches = _PANEL / math.log(loads[-1] / loads[0])
+    texts: list[str] = []
+    end = -math.inf
+    for load in loads:
+        at, half = inches * math.log(load / loads[0]), 0.5 * text_width(f"{load:g}")
+        free = at - half > end
+        texts.append(f"{load:g}" if free else "")
+        end = at + half + _APART if free else end
+    ax.set_xticklabels(texts)
 
 
 def _number(value: float | None) -> float:
@@ -97,17 +138,18 @@ def drawn_runs(runs: Sequence[Run]) -> list[Run]:
     return [runs[k] for k in even.tolist()]
 
 
-def load_name(run: Run, among: Sequence[Run]) -> str:
-    """Load of a run with its unit; with its name where others have the same load, and that alone for an unknown one."""
-    load = load_of(run)
-    if load is None:
-        return _short(run["name"])
-    text = load_text(run) if math.isinf(load) else f"{load_text(run)} Ω"
-    return text if sum(load_of(other) == load for other in among) == 1 else f"{text}, {_short(run['name'])}"
+def load_names(runs: Sequence[Run]) -> list[str]:
+    """Load of each run with its unit, the name of the log, cut, where it is unknown."""
+    names = cut_apart([run["name"] for run in runs])
+    return [name if load_of(run) is None else _with_unit(run) for run, name in zip(runs, names, strict=True)]
+
+
+def _with_unit(run: Run) -> str:
+    return load_text(run) if math.isinf(load_of(run) or 0.0) else f"{load_text(run)} Ω"
 
 
 def over_speed(runs: Sequence[Run], bins: Mapping[str, Sequence[Mapping[str, Any]]]) -> Figure | None:
-    """Draw binned torque and power over the generator's speed, one curve a run.
+    """Draw binned torque and power over the generator's speed, one curve a run; runs of one load look alike.
 
     Parameters
     ----------
@@ -125,7 +167,9 @@ def over_speed(runs: Sequence[Run], bins: Mapping[str, Sequence[Mapping[str, Any
     ][-3:]
     if not shown or not fields:
         return None
-    head = 0.27 + 0.17 * -(-len(shown) // 7)
+    names = [_entry(run, runs) for run in shown]
+    place = {name: k for k, name in enumerate(dict.fromkeys(names))}
+    head = 0.27 + LINE * lines_within(list(place), handle=_HANDLE, gap=_GAP)
     height = head + 2.42
     figure = Figure((WIDTH, height))
     axes: list[Axes] = list(figure.subplots(1, len(fields), squeeze=False, gridspec_kw={"wspace": 0.34})[0])
@@ -133,28 +177,36 @@ def over_speed(runs: Sequence[Run], bins: Mapping[str, Sequence[Mapping[str, Any
     for k, (ax, (field, title, unit)) in enumerate(zip(axes, fields, strict=True)):
         columns = [_curve(bins[run["name"]], field) for run in shown]
         short, unit = readable(unit, *(y for _, y in columns))
-        for n, (run, (x, y)) in enumerate(zip(shown, columns, strict=True)):
-            label = load_text(run) if load_of(run) is not None else f"log {runs.index(run) + 1}"
-            dashes = _DASHES[n // len(LOAD_COLOURS) % len(_DASHES)]
-            marks: Any = {"marker": MARKS[n % len(MARKS)], "ms": MARK_SIZE, "mfc": COLOURS["paper"], "mew": 0.7}
-            ax.plot(
-                x, y * short, color=COLOURS[LOAD_COLOURS[n % len(LOAD_COLOURS)]], ls=dashes, **marks,
-                markevery=(n % 3, max(1, x.size // 6)),
-                label=label if math.isinf(load_of(run) or 0.0) or load_of(run) is None else f"{label} Ω",
-            )  # fmt: skip
+        for n, (name, (x, y)) in enumerate(zip(names, columns, strict=True)):
+            colour, mark = load_style(place[name])
+            dashes = _DASHES[place[name] // len(LOAD_COLOURS) % len(_DASHES)]
+            marks: Any = {"marker": mark, "ms": MARK_SIZE, "mfc": COLOURS["paper"], "mew": 0.7}
+            every = (n % 3, max(1, x.size // 6))
+            ax.plot(x, y * short, color=COLOURS[colour], ls=dashes, **marks, markevery=every, label=name)
         label_panel(ax, "abc"[k], title)
         ax.set_xlabel("Generator speed (rpm)")
         ax.set_ylabel(unit)
     handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, [_short(text) for text in labels], loc="upper right", ncols=min(7, len(labels)))
+    entries = dict(zip(reversed(labels), reversed(handles), strict=True))
+    columns_in = columns_within(list(place), handle=_HANDLE, gap=_GAP)
+    figure.legend(
+        [entries[name] for name in place], list(place), loc="upper right", ncols=columns_in, columnspacing=_GAP
+    )
     return figure
+
+
+def look_alike(runs: Sequence[Run]) -> bool:
+    """Whether some of the runs that share a panel have one load, and so one colour and marker."""
+    names = [_entry(run, runs) for run in drawn_runs(runs)]
+    return len(set(names)) < len(names)
+
+
+def _entry(run: Run, runs: Sequence[Run]) -> str:
+    """What the legend calls a run: its load, or its number in the tables where that is unknown."""
+    return f"log {runs.index(run) + 1}" if load_of(run) is None else _with_unit(run)
 
 
 def _curve(bins: Sequence[Mapping[str, Any]], field: str) -> tuple[Any, Any]:
     points = [(0.5 * (b["rpm_low"] + b["rpm_high"]), b[field]) for b in bins if b[field] is not None]
     x, y = np.array(points, dtype=float).reshape(-1, 2).T
     return x, y
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= 18 else f"{text[:8]}…{text[-8:]}"

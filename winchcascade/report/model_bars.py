@@ -9,6 +9,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from winchcascade.report.digits import significant
+from winchcascade.report.legend import text_width
 from winchcascade.report.model_budget import GROUPS, NOTHING
 from winchcascade.report.style import COLOURS, WIDTH
 
@@ -45,18 +46,29 @@ LABELLED = 4.0
 _BAR, _LANE, _PITCH = 0.52, -0.4, 0.42
 """Height of a bar, and the lane below it where the points of the log are, over the pitch of the bars; the pitch [in]."""
 
+_BESIDE = 0.16
+"""Room between the left edge, a label and its bar. [in]"""
+
 _POINTS = {"gen": ("D", "DC link"), "mech": ("s", "shaft")}
 
 
 def budget_bars(names: Sequence[str], budgets: Sequence[Budget], *, word: str) -> Figure:
-    """Draw the simulated loss budget of each log in percent of the line's energy, and under it shares that the log gives."""
+    """Draw the simulated loss budget of each log in percent of the line's energy, and under it shares that the log gives.
+
+    Parameters
+    ----------
+    names : what stands left of each bar, of one line or two
+    """
     present = [g for g in GROUPS if any(abs(b.shares[g]) >= NOTHING for b in budgets)]
     entries = _entries(present, budgets, word)
     head, foot = 0.16 + 0.17 * -(-len(entries) // 7), 0.42
     height = head + foot + _PITCH * (len(names) + 0.1)
     figure = Figure((WIDTH, height))
     ax = figure.subplots()
-    figure.subplots_adjust(left=0.125, right=0.905, top=1 - head / height, bottom=foot / height)
+    widest = max(text_width(line) for name in names for line in name.split("\n"))
+    figure.subplots_adjust(
+        left=max(0.125, (widest + _BESIDE) / WIDTH), right=0.905, top=1 - head / height, bottom=foot / height
+    )
     rows = [float(k) for k in reversed(range(len(names)))]
     for row, budget in zip(rows, budgets, strict=True):
         _bar(ax, row, budget, present)

@@ -10,6 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from winchcascade.report.figures import dots, readable
+from winchcascade.report.legend import columns_within, lines_within
 from winchcascade.report.model_curves import HAUL_IN, SHOWN
 from winchcascade.report.style import COLOURS, LOAD_COLOURS, WIDTH, label_panel
 
@@ -28,6 +29,9 @@ MOST_MARKS = 330
 """Markers in a row of panels, about at most: of several logs with many bins each has its turn."""
 
 MARK_SIZE = 3.0
+
+LINE = 0.17
+"""Height of a line of a legend. [in]"""
 
 _LETTERS = "abcdefgh"
 _BACK: Any = (0, (2.5, 1.2))
@@ -52,9 +56,14 @@ Entry = tuple[Any, str]
 
 
 def by_load(names: Sequence[str], curves: Sequence[Mapping[str, Curve]]) -> list[Drawn]:
-    """Give each of several logs a colour and a marker of its own."""
-    styles = [(LOAD_COLOURS[k % len(LOAD_COLOURS)], MARKS[k % len(MARKS)]) for k in range(len(names))]
-    return [Drawn(name, c, colour, colour, mark) for name, c, (colour, mark) in zip(names, curves, styles, strict=True)]
+    """Give each of several loads a colour and a marker of its own; logs of one load share its name and look alike."""
+    found = {name: load_style(k) for k, name in enumerate(dict.fromkeys(names))}
+    return [Drawn(name, c, found[name][0], *found[name]) for name, c in zip(names, curves, strict=True)]
+
+
+def load_style(k: int) -> tuple[str, Any]:
+    """Colour and marker of the load at place k; where colours come again, the markers are others."""
+    return LOAD_COLOURS[k % len(LOAD_COLOURS)], MARKS[(k + k // len(LOAD_COLOURS)) % len(MARKS)]
 
 
 def given_names(drawn: Sequence[Drawn], names: Sequence[str]) -> list[str]:
@@ -88,7 +97,8 @@ def panels(
         return None
     columns = len(given) if len(given) <= 3 else columns
     rows = -(-len(given) // columns)
-    head = (0.24 if len(drawn) == 1 else 0.42) + (0.32 if gear is not None else 0.22)
+    named = 0 if len(drawn) == 1 else lines_within([name for _, name in _loads(drawn)])
+    head = 0.24 + (0.01 + LINE * named if named else 0.0) + (0.32 if gear is not None else 0.22)
     height = head + rows * 2.15 - 0.1 + (0.6 if columns == 1 else 0.0)
     figure = Figure((WIDTH, height))
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
@@ -193,7 +203,13 @@ def _legend(figure: Figure, drawn: Sequence[Drawn], *, word: str, shaded: bool, 
         entries.append(patch_entry("over rated speed", "over"))
     legend_above(figure, entries)
     if not one:
-        legend_above(figure, [(_key(d.log, d.mark, lw=1.2), d.name) for d in drawn], line=1)
+        legend_above(figure, _loads(drawn), line=1)
+
+
+def _loads(drawn: Sequence[Drawn]) -> list[Entry]:
+    """One entry for each load, however many logs it has."""
+    first = {d.name: d for d in reversed(drawn)}
+    return [(_key(d.log, d.mark, lw=1.2), d.name) for d in reversed(first.values())]
 
 
 def _key(colour: str, mark: Any, **style: Any) -> Line2D:
@@ -215,9 +231,9 @@ def patch_entry(text: str, colour: str) -> Entry:
 
 
 def legend_above(figure: Figure, entries: Sequence[Entry], *, line: int = 0) -> None:
-    """Set a legend in one of the lines above the panels, seven entries in a line at most."""
+    """Set a legend in one of the lines above the panels, as many entries in a line as there is room for."""
     handles, texts = zip(*entries, strict=True)
     figure.legend(
-        handles, texts, loc="upper left", ncols=min(7, len(entries)), columnspacing=1.1, handlelength=2.0,
-        bbox_to_anchor=(0.01, 1.0 - 0.17 * line / float(figure.get_figheight())), borderaxespad=0.1,
+        handles, texts, loc="upper left", ncols=columns_within(texts), columnspacing=1.1, handlelength=2.0,
+        bbox_to_anchor=(0.01, 1.0 - LINE * line / float(figure.get_figheight())), borderaxespad=0.1,
     )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
@@ -11,6 +12,7 @@ from winchcascade.quantity import KGF
 from winchcascade.report import model_figures as figures
 from winchcascade.report import model_text as text
 from winchcascade.report.layout import Note, Picture, Section
+from winchcascade.report.legend import cut_apart
 from winchcascade.report.model_account import Account, account_of
 from winchcascade.report.model_bars import budget_bars
 from winchcascade.report.model_curves import speed_columns, speed_width
@@ -147,11 +149,20 @@ def _picture(figure: Figure | None, name: str, caption: str) -> Picture | None:
 
 # -------------------------------------------------------------------------------------------------------- of a campaign
 class Named(NamedTuple):
-    """One log of a campaign: its name, its load as a text, and what is kept of its comparison."""
+    """One log of a campaign: its name, its load as a text (if that is unknown what the log is called), and what is kept
+    of its comparison.
+    """
 
     name: str
     load: str
     account: Account
+
+
+def row_names(logs: Sequence[Named]) -> list[tuple[str, ...]]:
+    """What each log is called in a row: its load, and its name, cut, where others have the same load."""
+    count = Counter(log.load for log in logs)
+    names = cut_apart([log.name for log in logs])
+    return [(log.load, name) if count[log.load] > 1 else (log.load,) for log, name in zip(logs, names, strict=True)]
 
 
 def campaign_section(logs: Sequence[Named], word: str) -> Section | None:
@@ -208,14 +219,17 @@ def _campaign_pictures(given: Sequence[Named]) -> list[Block | None]:
 
 def _campaign_tables(given: Sequence[Named]) -> list[Block | None]:
     accounts = [log.account for log in given]
-    booked = [(log.load, log.account.budget) for log in given if log.account.budget is not None]
+    booked = [
+        (name, log.account.budget)
+        for name, log in zip(row_names(given), given, strict=True)
+        if log.account.budget is not None
+    ]
     blocks: list[Block | None] = [
         text.differences_table(accounts, [(log.name, log.load) for log in given], ("Log", "Load"))
     ]
     if booked:
         names, budgets = zip(*booked, strict=True)
-        blocks.append(
-            _picture(budget_bars(names, budgets, word=accounts[0].word), "model-budget", text.budget_caption(accounts))
-        )
-        blocks.append(text.budget_table(names, budgets))
+        bars = budget_bars(["\n".join(name) for name in names], budgets, word=accounts[0].word)
+        blocks.append(_picture(bars, "model-budget", text.budget_caption(accounts)))
+        blocks.append(text.budget_table([", ".join(name) for name in names], budgets))
     return blocks

@@ -1,0 +1,162 @@
+"""Figures of a campaign of many logs: each load once in the legend, nothing beyond the edges, nothing over another."""
+
+import itertools
+from typing import Any
+
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from matplotlib.transforms import Bbox
+from test_campaign_report import run
+
+from winchcascade.report.campaign_figures import load_names, look_alike, over_load, over_speed, repeated
+from winchcascade.report.legend import SHORT, columns_within, cut_apart
+from winchcascade.report.model_account import Account
+from winchcascade.report.model_bars import budget_bars
+from winchcascade.report.model_budget import GROUPS, Budget
+from winchcascade.report.model_curves import Curve
+from winchcascade.report.model_figures import by_load, panels
+from winchcascade.report.model_section import Named, row_names
+from winchcascade.report.style import house_style
+
+EDGE = 1.0
+"""What a text may stick out of a figure. [px]"""
+
+BUDGET = Budget(1000.0, dict.fromkeys(GROUPS, 0.0) | {"dc": 700.0, "stored": 300.0}, 0.0, {"line": 1000.0})
+CURVE = Curve((0.0, 1.0, 2.0), (0.0, 1.0, 2.0), (0.0, 1.1, 2.1))
+
+LOADS: dict[str, list[float | None]] = {
+    "twice": [30.0, 30.0, 15.0, 15.0, 8.0],
+    "forty": [(45.0, 36.0, 27.0, 18.0, 9.0)[k % 5] for k in range(40)],
+    "twenty": [64.15, 54.85, 46.85, 40.05, 34.25, 29.25, 25.0, 21.35, 18.25, 15.6, 13.35, 11.4, 9.75, 8.3, 7.1, 6.05, 5.2, 4.4,
+               3.8, 3.2],
+    "unknown": [None] * 20,
+    "one": [18.0],
+}  # fmt: skip
+
+
+def logs(kind: str) -> list[dict[str, Any]]:
+    names = (f"2026-03-{k:02d}_trial_of_the_winch.csv" for k in itertools.count(1))
+    return [run(name, load, 0.7, 0.01) for name, load in zip(names, LOADS[kind], strict=False)]
+
+
+def boxes(figure: Figure, texts: list[Text]) -> list[Bbox]:
+    figure.draw_without_rendering()
+    return [text.get_window_extent() for text in texts if text.get_text()]
+
+
+def legend_texts(figure: Figure) -> list[Text]:
+    return [text for legend in figure.legends for text in legend.get_texts()]
+
+
+def inside(figure: Figure, texts: list[Text]) -> bool:
+    width, height = figure.bbox.size
+    return all(
+        box.x0 >= -EDGE and box.x1 <= width + EDGE and box.y0 >= -EDGE and box.y1 <= height + EDGE
+        for box in boxes(figure, texts)
+    )
+
+
+def speed_figure(runs: list[dict[str, Any]]) -> Figure:
+    row = {"torque_nm": 1.0, "power_mech_w": 2.0, "power_gen_w": 1.5}
+    bins = [{"rpm_low": 100.0 * k, "rpm_high": 100.0 * (k + 1), **row} for k in range(8)]
+    figure = over_speed(runs, {r["name"]: bins for r in runs})
+    assert figure is not None
+    return figure
+
+
+def model_figure(runs: list[dict[str, Any]], gear: float | None = None) -> Figure:
+    curves = [{"torque_nm": CURVE}] * len(runs)
+    figure = panels(by_load(load_names(runs), curves), ["torque_nm"], word="log", rated=None, columns=2, gear=gear)
+    assert figure is not None
+    return figure
+
+
+@pytest.mark.parametrize("kind", LOADS)
+def test_a_legend_stays_within_the_figure_and_off_the_panels(kind: str) -> None:
+    with house_style():
+        for figure in (speed_figure(logs(kind)), model_figure(logs(kind)[:13]), model_figure(logs(kind)[:13], 50.0)):
+            assert inside(figure, legend_texts(figure))
+            lowest = min(legend.get_window_extent().y0 for legend in figure.legends)
+            titles = [box.y1 for ax in figure.axes for box in boxes(figure, [ax.title, ax._left_title])]  # type: ignore[attr-defined]
+            tops = [ax.get_window_extent().y1 for ax in figure.axes]
+            tops += [above.xaxis.label.get_window_extent().y1 for ax in figure.axes for above in ax.child_axes]
+            assert lowest > max(titles + tops) - EDGE
+
+
+def test_a_load_of_several_logs_stands_once_in_a_legend() -> None:
+    runs = logs("twice")
+    with house_style():
+        speed, model = speed_figure(runs), model_figure(runs)
+    assert [text.get_text() for text in legend_texts(speed)] == ["30 Ω", "15 Ω", "8 Ω"]
+    assert [text.get_text() for text in legend_texts(model)] == ["log", "simulated", "30 Ω", "15 Ω", "8 Ω"]
+    styles = [(line.get_color(), line.get_marker()) for line in speed.axes[0].lines]
+    assert styles[0] == styles[1] != styles[2] == styles[3] != styles[4]
+    assert look_alike(runs)
+    assert not look_alike(logs("twenty"))
+
+
+def test_loads_beyond_the_colours_differ_in_their_markers() -> None:
+    drawn = by_load([f"{k} Ω" for k in range(13)], [{}] * 13)
+    assert len({(d.log, d.mark) for d in drawn}) == 13
+
+
+@pytest.mark.parametrize("kind", LOADS)
+def test_what_stands_beside_a_bar_is_within_the_figure(kind: str) -> None:
+    runs = logs(kind)[:13]
+    named = [Named(r["name"], load, Account()) for r, load in zip(runs, load_names(runs), strict=True)]
+    rows = row_names(named)
+    assert len(set(rows)) == len(rows)
+    with house_style():
+        figure = budget_bars(["\n".join(row) for row in rows], [BUDGET] * len(rows), word="log")
+        texts = figure.axes[0].get_yticklabels()
+        assert inside(figure, list(texts))
+        places = sorted((box.y0, box.y1) for box in boxes(figure, list(texts)))
+        assert all(below[1] < above[0] + EDGE for below, above in itertools.pairwise(places))
+
+
+def test_a_row_names_its_log_only_where_the_load_does_not() -> None:
+    named = [Named(name, load, Account()) for name, load in (("a.csv", "9 Ω"), ("b.csv", "18 Ω"), ("c.csv", "18 Ω"))]
+    assert row_names(named) == [("9 Ω",), ("18 Ω", "b.csv"), ("18 Ω", "c.csv")]
+
+
+@pytest.mark.parametrize("kind", LOADS)
+def test_numbers_under_the_loads_stand_apart(kind: str) -> None:
+    with house_style():
+        figure = over_load(logs(kind))
+        assert figure is not None
+        for ax in figure.axes:
+            places = sorted((box.x0, box.x1) for box in boxes(figure, list(ax.get_xticklabels())))
+            assert places
+            assert all(left[1] < right[0] for left, right in itertools.pairwise(places))
+
+
+def test_the_line_over_the_loads_goes_through_the_mean_of_each() -> None:
+    runs = [run("a", 30.0, 0.7, 0.01), run("b", 15.0, 0.6, 0.01), run("c", 30.0, 0.8, 0.01), run("d", 15.0, None, None)]
+    assert repeated(runs)
+    assert not repeated(runs[:2])
+    with house_style():
+        figure = over_load(runs)
+        assert figure is not None
+        means = [line for line in figure.axes[1].lines if line.get_linestyle() == "-" and len(line.get_xdata()) == 2]  # type: ignore[arg-type]
+    (line,) = means
+    assert list(line.get_xdata()) == [15.0, 30.0]  # type: ignore[arg-type]
+    assert list(line.get_ydata()) == pytest.approx([0.6, 0.75])  # type: ignore[arg-type]
+
+
+def test_names_are_cut_where_it_leaves_them_apart() -> None:
+    names = [f"2026-03-{k:02d}_trial_of_the_winch_r9ohm.csv" for k in range(1, 31)]
+    cut = cut_apart(names)
+    assert len(set(cut)) == len(names)
+    assert max(len(name) for name in cut) == SHORT
+    alike = [f"{'x' * 30}{k:02d}{'y' * 30}" for k in range(20)]
+    assert len(set(cut_apart(alike))) == len(alike)
+    assert cut_apart(["a.csv", "a.csv"]) == ["a.csv", "a.csv"]
+
+
+def test_columns_are_as_many_as_fit() -> None:
+    with house_style():
+        assert columns_within(["9 Ω"] * 9) == 7
+        assert columns_within(["9 Ω"] * 3) == 3
+        assert columns_within(["a log with a long name"] * 9) < 7
+        assert columns_within(["x" * 400] * 3) == 1
