@@ -80,9 +80,8 @@ def seconds(texts: Sequence[str]) -> Signal:
     if any(day is not None for day in days):
         for day, number in _numbers_of(days).items():
             since[days[day]] += DAY * number
-        if (
-            len(zones) > 1 and "" not in zones
-        ):  # summer time begins or ends, and every stamp says how far it is from UTC
+        # Summer time begins or ends, and every stamp says how far it is from UTC.
+        if len(zones) > 1 and "" not in zones:
             for zone, rows in zones.items():
                 since[rows] -= _east_of_utc(zone)
         good = np.flatnonzero(np.isfinite(since))
