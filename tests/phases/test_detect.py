@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -276,3 +277,17 @@ def test_a_payout_made_of_jogs_alone_begins_with_the_first() -> None:
 def test_a_stop_after_a_travel_of_its_own_belongs_to_the_payout_however_long() -> None:
     (cycle,) = cycles_of(profile(REST, (0.5, 0.5), (1.0, 0.5), (0.5, 0.0), (30.0, 0.0), *CYCLE))
     assert cycle.onset == pytest.approx(5.0 + 0.03, abs=EARLY)
+
+
+def test_a_payout_of_which_a_gap_hides_all_but_jogs_is_found() -> None:
+    jog = ((0.2, 0.3), (0.3, 0.3), (0.2, 0.0))
+    v = profile((5.0, 0.0), *jog, (12.0, 0.0), *jog, (5.0, 0.0), (1.0, -0.7), (2.0, -0.7), (1.0, 0.0), (2.0, 0.0))
+    run = run_of(v)
+    hidden = (9.5, 13.5)
+    moved = run.channels["displacement"] + np.interp(run.t, hidden, (0.0, 1.0))
+    holed = msgspec.structs.replace(
+        run, channels={"velocity": v, "displacement": moved}, gaps={CLOCK: np.array([hidden])}
+    )
+    (cycle,) = detect(holed, smoothed_velocity(holed, Thresholds()), Thresholds())
+    assert cycle.onset < 6.0
+    assert cycle.payout_end > 17.0

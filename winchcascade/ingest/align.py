@@ -61,14 +61,19 @@ def common_stamps(
     """
     begins = [clock.start for clock, _ in tracks]
     ends = [clock.start + clock.step * (length - 1) for clock, length in tracks]
-    first = int(np.ceil((max(begins) - reference.start) / reference.step - WHOLE))
-    last = int(np.floor((min(ends) - reference.start) / reference.step + WHOLE))
+    first = np.ceil((max(begins) - reference.start) / reference.step - WHOLE)
+    last = np.floor((min(ends) - reference.start) / reference.step + WHOLE)
+    if not np.isfinite([*begins, *ends, first, last]).all():
+        raise LogError(
+            f"{path.name}: one channel begins at {max(begins):g} s and another ends at {min(ends):g} s; times that a clock can "
+            "have were expected; check their wf_start_time, wf_start_offset and wf_increment."
+        )
     if last < first:
         raise LogError(
             f"{path.name}: one channel begins at {max(begins):.3f} s and another ends at {min(ends):.3f} s; channels "
             "that overlap in time were expected; check their wf_start_time and wf_start_offset."
         )
-    t = reference.start + reference.step * np.arange(first, last + 1, dtype=np.float64)
+    t = reference.start + reference.step * np.arange(int(first), int(last) + 1, dtype=np.float64)
     trimmed = max(ends) - min(begins) - (t[-1] - t[0])
     if trimmed <= TRIM_TOLD:
         return t, ()

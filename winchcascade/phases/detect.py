@@ -209,7 +209,11 @@ def _motion(t: Signal, runs: _Runs, leg: tuple[int, int], thresholds: Thresholds
     least = min(max(NOISE * thresholds.v_onset, thresholds.creep_max * top), top)
     motions = [k for k in along if runs.peak[k] >= least]
     lively = [k for k in range(motions[0], motions[-1] + 1) if runs.peak[k] >= least or runs.peak[k] == 0.0]
-    parts = [part for part in _parted_by_rests(t, runs, lively) if _extent(runs, part) >= thresholds.stroke_min]
+    parts = [
+        part
+        for part in _parted_by_rests(t, runs, lively)
+        if _extent(runs, part) >= thresholds.stroke_min and not set(part).isdisjoint(motions)
+    ]
     if parts:
         motions = [k for k in motions if parts[0][0] <= k <= parts[-1][-1]]
     return motions[0], motions[-1]
