@@ -87,7 +87,7 @@ class Calibration(msgspec.Struct, frozen=True):
     together: tuple[str, ...]
     misfit: float
     strained: tuple[Strain, ...]
-    settled: bool = True
+    settled: bool
 
 
 def calibrate(
