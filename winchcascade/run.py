@@ -29,6 +29,15 @@ FindingKind = Literal[
     "slack_line",
     "incomplete_cycle",
     "unknown_column",
+    "load_mismatch",
+    "coarse_sampling",
+    "clock_mismatch",
+    "channel_lag",
+    "zero_offset",
+    "window_beyond_payout",
+    "unit_conflict",
+    "speed_mismatch",
+    "efficiency_change",
 ]
 
 CLOCK = "clock"
