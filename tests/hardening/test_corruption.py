@@ -1,0 +1,88 @@
+"""A handful of the corruptions that `corruption.py` judges by the hundred, and the judge itself."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from base_logs import LOGS, RATES, base, bases
+from corruption import CLASSES, draw, run, table
+from judge import Damage, csv, judged, moved, scratch, truth
+
+SEED = 20261122
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("matrix")
+    scratch(place)
+    return place
+
+
+@pytest.mark.parametrize("name", list(LOGS))
+def test_undamaged_logs_have_no_finding_and_agree_at_all_rates(name: str, folder: Path) -> None:
+    for rate in RATES:
+        found = truth(base(name, rate))
+        assert found.quality == ()
+        assert moved(truth(base(name, 25)), found) == ((), set())
+
+
+def test_a_change_beyond_the_bar_without_a_finding_is_silent(folder: Path) -> None:
+    log = base("r18ohm", 25)
+    damaged = log.changed(force=np.round(1.008 * log.columns["force"], 1))
+    outcome = judged(Damage(log, "gain of force", frozenset({"force"}), csv(damaged)), folder)
+    assert outcome.silent
+    assert outcome.beyond[0] == "cycle 1 energy_line +0.80 %"
+
+
+def test_a_change_below_the_bar_is_not_silent(folder: Path) -> None:
+    log = base("r18ohm", 25)
+    damaged = log.changed(force=np.round(1.002 * log.columns["force"], 1))
+    outcome = judged(Damage(log, "gain of force", frozenset({"force"}), csv(damaged)), folder)
+    assert outcome.beyond == ()
+    assert not outcome.silent
+
+
+def test_a_finding_counts_only_where_it_points_to_the_damage(folder: Path) -> None:
+    log = base("r18ohm", 25)
+    idc = log.columns["idc"].copy()
+    idc[400] = 5000.0
+    force = np.round(1.008 * log.columns["force"], 1)
+    both = csv(log.changed(idc=idc, force=force))
+    assert judged(Damage(log, "spike and gain", frozenset({"idc"}), both), folder).reported.startswith("spike idc")
+    assert judged(Damage(log, "spike and gain", frozenset({"force"}), both), folder).silent
+
+
+def test_a_cycle_that_is_reported_as_incomplete_is_not_silent(folder: Path) -> None:
+    log = base("r18ohm", 25)
+    end = int(np.searchsorted(log.t, truth(log).complete[2].window.onset + 2.0))
+    outcome = judged(Damage(log, "ends in a window", frozenset(), csv(log.rows(np.arange(end)))), folder)
+    assert outcome.beyond == ("cycle 3 incomplete",)
+    assert outcome.reported
+
+
+@pytest.mark.parametrize("kind", list(CLASSES))
+def test_a_corruption_is_the_same_at_every_call(kind: int, folder: Path) -> None:
+    one, same, other = draw(kind, 1, SEED), draw(kind, 1, SEED), draw(kind, 1, SEED + 1)
+    assert (one.what, repr(one.log)) == (same.what, repr(same.log))
+    assert (one.what, repr(one.log)) != (other.what, repr(other.log))
+
+
+@pytest.mark.parametrize("kind", list(CLASSES))
+def test_no_corruption_ends_in_a_traceback(kind: int, folder: Path) -> None:
+    results = list(run([kind], range(3), SEED, folder))
+    assert [r.fault for r in results] == [""] * 3
+    assert len(table(results).splitlines()) == 3
+
+
+def test_every_class_has_logs_of_several_loads_and_rates(folder: Path) -> None:
+    for kind, chosen in CLASSES.items():
+        seen = {repr(draw(kind, number, SEED).log) for number in range(25)}
+        assert len(seen) >= 3, kind
+        assert all(log in {repr(b) for b in bases()} for log in seen), kind
+        assert len(chosen.ways) > 1
+
+
+@pytest.mark.slow
+def test_the_whole_matrix_ends_without_a_traceback(folder: Path) -> None:
+    results = list(run(list(CLASSES), range(27), SEED, folder))
+    assert [r.fault for r in results if r.fault] == []
