@@ -56,3 +56,36 @@ def test_a_wrong_entry_is_one_sentence_with_its_place(tmp_path: Path, text: str,
 def test_a_campaign_that_is_not_there_is_told(tmp_path: Path) -> None:
     with pytest.raises(CampaignError, match="cannot be read"):
         load_campaign(tmp_path)
+
+
+TWICE = [
+    ("a.csv", "", "./sub/../a.csv", "withheld = true", True),
+    ("a.csv", "withheld = true", "link.csv", "", True),
+    ("a.csv", "cycles = [1, 5]", "a.csv", "cycles = [5, 9]\nwithheld = true", True),
+    ("a.csv", "cycles = [1, 5]", "a.csv", "cycles = [6, 9]\nwithheld = true", False),
+    ("a.csv", "withheld = true", "a.csv", "withheld = true", False),
+    ("a.csv", "load_ohm = 9", "a.csv", "load_ohm = 18", False),
+    ("a.csv", "", "b.csv", "withheld = true", False),
+]
+
+
+@pytest.mark.parametrize(("first", "one", "second", "other", "rejected"), TWICE)
+def test_a_withheld_log_must_not_be_listed_again(
+    tmp_path: Path, first: str, one: str, second: str, other: str, rejected: bool
+) -> None:
+    (tmp_path / "sub").mkdir()
+    for name in ("a.csv", "b.csv"):
+        (tmp_path / name).write_text("x")
+    (tmp_path / "link.csv").symlink_to("a.csv")
+    path = tmp_path / "campaign.toml"
+    path.write_text(f'[[run]]\nfile = "{first}"\n{one}\n[[run]]\nfile = "{second}"\n{other}\n')
+    if not rejected:
+        assert len(load_campaign(path).runs) == 2
+        return
+    with pytest.raises(CampaignError) as fault:
+        load_campaign(path)
+    held = 1 if "withheld" in one else 2
+    assert f"runs 1 ({first}) and 2 ({Path(second).name}) are the same log, and run {held} is withheld" in str(
+        fault.value
+    )
+    assert f"Remove run {3 - held}" in str(fault.value)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from os.path import isfile  # unlike that of Path no error for a name that no file can have
+from collections.abc import Collection, Sequence
+from itertools import combinations
+from os.path import isfile, realpath  # unlike that of Path, isfile gives no error for a name that no file can have
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,9 @@ from winchcascade.errors import CampaignError
 from winchcascade.tomltext import toml_values
 
 CAMPAIGN_FILE = "campaign.toml"
+
+Cycles = tuple[int, int]
+"""First and last cycle that count, both included."""
 
 
 class CampaignRun(msgspec.Struct, frozen=True):
@@ -66,7 +71,49 @@ def load_campaign(path: Path) -> Campaign:
         raise CampaignError(f"{path}: title and rig are texts; found {title!r} and {rig!r}.")
     if rig is not None and isfile(path.parent / rig):
         rig = str(path.parent / rig)
-    return Campaign(path, title, rig, tuple(_run(run, k, path) for k, run in enumerate(runs, 1)))
+    listed = tuple(_run(run, k, path) for k, run in enumerate(runs, 1))
+    check_held_out(
+        [run.file.name for run in listed],
+        [_place(run.file) for run in listed],
+        [run.cycles for run in listed],
+        [k for k, run in enumerate(listed) if run.withheld],
+        str(path),
+    )
+    return Campaign(path, title, rig, listed)
+
+
+def check_held_out(
+    names: Sequence[str], logs: Sequence[str], cycles: Sequence[Cycles | None], withheld: Collection[int], place: str
+) -> None:
+    """Reject a log that is withheld and listed again with cycles that are not: the fit would use what it is judged on.
+
+    Parameters
+    ----------
+    logs : of each run what identifies its log, a path or the digest of its content; empty where it is unknown
+    cycles : of each run the first and the last that count, None for all
+    withheld : numbers of the runs that are withheld, from 0
+    """
+    for k, n in combinations(range(len(logs)), 2):
+        if logs[k] and logs[k] == logs[n] and (k in withheld) != (n in withheld) and _overlap(cycles[k], cycles[n]):
+            held, kept = (k, n) if k in withheld else (n, k)
+            raise CampaignError(
+                f"{place}: runs {k + 1} ({names[k]}) and {n + 1} ({names[n]}) are the same log, and run {held + 1} is "
+                f"withheld; a withheld log takes part in no fit. Remove run {kept + 1}, or give each its own cycles."
+            )
+
+
+def _overlap(one: Cycles | None, other: Cycles | None) -> bool:
+    """Whether two runs of one log have a cycle in common."""
+    (a, b), (c, d) = one or (1, math.inf), other or (1, math.inf)
+    return a <= d and c <= b
+
+
+def _place(file: Path) -> str:
+    """Where a log lies, however its path is spelled; as it is spelled for a name that no file can have."""
+    try:
+        return realpath(file)
+    except ValueError:
+        return str(file)
 
 
 def campaign_beside(log: Path) -> tuple[Campaign, CampaignRun] | None:

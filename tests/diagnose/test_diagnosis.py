@@ -133,6 +133,14 @@ def test_withheld_logs_take_no_part_in_the_choice() -> None:
     assert "voltage_gain" not in [cause.effect for cause in found.causes]
 
 
+def test_a_copy_of_a_withheld_log_must_not_take_part_in_the_fit() -> None:
+    runs = [msgspec.structs.replace(run, sha256=digest) for run, digest in zip(campaign({}), "aba", strict=True)]
+    with pytest.raises(
+        CampaignError, match=r"copies: runs 1 \(.*\) and 3 \(.*\) are the same log, and run 3 is withheld"
+    ):
+        diagnose(runs, built_in(), EFFECTS, title="copies", withheld=[2])
+
+
 def test_loads_are_withheld_by_number() -> None:
     runs = campaign({})
     assert withheld_numbers([36], runs, [False] * 3) == [1]

@@ -83,6 +83,36 @@ def test_a_factor_widens_and_narrows_its_part_alone(part: str) -> None:
         assert other.tolerance == other.rounding + other.deviation + other.uncertainty
 
 
+@pytest.mark.parametrize("metric", ["energy_gen", "eta_gen"])
+def test_the_deviation_counts_up_to_what_the_table_prints(metric: str) -> None:
+    """One cycle of three is damaged: neither its deviation nor its scatter may widen the tolerance beyond the table's claim."""
+    table = load_table("hsu2026-table2")
+    printed = table.rows[1].cells[metric]
+    claim = {"energy_gen": 18.5, "eta_gen": 2.55}[metric]
+    cells = {}
+    for deviation in (claim, 4 * claim):
+        scatter = printed * deviation / 100.0 / math.sqrt(6.0)  # of cycles at 1 + d, 1 - d/2 and 1 - d/2: s / sqrt(3)
+        u = math.hypot(scatter, 0.004 * printed)
+        log = Measured("log", 36.0, {metric: printed}, {metric: deviation}, {metric: u}, {metric: scatter})
+        found = check([log], table, whole_campaign=False)
+        cells[deviation] = next(cell for cell in found.cells if cell.metric == metric)
+        capped = [note for note in found.notes if "its cycles deviate by more than" in note]
+        assert len(capped) == (deviation > claim)
+        assert all(f"{metric} {deviation:.3g} %" in note for note in capped)
+    within, beyond = cells.values()
+    assert beyond.deviation == pytest.approx(within.deviation)
+    assert beyond.uncertainty == pytest.approx(within.uncertainty)
+
+
+def test_a_table_that_prints_no_deviation_caps_none() -> None:
+    table = random_table(0)
+    results = exact_results(table)
+    wide = msgspec.structs.replace(results[0], deviation=dict.fromkeys(METRICS, 80.0))
+    found = check([wide, *results[1:]], table)
+    assert found.notes == ()
+    assert all(cell.deviation == pytest.approx(0.8 * cell.printed) for cell in found.cells if cell.load == 45.0)
+
+
 @pytest.mark.parametrize("value", [-1.0, math.nan, math.inf])
 def test_a_factor_that_is_no_number_from_zero_up_is_told(value: float) -> None:
     with pytest.raises(OptionError, match=r"tolerance factor deviation is .*; expected a finite number"):
@@ -190,6 +220,8 @@ def test_a_reduction_without_uncertainty_says_so(record: dict[str, Any]) -> None
         ({"log": {"load_ohm": "36"}}, "load_ohm is '36'; expected ohms above 0 or null"),
         ({"log": {"load_ohm": True}}, "load_ohm is True; expected ohms above 0 or null"),
         ({"mean": []}, "mean is []; expected an object"),
+        ({"quality": [1]}, "quality is [1]; expected a list of findings"),
+        ({"uncertainty": {}}, "repeatability is None; expected an object"),
         ({"mean": {"energy_line_j": "7"}}, "mean energy_line_j is '7'; expected a number or null"),
         ({"mean": {"energy_line_j": math.nan}}, "mean energy_line_j is nan; expected a number or null"),
         (

@@ -316,6 +316,18 @@ def test_the_terminal_says_what_failed_and_where_the_files_are(made: Made) -> No
     assert "campaign.xlsx" not in text
 
 
+def test_the_terminal_marks_the_rows_of_logs_with_findings(tmp_path: Path) -> None:
+    clean, hurt = run("clean.csv", 9.0), run("hurt.csv", 18.0, findings=["spike", "stuck"], finding_count=14)
+    old = run("old.csv", 27.0, findings=["stuck"])  # as version 0.1.0 wrote it
+    text = campaign_text(summary(clean, hurt, old), tmp_path, kept=0)
+    ends = {line.split()[0]: line.split()[-2:] for line in text.splitlines() if ".csv" in line}
+    assert ends["hurt.csv"] == ["!", "14"]
+    assert ends["old.csv"] == ["!", "1"]
+    assert ends["clean.csv"][-1] == "-"
+    assert "! findings in 2 of 3 logs, listed in each log's report and JSON: spike, stuck\n" in text
+    assert "findings" not in campaign_text(summary(clean), tmp_path, kept=0)
+
+
 def test_the_terminal_obeys_no_control_character_of_a_log(tmp_path: Path) -> None:
     text = campaign_text(summary(run("a\x1b[31m.csv", 9.0), failed("b\x1b[2J", "c\x07\nd")), tmp_path, kept=0)
     assert not any(ord(c) < 32 and c != "\n" for c in text)

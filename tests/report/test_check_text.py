@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 from xml.etree import ElementTree
 
+import msgspec
 import pytest
 
 from winchcascade.published.audit import audit
@@ -108,6 +109,27 @@ def test_an_annotation_escapes_what_would_end_it(found: Check) -> None:
     assert "file=odd%2C50%25%3Aname.toml,line=" in text
     assert "50%25" in text.partition("\n")[0].rpartition("::")[2]
     assert all(line.startswith("::") for line in text.splitlines())
+
+
+def test_findings_of_a_log_are_beside_its_cells_wherever_a_check_is_shown() -> None:
+    words = [f"stuck: torque holds {k} N.m, 100% of::it\n" for k in range(7)]
+    good, bad = measured(45.0, "good.csv"), measured(36.0, "bad.csv")
+    found = check([good, msgspec.structs.replace(bad, findings=tuple(words))], TABLE, whole_campaign=False)
+    head, _, tail = check_text(found).partition("\n36 ohm: bad.csv\n")
+    assert "findings in this log" not in head
+    assert "  findings in this log: 7\n  ! stuck: torque holds 0 N.m, 100% of::it \n" in tail.replace("it\n", "it \n")
+    assert tail.count("  ! stuck") == 5
+    assert "... 2 more, all in --json" in tail
+    root = ElementTree.fromstring(junit_xml(found))
+    with_output = [case.get("classname") for case in root.iter("testcase") if case.find("system-out") is not None]
+    assert set(with_output) == {"hsu2026-table2.36_ohm"}
+    assert len(with_output) == 9
+    (warning,) = [line for line in github_annotations(found, TABLE.path).splitlines() if line.startswith("::warning")]
+    match = re.fullmatch(r"::warning file=.*,line=(\d+),title=36 ohm findings::findings in this log: 7%0A(.*)", warning)
+    assert match is not None
+    assert "load_ohm = 36" in "".join(Path(TABLE.path).read_text().splitlines()[int(match[1]) - 1 : int(match[1]) + 1])
+    assert "100%25 of" in match[2]
+    assert check_record(found)["findings"] == [{"load_ohm": 36.0, "open_circuit": False, "findings": words}]
 
 
 def test_the_record_of_a_check_is_plain_json(found: Check) -> None:

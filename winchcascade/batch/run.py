@@ -244,6 +244,7 @@ def summary_record(plan: Plan, batch: Batch, state: str) -> dict[str, Any]:
                 "cycles": len(record["cycles"]),
                 "complete": sum(c["complete"] for c in record["cycles"]),
                 "findings": sorted({finding["kind"] for finding in record["quality"]}),
+                "finding_count": len(record["quality"]),
                 "removed_share": sum(finding["removed_share"] for finding in record["quality"]),
                 **{name: record[name] for name in _COPIED},
             }

@@ -93,7 +93,7 @@ def diagnose(
     LogError : no run has a channel that the model gives
     RigError : the rig file lacks numbers that the model needs
     """
-    check_withheld(runs, withheld)
+    check_withheld(runs, cycles, withheld, title)
     tell("simulating the rig as given")
     data = Fitted(runs, rig, cycles, withheld)
     _check_compared(data)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from winchcascade.campaign import check_held_out
 from winchcascade.errors import CampaignError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from winchcascade.campaign import Cycles
     from winchcascade.run import Run
 
 NAMED = 2
@@ -21,7 +23,18 @@ HALF = 0.5
 """With less closed and a structured remainder a gap is unexplained."""
 
 
-def check_withheld(runs: Sequence[Run], withheld: Sequence[int]) -> None:
-    """Refuse to withhold all runs, by their numbers: CampaignError."""
+def check_withheld(
+    runs: Sequence[Run], cycles: Sequence[Cycles | None] | None, withheld: Sequence[int], title: str
+) -> None:
+    """Refuse to withhold all runs, or a log that takes part as another run too: CampaignError.
+
+    Parameters
+    ----------
+    cycles : of each run, the first and last that count, None for all
+    withheld : numbers of the runs
+    title : of the campaign, for the sentence
+    """
     if len(runs) <= len(set(withheld)):
         raise CampaignError("every run is withheld; a diagnosis needs at least one that takes part in the fit.")
+    names, logs = [run.name for run in runs], [run.sha256 for run in runs]
+    check_held_out(names, logs, cycles or [None] * len(runs), withheld, title or "campaign")

@@ -1,7 +1,9 @@
 """Measured results held against a published table, cell by cell and two-sided.
 
 A cell allows ``|measured - printed| <= rounding + deviation + uncertainty``: half a unit of its last printed decimal, the
-largest deviation of the measured cycles from their mean, and twice the standard uncertainty of the measured mean.
+largest deviation of the measured cycles from their mean, and twice the standard uncertainty of the measured mean. Where the
+table prints the largest deviation of its cycles, the measured one counts up to that: a damaged log must not widen its own
+tolerance.
 """
 
 from __future__ import annotations
@@ -36,7 +38,8 @@ class Measured(msgspec.Struct, frozen=True):
     """What a log says, in SI units by metric, None for what it cannot give.
 
     `load` is in ohms, inf for an open circuit, None where it is not known; `deviation` is the largest one of a cycle from
-    the mean [%], `uncertainty` the standard uncertainty of the mean.
+    the mean [%], `uncertainty` the standard uncertainty of the mean and `repeatability` the part of it that the scatter of
+    the cycles contributes. `findings` are the sentences on what is wrong with the log.
     """
 
     name: str
@@ -44,6 +47,8 @@ class Measured(msgspec.Struct, frozen=True):
     mean: Mapping[str, float | None]
     deviation: Mapping[str, float | None]
     uncertainty: Mapping[str, float | None]
+    repeatability: Mapping[str, float | None] = msgspec.field(default_factory=dict)
+    findings: tuple[str, ...] = ()
 
 
 class Factors(msgspec.Struct, frozen=True):
@@ -103,12 +108,16 @@ class CellCheck(msgspec.Struct, frozen=True):
 
 
 class Check(msgspec.Struct, frozen=True):
-    """All cells of a table against measured results; `notes` says in sentences what was left out or not known."""
+    """All cells of a table against measured results.
+
+    `notes` says in sentences what was left out, capped or not known; `findings` holds, by load, those of each log.
+    """
 
     table: Table
     factors: Factors
     cells: tuple[CellCheck, ...]
     notes: tuple[str, ...]
+    findings: Mapping[float, tuple[str, ...]] = msgspec.field(default_factory=dict)
 
     @property
     def misses(self) -> tuple[CellCheck, ...]:
@@ -139,12 +148,15 @@ def measured_from_record(record: object, where: str) -> Measured:
         raise CheckError(f"{where}: load_ohm is {load!r}; expected ohms above 0 or null.")
     if load is None and log.get("open_circuit") is True:
         load = math.inf
+    parts = record.get("uncertainty")
     return Measured(
         name=str(log.get("path") or where),
         load=load,
         mean=_metrics(record, "mean", where),
         deviation=_metrics(record, "max_deviation_percent", where),
         uncertainty=_metrics(record, "standard_uncertainty", where),
+        repeatability=_metrics(parts, "repeatability", where) if isinstance(parts, dict) else {},
+        findings=_findings(record.get("quality", []), where),
     )
 
 
@@ -172,8 +184,9 @@ def check(
             notes.append(f"{load_text(row.load)}: no run of this load was given; its row is left out.")
             continue
         cells += [_cell(table, row, metric, run, factors) for metric in row.cells]
-        notes += [] if run is None else _not_known(run, row)
-    return Check(table, factors, tuple(cells), tuple(notes))
+        notes += [] if run is None else _not_known(run, row) + _capped(table, run, row)
+    found = {table.rows[k].load: run.findings for k, run in sorted(runs.items()) if run.findings}
+    return Check(table, factors, tuple(cells), tuple(notes), found)
 
 
 def _by_row(results: Sequence[Measured], table: Table) -> tuple[dict[int, Measured], list[str]]:
@@ -217,16 +230,50 @@ def _cell(table: Table, row: Row, metric: str, run: Measured | None, factors: Fa
     mean = run.mean.get(metric)
     if mean is None:
         return msgspec.structs.replace(bare, outcome="not_measured", log=run.name)
+    share, u = _share_that_counts(table, run, metric), run.uncertainty.get(metric) or 0.0
+    scatter = min((run.repeatability.get(metric) or 0.0) / u, 1.0) if u else 0.0
+    u *= math.sqrt(1.0 - (1.0 - share**2) * scatter**2)
     cell = msgspec.structs.replace(
         bare,
         log=run.name,
         measured=mean / column.factor,
         rounding=factors.rounding * column.rounding,
-        deviation=factors.deviation * (run.deviation.get(metric) or 0.0) / 100.0 * abs(mean) / column.factor,
-        uncertainty=factors.uncertainty * COVERAGE * (run.uncertainty.get(metric) or 0.0) / column.factor,
+        deviation=factors.deviation * share * (run.deviation.get(metric) or 0.0) / 100.0 * abs(mean) / column.factor,
+        uncertainty=factors.uncertainty * COVERAGE * u / column.factor,
     )
     agrees = abs(mean / column.factor - printed) <= cell.tolerance + _DUST * printed
     return msgspec.structs.replace(cell, outcome="ok" if agrees else "miss")
+
+
+def _claimed(table: Table, metric: str) -> tuple[float, str] | None:
+    """Largest deviation of a cycle that the table prints for a metric [%], rounding included, and as it is printed."""
+    printed = table.deviations.get("deviation_eta" if metric.startswith("eta") else "deviation_energy")
+    return None if printed is None else (100.0 * printed[1].span(printed[0]).high, printed[1].text(printed[0]))
+
+
+def _share_that_counts(table: Table, run: Measured, metric: str) -> float:
+    """Share of the scatter of a log's cycles that counts in a tolerance: 1 up to the deviation that the table prints."""
+    deviation, claimed = run.deviation.get(metric) or 0.0, _claimed(table, metric)
+    return 1.0 if claimed is None or deviation <= claimed[0] else claimed[0] / deviation
+
+
+def _capped(table: Table, run: Measured, row: Row) -> list[str]:
+    """Metrics whose cycles deviate by more than the table prints, in one sentence for each printed deviation."""
+    beyond: dict[str, list[str]] = {}
+    for metric in row.cells:
+        claimed, deviation = _claimed(table, metric), run.deviation.get(metric)
+        if (
+            claimed is not None
+            and deviation is not None
+            and deviation > claimed[0]
+            and run.mean.get(metric) is not None
+        ):
+            beyond.setdefault(claimed[1], []).append(f"{metric} {deviation:.3g} %")
+    return [
+        f"{run.name}: its cycles deviate by more than the {said} of the table ({', '.join(metrics)}); the deviation counts "
+        f"as {said}. Look for a damaged cycle."
+        for said, metrics in beyond.items()
+    ]
 
 
 def _not_known(run: Measured, row: Row) -> list[str]:
@@ -249,6 +296,13 @@ def _part(record: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any]:
     if not isinstance(value, dict):
         raise CheckError(f"{where}: {key} is {value!r}; expected an object, as `winchcascade reduce --json` writes it.")
     return value
+
+
+def _findings(quality: object, where: str) -> tuple[str, ...]:
+    """What is wrong with a log, each finding as kind and message."""
+    if not isinstance(quality, list) or not all(isinstance(finding, dict) for finding in quality):
+        raise CheckError(f"{where}: quality is {repr(quality)[:40]}; expected a list of findings.")
+    return tuple(f"{finding.get('kind')}: {finding.get('message')}" for finding in quality)
 
 
 def _is_no_number(value: object) -> bool:

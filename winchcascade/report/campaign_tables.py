@@ -30,6 +30,11 @@ def load_text(run: Run) -> str:
     return "–" if load is None else "open circuit" if math.isinf(load) else f"{load:g}"
 
 
+def count_of(run: Run) -> int:
+    """Number of findings of a run; of a summary by version 0.1.0, which lists kinds alone, the number of kinds."""
+    return int(run.get("finding_count", len(run["findings"])))
+
+
 def by_load(runs: Sequence[Run]) -> list[Run]:
     """Runs in falling order of their loads, as the paper lists them; open circuit first, unknown ones last."""
     return sorted(runs, key=lambda run: -(load if (load := load_of(run)) is not None else -1.0))
@@ -98,7 +103,8 @@ def logs_table(runs: Sequence[Run]) -> Table:
     """Every log: its cycles, and what was found wrong with it."""
 
     def row(run: Run) -> tuple[str, ...]:
-        found = ", ".join(kind.replace("_", " ") for kind in run["findings"]) or "none"
+        kinds = ", ".join(kind.replace("_", " ") for kind in run["findings"])
+        found = f"{count_of(run)}: {kinds}" if kinds else "none"
         return (
             run["name"],
             load_text(run),
@@ -109,7 +115,7 @@ def logs_table(runs: Sequence[Run]) -> Table:
 
     return Table(
         id="logs",
-        caption="Logs: complete cycles, share of the samples that findings took out, and kinds of findings.",
+        caption="Logs: complete cycles, share of the samples that findings took out, number and kinds of findings.",
         head=("Log", "Load", "Complete cycles", "Data lost", "Findings"),
         units=("", "Ω", "", "%", ""),
         rows=tuple(_thinned(runs, row)),

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from winchcascade.plaintext import one_line
-from winchcascade.report.campaign_tables import by_load, load_text
+from winchcascade.report.campaign_tables import by_load, count_of, load_text
 from winchcascade.report.digits import stated, uncertain
 from winchcascade.report.records import FIELDS
 
@@ -16,8 +17,10 @@ MOST_RUNS = 20
 
 MOST_FAULTS = 10
 
-_HEAD = ("log", "load", "cycles", "E_line", "E_mech", "E_gen", "eta_trans", "eta_gen", "eta_pto", "±")
-_UNITS = ("", "ohm", "", "J", "J", "J", "", "", "", "")
+WIDTH = 100
+
+_HEAD = ("log", "load", "cycles", "E_line", "E_mech", "E_gen", "eta_trans", "eta_gen", "eta_pto", "±", "findings")
+_UNITS = ("", "ohm", "", "J", "J", "J", "", "", "", "", "")
 _METRICS = ("energy_line", "energy_mech", "energy_gen", "eta_trans", "eta_gen", "eta_pto")
 
 
@@ -33,7 +36,7 @@ def campaign_text(summary: Mapping[str, Any], out: Path, *, kept: int) -> str:
     failed = [run for run in summary["runs"] if run["fault"] is not None]
     lines = [f"{one_line(summary['title'])}: {len(runs)} of {len(summary['runs'])} logs reduced" + _kept(kept), ""]
     if runs:
-        lines += [*_table(runs), ""]
+        lines += [*_table(runs), *_marked(runs), ""]
     lines += [f"failed: {_told(run)}" for run in failed[:MOST_FAULTS]]
     if len(failed) > MOST_FAULTS:
         lines.append(f"... {len(failed) - MOST_FAULTS} more failed, all in {out / 'campaign.json'}")
@@ -54,8 +57,9 @@ def _table(runs: Sequence[Mapping[str, Any]]) -> list[str]:
     half = MOST_RUNS // 2
     many = len(runs) > MOST_RUNS
     rows = [_row(run) for run in ([*runs[:half], *runs[-half:]] if many else runs)]
-    cells = [_HEAD, _UNITS, *rows]
-    width = [max(len(row[k]) for row in cells) for k in range(len(_HEAD))]
+    found = any(run["findings"] for run in runs)  # without any, the column of their numbers is left out
+    cells = [row[: None if found else -1] for row in (_HEAD, _UNITS, *rows)]
+    width = [max(len(row[k]) for row in cells) for k in range(len(cells[0]))]
     lines = [
         "  ".join(
             c.ljust(w) if k == 0 else c.rjust(w) for k, (c, w) in enumerate(zip(row, width, strict=True))
@@ -76,7 +80,16 @@ def _row(run: Mapping[str, Any]) -> tuple[str, ...]:
     name = one_line(run["name"])
     name = name if len(name) <= 24 else f"{name[:12]}…{name[-11:]}"
     cycles = f"{run['complete']}" if run["complete"] == run["cycles"] else f"{run['complete']} of {run['cycles']}"
-    return (name, load_text(run).replace("–", "-"), cycles, *values, uncertain(u).replace("–", "-"))
+    found = f"! {count_of(run)}" if run["findings"] else "-"
+    return (name, load_text(run).replace("–", "-"), cycles, *values, uncertain(u).replace("–", "-"), found)
+
+
+def _marked(runs: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The sentence on the rows that are marked: how many, and with which kinds of findings."""
+    found = [run for run in runs if run["findings"]]
+    kinds = ", ".join(sorted({kind for run in found for kind in run["findings"]}))
+    text = f"! findings in {len(found)} of {len(runs)} logs, listed in each log's report and JSON: {kinds}"
+    return textwrap.wrap(text, WIDTH, subsequent_indent="  ") if found else []
 
 
 def _places(out: Path) -> list[str]:

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from winchcascade.published.check import CellCheck, Check
 
 CHECK_SCHEMA = "winchcascade/check/1"
+MOST_FINDINGS = 5
+"""Findings of a log that are printed beside its cells; of more the number."""
+
 _HEAD = ("metric", "printed", "found", "differs", "allowed", "= rounding", "+ deviation", "+ 2 u", "")
 
 
@@ -27,14 +30,27 @@ def check_text(check: Check) -> str:
         lines += wrapped(f"{load_text(load)}: {'no run' if log is None else log}")
         if log is not None:
             lines += [f"  {line}" for line in _aligned([_HEAD, *(_cell_row(cell) for cell in cells)])]
+        lines += [line for text in _findings(check, load) for line in wrapped(text, indent="  ")]
         lines.append("")
     for note in check.notes:
         lines += wrapped(f"note: {note}")
     return "\n".join([*lines, _summary(check)]) + "\n"
 
 
+def _findings(check: Check, load: float) -> list[str]:
+    """What is wrong with the log of a row: nothing, or the number of its findings and the first of them."""
+    found = check.findings.get(load, ())
+    if not found:
+        return []
+    more = [f"... {len(found) - MOST_FINDINGS} more, all in --json"] if len(found) > MOST_FINDINGS else []
+    return [f"findings in this log: {len(found)}", *(f"! {one_line(text)}" for text in found[:MOST_FINDINGS]), *more]
+
+
 def junit_xml(check: Check) -> str:
-    """The check as JUnit XML: a test case for every cell, a failure for every one that misses."""
+    """The check as JUnit XML: a test case for every cell, a failure for every one that misses.
+
+    The findings of a log are the output of each of its cells.
+    """
     from xml.etree import ElementTree
 
     counts = {"tests": str(len(check.cells)), "failures": str(len(check.misses)), "errors": "0", "skipped": "0"}
@@ -48,6 +64,8 @@ def junit_xml(check: Check) -> str:
         if not cell.ok:
             failure = ElementTree.SubElement(case, "failure", {"message": miss_sentence(cell), "type": cell.outcome})
             failure.text = " ".join(text for text in _cell_row(cell) if text)
+        if found := _findings(check, cell.load):
+            ElementTree.SubElement(case, "system-out").text = "\n".join(found)
     if check.notes:
         ElementTree.SubElement(suite, "system-out").text = "\n".join(one_line(note) for note in check.notes)
     ElementTree.indent(root)
@@ -55,12 +73,22 @@ def junit_xml(check: Check) -> str:
 
 
 def github_annotations(check: Check, table_path: str | Path) -> str:
-    """One workflow command a line: an error at the cell in the table file for every miss, a notice for every note."""
+    """One workflow command a line: an error at the cell in the table file for every miss, a warning at its row for each log
+    with findings, a notice for every note.
+    """
+
+    def place(line: int | None) -> str:
+        return f"file={_property(str(table_path))}" + (f",line={line}" if line is not None else "")
+
     lines = []
     for cell in check.misses:
-        place = f"file={_property(str(table_path))}" + (f",line={cell.line}" if cell.line is not None else "")
         title = _property(f"{load_text(cell.load)} {cell.metric}")
-        lines.append(f"::error {place},title={title}::{_message(miss_sentence(cell))}")
+        lines.append(f"::error {place(cell.line)},title={title}::{_message(miss_sentence(cell))}")
+    for load in check.findings:
+        row = check.table.row(load)
+        title = _property(f"{load_text(load)} findings")
+        text = _message("\n".join(_findings(check, load)))
+        lines.append(f"::warning {place(row.lines.get('') if row else None)},title={title}::{text}")
     lines += [f"::notice::{_message(one_line(note))}" for note in check.notes]
     return "".join(f"{line}\n" for line in lines)
 
@@ -96,6 +124,7 @@ def check_record(check: Check) -> dict[str, Any]:
             }
             for cell in check.cells
         ],
+        "findings": [{**load_record(load), "findings": list(found)} for load, found in check.findings.items()],
         "notes": list(check.notes),
     }
 
@@ -114,9 +143,10 @@ def miss_sentence(cell: CellCheck) -> str:
 
 
 def _recipe(check: Check) -> str:
+    capped = " (at most the table's)" if check.table.deviations else ""
     parts = (
         "half a unit of the last decimal",
-        "largest deviation of the cycles",
+        f"largest deviation of the cycles{capped}",
         "2 standard uncertainties u of the mean",
     )
     names = check.factors.__struct_fields__

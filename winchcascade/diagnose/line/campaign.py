@@ -85,7 +85,7 @@ def diagnose_line(
     ------
     CampaignError, LogError, OptionError : something cannot be used; the message says what
     """
-    check_withheld(runs, withheld)
+    check_withheld(runs, cycles, withheld, title)
     tell("taking the samples that count")
     lines = with_best_span(lines_of(runs, rig, suspects, cycles or [None] * len(runs), withheld))
     tell("leaving each cycle out in turn")
