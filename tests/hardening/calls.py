@@ -23,14 +23,14 @@ class Called(NamedTuple):
     err: str
 
 
-def call(*arguments: str | Path, encoding: str = "utf-8") -> Called:
+def call(*arguments: str | Path, encoding: str = "utf-8", patience: int = PATIENCE) -> Called:
     """Call the command line on a terminal of an encoding; a command that never ends is a fault of the test."""
     streams = [io.TextIOWrapper(io.BytesIO(), encoding=encoding) for _ in range(2)]
     kept = sys.argv, sys.stdout, sys.stderr
     sys.argv = ["winchcascade", *map(str, arguments)]
     sys.stdout, sys.stderr = streams
     try:
-        with _patience():
+        with _patience(patience):
             main()
         code = 0
     except SystemExit as ended:
@@ -48,12 +48,12 @@ def _content(stream: io.TextIOWrapper) -> str:
 
 
 @contextmanager
-def _patience() -> Iterator[None]:
+def _patience(seconds: int) -> Iterator[None]:
     if os.name == "nt":
         yield
         return
     old = signal.signal(signal.SIGALRM, _never)
-    signal.alarm(PATIENCE)
+    signal.alarm(seconds)
     try:
         yield
     finally:
@@ -62,7 +62,7 @@ def _patience() -> Iterator[None]:
 
 
 def _never(_number: int, _frame: object) -> None:
-    raise AssertionError(f"no end after {PATIENCE} s")
+    raise AssertionError("a command did not end in time")
 
 
 def told(arguments: Sequence[str | Path]) -> str:
