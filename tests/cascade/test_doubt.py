@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from winchcascade.cascade.doubt import _weight, bridging_error, gaps_of, instant_error, window_of
+from winchcascade.cascade.doubt import _weight, bridging_error, gaps_of, instant_error, windows_of
 from winchcascade.cascade.energies import _doubt
 from winchcascade.rigtoml import built_in
 from winchcascade.run import CLOCK, Run
@@ -78,8 +78,14 @@ def test_a_log_without_gaps_has_none() -> None:
 def test_a_window_that_ends_where_a_gap_begins_touches_it() -> None:
     gaps = gaps_of(run(T, velocity=[(5.0, 9.0)]), ("velocity",))
     windows = np.array([[1.0, 4.9], [4.95, 5.0], [12.0, 15.0]])
-    assert window_of(gaps, windows).tolist() == [1]
-    assert window_of(gaps, windows[[0, 2]]).tolist() == [-1]
+    assert [which.tolist() for which in windows_of(gaps, windows)] == [[1], [-1]]
+    assert [which.tolist() for which in windows_of(gaps, windows[[0, 2]])] == [[-1], [-1]]
+
+
+def test_a_gap_across_the_border_of_two_cycles_touches_both() -> None:
+    gaps = np.array([[4.8, 5.2], [6.0, 6.4], [13.0, 14.0]])
+    cycles = np.array([[1.0, 5.0], [5.0, 12.0]])
+    assert [which.tolist() for which in windows_of(gaps, cycles)] == [[0, 1, -1], [1, -1, -1]]
 
 
 @pytest.mark.parametrize("samples", [2, 6, 12])

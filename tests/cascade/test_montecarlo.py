@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from winchcascade.cascade.efficiency import METRICS
+from winchcascade.cascade.efficiency import ALL_METRICS, METRICS
 from winchcascade.cascade.montecarlo import DRAWS, Interval, Uncertainty, uncertainty
 from winchcascade.cascade.reduce import Reduction, reduce
 from winchcascade.ingest.read import read_run
@@ -162,8 +162,8 @@ def test_a_metric_without_an_uncertainty_has_no_interval() -> None:
         built_in(), sensors={name: s for name, s in built_in().sensors.items() if name != "force"}
     )
     found = uncertainty(reduce(reduction36().run, rig=rig, window=5.48))
-    stated = {m for m in METRICS if getattr(found.standard, m) is not None}
-    assert stated == {"energy_mech", "energy_gen", "power_mech", "power_gen", "eta_gen"}
+    stated = {m for m in ALL_METRICS if getattr(found.standard, m) is not None}
+    assert stated == {"energy_mech", "energy_gen", "power_mech", "power_gen", "eta_gen", "energy_gen_cycle"}
     assert set(found.interval_95) == set(found.interval_95_sensors) == set(found.method) == stated
 
 

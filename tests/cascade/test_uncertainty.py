@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from winchcascade.accuracy import error_sources
 from winchcascade.cascade.efficiency import METRICS
+from winchcascade.cascade.net import PARTS
 from winchcascade.cascade.reduce import Reduction, reduce
 from winchcascade.cascade.uncertainty import Budget, budget, shares
 from winchcascade.ingest.read import read_run
@@ -387,12 +388,14 @@ def test_bridged_gaps_have_a_row_without_a_source() -> None:
     found = budget(reduction)
     (row,) = (r.of for r in found.rows if r.source is None)
     n = len(reduction.complete)
+    assert all(c.net.reason is None for c in reduction.complete)
     for stage, joules in reduction.bridged.items():
         counted = [joule for joule, c in zip(joules, reduction.cycles, strict=True) if c.complete]
         expected = math.hypot(*counted) / math.sqrt(3.0) / n  # limits of rectangular errors, independent of each other
-        assert expected > 0
+        assert expected > 0 or PARTS[stage][1] == "haul_in"
         assert getattr(row, f"energy_{stage}") == pytest.approx(expected, rel=ROUNDING)
-        assert getattr(row, f"power_{stage}") == pytest.approx(expected / 5.48, rel=ROUNDING)
+        if PARTS[stage][1] == "window":
+            assert getattr(row, f"power_{stage}") == pytest.approx(expected / 5.48, rel=ROUNDING)
     for m in METRICS:
         parts = [getattr(r.of, m) for r in found.rows]
         assert getattr(found.sensors, m) == pytest.approx(math.hypot(*parts), rel=ROUNDING)

@@ -145,7 +145,27 @@ def test_the_energy_flow_names_energies_losses_and_efficiencies(clean: Result) -
     figure = figures.energy_flow(msgspec.structs.replace(reduction, mean=mean))
     assert figure is not None
     said = " ".join(text.get_text() for text in figure.axes[0].texts)
-    for words in ("8000 J", "6000 J", "4500 J", "lost: 2000 J, 25.0 %", "lost: 1500 J, 18.8 %", "= 0.750"):
+    for words in (
+        "8000 J",
+        "6000 J",
+        "4500 J",
+        "in the gas: 2000 J, 25.0 %",
+        "in the rotor: 1500 J, 18.8 %",
+        "= 0.750",
+    ):
+        assert words in said
+    assert len(figure.axes) == 1
+
+
+def test_the_energy_flow_of_a_whole_cycle_names_what_haul_in_returns(clean: Result) -> None:
+    reduction, _ = clean
+    mean = Metrics(
+        energy_payout=8000.0, energy_returned=2000.0, energy_net=6000.0, energy_gen_cycle=4500.0, eta_net=0.75
+    )
+    figure = figures.energy_flow(msgspec.structs.replace(reduction, mean=mean))
+    assert figure is not None
+    said = " ".join(text.get_text() for text in figure.axes[0].texts)
+    for words in ("8000 J", "6000 J", "returned in haul-in: 2000 J, 25.0 %", "lost: 1500 J, 18.8 %", "= 0.750"):
         assert words in said
 
 
@@ -195,7 +215,7 @@ def test_bars_of_the_uncertainty_fill_the_axis(clean: Result) -> None:
     for bar in ax.patches:
         box = bar.get_path().get_extents(bar.get_patch_transform())
         bars.setdefault(round(0.5 * (box.y0 + box.y1), 6), []).append((box.x0, box.x1))
-    assert len(bars) == 6  # three efficiencies, three energies
+    assert len(bars) == 7  # three efficiencies of the window, that of whole cycles, three energies
     for parts in bars.values():
         begins, ends = zip(*sorted(parts), strict=True)
         assert [*begins, 100.0] == pytest.approx([0.0, *ends])

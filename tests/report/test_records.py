@@ -17,6 +17,7 @@ NINE = {
     "energy_line_j", "energy_mech_j", "energy_gen_j", "power_line_w", "power_mech_w", "power_gen_w", "eta_trans", "eta_gen",
     "eta_pto",
 }  # fmt: skip
+NET = {"energy_payout_j", "energy_returned_j", "energy_net_j", "energy_gen_cycle_j", "eta_net"}
 
 
 @pytest.fixture
@@ -33,9 +34,11 @@ def test_the_json_has_the_fields_of_the_contract(record: dict[str, Any]) -> None
     assert record["schema"] == "winchcascade/reduction/1"
     assert {"path", "sha256", "samples", "fs_hz", "load_ohm", "open_circuit"} <= set(record["log"])
     for group in ("mean", "max_deviation_percent", "standard_uncertainty", "interval_95"):
-        assert set(record[group]) == NINE
+        assert set(record[group]) == NINE | NET
     (cycle, *_) = record["cycles"]
-    assert NINE | {"cycle", "complete", "phases", "phase_summary", "window", "standard_uncertainty"} == set(cycle)
+    others = {"cycle", "complete", "phases", "phase_summary", "window", "standard_uncertainty", "net_span"}
+    assert NINE | NET | others == set(cycle)
+    assert {"begin_s", "end_s", "travel_m", "reason"} == set(cycle["net_span"])
     assert set(cycle["phases"]) == {"payout", "hold", "haul_in"}
     assert {"onset_s", "cutoff_s", "duration_s"} == set(cycle["window"])
     summary = cycle["phase_summary"]

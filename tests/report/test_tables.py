@@ -8,8 +8,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from winchcascade.cascade.efficiency import METRICS
+from winchcascade.cascade.efficiency import ALL_METRICS, METRICS, NET_METRICS, Metrics
 from winchcascade.cascade.montecarlo import Uncertainty, uncertainty
+from winchcascade.cascade.net import NetSpan
 from winchcascade.cascade.reduce import Reduction, reduce
 from winchcascade.ingest.read import read_run
 from winchcascade.report import tables, uncertainty_tables
@@ -35,6 +36,7 @@ LOGS: Mapping[str, tuple[str, float | None, str | float]] = {
     "none complete": ("campaign/r36ohm.csv", None, 50.0),
 }
 SYMBOLS = dict(zip(METRICS, "E_line E_mech E_gen P_line P_mech P_gen η_trans η_gen η_pto".split(), strict=True))
+NET_SYMBOLS = dict(zip(NET_METRICS, ("E_payout", "E_returned", "E_net", "E_gen, cycle", "η_net"), strict=True))
 
 Result = tuple[Reduction, Uncertainty]
 
@@ -225,8 +227,8 @@ def test_the_repeatability_states_the_scatter_of_the_complete_cycles(clean: Resu
     table = uncertainty_tables.repeatability_table(reduction, found)
     assert table is not None
     named = columns(table)
-    assert named["Metric"] == list(SYMBOLS.values())
-    for k, metric in enumerate(METRICS):
+    assert named["Metric"] == [*SYMBOLS.values(), *NET_SYMBOLS.values()]
+    for k, metric in enumerate(ALL_METRICS):
         values = np.array([getattr(c.metrics, metric) for c in reduction.complete])
         s = float(np.std(values, ddof=1))
         u = s / np.sqrt(values.size)
@@ -240,6 +242,26 @@ def test_the_repeatability_states_the_scatter_of_the_complete_cycles(clean: Resu
         assert read(named["Largest deviation"][k]) == pytest.approx(deviation, abs=0.005 + 1e-9)
 
 
+def test_the_table_of_whole_cycles_states_net_energies_and_why_they_are_missing(clean: Result) -> None:
+    reduction, found = clean
+    table = tables.net_table(reduction, found)
+    assert table is not None
+    assert table.head[2:] == tuple(NET_SYMBOLS.values())
+    named = columns(table)
+    for metric, symbol in NET_SYMBOLS.items():
+        column = named[symbol][: len(reduction.cycles)]
+        for text, c, u in zip(column, reduction.cycles, found.budget.cycles, strict=True):
+            agree(text, getattr(c.metrics, metric), getattr(u, metric), metric)
+    assert "Without net energies" not in table.note
+    last = msgspec.structs.replace(
+        reduction.cycles[-1], metrics=Metrics(), net=NetSpan(0.0, 1.0, 0.0, "no haul-in follows")
+    )
+    less = tables.net_table(msgspec.structs.replace(reduction, cycles=(*reduction.cycles[:-1], last)), found)
+    assert less is not None
+    assert f"Without net energies: cycle {last.cycle}: no haul-in follows." in less.note
+    assert tables.net_table(msgspec.structs.replace(reduction, cycles=(last,)), found) is None
+
+
 def test_a_single_complete_cycle_has_no_repeatability(clean: Result) -> None:
     reduction, _ = clean
     one = msgspec.structs.replace(reduction, cycles=reduction.cycles[:1])
@@ -251,7 +273,7 @@ def test_the_uncertainty_table_states_both_parts_and_both_intervals(clean: Resul
     table = uncertainty_tables.uncertainty_table(reduction, found)
     assert table is not None
     named = columns(table)
-    for k, metric in enumerate(METRICS):
+    for k, metric in enumerate(ALL_METRICS):
         sensors, scatter = getattr(found.budget.sensors, metric), getattr(found.budget.repeatability, metric)
         agree(named["u, sensors"][k], sensors, sensors, metric)
         agree(named["u, cycles"][k], scatter, scatter, metric)

@@ -28,6 +28,9 @@ LOGS = frozenset("csv tsv txt dat asc log lvm tdms mat parquet pq xlsx xls xlsm 
 
 CYCLES = tuple[int, int]
 
+RESULTS = 2
+"""Form of a log's result: a result of another form is made anew, as the tables of the campaign need all of its fields."""
+
 _RESERVED = frozenset(["CON", "PRN", "AUX", "NUL", *(f"{port}{k}" for port in ("COM", "LPT") for k in range(1, 10))])
 """Names that Windows keeps for devices."""
 
@@ -254,6 +257,6 @@ def _safe(name: str) -> str:
 
 def _key(work: Work) -> str:
     """Digest of everything that a result depends on besides the log's content: the options, the rig, this program."""
-    said = (work.address, work.load, work.load_source, work.window, work.cycles, work.about)
+    said = (RESULTS, work.address, work.load, work.load_source, work.window, work.cycles, work.about)
     content = repr(said).encode("utf-8", "replace") + msgspec.json.encode(work.rig) + __version__.encode()
     return hashlib.sha256(content).hexdigest()

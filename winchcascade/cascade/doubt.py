@@ -32,12 +32,14 @@ def gaps_of(run: Run, channels: tuple[str, ...]) -> Signal:
     return np.clip(gaps, run.t[0], run.t[-1])
 
 
-def window_of(gaps: Signal, windows: Signal) -> NDArray[np.intp]:
-    """Index of the first window that each gap overlaps, -1 for none; windows in order and apart."""
-    index = np.searchsorted(windows[:, 1], gaps[:, 0], side="right")
-    inside = index < len(windows)
-    inside[inside] &= windows[index[inside], 0] < gaps[inside, 1]
-    return np.where(inside, index, -1)
+def windows_of(gaps: Signal, windows: Signal) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Index of the first window that each gap overlaps, and of the last if that is another; -1 for none.
+
+    The windows are in order and do not overlap.
+    """
+    first = np.searchsorted(windows[:, 1], gaps[:, 0], side="right")
+    last = np.searchsorted(windows[:, 0], gaps[:, 1], side="left") - 1
+    return np.where(first <= last, first, -1), np.where(first < last, last, -1)
 
 
 def bridging_error(t: Signal, x: Signal, gaps: Signal) -> Signal:

@@ -17,8 +17,18 @@ RATIOS = {
 """Each efficiency: what comes out over what goes in (Eq. 6)."""
 
 
+NET_METRICS = ("energy_payout", "energy_returned", "energy_net", "energy_gen_cycle", "eta_net")
+"""Metrics of a whole cycle, which do not depend on the window: line energy of the payout, line energy returned in haul-in, net
+line energy from onset to next onset, energy at the DC link over the same span [J], and the ratio of the last two [1]."""
+
+NET_RATIOS = {"eta_net": ("energy_gen_cycle", "energy_net")}
+
+ALL_METRICS = METRICS + NET_METRICS
+ALL_RATIOS = RATIOS | NET_RATIOS
+
+
 class Metrics(msgspec.Struct, frozen=True):
-    """The nine metrics of a cycle or of many; None for what a log cannot give."""
+    """The nine metrics of a cycle or of many, and those of whole cycles; None for what a log cannot give."""
 
     energy_line: float | None = None
     energy_mech: float | None = None
@@ -29,6 +39,11 @@ class Metrics(msgspec.Struct, frozen=True):
     eta_trans: float | None = None
     eta_gen: float | None = None
     eta_pto: float | None = None
+    energy_payout: float | None = None
+    energy_returned: float | None = None
+    energy_net: float | None = None
+    energy_gen_cycle: float | None = None
+    eta_net: float | None = None
 
 
 NOTHING = 1e-9

@@ -1,4 +1,4 @@
-"""The energy of each stage in each window, and the windows in which gaps make it uncertain."""
+"""The energies of each cycle, over its window and over the whole cycle, and where gaps make them uncertain."""
 
 from __future__ import annotations
 
@@ -8,47 +8,68 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.cascade.doubt import bridging_error, gaps_of, instant_error, window_of
+from winchcascade.cascade.doubt import bridging_error, gaps_of, instant_error, windows_of
+from winchcascade.cascade.net import PARTS, SIGN, NetSpan, spans_of
 from winchcascade.cascade.power import STAGES, power, sources, stream
 from winchcascade.integrate import integrals
 from winchcascade.phases.window import Window
 
 if TYPE_CHECKING:
+    from winchcascade.phases.detect import Cycle
     from winchcascade.rigfile import Rig, WindowRule
     from winchcascade.run import Run, Signal
 
 
 class Energies(msgspec.Struct, frozen=True):
-    """Windows with what is wrong with them, the energy of each stage in each, None for one not measured, and what gaps may
-    have changed of it. [J]
+    """Windows and whole cycles with what is wrong with them, the energies of each by their names in `PARTS`, None for one
+    not measured, and what gaps may have changed of them. [J]
     """
 
     windows: list[Window]
+    nets: list[NetSpan]
     joules: dict[str, list[float] | None]
     bridged: dict[str, tuple[float, ...]]
 
 
-def integrate_energies(run: Run, v_smooth: Signal, windows: Sequence[Window], rule: WindowRule, rig: Rig) -> Energies:
-    """Integrate each stage's power over each window; gaps that make an energy uncertain become the window's fault."""
-    spans = np.array([(w.onset, w.cutoff) for w in windows]).reshape(-1, 2)
-    joules: dict[str, list[float] | None] = {}
+def integrate_energies(
+    run: Run,
+    v_smooth: Signal,
+    cycles: Sequence[Cycle],
+    windows: Sequence[Window],
+    nets: Sequence[NetSpan],
+    rule: WindowRule,
+    rig: Rig,
+) -> Energies:
+    """Integrate each stage's power over each window and each whole cycle.
+
+    Gaps that make an energy uncertain become the fault of the window, or the reason why a cycle has no net energies.
+    """
+    spans = spans_of(windows, cycles, nets)
+    joules: dict[str, list[float] | None] = dict.fromkeys(PARTS)
     bridged: dict[str, tuple[float, ...]] = {}
-    faults: dict[int, str] = {}
-    moved = _cutoff_error(run, v_smooth, spans, rule, rig)
+    faults: dict[bool, dict[int, str]] = {True: {}, False: {}}
+    moved = _cutoff_error(run, v_smooth, spans["window"], rule, rig)
     for stage in STAGES:
         watts = stream(run.channels, stage, rig.r_drum)
         if watts is None:
-            joules[stage] = None
             continue
-        joule = integrals(run.t, watts, spans)
-        joules[stage] = joule.tolist()
+        parts = {name: span for name, (source, span) in PARTS.items() if source == stage}
+        joule = integrals(run.t, watts, np.concatenate([spans[span] for span in parts.values()]))
         gaps = gaps_of(run, sources(run.channels, stage))
-        if len(gaps) and not (
-            stage == "gen" and run.open_circuit
-        ):  # no current flows, so that any of it is a large share
-            bridged[stage] = tuple(_doubt(run, gaps, spans, joule, moved, stage, rig, faults).tolist())
-    named = [Window(w.onset, w.cutoff, w.fault or faults.get(k)) for k, w in enumerate(windows)]
-    return Energies(named, joules, bridged)
+        for (name, span), part in zip(parts.items(), np.split(joule, len(parts)), strict=True):
+            joules[name] = (SIGN.get(name, 1.0) * part).tolist()
+            if len(gaps) and not (
+                stage == "gen" and run.open_circuit
+            ):  # no current flows, so that any of it is a large share
+                shift = moved if span == "window" else np.zeros(len(part))  # at an onset the line hardly moves
+                found = faults[span == "window"]
+                bridged[name] = tuple(_doubt(run, gaps, spans[span], part, shift, name, rig, found).tolist())
+    return Energies(
+        [Window(w.onset, w.cutoff, w.fault or faults[True].get(k)) for k, w in enumerate(windows)],
+        [NetSpan(n.begin, n.end, n.travel, n.reason or faults[False].get(k)) for k, n in enumerate(nets)],
+        joules,
+        bridged,
+    )
 
 
 def _cutoff_error(run: Run, v_smooth: Signal, spans: Signal, rule: WindowRule, rig: Rig) -> Signal:
@@ -64,26 +85,28 @@ def _doubt(
     spans: Signal,
     joule: Signal,
     moved: Signal,
-    stage: str,
+    name: str,
     rig: Rig,
     faults: dict[int, str],
 ) -> Signal:
-    """Name the windows in which a gap is too long, or in which bridging could change the energy by too much.
+    """Name the spans in which a gap is too long, or in which bridging could change the energy by too much.
 
     Returns what it could change of each energy, (k,) [J].
     """
     limits = rig.thresholds
+    stage, span = PARTS[name]
+    where = "its window" if span == "window" else "the cycle"
     for begin, end in gaps[gaps[:, 1] - gaps[:, 0] > limits.gap_max]:
         for k in np.flatnonzero((spans[:, 0] < end) & (spans[:, 1] > begin)).tolist():
-            faults.setdefault(k, f"a gap of {end - begin:.2f} s lies in its window (E_{stage})")
+            faults.setdefault(k, f"a gap of {end - begin:.2f} s lies in {where} (E_{name})")
     watts = power(run.channels, stage, rig.r_drum)
     assert watts is not None
-    which = window_of(gaps, spans)
-    inside = which >= 0
     square = (moved * np.interp(spans[:, 1], run.t, watts)) ** 2  # gaps err independently of each other
-    np.add.at(square, which[inside], bridging_error(run.t, watts, gaps[inside]) ** 2)
+    error = bridging_error(run.t, watts, gaps) ** 2
+    for which in windows_of(gaps, spans):
+        np.add.at(square, which[which >= 0], error[which >= 0])
     changed: Signal = np.sqrt(square)
-    share = changed / np.maximum(np.abs(joule), 1e-9)
+    share = np.where(spans[:, 1] > spans[:, 0], changed / np.maximum(np.abs(joule), 1e-9), 0.0)
     for k in np.flatnonzero(share > limits.gap_energy_max).tolist():
-        faults.setdefault(k, f"bridging its gaps could change E_{stage} by {min(share[k], 9.99):.1%}")
+        faults.setdefault(k, f"bridging its gaps could change E_{name} by {min(share[k], 9.99):.1%}")
     return changed

@@ -13,12 +13,13 @@ import msgspec
 import numpy as np
 
 from winchcascade.accuracy import Source
-from winchcascade.cascade.efficiency import METRICS, RATIOS, Metrics
+from winchcascade.cascade.efficiency import ALL_METRICS, ALL_RATIOS, Metrics
 from winchcascade.cascade.uncertainty import (
     R_DRUM,
     Budget,
     Stage,
     budget,
+    counted,
     run_sources,
     stage_integrals,
 )
@@ -101,16 +102,18 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED, draws: int = DRAWS) -
     """
     known = budget(reduction)
     rng = np.random.default_rng(seed)
-    complete = np.array([c.complete for c in reduction.cycles], dtype=bool)
-    spread = _spread(reduction, complete, known, rng, draws) if complete.any() else {}
-    n = len(reduction.complete)
-    student = rng.standard_t(n - 1, draws) if n > 1 else np.zeros(draws)
+    rows = {m: np.flatnonzero(mask) for m, mask in counted(reduction).items()}
+    spread = _spread(reduction, rows, known, rng, draws) if reduction.complete else {}
+    student = {1: np.zeros(draws)}
     scratch = np.empty(draws)
     drawn, whole, alone = {}, {}, {}
     for metric, x in spread.items():
         scatter = getattr(known.repeatability, metric) or 0.0
         drawn[metric] = float(np.hypot(np.std(x), scatter))
-        np.multiply(student, scatter, out=scratch)
+        n = len(rows[metric])
+        if n not in student:
+            student[n] = rng.standard_t(n - 1, draws)
+        np.multiply(student[n], scatter, out=scratch)
         scratch += x
         whole[metric] = _interval(scratch)
         alone[metric] = _interval(x) if scatter else whole[metric]
@@ -136,14 +139,14 @@ def _interval(x: Signal) -> Interval:
 
 
 def _spread(
-    reduction: Reduction, complete: NDArray[np.bool_], known: Budget, rng: np.random.Generator, draws: int
+    reduction: Reduction, rows: Mapping[str, Rows], known: Budget, rng: np.random.Generator, draws: int
 ) -> dict[str, Signal]:
     """Means of the metrics for all draws, (draws,) each, made in blocks that stay in the processor's cache."""
     stages = stage_integrals(reduction)
     spread: dict[str, Signal] = {}
     for start in range(0, draws, BLOCK):
         part = slice(start, min(start + BLOCK, draws))
-        for metric, x in _draw(reduction, stages, complete, known, rng, part.stop - part.start).items():
+        for metric, x in _draw(reduction, stages, rows, known, rng, part.stop - part.start).items():
             spread.setdefault(metric, np.empty(draws))[part] = x
     return spread
 
@@ -151,26 +154,26 @@ def _spread(
 def _draw(
     reduction: Reduction,
     stages: Mapping[str, Stage],
-    complete: NDArray[np.bool_],
+    rows_of: Mapping[str, Rows],
     known: Budget,
     rng: np.random.Generator,
     draws: int,
 ) -> dict[str, Signal]:
     """Means of the metrics for drawn sensor errors, (draws,) each; nothing for a metric without an accuracy."""
     errors = {(s.channel, s.part): _errors(s, rng, draws) for s in run_sources(reduction.rig, stages)}
-    rows = np.flatnonzero(complete)
-    gaps = {name: _bridged(stage, rows, rng, draws) for name, stage in stages.items()}
-    wanted = [m for m in METRICS if getattr(known.mean, m) is not None]
-    length = float(np.mean(next(iter(stages.values())).t[rows])) if stages else 1.0
+    gaps = {name: _bridged(stage, rows_of[f"energy_{name}"], rng, draws) for name, stage in stages.items()}
+    wanted = [m for m in ALL_METRICS if getattr(known.mean, m) is not None]
     spread = {}
     for metric in wanted:
-        if metric in RATIOS:
+        rows = rows_of[metric]
+        if metric in ALL_RATIOS:
             spread[metric] = _ratio(metric, reduction, stages, rows, errors, gaps)
         elif metric.startswith("energy"):
             name = metric.removeprefix("energy_")
             spread[metric] = _energy(stages[name], rows, errors) * gaps[name]
         else:
             name = metric.removeprefix("power_")
+            length = float(np.mean(stages[name].t[rows]))
             equal = np.ptp(stages[name].t[rows]) <= 1e-9 * length
             spread[metric] = (
                 spread[f"energy_{name}"] / length if equal else _power(stages[name], rows, errors) * gaps[name]
@@ -228,13 +231,13 @@ def _ratio(
     gaps: Mapping[str, Signal | float],
 ) -> Signal:
     """Mean of the cycles' ratios for each draw."""
-    out, into = (stages[name.removeprefix("energy_")] for name in RATIOS[metric])
+    names = [name.removeprefix("energy_") for name in ALL_RATIOS[metric]]
+    out, into = (stages[name] for name in names)
     chosen = rows[np.linspace(0, len(rows) - 1, min(len(rows), MOST_CYCLES)).round().astype(int)]
     total: Signal | float = 0.0
     for k in chosen.tolist():
         up = _true(out.xy[k], out.x[k], out.y[k], out.t[k], out, errors)
         total = total + up / _true(into.xy[k], into.x[k], into.y[k], into.t[k], into, errors)
-    names = [name.removeprefix("energy_") for name in RATIOS[metric]]
     mean = total / len(chosen) * (_gain(into, errors) / _gain(out, errors)) * (gaps[names[0]] / gaps[names[1]])
     nominal = float(np.mean(out.energy[chosen] / into.energy[chosen]))
     drawn: Signal = mean + (getattr(reduction.mean, metric) - nominal)

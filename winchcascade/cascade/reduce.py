@@ -12,6 +12,7 @@ import numpy as np
 from winchcascade.cascade.bins import TORQUE, Bin, bin_powers, engaged
 from winchcascade.cascade.efficiency import Metrics, metrics
 from winchcascade.cascade.energies import Energies, integrate_energies
+from winchcascade.cascade.net import NetSpan, find_net_spans, net_metrics
 from winchcascade.cascade.power import STAGES, stream
 from winchcascade.cascade.repeatability import ensemble_mean, largest_deviation, total
 from winchcascade.cascade.summary import PhaseSummary, summarise, travel_and_top
@@ -34,7 +35,7 @@ MOST_BINS = 20_000
 
 
 class CycleResult(msgspec.Struct, frozen=True):
-    """One cycle: its instants, its window, what its phases were like and its nine metrics."""
+    """One cycle: its instants, its window, what its phases were like, its metrics, and its span from onset to onset."""
 
     cycle: int
     complete: bool
@@ -42,12 +43,14 @@ class CycleResult(msgspec.Struct, frozen=True):
     window: Window
     summary: PhaseSummary
     metrics: Metrics
+    net: NetSpan
 
 
 class Reduction(msgspec.Struct, frozen=True):
     """What a log says about the rig: every cycle, their mean and repeatability, and powers over generator speed.
 
-    `mean` and `max_deviation_percent` are over complete cycles; `total` sums their energies and gives ratios of sums.
+    `mean` and `max_deviation_percent` are over complete cycles; `total` sums their energies and gives ratios of sums. The
+    net energies of whole cycles are over those complete cycles that have them.
     `quality` holds the findings of the log and of the reduction. `bridged` is, for each stage that has gaps, what bridging
     them could have changed of each cycle's energy [J].
     """
@@ -118,13 +121,16 @@ def reduce(
     rig = rig or built_in()
     rule = window_rule(rig.thresholds.window if window is None else window)
     v_smooth = smoothed_velocity(run, rig.thresholds)
-    first, found = _chosen(detect(run, v_smooth, rig.thresholds), cycles, run.name)
+    detected = detect(run, v_smooth, rig.thresholds)
+    first, found = _chosen(detected, cycles, run.name)
+    following = detected[first - 1 + len(found) :]
     plateaus = [find_plateau(run.t, v_smooth, c, rig.thresholds) for c in found]
     payouts = travel_and_top(run, v_smooth, found)
     windows = find_windows(run, found, plateaus, payouts, rule, rig)
+    nets = find_net_spans(run, v_smooth, found, following[0].onset if following else None, payouts, rig.thresholds)
     summaries, (energy, bins) = side_by_side(
         lambda: summarise(run, v_smooth, found, plateaus, payouts, rig),
-        lambda: _energies_and_bins(run, v_smooth, found, plateaus, windows, rule, rig),
+        lambda: _energies_and_bins(run, v_smooth, found, plateaus, windows, nets, rule, rig),
         samples=run.samples,
     )
     findings = [*_not_given(run, rig), *_too_few(cycles, first + len(found) - 1)]
@@ -186,10 +192,11 @@ def _energies_and_bins(
     cycles: Sequence[Cycle],
     plateaus: Sequence[Plateau | None],
     windows: Sequence[Window],
+    nets: Sequence[NetSpan],
     rule: WindowRule,
     rig: Rig,
 ) -> tuple[Energies, tuple[Bin, ...]]:
-    energy = integrate_energies(run, v_smooth, windows, rule, rig)
+    energy = integrate_energies(run, v_smooth, cycles, windows, nets, rule, rig)
     counted = [(c, p) for c, p, w in zip(cycles, plateaus, energy.windows, strict=True) if w.fault is None]
     return energy, _bins(run, counted, rig)
 
@@ -204,14 +211,17 @@ def _results(
 ) -> list[CycleResult]:
     results = []
     odd: dict[str, list[tuple[int, float]]] = {}
-    for k, (cycle, window, summary) in enumerate(zip(cycles, energy.windows, summaries, strict=True)):
-        joules = {f"energy_{stage}": None if column is None else column[k] for stage, column in energy.joules.items()}
-        values, no_efficiency = metrics(joules, window.cutoff - window.onset, open_circuit=run.open_circuit)
+    for k, (cycle, window, net, summary) in enumerate(zip(cycles, energy.windows, energy.nets, summaries, strict=True)):
+        joules = {name: None if column is None else column[k] for name, column in energy.joules.items()}
+        taken = {f"energy_{stage}": joules[stage] for stage in STAGES}
+        values, no_efficiency = metrics(taken, window.cutoff - window.onset, open_circuit=run.open_circuit)
+        of_cycle, net = net_metrics(joules, net)
         for name, value in no_efficiency.items():
             odd.setdefault(name, []).append((first + k, value))
         if window.fault is not None:
             findings.append(_incomplete(run, first + k, window, window.fault))
-        results.append(CycleResult(first + k, window.fault is None, cycle, window, summary, values))
+        values = msgspec.structs.replace(values, **of_cycle)
+        results.append(CycleResult(first + k, window.fault is None, cycle, window, summary, values, net))
     findings += [_no_efficiency(name, places) for name, places in odd.items()]
     return results
 

@@ -15,8 +15,9 @@ import msgspec
 import numpy as np
 
 from winchcascade.accuracy import Source, error_sources
-from winchcascade.cascade.efficiency import METRICS, NOTHING, RATIOS, Metrics
-from winchcascade.cascade.power import STAGES, sources
+from winchcascade.cascade.efficiency import ALL_METRICS, ALL_RATIOS, NOTHING, Metrics
+from winchcascade.cascade.net import PARTS, SIGN, spans_of
+from winchcascade.cascade.power import sources
 from winchcascade.integrate import integrals
 from winchcascade.quantity import Quantity
 
@@ -75,11 +76,11 @@ class Budget(msgspec.Struct, frozen=True):
 
 
 class Stage(msgspec.Struct, frozen=True):
-    """Integrals over k windows that give a stage's energy for any errors of its two channels, each (k,).
+    """Integrals over k spans that give one of the energies in `PARTS` for any errors of its two channels, each (k,).
 
-    The product of the channels, each alone, and the length of the window [s]; `second` is None for a stage that is
-    one logged power. `scale` turns the product into a power; it holds the drum's radius where `by_radius` says so.
-    `bridged` is what gaps may have changed of each energy [J].
+    The product of the channels, each alone, and the length of the span [s], 0 for a cycle without this energy; `second` is
+    None for a stage that is one logged power. `scale` turns the product into a power; it holds the drum's radius where
+    `by_radius` says so. `bridged` is what gaps may have changed of each energy [J].
     """
 
     first: str
@@ -99,34 +100,43 @@ class Stage(msgspec.Struct, frozen=True):
 
 
 def stage_integrals(reduction: Reduction) -> dict[str, Stage]:
-    """Integrate what the energies of each measured stage are made of, over the window of every cycle."""
-    run, rig = reduction.run, reduction.rig
-    windows = np.array([(c.window.onset, c.window.cutoff) for c in reduction.cycles]).reshape(-1, 2)
-    t = windows[:, 1] - windows[:, 0]
-    alone: dict[str, Signal] = {}
+    """Integrate what the energies of each measured stage are made of, over the window and the whole of every cycle."""
+    run, rig, cycles = reduction.run, reduction.rig, reduction.cycles
+    spans = spans_of([c.window for c in cycles], [c.phases for c in cycles], [c.net for c in cycles])
+    alone: dict[str, dict[str, Signal]] = {}
     stages = {}
-    for stage in STAGES:
-        energy = [getattr(c.metrics, f"energy_{stage}") for c in reduction.cycles]
-        if not energy or None in energy:
+    for part, (stage, span) in PARTS.items():
+        energy = [getattr(c.metrics, f"energy_{part}") for c in cycles]
+        if all(joule is None for joule in energy):
             continue
         names = sources(run.channels, stage)
         for name in names:
             if name not in alone:
-                alone[name] = integrals(run.t, run.channels[name].__getitem__, windows)
+                whole = integrals(run.t, run.channels[name].__getitem__, np.concatenate(list(spans.values())))
+                alone[name] = dict(zip(spans, np.split(whole, len(spans)), strict=True))
+        t = spans[span][:, 1] - spans[span][:, 0]
         by_radius = stage == "mech" and len(names) == 2
-        scale = 1.0 / rig.r_drum if by_radius and rig.r_drum is not None else 1.0
-        stages[stage] = Stage(
+        scale = 1.0 / rig.r_drum if by_radius and rig.r_drum is not None else SIGN.get(part, 1.0)
+        stages[part] = Stage(
             first=names[0],
             second=names[1] if len(names) == 2 else None,
-            xy=np.array(energy) / scale,
-            x=alone[names[0]],
-            y=alone[names[1]] if len(names) == 2 else t,
+            xy=np.array([joule or 0.0 for joule in energy]) / scale,
+            x=alone[names[0]][span],
+            y=alone[names[1]][span] if len(names) == 2 else t,
             t=t,
             scale=scale,
             by_radius=by_radius,
-            bridged=np.array(reduction.bridged.get(stage, [0.0] * len(energy))),
+            bridged=np.array(reduction.bridged.get(part, [0.0] * len(energy))),
         )
     return stages
+
+
+def counted(reduction: Reduction) -> dict[str, NDArray[np.bool_]]:
+    """Cycles over which the mean of each metric is taken, (k,)."""
+    return {
+        m: np.array([c.complete and getattr(c.metrics, m) is not None for c in reduction.cycles], dtype=bool)
+        for m in ALL_METRICS
+    }
 
 
 def budget(reduction: Reduction) -> Budget:
@@ -138,8 +148,9 @@ def budget(reduction: Reduction) -> Budget:
     complete = np.array([c.complete for c in reduction.cycles], dtype=bool)
     known = run_sources(reduction.rig, stages)
     unknown = _without_accuracy(stages, known)
-    given = [m for m in METRICS if getattr(reduction.mean, m) is not None]
-    stated = [m for m in METRICS if not (channels_of(m, stages) & set(unknown)) and _stages_of(m) <= set(stages)]
+    given = [m for m in ALL_METRICS if getattr(reduction.mean, m) is not None]
+    rows_of = counted(reduction)
+    stated = [m for m in ALL_METRICS if not (channels_of(m, stages) & set(unknown)) and _stages_of(m) <= set(stages)]
     reach, gains = _reach(known, stages, complete)
     undetermined = [m for m in stated if m in given and _is_undetermined(m, reach, gains)]
     stated = [m for m in stated if m not in undetermined]
@@ -148,7 +159,7 @@ def budget(reduction: Reduction) -> Budget:
     mean_square = dict.fromkeys(stated, 0.0)
     for source in known:
         slope = _sensitivities(source, stages, stated)
-        of = {m: source.u * float(np.mean(s[complete])) for m, s in slope.items() if m in given}
+        of = {m: source.u * float(np.mean(s[rows_of[m]])) for m, s in slope.items() if m in given}
         rows.append(Contribution(source, Metrics(**{m: abs(value) for m, value in of.items()})))
         for m, s in slope.items():
             square[m] += (source.u * s) ** 2
@@ -156,7 +167,9 @@ def budget(reduction: Reduction) -> Budget:
     if any(stage.bridged.any() for stage in stages.values()):
         gaps = _bridging(stages, stated)
         of = {
-            m: math.sqrt(float(np.sum(b[complete] ** 2))) / int(complete.sum()) for m, b in gaps.items() if m in given
+            m: math.sqrt(float(np.sum(b[rows_of[m]] ** 2))) / int(rows_of[m].sum())
+            for m, b in gaps.items()
+            if m in given
         }
         rows.append(Contribution(None, Metrics(**of)))
         for m, b in gaps.items():
@@ -170,7 +183,7 @@ def budget(reduction: Reduction) -> Budget:
         sensors=Metrics(**sensors),
         repeatability=Metrics(**scatter),
         mean=Metrics(**mean),
-        freedom=Metrics(**{m: _freedom(u, scatter.get(m, 0.0), int(complete.sum())) for m, u in mean.items()}),
+        freedom=Metrics(**{m: _freedom(u, scatter.get(m, 0.0), int(rows_of[m].sum())) for m, u in mean.items()}),
         cycles=tuple(
             Metrics(**{m: math.sqrt(square[m][k]) for m in stated if getattr(c.metrics, m) is not None})
             for k, c in enumerate(reduction.cycles)
@@ -178,7 +191,7 @@ def budget(reduction: Reduction) -> Budget:
         exact=tuple(sorted(_channels(stages) & set(TAKEN_AS_EXACT) - {s.channel for s in known})),
         unknown=unknown,
         undetermined=tuple(undetermined),
-        reach=max(reach.values(), default=0.0),
+        reach=max((reach[s] for pair in ALL_RATIOS.values() for s in map(_stage_of, pair) if s in reach), default=0.0),
     )
 
 
@@ -191,7 +204,7 @@ def _reach(
         energy = np.maximum(np.abs(stage.energy), NOTHING)
         for source in known:
             most = NORMAL_REACH * source.u if source.limit is None else source.limit
-            share = (np.abs(_energy_slope(source, stage)) / energy)[complete]
+            share = (np.abs(_energy_slope(source, stage)) / energy)[complete & (stage.t > 0)]
             reach[name] += most * float(np.max(share, initial=0.0))
             gains[name] += most * float(np.any(share)) if source.part == "gain" else 0.0
     return reach, gains
@@ -199,7 +212,7 @@ def _reach(
 
 def _is_undetermined(metric: str, reach: Mapping[str, float], gains: Mapping[str, float]) -> bool:
     """Whether the errors could take away all of what a metric is divided by: an energy, or one plus a gain."""
-    into = RATIOS[metric][1].removeprefix("energy_") if metric in RATIOS else None
+    into = _stage_of(ALL_RATIOS[metric][1]) if metric in ALL_RATIOS else None
     return any(gains[s] >= GAIN_REACH for s in _stages_of(metric)) or (into is not None and reach[into] >= 1.0)
 
 
@@ -209,7 +222,7 @@ def shares(part: Metrics, whole: Metrics) -> Metrics:
     >>> shares(Metrics(eta_trans=3.0), Metrics(eta_trans=5.0)).eta_trans
     0.36
     """
-    pairs = {m: (getattr(part, m), getattr(whole, m)) for m in METRICS}
+    pairs = {m: (getattr(part, m), getattr(whole, m)) for m in ALL_METRICS}
     return Metrics(**{m: (a / b) ** 2 for m, (a, b) in pairs.items() if a is not None and b})
 
 
@@ -232,8 +245,12 @@ def channels_of(metric: str, stages: Mapping[str, Stage]) -> set[str]:
 
 
 def _stages_of(metric: str) -> set[str]:
-    """Stages that a metric is made of."""
-    return {name.removeprefix("energy_") for name in RATIOS.get(metric, (metric.replace("power_", "energy_"),))}
+    """Stages, by their names in `PARTS`, that a metric is made of."""
+    return {_stage_of(name) for name in ALL_RATIOS.get(metric, (metric.replace("power_", "energy_"),))}
+
+
+def _stage_of(energy: str) -> str:
+    return energy.removeprefix("energy_")
 
 
 def _channels(stages: Mapping[str, Stage]) -> set[str]:
@@ -277,14 +294,14 @@ def _of_metrics(
     """Carry changes of the stages' energies over to the metrics; those of two stages cancel unless independent."""
     changed = {}
     for metric in metrics:
-        if metric in RATIOS:
-            out, into = (name.removeprefix("energy_") for name in RATIOS[metric])
+        if metric in ALL_RATIOS:
+            out, into = map(_stage_of, ALL_RATIOS[metric])
             taken = stages[into].energy
             taken = np.where(np.abs(taken) > NOTHING, taken, np.inf)  # no ratio is made of nothing
             up, down = joules[out] / taken, stages[out].energy / taken * (joules[into] / taken)
             changed[metric] = np.hypot(up, down) if independent else up - down
         else:
-            kind, stage = metric.split("_")
+            kind, stage = metric.split("_", 1)
             per = np.maximum(stages[stage].t, 1e-12) if kind == "power" else 1.0
             changed[metric] = joules[stage] / per
     return changed
@@ -292,10 +309,8 @@ def _of_metrics(
 
 def _repeatability(cycles: Sequence[Metrics], given: Sequence[str]) -> dict[str, float]:
     """Standard uncertainty of each mean from the scatter of the cycles, s/sqrt(N); nothing for a single one."""
-    n = len(cycles)
-    if n < 2:
-        return {}
-    return {m: float(np.std([getattr(c, m) for c in cycles], ddof=1)) / math.sqrt(n) for m in given}
+    columns = {m: [x for c in cycles if (x := getattr(c, m)) is not None] for m in given}
+    return {m: float(np.std(x, ddof=1)) / math.sqrt(len(x)) for m, x in columns.items() if len(x) > 1}
 
 
 def _freedom(combined: float, scatter: float, n: int) -> float:

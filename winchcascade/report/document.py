@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import platform
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from winchcascade import __version__
-from winchcascade.cascade.efficiency import METRICS, NOTHING
+from winchcascade.cascade.efficiency import ALL_METRICS, METRICS, NOTHING
 from winchcascade.report import cycle_figures, figures, tables, uncertainty_tables
 from winchcascade.report.digits import number, percent, places, stated, uncertain
 from winchcascade.report.layout import Note, Point, Report, Section, Table, Tile
@@ -17,7 +18,7 @@ from winchcascade.report.parts import file_digest, made_on, picture, provenance_
 from winchcascade.report.publish import publish
 from winchcascade.report.style import house_style
 from winchcascade.report.traces import readout
-from winchcascade.report.wording import by_sensor, not_known
+from winchcascade.report.wording import by_sensor, net_reasons, not_known
 
 if TYPE_CHECKING:
     from winchcascade.cascade.montecarlo import Uncertainty
@@ -137,11 +138,26 @@ def _points(reduction: Reduction, found: Uncertainty) -> list[Point]:
                 f"from the mean is {getattr(reduction.max_deviation_percent, m):.2f} %.",
             )
         )
+    points += _net_points(reduction, found)
     points.append(_log_point(reduction))
     points += _uncertainty_points(found)
     if reduction.rig.note:
         points.append(Point("Rig", reduction.rig.note))
     return points
+
+
+def _net_points(reduction: Reduction, found: Uncertainty) -> list[Point]:
+    """What is left of the line's energy once haul-in has returned its part, and what of that is delivered."""
+    mean, text = reduction.mean, partial(tables.mean_text, reduction, found)
+    if mean.energy_net is None:
+        reasons = net_reasons(reduction.cycles)
+        return [Point("Whole cycles", f"No net energy; {reasons[0]}.")] if reasons else []
+    sentence = (
+        f"From onset to next onset E_net = {text('energy_net')} J: E_payout = {text('energy_payout')} J less "
+        f"E_returned = {text('energy_returned')} J in haul-in."
+    )
+    ratio = "" if mean.eta_net is None else f" η_net = {text('eta_net')}."
+    return [Point("Whole cycles", sentence + ratio)]
 
 
 def _told_apart(high: float, low: float) -> tuple[str, str]:
@@ -208,17 +224,25 @@ def _sections(reduction: Reduction, found: Uncertainty, model: Modelled, command
 
 
 def _results(reduction: Reduction, found: Uncertainty) -> Section:
-    told = {m: tables.mean_text(reduction, found, m) for m in METRICS[:3] if getattr(reduction.mean, m) is not None}
+    given = [m for m in ALL_METRICS if m.startswith("energy") and getattr(reduction.mean, m) is not None]
+    told = {m: tables.mean_text(reduction, found, m) for m in given}
     words = ", ".join(f"{tables.SYMBOL[m]} {text} J" for m, text in told.items())
+    net = (
+        " b: over the whole cycle the stored energy is returned, so that only losses remain."
+        if "energy_net" in given
+        else ""
+    )
     return section(
         "results", "Energies and efficiencies",
         picture(
             figures.energy_flow(reduction, told), "flow",
-            "Where the energy of a window goes, stage by stage, as a mean over the complete cycles: heights are "
-            "energies, grey is lost on the way. η are means of the cycles' ratios.",
+            "Where the energy of the line goes, as a mean over the complete cycles: heights are energies. a: in the "
+            "integration window, stage by stage; grey does not reach the next stage within the window, as it is lost, or "
+            f"stored and returned or delivered later.{net} η are means of the cycles' ratios.",
             f"Flow diagram: {words}.",
         ),
         tables.cycles_table(reduction, found),
+        tables.net_table(reduction, found),
     )  # fmt: skip
 
 
@@ -247,7 +271,8 @@ def _powers(reduction: Reduction, powers: dict[str, Signal]) -> Section:
         picture(
             figures.power_streams(reduction, powers), "streams",
             f"{'Left: p' if more else 'P'}owers of cycle {cycle} over time; between the dashed lines lies the integration "
-            f"window. What lies between two curves is lost from one stage to the next.{more}",
+            "window. What lies between two curves is lost between the stages, or stored and returned or delivered "
+            f"later.{more}",
             f"Line plot of the powers over time{alt}.",
         ),
         tables.bins_table(reduction),

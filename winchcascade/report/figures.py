@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,7 +12,7 @@ from matplotlib.patches import PathPatch, Rectangle
 from matplotlib.path import Path as Outline
 
 from winchcascade.cascade.bins import engaged
-from winchcascade.cascade.efficiency import RATIOS
+from winchcascade.cascade.efficiency import ALL_METRICS, RATIOS
 from winchcascade.cascade.power import STAGES, power
 from winchcascade.phases.window import Plateau
 from winchcascade.quantity import KGF
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from winchcascade.cascade.reduce import CycleResult, Reduction
     from winchcascade.cascade.uncertainty import Budget
+    from winchcascade.rigfile import Rig
     from winchcascade.run import Signal
 
 DRAWN = 3000
@@ -50,11 +51,17 @@ PANELS = (
 
 TEX = {"line": r"$P_\mathrm{line}$", "mech": r"$P_\mathrm{mech}$", "gen": r"$P_\mathrm{gen}$"}
 _ENERGY_TEX = {"line": r"$E_\mathrm{line}$", "mech": r"$E_\mathrm{mech}$", "gen": r"$E_\mathrm{gen}$"}
+_CYCLE_TEX = {
+    "energy_payout": r"$E_\mathrm{payout}$",
+    "energy_net": r"$E_\mathrm{net}$",
+    "energy_gen_cycle": r"$E_\mathrm{gen}$",
+}
 _STAGE_WORDS = {"line": "line", "mech": "shaft", "gen": "DC link"}
 ETA_TEX = {
     "eta_trans": r"$\eta_\mathrm{trans}$",
     "eta_gen": r"$\eta_\mathrm{gen}$",
     "eta_pto": r"$\eta_\mathrm{pto}$",
+    "eta_net": r"$\eta_\mathrm{net}$",
     "energy_line": _ENERGY_TEX["line"],
     "energy_mech": _ENERGY_TEX["mech"],
     "energy_gen": _ENERGY_TEX["gen"],
@@ -231,49 +238,124 @@ def representative(reduction: Reduction) -> CycleResult:
     return (*reduction.complete, *reduction.cycles)[0]
 
 
+class _Flow(NamedTuple):
+    """One bar of an energy flow: its energy [J] and colour, texts above it, and what leaves and what goes on behind it."""
+
+    joule: float
+    colour: str
+    name: str
+    where: str
+    leaves: str = ""
+    goes_on: str = ""
+
+
 def energy_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) -> Figure | None:
-    """Draw the mean energy of a window from the line to the DC link: heights are energies, losses branch off.
+    """Draw where the line's mean energy goes: in the window from stage to stage, and over the whole cycle.
+
+    Heights are energies; what is lost, stored or returned branches off.
 
     Parameters
     ----------
-    texts : means as they are told, by metric; with four digits if not given
+    texts : means as they are stated, by metric; with four digits if not given
     """
     mean = reduction.mean
-    known = [s for s in STAGES if getattr(mean, f"energy_{s}") is not None]
-    joules = [float(getattr(mean, f"energy_{s}")) for s in known]
-    if len(known) < 2 or min(joules) <= 0 or any(b > a for a, b in pairwise(joules)):
+    told = {m: (texts or {}).get(m) or significant(x, 4) for m in ALL_METRICS if (x := getattr(mean, m)) is not None}
+    rows = [
+        (title, flow)
+        for title, flow in (
+            ("Integration window", _window_flow(reduction, told)),
+            ("Whole cycle, from onset to next onset", _cycle_flow(reduction, told)),
+        )
+        if len(flow) > 1 and flow[-1].joule > 0 and all(b.joule <= a.joule for a, b in pairwise(flow))
+    ]
+    if not rows:
         return None
-    told = [(texts or {}).get(f"energy_{s}") or significant(joule, 4) for s, joule in zip(known, joules, strict=True)]
-    figure = Figure((WIDTH, 2.35))
-    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    ax.set_axis_off()
-    top, full = 1.0, joules[0]
-    heights = [e / full for e in joules]
-    at = np.linspace(0.0, 10.0, len(known))
-    bar = 0.35
-    for k, (x, h) in enumerate(zip(at, heights, strict=True)):
-        ax.add_patch(Rectangle((x, top - h), bar, h, fc=COLOURS[known[k]], lw=0))
-        ax.text(
-            x + bar / 2, top + 0.05, f"{_ENERGY_TEX[known[k]]} = {told[k]} J\n{_STAGE_WORDS[known[k]]}",
-            ha="left" if k == 0 else "right" if k == len(known) - 1 else "center", va="bottom", fontsize=8.5,
-        )  # fmt: skip
-        if k + 1 < len(known):
-            _flow(ax, x + bar, at[k + 1], top, heights[k], heights[k + 1], known[k])
-            eta = next((n for n, r in RATIOS.items() if r == (f"energy_{known[k + 1]}", f"energy_{known[k]}")), "")
-            value = getattr(mean, eta, None)
-            if value is not None:
-                ax.text(
-                    (x + bar + at[k + 1]) / 2, top - heights[k + 1] / 2, f"{ETA_TEX[eta]} = {value:.3f}",
-                    ha="center", va="center", fontsize=9.5,
-                )  # fmt: skip
-            lost = joules[k] - joules[k + 1]
-            ax.text(
-                x + bar + _TURN * (at[k + 1] - x - bar) + (heights[k] - heights[k + 1]) / 2, _DROP - 0.04,
-                f"lost: {significant(lost)} J, {100 * lost / joules[0]:.1f} % of the line's", ha="center", va="top", fontsize=8,
-            )  # fmt: skip
-    ax.set_xlim(-0.9, 11.2)
-    ax.set_ylim(-0.62, 1.42)
+    height = 2.3
+    figure = Figure((WIDTH, height * len(rows)))
+    for k, (title, flow) in enumerate(rows):
+        ax = figure.add_axes((0.0, 1.0 - (k + 1) / len(rows), 1.0, 1.0 / len(rows)))
+        ax.set_axis_off()
+        _draw_flow(ax, flow)
+        ax.text(0.008, 0.985, f"{'ab'[k]}", transform=ax.transAxes, ha="left", va="top", fontsize=9, fontweight="bold")
+        ax.text(0.03, 0.985, title, transform=ax.transAxes, ha="left", va="top", fontsize=8.5)
     return figure
+
+
+def _window_flow(reduction: Reduction, told: Mapping[str, str]) -> list[_Flow]:
+    """The energies of the window stage by stage, and what does not reach the next stage: lost, or stored until later."""
+    mean = reduction.mean
+    known = [s for s in STAGES if f"energy_{s}" in told]
+    flow = []
+    for stage, following in zip(known, [*known[1:], ""], strict=False):
+        joule = float(getattr(mean, f"energy_{stage}"))
+        leaves = goes_on = ""
+        if following:
+            rest = joule - float(getattr(mean, f"energy_{following}"))
+            whole = float(getattr(mean, f"energy_{known[0]}"))
+            leaves = (
+                f"{_where_stored(reduction.rig, stage, following)}: {_of_whole(rest, whole, _ENERGY_TEX[known[0]])}"
+            )
+            eta = next((n for n, r in RATIOS.items() if r == (f"energy_{following}", f"energy_{stage}")), "")
+            value = getattr(mean, eta, None)
+            goes_on = "" if value is None else f"{ETA_TEX[eta]} = {value:.3f}"
+        text = f"{_ENERGY_TEX[stage]} = {told[f'energy_{stage}']} J"
+        flow.append(_Flow(joule, stage, text, _STAGE_WORDS[stage], leaves, goes_on))
+    return flow
+
+
+def _where_stored(rig: Rig, stage: str, following: str) -> str:
+    """Name what leaves between two stages of a window: energy that is stored there is returned or delivered later."""
+    if stage == "line" and following == "mech" and rig.restoring.volume_gas is not None:
+        return "lost or stored in the gas"
+    return "lost or stored in the rotor" if stage == "mech" else "lost or stored"
+
+
+def _cycle_flow(reduction: Reduction, told: Mapping[str, str]) -> list[_Flow]:
+    """The line's energy of a whole cycle: taken in the payout, less what is returned in haul-in, less losses."""
+    mean = reduction.mean
+    if mean.energy_payout is None or mean.energy_net is None:
+        return []
+    whole, taken = mean.energy_payout, _CYCLE_TEX["energy_payout"]
+    back = "" if mean.energy_returned is None else _of_whole(mean.energy_returned, whole, taken)
+    flow = [
+        _Flow(whole, "line", f"{taken} = {told['energy_payout']} J", "line, payout", f"returned in haul-in: {back}")
+    ]
+    lost = eta = ""
+    if mean.energy_gen_cycle is not None:
+        lost = f"lost: {_of_whole(mean.energy_net - mean.energy_gen_cycle, whole, taken)}"
+        eta = "" if mean.eta_net is None else f"{ETA_TEX['eta_net']} = {mean.eta_net:.3f}"
+    name = f"{_CYCLE_TEX['energy_net']} = {told['energy_net']} J"
+    flow.append(_Flow(mean.energy_net, "line", name, "line, net", lost, eta))
+    if mean.energy_gen_cycle is not None:
+        name = f"{_CYCLE_TEX['energy_gen_cycle']} = {told['energy_gen_cycle']} J"
+        flow.append(_Flow(mean.energy_gen_cycle, "gen", name, "DC link, whole cycle"))
+    return flow
+
+
+def _of_whole(joule: float, whole: float, name: str) -> str:
+    return f"{significant(joule)} J, {100 * joule / whole:.1f} % of {name}"
+
+
+def _draw_flow(ax: Axes, flow: Sequence[_Flow]) -> None:
+    """Draw bars of energy from left to right, with bands between them and what leaves turning down."""
+    top, bar = 1.0, 0.35
+    heights = [item.joule / flow[0].joule for item in flow]
+    at = np.linspace(0.0, 10.0, len(flow))
+    for k, (x, h, item) in enumerate(zip(at, heights, flow, strict=True)):
+        ax.add_patch(Rectangle((x, top - h), bar, h, fc=COLOURS[item.colour], lw=0))
+        ax.text(
+            x + bar / 2, top + 0.05, f"{item.name}\n{item.where}",
+            ha="left" if k == 0 else "right" if k == len(flow) - 1 else "center", va="bottom", fontsize=8.5,
+        )  # fmt: skip
+        if k + 1 == len(flow):
+            continue
+        _flow(ax, x + bar, at[k + 1], top, h, heights[k + 1], item.colour)
+        middle = (x + bar + at[k + 1]) / 2
+        ax.text(middle, top - heights[k + 1] / 2, item.goes_on, ha="center", va="center", fontsize=9.5)
+        turn = x + bar + _TURN * (at[k + 1] - x - bar) + (h - heights[k + 1]) / 2
+        ax.text(turn, _DROP - 0.04, item.leaves, ha="center", va="top", fontsize=8)
+    ax.set_xlim(-0.9, 11.2)
+    ax.set_ylim(-0.62, 1.62)
 
 
 _TURN, _DROP = 0.38, -0.3
@@ -281,7 +363,7 @@ _TURN, _DROP = 0.38, -0.3
 
 
 def _flow(ax: Axes, x0: float, x1: float, top: float, before: float, after: float, stage: str) -> None:
-    """The band that goes on to the next stage, and the one that is lost."""
+    """The band that goes on to the next bar, and the one that leaves."""
     ax.add_patch(Rectangle((x0, top - after), x1 - x0, after, fc=COLOURS[stage], alpha=0.28, lw=0))
     low, high, turn = top - before, top - after, x0 + _TURN * (x1 - x0)
     width = high - low

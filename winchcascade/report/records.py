@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from winchcascade import __version__
-from winchcascade.cascade.efficiency import METRICS
+from winchcascade.cascade.efficiency import ALL_METRICS
 from winchcascade.cascade.montecarlo import uncertainty
 from winchcascade.cascade.power import STAGES
 from winchcascade.cascade.uncertainty import shares
@@ -29,9 +29,10 @@ SCHEMA = "winchcascade/reduction/1"
 _KGCM2 = KGF * 1e4
 
 FIELDS = {
-    name: name + ("_j" if name.startswith("energy") else "_w" if name.startswith("power") else "") for name in METRICS
+    name: name + ("_j" if name.startswith("energy") else "_w" if name.startswith("power") else "")
+    for name in ALL_METRICS
 }
-"""The nine metrics as written files call them: with their unit."""
+"""The metrics of windows and of whole cycles as written files call them: with their unit."""
 
 
 def reduction_json(reduction: Reduction, found: Uncertainty | None = None) -> bytes:
@@ -77,7 +78,7 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
 
 
 def metrics_record(metrics: Metrics) -> dict[str, float | None]:
-    """The nine metrics under the names of written files."""
+    """The metrics under the names of written files."""
     return {field: getattr(metrics, name) for name, field in FIELDS.items()}
 
 
@@ -163,6 +164,12 @@ def cycle_record(cycle: CycleResult) -> dict[str, Any]:
             "onset_s": window.onset,
             "cutoff_s": window.cutoff,
             "duration_s": _seconds(window.cutoff - window.onset),
+        },
+        "net_span": {
+            "begin_s": cycle.net.begin,
+            "end_s": cycle.net.end,
+            "travel_m": cycle.net.travel,
+            "reason": cycle.net.reason,
         },
         **metrics_record(cycle.metrics),
     }

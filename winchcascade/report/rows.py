@@ -97,6 +97,7 @@ def _flat_cycle(record: Mapping[str, Any]) -> dict[str, Any]:
     """A cycle in one row: nested names joined, phases as begin and end."""
     row: dict[str, Any] = {"cycle": record["cycle"], "complete": record["complete"], **record["window"]}
     row |= {field: record[field] for field in FIELDS.values()}
+    row |= {f"net_{name}": value for name, value in record["net_span"].items()}
     for phase, span in record["phases"].items():
         row[f"{phase}_begin_s"], row[f"{phase}_end_s"] = span if span is not None else (None, None)
     for phase, summary in record["phase_summary"].items():
@@ -129,7 +130,9 @@ def _cycle_columns() -> list[tuple[str, Any]]:
     names += [f"plateau_power_{stage}_w" for stage in STAGES]
     names += [f"hold_{n}" for n in ("duration_s", "force_n", "torque_nm", "pressure_kgcm2")]
     names += [f"haul_in_{n}" for n in ("duration_s", "speed_max_mps", "force_n", "force_min_n", "energy_line_j")]
-    return [("cycle", pa.int64()), ("complete", pa.bool_()), *((name, pa.float64()) for name in names)]
+    names += [f"net_{n}" for n in ("begin_s", "end_s", "travel_m")]
+    columns = [(name, pa.float64()) for name in names]
+    return [("cycle", pa.int64()), ("complete", pa.bool_()), *columns, ("net_reason", pa.string())]
 
 
 def _bin_columns() -> list[tuple[str, Any]]:

@@ -6,12 +6,13 @@ import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from winchcascade.cascade.efficiency import METRICS, RATIOS
+from winchcascade.cascade.efficiency import ALL_METRICS, METRICS, NET_METRICS, RATIOS
 from winchcascade.cascade.power import STAGES
 from winchcascade.quantity import KGF
 from winchcascade.report.digits import number, of_many, percent, places, stated, uncertain
 from winchcascade.report.layout import Table
 from winchcascade.report.traces import clock_zero
+from winchcascade.report.wording import net_reasons
 
 if TYPE_CHECKING:
     from winchcascade.cascade.montecarlo import Uncertainty
@@ -23,17 +24,21 @@ MOST_CYCLES = 60
 
 MOST_FINDINGS = 40
 
+MOST_REASONS = 3
+"""Reasons for missing net energies that a note lists; the JSON holds that of each cycle."""
+
 MOST_BINS = 80
 """Bins that a table lists; of more an even selection."""
 
 SYMBOL = {
     "energy_line": "E_line", "energy_mech": "E_mech", "energy_gen": "E_gen", "power_line": "P_line", "power_mech": "P_mech",
-    "power_gen": "P_gen", "eta_trans": "η_trans", "eta_gen": "η_gen", "eta_pto": "η_pto",
+    "power_gen": "P_gen", "eta_trans": "η_trans", "eta_gen": "η_gen", "eta_pto": "η_pto", "energy_payout": "E_payout",
+    "energy_returned": "E_returned", "energy_net": "E_net", "energy_gen_cycle": "E_gen, cycle", "eta_net": "η_net",
 }  # fmt: skip
 """Symbols of the metrics; what follows the underscore is set low."""
 
-UNIT = {m: "J" if m.startswith("energy") else "W" if m.startswith("power") else "" for m in METRICS}
-DECIMALS = {m: 3 if m.startswith("eta") else 0 for m in METRICS}
+UNIT = {m: "J" if m.startswith("energy") else "W" if m.startswith("power") else "" for m in ALL_METRICS}
+DECIMALS = {m: 3 if m.startswith("eta") else 0 for m in ALL_METRICS}
 _KGCM2 = KGF * 1e4
 
 
@@ -68,28 +73,9 @@ def label(cycle: CycleResult) -> str:
 
 def cycles_table(reduction: Reduction, found: Uncertainty) -> Table:
     """Energies, mean powers and efficiencies of every cycle, their mean, its uncertainty and the largest deviation."""
-    known = found.budget
     given = [m for m in METRICS if any(getattr(c.metrics, m) is not None for c in reduction.cycles)]
-    of = {c.cycle: u for c, u in zip(reduction.cycles, known.cycles, strict=True)}
-
-    def row(c: CycleResult) -> tuple[str, ...]:
-        values = []
-        for m in given:
-            value, u = getattr(c.metrics, m), getattr(of[c.cycle], m)
-            values.append(of_many(value, u, DECIMALS[m]) if u else _four(value, m))
-        return (label(c), number(c.window.cutoff - c.window.onset, 2), *values)
-
     n = len(reduction.complete)
-    below: list[tuple[str, ...]] = []
-    if n and given:
-        below.append((f"mean of {n}", "", *(mean_text(reduction, found, m) for m in given)))
-    if found.method:
-        below.append(("standard uncertainty", "", *(uncertain(getattr(found.standard, m)) for m in given)))
-        below.append(("95 % interval, from", "", *(end_text(found, m, "low") for m in given)))
-        below.append(("to", "", *(end_text(found, m, "high") for m in given)))
-    if n > 1 and given:
-        deviation = reduction.max_deviation_percent
-        below.append(("largest deviation (%)", "", *(number(getattr(deviation, m), 2) for m in given)))
+    rows, below = _rows_of_cycles(reduction, found, given, n, lambda c: c.window.cutoff - c.window.onset)
     more = "; the mean's uncertainty adds the repeatability" if n > 1 else ""
     incomplete = "" if n == len(reduction.cycles) else " A cycle in brackets is incomplete and not in the mean."
     return Table(
@@ -97,11 +83,60 @@ def cycles_table(reduction: Reduction, found: Uncertainty) -> Table:
         caption="Cycles: energies E over the integration window, mean powers P in it, efficiencies η." + incomplete,
         head=("Cycle", "Window", *(SYMBOL[m] for m in given)),
         units=("", "s", *(UNIT[m] for m in given)),
-        rows=(*_thinned(reduction.cycles, row, 2 + len(given)), *below),
-        summary=len(below),
+        rows=rows,
+        summary=below,
         note=metrics_note(given)
         + (f"Digits of a cycle are those that the sensors' errors allow{more}." if found.method else ""),
     )  # fmt: skip
+
+
+def net_table(reduction: Reduction, found: Uncertainty) -> Table | None:
+    """Energies of every whole cycle, from onset to next onset, and their means; None where no cycle has any."""
+    given = [m for m in NET_METRICS if any(getattr(c.metrics, m) is not None for c in reduction.cycles)]
+    if not given:
+        return None
+    n = sum(c.metrics.energy_net is not None for c in reduction.complete)
+    rows, below = _rows_of_cycles(reduction, found, given, n, lambda c: c.net.end - c.net.begin)
+    reasons = net_reasons(reduction.cycles)
+    missing = f"Without net energies: {'; '.join(reasons[:MOST_REASONS])}. " if reasons else ""
+    ratio = "; η_net = E_gen, cycle / E_net" if "eta_net" in given else ""
+    return Table(
+        id="net",
+        caption="Whole cycles: line energy of the payout, line energy returned in haul-in, and net line energy from onset to "
+        "next onset.",
+        head=("Cycle", "Onset to onset", *(SYMBOL[m] for m in given)),
+        units=("", "s", *(UNIT[m] for m in given)),
+        rows=rows,
+        summary=below,
+        note=f"{missing}These energies do not depend on the integration window{ratio}. The zero of the force cell cancels in "
+        "E_net, its gain does not.",
+    )
+
+
+def _rows_of_cycles(
+    reduction: Reduction, found: Uncertainty, given: Sequence[str], n: int, length: Callable[[CycleResult], float]
+) -> tuple[tuple[tuple[str, ...], ...], int]:
+    """Rows of some metrics of every cycle, then their mean over n cycles with its uncertainty; and how many those are."""
+    of = {c.cycle: u for c, u in zip(reduction.cycles, found.budget.cycles, strict=True)}
+
+    def row(c: CycleResult) -> tuple[str, ...]:
+        values = []
+        for m in given:
+            value, u = getattr(c.metrics, m), getattr(of[c.cycle], m)
+            values.append(of_many(value, u, DECIMALS[m]) if u else _four(value, m))
+        return (label(c), number(length(c), 2), *values)
+
+    below: list[tuple[str, ...]] = []
+    if n and given:
+        below.append((f"mean of {n}", "", *(mean_text(reduction, found, m) for m in given)))
+    if any(m in found.method for m in given):
+        below.append(("standard uncertainty", "", *(uncertain(getattr(found.standard, m)) for m in given)))
+        below.append(("95 % interval, from", "", *(end_text(found, m, "low") for m in given)))
+        below.append(("to", "", *(end_text(found, m, "high") for m in given)))
+    if n > 1 and given:
+        deviation = reduction.max_deviation_percent
+        below.append(("largest deviation (%)", "", *(number(getattr(deviation, m), 2) for m in given)))
+    return (*_thinned(reduction.cycles, row, 2 + len(given)), *below), len(below)
 
 
 def metrics_note(given: Sequence[str]) -> str:
@@ -182,7 +217,7 @@ def holds_table(reduction: Reduction) -> Table:
     return _without_empty(
         Table(
             id="holds",
-            caption="Holds and haul-ins: time means; the energy of a haul-in goes back into the line and is negative.",
+            caption="Holds and haul-ins: time means; the energy of a haul-in is returned to the line and negative.",
             head=("Cycle", "Hold", "F_hold", "τ_hold", "p_hold", "Haul-in", "v_max", "F_mean", "F_min", "E_line"),
             units=("", "s", "N", "N·m", "kg/cm²", "s", "m/s", "N", "N", "J"),
             rows=tuple(_thinned(reduction.cycles, row, 10)),

@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-from winchcascade.cascade.efficiency import METRICS
+from winchcascade.cascade.efficiency import METRICS, NET_METRICS
 from winchcascade.cascade.montecarlo import stated_uncertainty
 from winchcascade.plaintext import one_line
-from winchcascade.report.wording import decisive, not_known
+from winchcascade.report.wording import decisive, net_reasons, not_known
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -28,6 +28,11 @@ _RESULTS = (
     ("cycle", "window", "E_line", "E_mech", "E_gen", "eta_trans", "eta_gen", "eta_pto"),
     ("", "s", "J", "J", "J", "", "", ""),
 )
+_NET = (
+    ("cycle", "E_payout", "E_returned", "E_net", "E_gen_cycle", "eta_net"),
+    ("", "J", "J", "J", "J", ""),
+)
+_MOST_REASONS = 3
 _PHASES = (
     ("cycle", "onset", "payout", "hold", "haul-in", "travel", "plateau", "P_line", "P_mech", "P_gen"),
     ("", "s", "s", "s", "s", "m", "m/s", "W", "W", "W"),
@@ -37,8 +42,8 @@ _PHASES = (
 def reduction_text(reduction: Reduction) -> str:
     """Energies and efficiencies of the cycles, their mean, largest deviation and uncertainty, the phases and the findings.
 
-    Mean powers are those of the window; a cycle in brackets is incomplete and not in the mean. At most 80 columns wide
-    for a crane trial.
+    First those of the windows, then those of whole cycles. Mean powers are those of the window; a cycle in brackets is
+    incomplete and not in the mean. At most 80 columns wide for a crane trial.
     """
     cycles, (known, stated) = reduction.cycles, stated_uncertainty(reduction)
     lines = [*_title(reduction), ""]
@@ -46,6 +51,7 @@ def reduction_text(reduction: Reduction) -> str:
         *_table(_RESULTS, cycles, partial(_result_row, energy=_decimals(reduction)), _summary_rows(reduction, stated)),
         "",
     ]
+    lines += _net(reduction, stated)
     lines += _table(_PHASES, cycles, _phase_row, [])
     return "\n".join([*lines, "", *_uncertainty(known), *_findings(reduction)]) + "\n"
 
@@ -80,6 +86,31 @@ def _summary_rows(reduction: Reduction, stated: Metrics) -> list[tuple[str, ...]
     if complete > 1 and reduction.window == "payout":  # windows differ in length, so sums tell what a mean does not
         rows.append(_metrics_row("all together", "", reduction.total, energy=_decimals(reduction), eta=3))
     return rows
+
+
+def _net(reduction: Reduction, stated: Metrics) -> list[str]:
+    """Energies of whole cycles, from onset to next onset, and why some cycles have none."""
+    import textwrap
+
+    digits, lines = _decimals(reduction), []
+    counted = [c for c in reduction.complete if c.metrics.energy_net is not None]
+    if any(c.metrics.energy_net is not None for c in reduction.cycles):
+        row = partial(_net_row, energy=digits)
+        below = [row(f"mean of {len(counted)}", reduction.mean, eta=3)] if counted else []
+        below += [row("largest dev. %", reduction.max_deviation_percent, energy=2, eta=2)] if len(counted) > 1 else []
+        below += [row("std. uncertainty", stated, eta=4)] if stated.energy_net is not None else []
+        lines += [*_table(_NET, reduction.cycles, lambda c: row(_label(c), c.metrics, eta=3), below)]
+    reasons = net_reasons(reduction.cycles)
+    for sentence in reasons[:_MOST_REASONS]:
+        lines += textwrap.wrap(f"no net energy, {sentence}", _WIDTH, subsequent_indent="  ", break_on_hyphens=False)
+    lines += (
+        [f"  ... {len(reasons) - _MOST_REASONS} more reasons, all in --json"] if len(reasons) > _MOST_REASONS else []
+    )
+    return [*lines, ""]
+
+
+def _net_row(name: str, m: Metrics, *, energy: int, eta: int) -> tuple[str, ...]:
+    return (name, *(_number(getattr(m, n), eta if n == "eta_net" else energy) for n in NET_METRICS))
 
 
 def _title(reduction: Reduction) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from winchcascade.cascade.efficiency import METRICS
+from winchcascade.cascade.efficiency import ALL_METRICS, METRICS
 from winchcascade.cascade.uncertainty import R_DRUM, shares
 from winchcascade.channels import CHANNELS
 from winchcascade.quantity import find_unit, si_unit
@@ -27,12 +27,13 @@ def repeatability_table(reduction: Reduction, found: Uncertainty) -> Table | Non
     if len(complete) < 2:
         return None
     rows = []
-    for m in METRICS:
+    for m in ALL_METRICS:
         mean = getattr(reduction.mean, m)
-        if mean is None:
+        counted = [c for c in complete if getattr(c.metrics, m) is not None]
+        if mean is None or len(counted) < 2:
             continue
-        values = [getattr(c.metrics, m) for c in complete]
-        far = max(complete, key=lambda c: abs(getattr(c.metrics, m) - mean))
+        values = [getattr(c.metrics, m) for c in counted]
+        far = max(counted, key=lambda c: abs(getattr(c.metrics, m) - mean))
         u = getattr(found.budget.repeatability, m)
         rows.append((
             SYMBOL[m], UNIT[m], mean_text(reduction, found, m),
@@ -50,7 +51,7 @@ def repeatability_table(reduction: Reduction, found: Uncertainty) -> Table | Non
         rows=tuple(rows),
         text_columns=(0, 1),
         note="The largest deviation of a cycle from the mean, in percent of the mean. s: standard deviation of a cycle; "
-        "s/√N: of the mean of the N cycles.",
+        "s/√N: of the mean of the N cycles; of net energies, of those that are whole.",
     )
 
 
@@ -60,7 +61,7 @@ def uncertainty_table(reduction: Reduction, found: Uncertainty) -> Table | None:
     if not found.method:
         return None
     rows = []
-    for m in METRICS:
+    for m in ALL_METRICS:
         mean, u = getattr(reduction.mean, m), getattr(found.standard, m)
         if mean is None:
             continue
@@ -95,7 +96,7 @@ def unknown_words(found: Uncertainty) -> str:
 
 def _how_stated(found: Uncertainty) -> str:
     """Where the stated uncertainties come from."""
-    by_draws = [SYMBOL[m] for m in METRICS if found.method.get(m) == "monte_carlo"]
+    by_draws = [SYMBOL[m] for m in ALL_METRICS if found.method.get(m) == "monte_carlo"]
     which = "the Monte Carlo confirms the budget of every metric"
     if by_draws:
         which = f"of {', '.join(by_draws)} the Monte Carlo's u is stated, as the errors do not act linearly"
@@ -117,7 +118,7 @@ def budget_table(found: Uncertainty, source: str = "") -> Table | None:
     source : what the rig file says of where its numbers come from
     """
     known = found.budget
-    metrics = [m for m in (*METRICS[6:], *METRICS[:3]) if getattr(known.mean, m)]
+    metrics = [m for m in (*METRICS[6:], "eta_net", *METRICS[:3]) if getattr(known.mean, m)]
     if not metrics:
         return None
     rows = [(*_about(r), *(percent(getattr(shares(r.of, known.mean), m) or None) for m in metrics)) for r in known.rows]

@@ -8,7 +8,10 @@ from winchcascade.cascade.efficiency import METRICS
 from winchcascade.cascade.uncertainty import R_DRUM, shares
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from winchcascade.accuracy import Source
+    from winchcascade.cascade.reduce import CycleResult
     from winchcascade.cascade.uncertainty import Budget
 
 SENSORS = {
@@ -52,6 +55,25 @@ def decisive(known: Budget) -> list[str]:
             name, share = max(parts.items(), key=lambda part: part[1])
             sentences.append(f"{metric} {share:.0%} {name}")
     return [f"most of the variance: {', '.join(sentences)}"] if sentences else []
+
+
+LISTED_CYCLES = 6
+"""Numbers of cycles that a sentence lists."""
+
+
+def net_reasons(cycles: Sequence[CycleResult]) -> list[str]:
+    """Which cycles have no net energies, and why: one sentence for each reason, that of the most cycles first."""
+    by_reason: dict[str, list[int]] = {}
+    for cycle in cycles:
+        if cycle.net.reason is not None:
+            by_reason.setdefault(cycle.net.reason, []).append(cycle.cycle)
+    sentences = []
+    for reason, found in sorted(by_reason.items(), key=lambda item: -len(item[1])):
+        listed = ", ".join(map(str, found[:LISTED_CYCLES]))
+        more = f" and {len(found) - LISTED_CYCLES} more" if len(found) > LISTED_CYCLES else ""
+        named = f"cycle{'s' * (len(found) > 1)} {listed}{more}"
+        sentences.append(f"{'all cycles' if 1 < len(found) == len(cycles) else named}: {reason}")
+    return sentences
 
 
 def not_known(known: Budget) -> list[str]:
