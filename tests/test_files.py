@@ -1,12 +1,10 @@
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from winchcascade.errors import OutputError
-from winchcascade.files import end_between_files, write_whole
+from winchcascade.files import write_whole
 
 
 def write_new(part: Path) -> None:
@@ -53,30 +51,3 @@ def test_a_failed_write_leaves_the_old_file_and_no_other(tmp_path: Path) -> None
 def test_a_place_that_cannot_be_written_is_told(tmp_path: Path, name: str, says: str) -> None:
     with pytest.raises(OutputError, match=says):
         write_whole(tmp_path / name, lambda part: part.touch())
-
-
-def test_a_process_that_is_told_to_end_while_it_writes_ends_with_the_file_whole(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("winchcascade.files._end_wanted", False)  # and after the test as before
-
-    def told(part: Path) -> None:
-        part.write_text("half")
-        end_between_files()
-        end_between_files()
-        part.write_text("whole")
-
-    with pytest.raises(SystemExit):
-        write_whole(tmp_path / "a.json", told)
-    assert [path.name for path in tmp_path.iterdir()] == ["a.json"]
-    assert (tmp_path / "a.json").read_text() == "whole"
-
-
-def test_a_process_that_writes_nothing_ends_at_once_even_within_a_weak_references_callback() -> None:
-    script = (
-        "import weakref; from winchcascade.files import end_between_files\n"
-        "class Thing: pass\n"
-        "thing = Thing(); seen = weakref.ref(thing, lambda _: end_between_files()); del thing; print('still here')"
-    )
-    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
-    assert (ended.returncode, ended.stdout, ended.stderr) == (1, "", "")

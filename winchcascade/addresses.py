@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from winchcascade.errors import LogError
+from winchcascade.scratch import scratch_folder
 
 _REMOTE = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]+://")
 _BLOCK = 1 << 20
@@ -40,10 +41,8 @@ def local_copy(address: str) -> Iterator[Path]:
     if not is_remote(local_path(address)):
         yield Path(local_path(address))
         return
-    import tempfile
-
-    with tempfile.TemporaryDirectory(prefix="winchcascade-") as folder:
-        path = Path(folder) / address.rstrip("/").rsplit("/", 1)[-1]
+    with scratch_folder() as folder:
+        path = folder / address.rstrip("/").rsplit("/", 1)[-1]
         with _opened(address) as source, path.open("wb") as copy:
             while block := source.read(_BLOCK):
                 copy.write(block)

@@ -5,9 +5,6 @@ from __future__ import annotations
 import os
 import sys
 
-from winchcascade.errors import WinchcascadeError
-from winchcascade.plaintext import lines
-
 TYPE_CHECKING = False  # not from typing, as in the package's own file
 if TYPE_CHECKING:
     from typing import NoReturn
@@ -15,10 +12,18 @@ if TYPE_CHECKING:
 _INTERRUPTED = 130
 """Exit code of an interrupt, by the custom of shells."""
 
+_KEPT = "what was finished is kept, no file was left half-written."
+
 
 def main() -> None:
     """Run the command line: a fault of the input is one sentence on stderr and exit code 2."""
     try:
+        import signal
+
+        from winchcascade.signals import end_on_signals
+
+        ends = {signal.SIGINT: f"winchcascade: interrupted; {_KEPT}", signal.SIGTERM: f"winchcascade: ended; {_KEPT}"}
+        end_on_signals(ends)
         _ready_streams()
         from winchcascade.commands.app import app  # here, as most of the start goes by with it: it may be interrupted
 
@@ -27,8 +32,6 @@ def main() -> None:
         if code == _INTERRUPTED:
             raise KeyboardInterrupt
         sys.exit(code)
-    except WinchcascadeError as fault:
-        _refuse(str(fault))
     except KeyboardInterrupt:
         _interrupted()
     except BrokenPipeError:
@@ -53,16 +56,22 @@ def _ready_streams() -> None:
 
 
 def _refuse(sentence: str, *, code: int = 2) -> NoReturn:
+    from winchcascade.plaintext import lines
+
     print(lines(f"winchcascade: {' '.join(sentence.split())}"), file=sys.stderr)
     sys.exit(code)
 
 
 def _interrupted() -> NoReturn:
-    _refuse("interrupted; what was finished is kept, no file was left half-written.", code=_INTERRUPTED)
+    _refuse(f"interrupted; {_KEPT}", code=_INTERRUPTED)
 
 
 def _refuse_use(fault: Exception) -> NoReturn:
-    """Tell a fault of usage, as typer found it; any other is one of this program, which must be seen whole."""
+    """Report a fault of the input, or of usage as typer found it; any other is one of this program and is shown whole."""
+    from winchcascade.errors import WinchcascadeError
+
+    if isinstance(fault, WinchcascadeError):
+        _refuse(str(fault))
     if _was_interrupted(fault):
         _interrupted()
     if not hasattr(fault, "format_message"):

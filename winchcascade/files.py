@@ -3,27 +3,15 @@
 from __future__ import annotations
 
 import os
-import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 
 from winchcascade.errors import OutputError
+from winchcascade.marks import is_marked
 from winchcascade.plaintext import one_line
-
-_MARKS = re.compile(
-    rb"winchcascade/(?:[a-z]+/)?\d"
-    rb"|Generator speed \(rpm\),Stator current \(A rms\),Air-gap torque \(N\.m\)"
-    rb"|Time \(s\),Cycle,Predicted mechanical power \(W\)"
-)
-"""By what this tool knows its own files: a schema or the version that made it, heads of simulated logs and of predictions."""
-
-_LOOK = 1 << 16
-
-_writing = 0
-"""Files that this process is writing now."""
-
-_end_wanted = False
-"""Whether this process was told to end while it wrote."""
+from winchcascade.scratch import scratch_file
+from winchcascade.signals import signals_held
 
 
 def write_whole(path: Path, write: Callable[[Path], None], *, force: bool = False) -> None:
@@ -38,51 +26,58 @@ def write_whole(path: Path, write: Callable[[Path], None], *, force: bool = Fals
     ------
     OutputError : the folder does not exist or cannot be written, or the file is not this tool's own
     """
-    global _writing
-    _writing += 1
-    try:
-        _write_beside(path, write, force=force)
-    finally:
-        _writing -= 1
-        if _end_wanted and not _writing:
-            raise SystemExit(1)
-
-
-def _write_beside(path: Path, write: Callable[[Path], None], *, force: bool) -> None:
-    import tempfile
-
     path = Path(os.path.realpath(path))  # a link stays a link to what is written
     check_replaceable(path, force=force)
     try:
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+        with scratch_file(path.parent) as part:
+            write(part)
+            os.chmod(part, _usual_mode())
+            os.replace(part, path)
     except OSError as fault:
-        raise OutputError(
-            f"{path}: cannot be written ({fault.strerror}); choose a folder that can be written."
-        ) from None
-    os.close(handle)
-    part = Path(name)
-    try:
-        write(part)
-        os.chmod(part, _usual_mode())
-        os.replace(part, path)
-    except OSError as fault:
-        raise OutputError(
-            f"{path}: cannot be written ({fault.strerror or fault}); free some space or choose another."
-        ) from None
-    finally:
-        part.unlink(missing_ok=True)
+        raise _not_written(path, fault) from None
 
 
-def end_between_files() -> None:
-    """End this process: at once, or by SystemExit when the file that it is writing is whole. For a handler of a signal.
+def write_set(contents: Mapping[Path, bytes], *, without: Iterable[Path] = ()) -> None:
+    """Write several files of one folder: all are whole before the first is put in place, in their order, and a signal that
+    ends the process waits for the last. Files that are there are replaced, also links, but never what a link leads to.
 
-    At once means past Python, which drops a SystemExit that is raised while it collects garbage.
+    Parameters
+    ----------
+    without : files that the new ones make outdated; they are removed
+
+    Raises
+    ------
+    OutputError : a file cannot be written; then all are as before
     """
-    global _end_wanted
-    if _writing:
-        _end_wanted = True
-    else:
-        os._exit(1)
+    path = None
+    try:
+        with ExitStack() as stack:
+            parts = {}
+            for path, content in contents.items():
+                parts[path] = stack.enter_context(scratch_file(path.parent))
+                parts[path].write_bytes(content)
+                os.chmod(parts[path], _usual_mode())
+            put_in_place({part: path for path, part in parts.items()}, without=without)
+    except OSError as fault:
+        raise _not_written(path, fault) from None
+
+
+def put_in_place(parts: Mapping[Path, Path], *, without: Iterable[Path] = ()) -> None:
+    """Rename whole files into their places, the last of them once outdated ones are removed: where it is, all are as it says.
+
+    A signal that ends the process waits for that.
+    """
+    *first, last = parts.items()
+    with signals_held():
+        for part, path in first:
+            os.replace(part, path)
+        for path in without:
+            path.unlink(missing_ok=True)
+        os.replace(*last)
+
+
+def _not_written(path: object, fault: OSError) -> OutputError:
+    return OutputError(f"{path}: cannot be written ({fault.strerror or fault}); free some space or choose another.")
 
 
 def readable(name: str) -> str:
@@ -111,13 +106,10 @@ def check_replaceable(path: Path, *, force: bool) -> None:
     if force or not path.exists():
         return
     try:
-        with path.open("rb") as file:
-            head = file.read(_LOOK)
-            file.seek(max(0, path.stat().st_size - _LOOK))
-            head += file.read(_LOOK)
+        own = is_marked(path)
     except OSError as fault:
         raise OutputError(f"{path}: exists and cannot be read ({fault.strerror}); choose another name.") from None
-    if head and _MARKS.search(head) is None:
+    if not own:
         raise OutputError(f"{path}: exists and was not written by winchcascade; choose another name or add --force.")
 
 

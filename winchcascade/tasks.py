@@ -11,14 +11,15 @@ import signal
 import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
-from winchcascade.errors import OptionError, WinchcascadeError
-from winchcascade.files import end_between_files
+from winchcascade.errors import OptionError, OutputError, WinchcascadeError
+from winchcascade.scratch import clear_own
+from winchcascade.signals import end_on_signals, interrupts_blocked, signals_held
 
 if TYPE_CHECKING:
     from concurrent.futures import ProcessPoolExecutor
+    from pathlib import Path
 
 Job = TypeVar("Job")
 Done = TypeVar("Done")
@@ -36,12 +37,17 @@ CONNECT = 10.0
 
 
 class Outcome(Generic[Done]):
-    """What became of one job: its place in the sequence, and its value or the sentence that says why there is none."""
+    """What became of one job: its place in the sequence, and its value or the sentence that says why there is none.
 
-    __slots__ = ("fault", "place", "value")
+    `rejected` distinguishes an input that cannot be used from a lack of space or memory, after which the same job may work.
+    """
 
-    def __init__(self, place: int, value: Done | None = None, fault: str | None = None) -> None:
-        self.place, self.value, self.fault = place, value, fault
+    __slots__ = ("fault", "place", "rejected", "value")
+
+    def __init__(
+        self, place: int, value: Done | None = None, fault: str | None = None, *, rejected: bool = False
+    ) -> None:
+        self.place, self.value, self.fault, self.rejected = place, value, fault, rejected
 
 
 class Watch(Protocol):
@@ -53,6 +59,9 @@ class Watch(Protocol):
     def done(self, name: str, fault: str | None) -> None:
         """One more is done, or failed for a reason."""
 
+    def waiting(self, folder: Path) -> None:
+        """Another call works in the folder, and this one waits for its end."""
+
 
 class Nobody:
     """Watches no work."""
@@ -61,6 +70,9 @@ class Nobody:
         """Hear nothing."""
 
     def done(self, name: str, fault: str | None) -> None:
+        """Hear nothing."""
+
+    def waiting(self, folder: Path) -> None:
         """Hear nothing."""
 
 
@@ -106,7 +118,7 @@ def _tried(work: Callable[[Job], Done], place: int, job: Job) -> Outcome[Done]:
     try:
         return Outcome(place, work(job))
     except WinchcascadeError as fault:
-        return Outcome(place, fault=str(fault))
+        return Outcome(place, fault=str(fault), rejected=not isinstance(fault, OutputError))
     except OSError as fault:
         return Outcome(place, fault=f"{fault.filename or 'a file'}: cannot be used ({fault.strerror or fault}).")
     except Exception as fault:
@@ -124,18 +136,10 @@ def _pool(workers: int) -> ProcessPoolExecutor:
     return ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_quietly)
 
 
-def _in_pool(work: Callable[[Job], Done], places: Sequence[int], jobs: Sequence[Job]) -> list[Outcome[Done]]:
-    """Do jobs in a process of a pool; told to end, it leaves no half-written file behind."""
-    try:
-        return _several(work, places, jobs)
-    except SystemExit:
-        os._exit(1)
-
-
 def _quietly() -> None:
     """Leave an interrupt to the process that gave the jobs, and end with it, however it ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, lambda *_: end_between_files())
+    end_on_signals({})
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
@@ -145,6 +149,7 @@ def _end_with_parent() -> None:
     parent = parent_process()
     if parent is not None:
         parent.join()
+        clear_own()
         os._exit(1)
 
 
@@ -156,31 +161,36 @@ def _pooled(
 
     waiting = list(reversed(chunks))
     running: dict[Future[list[Outcome[Done]]], range] = {}
-    pool = _pool(workers)
-    try:
-        with _interrupts_held() as interrupted:
+    ended = False
+    with signals_held() as ending:  # an exception that is raised within a lock of the pool breaks it
+        pool = _pool(workers)
+        try:
             while waiting or running:
                 while waiting and len(running) < 2 * workers:
                     places = waiting[-1]
-                    running[pool.submit(_in_pool, work, places, [jobs[k] for k in places])] = places
+                    with interrupts_blocked():
+                        running[pool.submit(_several, work, places, [jobs[k] for k in places])] = places
                     waiting.pop()  # only now: a pool that is broken takes no more
                 for future in wait(running, timeout=PATIENCE, return_when=FIRST_COMPLETED).done:
                     outcomes = future.result()
                     del running[future]
                     yield from outcomes
-                if interrupted():
-                    raise KeyboardInterrupt
-    except BrokenProcessPool:
-        whole = [future for future in running if future.done() and future.exception() is None]
-        for future in whole:
-            yield from future.result()
-            del running[future]
-        return list(reversed(waiting)), [place for places in running.values() for place in places]
-    except BaseException:  # an interrupt, say
-        _abandon(pool)
-        raise
-    finally:
-        _close(pool)
+                if ended := ending():
+                    _abandon(pool)
+                    break
+        except BrokenProcessPool:
+            whole = [future for future in running if future.done() and future.exception() is None]
+            for future in whole:
+                yield from future.result()
+                del running[future]
+            return list(reversed(waiting)), [place for places in running.values() for place in places]
+        except BaseException:  # whoever uses the outcomes has no use for more
+            _abandon(pool)
+            raise
+        finally:
+            _close(pool)
+    if ended:  # and whoever handles the signal let it pass
+        raise KeyboardInterrupt
     return [], []
 
 
@@ -189,23 +199,6 @@ def _alone(work: Callable[[Job], Done], jobs: Sequence[Job], place: int) -> Iter
     left, lost = yield from _pooled(work, jobs, [range(place, place + 1)], 1)
     if left or lost:
         yield Outcome(place, fault="the process that worked on it was killed twice; is there enough memory?")
-
-
-@contextmanager
-def _interrupts_held() -> Generator[Callable[[], bool], None, None]:
-    """Keep interrupts from falling anywhere: one that is raised within a lock of the pool breaks it. Tells whether one came."""
-    before = signal.getsignal(signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread() or not callable(before):  # where none is raised
-        yield lambda: False
-        return
-    came = threading.Event()
-    signal.signal(signal.SIGINT, lambda *_: came.set())
-    try:
-        yield came.is_set
-    finally:
-        signal.signal(signal.SIGINT, before)
-    if came.is_set():  # after it was asked for the last time
-        raise KeyboardInterrupt
 
 
 def _abandon(pool: ProcessPoolExecutor) -> None:

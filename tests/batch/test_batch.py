@@ -51,6 +51,8 @@ class Seen:
     def begin(self, kept: int, todo: int) -> None:
         self.kept, self.todo = kept, todo
 
+    def waiting(self, folder: Path) -> None: ...
+
     def done(self, name: str, fault: str | None) -> None:
         self.names.append(name)
         if fault is not None:

@@ -27,6 +27,8 @@ class Interrupt:
 
     def begin(self, kept: int, todo: int) -> None: ...
 
+    def waiting(self, folder: Path) -> None: ...
+
     def done(self, name: str, fault: str | None) -> None:  # noqa: ARG002
         self.left -= 1
         if self.left == 0:

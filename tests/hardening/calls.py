@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from winchcascade.cli import main
+from winchcascade.signals import ENDING
 
 PATIENCE = 60
 """A command on a small file that has not ended after this never will. [s]"""
@@ -27,6 +28,7 @@ def call(*arguments: str | Path, encoding: str = "utf-8", patience: int = PATIEN
     """Call the command line on a terminal of an encoding; a command that never ends is a fault of the test."""
     streams = [io.TextIOWrapper(io.BytesIO(), encoding=encoding) for _ in range(2)]
     kept = sys.argv, sys.stdout, sys.stderr
+    handlers = {number: signal.getsignal(number) for number in ENDING}
     sys.argv = ["winchcascade", *map(str, arguments)]
     sys.stdout, sys.stderr = streams
     try:
@@ -37,6 +39,8 @@ def call(*arguments: str | Path, encoding: str = "utf-8", patience: int = PATIEN
         code = ended.code if isinstance(ended.code, int) else 0
     finally:
         sys.argv, sys.stdout, sys.stderr = kept
+        for number, handler in handlers.items():  # a command ends its whole process by them
+            signal.signal(number, handler)
     return Called(code, *map(_content, streams))
 
 

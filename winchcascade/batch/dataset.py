@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 import zipfile
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
@@ -13,7 +11,6 @@ from typing import Any
 import msgspec
 
 from winchcascade import __version__
-from winchcascade.files import write_whole
 from winchcascade.report.moment import made_at
 from winchcascade.report.rows import table_rows, table_schema
 
@@ -28,7 +25,7 @@ _SHEET_ROWS = 1_048_575
 
 
 def write_dataset(results: Iterable[Path], folder: Path) -> None:
-    """Write the tables of all results, JSON files of one log each, into a folder; each table whole."""
+    """Write the tables of all results, JSON files of one log each, into a folder, which is made."""
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -40,27 +37,23 @@ def write_dataset(results: Iterable[Path], folder: Path) -> None:
         writer.write_table(pa.Table.from_pylist(rows, schema=schemas[table]))
         rows.clear()
 
-    with tempfile.TemporaryDirectory(dir=folder, prefix=".", suffix=".part") as scratch:
-        with ExitStack() as stack:
-            writers = {t: stack.enter_context(parquet.ParquetWriter(Path(scratch) / t, schemas[t])) for t in TABLES}
-            held: dict[str, list[dict[str, Any]]] = {table: [] for table in TABLES}
-            for result in results:
-                for table, rows in table_rows(result.stem, msgspec.json.decode(result.read_bytes())).items():
-                    held[table] += rows
-                    if len(held[table]) >= _ROWS:
-                        flush(writers[table], table, held[table])
-            for table in TABLES:
-                flush(writers[table], table, held[table])
-        for table in TABLES:  # only when all are whole
-            os.replace(Path(scratch) / table, folder / f"{table}.parquet")
+    with ExitStack() as stack:
+        writers = {
+            table: stack.enter_context(parquet.ParquetWriter(folder / f"{table}.parquet", schemas[table]))
+            for table in TABLES
+        }
+        held: dict[str, list[dict[str, Any]]] = {table: [] for table in TABLES}
+        for result in results:
+            for table, rows in table_rows(result.stem, msgspec.json.decode(result.read_bytes())).items():
+                held[table] += rows
+                if len(held[table]) >= _ROWS:
+                    flush(writers[table], table, held[table])
+        for table in TABLES:
+            flush(writers[table], table, held[table])
 
 
 def write_workbook(folder: Path, path: Path) -> None:
     """Write the tables of a dataset as sheets of an Excel workbook, row by row."""
-    write_whole(path, lambda part: _fill_workbook(folder, part), force=True)
-
-
-def _fill_workbook(folder: Path, path: Path) -> None:
     import xlsxwriter
 
     with xlsxwriter.Workbook(

@@ -11,15 +11,19 @@ from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run import SCHEMA as CAMPAIGN_SCHEMA
 from winchcascade.batch.work import Order, reduce_log
 from winchcascade.campaign import CAMPAIGN_FILE
-from winchcascade.errors import LogError, OptionError
+from winchcascade.errors import LogError, OptionError, OutputError
+from winchcascade.store import Digest, altered, digest_in, inside
 from winchcascade.tasks import run_here
 
 
 class Results(msgspec.Struct, frozen=True):
-    """Reductions as JSON records, each with the name of its log; `whole` tells a campaign from a single log."""
+    """Reductions as JSON records, each with the name of its log; `whole` tells a campaign from a single log, `verified` whether
+    each result of a batch has a digest and matches it.
+    """
 
     records: tuple[tuple[str, dict[str, Any]], ...]
     whole: bool
+    verified: bool = True
 
 
 class _Run(msgspec.Struct):
@@ -28,10 +32,15 @@ class _Run(msgspec.Struct):
     result: str = ""
 
 
+class _Store(msgspec.Struct):
+    files: dict[str, str] = {}
+
+
 class _Summary(msgspec.Struct):
-    """What is needed of the record of a batch."""
+    """What is needed of the record of a batch; version 0.1.0 wrote none with digests."""
 
     runs: list[_Run]
+    store: _Store | None = None
 
 
 def load_results(target: Path, *, jobs: int = 1) -> Results:
@@ -41,22 +50,24 @@ def load_results(target: Path, *, jobs: int = 1) -> Results:
     ------
     OptionError : the target is none of these, or not readable
     LogError : a log of the campaign cannot be used, or failed in the batch
+    OutputError : a result was altered after it was made, or lies outside of the folder of its batch
     """
     if target.is_dir() and (target / "campaign.json").is_file() and not (target / CAMPAIGN_FILE).is_file():
         return _of_batch(target)
     if target.is_dir() or target.suffix == ".toml":
         return _of_campaign(target, jobs)
-    record = _json(target)
+    record, digest = _json(target)
     if record.get("schema") == CAMPAIGN_SCHEMA:
         return _of_batch(target.parent)
-    return Results(((target.name, record),), whole=False)
+    return Results(((target.name, record),), whole=False, verified="batch" not in record or digest is Digest.RIGHT)
 
 
-def _json(path: Path) -> dict[str, Any]:
+def _json(path: Path) -> tuple[dict[str, Any], Digest]:
     if path.exists() and not path.is_file():
         raise OptionError(f"{path}: is no file; expected a campaign, the folder of a batch or a reduction's JSON.")
     try:
-        return msgspec.json.decode(path.read_bytes(), type=dict[str, Any])
+        content = path.read_bytes()
+        record = msgspec.json.decode(content, type=dict[str, Any])
     except OSError as fault:
         raise OptionError(
             f"{path}: cannot be read ({fault.strerror}); expected a campaign, the folder of a batch or a reduction's JSON."
@@ -65,11 +76,22 @@ def _json(path: Path) -> dict[str, Any]:
         raise OptionError(
             f"{path}: is no JSON of a reduction ({fault}); expected a campaign, the folder of a batch or a reduction's JSON."
         ) from None
+    digest = digest_in(content)
+    if digest is Digest.WRONG:
+        raise _altered(path)
+    return record, digest
+
+
+def _altered(path: Path) -> OutputError:
+    return OutputError(
+        f"{path}: was altered after the batch: its content does not match the digest. Run the batch again, which makes this "
+        "result anew."
+    )
 
 
 def _of_batch(folder: Path) -> Results:
     path = folder / "campaign.json"
-    record = _json(path)
+    record, digest = _json(path)
     if record.get("schema") != CAMPAIGN_SCHEMA:
         raise OptionError(f"{path}: is no summary of a batch; expected the schema {CAMPAIGN_SCHEMA}.")
     try:
@@ -79,7 +101,13 @@ def _of_batch(folder: Path) -> Results:
     for run in summary.runs:
         if run.fault is not None:
             raise LogError(f"{folder}: {run.name} failed in this batch: {run.fault} Mend the log or leave it out.")
-    return Results(tuple((run.name, _json(folder / run.result)) for run in summary.runs), whole=True)
+    found = {run.name: _json(inside(folder, run.result)) for run in summary.runs}
+    if digest is Digest.RIGHT:
+        files = {} if summary.store is None else summary.store.files
+        for name in altered(folder, {run.result: files.get(run.result, "") for run in summary.runs}):
+            raise _altered(folder / name)
+    records = tuple((name, result) for name, (result, _) in found.items())
+    return Results(records, whole=True, verified=digest is Digest.RIGHT)
 
 
 def _of_campaign(target: Path, jobs: int) -> Results:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
-import shutil
-import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 
@@ -16,7 +13,20 @@ from winchcascade.addresses import fingerprint
 from winchcascade.batch.dataset import TABLES, write_dataset, write_workbook
 from winchcascade.batch.work import ENDINGS, Order, reduce_log, write_made
 from winchcascade.errors import OutputError
-from winchcascade.files import check_replaceable, readable, write_content
+from winchcascade.files import check_replaceable, put_in_place, readable
+from winchcascade.scratch import clear, scratch_folder
+from winchcascade.store import (
+    LOCK,
+    Digest,
+    altered,
+    check_links,
+    digest_in,
+    digest_of,
+    foreign,
+    inside,
+    locked,
+    with_digest,
+)
 from winchcascade.tasks import Nobody, Outcome, Watch, run_here, run_there
 
 if TYPE_CHECKING:
@@ -30,20 +40,22 @@ REPORTS = {"none": (), "html": ("html",), "all": ("html", "pdf")}
 CAMPAIGN_FILES = ("campaign.json", "campaign.html", "campaign.pdf", "campaign.xlsx")
 """Files of a whole campaign, beside its dataset."""
 
-_STALE = 3600.0
-"""A scratch file older than this is left of a call that was killed. [s]"""
+DATASET = tuple(f"dataset/{table}.parquet" for table in TABLES)
+"""Files of the dataset, by their names in the folder of a batch."""
 
 
 class Batch(msgspec.Struct, frozen=True):
     """What a batch came to: results by log in the order of the plan, faults by log, and how many were done already.
 
-    `summary` is the record of the campaign, schema `winchcascade/campaign/1`.
+    `altered` are the files of an earlier call that did not match their digest and were made again, `summary` is the record of
+    the campaign, schema `winchcascade/campaign/1`.
     """
 
     folder: Path
     results: dict[str, Path]
     faults: dict[str, str]
     kept: int
+    altered: tuple[str, ...] = ()
     summary: dict[str, Any] = msgspec.field(default_factory=dict)
 
 
@@ -54,6 +66,7 @@ class _KeptLog(msgspec.Struct):
 class _KeptBatch(msgspec.Struct):
     key: str
     reports: list[str]
+    files: dict[str, str] = {}
 
 
 class _Kept(msgspec.Struct):
@@ -81,7 +94,7 @@ def run_batch(
     """Reduce every log of a plan into a folder, and put the campaign together.
 
     Each result is written as soon as it is made, the reports of a log before its JSON, so a call that is cut short at any
-    point loses nothing that was finished. Two calls on one folder write the same files, whole.
+    point loses nothing that was finished. Of two calls on one folder the second waits.
 
     Parameters
     ----------
@@ -93,33 +106,37 @@ def run_batch(
 
     Raises
     ------
-    OutputError : the folder cannot be made or holds something else
+    OutputError : the folder cannot be made or locked, holds something else, or holds a link
     OptionError : the scheduler cannot be reached
     """
-    runs = _folder(out, force=force)
-    todo = [work for work in plan.work if not is_kept(work, runs, reports)]
-    if not force:
-        _check_foreign(out, runs, todo)
     watch = watch or Nobody()
-    watch.begin(len(plan.work) - len(todo), len(todo))
-    faults: dict[str, str] = {}
-    folder = None if scheduler is not None else str(runs)
-    orders = [Order(work, tuple(reports), folder, command) for work in todo]
-    for outcome in _outcomes(orders, jobs, scheduler):
-        name = todo[outcome.place].name
-        if outcome.value is None:
-            faults[name] = outcome.fault or ""
-            if fingerprint(todo[outcome.place].address):  # else the log is out of reach, and its result may count again
-                _forget(name, runs)
-        else:
-            write_made(outcome.value, runs)
-        watch.done(name, outcome.fault)
-    results = {work.name: runs / f"{work.name}.json" for work in plan.work if work.name not in faults}
-    batch = Batch(
-        out, results, {w.name: faults[w.name] for w in plan.work if w.name in faults}, len(plan.work) - len(todo)
-    )
-    summary = _put_together(plan, batch, reports, workbook=workbook, command=command)
-    return msgspec.structs.replace(batch, summary=summary)
+    _make_folder(out, force=force)
+    with locked(out, watch.waiting):
+        runs = _clean_folder(out)
+        states = {work.name: state_of(work, runs, reports) for work in plan.work}
+        todo = [work for work in plan.work if states[work.name] != "kept"]
+        _check_own(out, todo, force=force)
+        watch.begin(len(plan.work) - len(todo), len(todo))
+        faults: dict[str, str] = {}
+        folder = None if scheduler is not None else str(runs)
+        orders = [Order(work, tuple(reports), folder, command) for work in todo]
+        for outcome in _outcomes(orders, jobs, scheduler):
+            work = todo[outcome.place]
+            if outcome.value is None:
+                faults[work.name] = outcome.fault or ""
+                if outcome.rejected and not _is_of(work, runs):
+                    _forget(work.name, runs)
+            else:
+                write_made(outcome.value, runs)
+            watch.done(work.name, outcome.fault)
+        batch = Batch(
+            folder=out,
+            results={work.name: runs / f"{work.name}.json" for work in plan.work if work.name not in faults},
+            faults={work.name: faults[work.name] for work in plan.work if work.name in faults},
+            kept=len(plan.work) - len(todo),
+            altered=tuple(f"runs/{name}" for name, state in states.items() if state == "altered"),
+        )
+        return _put_together(plan, batch, reports, workbook=workbook, command=command)
 
 
 def _outcomes(orders: list[Order], jobs: int, scheduler: str | None) -> Iterator[Outcome[Made]]:
@@ -128,96 +145,136 @@ def _outcomes(orders: list[Order], jobs: int, scheduler: str | None) -> Iterator
     return run_here(reduce_log, orders, workers=jobs)
 
 
-def _folder(out: Path, *, force: bool) -> Path:
-    """Make the folder of the results, and clear what killed calls left there."""
-    runs = out / "runs"
-    if not force and out.is_dir() and not runs.is_dir() and any(out.iterdir()):
+def _make_folder(out: Path, *, force: bool) -> None:
+    """Make the folder of the results, or refuse one that holds something else; one with a lock is of a call that has begun."""
+    if not force and not (out / "runs").is_dir() and not (out / LOCK).exists() and foreign(out):
         raise OutputError(f"{out}: is not empty and no folder of a batch; give --out a new folder or add --force.")
     try:
-        runs.mkdir(parents=True, exist_ok=True)
+        out.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
         raise OutputError(f"{out}: the folder cannot be made ({fault.strerror}); choose another.") from None
-    for part in (*out.glob(".*.part"), *runs.glob(".*.part"), *out.glob("dataset/.*.part")):
-        _clear(part)
+
+
+def _clean_folder(out: Path) -> Path:
+    """Make the folder of the results of single logs, and remove what killed calls left."""
+    check_links(out, ["runs", "dataset", *CAMPAIGN_FILES, *DATASET])
+    runs = out / "runs"
+    try:
+        runs.mkdir(exist_ok=True)
+    except OSError as fault:
+        raise OutputError(f"{runs}: the folder cannot be made ({fault.strerror}); choose another.") from None
+    for place in (out, runs, out / "dataset"):
+        clear(place)
     return runs
 
 
-def _check_foreign(out: Path, runs: Path, todo: Sequence[Work]) -> None:
-    """Refuse to replace files that this tool did not write, before any work."""
-    made = [out / name for name in CAMPAIGN_FILES] + [out / "dataset" / f"{table}.parquet" for table in TABLES]
-    made += [runs / f"{work.name}.{ending}" for work in todo for ending in ENDINGS]
-    for path in made:
+def _check_own(out: Path, todo: Sequence[Work], *, force: bool) -> None:
+    """Refuse, before any work, to replace links, and files that this tool did not write."""
+    names = [*CAMPAIGN_FILES, *DATASET, *(f"runs/{work.name}.{ending}" for work in todo for ending in ENDINGS)]
+    for path in [inside(out, name) for name in names]:
         if path.exists():
-            check_replaceable(path, force=False)
+            check_replaceable(path, force=force)
 
 
-def _clear(part: Path) -> None:
-    """Remove a scratch file or folder that nobody can be writing any more."""
+def state_of(work: Work, runs: Path, reports: Sequence[str]) -> Literal["kept", "altered", "other"]:
+    """Whether an earlier call made all of a log's files from the same content with the same options.
+
+    `altered`: it did, but what is there now does not match its digest. A result of version 0.1.0 has no digest
+    and is made again.
+    """
     try:
-        if time.time() - part.stat().st_mtime > _STALE:
-            shutil.rmtree(part) if part.is_dir() else part.unlink()
-    except FileNotFoundError:  # another call was faster
-        return
+        content = inside(runs, f"{work.name}.json").read_bytes()
+        kept = _KEPT.decode(content)
+    except OSError:
+        return "other"
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        return "altered"
+    digest = digest_in(content)
+    if digest is not Digest.RIGHT:
+        return "altered" if digest is Digest.WRONG else "other"
+    if kept.batch.key != work.key or not set(reports) <= set(kept.batch.reports):
+        return "other"
+    if not all((runs / f"{work.name}.{ending}").is_file() for ending in reports):
+        return "other"
+    if altered(runs, {f"{work.name}.{ending}": kept.batch.files.get(ending, "") for ending in reports}):
+        return "altered"
+    return "kept" if kept.log.sha256 == fingerprint(work.address) else "other"
 
 
-def is_kept(work: Work, runs: Path, reports: Sequence[str]) -> bool:
-    """Whether an earlier call made all of a log's files from the same content with the same options."""
+def _is_of(work: Work, runs: Path) -> bool:
+    """Whether the result that is there is of the log as it is now, or the log is out of reach; then it may count again."""
+    now = fingerprint(work.address)
     try:
-        kept = _KEPT.decode((runs / f"{work.name}.json").read_bytes())
+        return not now or _KEPT.decode((runs / f"{work.name}.json").read_bytes()).log.sha256 == now
     except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError):
         return False
-    if kept.batch.key != work.key or not set(reports) <= set(kept.batch.reports):
-        return False
-    if not all((runs / f"{work.name}.{ending}").is_file() for ending in reports):
-        return False
-    return kept.log.sha256 == fingerprint(work.address)
 
 
 def _forget(name: str, runs: Path) -> None:
-    """Remove what an earlier call made of a log that now fails."""
+    """Remove what an earlier call made of a log that is now another one, which cannot be used."""
     for ending in ENDINGS:
         (runs / f"{name}.{ending}").unlink(missing_ok=True)
 
 
-def _put_together(plan: Plan, batch: Batch, reports: Sequence[str], *, workbook: bool, command: str) -> dict[str, Any]:
-    """Write what is of all logs: dataset, summary, workbook and report; nothing if nothing has changed."""
+def _put_together(plan: Plan, batch: Batch, reports: Sequence[str], *, workbook: bool, command: str) -> Batch:
+    """Write what is of all logs: dataset, workbook, report and last the summary; nothing if nothing has changed.
+
+    All are made in a scratch folder and put in place together, so that a disk that is full leaves the earlier ones.
+    """
     out = batch.folder
-    state = _state(plan, batch)
-    made = [out / "campaign.json", *(out / "dataset" / f"{table}.parquet" for table in TABLES)]
-    made += [out / f"campaign.{ending}" for ending in reports] + ([out / "campaign.xlsx"] if workbook else [])
-    if all(path.is_file() for path in made):
-        said = _said(out / "campaign.json")
-        if said.get("state") == state:
-            return said
-    for name in CAMPAIGN_FILES:  # what is not made anew would be of another state
-        (out / name).unlink(missing_ok=True)
-    write_dataset(batch.results.values(), out / "dataset")
-    if workbook:
-        write_workbook(out / "dataset", out / "campaign.xlsx")
-    summary = summary_record(plan, batch, state)
-    if reports:
-        from winchcascade.report.campaign import write_campaign_reports
-
-        write_campaign_reports(summary, out, reports, command=command)
-    write_content(out / "campaign.json", msgspec.json.encode(summary) + b"\n", force=True)
-    return summary
-
-
-def _state(plan: Plan, batch: Batch) -> str:
-    """Digest of everything that the files of the whole campaign depend on."""
-    said = repr((plan.title, __version__, [(w.name, w.key, batch.faults.get(w.name)) for w in plan.work])).encode()
-    digest = hashlib.sha256(said)
-    for path in batch.results.values():
-        digest.update(_KEPT.decode(path.read_bytes()).log.sha256.encode())
-    return digest.hexdigest()
-
-
-def _said(path: Path) -> dict[str, Any]:
-    """Record of the campaign as an earlier call left it, empty if it left none."""
+    digests = {f"runs/{path.name}": digest_of(path.read_bytes()) for path in batch.results.values()}
+    state = _state(plan, batch, digests)
+    wanted = [*DATASET, *(f"campaign.{ending}" for ending in reports), *(["campaign.xlsx"] if workbook else [])]
+    said, changed = _said(out)
+    stay: dict[str, str] = {}
+    if said.get("state") == state:
+        known = said["store"]["files"]
+        lost = altered(out, known)
+        changed = [name for name in lost if (out / name).exists()]
+        if not lost and set(wanted) <= set(known):
+            return msgspec.structs.replace(batch, summary=said)
+        stay = {name: known[name] for name in CAMPAIGN_FILES if name in known and name not in [*lost, *wanted]}
+    batch = msgspec.structs.replace(batch, altered=(*batch.altered, *changed))
     try:
-        return msgspec.json.decode(path.read_bytes(), type=dict[str, Any])
-    except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-        return {}
+        (out / "dataset").mkdir(exist_ok=True)
+        with scratch_folder(out) as made:
+            write_dataset(batch.results.values(), made / "dataset")
+            if workbook:
+                write_workbook(made / "dataset", made / "campaign.xlsx")
+            summary = summary_record(plan, batch, state)
+            if reports:
+                from winchcascade.report.campaign import write_campaign_reports
+
+                write_campaign_reports(summary, made, reports, results=out, command=command)
+            digests |= stay | {name: digest_of((made / name).read_bytes()) for name in wanted}
+            (made / "campaign.json").write_bytes(with_digest(summary, "store", {"files": digests}))
+            outdated = [out / name for name in CAMPAIGN_FILES[1:] if name not in digests]
+            put_in_place({made / name: out / name for name in [*wanted, "campaign.json"]}, without=outdated)
+    except (OSError, OutputError) as fault:
+        why = getattr(fault, "strerror", None) or fault
+        raise OutputError(
+            f"{out}: the tables and reports of the campaign cannot be written ({why}); free some space. "
+            "The results of the logs are kept."
+        ) from None
+    return msgspec.structs.replace(batch, summary=_said(out)[0])
+
+
+def _state(plan: Plan, batch: Batch, digests: Mapping[str, str]) -> str:
+    """Digest of everything that the files of the whole campaign depend on."""
+    logs = [(w.name, w.key, batch.faults.get(w.name)) for w in plan.work]
+    return digest_of(repr((plan.title, __version__, logs, sorted(digests.items()))).encode())
+
+
+def _said(out: Path) -> tuple[dict[str, Any], list[str]]:
+    """Record of the campaign as an earlier call left it, empty if it left none, and its name if it was altered since."""
+    try:
+        content = (out / "campaign.json").read_bytes()
+    except OSError:
+        return {}, []
+    digest = digest_in(content)
+    if digest is Digest.RIGHT:
+        return msgspec.json.decode(content, type=dict[str, Any]), []
+    return {}, ["campaign.json"] if digest is Digest.WRONG else []
 
 
 _COPIED = ("mean", "standard_uncertainty", "interval_95", "max_deviation_percent")

@@ -12,9 +12,10 @@ from winchcascade.addresses import local_copy
 from winchcascade.batch.plan import Work
 from winchcascade.cascade.montecarlo import uncertainty
 from winchcascade.cascade.reduce import reduce, require_payouts
-from winchcascade.files import readable, write_content
+from winchcascade.files import readable, write_set
 from winchcascade.ingest.read import read_run
 from winchcascade.report.records import reduction_record
+from winchcascade.store import digest_of, with_digest
 
 ENDINGS = ("html", "pdf", "json")
 """Files of one log; the JSON tells that the others are there."""
@@ -67,8 +68,9 @@ def reduce_log(order: Order) -> Made:
 
             files["pdf"] = pdf_bytes(report)
     record: dict[str, Any] = reduction_record(reduction, found)
-    record |= account | {"batch": {"key": work.key, "reports": list(order.reports)}}
-    files["json"] = msgspec.json.encode(record) + b"\n"
+    digests = {ending: digest_of(content) for ending, content in files.items()}
+    made_by = {"key": work.key, "reports": list(order.reports), "files": digests}
+    files["json"] = with_digest(record | account, "batch", made_by)
     made = Made(work.name, files)
     if order.folder is None:
         return made
@@ -77,9 +79,7 @@ def reduce_log(order: Order) -> Made:
 
 
 def write_made(made: Made, folder: Path) -> None:
-    """Write the files of one log, each whole, the JSON last; reports that were not made would be of another result."""
-    for ending in ENDINGS:
-        if made.files and ending not in made.files:
-            (folder / f"{made.name}.{ending}").unlink(missing_ok=True)
-    for ending, content in made.files.items():
-        write_content(folder / f"{made.name}.{ending}", content, force=True)
+    """Write the files of one log, all whole before the first is replaced, and remove reports of another result."""
+    if made.files:
+        outdated = [folder / f"{made.name}.{ending}" for ending in ENDINGS if ending not in made.files]
+        write_set({folder / f"{made.name}.{e}": content for e, content in made.files.items()}, without=outdated)

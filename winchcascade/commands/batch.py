@@ -62,7 +62,7 @@ def batch_command(
             plan, out, reports=REPORTS[reports], jobs=jobs or processes(), scheduler=scheduler, workbook=excel,
             command=given_command(), force=force, watch=watch,
         )  # fmt: skip
-    show(campaign_text(batch.summary, out, kept=batch.kept))
+    show(campaign_text(batch.summary, out, kept=batch.kept, altered=batch.altered))
     raise typer.Exit(1 if batch.faults else 0)
 
 
@@ -92,7 +92,7 @@ def demo_command(
             plan, out / "results", reports=REPORTS["all"], jobs=jobs or processes(), workbook=True, command=command,
             force=force, watch=watch,
         )  # fmt: skip
-    show(campaign_text(batch.summary, batch.folder, kept=batch.kept), flush=True)
+    show(campaign_text(batch.summary, batch.folder, kept=batch.kept, altered=batch.altered), flush=True)
     set_threads(jobs or processes())
     with Telling(f"diagnosing {plan.title}") as tell:
         found, files = diagnose_copy(campaign, out / "results", EFFECTS, command=command, force=force, tell=tell)

@@ -66,6 +66,11 @@ def check_command(
     factors = Factors(**_factors(tolerance or []))
     table = load_table(against)
     found = load_results(results, jobs=jobs or processes())
+    if not found.verified:
+        show(
+            f"{results}: has no digests, as version 0.1.0 wrote results, so that it cannot be verified; run the batch again.\n",
+            file=sys.stderr,
+        )
     measured = [measured_from_record(record, name) for name, record in found.records]
     outcome = check(measured, table, factors, whole_campaign=found.whole)
     if junit is not None:

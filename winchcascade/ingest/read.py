@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import math
+import os
+import time
 from contextlib import suppress
 from pathlib import Path
 from threading import Thread
@@ -29,6 +31,17 @@ if TYPE_CHECKING:
 
 OVERFLOW = 1e30
 """Instruments write 9.9e37 where they have no reading (SCPI); nothing measured comes near."""
+
+_TRIES = 3
+"""A file that changed each time while it was read is one that a logger still writes."""
+
+_SECOND = 1_000_000_000
+"""One second. [ns]"""
+
+_FRESH, _FRESH_IN_SECONDS = _SECOND // 20, 3 * _SECOND
+"""Two changes of a file within one step of its file system's time have the same stamp: steps are 1 to 16 ms or, where stamps
+are whole seconds (FAT), up to 2 s. [ns]
+"""
 
 _FEWEST = 10
 """A log with fewer rows than this shows no motion."""
@@ -63,6 +76,24 @@ def read_run(
     """
     path = Path(path)
     rig = rig or built_in()
+    for _ in range(_TRIES):
+        seen = _Seen(path)
+        try:
+            run = _read(path, rig, load, load_source, about)
+        except LogError:
+            if seen.is_same():
+                raise
+            continue
+        if seen.is_same(run.sha256):
+            return run
+    raise LogError(
+        f"{path}: changed each of {_TRIES} times while it was read; expected a file that is complete. Wait until the logger "
+        "has closed it, or reduce a copy."
+    )
+
+
+def _read(path: Path, rig: Rig, load: float | None, load_source: str, about: str) -> Run:
+    """Read and check a log that nobody changes meanwhile."""
     source = open_log(path)
     found, table = _loaded(source, rig, path.name)
     digest = _Digest(path)
@@ -108,6 +139,44 @@ def _loaded(source: Source, rig: Rig, where: str) -> tuple[Assignment, Table]:
     return found, source.load(wanted, found.time.index if found.time else None)
 
 
+class _Seen:
+    """A file as it was before it was read, to find out whether the digest is of the bytes that were parsed.
+
+    Stamps tell that, as long as the last change lies further back than the steps in which a file system counts time; of a file
+    that was changed just now the digest is taken before it is read, too.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._before = self._stamps()
+        self._sha256 = _sha256(path) if self._is_fresh() else ""
+
+    def _stamps(self) -> tuple[int, ...] | None:
+        try:
+            about = os.stat(self._path)
+        except OSError:  # its reader reports it
+            return None
+        return about.st_dev, about.st_ino, about.st_size, about.st_ctime_ns, about.st_mtime_ns
+
+    def _is_fresh(self) -> bool:
+        if self._before is None or not self._path.is_file():
+            return False
+        *_, changed, written = self._before
+        step = _FRESH if written % _SECOND else _FRESH_IN_SECONDS
+        return time.time_ns() - max(changed, written) < step
+
+    def is_same(self, sha256: str = "") -> bool:
+        """Whether the file is still the same, and of this digest where it is given."""
+        return self._stamps() == self._before and (not (self._sha256 and sha256) or self._sha256 == sha256)
+
+
+def _sha256(path: Path) -> str:
+    """Digest of a file in hexadecimal, nothing for one that cannot be read."""
+    with suppress(OSError), path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+    return ""
+
+
 class _Digest:
     """SHA-256 of a file, computed beside other work: hashing leaves the interpreter free."""
 
@@ -117,8 +186,7 @@ class _Digest:
         self._thread.start()
 
     def _run(self) -> None:
-        with suppress(OSError), self._path.open("rb") as file:  # `value` tells it: a thread has nobody to tell
-            self._value = hashlib.file_digest(file, "sha256").hexdigest()
+        self._value = _sha256(self._path)  # `value` tells a fault: a thread has nobody to tell
 
     def value(self) -> str:
         """Wait for the digest and give it in hexadecimal; LogError if the file has gone since it was read."""

@@ -31,20 +31,25 @@ LISTED = 800
 """Characters of a list of files that is given in full."""
 
 
-def write_campaign_reports(summary: Mapping[str, Any], out: Path, reports: Sequence[str], *, command: str = "") -> None:
-    """Write the report of a campaign into the folder of its batch.
+def write_campaign_reports(
+    summary: Mapping[str, Any], out: Path, reports: Sequence[str], *, results: Path | None = None, command: str = ""
+) -> None:
+    """Write the report of a campaign into the folder that holds its dataset.
 
     Parameters
     ----------
     summary : the campaign's record, schema `winchcascade/campaign/1`
     reports : "html", "pdf" or both
+    results : folder by which the record names the results of single logs, if it is another one
     """
     html, pdf = (out / f"campaign.{ending}" if ending in reports else None for ending in ("html", "pdf"))
-    publish(make_campaign_report(summary, out, command=command), html=html, pdf=pdf, force=True)
+    publish(make_campaign_report(summary, out, results=results, command=command), html=html, pdf=pdf, force=True)
 
 
-def make_campaign_report(summary: Mapping[str, Any], out: Path, *, command: str = "") -> Report:
-    """Make the rows and figures of the report of a campaign from its record and its dataset."""
+def make_campaign_report(
+    summary: Mapping[str, Any], out: Path, *, results: Path | None = None, command: str = ""
+) -> Report:
+    """Make the rows and figures of the report of a campaign from its record, its dataset in a folder, and its results."""
     runs = tables.by_load([run for run in summary["runs"] if run["fault"] is None])
     failed = [run for run in summary["runs"] if run["fault"] is not None]
     loaded = [run for run in runs if not run["open_circuit"]] or runs
@@ -72,7 +77,7 @@ def make_campaign_report(summary: Mapping[str, Any], out: Path, *, command: str 
                     "Curves of binned torque and power over generator speed, one for each run.",
                 ),
             ),
-            *_model(summary, runs, out),
+            *_model(summary, runs, results or out),
             section("repeatability", "Repeatability", tables.repeatability_table(runs) if runs else None),
             section(
                 "findings", "Logs and findings", tables.logs_table(runs) if runs else Note("No log could be used."),

@@ -24,23 +24,38 @@ _UNITS = ("", "ohm", "", "J", "J", "J", "", "", "", "", "")
 _METRICS = ("energy_line", "energy_mech", "energy_gen", "eta_trans", "eta_gen", "eta_pto")
 
 
-def campaign_text(summary: Mapping[str, Any], out: Path, *, kept: int) -> str:
+MOST_ALTERED = 5
+"""Altered files that are named."""
+
+
+def campaign_text(summary: Mapping[str, Any], out: Path, *, kept: int, altered: Sequence[str] = ()) -> str:
     """Means of every log of a campaign, what failed, and where the results are.
 
     Parameters
     ----------
     summary : the campaign's record, schema `winchcascade/campaign/1`
     kept : logs that an earlier call had done already
+    altered : files of an earlier call that did not match their digest
     """
     runs = by_load([run for run in summary["runs"] if run["fault"] is None])
     failed = [run for run in summary["runs"] if run["fault"] is not None]
     lines = [f"{one_line(summary['title'])}: {len(runs)} of {len(summary['runs'])} logs reduced" + _kept(kept), ""]
     if runs:
         lines += [*_table(runs), *_marked(runs), ""]
+    lines += altered_lines(altered)
     lines += [f"failed: {_told(run)}" for run in failed[:MOST_FAULTS]]
     if len(failed) > MOST_FAULTS:
         lines.append(f"... {len(failed) - MOST_FAULTS} more failed, all in {out / 'campaign.json'}")
     return "\n".join([*lines, *_places(out)]) + "\n"
+
+
+def altered_lines(altered: Sequence[str]) -> list[str]:
+    """One line that names files which were changed after they were made, and so were made again; none if there are none."""
+    if not altered:
+        return []
+    more = f" and {len(altered) - MOST_ALTERED} more" if len(altered) > MOST_ALTERED else ""
+    names = ", ".join(map(one_line, altered[:MOST_ALTERED]))
+    return [f"made again, as the content did not match the digest of the earlier call: {names}{more}"]
 
 
 def _told(run: Mapping[str, Any]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from types import TracebackType
 from typing import Any
 
@@ -75,6 +76,11 @@ class Progress:
         )  # fmt: skip
         self._task = self._bar.add_task(escape(self._title), total=kept + todo, completed=kept)
         self._bar.start()
+
+    def waiting(self, folder: Path) -> None:
+        """Report that another call works in the folder of the results, so that nobody takes the wait for a fault."""
+        sys.stderr.write(f"waiting for another call that works in {one_line(str(folder))}\n")
+        sys.stderr.flush()
 
     def done(self, name: str, fault: str | None) -> None:
         """One more is done, or failed: its name is then told at once, the reason with the others at the end."""
