@@ -15,6 +15,7 @@ from urllib.parse import unquote
 import openpyxl
 import pytest
 from pyarrow import parquet
+from scratches import left_scratch
 from test_cli import one_sentence, winchcascade
 
 from winchcascade.batch.dataset import TABLES
@@ -25,6 +26,7 @@ from winchcascade.errors import OutputError
 from winchcascade.ingest.read import read_run
 from winchcascade.report.records import reduction_record
 from winchcascade.rigtoml import load_rig
+from winchcascade.scratch import scratch_file
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 LOGS = {"r36ohm.csv": (36.0, 5.48), "r9ohm.csv": (9.0, 5.96)}
@@ -426,17 +428,23 @@ def test_an_out_that_is_a_file_is_refused(campaign: Path, tmp_path: Path) -> Non
     assert (tmp_path / "file").read_text() == "mine"
 
 
-def test_scratch_files_of_calls_long_dead_are_cleared_and_those_of_today_are_not(campaign: Path, done: Path) -> None:
-    old, new = done / "runs" / ".a.json.x.part", done / "runs" / ".b.json.x.part"
-    folder = done / "dataset" / ".x.part"
-    folder.mkdir()
-    (folder / ".runs.part").touch()
-    for path in (old, new):
+def test_scratch_of_killed_calls_is_removed_and_no_other_file(campaign: Path, done: Path) -> None:
+    left = [left_scratch(done / place) for place in (".", "runs", "dataset")]
+    left[0].mkdir()
+    (left[0] / "runs.parquet").touch()
+    other = done / "runs" / ".winchcascade-notes.part"
+    others = [other, done / "runs" / ".a.json.x.part", done / "download.part"]
+    for path in (*left[1:], *others):
         path.touch()
-    for path in (old, folder):
         os.utime(path, (0.0, 0.0))
     batch(campaign, out=done)
-    assert [path.exists() for path in (old, new, folder)] == [False, True, False]
+    assert [path.exists() for path in (*left, *others)] == [False] * 3 + [True] * 3
+
+
+def test_scratch_of_a_process_at_work_stays(campaign: Path, done: Path) -> None:
+    with scratch_file(done / "runs") as part:
+        batch(campaign, out=done)
+        assert part.is_file()
 
 
 # ------------------------------------------------------------------------------------------- calls that are cut short

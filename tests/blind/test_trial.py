@@ -1,11 +1,11 @@
 """Dealing and diagnosing: repeatable, resumable, and blind."""
 
 import json
-import os
 import shutil
 from pathlib import Path
 
 import pytest
+from scratches import left_scratch
 from trials import fail_on_the_second, guess
 
 from winchcascade.blind.cases import plan_cases
@@ -83,11 +83,10 @@ def test_a_call_that_was_cut_short_is_taken_up_and_ends_in_the_same_bytes(dealt:
     with pytest.raises(KeyboardInterrupt):
         deal(out, CASES, SEED, watch=Interrupt(1))
     assert {p.name for p in out.iterdir()} == {"case-0001", "sealed.json", "trial.json"}
-    (out / ".case-0002.x.part").mkdir()
-    os.utime(out / ".case-0002.x.part", (0, 0))
+    left_scratch(out).mkdir()
     assert deal(out, CASES, SEED).kept == 1
     assert content(out) == content(dealt)
-    assert not list(out.glob(".case*"))
+    assert not list(out.glob(".*"))
 
 
 def test_another_trial_is_not_dealt_over_one_unless_forced(trial: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
@@ -22,6 +23,10 @@ STRENGTHS = (1.0, 0.4, 1.5)
 
 SHARES = {"none": 0.08, "outsider": 0.12, "pair": 0.12}
 """Of the cases of a trial; all others hide a single effect."""
+
+
+NAME = re.compile(r"case-(?!0000)(?:[0-9]{4}|[1-9][0-9]{4,8})")
+"""Names of cases, which are also those of their folders."""
 
 
 class Case(msgspec.Struct, frozen=True):

@@ -12,10 +12,12 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from winchcascade import __version__
-from winchcascade.blind.cases import Answer
+from winchcascade.blind.cases import NAME, Answer
 from winchcascade.errors import OptionError
+from winchcascade.store import inside
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
 SEALED, TRIAL = "sealed.json", "trial.json"
@@ -55,7 +57,7 @@ def trial_bytes(trial: Trial) -> bytes:
 
 def read_trial(folder: Path) -> Trial:
     """Read the record of a trial; OptionError says why a folder is none."""
-    path = folder / TRIAL
+    path = inside(folder, TRIAL)
     try:
         trial = msgspec.json.decode(path.read_bytes(), type=Trial)
     except OSError as fault:
@@ -66,7 +68,18 @@ def read_trial(folder: Path) -> Trial:
         raise OptionError(f"{path}: is no record of a trial ({fault}); deal the trial again.") from None
     if trial.schema != TRIAL_SCHEMA:
         raise OptionError(f"{path}: has the schema {trial.schema}; expected {TRIAL_SCHEMA}.")
+    _check_names(trial.cases, path)
     return trial
+
+
+def _check_names(names: Sequence[str], path: Path) -> None:
+    """Refuse names that are not those of cases: they are also names of folders, which are replaced."""
+    for number, name in enumerate(names, 1):
+        if NAME.fullmatch(name) is None or name in names[: number - 1]:
+            raise OptionError(
+                f"{path}: case {number} is named {name!r}; expected names such as case-0001, each once. The file was changed "
+                "by hand; deal the trial again."
+            )
 
 
 def open_seal(folder: Path) -> tuple[Trial, Envelope]:
@@ -76,7 +89,7 @@ def open_seal(folder: Path) -> tuple[Trial, Envelope]:
     ------
     OptionError : the folder is no trial, the answers are missing, or they are not those that were dealt
     """
-    trial, path = read_trial(folder), folder / SEALED
+    trial, path = read_trial(folder), inside(folder, SEALED)
     try:
         content = path.read_bytes()
     except OSError as fault:
@@ -93,4 +106,5 @@ def open_seal(folder: Path) -> tuple[Trial, Envelope]:
         envelope = msgspec.json.decode(content, type=Envelope)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as fault:
         raise OptionError(f"{path}: holds no answers that this version can read ({fault}); deal again.") from None
+    _check_names([answer.case for answer in envelope.answers], path)
     return trial, envelope

@@ -15,6 +15,7 @@ from winchcascade.blind.envelope import open_seal
 from winchcascade.blind.tally import CaseScore, Count, Outcome, ParameterScore, Score, Verdict
 from winchcascade.blind.trial import DIAGNOSES, PREDICTIONS
 from winchcascade.errors import OptionError
+from winchcascade.store import Digest, digest_in, inside
 
 SCORE_SCHEMA = "winchcascade/score/1"
 
@@ -89,22 +90,33 @@ def score(folder: Path, *, told: Callable[[str], None] | None = None) -> Score:
 
 
 def read_diagnosis(path: Path) -> Diagnosis | None:
-    """Read a case's diagnosis, None where there is none."""
+    """Read a case's diagnosis, None where there is none.
+
+    Raises
+    ------
+    OptionError : it cannot be read, or was altered after it was made
+    """
     try:
-        return msgspec.json.decode(path.read_bytes(), type=Diagnosis)
+        content = path.read_bytes()
+        found = msgspec.json.decode(content, type=Diagnosis)
     except FileNotFoundError:
         return None
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as fault:
         raise OptionError(f"{path}: is no diagnosis ({fault}); diagnose the case again.") from None
+    if digest_in(content) is Digest.WRONG:
+        raise OptionError(
+            f"{path}: was altered after it was made: its content does not match the digest. Run blind diagnose again."
+        )
+    return found
 
 
 def _score_case(folder: Path, answer: Answer) -> CaseScore:
-    found = read_diagnosis(folder / DIAGNOSES / f"{answer.case}.json")
+    found = read_diagnosis(inside(folder, f"{DIAGNOSES}/{answer.case}.json"))
     if found is None:
         return CaseScore(answer.case, answer.kind, answer.effects, answer.outsider, "missing")
     closure = Closure()
     if found.closure is not None:
-        closure = closure_of(folder / answer.case, folder / PREDICTIONS / answer.case)
+        closure = closure_of(inside(folder, answer.case), inside(folder, f"{PREDICTIONS}/{answer.case}"))
     return CaseScore(
         case=answer.case,
         kind=answer.kind,

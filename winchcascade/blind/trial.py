@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import shutil
-import tempfile
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from tempfile import gettempdir
+from typing import Any, Literal, Protocol, TypeVar
 
 import msgspec
 
@@ -17,16 +15,27 @@ from winchcascade import __version__
 from winchcascade.blind.cases import Case, answer_of, make_campaign, plan_cases
 from winchcascade.blind.envelope import SEALED, TRIAL, Envelope, Trial, open_seal, read_trial, seal, trial_bytes
 from winchcascade.blind.numbers import LOADS
-from winchcascade.campaign import CAMPAIGN_FILE
-from winchcascade.errors import OptionError, OutputError
+from winchcascade.campaign import CAMPAIGN_FILE, load_campaign
+from winchcascade.errors import CampaignError, OptionError, OutputError
 from winchcascade.files import check_replaceable, write_content
+from winchcascade.scratch import clear, clear_once, scratch_folder
+from winchcascade.signals import signals_held
+from winchcascade.store import (
+    LOCK,
+    Digest,
+    altered,
+    digest_in,
+    digest_of,
+    files_within,
+    foreign,
+    inside,
+    locked,
+    with_digest,
+)
 from winchcascade.tasks import Nobody, Outcome, Watch, run_here, run_there
 
 DIAGNOSES, PREDICTIONS = "diagnoses", "predictions"
 """Folders of a trial beside its cases: a JSON for each case, and what the diagnosis predicted of its logs."""
-
-_STALE = 3600.0
-"""A scratch folder older than this is left of a call that was killed. [s]"""
 
 Job = TypeVar("Job")
 Made = TypeVar("Made")
@@ -42,12 +51,15 @@ class Diagnose(Protocol):
 
 
 class Progress(msgspec.Struct, frozen=True):
-    """What a call came to: the cases of the trial, how many were done already, and the fault of each that failed."""
+    """What a call came to: the cases of the trial, how many were done already, the fault of each that failed, and the cases
+    whose diagnosis did not match its digest and was made again.
+    """
 
     cases: tuple[str, ...]
     kept: int
     faults: dict[str, str]
     sha256: str
+    altered: tuple[str, ...] = ()
 
 
 class _Deal(msgspec.Struct, frozen=True):
@@ -85,26 +97,28 @@ def deal(
     Raises
     ------
     OptionError : the numbers make no trial, another trial stands there, or its answers were changed
-    OutputError : the folder cannot be made or holds something else
+    OutputError : the folder cannot be made or locked, holds something else, or holds a link
     """
     if cases < 1 or seed < 0:
         raise OptionError(f"--cases {cases} --seed {seed}: expected at least one case and a seed of 0 or more.")
     plan = plan_cases(cases, seed)
     content, trial = seal(Envelope(seed, tuple(answer_of(case) for case in plan)))
-    _lay_out(out, content, trial, force=force)
-    todo = [case for case in plan if not (out / case.name).is_dir()]
-    orders = [_Deal(case, None if scheduler is not None else str(out)) for case in todo]
-    faults: dict[str, str] = {}
     watch = watch or Nobody()
-    watch.begin(cases - len(todo), len(todo))
-    for outcome in _outcomes(_deal_case, orders, jobs, scheduler):
-        name = todo[outcome.place].name
-        if outcome.value is None:
-            faults[name] = outcome.fault or ""
-        elif outcome.value.files:
-            _write_folder(out / name, outcome.value.files)
-        watch.done(name, outcome.fault)
-    return Progress(trial.cases, cases - len(todo), faults, trial.sealed_sha256)
+    _make_folder(out, force=force)
+    with locked(out, watch.waiting):
+        _lay_out(out, content, trial, force=force)
+        todo = [case for case in plan if not inside(out, case.name).is_dir()]
+        orders = [_Deal(case, None if scheduler is not None else str(out)) for case in todo]
+        faults: dict[str, str] = {}
+        watch.begin(cases - len(todo), len(todo))
+        for outcome in _outcomes(_deal_case, orders, jobs, scheduler):
+            name = todo[outcome.place].name
+            if outcome.value is None:
+                faults[name] = outcome.fault or ""
+            elif outcome.value.files:
+                _write_folder(out / name, outcome.value.files)
+            watch.done(name, outcome.fault)
+        return Progress(trial.cases, cases - len(todo), faults, trial.sealed_sha256)
 
 
 def _outcomes(
@@ -115,46 +129,57 @@ def _outcomes(
     return run_here(work, jobs, workers=workers)
 
 
+def _make_folder(out: Path, *, force: bool) -> None:
+    """Make the folder of a trial, or refuse one that holds something else; one with a lock is of a call that has begun."""
+    if not force and not (out / TRIAL).is_file() and not (out / LOCK).exists() and foreign(out):
+        raise _not_empty(out)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as fault:
+        raise OutputError(f"{out}: the folder cannot be made ({fault.strerror}); choose another.") from None
+
+
+def _not_empty(out: Path) -> OutputError:
+    return OutputError(f"{out}: is not empty and no folder of a trial; give --out a new folder or add --force.")
+
+
 def _lay_out(out: Path, content: bytes, trial: Trial, *, force: bool) -> None:
-    """Make the folder of a trial with its sealed answers, or find it made by an earlier call."""
-    if (out / TRIAL).is_file():
+    """Put the sealed answers into the folder of a trial, or find them put there by an earlier call."""
+    _clear(out)
+    if inside(out, TRIAL).is_file():
         if read_trial(out).sealed_sha256 == trial.sealed_sha256:
             open_seal(out)
-            _clear(out)
             return
         if not force:
             raise OptionError(
                 f"{out}: holds another trial (other cases, seed or version); give --out a new folder or add --force."
             )
         _forget(out)
-    elif out.is_dir() and any(out.iterdir()) and not force:
-        raise OutputError(f"{out}: is not empty and no folder of a trial; give --out a new folder or add --force.")
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as fault:
-        raise OutputError(f"{out}: the folder cannot be made ({fault.strerror}); choose another.") from None
-    _clear(out)
-    write_content(out / SEALED, content, force=force)
-    write_content(out / TRIAL, trial_bytes(trial), force=force)
+    elif not force and set(foreign(out)) - {SEALED}:  # answers without a record are of a call that was cut short
+        raise _not_empty(out)
+    write_content(inside(out, SEALED), content, force=force)
+    write_content(inside(out, TRIAL), trial_bytes(trial), force=force)
 
 
 def _forget(out: Path) -> None:
-    """Remove all that an earlier trial left, its record first, so that nothing half removed passes for a trial."""
-    cases = read_trial(out).cases
+    """Remove all that an earlier trial left, its record first, so that nothing half removed passes for a trial.
+
+    The folders are looked at before the first is removed: no link is followed, and none is removed either.
+    """
+    folders = [inside(out, name) for name in (*read_trial(out).cases, DIAGNOSES, PREDICTIONS)]
+    for folder in folders:
+        files_within(folder)
     (out / TRIAL).unlink(missing_ok=True)
-    for name in (*cases, DIAGNOSES, PREDICTIONS):
-        if (out / name).is_dir():
-            shutil.rmtree(out / name)
+    for folder in folders:
+        if folder.is_dir():
+            shutil.rmtree(folder)
 
 
 def _clear(out: Path) -> None:
-    """Remove the scratch folders of calls that were cut short."""
-    for part in (*out.glob(".case-*.part"), *(out / PREDICTIONS).glob(".case-*.part")):
-        try:
-            if time.time() - part.stat().st_mtime > _STALE:
-                shutil.rmtree(part)
-        except FileNotFoundError:  # another call was faster
-            continue
+    """Remove what calls that were cut short left in the folder of a trial."""
+    for place in (out, inside(out, DIAGNOSES), inside(out, PREDICTIONS)):
+        clear(place)
+    clear_once(Path(gettempdir()))
 
 
 def _deal_case(order: _Deal) -> _Dealt:
@@ -165,20 +190,32 @@ def _deal_case(order: _Deal) -> _Dealt:
     return _Dealt(order.case.name, {})
 
 
-def _write_folder(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write a folder of files, whole or not at all; a folder of that name is replaced."""
-    part = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}.", suffix=".part"))
-    try:
+def _write_folder(folder: Path, files: Mapping[str, bytes], *, known: Iterable[str] = ()) -> None:
+    """Write a folder of files, whole or not at all; a folder of that name is replaced.
+
+    Parameters
+    ----------
+    known : files of the folder that is replaced, beyond those of the same names, which this tool made
+
+    Raises
+    ------
+    OutputError : the folder that is there holds a link or a file that this tool did not make
+    """
+    strange = sorted(set(files_within(folder)) - set(files) - set(known))
+    if strange:
+        raise OutputError(
+            f"{folder / strange[0]}: was not written by winchcascade and stands where a result is replaced; move it elsewhere."
+        )
+    with scratch_folder(folder.parent) as part:
         for name, content in files.items():
-            path = part / name
+            path = inside(part, name)
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
         part.chmod(0o755)
-        if folder.is_dir():
-            shutil.rmtree(folder)
-        os.replace(part, folder)
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
+        with signals_held():
+            if folder.is_dir():
+                shutil.rmtree(folder)
+            os.replace(part, folder)
 
 
 class _Order(msgspec.Struct, frozen=True):
@@ -202,6 +239,7 @@ class _Diagnosed(msgspec.Struct, frozen=True):
 
 class _Mark(msgspec.Struct):
     key: str
+    files: dict[str, str] = {}
 
 
 class _Marked(msgspec.Struct):
@@ -234,36 +272,49 @@ def diagnose(
     Raises
     ------
     OptionError : the folder is no trial, a case of it is missing, or the scheduler cannot be reached
+    OutputError : the folder cannot be locked, or holds a link
     """
-    trial = read_trial(folder)
-    _all_dealt(folder, trial)
-    for made in (DIAGNOSES, PREDICTIONS):
-        (folder / made).mkdir(exist_ok=True)
-    _clear(folder)
-    keys = {name: _key(folder / name, suspects, seed) for name in trial.cases}
-    todo = [name for name in trial.cases if force or not _is_kept(folder, name, keys[name])]
-    orders = [
-        _Order(name, keys[name], who, suspects, seed, files=_files(folder / name))
-        if scheduler is not None
-        else _Order(name, keys[name], who, suspects, seed, folder=str(folder))
-        for name in todo
-    ]
-    faults: dict[str, str] = {}
     watch = watch or Nobody()
-    watch.begin(len(trial.cases) - len(todo), len(todo))
-    for outcome in _outcomes(_diagnose_case, orders, jobs, scheduler):
-        name = todo[outcome.place]
-        if outcome.value is None:
-            faults[name] = outcome.fault or ""
-            (folder / DIAGNOSES / f"{name}.json").unlink(missing_ok=True)
-        elif outcome.value.record:
-            _write_diagnosis(folder, name, outcome.value)
-        watch.done(name, outcome.fault)
-    return Progress(trial.cases, len(trial.cases) - len(todo), faults, trial.sealed_sha256)
+    read_trial(folder)  # a folder that is no trial is not locked
+    with locked(folder, watch.waiting):
+        trial = read_trial(folder)
+        _all_dealt(folder, trial)
+        _clear(folder)
+        for made in (DIAGNOSES, PREDICTIONS):
+            _make_sub(inside(folder, made))
+        keys = {name: _key(inside(folder, name), suspects, seed) for name in trial.cases}
+        states = {name: _state_of(folder, name, keys[name]) for name in trial.cases}
+        todo = [name for name in trial.cases if force or states[name] != "kept"]
+        orders = [
+            _Order(name, keys[name], who, suspects, seed, files=_files(folder / name))
+            if scheduler is not None
+            else _Order(name, keys[name], who, suspects, seed, folder=str(folder))
+            for name in todo
+        ]
+        faults: dict[str, str] = {}
+        watch.begin(len(trial.cases) - len(todo), len(todo))
+        for outcome in _outcomes(_diagnose_case, orders, jobs, scheduler):
+            name = todo[outcome.place]
+            if outcome.value is None:
+                faults[name] = outcome.fault or ""
+                if outcome.rejected and states[name] == "other":  # what is there is of other logs, suspects or version
+                    inside(folder, f"{DIAGNOSES}/{name}.json").unlink(missing_ok=True)
+            elif outcome.value.record:
+                _write_diagnosis(folder, name, outcome.value)
+            watch.done(name, outcome.fault)
+        redone = tuple(name for name in trial.cases if states[name] == "altered")
+        return Progress(trial.cases, len(trial.cases) - len(todo), faults, trial.sealed_sha256, redone)
+
+
+def _make_sub(folder: Path) -> None:
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as fault:
+        raise OutputError(f"{folder}: the folder cannot be made ({fault.strerror}); choose another trial.") from None
 
 
 def _all_dealt(folder: Path, trial: Trial) -> None:
-    missing = [name for name in trial.cases if not (folder / name / CAMPAIGN_FILE).is_file()]
+    missing = [name for name in trial.cases if not inside(folder, f"{name}/{CAMPAIGN_FILE}").is_file()]
     if missing:
         raise OptionError(
             f"{folder}: {len(missing)} of {len(trial.cases)} cases are missing, the first {missing[0]}; "
@@ -272,45 +323,80 @@ def _all_dealt(folder: Path, trial: Trial) -> None:
 
 
 def _files(case: Path) -> dict[str, bytes]:
-    names = [CAMPAIGN_FILE, *(f"{log}.csv" for log in LOADS)]
-    return {name: (case / name).read_bytes() for name in names if (case / name).is_file()}
+    """The campaign of a case and its logs, none of them a link."""
+    paths = {name: inside(case, name) for name in (CAMPAIGN_FILE, *(f"{log}.csv" for log in LOADS))}
+    return {name: path.read_bytes() for name, path in paths.items() if path.is_file()}
 
 
 def _key(case: Path, suspects: Mapping[str, type], seed: int) -> str:
     """Digest of everything that a diagnosis depends on."""
-    digest = hashlib.sha256(repr((__version__, sorted(suspects), seed)).encode())
-    for name, content in _files(case).items():
-        digest.update(name.encode() + hashlib.sha256(content).digest())
-    return digest.hexdigest()
+    files = {name: digest_of(content) for name, content in _files(case).items()}
+    return digest_of(repr((__version__, sorted(suspects), seed, files)).encode())
 
 
-def _is_kept(folder: Path, name: str, key: str) -> bool:
+def _state_of(folder: Path, name: str, key: str) -> Literal["kept", "altered", "other"]:
+    """Whether an earlier call made a case's diagnosis and predictions from the same logs with the same suspects and seed.
+
+    `altered`: it did, but what is there now does not match its digest. A diagnosis of version 0.1.0 has no digest and is made
+    again.
+    """
     try:
-        return msgspec.json.decode((folder / DIAGNOSES / f"{name}.json").read_bytes(), type=_Marked).trial.key == key
-    except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-        return False
+        content = inside(folder, f"{DIAGNOSES}/{name}.json").read_bytes()
+        mark = msgspec.json.decode(content, type=_Marked).trial
+    except OSError:
+        return "other"
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        return "altered"
+    digest = digest_in(content)
+    if digest is not Digest.RIGHT:
+        return "altered" if digest is Digest.WRONG else "other"
+    if mark.key != key:
+        return "other"
+    return "altered" if altered(inside(folder, f"{PREDICTIONS}/{name}"), mark.files) else "kept"
 
 
 def _diagnose_case(order: _Order) -> _Diagnosed:
     """Diagnose one case in a folder that holds its logs and nothing else."""
     files = order.files if order.folder is None else _files(Path(order.folder) / order.name)
-    with tempfile.TemporaryDirectory(prefix="winchcascade-") as scratch:
-        case, predicted = Path(scratch) / order.name, Path(scratch) / PREDICTIONS
+    with scratch_folder() as scratch:
+        case, predicted = scratch / order.name, scratch / PREDICTIONS
         predicted.mkdir()
         _write_folder(case, files or {})
+        _check_campaign(case)
         found = order.diagnose(case / CAMPAIGN_FILE, suspects=order.suspects, seed=order.seed, predictions=predicted)
-        logs = {str(p.relative_to(predicted)): p.read_bytes() for p in sorted(predicted.rglob("*.csv"))}
-    record = msgspec.json.encode({**found, "trial": {"case": order.name, "key": order.key}})
-    made = _Diagnosed(msgspec.json.format(record, indent=1) + b"\n", logs)
+        logs = {name: path.read_bytes() for name, path in files_within(predicted).items() if path.suffix == ".csv"}
+    digests = {name: digest_of(content) for name, content in logs.items()}
+    about = {"case": order.name, "key": order.key, "files": digests}
+    made = _Diagnosed(with_digest(found, "trial", about, indent=1), logs)
     if order.folder is None:
         return made
     _write_diagnosis(Path(order.folder), order.name, made)
     return _Diagnosed(b"", {})
 
 
+def _check_campaign(case: Path) -> None:
+    """Refuse a case whose campaign names a log or a rig file that lies elsewhere."""
+    campaign = load_campaign(case / CAMPAIGN_FILE)
+    for run in campaign.runs:
+        if run.file.parent != case:
+            raise CampaignError(
+                f"{case.name}/{CAMPAIGN_FILE}: names the log {run.file}, which is not in the folder of the case; deal the "
+                "trial again."
+            )
+    if campaign.rig is not None and Path(campaign.rig).name != campaign.rig:
+        raise CampaignError(
+            f"{case.name}/{CAMPAIGN_FILE}: names the rig file {campaign.rig}, which is not in the folder of the case; deal the "
+            "trial again."
+        )
+
+
 def _write_diagnosis(folder: Path, name: str, made: _Diagnosed) -> None:
     """Write what was found of a case: the predictions first, the JSON last, as it tells that all is there."""
-    path = folder / DIAGNOSES / f"{name}.json"
+    path = inside(folder, f"{DIAGNOSES}/{name}.json")
     check_replaceable(path, force=False)
-    _write_folder(folder / PREDICTIONS / name, made.predictions)
+    try:
+        known = msgspec.json.decode(path.read_bytes(), type=_Marked).trial.files
+    except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        known = {}
+    _write_folder(inside(folder, f"{PREDICTIONS}/{name}"), made.predictions, known=known)
     write_content(path, made.record)

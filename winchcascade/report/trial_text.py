@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from winchcascade import __version__
 from winchcascade.blind.envelope import SEALED
+from winchcascade.report.campaign_text import altered_lines
 from winchcascade.report.layout import Point, Report, Table, Tile
 from winchcascade.report.publish import publish
 from winchcascade.report.trial_words import (
@@ -60,7 +61,7 @@ def dealt_text(done: Progress, place: Path) -> str:
 def diagnosed_text(done: Progress, place: Path) -> str:
     """What a call of diagnose came to; nothing of the answers."""
     made = len(done.cases) - done.kept - len(done.faults)
-    lines = [f"{place}: {made} cases diagnosed, {done.kept} were already"]
+    lines = [f"{place}: {made} cases diagnosed, {done.kept} were already", *altered_lines(done.altered)]
     return "\n".join(lines + _faults(done)) + "\n"
 
 
