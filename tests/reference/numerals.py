@@ -148,8 +148,13 @@ def settled(stored: str, present: str) -> str:
 
 def difference(stored: str, present: str, name: str) -> str:
     """Show what differs between a stored text and the present one; nothing if they are the same."""
-    lines = difflib.unified_diff(
-        stored.splitlines(), settled(stored, present).splitlines(), f"{name} (stored)", f"{name} (present)", n=1,
-        lineterm="",
-    )  # fmt: skip
+    old, new = stored.splitlines(), settled(stored, present).splitlines()
+    if old == new:
+        return ""
+    lines = [f"=== {name}"]
+    for group in difflib.SequenceMatcher(None, old, new, autojunk=False).get_grouped_opcodes(1):
+        lines.append(f"@@ line {group[0][1] + 1}")
+        for kind, a0, a1, b0, b1 in group:
+            lines += [f"{' ' if kind == 'equal' else '-'}{line}" for line in old[a0:a1]]
+            lines += [f"+{line}" for line in new[b0:b1] if kind != "equal"]
     return "\n".join(lines)
