@@ -33,6 +33,7 @@ from winchcascade.batch.results import load_results
 from winchcascade.cascade.montecarlo import uncertainty
 from winchcascade.cascade.reduce import Reduction, reduce, require_payouts
 from winchcascade.errors import WinchcascadeError
+from winchcascade.ingest.limits import SECONDS_SETTING
 from winchcascade.ingest.read import read_run
 from winchcascade.published.audit import audit
 from winchcascade.published.check import check, measured_from_record
@@ -46,6 +47,9 @@ from winchcascade.tabletoml import load_table
 
 LONGEST = 5.0
 """A file that takes more of the processor is a hang, on a busy machine too. [s]"""
+
+READ_MEMORY, READ_SECONDS = 2 << 30, 2 * LONGEST
+"""What the process that reads a file may hold [bytes], and how long it may take [s]; one that takes longer hangs."""
 
 PATIENCE = 15.0
 """A worker that has said nothing for so long waits for something, or is stuck in compiled code, and is killed. [s]"""
@@ -156,6 +160,8 @@ def _refusal(fault: WinchcascadeError) -> tuple[str, str]:
     cause = fault.__cause__
     if isinstance(cause, MemoryError):
         return "starved", said
+    if SECONDS_SETTING in said:
+        return "fault", f"its reader hangs: {said}"
     if any(unicodedata.category(letter) in ("Cc", "Cs", "Zl", "Zp") for letter in said):
         return "fault", f"not one line for people: {said!r}"
     if len(said) > 2000 or not said.rstrip().endswith((".", ")")):
@@ -184,6 +190,7 @@ def work(orders: Sequence[tuple[str, int]], *, weighed: bool) -> None:
     for the size that a damaged page claims): inputs that met the limit are weighed, with more room, by what they take.
     """
     warnings.simplefilter("error")
+    os.environ[SECONDS_SETTING] = str(READ_SECONDS)
     signal.signal(signal.SIGPROF, _alarm)
     with tempfile.TemporaryDirectory() as folder:
         _warm_up(Path(folder))
@@ -191,12 +198,20 @@ def work(orders: Sequence[tuple[str, int]], *, weighed: bool) -> None:
         for form, seed in orders:
             _say(form, seed)
             signal.setitimer(signal.ITIMER_PROF, LONGEST)
+            held = _held_by_readers()
             try:
                 with memory_taken() as taken:
                     judged = judge(form, seed, Path(folder))
             finally:
                 signal.setitimer(signal.ITIMER_PROF, 0)
+            if _held_by_readers() > max(held, READ_MEMORY):
+                judged = judged._replace(outcome="fault", told=f"its reader held {_held_by_readers() >> 20} MiB")
             _say(*(by_weight(judged, taken()) if weighed else judged))
+
+
+def _held_by_readers() -> int:
+    """Most memory that a process held which read a file for this one. [bytes]"""
+    return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss << 10
 
 
 def _say(*words: object) -> None:
@@ -222,7 +237,7 @@ def _warm_up(folder: Path) -> None:
 def _limit_memory(room: int) -> None:
     pages = int(Path("/proc/self/statm").read_text().split()[0])
     limit = pages * resource.getpagesize() + room
-    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    resource.setrlimit(resource.RLIMIT_AS, (limit, resource.RLIM_INFINITY))  # readers have a limit of their own
 
 
 @contextmanager

@@ -5,7 +5,6 @@ import random
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
-from xml.parsers.expat import ExpatError
 
 import numpy as np
 import pyarrow as pa
@@ -23,7 +22,6 @@ from winchcascade.batch.results import load_results
 from winchcascade.campaign import load_campaign
 from winchcascade.errors import LogError, OptionError, WinchcascadeError
 from winchcascade.ingest.clock import read_clock
-from winchcascade.ingest.extent import named_corner, repeated_corner
 from winchcascade.ingest.read import read_run
 from winchcascade.published.audit import audit
 from winchcascade.report.audit_text import audit_text
@@ -248,43 +246,3 @@ def test_a_tdms_text_that_claims_gigabytes_takes_no_memory(tmp_path: Path) -> No
     with pytest.raises(LogError, match="damaged or breaks off") as caught:
         read_run(path)
     assert not isinstance(caught.value.__cause__, MemoryError)
-
-
-CELLS = [b'<c r="B7">', b"<c s='1' r='B7' >", b'<x:c r = "b7"/>', b'<c r="$B$7">', b'<row r="7"><c r="B2">']
-
-
-@pytest.mark.parametrize("cell", CELLS)
-def test_a_cell_of_excel_tells_how_far_its_sheet_reaches_however_it_is_written(cell: bytes) -> None:
-    assert named_corner([b"<sheetData>" + cell]) == (7, 2)
-    assert named_corner([cell[:4], cell[4:], b">"]) == (7, 2)
-
-
-ROW = b"<table:table-row><table:table-cell office:value='1'/></table:table-row>"
-EMPTY = (
-    b"<table:table-row table:number-rows-repeated='1000000'><table:table-cell table:number-columns-repeated='16384'/>"
-)
-EMPTY += b"</table:table-row>"
-
-
-@pytest.mark.parametrize(
-    ("rows", "corner"),
-    [
-        (ROW * 3, (3, 1)),
-        (ROW + EMPTY, (1, 1)),
-        (ROW + EMPTY + ROW, (1_000_002, 1)),
-        (ROW.replace(b"-row>", b"-row table:number-rows-repeated='9'>", 1), (9, 1)),
-        (ROW.replace(b"-cell ", b"-cell table:number-columns-repeated='9' ", 1), (1, 9)),
-        (b"<table:table-row><table:table-cell table:number-columns-repeated='5'/><table:table-cell><text:p>a</text:p>"
-         b"</table:table-cell><table:table-cell/></table:table-row>", (1, 6)),
-    ],
-)  # fmt: skip
-def test_empty_cells_at_the_end_of_a_sheet_of_libreoffice_do_not_count(rows: bytes, corner: tuple[int, int]) -> None:
-    table = b"<table:table>" + rows + b"</table:table>"
-    assert repeated_corner([table]) == corner
-    assert repeated_corner(table[k : k + 7] for k in range(0, len(table), 7)) == corner
-
-
-@pytest.mark.parametrize("content", [b"", b"<table:table>" + ROW, b"<table:table>" + ROW + b"</table:tab>"])
-def test_a_sheet_of_libreoffice_without_an_end_is_refused(content: bytes) -> None:
-    with pytest.raises(ExpatError):
-        repeated_corner([content])

@@ -4,7 +4,9 @@ import struct
 from collections.abc import Sequence
 from typing import Any
 
-from winchcascade.ingest.excel97 import compound
+SECTOR = 4096
+_FREE, _END, _TABLE = 0xFFFFFFFF, 0xFFFFFFFE, 0xFFFFFFFD
+"""Entries of the table of sectors: unused, last of a chain, part of the table itself."""
 
 
 def record(kind: int, body: bytes = b"") -> bytes:
@@ -41,3 +43,31 @@ def book(rows: Sequence[Sequence[Any]], *, claimed: int | None = None, top: byte
     begins = len(top) + len(record(0x85, bytes(6 + 2 + 6))) + len(bottom)
     listed = record(0x85, struct.pack("<IBBBB", begins, 0, 0, 3, 1) + "log".encode("utf-16-le"))
     return compound(top + listed + bottom + sheet)
+
+
+def compound(stream: bytes) -> bytes:
+    """Make a compound file whose only stream is a workbook: header, stream, directory, an empty sector, table of sectors.
+
+    The empty sector is for small streams, of which there are none: the reader asks for a place of theirs all the same.
+    """
+    stream += bytes(-len(stream) % SECTOR or SECTOR * (not stream))
+    used, entries = len(stream) // SECTOR, SECTOR // 4
+    tables = -(-(used + 2) // (entries - 1))
+    chain = [*range(1, used), _END, _END, _END, *[_TABLE] * tables]
+    chain += [_FREE] * (tables * entries - len(chain))
+    places = [used + 2 + k for k in range(tables)]
+    header = bytes.fromhex("d0cf11e0a1b11ae1") + bytes(16) + struct.pack("<HHHHH6x", 0x3E, 4, 0xFFFE, 12, 6)
+    header += struct.pack("<IIIIIIIII", 1, tables, used, 0, SECTOR, _END, 0, _END, 0)
+    header += struct.pack("<109I", *places, *[_FREE] * (109 - tables))
+    root = _entry("Root Entry", 5, child=1, begins=used + 1)
+    directory = root + _entry("Workbook", 2, size=len(stream)) + _entry("", 0) * (SECTOR // 128 - 2)
+    table = struct.pack(f"<{len(chain)}I", *chain)
+    return b"".join([header.ljust(SECTOR, b"\0"), stream, directory, bytes(SECTOR), table])
+
+
+def _entry(name: str, kind: int, *, child: int = _FREE, begins: int = 0, size: int = 0) -> bytes:
+    """An entry of the directory, 128 bytes."""
+    letters = name.encode("utf-16-le")
+    told = len(letters) + 2 if name else 0
+    head = letters.ljust(64, b"\0") + struct.pack("<HBBIII", told, kind, 1, _FREE, _FREE, child)
+    return head + bytes(36) + struct.pack("<IQ", begins, size)

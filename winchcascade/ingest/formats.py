@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from winchcascade.errors import LogError
 
@@ -34,18 +36,11 @@ def _reader(head: bytes, where: str) -> Callable[[Path], Source]:
         from winchcascade.ingest.tdms import open_tdms
 
         return open_tdms
-    if head.startswith(b"PAR1"):
-        from winchcascade.ingest.parquet import open_parquet
+    isolated = _isolated_reader(head)
+    if isolated is not None:
+        from winchcascade.ingest.isolated import open_isolated
 
-        return open_parquet
-    if head.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
-        from winchcascade.ingest.excel import open_excel
-
-        return open_excel
-    if head.startswith((b"MATLAB ", b"\x89HDF")) or _is_mat_v4(head):
-        from winchcascade.ingest.mat import open_mat
-
-        return open_mat
+        return partial(open_isolated, isolated)
     for magic, name in _NO_LOGS.items():
         if head.startswith(magic):
             raise LogError(
@@ -56,13 +51,49 @@ def _reader(head: bytes, where: str) -> Callable[[Path], Source]:
     return open_delimited
 
 
-def _is_mat_v4(head: bytes) -> bool:
-    """Tell MATLAB v4, which has no magic bytes; no text has a zero among its first four bytes, but for UTF-16."""
-    if 0 not in head[:4]:
-        return False
-    from winchcascade.ingest.mat_tags import is_v4
+def _isolated_reader(head: bytes) -> str | None:
+    """Name the reader of a format that only a process of its own reads; None for other formats."""
+    if head.startswith(b"PAR1"):
+        return "parquet"
+    if head.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
+        return "excel"
+    if head.startswith((b"MATLAB ", b"\x89HDF")) or is_mat_v4(head):
+        return "mat"
+    return None
 
-    return is_v4(head)
+
+_V4_TYPE = re.compile(r"[01]0[0-5][012]")
+"""Byte order (0 little, 1 big), a zero, the precision and the kind of a variable of MATLAB v4, as one decimal number."""
+
+_V4_HEADER, _V4_LONGEST_NAME = 20, 64
+"""Bytes of the numbers before the name of such a variable, and most bytes of the name, its closing zero included."""
+
+_V4_ORDERS: tuple[tuple[Literal["little", "big"], str], ...] = (("little", "0"), ("big", "1"))
+_V4_NAME = re.compile(rb"[A-Za-z]\w*\0+")
+
+
+def is_mat_v4(head: bytes) -> bool:
+    """Recognise MATLAB v4, which has no magic bytes, by the header of its first variable.
+
+    No text has a zero among its first four bytes, except in UTF-16.
+
+    >>> import struct
+    >>> is_mat_v4(struct.pack("<5i", 0, 500, 1, 0, 2) + b"v" + bytes(1))
+    True
+    >>> is_mat_v4(b"Time (s),Velocity (m/s),Pressure (bar)")
+    False
+    """
+    if 0 not in head[:4] or len(head) < _V4_HEADER:
+        return False
+    for order, digit in _V4_ORDERS:
+        kind, rows, columns, imaginary, name = (
+            int.from_bytes(head[k : k + 4], order, signed=True) for k in range(0, _V4_HEADER, 4)
+        )
+        typed = _V4_TYPE.fullmatch(f"{kind:04d}") and f"{kind:04d}".startswith(digit)
+        shaped = rows >= 0 and columns >= 0 and imaginary in (0, 1) and 2 <= name <= _V4_LONGEST_NAME
+        if typed and shaped:
+            return _V4_NAME.fullmatch(head[_V4_HEADER : _V4_HEADER + name]) is not None
+    return False
 
 
 _NO_LOGS = {

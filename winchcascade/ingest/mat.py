@@ -32,7 +32,7 @@ def open_mat(path: Path) -> Source:
     Raises
     ------
     LogError
-        the file is damaged, too large, needs h5py that is not installed, or holds nothing like a column
+        the file is damaged, needs h5py that is not installed, or holds nothing like a column
     """
     with _told(path):
         tree = read_tree(path)
@@ -57,7 +57,7 @@ def _told(path: Path) -> Iterator[None]:
     """Turn whatever the parsers trip over into one sentence."""
     try:
         yield
-    except LogError:
+    except (LogError, MemoryError):
         raise
     except Exception as fault:  # damage shows as nearly every exception there is
         raise LogError(

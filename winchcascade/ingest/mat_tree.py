@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from winchcascade.errors import LogError
-from winchcascade.ingest.mat_tags import check_4, check_5, refuse_bomb
 
 if TYPE_CHECKING:
     from winchcascade.run import Signal
@@ -38,19 +36,13 @@ def _is_hdf5(path: Path) -> bool:
 
 def _read_72(path: Path) -> dict[str, Node]:
     """Read MATLAB v4 to v7.2."""
-    from scipy.io import loadmat, whosmat
-    from scipy.io.matlab import MatReadWarning, matfile_version
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadWarning
 
     with warnings.catch_warnings():
         # scipy turns a variable that breaks off into a warning and a text in its place.
         warnings.simplefilter("ignore")
         warnings.simplefilter("error", MatReadWarning)
-        content = path.read_bytes()
-        if matfile_version(path)[0] == 1:
-            check_5(path, content)
-        else:
-            check_4(content)
-        refuse_bomb(path, sum(prod(map(int, shape)) for _, shape, _ in whosmat(path)))
         raw = loadmat(path, simplify_cells=True)
     return _nodes_72({name: value for name, value in raw.items() if not name.startswith("__")})
 
@@ -92,9 +84,6 @@ def _read_73(path: Path) -> dict[str, Node]:
             "`pip install winchcascade[mat73]` or save it with `save -v7`."
         ) from fault
     with h5py.File(path, "r") as file:
-        sizes: list[int] = []
-        file.visititems(lambda _, item: sizes.append(getattr(item, "size", None) or 0))
-        refuse_bomb(path, sum(sizes))
         return _nodes_73(file, file, 0)
 
 

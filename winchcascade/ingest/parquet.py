@@ -19,9 +19,6 @@ from winchcascade.ingest.source import Header, Source, Table
 if TYPE_CHECKING:
     from winchcascade.run import Signal
 
-BYTES_LOADED = 8 * 2**30
-"""Most that the wanted columns may take as numbers: a few kilobytes of Parquet can claim any number of rows."""
-
 UNIT_KEYS = (b"unit", b"units")
 NOT_PROPERTIES = (b"pandas", b"ARROW:schema")
 
@@ -51,9 +48,9 @@ def _opened(path: Path) -> Iterator[Any]:
         texts = [field.name for field in pq.read_schema(path) if _is_text(field.type)]
         with pq.ParquetFile(path, read_dictionary=texts) as file:
             yield file
-    except LogError:
+    except (LogError, MemoryError):
         raise
-    except Exception as fault:  # damage shows as OSError, ValueError, KeyError, MemoryError and pyarrow's own
+    except Exception as fault:  # damage shows as OSError, ValueError, KeyError and pyarrow's own
         raise LogError(
             f"{path.name}: the file is damaged or breaks off ({type(fault).__name__}); a whole Parquet file was "
             "expected; copy or export it again."
@@ -83,7 +80,6 @@ def _property(text: str) -> str | float:
 def _load(path: Path, wanted: Sequence[int], time: int | None) -> Table:
     """Read the wanted columns into numbers and the time column into what it holds."""
     with _opened(path) as file:
-        _refuse_bomb(path, file, len({*wanted, *([] if time is None else [time])}))
         values = {i: _column(file, i) for i in wanted}
         if time is None:
             return Table(values)
@@ -94,22 +90,6 @@ def _load(path: Path, wanted: Sequence[int], time: int | None) -> Table:
         if _is_text(kind):
             return Table(values, stamps=_texts(file, time))
         return Table(values, stamps=_column(file, time))
-
-
-def _refuse_bomb(path: Path, file: Any, columns: int) -> None:
-    """Compare what the file claims to hold with what is read at most.
-
-    Raises
-    ------
-    LogError
-        the wanted columns would take more than `BYTES_LOADED`
-    """
-    size = file.metadata.num_rows * columns * 8
-    if size > BYTES_LOADED:
-        raise LogError(
-            f"{path.name}: {file.metadata.num_rows} rows in {columns} columns take {size / 2**30:.0f} GiB; at most "
-            f"{BYTES_LOADED / 2**30:.0f} GiB are read; cut the log into shorter files."
-        )
 
 
 def _pieces(file: Any, i: int) -> Iterator[Any]:

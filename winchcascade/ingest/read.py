@@ -95,7 +95,10 @@ def read_run(
 def _read(path: Path, rig: Rig, load: float | None, load_source: str, about: str) -> Run:
     """Read and check a log that nobody changes meanwhile."""
     source = open_log(path)
-    found, table = _loaded(source, rig, path.name)
+    try:
+        found, table = _loaded(source, rig, path.name)
+    finally:
+        source.close()
     digest = _Digest(path)
     samples = len(next(iter(table.values.values())))
     _check_length(samples, path.name)

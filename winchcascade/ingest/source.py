@@ -34,6 +34,10 @@ class Table(msgspec.Struct, frozen=True):
     findings: tuple[Finding, ...] = ()
 
 
+def _nothing() -> None:
+    """Close a source that holds nothing open."""
+
+
 class Source(msgspec.Struct, frozen=True):
     """An opened log: its headers, and a way to load the wanted columns.
 
@@ -44,6 +48,7 @@ class Source(msgspec.Struct, frozen=True):
     time_step : sampling interval that the file states itself (a waveform); None where stamps or nothing say it [s]
     time_start : stamp of the first sample of such a waveform [s]
     properties : what the file says about itself, such as `load_ohm`
+    close : gives back what the source holds; no column can be loaded afterwards
     """
 
     headers: Sequence[Header]
@@ -51,3 +56,4 @@ class Source(msgspec.Struct, frozen=True):
     time_step: float | None = None
     time_start: float = 0.0
     properties: Mapping[str, str | float] = msgspec.field(default_factory=dict)
+    close: Callable[[], object] = _nothing
