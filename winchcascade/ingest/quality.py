@@ -7,17 +7,22 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from winchcascade.channels import CHANNELS
 from winchcascade.ingest.agreement import disagreements, power_disagrees, without_sign
+from winchcascade.ingest.dropouts import ROUNDS, Dropout, find_dropouts, find_filled
 from winchcascade.ingest.glitches import LONGEST, Pulses, find_glitches, find_pulses
 from winchcascade.ingest.sensor_range import farthest, limits_of, out_of_range
 from winchcascade.ingest.signs import upright
-from winchcascade.ingest.spikes import find_bends, single_spikes
+from winchcascade.ingest.spikes import Bends, find_bends, single_spikes
 from winchcascade.ingest.stuck import Motion, find_stuck, motion
 from winchcascade.ingest.told import at, dead
+from winchcascade.quantity import find_unit
 from winchcascade.run import Finding
 from winchcascade.smooth import local_quadratic
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from winchcascade.rigfile import Rig
@@ -53,8 +58,9 @@ def check(t: Signal, channels: dict[str, Signal], rig: Rig, *, simulated: bool, 
     lost: dict[str, Mask] = {}
     for name in list(channels):
         _take_out_holes(t, name, channels, lost, findings)
+        _take_out_filled(t, name, channels, lost, findings)
     findings += _missing(channels, rig, {f.channel for f in findings if f.kind == "missing_channel"})
-    wild = _take_out_spikes(t, channels, rig, lost, findings)
+    wild = _take_out_spikes(t, channels, rig, lost, findings, open_circuit=open_circuit)
     if not simulated:
         _drop_dead_velocity(t, channels, lost, findings)
     if "velocity" not in channels and "displacement" not in channels:
@@ -96,6 +102,19 @@ def _take_out_holes(
         x[bad] = np.nan
         lost[name] = bad
         findings.append(at(t, bad, "not_a_number", name, "cells are empty or not a number", removed=True))
+
+
+def _take_out_filled(
+    t: Signal, name: str, channels: dict[str, Signal], lost: dict[str, Mask], findings: list[Finding]
+) -> None:
+    """Take out the zeros that a logger writes where a slow channel has no new value."""
+    filled = find_filled(channels[name]) if name in channels else None
+    if filled is None:
+        return
+    channels[name][filled] = np.nan
+    lost[name] = lost[name] | filled if name in lost else filled
+    what = "rows hold 0 between the updates of a slower channel"
+    findings.append(at(t, filled, "dropped_samples", name, what, removed=True))
 
 
 def _missing(channels: dict[str, Signal], rig: Rig, told: set[str | None]) -> list[Finding]:
@@ -158,15 +177,23 @@ def _slope(t: Signal, displacement: Signal) -> Signal:
 
 
 def _take_out_spikes(
-    t: Signal, channels: dict[str, Signal], rig: Rig, lost: dict[str, Mask], findings: list[Finding]
+    t: Signal,
+    channels: dict[str, Signal],
+    rig: Rig,
+    lost: dict[str, Mask],
+    findings: list[Finding],
+    *,
+    open_circuit: bool,
 ) -> dict[str, tuple[Index, Signal]]:
-    """Take single-sample spikes and short glitches out of the channels; which they were, and what was logged there."""
+    """Take dropouts, single-sample spikes and short glitches out of the channels; which of the last two they were, and what
+    was logged there."""
     longest = int(LONGEST * (t.size - 1) / float(t[-1] - t[0]) + 1e-6)
+    sharp = _take_out_dropouts(t, channels, lost, findings, open_circuit=open_circuit)
     singles: dict[str, Index] = {}
     pulses: dict[str, Pulses] = {}
     logged: dict[str, Signal] = {}
     for name, x in channels.items():
-        bends = find_bends(x)
+        bends = sharp[name]
         spikes = single_spikes(bends)
         pulses[name] = find_pulses(bends, spikes, longest, farthest(rig.sensors.get(name)))
         singles[name] = bends.logged(spikes)
@@ -189,6 +216,40 @@ def _take_out_spikes(
         if spikes.size:
             wild[name] = spikes, values
     return wild
+
+
+def _take_out_dropouts(
+    t: Signal, channels: dict[str, Signal], lost: dict[str, Mask], findings: list[Finding], *, open_circuit: bool
+) -> dict[str, Bends]:
+    """Take out the stretches in which a channel holds a value that it cannot have; where the channels then bend sharply."""
+    bends = {name: find_bends(x) for name, x in channels.items()}
+    values: dict[str, list[Dropout]] = {}
+    taken: dict[str, list[Index]] = {}
+    for _ in range(ROUNDS):
+        dropouts = find_dropouts(t, channels, bends, open_circuit=open_circuit)
+        if not dropouts:
+            break
+        for name, stretches in dropouts.items():
+            for d in stretches:
+                samples = np.arange(d.before + 1, d.after)
+                taken.setdefault(name, []).append(samples[(channels[name][samples] == d.value) | (not d.even)])
+                values.setdefault(name, []).append(d)
+            channels[name][np.concatenate(taken[name])] = np.nan
+            bends[name] = find_bends(channels[name])
+    for name, parts in taken.items():
+        what = f"samples jump to {_values(name, values[name])} while other channels go on, in {_places(len(parts))}"
+        findings.append(_taken_out(t, name, np.concatenate(parts), what, lost))
+    return bends
+
+
+def _values(name: str, stretches: Sequence[Dropout]) -> str:
+    """The values that a channel dropped to, the most frequent ones, for a sentence."""
+    unit = CHANNELS[name].unit
+    known = find_unit(unit)
+    factor = known.factor if known is not None else 1.0
+    texts = [f"{'' if d.even else 'about '}{d.value / factor:.{6 if d.even else 2}g}" for d in stretches]
+    most = sorted({*texts}, key=lambda text: (-texts.count(text), text))
+    return f"{' or '.join(most[:2])} {unit}" + (" or other constants" if len(most) > 2 else "")
 
 
 def _places(count: int) -> str:

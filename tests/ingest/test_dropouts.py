@@ -1,0 +1,162 @@
+"""Zeros, error codes and held values of any length are taken out; what the machine does stays as logged."""
+
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from synthetic import SENSORS
+
+from winchcascade import Reduction, Run, read_run, reduce
+
+Signal = NDArray[np.float64]
+
+SOURCE = Path(__file__).parents[2] / "fixtures" / "campaign" / "r18ohm.csv"
+NAMES = list(SENSORS)
+WINDOW = 5.96
+ENERGY = 0.005
+"""Share by which a complete cycle's energy may differ from that of the clean log."""
+
+
+@cache
+def table(fs: int = 25) -> Signal:
+    rows: Signal = np.loadtxt(SOURCE, delimiter=",", skiprows=1)
+    t = np.arange(0.0, rows[-1, 0], 1.0 / fs)
+    return np.column_stack((t, *(np.round(np.interp(t, rows[:, 0], x), 4) for x in rows.T[1:])))
+
+
+@cache
+def clean(fs: int = 25) -> Reduction:
+    if fs == 25:
+        return reduce(read_run(SOURCE), window=WINDOW)
+    with TemporaryDirectory() as folder:
+        return reduce(written(Path(folder), table(fs)), window=WINDOW)
+
+
+def written(folder: Path, rows: Signal) -> Run:
+    path = folder / "log.csv"
+    headers = ",".join(["Time (s)", *(sensor.header for sensor in SENSORS.values())])
+    np.savetxt(path, rows, "%.9g", ",", header=headers, comments="")
+    return read_run(path, load=18.0)
+
+
+def column(name: str) -> int:
+    return 1 + NAMES.index(name)
+
+
+def after_onset(seconds: float, fs: int = 25, cycle: int = 1) -> int:
+    return int((clean().cycles[cycle].window.onset + seconds) * fs)
+
+
+def travelled(rows: Signal) -> Signal:
+    return np.round(np.append(0.0, np.cumsum(np.diff(rows[:, 0]) * rows[1:, column("velocity")])), 4)
+
+
+def told(run: Run, kind: str = "spike") -> set[str | None]:
+    return {f.channel for f in run.findings if f.kind == kind}
+
+
+def assert_same_energies(run: Run, fs: int = 25) -> None:
+    """Every cycle that is still complete has the energies of the clean log."""
+    for got, true in zip(reduce(run, window=WINDOW).cycles, clean(fs).cycles, strict=True):
+        for name in ("energy_line", "energy_mech", "energy_gen"):
+            if got.complete:
+                assert getattr(got.metrics, name) == pytest.approx(getattr(true.metrics, name), rel=ENERGY)
+
+
+@pytest.mark.parametrize("name", ["force", "torque", "vdc", "idc"])
+@pytest.mark.parametrize(("fs", "seconds"), [(10, 0.2), (10, 2.0), (25, 0.24), (25, 0.6), (100, 0.3), (100, 3.0)])
+def test_zeros_on_the_plateau_are_taken_out(tmp_path: Path, name: str, fs: int, seconds: float) -> None:
+    rows, k = table(fs).copy(), after_onset(3.6, fs)
+    rows[k : k + round(seconds * fs), column(name)] = 0.0
+    run = written(tmp_path, rows)
+    (finding,) = [f for f in run.findings if f.kind == "spike"]
+    assert (finding.channel, finding.count) == (name, round(seconds * fs))
+    assert_same_energies(run, fs)
+
+
+@pytest.mark.parametrize("lost", [("vdc", "idc"), ("torque", "vdc", "idc"), ("force", "torque", "vdc", "idc")])
+def test_zeros_of_several_channels_at_once_are_taken_out(tmp_path: Path, lost: tuple[str, ...]) -> None:
+    rows, k = table().copy(), after_onset(3.6)
+    for name in lost:
+        rows[k : k + 12, column(name)] = 0.0
+    assert told(written(tmp_path, rows)) == {*lost}
+
+
+@pytest.mark.parametrize("code", [-999.0, 9999.0])
+@pytest.mark.parametrize("samples", [8, 25, 100])
+@pytest.mark.parametrize("name", NAMES)
+def test_error_codes_of_any_length_are_taken_out(tmp_path: Path, name: str, samples: int, code: float) -> None:
+    rows, k = table().copy(), after_onset(2.0)
+    rows[k : k + samples, column(name)] = code
+    run = written(tmp_path, rows)
+    assert told(run) == {name}
+    assert "jump to " in run.findings[0].message
+    assert_same_energies(run)
+
+
+@pytest.mark.parametrize("share", [0.01, 0.05, 0.2])
+@pytest.mark.parametrize("name", ["velocity", "torque", "idc"])
+def test_error_codes_in_many_samples_are_taken_out(tmp_path: Path, name: str, share: float) -> None:
+    rows = table().copy()
+    bad = np.random.default_rng(4).random(len(rows)) < share
+    rows[bad, column(name)] = -999.0
+    run = written(tmp_path, rows)
+    assert sum(f.count for f in run.findings if f.kind == "spike") == np.count_nonzero(bad)
+    assert_same_energies(run)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.4])
+def test_a_stretch_in_another_unit_and_one_of_noise_about_zero_are_taken_out(tmp_path: Path, share: float) -> None:
+    rows, k = table().copy(), after_onset(3.6)
+    rows[k : k + 20, column("vdc")] *= share
+    rows[k + 200 : k + 230, column("idc")] = np.random.default_rng(1).normal(0.0, 0.02, 30)
+    assert told(written(tmp_path, rows)) == {"vdc", "idc"}
+
+
+def test_error_codes_at_the_end_of_a_log_are_taken_out(tmp_path: Path) -> None:
+    rows = table()[: after_onset(8.0)].copy()
+    rows[-30:, column("torque")] = -999.0
+    assert told(written(tmp_path, rows)) == {"torque"}
+
+
+@pytest.mark.parametrize("every", [2, 3, 5, 10])
+@pytest.mark.parametrize("filler", [0.0, np.nan])
+def test_rows_between_the_updates_of_a_slow_channel_are_bridged(tmp_path: Path, every: int, filler: float) -> None:
+    rows = table().copy()
+    for name in ("force", "idc"):
+        rows[np.arange(len(rows)) % every != 0, column(name)] = filler
+    run = written(tmp_path, rows)
+    assert told(run, "not_a_number" if np.isnan(filler) else "dropped_samples") == {"force", "idc"}
+    assert_same_energies(run)
+
+
+# ----------------------------------------------------------------------------------------------------- what is kept
+@pytest.mark.parametrize("fs", [5, 10, 25, 100])
+@pytest.mark.parametrize("speed", [0.0, 0.2])
+def test_a_crane_that_stops_makes_every_channel_fall_and_none_is_taken_out(
+    tmp_path: Path, fs: int, speed: float
+) -> None:
+    rows, k = table(fs).copy(), after_onset(4.0, fs)
+    stop = slice(k, k + 2 * fs)
+    rows[stop, column("velocity")] *= speed
+    rows[:, column("displacement")] = travelled(rows)
+    for name in ("torque", "vdc", "idc"):
+        rows[stop, column(name)] = 0.0
+    rows[stop, column("force")] *= 0.2
+    assert told(written(tmp_path, rows)) == set()
+
+
+@pytest.mark.parametrize("fs", [5, 10, 25])
+def test_a_clutch_that_opens_while_vdc_and_idc_decay_is_kept(tmp_path: Path, fs: int) -> None:
+    rows, k = table(fs).copy(), after_onset(4.0, fs)
+    open_ = slice(k, k + fs)
+    decay = np.exp(-np.arange(fs) / fs / 0.1)
+    rows[open_, column("velocity")] *= 0.6
+    rows[:, column("displacement")] = travelled(rows)
+    rows[open_, column("torque")] = 0.0
+    for name in ("vdc", "idc"):
+        rows[open_, column(name)] *= decay
+    assert told(written(tmp_path, rows)) == set()
