@@ -14,6 +14,33 @@ def one_line(text: str) -> str:
     return "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in text)
 
 
-def lines(text: str) -> str:
+def printable(text: str) -> str:
     """Text whose line ends alone are kept, each line as `one_line` has it."""
     return "\n".join(map(one_line, text.split("\n")))
+
+
+def lines(text: str) -> str:
+    """Text as `printable` has it, with a blank in whatever a runner of GitHub would take for a command.
+
+    A runner reads what a step prints: a command begins a line with two colons, or stands anywhere after ##[.
+
+    >>> lines("a title\\n  ::error::of it, and ##[debug]more")
+    'a title\\n  : :error::of it, and ## [debug]more'
+    """
+    return "\n".join(map(_without_command, printable(text).split("\n")))
+
+
+def _without_command(line: str) -> str:
+    body = line.lstrip()
+    if body.startswith("::"):
+        line = f"{line[: len(line) - len(body)]}: :{body[2:]}"
+    return line.replace("##[", "## [")
+
+
+def json_without_commands(content: bytes) -> bytes:
+    """JSON of the same value in which a runner of GitHub finds no command.
+
+    >>> json_without_commands(b'{"title": "##[debug]"}')
+    b'{"title": "#\\\\u0023[debug]"}'
+    """
+    return content.replace(b"##[", b"#\\u0023[")

@@ -3,6 +3,7 @@
 import json
 import locale
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -12,6 +13,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import openpyxl
+import pint
 import pyarrow as pa
 import pypdf
 import pytest
@@ -20,6 +22,7 @@ from pyarrow import parquet
 from seeds import HEADERS, LOG, ROOT, ROWS, tdms, text
 
 from winchcascade.errors import LogError
+from winchcascade.ingest.assign import _UNIT, _unit_by_pint
 from winchcascade.ingest.read import read_run
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="files as POSIX has them")
@@ -339,6 +342,108 @@ def test_junit_is_xml_whatever_the_names(named: Path, tmp_path: Path) -> None:
     assert call("batch", named, "--out", out, "--reports", "none", "--jobs", "1").code == 0
     call("check", out, "--against", TABLE, "--junit", junit)
     assert ElementTree.parse(junit).getroot().tag == "testsuites"
+
+
+COMMANDS_OF_A_RUNNER = [
+    "::error file=x::planted", "  ::stop-commands::x", "\n::set-output name=a::b", "\r::add-mask::a", "%0A::debug::x",
+    "##[error]planted", "x ##[add-path]/tmp", "###[debug]x", "\u2028::warning::x", "\x0b::error::x", "\x85::error::x",
+]  # fmt: skip
+
+
+def obeyed(said: str) -> list[str]:
+    """The commands that a runner of GitHub finds in what a step prints, one for each line or part of one."""
+    return [x for x in re.split("[\r\n]", said) if x.lstrip().startswith("::") or "##[" in x]
+
+
+@POSIX
+@pytest.mark.parametrize("words", COMMANDS_OF_A_RUNNER)
+def test_a_runner_of_github_obeys_nothing_of_a_name(words: str, tmp_path: Path) -> None:
+    name = f"{words.replace('/', '')}.csv"
+    shutil.copy(LOG, tmp_path / name)
+    (tmp_path / "bad.csv").write_text(f"{words.strip()},b\n")
+    (tmp_path / "campaign.toml").write_text(
+        f"title = {toml(words)}\n[[run]]\nfile = {toml(name)}\nload_ohm = 36\nwindow_s = 5.48\n",
+        encoding="utf-8",
+    )
+    table, junit = tmp_path / "t.toml", tmp_path / "junit.xml"
+    table.write_text(
+        f"title = {toml(words)}\nsource = {toml(words)}\n[columns]\neta_pto = {{ unit = '1', decimals = 3 }}\n"
+        "[[row]]\nload_ohm = 36\neta_pto = 0.1\n[[row]]\nload_ohm = 4.5\neta_pto = 0.1\n",
+        encoding="utf-8",
+    )
+    out = tmp_path / "out"
+    calls: list[list[str | Path]] = [
+        ["reduce", tmp_path / name],
+        ["reduce", tmp_path / name, "--json", "-"],
+        ["reduce", tmp_path / "bad.csv"],
+        ["reduce", words],
+        ["batch", tmp_path / "campaign.toml", "--out", out, "--reports", "none", "--jobs", "1"],
+        ["audit", table],
+        ["audit", table, "--json", "-"],
+        ["check", out, "--against", table, "--json", "-"],
+    ]
+    for arguments in calls:
+        called = call(*arguments)
+        assert called.out or called.err
+        assert obeyed(called.out) + obeyed(called.err) == [], arguments
+        if "-" in arguments:
+            assert called.code < 2, called
+            assert json.loads(called.out)
+    called = call("check", out, "--against", table, "--github", "--junit", junit)
+    own = obeyed(called.out)
+    assert len(own) >= 2
+    assert all(
+        re.fullmatch(r"::(error|warning) file=[^,:]*t\.toml,line=\d+,title=[^,:]*::.*|::notice::.*", x) for x in own
+    )
+    assert sum(x.startswith("::error ") for x in own) == 2
+    assert ElementTree.parse(junit).getroot().tag == "testsuites"
+
+
+# --- units to be evaluated
+
+EVALUATED = [
+    "9**9**9",
+    "m/s*9**9**9",
+    "N*9**9**9",
+    "(((N)))",
+    "m" * 61,
+    "N**99",
+    "m⁹⁹⁹⁹⁹⁹",
+    "1e999999999 N",
+    "N!",
+    "N if 1 else m",
+]
+
+
+@pytest.mark.parametrize("unit", EVALUATED)
+def test_arithmetic_in_a_unit_is_not_evaluated(unit: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pint", None)  # whoever imports it fails
+    assert _unit_by_pint(unit, "force") is None
+    names = [HEADERS[0], HEADERS[1], HEADERS[2], f"Force [{unit}]"]
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join([",".join(names), *(",".join([*row[:3], row[4]]) for row in ROWS)]), encoding="utf-8")
+    assert "unit_assumed" in {finding.kind for finding in read_run(path).findings}
+
+
+def test_every_unit_that_pint_knows_passes_the_grammar() -> None:
+    registry: pint.UnitRegistry[float] = pint.UnitRegistry()
+    assert [name for name in (*registry._units, *registry._prefixes) if name and not _UNIT.fullmatch(name)] == []
+
+
+UNITS_OF_PINT = {
+    ("kilonewton", "force"): 1e3, ("kip", "force"): 4448.2216152605, ("kg m / s^2", "force"): 1.0,
+    ("m * s**-1", "velocity"): 1.0, ("m s⁻¹", "velocity"): 1.0, ("km/hour", "velocity"): 1 / 3.6, ("1/s * m", "velocity"): 1.0,
+    ("meters per second", "velocity"): 1.0, ("knot", "velocity"): 1852 / 3600, ("N/(mm^2)", "pressure"): 1e6,
+    ("N m⁻²", "pressure"): 1.0, ("torr", "pressure"): 101325 / 760, ("foot pound_force", "torque"): 1.3558179483314,
+    ("pound_force per square inch", "pressure"): 6894.757293168, ("kΩ A", "vdc"): 1e3,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("unit", "channel"), UNITS_OF_PINT)
+def test_units_that_the_table_lacks_are_still_read(unit: str, channel: str) -> None:
+    found = _unit_by_pint(unit, channel)
+    assert found is not None
+    assert found.factor == pytest.approx(UNITS_OF_PINT[unit, channel], rel=1e-9)
 
 
 # --- paths

@@ -12,10 +12,17 @@ from winchcascade.errors import OptionError
 
 
 def show(text: str, *, file: TextIO | None = None, flush: bool = False) -> None:
-    """Print lines, with a question mark for each character that a terminal would obey: names from files may hold any."""
+    """Print lines of which neither a terminal nor a runner of GitHub obeys anything: names from files may hold any text."""
     from winchcascade.plaintext import lines
 
     print(lines(text), end="", file=file, flush=flush)
+
+
+def show_commands(text: str, *, file: TextIO) -> None:
+    """Print lines that a runner of GitHub is to obey; what they quote is escaped already."""
+    from winchcascade.plaintext import printable
+
+    print(printable(text), end="", file=file)
 
 
 def write_json(target: str | None, record: dict[str, Any], *, force: bool) -> bool:
@@ -26,11 +33,13 @@ def write_json(target: str | None, record: dict[str, Any], *, force: bool) -> bo
 
     from winchcascade.files import write_content
 
-    content = msgspec.json.format(msgspec.json.encode(record), indent=1).decode() + "\n"
+    content = msgspec.json.format(msgspec.json.encode(record), indent=1) + b"\n"
     if target == "-":
-        print(content, end="")
+        from winchcascade.plaintext import json_without_commands
+
+        print(json_without_commands(content).decode(), end="")
         return True
-    write_content(Path(target), content, force=force)
+    write_content(Path(target), content.decode(), force=force)
     return False
 
 

@@ -82,6 +82,8 @@ def _write_with_uncertainty(
     from winchcascade.report.records import reduction_json, write_json
 
     if json == "-":
-        sys.stdout.buffer.write(reduction_json(reduction, found))
+        from winchcascade.plaintext import json_without_commands
+
+        sys.stdout.buffer.write(json_without_commands(reduction_json(reduction, found)))
     else:
         write_json(reduction, found, Path(json), force=force)

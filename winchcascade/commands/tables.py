@@ -11,7 +11,7 @@ import typer
 
 from winchcascade.commands.complete import table_names
 from winchcascade.commands.options import ForceOption, JobsOption, JsonOption, RigOption
-from winchcascade.commands.outputs import check_outputs, show, write_json
+from winchcascade.commands.outputs import check_outputs, show, show_commands, write_json
 from winchcascade.errors import OptionError
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ def check_command(
     if not write_json(json, check_record(outcome), force=force):
         show(check_text(outcome))
     if github:
-        show(github_annotations(outcome, table.path), file=sys.stderr if json == "-" else sys.stdout)
+        show_commands(github_annotations(outcome, table.path), file=sys.stderr if json == "-" else sys.stdout)
     raise typer.Exit(0 if outcome.ok else 1)
 
 

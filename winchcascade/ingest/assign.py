@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -212,8 +213,25 @@ _PINT_UNIT = {
 }  # fmt: skip
 
 
+_LONGEST_UNIT = 60
+"""More characters are no unit."""
+
+_LETTER = r"A-Za-z_\u00b0\u00b5\u00c0-\u00d6\u00d8-\u00f6\u00f8-\u024f\u0370-\u03ff\u2103\u2109\u210e\u2113\u2126\u221e%\u2030"
+_SYMBOL = rf"[{_LETTER}][{_LETTER}0-9]*"
+_POWER = rf"{_SYMBOL}(?:\s*(?:\*\*|\^)\s*[-+]?\d(?!\d)|[\u207a\u207b]?[\u00b9\u00b2\u00b3\u2070\u2074-\u2079])?"
+_TIMES = r"(?:\s*[*/.\u00b7\u22c5\u00d7]\s*|\s+)"
+_PRODUCT = rf"(?:1\s*/\s*)?{_POWER}(?:{_TIMES}{_POWER})*"
+_UNIT = re.compile(rf"\s*{_PRODUCT}(?:{_TIMES}\(\s*{_PRODUCT}\s*\))?\s*")
+"""What a unit may look like: symbols or words, each with a power of one digit, their products and quotients, one bracket.
+
+Nothing else is given to pint, which would evaluate any arithmetic: 9**9**9 takes hours.
+"""
+
+
 def _unit_by_pint(text: str, channel: str) -> Unit | None:
     """Ask pint for a unit that the table does not hold; None where pint does not know it for this channel either."""
+    if len(text) > _LONGEST_UNIT or not _UNIT.fullmatch(text):
+        return None
     import pint
 
     registry: pint.UnitRegistry[float] = pint.UnitRegistry()

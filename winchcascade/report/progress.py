@@ -7,7 +7,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from winchcascade.plaintext import one_line
+from winchcascade.plaintext import lines, one_line
 
 
 class Telling:
@@ -79,7 +79,7 @@ class Progress:
 
     def waiting(self, folder: Path) -> None:
         """Report that another call works in the folder of the results, so that nobody takes the wait for a fault."""
-        sys.stderr.write(f"waiting for another call that works in {one_line(str(folder))}\n")
+        sys.stderr.write(lines(f"waiting for another call that works in {one_line(str(folder))}\n"))
         sys.stderr.flush()
 
     def done(self, name: str, fault: str | None) -> None:
@@ -88,7 +88,7 @@ class Progress:
             self._bar.advance(self._task)
         if fault is None:
             return
-        line = one_line(f"failed: {name}")
+        line = lines(one_line(f"failed: {name}"))
         if self._bar is not None:
             self._bar.console.print(line, markup=False, highlight=False)
         else:
