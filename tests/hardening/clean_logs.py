@@ -135,7 +135,7 @@ def _is_true(finding: Finding, found: Reduction) -> bool:
     return found.rig.name == "kitepower" and finding.kind in TRUE_OF_THE_KITE
 
 
-def print_findings(folder: Path) -> int:
+def print_findings(folder: Path, *, unreported_too: bool) -> int:
     """Print each false finding and their number; 1 if there is one."""
     cases = false = unreported = 0
     for source in (campaigns(), kite(), rates(folder), simulated(folder)):
@@ -147,7 +147,7 @@ def print_findings(folder: Path) -> int:
             if case.true is not None and moved(case.true, case.found)[0]:
                 told = any(f.kind == "coarse_sampling" for f in case.found.quality)
                 unreported += not told
-                if not told:
+                if not told and unreported_too:
                     print(f"  (not reported: {case.name}: {'; '.join(moved(case.true, case.found)[0][:3])})")
     print(
         f"{cases} reductions of undamaged logs, {false} false findings, {unreported} coarse ones beyond the bar unreported"

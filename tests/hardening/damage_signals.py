@@ -156,8 +156,8 @@ def coarse_stamps(log: Log, rng: Rng) -> Damage:
         stamps, what = log.t[late], f"stamps cut to {size * log.step:g} s"
     else:
         arrival = np.asarray(log.t[np.minimum(late + size - 1, len(log.t) - 1)], dtype=np.float64)
-        since = min(0.001, 0.5 * log.step) * np.arange(len(log.t), dtype=np.float64)
-        stamps = np.round(arrival + since % (size * min(0.001, 0.5 * log.step)), 6)
+        place = (np.arange(len(log.t)) % size).astype(np.float64)
+        stamps = np.round(arrival + min(0.001, 0.5 * log.step) * place, 6)
         what = f"stamps of arrival in bursts of {size} rows"
     return Damage(log, what, frozenset({TIME}), csv(log.changed(time=stamps)), true_stamps=None)
 
