@@ -46,7 +46,7 @@ CLASSES = {
         files.stated_load, files.load_property, files.calibrated_under_load,
     )),
     5: Kind("several tables", (files.two_sheets, files.two_sheets, files.two_in_matlab, files.two_groups), (10, 25)),
-    6: Kind("unit conflicts", (files.unit_conflict, files.unit_conflict, files.wrong_header_unit)),
+    6: Kind("unit conflicts", (files.unit_conflict, files.unit_conflict, files.wrong_header_unit, files.overridden)),
     7: Kind("windows", (files.long_window, files.long_window, files.long_window, files.slipped_window)),
     8: Kind("lag", (
         signals.motion_lag, signals.current_lag, signals.torque_lag, signals.force_lag, signals.slipped, signals.second_clock,

@@ -320,6 +320,19 @@ def wrong_header_unit(log: Log, rng: Rng) -> Damage:
     )  # fmt: skip
 
 
+def overridden(log: Log, rng: Rng) -> Damage:
+    """A rig file whose unit wins over that of the header by `override = true`, with values in the header's unit or its own."""
+    names = list(UNITS)
+    name = names[rng.integers(len(names) - 1)]
+    unit = UNITS[name][rng.integers(len(UNITS[name]))]
+    column = f'{name} = {{ name = "{HEADERS[name]}", unit = "{unit}", override = true }}'
+    rig = f'based_on = "hsu2026"\nname = "mine"\n\n[columns]\n{column}\n'
+    return Damage(
+        log, f"rig file overrides the unit of {name} by {unit}", frozenset({name}), csv(log), rig=rig, truth=truth(log),
+        always="unit of the displacement" if name == "displacement" else "",
+    )  # fmt: skip
+
+
 # --- 7: windows
 
 
@@ -441,13 +454,18 @@ def between_logs(log: Log, rng: Rng) -> Damage:
 
 
 def listed_twice(log: Log, rng: Rng) -> Damage:
-    """A campaign that lists a log twice, one of them withheld: the same path, another spelling, a link or a copy."""
-    form = rng.integers(5)
+    """A campaign that lists a log twice, one of them withheld: one path, another spelling, a link, a copy, or shared cycles."""
+    form = rng.integers(6)
     names = [f"{name}.csv" for name in ("open_circuit", "r45ohm", "r36ohm", "r27ohm", "r18ohm", "r9ohm", "r4p5ohm")]
     twice = f"{log.name}.csv"
     window = (f"\nwindow_s = {log.window}", "")[rng.integers(2)]
-    second = (twice, f"./{twice}", f"../campaign/{twice}", f"link {twice}", f"copy {twice}")[form]
-    damage = Damage(log, f"campaign lists {twice} and {second}, one withheld", frozenset({"campaign"}))
+    second = (twice, f"./{twice}", f"../campaign/{twice}", f"link {twice}", f"copy {twice}", twice)[form]
+    cycles = ("\ncycles = [1, 2]", "\ncycles = [2, 3]") if form == 5 else ("", "")
+    damage = Damage(
+        log,
+        f"campaign lists {twice} and {second}, one withheld{' (cycles 1-2 and 2-3)' if form == 5 else ''}",
+        frozenset({"campaign"}),
+    )
     order = rng.integers(2)
 
     def judge(folder: Path) -> Outcome:
@@ -459,7 +477,8 @@ def listed_twice(log: Log, rng: Rng) -> Damage:
         elif form == 4:
             shutil.copy(place / twice, place / second)
         text = (place / "campaign.toml").read_text()
-        entry = f'\n[[run]]\nfile = "{second}"\nload_ohm = {log.load}{window}\n'
+        entry = f'\n[[run]]\nfile = "{second}"\nload_ohm = {log.load}{window}{cycles[1]}\n'
+        text = text.replace(f'file = "{twice}"', f'file = "{twice}"{cycles[0]}')
         if order:
             text += entry + "withheld = true\n"
         else:
