@@ -19,6 +19,9 @@ DAMAGED = "fixtures/damaged_logs"
 WINDOW = ("--window", "5.48", "--load-ohm", "36")
 """Of the damaged logs, all of which come from the same log."""
 
+OTHER_NUMBERS = ("aborted", "dropouts", "no_torque")
+"""Damaged logs whose numbers are not those of their origin."""
+
 TABLE = "hsu2026-table2"
 COMMANDS = (
     "reduce", "batch", "check", "audit", "demo", "simulate", "calibrate", "diagnose", "effects", "rig", "blind", "blind deal",
@@ -150,9 +153,10 @@ def reduce(place: Workplace) -> Recorded:
     for log in logs(CAMPAIGN):
         yield log.name, place.run("reduce", log, "--json", "r.json") + place.show("r.json")
     for log in logs(DAMAGED):
-        text = place.run("reduce", log) + place.run("reduce", log, *WINDOW, "--json", "d.json", "--force")
-        yield f"damaged-{log.name}", text + place.show("d.json")
-        Path("d.json").unlink(missing_ok=True)
+        yield (
+            f"damaged-{log.name}",
+            place.run("reduce", log) + _reduced(place, log, *WINDOW, whole=log.stem in OTHER_NUMBERS),
+        )
     log = Path(CAMPAIGN, "r36ohm.csv")
     text = place.run("reduce", log, "--parquet", "tables") + place.files("tables")
     text += place.show(*sorted(Path("tables").iterdir()))
@@ -163,9 +167,16 @@ def reduce(place: Workplace) -> Recorded:
         for name in LABELLED:
             yield f"shared-{name}", "\n".join(place.run("reduce", log) for log in logs(f"labelled/{name}"))
         for log in logs("kite"):
-            text = place.run("reduce", log, "--rig", "kitepower", "--json", "k.json", "--force")
-            yield f"shared-kite-{log.name}", text + place.show("k.json")
-            Path("k.json").unlink(missing_ok=True)
+            yield f"shared-kite-{log.name}", _reduced(place, log, "--rig", "kitepower", whole=False)
+
+
+def _reduced(place: Workplace, log: Path, *words: str, whole: bool) -> str:
+    """Reduce a log; its JSON if the whole result is wanted, else its cycles and findings as columns."""
+    if whole:
+        return place.run("reduce", log, *words, "--json", f"{log.stem}.json") + place.show(f"{log.stem}.json")
+    text = place.run("reduce", log, *words, "--parquet", "columns")
+    tables = [Path("columns", f"{log.name}.{table}.parquet") for table in ("cycles", "findings")]
+    return text + place.show(*(table for table in tables if table.is_file()))
 
 
 def batch(place: Workplace) -> Recorded:
@@ -186,7 +197,7 @@ def batch(place: Workplace) -> Recorded:
         for name in LABELLED:
             text = place.run("batch", f"labelled/{name}", "--out", name, *plain)
             tables = [f"{name}/dataset/{table}.parquet" for table in ("runs", "cycles", "bins", "findings")]
-            yield f"shared-{name}", text + place.show(f"{name}/campaign.json", *tables)
+            yield f"shared-{name}", text + place.show(*tables)
         words = ("batch", "kite/20191008_0001.csv", "kite/20191008_0004.csv", "--rig", "kitepower", "--out", "kite-out")
         yield (
             "shared-kite",
@@ -195,6 +206,7 @@ def batch(place: Workplace) -> Recorded:
 
 
 WRONG_TABLE = """title = "A table with mistakes"
+source = "made up"
 [columns]
 energy_line = { unit = "J", decimals = 0 }
 energy_gen = { unit = "J", decimals = 0 }

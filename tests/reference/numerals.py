@@ -12,8 +12,14 @@ LONG = 40
 WIDE = 150
 """A record that fits into a line of this length is not broken. [characters]"""
 
-NOTHING = 1e-12
+NOTHING = 1e-9
 """A number below this is the rounding of a zero."""
+
+STAMPS = (1e9, 1e10)
+"""Where seconds of an epoch lie, which are stored in hundredths. [s]"""
+
+EXACT = 9
+"""From so many digits on a number may be a stamp: fits and drawings have fewer."""
 
 _NUMBER = re.compile(r"(?<![\w.])-?\d+\.?\d*(?:e[-+]?\d+)?")
 
@@ -32,6 +38,8 @@ def number(value: object, digits: int) -> str:
     if not isinstance(value, float | np.floating):
         return str(value)
     known = float(value)
+    if digits >= EXACT and STAMPS[0] <= known < STAMPS[1]:
+        return f"{known:.2f}"
     text = f"{0.0 if abs(known) < NOTHING else known:.{digits}g}"
     return text if re.search(r"[.en]", text) else f"{text}.0"
 
