@@ -3,6 +3,7 @@
 import hashlib
 import inspect
 import math
+import shutil
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
@@ -403,7 +404,7 @@ def _campaign(folder: str, logs: dict[str, float], *, window: float) -> str:
 
 
 def blind(place: Workplace) -> Recorded:
-    """Deal a small trial, diagnose and score it."""
+    """Deal a small trial, diagnose and score it; diagnose and score the trials of earlier versions again."""
     deal = ("blind", "deal", "--cases", "2", "--seed", "1", "--out", "trial", "--jobs", "1")
     text = place.run("blind", "score", "trial") + place.run(*deal) + place.files("trial") + place.run(*deal)
     for log in sorted(Path("trial/case-0001").glob("*.csv")):
@@ -418,14 +419,21 @@ def blind(place: Workplace) -> Recorded:
     yield "score-page", place.show("s.html")
     yield "score-pdf", place.show("s.pdf")
     yield "score-figures", "".join(place.figures)
+    Path("trial").rename("dealt")
+    for version in sorted(KEPT.iterdir()):
+        unpack(version / "trial.tar.xz")
+        text = place.run("blind", "diagnose", "trial", "--jobs", "1") + place.run("blind", "score", "trial")
+        yield f"earlier-{version.name}", text + place.show("trial/diagnoses/case-0001.json", digits=FITTED)
+        Path("trial").rename(f"trial-{version.name}")
 
 
 def earlier(place: Workplace) -> Recorded:
     """Open results and trials of earlier versions: check them, use them again, score them."""
     short = place.short_campaign()
     for version in sorted(KEPT.iterdir()):
-        for archive in sorted(version.glob("*.tar.xz")):
-            unpack(archive)
+        for name in ("results", "trial"):
+            shutil.rmtree(name, ignore_errors=True)
+            unpack(version / f"{name}.tar.xz")
         before = _digests("results")
         text = place.run("check", "results", "--against", TABLE)
         text += place.run("batch", short, "--out", "results", "--jobs", "1", "--reports", "none", "--excel")
@@ -434,8 +442,8 @@ def earlier(place: Workplace) -> Recorded:
             kept = "as it was" if before.get(name) == after.get(name) else "made anew" if name in after else "removed"
             text += f"{name}: {kept}\n"
         text += place.show("results/campaign.json", "results/runs/r36ohm.csv.json")
-        text += place.run("blind", "diagnose", "trial", "--jobs", "1")
-        yield version.name, text + place.run("blind", "score", "trial", "--json", "-")
+        text += place.run("blind", "score", "trial", "--json", "score.json") + place.run("blind", "score", "trial")
+        yield version.name, text + place.show("score.json", digits=FITTED)
 
 
 def _digests(folder: str) -> dict[str, str]:
