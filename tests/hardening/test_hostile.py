@@ -419,6 +419,7 @@ EVALUATED = [
 def test_arithmetic_in_a_unit_is_not_evaluated(unit: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pint", None)  # whoever imports it fails
     assert _unit_by_pint(unit, "force") is None
+    assert _unit_by_pint("m⁹⁹⁹⁹⁹⁹", "force") is None
     names = [HEADERS[0], HEADERS[1], HEADERS[2], f"Force [{unit}]"]
     path = tmp_path / "log.csv"
     path.write_text("\n".join([",".join(names), *(",".join([*row[:3], row[4]]) for row in ROWS)]), encoding="utf-8")
