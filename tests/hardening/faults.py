@@ -1,8 +1,10 @@
-"""Calls that are killed, that find the disk full, or that share a folder: nothing finished is lost, nothing half is read.
+"""Calls that are ended, that find the disk full, or that share a folder: nothing finished is lost, nothing half is read.
 
 `python tests/hardening/faults.py --kills 100` prints counts and returns 1 on a fault; `--only "blind deal"` disturbs that
-command alone. After each disturbance every result
-that is there can be read, and a second call completes, keeps what was finished, and leaves what an undisturbed call leaves.
+command alone, by signals alone with `--signals`. After each disturbance every result that is there can be read, and a second
+call completes, keeps what was finished, leaves what an undisturbed call leaves, and leaves no scratch. SIGINT and SIGTERM are
+answered by one sentence or by none. An interrupt in the first hundredths of a second, while Python itself starts and nothing of
+this program is loaded, is Python's to answer; such tries are counted apart.
 """
 
 import argparse
@@ -48,6 +50,8 @@ class Kind(NamedTuple):
     out: str
     finished: str
     """Pattern of the files that tell that a part is done."""
+    resumes: bool = True
+    """Whether a second call keeps the parts that are done; else each file is the earlier or the new one at any moment."""
 
 
 class Counts(NamedTuple):
@@ -58,24 +62,61 @@ class Counts(NamedTuple):
     hits: int = 0
     kept: int = 0
     faults: tuple[str, ...] = ()
+    early: int = 0
+    """Interrupts that came before anything of this program was loaded."""
 
-    def and_then(self, *, hit: bool, kept: int, fault: str | None) -> "Counts":
+    def and_then(self, *, hit: bool, kept: int, fault: str | None, early: bool = False) -> "Counts":
         """One more try."""
         faults = (*self.faults, fault) if fault else self.faults
-        return Counts(self.name, self.tries + 1, self.hits + hit, self.kept + kept, faults)
+        return Counts(self.name, self.tries + 1, self.hits + hit, self.kept + kept, faults, self.early + early)
 
     def line(self) -> str:
         """The counts as a row of the table."""
-        return f"{self.name:44}{self.tries:7}{self.hits:7}{self.kept:7}{len(self.faults):8}"
+        return f"{self.name:44}{self.tries:7}{self.hits:7}{self.kept:7}{self.early:7}{len(self.faults):8}"
 
 
-HEAD = f"{'disturbance':44}{'tries':>7}{'at work':>8}{'kept':>6}{'faults':>8}"
+HEAD = f"{'disturbance':44}{'tries':>7}{'at work':>8}{'kept':>6}{'early':>7}{'faults':>8}"
 
 
 def _logs(place: Path) -> None:
     (place / "logs").mkdir(parents=True)
     for k in range(COPIES):
         (place / "logs" / f"log {k}.csv").write_text(text())
+
+
+ROWS = 901
+"""Lines of a short log: one cycle, which a diagnosis of a second needs."""
+
+SHORT = {"r36ohm.csv": 36.0, "r9ohm.csv": 9.0}
+"""Logs of a short campaign, with their loads. [ohm]"""
+
+
+def _shorten(source: Path, folder: Path) -> None:
+    """Make a campaign of two short logs of those in another folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in SHORT:
+        lines = (source / name).read_text(encoding="utf-8").splitlines(keepends=True)
+        (folder / name).write_text("".join(lines[:ROWS]), encoding="utf-8")
+    runs = [f'[[run]]\nfile = "{name}"\nload_ohm = {load}\n' for name, load in SHORT.items()]
+    (folder / "campaign.toml").write_text("\n".join(['title = "short"\n', *runs]), encoding="utf-8")
+
+
+def _short(place: Path) -> None:
+    _shorten(ROOT / "fixtures" / "campaign", place / "logs")
+
+
+def _with_earlier(*words: str) -> Callable[[Path], None]:
+    """Short logs, and the results of an earlier call with other options, made once beside the places of all tries."""
+
+    def prepare(place: Path) -> None:
+        once = place.parent / "earlier"
+        if not once.exists():
+            _short(once)
+            (once / "out").mkdir()
+            subprocess.run([*OWN, *words], cwd=once, check=True, capture_output=True)
+        shutil.copytree(once, place)
+
+    return prepare
 
 
 def _dealt(place: Path) -> None:
@@ -88,7 +129,19 @@ def _dealt(place: Path) -> None:
     shutil.copytree(once, place)
 
 
-CASES = ["--cases", "3", "--seed", "7"]
+def _dealt_short(place: Path) -> None:
+    """A copy of a trial whose cases have two short logs each."""
+    once = place.parent / "short"
+    if not once.exists():
+        _dealt(once)
+        for case in sorted((once / "out").glob("case-*")):
+            shutil.move(case, once / "long")
+            _shorten(once / "long", case)
+            shutil.rmtree(once / "long")
+    shutil.copytree(once, place)
+
+
+CASES = ["--cases", "2", "--seed", "7"]
 BATCH = Kind("batch", [*OWN, "batch", "logs", "--out", "out", "--reports", "none"], _logs, "out", "runs/*.json")
 DEAL = Kind(
     "blind deal",
@@ -98,7 +151,18 @@ DEAL = Kind(
     "case-*",
 )
 GUESSED = Kind("blind diagnose, by a guess", [*GUESS, "out"], _dealt, "out", "diagnoses/*.json")
+DIAGNOSED = Kind("blind diagnose", [*OWN, "blind", "diagnose", "out"], _dealt_short, "out", "diagnoses/*.json")
+_DIAGNOSE = ("diagnose", "logs", "--suspect", "ke_shift", "--json", "out/d.json", "--predictions", "out/predicted")
+DIAGNOSE = Kind(
+    "diagnose", [*OWN, *_DIAGNOSE, "--seed", "1"], _with_earlier(*_DIAGNOSE), "out", "d.json", resumes=False
+)
+_REDUCE = ("reduce", "logs/r36ohm.csv", "--json", "out/r.json", "--parquet", "out/tables")
+REDUCE = Kind(
+    "reduce", [*OWN, *_REDUCE, "--window", "5"], _with_earlier(*_REDUCE), "out", "r.json", resumes=False
+)  # fmt: skip
 KINDS = (BATCH, DEAL, GUESSED)
+ENDED = (BATCH, DEAL, DIAGNOSED, DIAGNOSE, REDUCE)
+"""Commands that are ended by signals."""
 SIZES = {BATCH.name: [1 << k for k in range(10, 18)], DEAL.name: [1 << k for k in range(10, 18, 2)]}
 """Of commands that make a folder of results: sizes beyond which no file may grow. [bytes]"""
 
@@ -108,8 +172,6 @@ DISKS = {
     GUESSED.name: [20_000, 400_000, 1_000_000],
 }
 """Sizes of disks that are too small. [bytes]"""
-
-DIAGNOSED = Kind("blind diagnose", [*OWN, "blind", "diagnose", "out"], _dealt, "out", "diagnoses/*.json")
 
 
 def guess(campaign_toml: Path, *, suspects: Mapping[str, type], seed: int, predictions: Path | None) -> dict[str, Any]:
@@ -153,9 +215,11 @@ def stamps(out: Path, kind: Kind) -> dict[str, int]:
 
 def call(kind: Kind, place: Path, *, jobs: int = 1, limit: int | None = None) -> "subprocess.Popen[str]":
     """Begin a call in a folder, in a group of processes of its own, with a limit on the size of each file [bytes]."""
+    (place / "tmp").mkdir(exist_ok=True)
+    words = [] if kind.name == REDUCE.name else ["--jobs", str(jobs)]
     return subprocess.Popen(
-        [*_limited(limit), *kind.command, "--jobs", str(jobs)], cwd=place, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        text=True, start_new_session=True,
+        [*_limited(limit), *kind.command, *words], cwd=place, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        text=True, start_new_session=True, env=os.environ | {"TMPDIR": str(place / "tmp")},
     )  # fmt: skip
 
 
@@ -174,8 +238,11 @@ def complete(kind: Kind, place: Path, undisturbed: Mapping[str, bytes], *, jobs:
     if again.returncode or "Traceback" in told:
         return len(kept), f"the second call ended with {again.returncode}: {told[-300:]} {said[-300:]}"
     after = stamps(out, kind)
-    if {name: after.get(name) for name in kept} != kept:
+    if kind.resumes and {name: after.get(name) for name in kept} != kept:
         return len(kept), "what was finished was made anew"
+    left = [str(path.relative_to(place)) for path in (*out.rglob(".*"), *(place / "tmp").rglob(".*"))]
+    if left:
+        return len(kept), f"scratch is left: {', '.join(left[:5])}"
     found = content(out)
     if found != undisturbed:
         odd = sorted(name for name in {*found, *undisturbed} if found.get(name) != undisturbed.get(name))
@@ -197,24 +264,50 @@ def undisturbed(kind: Kind, place: Path) -> tuple[dict[str, bytes], float]:
 
 
 def kills(kind: Kind, folder: Path, number: int, rng: random.Random) -> Counts:
-    """Kill a call with all its processes at a random moment, then complete."""
+    """End a call at a random moment by each signal in turn, alone or with all its processes, then complete."""
     whole, seconds = undisturbed(kind, folder / "undisturbed")
-    counts = Counts(f"{kind.name}: kill -9")
+    kind.prepare(folder / "before")
+    before = content(folder / "before" / kind.out)
+    counts = Counts(f"{kind.name}: SIGINT, SIGTERM, SIGKILL")
     for k in range(number):
         place = folder / f"kill {k}"
         kind.prepare(place)
-        jobs = 1 + k % 2
+        jobs, by, to_all = 1 + k % 2, SIGNALS[k % len(SIGNALS)], k // 2 % 2 == 0
         one = call(kind, place, jobs=jobs)
         with suppress(subprocess.TimeoutExpired):
             one.wait(rng.uniform(0.0, seconds))
         hit = one.poll() is None
         with suppress(ProcessLookupError):
-            os.killpg(one.pid, signal.SIGKILL)
-        one.communicate()
+            (os.killpg if to_all or by == signal.SIGKILL else os.kill)(one.pid, by)
+        said, told = one.communicate(timeout=PATIENCE)
+        early = hit and "Traceback" in told and "winchcascade/" not in told.replace(str(ROOT), "")
+        wrong = None if early or not hit else _badly_ended(one.returncode, said, told, by)
+        if not kind.resumes:
+            wrong = wrong or _neither(content(place / kind.out), before, whole)
         kept, fault = complete(kind, place, whole, jobs=jobs)
-        counts = counts.and_then(hit=hit, kept=kept, fault=fault and f"{place.name}: {fault}")
+        fault = wrong or fault
+        counts = counts.and_then(hit=hit, kept=kept, fault=fault and f"{place.name} by {by.name}: {fault}", early=early)
         shutil.rmtree(place)
     return counts
+
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
+
+
+def _badly_ended(code: int, said: str, told: str, by: signal.Signals) -> str | None:
+    """What is wrong with how a call answered a signal: one sentence or nothing, and the code of the signal or of success."""
+    sentence = told == "" or (told.startswith("winchcascade: ") and told.count("\n") == 1)
+    if sentence and code in (0, -by, 128 + by):
+        return None
+    return f"ended with {code} and told {(told or said)[-600:]!r}"
+
+
+def _neither(found: Mapping[str, bytes], before: Mapping[str, bytes], after: Mapping[str, bytes]) -> str | None:
+    """A file that was lost, or is neither the one of before nor the new one."""
+    for name in before:
+        if found.get(name) not in (before[name], after.get(name)):
+            return f"{name} is {'lost' if name not in found else 'neither old nor new'}"
+    return None
 
 
 def both_at_once(kind: Kind, folder: Path, number: int, rng: random.Random) -> Counts:
@@ -333,8 +426,9 @@ def main() -> int:
     """Run the command."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kills", type=int, default=100, help="of each command")
-    parser.add_argument("--only", choices=[kind.name for kind in KINDS], help="disturb this command alone")
-    parser.add_argument("--diagnoses", type=int, default=0, help="kills of blind diagnose itself, minutes each")
+    names = list(dict.fromkeys(kind.name for kind in (*KINDS, *ENDED)))
+    parser.add_argument("--only", choices=names, help="disturb this command alone")
+    parser.add_argument("--signals", action="store_true", help="end calls by signals, and disturb them by nothing else")
     parser.add_argument("--seed", type=int, default=1, help="of the moments of the kills")
     parser.add_argument("--guess", metavar="TRIAL", type=Path, help=argparse.SUPPRESS)
     parser.add_argument("--jobs", type=int, default=1, help=argparse.SUPPRESS)
@@ -344,11 +438,12 @@ def main() -> int:
         print(*done.faults.values(), sep="\n")
         return 1 if done.faults else 0
     rng = random.Random(given.seed)
-    kinds = [kind for kind in KINDS if given.only in (None, kind.name)]
+    kinds = [kind for kind in KINDS if given.only in (None, kind.name) and not given.signals]
+    ended = [kind for kind in (*ENDED, GUESSED) if given.only in (None, kind.name)]
     found: list[str] = []
     print(HEAD)
     with tempfile.TemporaryDirectory(prefix="faults-") as scratch:
-        for number, disturbance in enumerate(_disturbances(kinds, given.kills, given.diagnoses, rng)):
+        for number, disturbance in enumerate(_disturbances(kinds, ended, given.kills, rng)):
             counts = disturbance(Path(scratch) / str(number))
             print(counts.line(), *counts.faults, sep="\n", flush=True)
             found += counts.faults
@@ -360,9 +455,9 @@ PARTS_AS_SUSPECTS: dict[str, type] = dict.fromkeys(PARTS, int)
 
 
 def _disturbances(
-    kinds: Sequence[Kind], number: int, diagnoses: int, rng: random.Random
+    kinds: Sequence[Kind], ended: Sequence[Kind], number: int, rng: random.Random
 ) -> Iterator[Callable[[Path], Counts]]:
-    for kind in kinds:
+    for kind in ended:
         yield partial(kills, kind, number=number, rng=rng)
     for kind in kinds:
         if kind.name in SIZES:
@@ -372,8 +467,6 @@ def _disturbances(
         yield partial(full_disk, kind, sizes=DISKS[kind.name])
     if BATCH in kinds:
         yield lambda folder: lost_worker()  # noqa: ARG005
-    if diagnoses:
-        yield partial(kills, DIAGNOSED, number=diagnoses, rng=rng)
 
 
 if __name__ == "__main__":
