@@ -1,10 +1,12 @@
+import errno
 import os
+import zipfile
 from pathlib import Path
 
 import pytest
 
 from winchcascade.errors import OutputError
-from winchcascade.files import write_whole
+from winchcascade.files import check_replaceable, write_set, write_whole
 
 
 def write_new(part: Path) -> None:
@@ -51,3 +53,69 @@ def test_a_failed_write_leaves_the_old_file_and_no_other(tmp_path: Path) -> None
 def test_a_place_that_cannot_be_written_is_told(tmp_path: Path, name: str, says: str) -> None:
     with pytest.raises(OutputError, match=says):
         write_whole(tmp_path / name, lambda part: part.touch())
+
+
+MARK = "winchcascade/0.1.0"
+MENTIONS = {
+    "notes.md": f"The tables were made by {MARK}; schema winchcascade/reduction/1.\n",
+    "plot.py": '# reads "schema": "winchcascade/reduction/1"\nimport json\n',
+    "notes.json": f'{{"notes": "made by {MARK}", "of": {{"schema": "winchcascade/reduction/1"}}}}',
+    "list.json": f'[{{"schema": "winchcascade/reduction/1"}}, "{MARK}"]',
+    "other.json": f'{{"schema": "other/1", "made_by": "{MARK}"}}',
+    "page.html": f'<!doctype html>\n<html lang="en">\n<body>made by <meta name="generator" content="{MARK}"></body>',
+    "table.csv": "Time (s),Force (N)\n0.0,1.0\n# Generator speed (rpm),Stator current (A rms),Air-gap torque (N.m)\n",
+    "script.csv": "# Time (s),Cycle,Predicted mechanical power (W)\n",
+    "rig.toml": f'name = "mine"\n# Calibrated by {MARK} from a.csv: k_e.\n',
+    "junit.xml": f'<?xml version="1.0" encoding="utf-8"?>\n<!-- <property name="generator" value="{MARK}"/> -->\n<testsuites/>',
+    "thesis.pdf": f"%PDF-1.7\n(made by {MARK}) /Author (A. N. Other)\n%%EOF\n",
+    "data.parquet": f"PAR1 {MARK} PAR1",
+}
+"""Files of a user that mention the mark of this tool at other places than this tool writes it."""
+
+
+@pytest.mark.parametrize("name", MENTIONS)
+def test_a_file_that_mentions_the_mark_is_not_this_tools_own(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    path.write_text(MENTIONS[name])
+    with pytest.raises(OutputError, match="was not written by winchcascade"):
+        write_whole(path, write_new)
+    assert path.read_text() == MENTIONS[name]
+
+
+def test_a_workbook_that_holds_the_mark_within_is_not_this_tools_own(tmp_path: Path) -> None:
+    path = tmp_path / "book.xlsx"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("notes", MARK)
+        archive.comment = f"about {MARK}".encode()
+    with pytest.raises(OutputError, match="was not written by winchcascade"):
+        check_replaceable(path, force=False)
+
+
+def test_a_set_of_files_that_finds_no_room_leaves_all_as_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    paths = [tmp_path / name for name in ("a.html", "a.json")]
+    for path in paths:
+        path.write_text("before")
+    outdated = tmp_path / "a.pdf"
+    outdated.write_text("before")
+    usual = Path.write_bytes
+
+    def full(path: Path, data: bytes) -> int:
+        if data == b"second":
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return usual(path, data)
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(OutputError, match=r"a\.json: cannot be written \(No space left on device\); free some space"):
+        write_set({paths[0]: b"first", paths[1]: b"second"}, without=[outdated])
+    assert [path.read_text() for path in (*paths, outdated)] == ["before"] * 3
+    assert sorted(os.listdir(tmp_path)) == ["a.html", "a.json", "a.pdf"]
+
+
+def test_a_set_of_files_replaces_a_link_and_not_what_it_leads_to(tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("mine")
+    (tmp_path / "a.json").symlink_to(tmp_path / "mine.txt")
+    write_set({tmp_path / "a.json": b"new"})
+    assert (tmp_path / "mine.txt").read_text() == "mine"
+    assert (tmp_path / "a.json").read_text() == "new"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +10,7 @@ import msgspec
 from winchcascade import __version__
 from winchcascade.errors import OutputError
 from winchcascade.files import check_replaceable, write_content
+from winchcascade.store import Digest, altered, digest_in, digest_of, inside, locked, with_digest
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -66,34 +66,34 @@ def diagnose_copy(
     ------
     OutputError : a file of that name is not this tool's own, and `force` does not allow to replace it
     """
-    files = [folder / f"diagnosis.{kind}" for kind in KINDS]
-    kept = None if force else _kept(files, campaign)
-    if kept is not None:
-        return kept, files
-    from winchcascade.batch.model_diagnosis import diagnose_file
-    from winchcascade.diagnose.record import as_json
-    from winchcascade.report.diagnosis import write_diagnosis_reports
+    files = [inside(folder, f"diagnosis.{kind}") for kind in KINDS]
+    with locked(folder, lambda place: tell(f"waiting for another call that works in {place}")):
+        kept = None if force else _kept(files, campaign)
+        if kept is not None:
+            return kept, files
+        from winchcascade.batch.model_diagnosis import diagnose_file
+        from winchcascade.diagnose.record import as_json
+        from winchcascade.report.diagnosis import write_diagnosis_reports
 
-    for path in files:
-        check_replaceable(path, force=force)
-    found = diagnose_file(campaign, suspects, tell=tell)
-    tell("writing reports")
-    write_diagnosis_reports(found, html=files[0], pdf=files[1], command=command, force=force)
-    record = as_json(found) | {"version": __version__}
-    write_content(files[2], msgspec.json.format(msgspec.json.encode(record), indent=1) + b"\n", force=force)
-    return record, files
+        for path in files:
+            check_replaceable(path, force=force)
+        found = diagnose_file(campaign, suspects, tell=tell)
+        tell("writing reports")
+        write_diagnosis_reports(found, html=files[0], pdf=files[1], command=command, force=force)
+        record = as_json(found) | {"version": __version__}
+        digests = {path.name: digest_of(path.read_bytes()) for path in files[:2]}
+        write_content(files[2], with_digest(record, "store", {"files": digests}, indent=1), force=force)
+        return record, files
 
 
 def _kept(files: list[Path], campaign: Path) -> dict[str, Any] | None:
-    """What an earlier call found, if its files are all there and its version and its logs were the same."""
-    if not all(path.is_file() for path in files):
-        return None
+    """What an earlier call found, if its files are as it made them and its version and its logs were the same."""
     try:
-        record: dict[str, Any] = msgspec.json.decode(files[2].read_bytes(), type=dict[str, Any])
+        content = files[2].read_bytes()
+        record: dict[str, Any] = msgspec.json.decode(content, type=dict[str, Any])
         logs = {log["file"]: log["sha256"] for log in record["logs"]}
-        same = all(
-            hashlib.sha256((campaign.parent / name).read_bytes()).hexdigest() == digest for name, digest in logs.items()
-        )
-    except (OSError, msgspec.DecodeError, KeyError, TypeError):
+        whole = digest_in(content) is Digest.RIGHT and not altered(files[2].parent, record["store"]["files"])
+        same = whole and not altered(campaign.parent, logs)
+    except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError, KeyError, TypeError):
         return None
     return record if same and record.get("version") == __version__ else None

@@ -1,0 +1,73 @@
+"""A process that a signal ends: at once, with one sentence or none, and without its scratch."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="ends processes as POSIX does")
+
+BEGIN = """
+import os, signal, sys, weakref
+from pathlib import Path
+from winchcascade.files import put_in_place
+from winchcascade.scratch import scratch_file, scratch_folder
+from winchcascade.signals import end_on_signals, signals_held
+end_on_signals({signal.SIGINT: "one sentence."})
+here = Path(sys.argv[1])
+def wait():
+    print("ready", flush=True)
+    while True:
+        signal.pause()
+"""
+
+
+def ended(place: Path, script: str, by: signal.Signals) -> tuple[int, str, str]:
+    """Exit code and what was printed of a script that is ended when it is ready."""
+    with subprocess.Popen(
+        [sys.executable, "-c", BEGIN + script, str(place)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        process.send_signal(by)
+        said, told = process.communicate()
+    return process.returncode, said, told
+
+
+@pytest.mark.parametrize(("by", "told"), [(signal.SIGINT, "one sentence.\n"), (signal.SIGTERM, "")])
+def test_a_process_ends_at_once_without_its_scratch(tmp_path: Path, by: signal.Signals, told: str) -> None:
+    script = "with scratch_file(here), scratch_folder(here) as made:\n    (made / 'part').touch()\n    wait()"
+    assert ended(tmp_path, script, by) == (128 + by, "", told)
+    assert os.listdir(tmp_path) == []
+
+
+def test_a_process_ends_even_within_the_callback_of_a_weak_reference(tmp_path: Path) -> None:
+    script = (
+        "class Thing: pass\nthing = Thing()\nseen = weakref.ref(thing, lambda _: os.kill(os.getpid(), signal.SIGINT))\n"
+        "print('ready', flush=True)\ndel thing\nprint('still here', flush=True)"
+    )
+    assert ended(tmp_path, script, signal.SIGCONT) == (130, "", "one sentence.\n")
+
+
+def test_a_set_of_files_is_put_in_place_before_the_process_ends(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.new").write_text("new")
+    script = (
+        "class Slow(type(here)):\n    def unlink(self, missing_ok=False):\n        os.kill(os.getpid(), signal.SIGTERM)\n"
+        "print('ready', flush=True)\n"
+        "put_in_place({here / 'a.new': here / 'a', here / 'b.new': here / 'b'}, without=[Slow(here / 'c')])\n"
+        "print('still here', flush=True)"
+    )
+    assert ended(tmp_path, script, signal.SIGCONT) == (143, "", "")
+    assert sorted(os.listdir(tmp_path)) == ["a", "b"]
+
+
+def test_a_signal_that_is_ignored_stays_ignored(tmp_path: Path) -> None:
+    script = (
+        "signal.signal(signal.SIGINT, signal.SIG_IGN)\nend_on_signals({})\nprint('ready', flush=True)\n"
+        "os.kill(os.getpid(), signal.SIGINT)\nprint('still here', flush=True)"
+    )
+    assert ended(tmp_path, script, signal.SIGCONT) == (0, "still here\n", "")
