@@ -401,6 +401,103 @@ def test_a_log_whose_name_is_no_unicode_is_reduced(tmp_path: Path, out: Path) ->
     assert len(files(out / "runs")) == 1
 
 
+# -------------------------------------------------------------------------------------------- no room, and other options
+@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_reports_that_find_no_room_leave_the_results_that_are_finished(campaign: Path, done: Path, jobs: int) -> None:
+    """A page has 1 MB, a result 40 kB: no file may grow beyond 200 kB."""
+    before = contents(done)
+    log = str(campaign / "r9ohm.csv")
+    command = [sys.executable, "-m", "winchcascade", "batch", log, "--out", str(done), "--jobs", str(jobs)]
+    full = ["bash", "-c", 'ulimit -f 200; exec "$0" "$@"', *command]
+    ended = subprocess.run(full, capture_output=True, text=True, check=False)
+    assert ended.returncode in (1, 2)
+    assert "Traceback" not in ended.stderr
+    assert "cannot be written" in ended.stdout + ended.stderr
+    assert {name: content for name, content in contents(done).items() if name.startswith("runs/")} == {
+        name: content for name, content in before.items() if name.startswith("runs/")
+    }
+    assert list(done.rglob(".*")) == []
+    assert redone(campaign, out=done) == []
+    assert contents(done).keys() == before.keys()
+
+
+def test_an_option_with_which_no_log_can_be_used_leaves_the_results_that_are_finished(
+    campaign: Path, done: Path
+) -> None:
+    before = (done / "runs" / "r9ohm.csv.json").read_bytes()
+    (campaign / "campaign.toml").write_text('[[run]]\nfile = "r9ohm.csv"\nload_ohm = 9\ncycles = [90, 99]\n')
+    assert list(batch(campaign, out=done)[0].faults) == ["r9ohm.csv"]
+    assert (done / "runs" / "r9ohm.csv.json").read_bytes() == before
+
+
+@ALONE
+def test_two_calls_with_different_options_on_one_folder_leave_what_the_last_one_leaves(place: Path) -> None:
+    windows = ("5", "4")
+    calls = [begin(place, "--jobs", "1", "--window", window) for window in windows]
+    ended = [call.communicate() for call in calls]
+    assert [call.returncode for call in calls] == [0, 0], ended
+    found = {json.loads(path.read_bytes())["window"] for path in (place / "out" / "runs").glob("*.json")}
+    assert len(found) == 1
+    (window,) = found
+    rows = parquet.read_table(place / "out" / "dataset" / "cycles.parquet").to_pylist()
+    assert {round(row["duration_s"], 6) for row in rows} == {window}
+    before = contents(place / "out")
+    with begin(place, "--jobs", "1", "--window", f"{window:g}") as again:
+        said, _ = again.communicate()
+    assert f"{COPIES} of them by an earlier call" in said
+    assert contents(place / "out") == before
+
+
+@ALONE
+def test_a_call_waits_for_another_one_and_says_so(campaign: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("winchcascade.store._SILENT", 0.05)
+    out.mkdir()
+    script = (
+        "import sys\nfrom pathlib import Path\nfrom winchcascade.store import locked\n"
+        "with locked(Path(sys.argv[1]), print):\n    print('held', flush=True)\n    sys.stdin.readline()\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", script, str(out)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as other:
+        assert other.stdout is not None
+        assert other.stdin is not None
+        assert other.stdout.readline() == "held\n"
+        held: list[Path] = []
+
+        class Waits(Seen):
+            def waiting(self, folder: Path) -> None:
+                held.append(folder)
+                assert other.stdin is not None
+                other.stdin.write("\n")
+                other.stdin.flush()
+
+        found = run_batch(make_plan([str(campaign / "r9ohm.csv")]), out, watch=Waits())
+    assert held == [out]
+    assert found.faults == {}
+    assert list(out.rglob(".*")) == []
+
+
+@ALONE
+def test_the_lock_of_a_killed_call_holds_nobody(campaign: Path, out: Path) -> None:
+    out.mkdir()
+    script = (
+        "import os, sys\nfrom pathlib import Path\nfrom winchcascade.store import locked\n"
+        "with locked(Path(sys.argv[1]), print):\n    os.kill(os.getpid(), 9)\n"
+    )
+    subprocess.run([sys.executable, "-c", script, str(out)], check=False)
+    assert [path.name for path in out.iterdir()] == [".winchcascade.lock"]
+    assert batch(campaign, out=out)[0].faults == {}
+    assert list(out.rglob(".*")) == []
+
+
+def test_a_folder_that_cannot_be_locked_is_one_sentence(campaign: Path, out: Path) -> None:
+    (out / ".winchcascade.lock").mkdir(parents=True)
+    with pytest.raises(
+        OutputError, match=r"cannot be locked against other calls .* choose a folder that can be written"
+    ):
+        batch(campaign, out=out)
+
+
 # ------------------------------------------------------------------------------------------------------- the out folder
 def test_a_folder_that_holds_something_else_is_refused_and_used_with_force(campaign: Path, out: Path) -> None:
     out.mkdir()

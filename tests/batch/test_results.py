@@ -2,14 +2,17 @@
 
 import json
 import shutil
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from test_cli import winchcascade
 
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.results import Results, load_results
 from winchcascade.batch.run import run_batch
-from winchcascade.errors import LogError, OptionError, WinchcascadeError
+from winchcascade.errors import LogError, OptionError, OutputError, WinchcascadeError
+from winchcascade.store import with_digest
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 LOADS = {"r9ohm.csv": 9.0, "r36ohm.csv": 36.0}
@@ -102,3 +105,95 @@ def test_a_batch_that_lost_a_result_is_told(out: Path, tmp_path: Path) -> None:
     (tmp_path / "out" / "runs" / "r9ohm.csv.json").unlink()
     with pytest.raises(OptionError, match=r"r9ohm\.csv\.json: cannot be read"):
         load_results(tmp_path / "out")
+
+
+# ------------------------------------------------------------------------------------------------------------ digests
+def alter(path: Path) -> None:
+    """Change one digit of a mean, as a hand or a damaged disk may do."""
+    content = path.read_bytes()
+    place = content.index(b'"eta_pto":', content.index(b'"mean":')) + len(b'"eta_pto":0.')
+    path.write_bytes(content[:place] + bytes([content[place] ^ 1]) + content[place + 1 :])
+
+
+@pytest.mark.parametrize("name", ["runs/r9ohm.csv.json", "campaign.json"])
+def test_an_altered_result_is_rejected_and_made_again(campaign: Path, out: Path, tmp_path: Path, name: str) -> None:
+    results = shutil.copytree(out, tmp_path / "out")
+    alter(results / name)
+    with pytest.raises(OutputError, match="was altered after the batch: its content does not match the digest"):
+        load_results(results)
+    again = run_batch(make_plan([str(campaign)]), results)
+    assert again.altered == (name,)
+    assert again.kept == 2 - name.startswith("runs")
+    assert (results / name).read_bytes() == (out / name).read_bytes()
+    assert load_results(results) == load_results(out)
+    assert run_batch(make_plan([str(campaign)]), results).altered == ()
+
+
+def test_a_result_whose_own_digest_was_altered_too_is_rejected(out: Path, tmp_path: Path) -> None:
+    results = shutil.copytree(out, tmp_path / "out")
+    path = results / "runs" / "r9ohm.csv.json"
+    record = json.loads(path.read_bytes())
+    record["mean"]["eta_pto"] = 0.9
+    path.write_bytes(with_digest(record, "batch", {key: record["batch"][key] for key in ("key", "reports", "files")}))
+    assert load_results(path).records[0][1]["mean"]["eta_pto"] == 0.9
+    with pytest.raises(OutputError, match=r"r9ohm\.csv\.json: was altered after the batch"):
+        load_results(results)
+
+
+@pytest.mark.parametrize("name", ["dataset/runs.parquet", "campaign.xlsx"])
+def test_an_altered_table_of_the_campaign_is_made_again(campaign: Path, tmp_path: Path, name: str) -> None:
+    plan, results = make_plan([str(campaign)]), tmp_path / "out"
+    run_batch(plan, results, workbook=True)
+    (results / name).write_bytes((results / name).read_bytes()[:-1] + b"?")
+    damaged = (results / name).read_bytes()
+    with suppress(OutputError):  # a file without its mark may be the user's
+        assert run_batch(plan, results, workbook=True).altered == (name,)
+        assert (results / name).read_bytes() != damaged
+
+
+def test_the_command_reports_what_was_altered(campaign: Path, out: Path, tmp_path: Path) -> None:
+    results = shutil.copytree(out, tmp_path / "out")
+    alter(results / "runs" / "r9ohm.csv.json")
+    done = winchcascade("batch", campaign, "--out", results, "--reports", "none")
+    line = "made again, as the content did not match the digest of the earlier call: runs/r9ohm.csv.json"
+    assert line in done.stdout.splitlines()
+    assert "1 of them by an earlier call" in done.stdout
+
+
+def without_digests(results: Path) -> None:
+    """Make the results of a batch those of version 0.1.0."""
+    summary = json.loads((results / "campaign.json").read_bytes())
+    del summary["store"]
+    (results / "campaign.json").write_text(json.dumps(summary))
+    for path in (results / "runs").glob("*.json"):
+        record = json.loads(path.read_bytes())
+        del record["batch"]["sha256"], record["batch"]["files"]
+        path.write_text(json.dumps(record))
+
+
+def test_results_of_version_0_1_0_are_opened_and_made_again(campaign: Path, out: Path, tmp_path: Path) -> None:
+    results = shutil.copytree(out, tmp_path / "out")
+    without_digests(results)
+    found = load_results(results)
+    assert means(found) == means(load_results(out))
+    assert not found.verified
+    assert load_results(out).verified
+    again = run_batch(make_plan([str(campaign)]), results)
+    assert (again.kept, again.altered) == (0, ())
+    assert load_results(results).verified
+
+
+def test_a_result_without_a_digest_in_a_folder_with_digests_is_rejected(out: Path, tmp_path: Path) -> None:
+    results, other = (shutil.copytree(out, tmp_path / name) for name in ("out", "other"))
+    without_digests(other)
+    shutil.copy(other / "runs" / "r9ohm.csv.json", results / "runs")
+    with pytest.raises(OutputError, match=r"r9ohm\.csv\.json: was altered"):
+        load_results(results)
+
+
+@pytest.mark.parametrize("name", ["/etc/passwd", "../r9ohm.csv.json", "runs/../../x.json"])
+def test_a_summary_that_names_a_result_elsewhere_is_rejected(tmp_path: Path, name: str) -> None:
+    record = {"schema": "winchcascade/campaign/1", "runs": [{"name": "a", "fault": None, "result": name}]}
+    (tmp_path / "campaign.json").write_text(json.dumps(record))
+    with pytest.raises(OutputError, match="which is not within this folder"):
+        load_results(tmp_path)

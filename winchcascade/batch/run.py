@@ -134,7 +134,7 @@ def run_batch(
             results={work.name: runs / f"{work.name}.json" for work in plan.work if work.name not in faults},
             faults={work.name: faults[work.name] for work in plan.work if work.name in faults},
             kept=len(plan.work) - len(todo),
-            altered=tuple(f"runs/{name}" for name, state in states.items() if state == "altered"),
+            altered=tuple(f"runs/{name}.json" for name, state in states.items() if state == "altered"),
         )
         return _put_together(plan, batch, reports, workbook=workbook, command=command)
 
