@@ -142,7 +142,7 @@ def compared(damage: Damage, true: Reduction, found: Reduction) -> Outcome:
     findings = [f for f in new_findings(true, found) if concerns(f, damage)]
     if findings:
         return Outcome(beyond, "; ".join(f"{f.kind} {f.channel or ''}: {f.message}" for f in findings[:3]))
-    if beyond and set(beyond) <= lost:
+    if lost and set(beyond) - {damage.always} <= lost:
         return Outcome(beyond, next(iter(lost)))
     return Outcome(beyond, "")
 

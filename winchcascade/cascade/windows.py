@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from winchcascade.rigfile import Rig, WindowRule
     from winchcascade.run import Run
 
+SHORTEST = 2.0
+"""Sampling intervals that a window must last: its ends are interpolated, and fewer samples would be nothing but ends."""
+
 
 def find_windows(
     run: Run,
@@ -34,6 +37,7 @@ def find_windows(
         find_window(c, p, top, end, rule, rig.thresholds)
         for c, p, (_, top) in zip(cycles, plateaus, payouts, strict=True)
     ]
+    windows = [_unless_short(w, run.fs) for w in windows]
     if rule == "payout":
         return windows
     windows = _apart(windows)
@@ -45,6 +49,18 @@ def find_windows(
         _unless_aborted(c, w, travel, usual, all_late, rig)
         for c, w, (travel, _) in zip(cycles, windows, payouts, strict=True)
     ]
+
+
+def _unless_short(window: Window, fs: float) -> Window:
+    """A window shorter than `SHORTEST` sampling intervals holds no course of a power."""
+    length = window.cutoff - window.onset
+    if window.fault is not None or length * fs >= SHORTEST:
+        return window
+    return Window(
+        window.onset,
+        window.cutoff,
+        f"its window of {length:.3g} s is shorter than two samples, which are {1.0 / fs:.3g} s apart",
+    )
 
 
 def _apart(windows: Sequence[Window]) -> list[Window]:

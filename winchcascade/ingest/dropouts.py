@@ -265,14 +265,16 @@ def _dropout(
 def _uneven(t: Signal, x: Signal, place: Index, at: Index, usual: _Level) -> list[Dropout]:
     """Stretches between two jumps that hold no single value: noise about zero, values in another unit."""
     size = x[at + 1] - x[at]
-    large = np.abs(size) > max(ONE_SIDED * usual.span, NOISE * usual.noise)
+    large = np.abs(size) > max(LEAST_SHARE * usual.span, NOISE * usual.noise)
     at, size = at[large], size[large]
     pairs = np.flatnonzero(size[1:] * size[:-1] < 0.0)
     found = []
     for k in pairs.tolist():
         a, b = int(at[k]) + 1, int(at[k + 1]) + 1
-        jump = float(min(abs(size[k]), abs(size[k + 1])))
-        if t[place[b - 1]] - t[place[a]] < LONGEST or np.ptp(x[a:b]) > HOLDS * jump or np.ptp(x[a:b]) == 0.0:
+        jump, larger = sorted((float(abs(size[k])), float(abs(size[k + 1]))))
+        if larger < ONE_SIDED * usual.span or t[place[b - 1]] - t[place[a]] < LONGEST:
+            continue
+        if not 0.0 < np.ptp(x[a:b]) < HOLDS * larger:
             continue
         share = min(abs(median(x[a:b]) - end) / max(abs(end), LEAST_SHARE * usual.span) for end in (x[a - 1], x[b]))
         others = np.delete(np.abs(size), (k, k + 1))

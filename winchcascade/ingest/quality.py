@@ -15,6 +15,7 @@ from winchcascade.ingest.sensor_range import farthest, limits_of, out_of_range
 from winchcascade.ingest.signs import upright
 from winchcascade.ingest.spikes import Bends, find_bends, single_spikes
 from winchcascade.ingest.stuck import Motion, find_stuck, motion
+from winchcascade.ingest.timing import coarse_finding, factor_finding, put_back
 from winchcascade.ingest.told import at, dead
 from winchcascade.quantity import find_unit
 from winchcascade.run import Finding
@@ -37,11 +38,16 @@ _FEW = 1000
 
 
 class Checked(msgspec.Struct, frozen=True):
-    """Channels without holes, the gaps that were bridged in each, (k, 2) stamps [s], and what was found."""
+    """Stamps, channels without holes, the gaps that were bridged in each, (k, 2) stamps [s], and what was found.
 
+    `t` differs from the log's stamps where rows were lost while the clock was renumbered; `clock` holds the gaps there.
+    """
+
+    t: Signal
     channels: dict[str, Signal]
     gaps: dict[str, Signal]
     findings: tuple[Finding, ...]
+    clock: Signal
 
 
 def check(t: Signal, channels: dict[str, Signal], rig: Rig, *, simulated: bool, open_circuit: bool) -> Checked:
@@ -64,7 +70,8 @@ def check(t: Signal, channels: dict[str, Signal], rig: Rig, *, simulated: bool, 
     if not simulated:
         _drop_dead_velocity(t, channels, lost, findings)
     if "velocity" not in channels and "displacement" not in channels:
-        return Checked({}, {}, tuple(findings))
+        return Checked(t, {}, {}, tuple(findings), np.empty((0, 2)))
+    t, renumbered = (t, np.empty((0, 2))) if simulated else _check_clock(t, channels, rig, findings)
     both = not simulated and "velocity" in channels and "displacement" in channels
     _derive_velocity(t, channels, lost, findings)
     if both:
@@ -78,13 +85,40 @@ def check(t: Signal, channels: dict[str, Signal], rig: Rig, *, simulated: bool, 
                 findings += out_of_range(t, name, x, wild.get(name), signs.get(name, 1.0), rig.sensors[name])
         _take_out_stuck(t, channels, rig, lost, findings, open_circuit)
     if both and "displacement" in channels:
-        findings += disagreements(t, channels["velocity"], channels["displacement"], rig.thresholds.v_onset)
+        differ = disagreements(t, channels["velocity"], channels["displacement"], rig.thresholds.v_onset)
+        findings += [f for f in differ if not any(g.kind == "clock_mismatch" and g.start is None for g in findings)]
     if not simulated:
         findings += power_disagrees(channels, rig.r_drum)
     gaps = {name: _bridge(t, name, channels, bad) for name, bad in lost.items() if name in channels}
     if "force" in channels and channels["force"].min() < 0:
         findings.append(at(t, channels["force"] < 0, "slack_line", "force", "samples have a line force below zero"))
-    return Checked(channels, gaps, tuple(findings))
+    return Checked(t, channels, gaps, tuple(findings), renumbered)
+
+
+def _check_clock(t: Signal, channels: dict[str, Signal], rig: Rig, findings: list[Finding]) -> tuple[Signal, Signal]:
+    """Hold the clock against velocity and displacement; stamps with the time of lost rows put back, and the gaps there."""
+    v, displacement = channels.get("velocity"), channels.get("displacement")
+    if v is None or displacement is None:
+        whole = coarse_finding(t, rig.thresholds)
+    else:
+        whole = factor_finding(t, v, displacement, rig.thresholds.v_onset)
+    if whole is not None:
+        findings.append(whole)
+        return t, np.empty((0, 2))
+    timed = None if displacement is None else put_back(t, channels, rig.thresholds)
+    if timed is None:
+        return t, np.empty((0, 2))
+    findings[:] = [_shifted(f, t, timed.t) for f in findings]
+    findings += timed.findings
+    return timed.t, timed.gaps
+
+
+def _shifted(finding: Finding, old: Signal, new: Signal) -> Finding:
+    """A finding on stamps that were moved."""
+    if finding.start is None or finding.end is None:
+        return finding
+    start, end = np.interp([finding.start, finding.end], old, new).tolist()
+    return msgspec.structs.replace(finding, start=start, end=end)
 
 
 def _take_out_holes(

@@ -110,11 +110,12 @@ def _read(path: Path, rig: Rig, load: float | None, load_source: str, about: str
         clock.t, channels, rig, simulated=found.simulated, open_circuit=load is not None and load == float("inf")
     )
     _check_motion(checked.channels, path.name)
-    gaps = dict(checked.gaps) | ({CLOCK: clock.gaps} if clock.gaps.size else {})
+    lost = np.concatenate((np.interp(clock.gaps, clock.t, checked.t), checked.clock))
+    gaps = dict(checked.gaps) | ({CLOCK: lost[np.argsort(lost[:, 0])]} if lost.size else {})
     findings = (*found.findings, *time_findings, *table.findings, *clock.findings, *checked.findings)
     return Run(
         name=readable(path.name),
-        t=clock.t,
+        t=checked.t,
         channels=checked.channels,
         fs=clock.fs,
         samples=samples,
