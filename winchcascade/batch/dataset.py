@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -24,8 +24,13 @@ _SHEET_ROWS = 1_048_575
 """Rows of data that a sheet of Excel takes."""
 
 
-def write_dataset(results: Iterable[Path], folder: Path) -> None:
-    """Write the tables of all results, JSON files of one log each, into a folder, which is made."""
+def write_dataset(results: Iterable[Path], folder: Path, *, between: Sequence[Mapping[str, Any]] = ()) -> None:
+    """Write the tables of all results, JSON files of one log each, into a folder, which is made.
+
+    Parameters
+    ----------
+    between : findings that one log has beside the others, each with the `run` that has it
+    """
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -44,12 +49,18 @@ def write_dataset(results: Iterable[Path], folder: Path) -> None:
         }
         held: dict[str, list[dict[str, Any]]] = {table: [] for table in TABLES}
         for result in results:
-            for table, rows in table_rows(result.stem, msgspec.json.decode(result.read_bytes())).items():
+            record = msgspec.json.decode(result.read_bytes())
+            record["quality"] += [_without_run(finding) for finding in between if finding["run"] == result.stem]
+            for table, rows in table_rows(result.stem, record).items():
                 held[table] += rows
                 if len(held[table]) >= _ROWS:
                     flush(writers[table], table, held[table])
         for table in TABLES:
             flush(writers[table], table, held[table])
+
+
+def _without_run(finding: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in finding.items() if name != "run"}
 
 
 def write_workbook(folder: Path, path: Path) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import msgspec
 
+from winchcascade.batch.campaign_findings import findings_between, log_efficiency
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run import SCHEMA as CAMPAIGN_SCHEMA
 from winchcascade.batch.work import Order, reduce_log
@@ -106,8 +107,8 @@ def _of_batch(folder: Path) -> Results:
         files = {} if summary.store is None else summary.store.files
         for name in altered(folder, {run.result: files.get(run.result, "") for run in summary.runs}):
             raise _altered(folder / name)
-    records = tuple((name, result) for name, (result, _) in found.items())
-    return Results(records, whole=True, verified=digest is Digest.RIGHT)
+    records = {name: result for name, (result, _) in found.items()}
+    return Results(_together(records), whole=True, verified=digest is Digest.RIGHT)
 
 
 def _of_campaign(target: Path, jobs: int) -> Results:
@@ -117,4 +118,15 @@ def _of_campaign(target: Path, jobs: int) -> Results:
         if outcome.value is None:
             raise LogError(f"{outcome.fault}")
         found[outcome.place] = msgspec.json.decode(outcome.value.files["json"])
-    return Results(tuple((plan.work[k].name, found[k]) for k in sorted(found)), whole=True)
+    return Results(_together({plan.work[k].name: found[k] for k in sorted(found)}), whole=True)
+
+
+def _together(records: dict[str, dict[str, Any]]) -> tuple[tuple[str, dict[str, Any]], ...]:
+    """The records of a campaign, each with the findings that its log has beside the others."""
+    try:
+        between = findings_between(log_efficiency(name, record) for name, record in records.items())
+    except (KeyError, TypeError, ValueError, ZeroDivisionError):  # no reductions of this tool, as `check` will say
+        between = []
+    for name, finding in between:
+        records[name]["quality"].append(finding)
+    return tuple(records.items())

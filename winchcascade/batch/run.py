@@ -10,6 +10,7 @@ import msgspec
 
 from winchcascade import __version__
 from winchcascade.addresses import fingerprint
+from winchcascade.batch.campaign_findings import findings_between, log_efficiency
 from winchcascade.batch.dataset import TABLES, write_dataset, write_workbook
 from winchcascade.batch.work import ENDINGS, Order, reduce_log, write_made
 from winchcascade.errors import OutputError
@@ -32,6 +33,7 @@ from winchcascade.tasks import Nobody, Outcome, Watch, run_here, run_there
 if TYPE_CHECKING:
     from winchcascade.batch.plan import Plan, Work
     from winchcascade.batch.work import Made
+    from winchcascade.cascade.between import LogEfficiency
 
 SCHEMA = "winchcascade/campaign/1"
 REPORTS = {"none": (), "html": ("html",), "all": ("html", "pdf")}
@@ -238,10 +240,10 @@ def _put_together(plan: Plan, batch: Batch, reports: Sequence[str], *, workbook:
     try:
         (out / "dataset").mkdir(exist_ok=True)
         with scratch_folder(out) as made:
-            write_dataset(batch.results.values(), made / "dataset")
+            summary = summary_record(plan, batch, state)
+            write_dataset(batch.results.values(), made / "dataset", between=summary["between_logs"])
             if workbook:
                 write_workbook(made / "dataset", made / "campaign.xlsx")
-            summary = summary_record(plan, batch, state)
             if reports:
                 from winchcascade.report.campaign import write_campaign_reports
 
@@ -283,11 +285,13 @@ _COPIED = ("mean", "standard_uncertainty", "interval_95", "max_deviation_percent
 def summary_record(plan: Plan, batch: Batch, state: str) -> dict[str, Any]:
     """A campaign in one record: each log with its means, or the sentence that says why it has none."""
     runs: list[dict[str, Any]] = []
+    efficiencies: list[LogEfficiency | None] = []
     for work in plan.work:
         if work.name in batch.faults:
             runs.append({"name": work.name, "log": readable(work.address), "fault": readable(batch.faults[work.name])})
             continue
         record = msgspec.json.decode(batch.results[work.name].read_bytes())
+        efficiencies.append(log_efficiency(work.name, record))
         runs.append(
             {
                 "name": work.name,
@@ -306,4 +310,12 @@ def summary_record(plan: Plan, batch: Batch, state: str) -> dict[str, Any]:
                 **{name: record[name] for name in _COPIED},
             }
         )
-    return {"schema": SCHEMA, "version": __version__, "title": readable(plan.title), "state": state, "runs": runs}
+    between = findings_between(efficiencies)
+    by_name = {run["name"]: run for run in runs}
+    for name, finding in between:
+        by_name[name]["findings"] = sorted({*by_name[name]["findings"], finding["kind"]})
+        by_name[name]["finding_count"] += 1
+    return {
+        "schema": SCHEMA, "version": __version__, "title": readable(plan.title), "state": state, "runs": runs,
+        "between_logs": [{"run": name, **finding} for name, finding in between],
+    }  # fmt: skip

@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.cascade.bins import TORQUE, Bin, bin_powers, engaged
+from winchcascade.cascade.changes import changes_within
 from winchcascade.cascade.efficiency import Metrics, metrics
 from winchcascade.cascade.energies import Energies, integrate_energies
 from winchcascade.cascade.net import NetSpan, find_net_spans, net_metrics
@@ -135,6 +136,7 @@ def reduce(
     )
     findings = [*_not_given(run, rig), *_too_few(cycles, first + len(found) - 1)]
     results = _results(run, found, first, summaries, energy, findings)
+    findings += changes_within(results, rig, energy.bridged, run.load)
     complete = [r.metrics for r in results if r.complete]
     whole = sum(r.window.cutoff - r.window.onset for r in results if r.complete)
     return Reduction(

@@ -81,6 +81,7 @@ def make_campaign_report(
             section("repeatability", "Repeatability", tables.repeatability_table(runs) if runs else None),
             section(
                 "findings", "Logs and findings", tables.logs_table(runs) if runs else Note("No log could be used."),
+                tables.between_table(summary.get("between_logs", ())),
                 tables.faults_table(failed),
             ),
             section("provenance", "Provenance", _provenance(summary, runs, command)),

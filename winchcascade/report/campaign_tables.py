@@ -124,6 +124,23 @@ def logs_table(runs: Sequence[Run]) -> Table:
     )
 
 
+def between_table(found: Sequence[Run]) -> Table | None:
+    """Findings that a log has beside the others; None if there is none."""
+    if not found:
+        return None
+    return Table(
+        id="between",
+        caption="Logs that lie apart from the others. The data are kept; the operator decides.",
+        head=("Log", "Finding", "What to do"),
+        units=("", "", ""),
+        rows=tuple(
+            (one["run"], f"{one['kind'].replace('_', ' ')}: {one['message']}", one["action"])
+            for one in found[:MOST_RUNS]
+        ),
+        text_columns=(0, 1, 2),
+    )
+
+
 def faults_table(failed: Sequence[Run]) -> Table | None:
     """Logs that could not be used, each with its sentence; None if there is none."""
     if not failed:

@@ -41,7 +41,7 @@ def campaign_text(summary: Mapping[str, Any], out: Path, *, kept: int, altered: 
     failed = [run for run in summary["runs"] if run["fault"] is not None]
     lines = [f"{one_line(summary['title'])}: {len(runs)} of {len(summary['runs'])} logs reduced" + _kept(kept), ""]
     if runs:
-        lines += [*_table(runs), *_marked(runs), ""]
+        lines += [*_table(runs), *_marked(runs), *_between(summary), ""]
     lines += altered_lines(altered)
     lines += [f"failed: {_told(run)}" for run in failed[:MOST_FAULTS]]
     if len(failed) > MOST_FAULTS:
@@ -105,6 +105,16 @@ def _marked(runs: Sequence[Mapping[str, Any]]) -> list[str]:
     kinds = ", ".join(sorted({kind for run in found for kind in run["findings"]}))
     text = f"! findings in {len(found)} of {len(runs)} logs, listed in each log's report and JSON: {kinds}"
     return textwrap.wrap(text, WIDTH, subsequent_indent="  ") if found else []
+
+
+def _between(summary: Mapping[str, Any]) -> list[str]:
+    """What is wrong with a log beside the others."""
+    found = summary.get("between_logs", ())
+    lines = []
+    for one in found[:MOST_FAULTS]:
+        text = one_line(f"{one['run']}: {one['kind']}: {one['message']}; {one['action']}")
+        lines += textwrap.wrap(text, WIDTH, initial_indent="  ", subsequent_indent="    ")
+    return lines + ([f"  ... {len(found) - MOST_FAULTS} more, in the dataset"] if len(found) > MOST_FAULTS else [])
 
 
 def _places(out: Path) -> list[str]:

@@ -1,0 +1,76 @@
+"""A log that lies apart from the others of its campaign, wherever a campaign is shown."""
+
+import csv
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from pyarrow import parquet
+
+from winchcascade.batch.plan import make_plan
+from winchcascade.batch.results import load_results
+from winchcascade.batch.run import run_batch
+from winchcascade.report.campaign import make_campaign_report
+from winchcascade.report.campaign_text import campaign_text
+from winchcascade.report.layout import Table
+
+CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
+HURT = "r27ohm.csv"
+
+
+def test_the_shipped_campaign_has_no_log_apart(tmp_path: Path) -> None:
+    run_batch(make_plan([str(CAMPAIGN)]), tmp_path / "out")
+    summary = json.loads((tmp_path / "out" / "campaign.json").read_bytes())
+    assert summary["between_logs"] == []
+    assert [run["findings"] for run in summary["runs"]] == [[]] * 7
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The batch of the shipped campaign, Vdc of one log 8 % too high."""
+    folder = tmp_path_factory.mktemp("trial")
+    shutil.copytree(CAMPAIGN, folder, dirs_exist_ok=True)
+    with (folder / HURT).open(newline="") as file:
+        head, *rows = csv.reader(file)
+    column = next(k for k, name in enumerate(head) if "Vdc" in name)
+    for row in rows:
+        row[column] = f"{1.08 * float(row[column]):.4f}" if row[column] else ""
+    with (folder / HURT).open("w", newline="") as file:
+        csv.writer(file).writerows([head, *rows])
+    run_batch(make_plan([str(folder)]), folder / "out")
+    return folder / "out"
+
+
+def test_it_is_marked_in_the_summary_on_the_terminal_and_on_the_page(out: Path) -> None:
+    summary = json.loads((out / "campaign.json").read_bytes())
+    (found,) = summary["between_logs"]
+    assert (found["run"], found["kind"], found["channel"]) == (HURT, "efficiency_change", None)
+    assert found["message"].startswith("eta_gen is 0.842, and the other logs predict 0.77")
+    assert {run["name"]: "efficiency_change" in run["findings"] for run in summary["runs"]} == {
+        run["name"]: run["name"] == HURT for run in summary["runs"]
+    }
+    text = campaign_text(summary, out, kept=0)
+    assert f"  {HURT}: efficiency_change: eta_gen is 0.842" in text
+    (row,) = [line for line in text.splitlines() if line.startswith(f"{HURT}  ")]
+    assert "! " in row
+    report = make_campaign_report(summary, out)
+    tables = {block.id: block for part in report.sections for block in part.blocks if isinstance(block, Table)}
+    assert tables["between"].rows[0][0] == HURT
+    assert "efficiency change: eta_gen is 0.842" in tables["between"].rows[0][1]
+
+
+def test_the_dataset_and_a_check_hold_it_too(out: Path) -> None:
+    rows = parquet.read_table(out / "dataset" / "findings.parquet").to_pylist()
+    assert [row["run"] for row in rows if row["kind"] == "efficiency_change"] == [HURT]
+    runs = parquet.read_table(out / "dataset" / "runs.parquet").to_pylist()
+    summary = json.loads((out / "campaign.json").read_bytes())
+    assert {row["run"]: row["findings"] for row in runs} == {
+        run["name"]: run["finding_count"] for run in summary["runs"]
+    }
+    own = json.loads((out / "runs" / f"{HURT}.json").read_bytes())["quality"]
+    for target in (out, out.parent):  # the folder of the batch, and the campaign reduced again
+        for name, record in load_results(target).records:
+            kinds = [finding["kind"] for finding in record["quality"]]
+            assert kinds.count("efficiency_change") == (name == HURT)
+            assert name != HURT or len(kinds) == len(own) + 1
