@@ -21,6 +21,7 @@ from winchcascade.run import Finding
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from winchcascade.cascade.efficiency import Metrics
     from winchcascade.cascade.reduce import CycleResult
     from winchcascade.rigfile import Rig
     from winchcascade.run import Signal
@@ -34,6 +35,10 @@ tenth of the power rings at 2 Hz, a window of 5 s that cuts it anywhere changes 
 
 PRIOR = 10
 """The assumed standard deviation counts as one of so many degrees of freedom; more cycles than that decide for themselves."""
+
+IDLE = 0.2
+"""A machine that delivers a smaller share than this of its energy runs as in an open circuit, whether or not a load is stated:
+its losses decide every ratio. [1]"""
 
 MOVES = 0.0025
 """Smallest change of interest: it moves the mean efficiency of the log by this. The budget of the paper's rig, the best that
@@ -54,6 +59,9 @@ def changes_within(
     """
     if load == math.inf:
         return []
+    delivered = [x for c in cycles if c.complete and (x := _delivered(c.metrics)) is not None]
+    if delivered and sum(delivered) / len(delivered) < IDLE:
+        return []
     power_share = 0.5 if load is not None else 1.0
     given = {m: [k for k, c in enumerate(cycles) if c.complete and getattr(c.metrics, m) is not None] for m in RATIOS}
     tested = [m for m in ("eta_trans", "eta_gen") if len(given[m]) > 1] or ["eta_pto"] * (len(given["eta_pto"]) > 1)
@@ -65,6 +73,11 @@ def changes_within(
         found = _largest_change(metric, here, gaps, _zeros(here, rig), power_share, len(tested))
         findings += [] if found is None else [found]
     return findings
+
+
+def _delivered(metrics: Metrics) -> float | None:
+    """Share of the energy that arrives at the DC link, None where it is unknown."""
+    return metrics.eta_pto if metrics.eta_pto is not None else metrics.eta_gen
 
 
 def _bridged_share(
