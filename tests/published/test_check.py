@@ -197,7 +197,9 @@ def record() -> dict[str, Any]:
 
 def test_the_fields_of_a_written_reduction_are_those_that_are_read(record: dict[str, Any]) -> None:
     measured = measured_from_record(record, "x.json")
-    assert dict(measured.mean) == {metric: record["mean"][field] for metric, field in FIELDS.items()}
+    assert dict(measured.mean) == {
+        metric: record["mean"][field] for metric, field in FIELDS.items() if metric in METRICS
+    }
 
 
 def test_the_shipped_36_ohm_log_agrees_with_the_paper(record: dict[str, Any]) -> None:
