@@ -206,18 +206,12 @@ def test_without_a_command_there_is_help() -> None:
     assert "Usage" in (done := winchcascade()).stdout + done.stderr
 
 
-def test_a_window_that_reaches_into_the_next_payout_makes_its_cycle_incomplete(log: Path) -> None:
-    record = json.loads(winchcascade("reduce", log, "--json", "-", "--window", "50").stdout)
-    assert [c["complete"] for c in record["cycles"]] == [False, False, False]
-    text = winchcascade("reduce", log, "--window", "50").stdout
-    assert "no mean: no complete cycle" in text
-
-
-def test_a_window_longer_than_the_payouts_is_noted(log: Path) -> None:
-    assert (
-        "note: the window ends after the payout in 3 of 3 cycles"
-        in winchcascade("reduce", log, "--window", "20").stdout
-    )
+@pytest.mark.parametrize("seconds", ["20", "50"])
+def test_a_window_longer_than_the_payouts_is_rejected(log: Path, seconds: str) -> None:
+    done = winchcascade("reduce", log, "--window", seconds)
+    assert done.returncode == 2
+    assert f"3 of 3 payouts end before their window of {seconds} s does" in done.stderr
+    assert "Give a window of at most 13.4" in done.stderr
 
 
 def test_a_foreign_file_is_kept_unless_forced(log: Path, tmp_path: Path) -> None:

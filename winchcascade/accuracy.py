@@ -8,10 +8,20 @@ from typing import TYPE_CHECKING, Literal
 import msgspec
 
 if TYPE_CHECKING:
-    from winchcascade.rigfile import Sensor
+    from winchcascade.rigfile import Rig, Sensor
 
 Part = Literal["zero", "gain"]
 Shape = Literal["rectangular", "normal"]
+
+
+LEAKAGE = 2.0
+"""In open circuit the bleed resistance carries a current: more than so many times that current is a load."""
+
+BLEED = 1000.0
+"""Bleed resistance where the rig file states none: no open circuit has less. [ohm]"""
+
+CERTAIN = 5.0
+"""An offset is significant from so many standard uncertainties of the sensor's zero."""
 
 
 class Source(msgspec.Struct, frozen=True):
@@ -52,3 +62,27 @@ def error_sources(channel: str, sensor: Sensor) -> tuple[Source, ...]:
     if zero or gain:
         return tuple(Source(channel, p, limit / math.sqrt(3.0), limit, sensor.source) for p, limit, _ in parts if limit)
     return tuple(Source(channel, p, u, None, sensor.source) for p, _, u in parts if u)
+
+
+def zero_uncertainty(sensor: Sensor | None) -> float:
+    """Standard uncertainty of a sensor's zero: as calibrated in place, else by its accuracy; 0 where none is stated.
+
+    >>> from winchcascade.rigfile import Sensor
+    >>> zero_uncertainty(Sensor("N", accuracy=30.0, u_zero=2.0)), zero_uncertainty(None)
+    (2.0, 0.0)
+    """
+    if sensor is None:
+        return 0.0
+    return sensor.u_zero or sum(s.u for s in error_sources("", sensor) if s.part == "zero")
+
+
+def open_circuit_current(rig: Rig, voltage: float) -> float:
+    """Largest DC current that bleed resistance and zero of the sensor account for at a voltage [V]. [A]
+
+    >>> from winchcascade.rigtoml import built_in
+    >>> round(open_circuit_current(built_in(), 300.0), 3)
+    0.158
+    """
+    bleed = rig.dc_link.r_bleed
+    leakage = bleed.value if bleed is not None and bleed.value > 0.0 else BLEED
+    return LEAKAGE * voltage / leakage + CERTAIN * zero_uncertainty(rig.sensors.get("idc"))

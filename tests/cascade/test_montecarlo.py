@@ -45,7 +45,7 @@ def found36() -> Uncertainty:
 
 
 # ------------------------------------------------------------------------------------------------ invented runs
-RATE, PERIOD, LENGTH = 10.0, 10.0, 3.0
+RATE, PERIOD, LENGTH = 50.0, 10.0, 3.0
 """Samples a second [Hz], seconds from cycle to cycle and in a window [s]."""
 
 CORNERS = ((0.0, 0.0), (1.0, 0.0), (2.5, 0.8), (4.5, 0.8), (5.3, 0.0), (6.0, 0.0), (6.6, -1.1), (8.4, -1.1), (9.0, 0.0))
@@ -168,7 +168,9 @@ def test_a_metric_without_an_uncertainty_has_no_interval() -> None:
 
 
 def test_without_a_complete_cycle_there_is_no_interval() -> None:
-    found = uncertainty(reduce(reduction36().run, window=300.0))
+    rig = built_in()
+    steady_for_long = msgspec.structs.replace(rig.thresholds, plateau_hold=100.0)
+    found = uncertainty(reduce(reduction36().run, rig=msgspec.structs.replace(rig, thresholds=steady_for_long)))
     assert (dict(found.interval_95), dict(found.method)) == ({}, {})
 
 

@@ -16,11 +16,13 @@ from winchcascade.accuracy import Source
 from winchcascade.cascade.efficiency import ALL_METRICS, ALL_RATIOS, Metrics
 from winchcascade.cascade.uncertainty import (
     R_DRUM,
+    SAMPLING,
     Budget,
     Stage,
     budget,
     counted,
     run_sources,
+    sampling_limit,
     stage_integrals,
 )
 
@@ -162,21 +164,22 @@ def _draw(
     """Means of the metrics for drawn sensor errors, (draws,) each; nothing for a metric without an accuracy."""
     errors = {(s.channel, s.part): _errors(s, rng, draws) for s in run_sources(reduction.rig, stages)}
     gaps = {name: _bridged(stage, rows_of[f"energy_{name}"], rng, draws) for name, stage in stages.items()}
+    limit = sampling_limit(stages)
     wanted = [m for m in ALL_METRICS if getattr(known.mean, m) is not None]
     spread = {}
     for metric in wanted:
         rows = rows_of[metric]
         if metric in ALL_RATIOS:
-            spread[metric] = _ratio(metric, reduction, stages, rows, errors, gaps)
+            spread[metric] = _ratio(metric, reduction, stages, rows, errors, gaps, limit)
         elif metric.startswith("energy"):
             name = metric.removeprefix("energy_")
-            spread[metric] = _energy(stages[name], rows, errors) * gaps[name]
+            spread[metric] = _energy(stages[name], rows, errors, limit) * gaps[name]
         else:
             name = metric.removeprefix("power_")
             length = float(np.mean(stages[name].t[rows]))
             equal = np.ptp(stages[name].t[rows]) <= 1e-9 * length
             spread[metric] = (
-                spread[f"energy_{name}"] / length if equal else _power(stages[name], rows, errors) * gaps[name]
+                spread[f"energy_{name}"] / length if equal else _power(stages[name], rows, errors, limit) * gaps[name]
             )
     return spread
 
@@ -194,12 +197,15 @@ def _bridged(stage: Stage, rows: Rows, rng: np.random.Generator, draws: int) -> 
     return 1.0 + share * rng.standard_normal(draws) if share > 0 else 1.0
 
 
-def _true(xy: float, x: float, y: float, t: float, stage: Stage, errors: Errors) -> Signal:
-    """Energy that channels without errors would have given, for each draw, up to the gains. [J]"""
+def _true(stage: Stage, errors: Errors, xy: float, x: float, y: float, t: float, sampled: float) -> Signal:
+    """Energy that channels without errors would have given, for each draw, up to the gains. [J]
+
+    `sampled` is its change with the relative error of the sampling.
+    """
     zero_x = errors.get((stage.first, "zero"), 0.0)
     zero_y = errors.get((stage.second or "", "zero"), 0.0)
     joule: Signal = stage.scale * (xy - zero_x * y - zero_y * x + zero_x * zero_y * t) + np.zeros(1)
-    return joule
+    return joule + sampled * errors.get((SAMPLING, "gain"), 0.0)
 
 
 def _gain(stage: Stage, errors: Errors) -> Signal | float:
@@ -210,16 +216,21 @@ def _gain(stage: Stage, errors: Errors) -> Signal | float:
     return gain
 
 
-def _energy(stage: Stage, rows: Rows, errors: Errors) -> Signal:
+def _parts(stage: Stage, limit: float) -> tuple[Signal, Signal, Signal, Signal, Signal]:
+    """Integrals of a stage, and what a relative error of the sampling changes of its energy, (k,) each."""
+    return stage.xy, stage.x, stage.y, stage.t, stage.sampled / limit if limit > 0.0 else stage.sampled
+
+
+def _energy(stage: Stage, rows: Rows, errors: Errors, limit: float) -> Signal:
     """Mean energy for each draw: it needs the means of the integrals alone. [J]"""
-    xy, x, y, t = (float(np.mean(a[rows])) for a in (stage.xy, stage.x, stage.y, stage.t))
-    return _true(xy, x, y, t, stage, errors) / _gain(stage, errors)
+    xy, x, y, t, sampled = (float(np.mean(a[rows])) for a in _parts(stage, limit))
+    return _true(stage, errors, xy, x, y, t, sampled) / _gain(stage, errors)
 
 
-def _power(stage: Stage, rows: Rows, errors: Errors) -> Signal:
+def _power(stage: Stage, rows: Rows, errors: Errors, limit: float) -> Signal:
     """Mean of the cycles' mean powers for each draw, where windows differ in length. [W]"""
-    xy, x, y, t = (float(np.mean(a[rows] / stage.t[rows])) for a in (stage.xy, stage.x, stage.y, stage.t))
-    return _true(xy, x, y, t, stage, errors) / _gain(stage, errors)
+    xy, x, y, t, sampled = (float(np.mean(a[rows] / stage.t[rows])) for a in _parts(stage, limit))
+    return _true(stage, errors, xy, x, y, t, sampled) / _gain(stage, errors)
 
 
 def _ratio(
@@ -229,15 +240,17 @@ def _ratio(
     rows: Rows,
     errors: Errors,
     gaps: Mapping[str, Signal | float],
+    limit: float,
 ) -> Signal:
     """Mean of the cycles' ratios for each draw."""
     names = [name.removeprefix("energy_") for name in ALL_RATIOS[metric]]
     out, into = (stages[name] for name in names)
     chosen = rows[np.linspace(0, len(rows) - 1, min(len(rows), MOST_CYCLES)).round().astype(int)]
     total: Signal | float = 0.0
+    above, below = _parts(out, limit), _parts(into, limit)
     for k in chosen.tolist():
-        up = _true(out.xy[k], out.x[k], out.y[k], out.t[k], out, errors)
-        total = total + up / _true(into.xy[k], into.x[k], into.y[k], into.t[k], into, errors)
+        up = _true(out, errors, *(float(part[k]) for part in above))
+        total = total + up / _true(into, errors, *(float(part[k]) for part in below))
     mean = total / len(chosen) * (_gain(into, errors) / _gain(out, errors)) * (gaps[names[0]] / gaps[names[1]])
     nominal = float(np.mean(out.energy[chosen] / into.energy[chosen]))
     drawn: Signal = mean + (getattr(reduction.mean, metric) - nominal)

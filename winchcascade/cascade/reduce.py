@@ -11,13 +11,14 @@ import numpy as np
 
 from winchcascade.cascade.bins import TORQUE, Bin, bin_powers, engaged
 from winchcascade.cascade.changes import changes_within
+from winchcascade.cascade.checks.cross_checks import cross_checks
 from winchcascade.cascade.efficiency import Metrics, metrics
 from winchcascade.cascade.energies import Energies, integrate_energies
 from winchcascade.cascade.net import NetSpan, find_net_spans, net_metrics
 from winchcascade.cascade.power import STAGES, stream
 from winchcascade.cascade.repeatability import ensemble_mean, largest_deviation, total
 from winchcascade.cascade.summary import PhaseSummary, summarise, travel_and_top
-from winchcascade.cascade.windows import find_windows
+from winchcascade.cascade.windows import check_lengths, find_windows
 from winchcascade.errors import LogError, OptionError
 from winchcascade.phases.detect import Cycle, check_cycles, detect, smoothed_velocity
 from winchcascade.phases.window import Plateau, Window, find_plateau
@@ -53,7 +54,8 @@ class Reduction(msgspec.Struct, frozen=True):
     `mean` and `max_deviation_percent` are over complete cycles; `total` sums their energies and gives ratios of sums. The
     net energies of whole cycles are over those complete cycles that have them.
     `quality` holds the findings of the log and of the reduction. `bridged` is, for each stage that has gaps, what bridging
-    them could have changed of each cycle's energy [J].
+    them could have changed of each cycle's energy [J]; `sampled`, where the sampling is not clearly fine, is what every second
+    or third sample alone changes of it [J].
     """
 
     run: Run
@@ -66,6 +68,7 @@ class Reduction(msgspec.Struct, frozen=True):
     bins: tuple[Bin, ...]
     quality: tuple[Finding, ...]
     bridged: Mapping[str, tuple[float, ...]] = msgspec.field(default_factory=dict)
+    sampled: Mapping[str, tuple[float, ...]] = msgspec.field(default_factory=dict)
 
     def __repr__(self) -> str:
         """One line instead of every number."""
@@ -111,7 +114,7 @@ def reduce(
 
     Raises
     ------
-    OptionError : a window rule that is none, or cycles of which the log has none
+    OptionError : a window rule that is none, one longer than most payouts, or cycles of which the log has none
 
     Examples
     --------
@@ -129,12 +132,15 @@ def reduce(
     payouts = travel_and_top(run, v_smooth, found)
     windows = find_windows(run, found, plateaus, payouts, rule, rig)
     nets = find_net_spans(run, v_smooth, found, following[0].onset if following else None, payouts, rig.thresholds)
+    beyond = check_lengths(run, found, windows, payouts, rule, rig)
     summaries, (energy, bins) = side_by_side(
         lambda: summarise(run, v_smooth, found, plateaus, payouts, rig),
         lambda: _energies_and_bins(run, v_smooth, found, plateaus, windows, nets, rule, rig),
         samples=run.samples,
     )
-    findings = [*_not_given(run, rig), *_too_few(cycles, first + len(found) - 1)]
+    findings = [*_not_given(run, rig), *_too_few(cycles, first + len(found) - 1), *beyond]
+    checked = cross_checks(run, rig, v_smooth, found, plateaus, summaries, energy, rule)
+    findings += checked.findings
     results = _results(run, found, first, summaries, energy, findings)
     findings += changes_within(results, rig, energy.bridged, run.load)
     complete = [r.metrics for r in results if r.complete]
@@ -150,6 +156,7 @@ def reduce(
         bins=bins,
         quality=(*run.findings, *findings),
         bridged=energy.bridged,
+        sampled=checked.changes,
     )
 
 

@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 R_DRUM = "r_drum"
 """Name of the drum radius among the sources: it has a tolerance where a rig file states one."""
 
+SAMPLING = "sampling"
+"""Name of the sampling among the sources: its limit is what every second or third sample alone changes of a mean energy."""
+
 TAKEN_AS_EXACT = ("velocity",)
 """Channels without a stated accuracy that count as exact: an encoder's counts have neither zero nor gain error."""
 
@@ -80,7 +83,8 @@ class Stage(msgspec.Struct, frozen=True):
 
     The product of the channels, each alone, and the length of the span [s], 0 for a cycle without this energy; `second` is
     None for a stage that is one logged power. `scale` turns the product into a power; it holds the drum's radius where
-    `by_radius` says so. `bridged` is what gaps may have changed of each energy [J].
+    `by_radius` says so. `bridged` is what gaps may have changed of each energy, `sampled` what thinning
+    changes of it [J].
     """
 
     first: str
@@ -92,6 +96,7 @@ class Stage(msgspec.Struct, frozen=True):
     scale: float
     by_radius: bool
     bridged: Signal
+    sampled: Signal
 
     @property
     def energy(self) -> Signal:
@@ -127,6 +132,7 @@ def stage_integrals(reduction: Reduction) -> dict[str, Stage]:
             scale=scale,
             by_radius=by_radius,
             bridged=np.array(reduction.bridged.get(part, [0.0] * len(energy))),
+            sampled=np.array(reduction.sampled.get(part, [0.0] * len(energy))),
         )
     return stages
 
@@ -227,7 +233,7 @@ def shares(part: Metrics, whole: Metrics) -> Metrics:
 
 
 def run_sources(rig: Rig, stages: Mapping[str, Stage]) -> list[Source]:
-    """Every source of uncertainty of the stages of a run: the sensors of their channels, and the drum radius."""
+    """Every source of uncertainty of the stages of a run: sensors of their channels, drum radius, and coarse sampling."""
     found: list[Source] = []
     for channel in sorted(_channels(stages)):
         if channel in rig.sensors:
@@ -235,7 +241,18 @@ def run_sources(rig: Rig, stages: Mapping[str, Stage]) -> list[Source]:
     radius: Quantity | None = rig.winch.r_drum
     if any(s.by_radius for s in stages.values()) and radius is not None and radius.tolerance:
         found.append(Source(R_DRUM, "gain", radius.tolerance / radius.value, None, radius.source))
+    limit = sampling_limit(stages)
+    if limit > 0.0:
+        found.append(
+            Source(SAMPLING, "gain", limit / math.sqrt(3.0), limit, "reduction of every second and third sample")
+        )
     return found
+
+
+def sampling_limit(stages: Mapping[str, Stage]) -> float:
+    """Largest share of a stage's energy, all cycles together, that thinning the log changes. [1]"""
+    energies = [(abs(float(s.sampled.sum())), abs(float(s.energy.sum()))) for s in stages.values()]
+    return max((changed / energy for changed, energy in energies if energy > NOTHING), default=0.0)
 
 
 def channels_of(metric: str, stages: Mapping[str, Stage]) -> set[str]:
@@ -271,6 +288,8 @@ def _energy_slope(source: Source, stage: Stage) -> Signal:
     """Change of a stage's energy with a source, (k,): what is read too high has to be taken off."""
     if source.channel == R_DRUM:
         return -stage.energy if stage.by_radius else np.zeros_like(stage.xy)
+    if source.channel == SAMPLING:
+        return stage.sampled / (source.limit or 1.0)
     if source.channel not in (stage.first, stage.second):
         return np.zeros_like(stage.xy)
     if source.part == "gain":

@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from winchcascade.accuracy import open_circuit_current
 from winchcascade.errors import LogError, RigError
 from winchcascade.fit.back_emf import back_emf_of
 from winchcascade.fit.campaign import Fitted
 from winchcascade.fit.predict import CHANNELS
 from winchcascade.fit.solve import huber, quadratic, weights
+from winchcascade.order import median
 from winchcascade.quantity import Quantity, find_unit, si_unit
 from winchcascade.rig.backemf import COVERED, RPM_LEAST, BackEmf
 
@@ -105,10 +107,11 @@ def calibrate(
 
     Raises
     ------
-    LogError : the log is no open circuit, or lacks force or voltage
+    LogError : the log is no open circuit, delivers power, or lacks force or voltage
     RigError : the rig file lacks numbers of the model, or an estimate of those to be found
     """
     _require_open_circuit(run)
+    _require_no_power(run, rig, payouts)
     freed = _freed(rig)
     regression = back_emf_of(run, freed, payouts)
     k_e = _back_emf_constant(rig, regression)
@@ -138,6 +141,25 @@ def _require_open_circuit(run: Run) -> None:
         )
     if "force" not in run.channels:
         raise LogError(f"{run.name}: no line force, which damper and screw friction are found from; log it.")
+
+
+def _require_no_power(run: Run, rig: Rig, payouts: Sequence[tuple[float, float]]) -> None:
+    """Reject a log whose Idc is more than the bleed resistance takes, whatever load is stated."""
+    if "vdc" not in run.channels or "idc" not in run.channels:
+        return
+    moving = np.zeros(run.t.size, dtype=bool)
+    for begin, end in payouts:
+        moving[np.searchsorted(run.t, begin) : np.searchsorted(run.t, end)] = True
+    if not moving.any():
+        return
+    voltage, current = (median(run.channels[name][moving]) for name in ("vdc", "idc"))
+    most = open_circuit_current(rig, abs(voltage))
+    if current > most:
+        raise LogError(
+            f"{run.name}: stated as an open circuit, but it delivers {voltage * current:.3g} W (Vdc {voltage:.4g} V, Idc "
+            f"{current:.4g} A; expected at most {most:.2g} A). A calibration needs a log without load: choose that log, or "
+            "check Idc."
+        )
 
 
 def _back_emf_constant(rig: Rig, regression: BackEmf) -> Number:

@@ -40,6 +40,9 @@ ABSENT = {
 """How well it is known that a law is absent, by part and number of the model: no rig is quite free of dry friction, and the
 model is off by as much where the motion begins and ends. About what the zeros of torque and force are known to; assumed."""
 
+WITHOUT_ZERO = ("vdc",)
+"""Channels whose zero no fit has: that of Vdc acts as the drop of the diodes, which is known half as well."""
+
 SKEW = 0.05
 """Channels of a logger are read one after the other: against the velocity each by this share of a sample's interval, one
 standard uncertainty, assumed. The pressure changes too slowly to tell. [1]"""
@@ -96,7 +99,7 @@ def nuisances(rig: Rig, runs: Sequence[Run]) -> tuple[Nuisance, ...]:
     for log, run in enumerate(runs):
         for name in logged:
             _, zero = sensor_errors(rig.sensors.get(name))
-            if zero and name in run.channels:
+            if zero and name in run.channels and name not in WITHOUT_ZERO:
                 found.append(Nuisance("zero", name, zero, "SI", log=log))
     return tuple(found)
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import hashlib
 import math
 import os
+import re
 import time
+import unicodedata
 from contextlib import suppress
 from pathlib import Path
 from threading import Thread
@@ -105,7 +107,8 @@ def _read(path: Path, rig: Rig, load: float | None, load_source: str, about: str
     clock, time_findings = _clock(source, table, found, rig, samples, path.name)
     channels = _channels(table, found, clock)
     if load is None:
-        load, load_source = _load(source)
+        load, load_source, load_faults = _load(source)
+        time_findings = [*time_findings, *load_faults]
     checked = check(
         clock.t, channels, rig, simulated=found.simulated, open_circuit=load is not None and load == float("inf")
     )
@@ -275,26 +278,69 @@ def _channels(table: Table, found: Assignment, clock: Clock) -> dict[str, Signal
     return channels
 
 
-def _load(source: Source) -> tuple[float | None, str]:
-    """The load by a property of the file; never from Vdc over Idc. [ohm]"""
+def _load(source: Source) -> tuple[float | None, str, list[Finding]]:
+    """The load by a property of the file, never from Vdc over Idc [ohm]; a property that gives none is a finding."""
+    findings = []
     for key, value in source.properties.items():
-        if "".join(c for c in key.casefold() if c.isalpha()).removesuffix("ohm") in _LOAD_KEYS:
-            ohm = _ohm(value)
+        letters = "".join(c for c in unicodedata.normalize("NFKC", key) if c.isalpha())
+        named = _RESISTANCE_UNIT.search(letters)
+        if letters[: named.start() if named else None].casefold() in _LOAD_KEYS:
+            ohm = _ohm(value, named.group() if named else "ohm")
             if ohm is not None:
-                return ohm, f"property {key} of the file"
-    return None, "unknown"
+                return ohm, f"property {key} of the file", []
+            findings.append(_unreadable(key, value))
+    return None, "unknown", findings
 
 
-_LOAD_KEYS = {"load", "rload", "loadresistance", "resistiveload", "rl"}
+def _unreadable(key: str, value: str | float) -> Finding:
+    message = f"property {key[:60]} of the file is {str(value)[:60]!r}; expected one resistance such as 9 ohm, or inf"
+    return Finding(
+        "load_mismatch", message, "not used: the load counts as unknown; give it by --load-ohm or a campaign.toml"
+    )
 
 
-def _ohm(value: str | float) -> float | None:
-    text = str(value).strip().casefold().removesuffix("ohm").removesuffix("ω")
-    try:
-        ohm = float(text)
-    except ValueError:
+_LOAD_KEYS = {"load", "rload", "loadresistance", "loadresistor", "resistiveload", "rl"}
+
+_OPEN = {"inf", "infinity", "infinite", "open", "opencircuit", "noload"}
+"""How a file says that no load is connected."""
+
+_RESISTANCE_UNIT = re.compile(r"([mkMK]?)(?:[Oo][Hh][Mm][Ss]?|\u03a9|\u03c9)$")
+"""A unit of resistance with its prefix: m is milli, M mega."""
+
+_PREFIX = {"": 1.0, "m": 1e-3, "k": 1e3, "K": 1e3, "M": 1e6}
+
+_QUANTITY = re.compile(r"([-+]?\d*[.,]?\d+(?:[eE][-+]?\d+)?|\d+[.,])\s*([^\W\d_]*)(.*)", re.DOTALL)
+"""A number, its unit, and what follows."""
+
+
+def _ohm(value: str | float, unit: str) -> float | None:
+    """Resistance that a property gives, None where it gives none or more than one. [ohm]
+
+    Parameters
+    ----------
+    unit : of resistance, for a number without one
+
+    Examples
+    --------
+    >>> _ohm("9 ohm / 50 Hz", "ohm"), _ohm("0.018 kOhm", "ohm"), _ohm("1 kW", "ohm"), _ohm("open circuit", "ohm")
+    (9.0, 18.0, None, inf)
+    """
+    text = unicodedata.normalize("NFKC", str(value)).strip()
+    if text.casefold().replace(" ", "").removesuffix("ohm") in _OPEN:
+        return math.inf
+    quantity = _QUANTITY.fullmatch(text)
+    if quantity is None:
         return None
-    return ohm if ohm > 0 else None
+    number, named, remark = quantity.groups()
+    prefix = _RESISTANCE_UNIT.fullmatch(named or unit)
+    thousands = re.fullmatch(r"[-+]?[1-9]\d*,\d{3}", number) is not None  # a decimal comma or not, nobody can know
+    several = bool(remark.strip()) and (
+        not named or re.search(r"\d\s*[mkM]?(?:ohm|\u03a9)", remark.casefold()) is not None
+    )
+    if prefix is None or thousands or several:
+        return None
+    ohm = float(number.replace(",", ".")) * _PREFIX[prefix.group(1)]
+    return ohm if 0.0 < ohm < math.inf else None
 
 
 def _check_length(samples: int, where: str) -> None:

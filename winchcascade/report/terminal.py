@@ -124,8 +124,6 @@ def _title(reduction: Reduction) -> list[str]:
     lines = [first, "; ".join(part for part in parts if part)]
     lines += [f"campaign: {one_line(run.about)}"] if run.about else []
     lines += [f"rig note: {one_line(rig.note)}"] if rig.note else []
-    late = sum(c.window.cutoff > c.phases.payout_end + 1e-9 for c in reduction.complete)
-    lines += [f"note: the window ends after the payout in {late} of {len(reduction.complete)} cycles"] if late else []
     return lines
 
 

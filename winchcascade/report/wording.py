@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from winchcascade.cascade.efficiency import METRICS
-from winchcascade.cascade.uncertainty import R_DRUM, shares
+from winchcascade.cascade.uncertainty import R_DRUM, SAMPLING, shares
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,6 +22,7 @@ SENSORS = {
     "vdc": "Vdc",
     "idc": "Idc",
     R_DRUM: "drum radius",
+    SAMPLING: "sampling",
 }
 """What a source of uncertainty is called in a sentence."""
 
@@ -31,7 +32,7 @@ def source_name(source: Source | None) -> str:
     if source is None:
         return "bridged gaps"
     name = SENSORS.get(source.channel, source.channel)
-    return name if source.channel == R_DRUM else f"{name}, {source.part}"
+    return name if source.channel in (R_DRUM, SAMPLING) else f"{name}, {source.part}"
 
 
 def by_sensor(known: Budget, metric: str) -> dict[str, float]:

@@ -1,0 +1,47 @@
+"""All cross-checks between the channels of a run whose phases are known."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from winchcascade.cascade.checks.lag import lag_findings
+from winchcascade.cascade.checks.load import load_findings
+from winchcascade.cascade.checks.phased import Phased
+from winchcascade.cascade.checks.sampling import Sampling, check_sampling
+from winchcascade.cascade.checks.zeros import zero_findings
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from winchcascade.cascade.energies import Energies
+    from winchcascade.cascade.summary import PhaseSummary
+    from winchcascade.phases.detect import Cycle
+    from winchcascade.phases.window import Plateau
+    from winchcascade.rigfile import Rig, WindowRule
+    from winchcascade.run import Run, Signal
+
+
+def cross_checks(
+    run: Run,
+    rig: Rig,
+    v_smooth: Signal,
+    cycles: Sequence[Cycle],
+    plateaus: Sequence[Plateau | None],
+    summaries: Sequence[PhaseSummary],
+    energies: Energies,
+    rule: WindowRule,
+) -> Sampling:
+    """Compare channels with each other, with the stated load and with the rig, and the log with thinned ones.
+
+    No channel is changed. The result holds all findings, and what thinning changes of the energies.
+
+    Parameters
+    ----------
+    v_smooth : (n,) line velocity, smoothed [m/s]
+    plateaus, summaries : of each cycle
+    energies, rule : of the windows, and their rule
+    """
+    phased = Phased(run, rig, v_smooth, cycles, plateaus, summaries)
+    sampling = check_sampling(run, rig, rule, cycles, plateaus, energies)
+    findings = (*load_findings(phased), *lag_findings(phased), *zero_findings(phased), *sampling.findings)
+    return Sampling(sampling.changes, findings)

@@ -1,0 +1,182 @@
+"""Whether a log is sampled finely enough for its motion: the reduction is repeated on every second and every third sample.
+
+Trapezoids and interpolated instants err by the square of the sampling interval where the motion is smooth. So the change from
+the log to every second sample is three times the error of the log itself (Richardson), that to every third sample eight times.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from winchcascade.cascade.efficiency import NOTHING
+from winchcascade.cascade.power import STAGES, stream
+from winchcascade.cascade.summary import travel_and_top
+from winchcascade.cascade.windows import find_windows
+from winchcascade.integrate import integrals
+from winchcascade.phases.detect import detect, smoothed_velocity
+from winchcascade.phases.window import find_plateau
+from winchcascade.run import Finding
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from winchcascade.cascade.energies import Energies
+    from winchcascade.phases.detect import Cycle
+    from winchcascade.phases.window import Plateau
+    from winchcascade.rigfile import Rig, WindowRule
+    from winchcascade.run import Run, Signal
+
+THINNED = ((2, 0), (2, 1), (3, 0), (3, 1), (3, 2))
+"""Steps and first samples of the thinned logs: every phase of every second and every third sample."""
+
+FINE = 12
+"""Samples within the smoothing width, and between onset and plateau, from which sampling is fine enough without a look: errors
+of trapezoids and interpolated instants are then below 0.1 % of an energy."""
+
+SMOOTHED = 5
+"""Samples that a local quadratic needs to smooth: through three it passes exactly."""
+
+REPORTED = 0.005
+"""Error of an energy of a cycle from which coarse sampling is reported. [1]"""
+
+
+class Sampling(msgspec.Struct, frozen=True):
+    """What thinning changes of each stage's energy in each cycle [J], by the phase that changes the means most; findings."""
+
+    changes: Mapping[str, tuple[float, ...]]
+    findings: tuple[Finding, ...]
+
+
+def check_sampling(
+    run: Run,
+    rig: Rig,
+    rule: WindowRule,
+    cycles: Sequence[Cycle],
+    plateaus: Sequence[Plateau | None],
+    energies: Energies,
+) -> Sampling:
+    """Repeat a reduction on thinned logs, unless the sampling is clearly fine.
+
+    Parameters
+    ----------
+    rule : of the windows
+    energies : of the log as it is, with its windows
+    """
+    whole = np.array([w.fault is None for w in energies.windows], dtype=bool)
+    if not whole.any() or _clearly_fine(run, rig, cycles, plateaus):
+        return Sampling({}, ())
+    changes = {s: c[:, whole] for s, c in thinned_changes(run, rig, rule, cycles, energies).items()}
+    if run.open_circuit:
+        changes.pop("gen", None)  # no current flows, so that any of it is a large share
+    if not changes:
+        return Sampling({}, ())
+    error = max(_own_error(change, rig.thresholds.smoothing * run.fs) for change in changes.values())
+    largest = int(
+        np.argmax([max(abs(np.nan_to_num(c[row], nan=-1.0).mean()) for c in changes.values()) for row in range(5)])
+    )
+    joules = {}
+    for stage, change in changes.items():
+        changed = np.zeros(len(cycles))
+        changed[whole] = np.nan_to_num(change[largest], nan=-1.0)
+        joules[stage] = tuple((changed * np.array(energies.joules[stage])).tolist())
+    if error < REPORTED:
+        return Sampling(joules, ())
+    most = max(float(np.max(np.abs(np.nan_to_num(c, nan=-1.0)))) for c in changes.values())
+    onsets = [c.onset for c, w in zip(cycles, whole, strict=True) if w]
+    return Sampling(
+        joules,
+        (
+            Finding(
+                "coarse_sampling",
+                f"{run.fs:.3g} Hz is too coarse for this motion: every second or third sample alone changes an energy of a "
+                f"cycle by up to {most:.1%}, so that the log itself may err by {min(error, most):.1%}",
+                "reported and part of the uncertainty; log faster, or use the window payout",
+                start=min(onsets),
+                end=max(w.cutoff for w in energies.windows if w.fault is None),
+                count=len(onsets),
+            ),
+        ),
+    )
+
+
+def _clearly_fine(run: Run, rig: Rig, cycles: Sequence[Cycle], plateaus: Sequence[Plateau | None]) -> bool:
+    """Whether enough samples lie within the smoothing width and within each ramp, or half of a payout without a plateau."""
+    ramps = [
+        0.5 * (c.payout_end - c.onset) if p is None else p.begin - c.onset
+        for c, p in zip(cycles, plateaus, strict=True)
+        if not c.begins_inside
+    ]
+    return run.fs * min(rig.thresholds.smoothing, *ramps, rig.thresholds.smoothing) > FINE - 0.5
+
+
+def _own_error(change: Signal, within: float) -> float:
+    """Error of an energy of a cycle of the log itself, from its changes on thinned logs, (5, k). [1]
+
+    Where the log is smoothed, thinning takes away the smoothing too, and Richardson's extrapolation is taken for all of the
+    change, root mean square over the cycles. Where it is not, only for what the cycles share: by what they differ noise errs,
+    as much in the log as in a thinned one. What the two phases differ by is of a higher order, an eighth in the log.
+
+    Parameters
+    ----------
+    within : samples within the smoothing width
+    """
+    second, third = change[:2], change[2:]
+    if np.isnan(second).all(axis=0).any():
+        return 1.0
+    twice = np.nanmean(second, axis=0)
+    thrice = np.nanmean(np.where(np.isnan(third).all(axis=0), 0.0, third), axis=0)
+    error = float(max(np.sqrt(np.mean(twice**2)) / 3.0, np.sqrt(np.mean(thrice**2)) / 8.0))
+    if within < SMOOTHED:
+        shared = float(twice.mean())
+        apart = 0.5 * float(np.max(np.nanmax(second, axis=0) - np.nanmin(second, axis=0)))
+        error = max(error, abs(shared) / 3.0 + float(np.max(np.abs(twice - shared))), apart / 8.0)
+    return error
+
+
+def thinned_changes(
+    run: Run, rig: Rig, rule: WindowRule, cycles: Sequence[Cycle], energies: Energies
+) -> dict[str, Signal]:
+    """Relative change of each stage's energy in each cycle on each thinned log, (5, k); NaN where a cycle is not found."""
+    known = {stage: np.array(found) for stage in STAGES if (found := energies.joules[stage]) is not None}
+    changes = {stage: np.full((len(THINNED), len(cycles)), np.nan) for stage in known}
+    for row, (step, first) in enumerate(THINNED):
+        joules, cycle = _reduced(_thinned(run, step, first), rig, rule, cycles)
+        for stage, joule in joules.items():
+            into = known[stage][cycle]
+            changes[stage][row, cycle] = (joule - into) / np.maximum(np.abs(into), NOTHING)
+    return changes
+
+
+def _thinned(run: Run, step: int, first: int) -> Run:
+    """Every so-manyth sample of a log, from one of its first on."""
+    return msgspec.structs.replace(
+        run,
+        t=run.t[first::step],
+        channels={name: x[first::step] for name, x in run.channels.items()},
+        fs=run.fs / step,
+        samples=run.samples // step,
+    )
+
+
+def _reduced(
+    run: Run, rig: Rig, rule: WindowRule, wanted: Sequence[Cycle]
+) -> tuple[Mapping[str, Signal], NDArray[np.intp]]:
+    """Energies of the stages in those cycles of a thinned log that are cycles of the whole one, and which these are."""
+    v_smooth = smoothed_velocity(run, rig.thresholds)
+    found = detect(run, v_smooth, rig.thresholds)
+    plateaus = [find_plateau(run.t, v_smooth, c, rig.thresholds) for c in found]
+    windows = find_windows(run, found, plateaus, travel_and_top(run, v_smooth, found), rule, rig)
+    spans = np.array([(w.onset, w.cutoff) for w in windows]).reshape(-1, 2)
+    middles = np.array([0.5 * (c.onset + c.payout_end) for c in wanted])
+    begin, end = (np.array([getattr(c, name) for c in found]) for name in ("onset", "payout_end"))
+    at = np.searchsorted(begin, middles) - 1
+    same = (at >= 0) & (middles <= end[np.maximum(at, 0)]) if begin.size else np.zeros(middles.size, dtype=bool)
+    same[same] &= np.array([windows[k].fault is None for k in at[same]], dtype=bool)
+    watts = {stage: stream(run.channels, stage, rig.r_drum) for stage in STAGES}
+    joules = {s: integrals(run.t, w, spans)[at[same]] for s, w in watts.items() if w is not None}
+    return joules, np.flatnonzero(same)
