@@ -88,8 +88,8 @@ def check_lengths(
     late = [(beyond, w) for _, beyond, w in whole if beyond > _detection_slack(run, rig)]
     if not late:
         return []
-    lengths = [length for length, _, _ in whole]
-    found = f"{len(late)} of {len(whole)} payouts end before their window of {rule:g} s does, by up to {max(x for x, _ in late):.2f} s"
+    lengths, most = [length for length, _, _ in whole], max(beyond for beyond, _ in late)
+    found = f"{len(late)} of {len(whole)} payouts end before their window of {rule:g} s does, by up to {most:.2f} s"
     fits = math.floor(100.0 * min(lengths)) / 100.0
     if 2 * len(late) > len(whole):
         raise OptionError(

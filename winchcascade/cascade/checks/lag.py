@@ -199,6 +199,8 @@ def lag_of(pair: _Pair | None, limit: float) -> _Lag | None:
         step, found = again.seconds - found.seconds, again
         if abs(step) < 0.05 * limit:
             break
+    if first is not None and first.left < found.left:  # a filter delays as its slope does, without a shift
+        found = first
     known = abs(found.seconds) >= limit and abs(found.seconds) > CERTAIN * _standard_uncertainty(found)
     return found if known and found.left < EXPLAINS * without else None
 

@@ -12,10 +12,11 @@ import msgspec
 import numpy as np
 
 from winchcascade.cascade.efficiency import NOTHING
-from winchcascade.cascade.power import STAGES, stream
+from winchcascade.cascade.power import STAGES, sources, stream
 from winchcascade.cascade.summary import travel_and_top
 from winchcascade.cascade.windows import find_windows
 from winchcascade.integrate import integrals
+from winchcascade.order import median
 from winchcascade.phases.detect import detect, smoothed_velocity
 from winchcascade.phases.window import find_plateau
 from winchcascade.run import Finding
@@ -45,6 +46,16 @@ REPORTED = 0.005
 """Error of an energy of a cycle from which coarse sampling is reported. [1]"""
 
 
+HELD = 0.9
+"""Share of the steps of a channel that must be equally far apart, for one that is updated more slowly than it is logged. [1]"""
+
+FEWEST = 8
+"""Fewer steps show no interval."""
+
+COARSE_STEP = 3.0
+"""Steps of a channel that is held are mostly larger than so many of its smallest: those of a coarse resolution are not."""
+
+
 class Sampling(msgspec.Struct, frozen=True):
     """What thinning changes of each stage's energy in each cycle [J], by the phase that changes the means most; findings."""
 
@@ -68,13 +79,14 @@ def check_sampling(
     energies : of the log as it is, with its windows
     """
     whole = np.array([w.fault is None for w in energies.windows], dtype=bool)
+    held = _held_channels(run, rig, cycles, plateaus, energies) if whole.any() else ()
     if not whole.any() or _clearly_fine(run, rig, cycles, plateaus):
-        return Sampling({}, ())
+        return Sampling({}, held)
     changes = {s: c[:, whole] for s, c in thinned_changes(run, rig, rule, cycles, energies).items()}
     if run.open_circuit:
         changes.pop("gen", None)  # no current flows, so that any of it is a large share
     if not changes:
-        return Sampling({}, ())
+        return Sampling({}, held)
     error = max(_own_error(change, rig.thresholds.smoothing * run.fs) for change in changes.values())
     largest = int(
         np.argmax([max(abs(np.nan_to_num(c[row], nan=-1.0).mean()) for c in changes.values()) for row in range(5)])
@@ -85,12 +97,13 @@ def check_sampling(
         changed[whole] = np.nan_to_num(change[largest], nan=-1.0)
         joules[stage] = tuple((changed * np.array(energies.joules[stage])).tolist())
     if error < REPORTED:
-        return Sampling(joules, ())
+        return Sampling(joules, held)
     most = max(float(np.max(np.abs(np.nan_to_num(c, nan=-1.0)))) for c in changes.values())
     onsets = [c.onset for c, w in zip(cycles, whole, strict=True) if w]
     return Sampling(
         joules,
         (
+            *held,
             Finding(
                 "coarse_sampling",
                 f"{run.fs:.3g} Hz is too coarse for this motion: every second or third sample alone changes an energy of a "
@@ -101,6 +114,57 @@ def check_sampling(
                 count=len(onsets),
             ),
         ),
+    )
+
+
+def _held_channels(
+    run: Run, rig: Rig, cycles: Sequence[Cycle], plateaus: Sequence[Plateau | None], energies: Energies
+) -> tuple[Finding, ...]:
+    """Channels that keep their value for several samples while the line pays out: on average they are late by half of that."""
+    ramps = [(k, c, p) for k, (c, p) in enumerate(zip(cycles, plateaus, strict=True)) if p and not c.begins_inside]
+    if not ramps:
+        return ()
+    k, cycle, plateau = ramps[len(ramps) // 2]
+    rows = slice(*np.searchsorted(run.t, (cycle.onset, plateau.braking)).tolist())
+    found: list[Finding] = []
+    for stage in STAGES:
+        watts, joules = stream(run.channels, stage, rig.r_drum), energies.joules[stage]
+        if watts is None or joules is None or joules[k] <= NOTHING or (stage == "gen" and run.open_circuit):
+            continue
+        end = np.searchsorted(run.t, energies.windows[k].cutoff)
+        power = float(watts(slice(max(int(end) - 1, 0), int(end) + 1)).mean())
+        for name in sources(run.channels, stage):
+            every = _update_interval(run.channels[name][rows])
+            late = 0.5 * (every - 1) / run.fs
+            if every > 1 and late * power / joules[k] >= REPORTED and name not in {f.channel for f in found}:
+                found.append(_held_finding(name, every, late, run, cycle, late * power / joules[k]))
+    return tuple(found)
+
+
+def _update_interval(x: Signal) -> int:
+    """Samples from one update of a channel to the next, 1 for one that is updated with every sample."""
+    step = np.diff(x)
+    if 2 * np.count_nonzero(step) > 1.2 * step.size:
+        return 1
+    at = np.flatnonzero(step)
+    apart = np.diff(at)
+    if apart.size < FEWEST:
+        return 1
+    every = int(median(apart.astype(np.float64)))
+    size = np.abs(step[at])
+    regular = np.count_nonzero(apart % every == 0) >= HELD * apart.size
+    return every if regular and median(size) > COARSE_STEP * float(size.min()) else 1
+
+
+def _held_finding(name: str, every: int, late: float, run: Run, cycle: Cycle, share: float) -> Finding:
+    return Finding(
+        "coarse_sampling",
+        f"{name} is updated every {every} samples ({every / run.fs:.2g} s) and held in between, so that it is {late:.2g} s "
+        f"late on average; energies of {name} may err by {share:.1%}",
+        "reported and kept; log it with every sample",
+        name,
+        cycle.onset,
+        cycle.payout_end,
     )
 
 

@@ -33,6 +33,9 @@ CLEAR = 4.0
 KNOWN = 0.01
 """The frictionless force at rest is known this well: gas, piston and pressure sensor, one standard uncertainty. [1]"""
 
+NOISE = 1e-4
+"""Noise of Vdc at rest over its largest value below which there is none: a sensor of 12 bit has more, a simulation less. [1]"""
+
 SAME_NOISE = 0.9
 """Correlation at rest from which the noise of Idc is that of Vdc: two sensors share some of it, a computed column all. [1]"""
 
@@ -127,10 +130,12 @@ def _computed(phased: Phased, spans: list[Span]) -> list[Finding]:
     v_dc, i_dc = (_samples(phased, name, spans) for name in ("vdc", "idc"))
     if v_dc.size < 2 * FEWEST:
         return []
+    top = float(np.max(np.abs(phased.run.channels["vdc"])))
     v_dc, i_dc = v_dc - v_dc.mean(), i_dc - i_dc.mean()
     turns = np.count_nonzero(np.diff(np.signbit(v_dc)))
     size = float(np.linalg.norm(v_dc) * np.linalg.norm(i_dc))
-    if turns < FEWEST or size == 0.0 or float(v_dc @ i_dc) < SAME_NOISE * size:  # without noise nothing can be known
+    noisy = turns >= FEWEST and float(np.std(v_dc)) >= NOISE * top
+    if not noisy or size == 0.0 or float(v_dc @ i_dc) < SAME_NOISE * size:
         return []
     ohm = float(v_dc @ v_dc) / float(v_dc @ i_dc)
     return [
