@@ -169,6 +169,32 @@ def _xls_size() -> bytes:
     return xls.book([["v"], [1.0]], further=xls.record(0x200, struct.pack("<IIHHH", 0, 2**32 - 1, 0, 300, 0)))
 
 
+def _tdms_text(text: str) -> bytes:
+    return struct.pack("<I", len(text)) + text.encode()
+
+
+def _tdms_segment(kind: int, metadata: bytes, samples: bytes = b"") -> bytes:
+    size = len(metadata) + len(samples)
+    return b"TDSm" + struct.pack("<IIQQ", kind, 4713, size, len(metadata)) + metadata + samples
+
+
+def _tdms_channels(paths: list[str], samples: int) -> bytes:
+    index = struct.pack("<IIIQI", 20, 10, 1, samples, 0)
+    return struct.pack("<I", len(paths)) + b"".join(_tdms_text(path) + index for path in paths)
+
+
+def _tdms_groups(groups: int) -> bytes:
+    """A channel in each of many groups, which are compared with one another."""
+    paths = [f"/'g{k:x}'/'c{k:x}'" for k in range(groups)]
+    return _tdms_segment(2 | 4 | 8, _tdms_channels(paths, 1), bytes(8 * groups))
+
+
+def _tdms_segments(channels: int, segments: int) -> bytes:
+    """Many segments, each of which repeats all channels in 28 bytes."""
+    paths = [f"/'g'/'{k:x}'" for k in range(channels)]
+    return _tdms_segment(2 | 4 | 8, _tdms_channels(paths, 0)) + segments * _tdms_segment(8, b"")
+
+
 BOMBS: dict[str, Callable[[], bytes]] = {
     "xlsx, a cell in the last corner": lambda: _stray(1 << 20, "XFD"),
     "xlsx, a cell in the last row": lambda: _stray(1 << 20, "BP"),
@@ -193,6 +219,8 @@ BOMBS: dict[str, Callable[[], bytes]] = {
     "parquet, many texts": lambda: _parquet_texts(50_000_000, 1),
     "parquet, a long list": lambda: _parquet_lists(100 * MEGA),
     "parquet, columns": lambda: _parquet_columns(2500),
+    "tdms, groups": lambda: _tdms_groups(14_000),
+    "tdms, segments": lambda: _tdms_segments(8000, 12_000),
     "mat, zeros": lambda: _mat_zeros(300, (b"time", b"velocity")),
     "mat, more zeros": lambda: _mat_zeros(60, tuple(b"v%d" % k for k in range(15))),
     "mat, a claimed length": lambda: _mat_lie(2**31 - 1),

@@ -216,7 +216,10 @@ _PINT_UNIT = {
 _LONGEST_UNIT = 60
 """More characters are no unit."""
 
-_LETTER = r"A-Za-z_\u00b0\u00b5\u00c0-\u00d6\u00d8-\u00f6\u00f8-\u024f\u0370-\u03ff\u2103\u2109\u210e\u2113\u2126\u212b\u221e%\u2030"
+_LETTER = (
+    r"A-Za-z_%\u00b0\u00b5\u00c0-\u00d6\u00d8-\u00f6\u00f8-\u024f\u0370-\u03ff"
+    r"\u2030\u2103\u2109\u210e\u2113\u2126\u212b\u221e"
+)
 _SYMBOL = rf"[{_LETTER}][{_LETTER}0-9]*"
 _POWER = rf"{_SYMBOL}(?:\s*(?:\*\*|\^)\s*[-+]?\d(?!\d)|[\u207a\u207b]?[\u00b9\u00b2\u00b3\u2070\u2074-\u2079])?"
 _TIMES = r"(?:\s*[*/.\u00b7\u22c5\u00d7]\s*|\s+)"

@@ -32,10 +32,6 @@ def open_log(path: Path) -> Source:
 
 def _reader(head: bytes, where: str) -> Callable[[Path], Source]:
     """Choose the reader; each is imported only when it is needed."""
-    if head.startswith(b"TDSm"):
-        from winchcascade.ingest.tdms import open_tdms
-
-        return open_tdms
     isolated = _isolated_reader(head)
     if isolated is not None:
         from winchcascade.ingest.isolated import open_isolated
@@ -53,6 +49,8 @@ def _reader(head: bytes, where: str) -> Callable[[Path], Source]:
 
 def _isolated_reader(head: bytes) -> str | None:
     """Name the reader of a format that only a process of its own reads; None for other formats."""
+    if head.startswith(b"TDSm"):
+        return "tdms"
     if head.startswith(b"PAR1"):
         return "parquet"
     if head.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):

@@ -30,6 +30,7 @@ from winchcascade.ingest.limits import (
     resident,
 )
 from winchcascade.ingest.source import Header, Source, Table
+from winchcascade.run import Finding
 
 A = TypeVar("A")
 
@@ -45,6 +46,7 @@ _FORMATS = {
     "excel": _Format("workbook", "delete stray cells outside the table, save it again or export the sheet as CSV"),
     "mat": _Format("MATLAB file", "save the channels alone"),
     "parquet": _Format("Parquet file", "export it again in shorter files"),
+    "tdms": _Format("TDMS file", "copy it again or export it as CSV"),
 }
 
 _START = "import json, sys; sys.path[:] = json.loads(sys.stdin.buffer.readline()); "
@@ -105,6 +107,7 @@ class _Column(msgspec.Struct, frozen=True):
     rows: int | None = None
     texts: list[str] | None = None
     stamped: bool = False
+    findings: tuple[Finding, ...] = ()
 
 
 class _Child:
@@ -120,7 +123,7 @@ class _Child:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
-            env=os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "RUST_BACKTRACE": "0"},
+            env=os.environ | {"OPENBLAS_NUM_THREADS": "1", "RUST_BACKTRACE": "0"},
         )
         job = job_for(int(getattr(self._process, "_handle", 0)), self._limits.memory)
         self.close: Callable[[], object] = weakref.finalize(self, _end, self._process, job)
@@ -144,7 +147,7 @@ class _Child:
             values = {i: self._column(answers, self._head(answers, _Column).rows or 0) for i in wanted}
             head = self._head(answers, _Column)
             stamps = head.texts if head.rows is None else self._column(answers, head.rows)
-            return Table(values, stamps=stamps, stamped=head.stamped)
+            return Table(values, stamps=stamps, stamped=head.stamped, findings=head.findings)
 
         return self._ask([{"wanted": [*wanted], "time": time}], receive)
 

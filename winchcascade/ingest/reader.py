@@ -13,20 +13,25 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
+import msgspec
 import numpy as np
 
 from winchcascade.errors import LogError
 from winchcascade.ingest.limits import MB, MEMORY_SETTING, end_after, limit_this_process
 
 if TYPE_CHECKING:
-    from winchcascade.ingest.source import Source
+    from winchcascade.ingest.source import Source, Table
     from winchcascade.run import Signal
 
 _OPENERS = {
     "excel": ("winchcascade.ingest.excel", "open_excel"),
     "mat": ("winchcascade.ingest.mat", "open_mat"),
     "parquet": ("winchcascade.ingest.parquet", "open_parquet"),
+    "tdms": ("winchcascade.ingest.tdms", "open_tdms"),
 }
+
+_TOGETHER = {"tdms"}
+"""Readers that bring the wanted columns onto one clock; the others read each column for itself, which takes less memory."""
 
 _TEXT = 64
 """What a text takes beyond its characters. [bytes]"""
@@ -66,8 +71,9 @@ def _serve(order: dict[str, Any], requests: BinaryIO, answers: BinaryIO) -> None
     )
     for line in requests:
         end_after(order["seconds"])
-        wanted = json.loads(line)
-        for head, column in _columns(source, wanted["wanted"], wanted["time"], _Budget(path.name, order["numbers"])):
+        wanted, time = (asked := json.loads(line))["wanted"], asked["time"]
+        whole = source.load(wanted, time) if order["reader"] in _TOGETHER else None
+        for head, column in _columns(source, wanted, time, whole, _Budget(path.name, order["numbers"])):
             _say(answers, head)
             if column is not None:
                 answers.write(column.data)
@@ -75,23 +81,24 @@ def _serve(order: dict[str, Any], requests: BinaryIO, answers: BinaryIO) -> None
 
 
 def _columns(
-    source: Source, wanted: Sequence[int], time: int | None, budget: _Budget
+    source: Source, wanted: Sequence[int], time: int | None, whole: Table | None, budget: _Budget
 ) -> Iterator[tuple[dict[str, Any], Signal | None]]:
-    """Yield the wanted columns one by one, as each takes its memory, and the time column."""
+    """Yield the wanted columns one by one, of the whole table or as each is read, and the time column."""
     for k, i in enumerate(wanted):
-        column = np.ascontiguousarray(source.load([i], None).values[i])
+        column = np.ascontiguousarray((whole or source.load([i], None)).values[i], dtype=np.float64)
         budget.spend(column.nbytes, left=len(wanted) - k - 1 + (time is not None))
         yield {"rows": len(column)}, column
-    table = source.load([], time)
+    table = whole or source.load([], time)
+    told = {"stamped": table.stamped, "findings": [msgspec.structs.asdict(finding) for finding in table.findings]}
     if isinstance(table.stamps, np.ndarray):
         stamps = np.ascontiguousarray(table.stamps, dtype=np.float64)
         budget.spend(stamps.nbytes)
-        yield {"rows": len(stamps), "stamped": table.stamped}, stamps
+        yield {"rows": len(stamps), **told}, stamps
     elif table.stamps is not None:
         budget.spend(sum(map(len, table.stamps)) + _TEXT * len(table.stamps))
-        yield {"texts": list(table.stamps)}, None
+        yield {"texts": list(table.stamps), **told}, None
     else:
-        yield {}, None
+        yield told, None
 
 
 class _Budget:
@@ -112,5 +119,6 @@ class _Budget:
 
 
 def _say(answers: BinaryIO, what: dict[str, Any]) -> None:
-    answers.write(json.dumps(what).encode("ascii") + b"\n")
+    content = json.dumps(what, default=lambda number: number.item())  # numpy's own numbers
+    answers.write(content.encode("ascii") + b"\n")
     answers.flush()

@@ -75,7 +75,7 @@ def _opened(path: Path) -> Iterator[Any]:
             stream.seek(0)
             with TdmsFile.open(stream) as tdms, np.errstate(all="ignore"):
                 yield tdms
-    except LogError:
+    except (LogError, MemoryError):
         raise
     except Exception as fault:  # the parser itself raises bare Exceptions
         raise LogError(
