@@ -6,11 +6,12 @@ from pathlib import Path
 
 import pytest
 from scratches import left_scratch
-from trials import fail_on_the_second, guess
+from trials import fail_on_the_second, find_no_room, guess
 
 from winchcascade.blind.cases import plan_cases
 from winchcascade.blind.envelope import SEALED
 from winchcascade.blind.hidden import OUTSIDERS, PARTS
+from winchcascade.blind.score import score
 from winchcascade.blind.trial import deal, diagnose
 from winchcascade.campaign import load_campaign
 from winchcascade.errors import OptionError, OutputError
@@ -132,6 +133,43 @@ def test_what_is_diagnosed_is_kept_as_long_as_suspects_and_logs_are_the_same(tri
         log.write("999.0,0.0,0.0,20.0,200.0,0.0,0.0,0.0\n")
     assert diagnose(trial, guess, fewer).kept == 1
     assert diagnose(trial, guess, fewer, force=True).kept == 0
+
+
+@pytest.mark.parametrize("name", ["diagnoses/case-0001.json", "predictions/case-0001/after/r36ohm.csv"])
+def test_an_altered_diagnosis_is_made_again_and_named(trial: Path, name: str) -> None:
+    diagnose(trial, guess, SUSPECTS)
+    before = content(trial)
+    (trial / name).write_bytes((trial / name).read_bytes().replace(b"0.9", b"0.8"))
+    assert content(trial) != before
+    done = diagnose(trial, guess, SUSPECTS)
+    assert (done.kept, done.altered) == (1, ("case-0001",))
+    assert content(trial) == before
+
+
+def test_an_altered_diagnosis_is_not_scored(trial: Path) -> None:
+    diagnose(trial, guess, SUSPECTS)
+    path = trial / "diagnoses" / "case-0002.json"
+    path.write_bytes(path.read_bytes().replace(b'"verdict": "explained"', b'"verdict": "no_gap"'))
+    with pytest.raises(OptionError, match=r"case-0002\.json: was altered after it was made"):
+        score(trial)
+
+
+def test_a_diagnosis_without_a_digest_is_made_again(trial: Path) -> None:
+    diagnose(trial, guess, SUSPECTS)
+    path = trial / "diagnoses" / "case-0001.json"
+    record = json.loads(path.read_bytes())
+    del record["trial"]["sha256"], record["trial"]["files"]
+    path.write_text(json.dumps(record))
+    done = diagnose(trial, guess, SUSPECTS)
+    assert (done.kept, done.altered) == (1, ())
+
+
+def test_a_diagnosis_that_fails_for_lack_of_room_leaves_the_one_that_is_there(trial: Path) -> None:
+    diagnose(trial, guess, SUSPECTS)
+    before = content(trial)
+    done = diagnose(trial, find_no_room, SUSPECTS, force=True)
+    assert list(done.faults) == ["case-0001", "case-0002"]
+    assert content(trial) == before
 
 
 def test_a_case_that_cannot_be_diagnosed_does_not_stop_the_others(trial: Path) -> None:

@@ -76,3 +76,10 @@ def fail_on_the_second(
     if campaign_toml.parent.name == "case-0002":
         raise ValueError("this one is too hard")
     return guess(campaign_toml, suspects=suspects, seed=seed, predictions=predictions)
+
+
+def find_no_room(
+    campaign_toml: Path, *, suspects: Mapping[str, type], seed: int, predictions: Path | None
+) -> dict[str, Any]:
+    """Diagnose nothing, as on a full disk."""
+    raise OSError(28, "No space left on device")

@@ -5,7 +5,7 @@ import random
 from pathlib import Path
 
 import pytest
-from faults import BATCH, DEAL, GUESSED, Kind, both_at_once, full_disk, kills, nowhere, too_large
+from faults import BATCH, DEAL, ENDED, Kind, both_at_once, full_disk, kills, nowhere, too_large
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="ends processes as POSIX does")
 
@@ -13,8 +13,8 @@ RNG = random.Random(20260418)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", [BATCH, DEAL, GUESSED], ids=lambda kind: kind.name)
-def test_calls_that_are_killed_at_any_moment_lose_nothing(kind: Kind, tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", ENDED, ids=lambda kind: kind.name)
+def test_calls_that_are_ended_at_any_moment_lose_nothing(kind: Kind, tmp_path: Path) -> None:
     counts = kills(kind, tmp_path, 3, RNG)
     assert counts.faults == ()
     assert counts.tries == 3
