@@ -235,3 +235,9 @@ def test_an_estimate_that_is_far_off_does_not_hold_the_number_back() -> None:
     found = calibrate(run, msgspec.structs.replace(RIG, drivetrain=half), steady_payouts(run))
     _, low, high = number(found, "b_rotor")
     assert low <= 7.5e-4 <= high
+
+
+def test_an_open_circuit_that_delivers_power_is_rejected(fixtures: Path) -> None:
+    run = read_run(fixtures / "campaign" / "r36ohm.csv", load=math.inf)
+    with pytest.raises(LogError, match=r"stated as an open circuit, but it delivers .* W .*without load"):
+        calibrate(run, built_in(), [(4.8, 12.0)])

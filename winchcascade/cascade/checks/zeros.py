@@ -36,6 +36,9 @@ KNOWN = 0.01
 NOISE = 1e-4
 """Noise of Vdc at rest over its largest value below which there is none: a sensor of 12 bit has more, a simulation less. [1]"""
 
+BELOW = 0.2
+"""Share of the samples of Vdc at rest that must be negative: a rectifier gives none, so that these are noise. [1]"""
+
 SAME_NOISE = 0.9
 """Correlation at rest from which the noise of Idc is that of Vdc: two sensors share some of it, a computed column all. [1]"""
 
@@ -131,10 +134,10 @@ def _computed(phased: Phased, spans: list[Span]) -> list[Finding]:
     if v_dc.size < 2 * FEWEST:
         return []
     top = float(np.max(np.abs(phased.run.channels["vdc"])))
+    below = np.count_nonzero(v_dc < 0.0) / v_dc.size
     v_dc, i_dc = v_dc - v_dc.mean(), i_dc - i_dc.mean()
-    turns = np.count_nonzero(np.diff(np.signbit(v_dc)))
     size = float(np.linalg.norm(v_dc) * np.linalg.norm(i_dc))
-    noisy = turns >= FEWEST and float(np.std(v_dc)) >= NOISE * top
+    noisy = below >= BELOW and float(np.std(v_dc)) >= NOISE * top
     if not noisy or size == 0.0 or float(v_dc @ i_dc) < SAME_NOISE * size:
         return []
     ohm = float(v_dc @ v_dc) / float(v_dc @ i_dc)
