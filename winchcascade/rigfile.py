@@ -36,10 +36,14 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Column(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Where a log keeps a channel: the name of its column, and the unit if the log does not name it."""
+    """Where a log keeps a channel: the name of its column, and the unit if the log does not name it.
+
+    A unit in the log's header is used instead of this one, unless `override` is set.
+    """
 
     name: str
     unit: str | None = None
+    override: bool = False
 
 
 class Winch(msgspec.Struct, frozen=True):

@@ -282,6 +282,10 @@ def _columns(raw: dict[str, Any], where: str) -> dict[str, Column]:
         if name not in CHANNELS and name != "time":
             raise RigError(f"{where}: {place} is no channel; expected time or one of {', '.join(CHANNELS)}.")
         column = Column(entry) if isinstance(entry, str) else _convert(entry, Column, where, place)
+        if column.override and column.unit is None:
+            raise RigError(
+                f'{where}: {place}: override = true without a unit; add unit = "...", or leave override out.'
+            )
         if column.unit is not None:
             dimension = "time" if name == "time" else CHANNELS[name].dimension
             unit = find_unit(column.unit)

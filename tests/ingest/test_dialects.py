@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 from campaign_log import HEAD, NAMES, ROWS, SAME, UNITS, clean, efficiencies, kinds, read, scaled, text
 
+from winchcascade import Run, load_rig
 from winchcascade.channels import CHANNELS
-from winchcascade.errors import LogError
+from winchcascade.errors import LogError, RigError
 from winchcascade.ingest import dialects
 from winchcascade.ingest.dialects import read_header, recognise
 from winchcascade.ingest.source import Header
@@ -187,3 +188,42 @@ def test_a_log_without_motion_lists_what_it_has(tmp_path: Path) -> None:
         LogError, match=r"no column for the line velocity or displacement; the log has c0, c1.*\[columns\]"
     ):
         read(tmp_path, text(ROWS, [f"c{k}" for k in range(8)]))
+
+
+# ------------------------------------------------------------------------------ units of the log and of the rig file
+def reduced_with(folder: Path, unit: str, header: str = "Idc (A)", *, override: bool = False) -> Run:
+    rig = folder / "rig.toml"
+    entry = f'{{ name = "{header}", unit = "{unit}"{", override = true" if override else ""} }}'
+    rig.write_text(f'name = "mine"\nbased_on = "hsu2026"\n[columns]\nidc = {entry}\n')
+    return read(folder, text(ROWS, [*HEAD[:-1], header]), rig=load_rig(rig))
+
+
+def test_a_unit_of_the_rig_file_that_contradicts_the_header_is_reported_and_the_header_counts(tmp_path: Path) -> None:
+    run = reduced_with(tmp_path, "mA")
+    (finding,) = run.findings
+    assert (finding.kind, finding.channel) == ("unit_conflict", "idc")
+    assert "'Idc (A)'" in finding.message
+    assert "idc in mA" in finding.message
+    assert finding.action == "the unit of the header is used; override = true takes the other"
+    assert run.channels["idc"].max() > 1.0
+
+
+def test_the_unit_of_the_rig_file_counts_where_it_says_override(tmp_path: Path) -> None:
+    run = reduced_with(tmp_path, "mA", override=True)
+    (finding,) = run.findings
+    assert (finding.kind, finding.action) == ("unit_conflict", "the unit of the rig is used")
+    assert run.channels["idc"].max() < 0.1
+
+
+@pytest.mark.parametrize(("unit", "header"), [("A", "Idc (A)"), ("A", "Idc"), ("ampere", "Idc [A]")])
+def test_a_unit_of_the_rig_file_that_the_header_shares_or_lacks_gives_no_finding(
+    tmp_path: Path, unit: str, header: str
+) -> None:
+    assert reduced_with(tmp_path, unit, header).findings == ()
+
+
+def test_override_without_a_unit_is_a_fault_of_the_rig_file(tmp_path: Path) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text('name = "mine"\nbased_on = "hsu2026"\n[columns]\nidc = { name = "Idc (A)", override = true }\n')
+    with pytest.raises(RigError, match=r"\[columns\] idc: override = true without a unit; add unit"):
+        load_rig(rig)

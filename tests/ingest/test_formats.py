@@ -6,7 +6,7 @@ import datetime as dt
 import struct
 import sys
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,6 +18,7 @@ import pyarrow.parquet as pq
 import pytest
 import xls
 import xlsb
+import xlsxwriter
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
@@ -985,3 +986,37 @@ def test_mat4_is_told_in_either_byte_order(tmp_path: Path, order: str, mopt: int
 )
 def test_mat4_is_told_only_by_a_whole_header(head: bytes) -> None:
     assert not is_mat_v4(head)
+
+
+# ------------------------------------------------------------------------------- texts and notes in a workbook's cells
+def book_of(folder: Path, head: Sequence[str], rows: Sequence[Sequence[object]]) -> Path:
+    path = folder / "log.xlsx"
+    with xlsxwriter.Workbook(str(path)) as book:
+        sheet = book.add_worksheet("Run")
+        for k, row in enumerate([head, *rows]):
+            sheet.write_row(k, 0, row)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("cell", "factor"),
+    [(lambda x: f"{x:,.0f}", 1.0), (lambda x: f"{x / 1000:.3f}".replace(".", ","), 1e-3), (lambda x: f"{x:,.1f}", 1.0)],
+    ids=["thousands", "decimals", "both"],
+)
+def test_a_comma_in_the_texts_of_a_workbook_is_read_by_its_whole_column(
+    tmp_path: Path, cell: Callable[[float], str], factor: float
+) -> None:
+    force = [200.0 + 9.0 * abs(k - 250) for k in range(500)]
+    rows = [[0.04 * k, 0.5, cell(force[k])] for k in range(500)]
+    run = read_run(book_of(tmp_path, ["Time (s)", "Velocity (m/s)", "Force (N)"], rows))
+    assert run.channels["force"] == pytest.approx([factor * x for x in force], abs=0.5 * factor)
+
+
+@pytest.mark.parametrize("odd", [["Time (s)", "Velocity (m/s)", "Force (N)"], ["crane stopped", "", ""]])
+@pytest.mark.parametrize("place", [100, 500])
+def test_a_note_or_repeated_names_in_a_workbook_are_skipped(tmp_path: Path, odd: Sequence[str], place: int) -> None:
+    rows: list[Sequence[object]] = [[0.04 * k, 0.5, 300.0 + k] for k in range(500)]
+    rows.insert(place, odd)
+    run = read_run(book_of(tmp_path, ["Time (s)", "Velocity (m/s)", "Force (N)"], rows))
+    assert run.samples == 500
+    assert {f.kind for f in run.findings} <= {"missing_channel"}

@@ -160,7 +160,8 @@ def _assignment(
         if channel not in taken:
             continue
         index = taken[channel]
-        unit = _unit_of(headers[index], channel, rig, where)
+        unit, conflict = _unit_of(headers[index], channel, rig, where)
+        findings += conflict
         if channel == "time":
             time_unit_known = unit is not None
             time = Match(index, 1.0 if unit is None else unit.factor)
@@ -184,27 +185,40 @@ def _assumed(header: Header, channel: str) -> tuple[Unit, Finding]:
     return unit, Finding("unit_assumed", message, "assumed", channel)
 
 
-def _unit_of(header: Header, channel: str, rig: Rig, where: str) -> Unit | None:
-    """Unit of a column: the rig file's word for it, else the log's own; None where neither names one that is known."""
+def _unit_of(header: Header, channel: str, rig: Rig, where: str) -> tuple[Unit | None, list[Finding]]:
+    """Unit of a column, None where neither log nor rig file names one, and a finding where they contradict each other.
+
+    The log's own unit counts, unless the rig file overrides it or it measures something else.
+    """
     column = rig.columns.get(channel)
-    if column is not None and column.unit is not None:
-        named = find_unit(column.unit) or _unit_by_pint(column.unit, channel)
-        if named is None:
-            raise LogError(
-                f"{where}: the rig {rig.name} gives {channel} the unit {column.unit!r}, which is none of "
-                f"{DIMENSION[channel]}; correct [columns] in the rig file."
-            )
-        return named
     read = read_header(header)
-    unit = read.unit
-    if unit is None and read.unknown_unit is not None:
-        unit = _unit_by_pint(read.unknown_unit, channel)
-    if unit is not None and unit.dimension != DIMENSION[channel]:
+    own = read.unit
+    if own is None and read.unknown_unit is not None:
+        own = _unit_by_pint(read.unknown_unit, channel)
+    fits = own is None or own.dimension == DIMENSION[channel]
+    if column is None or column.unit is None:
+        if not fits and own is not None:
+            raise LogError(
+                f"{where}: column {header.name.strip()!r} is named for {channel} but its unit is one of {own.dimension}; "
+                f"expected one of {DIMENSION[channel]}. Correct the log or [columns] in a rig file."
+            )
+        return own, []
+    named = find_unit(column.unit) or _unit_by_pint(column.unit, channel)
+    if named is None:
         raise LogError(
-            f"{where}: column {header.name.strip()!r} is named for {channel} but its unit is one of {unit.dimension}; "
-            f"expected one of {DIMENSION[channel]}. Correct the log or [columns] in a rig file."
+            f"{where}: the rig {rig.name} gives {channel} the unit {column.unit!r}, which is none of "
+            f"{DIMENSION[channel]}; correct [columns] in the rig file."
         )
-    return unit
+    if own is None or (own.factor, own.offset) == (named.factor, named.offset):
+        return named, []
+    override = column.override or not fits
+    message = (
+        f"the header {header.name.strip()!r} and the rig {rig.name}, which gives {channel} in {column.unit}, contradict"
+    )
+    action = (
+        "the unit of the rig is used" if override else "the unit of the header is used; override = true takes the other"
+    )
+    return (named if override else own), [Finding("unit_conflict", f"{message} each other", action, channel)]
 
 
 _PINT_UNIT = {

@@ -9,13 +9,13 @@ from contextlib import contextmanager
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING
 from xml.parsers import expat
 
 import numpy as np
 from python_calamine import CalamineError, CalamineWorkbook, PasswordError
 
 from winchcascade.errors import LogError
+from winchcascade.ingest.cells import is_stamp
 from winchcascade.ingest.sheet import (
     ROWS_LOOKED_AT,
     ROWS_SEARCHED,
@@ -24,14 +24,11 @@ from winchcascade.ingest.sheet import (
     Row,
     find_table,
     is_name,
-    number,
+    numbers,
     seconds,
     without_empty_end,
 )
 from winchcascade.ingest.source import Source, Table
-
-if TYPE_CHECKING:
-    from winchcascade.run import Signal
 
 _LOCKED = "EncryptedPackage".encode("utf-16-le")
 """Name of the stream that holds a workbook with a password."""
@@ -131,19 +128,19 @@ def _best_sheet(path: Path) -> tuple[Layout, list[Row]]:
 
 def _load(rows: Sequence[Row], wanted: Sequence[int], time: int | None) -> Table:
     """Hand over the wanted columns as numbers and the time column as what it holds."""
-    values = {i: _numbers([row[i] for row in rows]) for i in wanted}
+    values = {i: numbers([row[i] for row in rows]) for i in wanted}
     if time is None:
         return Table(values)
     cells = [row[time] for row in rows]
     if any(isinstance(cell, dt.date | dt.time | dt.timedelta) for cell in cells):
         t = np.array([seconds(cell) for cell in cells])
         return Table(values, stamps=t - t[np.isfinite(t)][0], stamped=True)
-    if any(is_name(cell) for cell in cells):
+    if _stamped(cells):
         return Table(values, stamps=[str(cell) for cell in cells])
-    return Table(values, stamps=_numbers(cells))
+    return Table(values, stamps=numbers(cells))
 
 
-def _numbers(cells: Sequence[Cell]) -> Signal:
-    if {*map(type, cells)} <= {float, int}:
-        return np.array(cells, dtype=np.float64)
-    return np.array([number(cell) for cell in cells], dtype=np.float64)
+def _stamped(cells: Sequence[Cell]) -> bool:
+    """Whether a column without dates holds stamps as texts, notes among its numbers left out."""
+    names = [cell for cell in cells if is_name(cell)]
+    return bool(names) and (any(is_stamp(str(cell)) for cell in names) or len(names) == len(cells))

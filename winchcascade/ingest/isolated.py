@@ -29,7 +29,7 @@ from winchcascade.ingest.limits import (
     limits_for,
     resident,
 )
-from winchcascade.ingest.source import Header, Source, Table
+from winchcascade.ingest.source import Header, Source, Table, without_notes
 from winchcascade.run import Finding
 
 A = TypeVar("A")
@@ -149,7 +149,8 @@ class _Child:
             stamps = head.texts if head.rows is None else self._column(answers, head.rows)
             return Table(values, stamps=stamps, stamped=head.stamped, findings=head.findings)
 
-        return self._ask([{"wanted": [*wanted], "time": time}], receive)
+        table = self._ask([{"wanted": [*wanted], "time": time}], receive)
+        return without_notes(table) if self._reader == "excel" else table
 
     def _head(self, answers: IO[bytes], kind: type[A]) -> A:
         """Read the line of an answer; what the reader refuses is raised."""

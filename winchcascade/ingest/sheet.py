@@ -5,11 +5,18 @@ from __future__ import annotations
 import datetime as dt
 import re
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import msgspec
+import numpy as np
 
 from winchcascade.ingest.source import Header
 from winchcascade.quantity import find_unit
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from winchcascade.run import Signal
 
 Cell = int | float | str | bool | dt.time | dt.date | dt.datetime | dt.timedelta
 Row = Sequence[Cell]
@@ -19,6 +26,8 @@ ROWS_LOOKED_AT = 20
 """Rows at the top in which the names may stand, and rows below them that tell numbers from prose."""
 
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
+
+_GROUPS = re.compile(r"[+-]?[1-9]\d{0,2}(?:(?:,\d{3})+|(?:\.\d{3})+)")
 
 
 class Layout(msgspec.Struct, frozen=True):
@@ -105,6 +114,43 @@ def number(cell: Cell) -> float:
     if "," in text and "." in text:
         text = text.replace(min(",.", key=text.find), "")  # the sign that comes first parts thousands
     return float(text.replace(",", ".")) if _NUMBER.fullmatch(text) else float("nan")
+
+
+def numbers(cells: Sequence[Cell]) -> Signal:
+    """Read a column as numbers, NaN where there is none; whether 1,234 is a decimal or a group of thousands is decided over it.
+
+    Cells of one reading alone decide: of two numbers, the one that continues them is meant. Without any it is a decimal.
+
+    >>> numbers(["987", "998.5", "1,004"]).tolist(), numbers(["0,987", "0,998", "1,004"]).tolist()
+    ([987.0, 998.5, 1004.0], [0.987, 0.998, 1.004])
+    """
+    if {*map(type, cells)} <= {float, int}:
+        return np.array(cells, dtype=np.float64)
+    read = np.array([number(cell) for cell in cells], dtype=np.float64)
+    grouped = np.array([_thousands(cell) for cell in cells], dtype=np.float64)
+    two = np.isfinite(grouped) & np.isfinite(read)
+    certain = np.flatnonzero(np.isfinite(read) & ~two)
+    if two.any() and certain.size:
+        rows = np.flatnonzero(two)
+        apart = np.min(np.abs(rows[:, None] - certain[_beside(certain, rows)]), axis=1)
+        near = rows[apart == apart.min()]  # farther ones may have gone anywhere since
+        expected = np.interp(near, certain, read[certain])
+        nearer = np.abs(grouped[near] - expected) < np.abs(read[near] - expected)
+        if 2 * np.count_nonzero(nearer) > near.size:
+            read[rows] = grouped[rows]
+    return np.where(np.isfinite(read), read, grouped)
+
+
+def _beside(places: NDArray[np.intp], rows: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Indices of the last of rising places before each row and of the first one after it, (k, 2)."""
+    after = np.searchsorted(places, rows)
+    return np.column_stack((np.maximum(after - 1, 0), np.minimum(after, places.size - 1)))
+
+
+def _thousands(cell: Cell) -> float:
+    """Read a text such as 1,234 as groups of thousands; NaN for anything else."""
+    text = cell.strip() if isinstance(cell, str) else ""
+    return float(re.sub("[.,]", "", text)) if _GROUPS.fullmatch(text) else float("nan")
 
 
 def seconds(cell: Cell) -> float:

@@ -6,6 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import msgspec
+import numpy as np
+
+from winchcascade.ingest.cells import is_stamp
 
 if TYPE_CHECKING:
     from winchcascade.run import Finding, Signal
@@ -36,6 +39,25 @@ class Table(msgspec.Struct, frozen=True):
 
 def _nothing() -> None:
     """Close a source that holds nothing open."""
+
+
+def without_notes(table: Table) -> Table:
+    """Leave out rows that hold neither a stamp nor a number: notes, and names repeated where logs were joined."""
+    if table.stamps is None or not table.values:
+        return table
+    if isinstance(table.stamps, np.ndarray):
+        blank = np.isnan(table.stamps)
+    else:
+        blank = np.array([not is_stamp(text) for text in table.stamps], dtype=bool)
+    for column in table.values.values():
+        if blank.any():
+            blank &= np.isnan(column)
+    if not blank.any():
+        return table
+    rows = np.flatnonzero(~blank)
+    stamps = table.stamps[rows] if isinstance(table.stamps, np.ndarray) else [table.stamps[k] for k in rows.tolist()]
+    values = {k: column[rows] for k, column in table.values.items()}
+    return msgspec.structs.replace(table, values=values, stamps=stamps)
 
 
 class Source(msgspec.Struct, frozen=True):
