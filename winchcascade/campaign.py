@@ -12,6 +12,7 @@ from typing import Any
 import msgspec
 
 from winchcascade.errors import CampaignError
+from winchcascade.origin import Origin
 from winchcascade.tomltext import toml_values
 
 CAMPAIGN_FILE = "campaign.toml"
@@ -21,7 +22,8 @@ Cycles = tuple[int, int]
 
 
 class CampaignRun(msgspec.Struct, frozen=True):
-    """One log of a campaign: its file, load [ohm], fixed window [s], the cycles that count, and whether it is withheld.
+    """One log of a campaign: its file, load [ohm], fixed window [s], the cycles that count, whether it is withheld, and where
+    its data come from.
 
     `load` is None for a rig without one and inf for an open circuit; `window` None where the rig's rule holds.
     """
@@ -31,6 +33,7 @@ class CampaignRun(msgspec.Struct, frozen=True):
     window: float | None = None
     cycles: tuple[int, int] | None = None
     withheld: bool = False
+    origin: Origin = Origin()
 
 
 class Campaign(msgspec.Struct, frozen=True):
@@ -61,8 +64,10 @@ def load_campaign(path: Path) -> Campaign:
         raise CampaignError(f"{path}: not a valid TOML file: {fault}.") from None
     raw = toml_values(text, str(path), CampaignError)
     for key in raw:
-        if key not in ("title", "rig", "run"):
-            raise CampaignError(f"{path}: {key} is no entry of a campaign; expected title, rig and [[run]] tables.")
+        if key not in ("title", "rig", "measured", "origin", "run"):
+            raise CampaignError(
+                f"{path}: {key} is no entry of a campaign; expected title, rig, measured, origin and [[run]] tables."
+            )
     runs = raw.get("run")
     if not isinstance(runs, list) or not runs or not all(isinstance(run, dict) for run in runs):
         raise CampaignError(f"{path}: no runs; expected a [[run]] table with file and load_ohm for each log.")
@@ -71,7 +76,8 @@ def load_campaign(path: Path) -> Campaign:
         raise CampaignError(f"{path}: title and rig are texts; found {title!r} and {rig!r}.")
     if rig is not None and isfile(path.parent / rig):
         rig = str(path.parent / rig)
-    listed = tuple(_run(run, k, path) for k, run in enumerate(runs, 1))
+    origin = _origin(raw, str(path), Origin())
+    listed = tuple(_run(run, k, path, origin) for k, run in enumerate(runs, 1))
     check_held_out(
         [run.file.name for run in listed],
         [_place(run.file) for run in listed],
@@ -131,12 +137,13 @@ def campaign_beside(log: Path) -> tuple[Campaign, CampaignRun] | None:
     return None
 
 
-def _run(raw: dict[str, Any], number: int, path: Path) -> CampaignRun:
+def _run(raw: dict[str, Any], number: int, path: Path, common: Origin) -> CampaignRun:
     place = f"{path}: run {number}"
     for key in raw:
-        if key not in ("file", "load_ohm", "window_s", "cycles", "withheld"):
+        if key not in ("file", "load_ohm", "window_s", "cycles", "withheld", "measured", "origin"):
             raise CampaignError(
-                f"{place}: {key} is no entry of a run; expected file, load_ohm, window_s, cycles or withheld."
+                f"{place}: {key} is no entry of a run; expected file, load_ohm, window_s, cycles, withheld, measured or "
+                "origin."
             )
     file = raw.get("file")
     if not isinstance(file, str) or not file:
@@ -152,7 +159,27 @@ def _run(raw: dict[str, Any], number: int, path: Path) -> CampaignRun:
         window=_above_zero(raw, "window_s", place, "a length in seconds above 0", 1e9),
         cycles=_cycles(raw.get("cycles"), place),
         withheld=withheld,
+        origin=_origin(raw, place, common),
     )
+
+
+def _origin(raw: dict[str, Any], place: str, common: Origin) -> Origin:
+    """What an entry states of its data, else what the campaign states.
+
+    The campaign's sentence is about data of the campaign's kind: an entry of the other kind does not take it over.
+    """
+    measured, sentence = raw.get("measured", common.measured), raw.get("origin")
+    if not isinstance(measured, bool | None):
+        raise CampaignError(
+            f"{place}: measured is {measured!r}; expected true or false. Leave it out if it is unknown."
+        )
+    if not isinstance(sentence, str | None):
+        raise CampaignError(
+            f"{place}: origin is {sentence!r}; expected one sentence in quotes on where the logs come from."
+        )
+    if sentence is None:
+        sentence = common.sentence if measured == common.measured else ""
+    return Origin(measured, " ".join(sentence.split()))
 
 
 def _above_zero(

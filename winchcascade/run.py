@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Literal
 
 import msgspec
 
+from winchcascade.origin import Origin
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
@@ -38,6 +40,7 @@ FindingKind = Literal[
     "unit_conflict",
     "speed_mismatch",
     "efficiency_change",
+    "origin_conflict",
 ]
 
 CLOCK = "clock"
@@ -73,7 +76,8 @@ class Run(msgspec.Struct, frozen=True):
     fs : sampling rate without the gaps [Hz]
     samples : rows of the log, before any was left out
     about : what its campaign says of it
-    simulated : made by `simulate`, which its columns tell; a log without that mark may be simulated too
+    simulated : carries the columns by which `simulate` marks its logs; a log without that mark may be simulated too
+    origin : whether the data are measured, as the campaign states it or the mark of `simulate`, and where they come from
     load : resistance at the DC link; inf is an open circuit, None unknown or no load at all [ohm]
     """
 
@@ -90,6 +94,7 @@ class Run(msgspec.Struct, frozen=True):
     findings: tuple[Finding, ...] = ()
     simulated: bool = False
     about: str = ""
+    origin: Origin = Origin()
 
     def __repr__(self) -> str:
         """One line instead of the arrays."""

@@ -16,6 +16,7 @@ from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run import run_batch
 from winchcascade.cascade.efficiency import METRICS
 from winchcascade.report.campaign import DRAWS, best_load, make_campaign_report
+from winchcascade.report.campaign_figures import over_load
 from winchcascade.report.campaign_tables import MOST_RUNS, by_load, load_text
 from winchcascade.report.campaign_text import campaign_text
 from winchcascade.report.html import html_text
@@ -39,7 +40,8 @@ def run(
         "name": name, "log": name, "fault": None, "result": f"runs/{name}.json", "load_ohm": load, "open_circuit": False,
         "simulated": None, "rig": "ours", "cycles": 3, "complete": 3, "findings": [], "removed_share": 0.0,
         "mean": nothing | power | {"eta_pto": eta}, "standard_uncertainty": nothing | {"eta_pto": u},
-        "interval_95": nothing | {"eta_pto": interval}, "max_deviation_percent": nothing,
+        "interval_95": nothing | {"eta_pto": interval}, "max_deviation_percent": nothing, "window": "auto",
+        "data": {"measured": None, "origin": None},
     }  # fmt: skip
     return record | more
 
@@ -189,7 +191,7 @@ def test_the_largest_deviations_are_those_of_the_record(made: Made) -> None:
     rows = {row[0]: row for row in table(made.report, "repeatability").rows}
     for record in made.summary["runs"]:
         if record["fault"] is None:
-            known = [v for v in record["max_deviation_percent"].values() if v is not None]
+            known = [v for m in METRICS if (v := record["max_deviation_percent"][FIELDS[m]]) is not None]
             cells = [cell for cell in rows[record["name"]][3:] if cell != "–"]
             assert [float(cell) for cell in cells] == [pytest.approx(v, abs=0.0051) for v in known]
 
@@ -295,13 +297,55 @@ def test_of_very_many_logs_a_table_lists_the_first_and_the_last(bare: Path) -> N
     assert rows[MOST_RUNS // 2][0] == f"… {MOST_RUNS} more, in the dataset"
 
 
+def test_tables_show_each_window_and_mixed_rules_are_reported(bare: Path) -> None:
+    runs = [run("a", 9.0, 0.7, 0.01, window=5.48), run("b", 18.0, 0.7, 0.01, window=5.96), run("c", 36.0, 0.6, 0.01)]
+    report = make_campaign_report(summary(*runs), bare)
+    for name in ("energies", "efficiencies", "logs"):
+        found = table(report, name)
+        column = found.head.index("Window")
+        assert [row[column] for row in found.rows] == ["auto", "5.96", "5.48"]
+    words = "2 rules: fixed length in 2 (b, …), auto in 1 (c)."
+    assert {p.about: p for p in report.points}["Windows"].text.startswith(words)
+    assert words in campaign_text(summary(*runs), bare, kept=0).replace("\n  ", " ")
+    alike = make_campaign_report(summary(*runs[:2]), bare)
+    assert "Windows" not in {p.about for p in alike.points}
+
+
+def test_a_line_joins_points_of_one_rule_and_one_kind_of_data() -> None:
+    measured = {"measured": True, "origin": None}
+    runs = [
+        run("a", 4.0, 0.5, 0.01, window=5.48),
+        run("b", 9.0, 0.6, 0.01),
+        run("c", 18.0, 0.7, 0.01, window=5.96),
+        run("d", 27.0, 0.7, 0.01),
+        run("e", 36.0, 0.6, 0.01, data=measured),
+        run("f", 45.0, 0.6, 0.01, data=measured),
+    ]
+    figure = over_load(runs)
+    assert figure is not None
+    joined = {
+        tuple(np.asarray(line.get_xdata()).tolist()) for line in figure.axes[1].lines if line.get_linestyle() != "None"
+    }
+    assert {(4.0, 18.0), (9.0, 27.0), (36.0, 45.0)} == {x for x in joined if len(x) > 1}
+
+
 def test_simulated_logs_and_findings_are_said(bare: Path) -> None:
     runs = [
-        run("a", 9.0, 0.7, 0.01, simulated=True, findings=["stuck", "slack_line"], removed_share=0.02),
+        run(
+            "a",
+            9.0,
+            0.7,
+            0.01,
+            data={"measured": False, "origin": "A dream"},
+            findings=["stuck", "slack_line"],
+            removed_share=0.02,
+        ),
         run("b", 36.0),
     ]
-    points = {p.about: p for p in make_campaign_report(summary(*runs), bare).points}
-    assert points["Simulated"].text == "1 of 2 logs were made by a simulation."
+    report = make_campaign_report(summary(*runs), bare)
+    points = {p.about: p for p in report.points}
+    assert points["Data"].text == "1 not measured, 1 not stated. A dream."
+    assert report.banner == "1 of 2 logs are not measured: A dream."
     assert points["Findings"].text == "In 1 of 2 logs: slack line, stuck."
 
 

@@ -42,7 +42,7 @@ def value(cell: str) -> float:
 
 def test_the_first_page_answers_where_which_how_sure_how_far_and_what_next() -> None:
     told = points(report("copper"))
-    assert {"Verdict", "Where", "Cause", "How sure", "How far", "What next", "What is left", "Simulated"} <= set(told)
+    assert {"Verdict", "Where", "Cause", "How sure", "How far", "What next", "What is left", "Data"} <= set(told)
     assert told["Cause"].startswith("copper_heating: stator resistance lies above its cold value")
     assert [tile.value for tile in report("copper").tiles] == ["Explained", "copper_heating", "> 99 %"]
     interval = report("copper").tiles[1].interval

@@ -12,6 +12,7 @@ from winchcascade.diagnose.experiment import Experiment
 from winchcascade.diagnose.record import as_json
 from winchcascade.diagnose.remainder import Alarm
 from winchcascade.effects.catalogue import EFFECTS, words
+from winchcascade.origin import Origin
 from winchcascade.report.diagnosis_names import PARAMETERS, meaning, parameter_words, quantity_words
 from winchcascade.report.diagnosis_text import diagnosis_lines, diagnosis_text
 from winchcascade.report.diagnosis_words import (
@@ -24,7 +25,6 @@ from winchcascade.report.diagnosis_words import (
     interval_words,
     remainder_words,
     says_more,
-    simulated_words,
     sure_words,
     verdict_words,
     where_words,
@@ -258,21 +258,25 @@ def test_what_was_checked_counts_means_and_effects() -> None:
 def test_simulated_logs_are_never_called_measured() -> None:
     found = diagnosed("copper")
     assert word_of(found) == "log"
-    assert simulated_words(found) == "2 of 2 logs were made by a simulation; nothing in them was measured."
+    assert flat(diagnosis_text(found)).count("not measured. Made by winchcascade simulate.") == 1
 
 
-def test_a_title_that_says_so_makes_logs_no_measurements() -> None:
-    found = diagnosed("copper")
-    bare = [
-        msgspec.structs.replace(log, run=msgspec.structs.replace(log.run, simulated=False)) for log in found.data.logs
-    ]
+def test_logs_are_called_measured_where_that_is_stated_of_all_whatever_the_title() -> None:
+    found = changed(diagnosed("copper"), title="Trials rebuilt from a table")
     logs = found.data.logs
+
+    def stated(*origins: Origin) -> list[Any]:
+        given = zip(logs, origins, strict=True)
+        return [msgspec.structs.replace(log, run=msgspec.structs.replace(log.run, origin=o)) for log, o in given]
+
     try:
-        found.data.logs = bare
-        assert word_of(found) == "measured"
-        assert simulated_words(found) == ""
-        assert word_of(changed(found, title="Trials rebuilt from a table")) == "log"
-        assert "not measured" in simulated_words(changed(found, title="Trials rebuilt from a table"))
+        for origins, word in (
+            ((Origin(True), Origin(True)), "measured"),
+            ((Origin(True), Origin()), "log"),
+            ((Origin(), Origin()), "log"),
+        ):
+            found.data.logs = stated(*origins)
+            assert word_of(found) == word
     finally:
         found.data.logs = logs
 

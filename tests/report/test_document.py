@@ -184,12 +184,14 @@ def test_a_rig_without_accuracies_is_warned_of(reports: dict[str, Report]) -> No
 
 def test_a_simulated_log_is_said_to_be_simulated_before_all_else(simulated: Report) -> None:
     first = simulated.points[0]
-    assert (first.about, first.tone) == ("Simulated", "warn")
-    assert "nothing in it was measured" in first.text
+    assert (first.about, first.tone) == ("Data", "warn")
+    assert first.text == "Not measured. Made by winchcascade simulate."
+    assert simulated.banner == "Not measured: Made by winchcascade simulate."
 
 
-def test_a_measured_log_is_not_said_to_be_simulated(reports: dict[str, Report]) -> None:
-    assert "Simulated" not in {p.about for p in reports["clean"].points}
+def test_a_log_of_which_nothing_is_stated_has_no_banner(reports: dict[str, Report]) -> None:
+    assert point(reports["clean"], "Data").text == "Not stated."
+    assert reports["clean"].banner == ""
 
 
 HAND = [

@@ -5,7 +5,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from compared import FIXTURES, compared, reduced
+from compared import compared, reduced
 
 from winchcascade.cascade.reduce import Reduction, reduce
 from winchcascade.effects.catalogue import make_effect
@@ -17,7 +17,6 @@ from winchcascade.report.model_data import (
     LeftOut,
     compare,
     compare_with_baseline,
-    source_word,
 )
 from winchcascade.rig.model import baseline
 from winchcascade.rigtoml import load_rig, parse_rig
@@ -154,28 +153,6 @@ def test_a_model_with_an_effect_is_compared_alike_and_told(loaded: Reduction) ->
     rows = plain.driven & (plain.rpm > 2000)
     ratio = found.simulation.run.channels["torque"][rows] / plain.simulation.run.channels["torque"][rows]
     assert np.median(ratio) == pytest.approx(0.95 / 0.90, rel=0.01)
-
-
-@pytest.mark.parametrize(
-    ("about", "simulated", "word"),
-    [
-        ("", False, "measured"),
-        ("Crane trials in May", False, "measured"),
-        ("Crane trials rebuilt from the published efficiency table", False, "log"),
-        ("Synthetic data", False, "log"),
-        ("", True, "log"),
-    ],
-)
-def test_a_log_that_says_it_was_not_measured_is_not_called_so(
-    loaded: Reduction, about: str, simulated: bool, word: str
-) -> None:
-    assert source_word(msgspec.structs.replace(loaded.run, about=about, simulated=simulated)) == word
-
-
-def test_the_shipped_campaign_is_not_called_measured() -> None:
-    title = (FIXTURES / "campaign" / "campaign.toml").read_text().splitlines()[0]
-    run = msgspec.structs.replace(reduced("18 ohm", about=title).run)
-    assert source_word(run) == "log"
 
 
 def test_a_rig_of_ones_own_is_simulated_with_its_own_numbers(loaded: Reduction) -> None:

@@ -31,7 +31,7 @@ def read_logs(campaign: Campaign, rig: Rig, tell: Callable[[str], None]) -> list
     for number, entry in enumerate(campaign.runs, 1):
         if entry.file not in read:
             tell(f"reading {entry.file.name} ({number} of {len(campaign.runs)})")
-            read[entry.file] = read_run(entry.file, rig=rig, about=campaign.title)
+            read[entry.file] = read_run(entry.file, rig=rig, about=campaign.title, origin=entry.origin)
     return [read[entry.file] for entry in campaign.runs]
 
 

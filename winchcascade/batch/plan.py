@@ -17,6 +17,7 @@ from winchcascade.addresses import expand, is_remote, local_path
 from winchcascade.campaign import CAMPAIGN_FILE, load_campaign
 from winchcascade.errors import CampaignError, OptionError
 from winchcascade.files import readable
+from winchcascade.origin import Origin
 from winchcascade.rigfile import Rig
 from winchcascade.rigtoml import DEFAULT_RIG, load_rig
 
@@ -54,6 +55,7 @@ class Work(msgspec.Struct, frozen=True):
     window: float | str | None = None
     cycles: CYCLES | None = None
     about: str = ""
+    origin: Origin = Origin()
     key: str = ""
 
 
@@ -142,6 +144,7 @@ def _of_run(campaign: Campaign, run: CampaignRun, rig: Rig, window: str | float 
         window=window if window is not None else run.window,
         cycles=run.cycles,
         about=campaign.title,
+        origin=run.origin,
     )
 
 
@@ -257,6 +260,6 @@ def _safe(name: str) -> str:
 
 def _key(work: Work) -> str:
     """Digest of everything that a result depends on besides the log's content: the options, the rig, this program."""
-    said = (RESULTS, work.address, work.load, work.load_source, work.window, work.cycles, work.about)
+    said = (RESULTS, work.address, work.load, work.load_source, work.window, work.cycles, work.about, work.origin)
     content = repr(said).encode("utf-8", "replace") + msgspec.json.encode(work.rig) + __version__.encode()
     return hashlib.sha256(content).hexdigest()

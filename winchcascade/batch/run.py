@@ -15,6 +15,8 @@ from winchcascade.batch.dataset import TABLES, write_dataset, write_workbook
 from winchcascade.batch.work import ENDINGS, Order, reduce_log, write_made
 from winchcascade.errors import OutputError
 from winchcascade.files import check_replaceable, put_in_place, readable
+from winchcascade.origin import joint_origin, origin_from, origin_record
+from winchcascade.report.campaign_tables import window_rules
 from winchcascade.scratch import clear, scratch_folder
 from winchcascade.store import (
     LOCK,
@@ -301,6 +303,8 @@ def summary_record(plan: Plan, batch: Batch, state: str) -> dict[str, Any]:
                 "load_ohm": record["log"]["load_ohm"],
                 "open_circuit": record["log"]["open_circuit"],
                 "simulated": record["log"]["simulated"],
+                "data": record["data"],
+                "window": record["window"],
                 "rig": record["rig"],
                 "cycles": len(record["cycles"]),
                 "complete": sum(c["complete"] for c in record["cycles"]),
@@ -315,7 +319,15 @@ def summary_record(plan: Plan, batch: Batch, state: str) -> dict[str, Any]:
     for name, finding in between:
         by_name[name]["findings"] = sorted({*by_name[name]["findings"], finding["kind"]})
         by_name[name]["finding_count"] += 1
+    reduced = [run for run in runs if run["fault"] is None]
+    rules = {rule: len(found) for rule, found in window_rules(reduced).items()}
     return {
-        "schema": SCHEMA, "version": __version__, "title": readable(plan.title), "state": state, "runs": runs,
+        "schema": SCHEMA,
+        "version": __version__,
+        "title": readable(plan.title),
+        "data": origin_record(joint_origin([origin_from(run) for run in reduced])),
+        "windows": {"rules": rules, "mixed": len(rules) > 1},
+        "state": state,
+        "runs": runs,
         "between_logs": [{"run": name, **finding} for name, finding in between],
-    }  # fmt: skip
+    }

@@ -44,7 +44,9 @@ def reduce_log(order: Order) -> Made:
     """Reduce one log and make its files: reports first, the JSON last, so that a JSON tells that all is there."""
     work = order.work
     with local_copy(work.address) as path:
-        run = read_run(path, rig=work.rig, load=work.load, load_source=work.load_source, about=work.about)
+        run = read_run(
+            path, rig=work.rig, load=work.load, load_source=work.load_source, about=work.about, origin=work.origin
+        )
     run = msgspec.structs.replace(run, path=readable(work.address))
     reduction = reduce(run, rig=work.rig, window=work.window, cycles=work.cycles)
     require_payouts(reduction)

@@ -125,6 +125,9 @@ def make_campaign(case: Case) -> dict[str, bytes]:
     return files | {"campaign.toml": campaign_text(case.name).encode()}
 
 
+ORIGIN = "Made by a numerical twin of the rig, with hidden numbers and effects"
+"""Sentence on where the logs of a case come from."""
+
 HEADER = "Time (s),Displacement (m),Velocity (m/s),Pressure (kg/cm2),Force (N),Torque (N.m),Vdc (V),Idc (A)"
 """Head of a log, as the crane's logger writes it."""
 
@@ -137,7 +140,7 @@ def log_text(columns: dict[str, Any]) -> str:
 
 def campaign_text(title: str) -> str:
     """The campaign.toml of a case."""
-    lines = [f'title = "{title}"']
+    lines = [f'title = "{title}"', "measured = false", f'origin = "{ORIGIN}"']
     for log, ohm in LOADS.items():
         load = "inf" if log == "open_circuit" else repr(ohm)
         lines += ["", "[[run]]", f'file = "{log}.csv"', f"load_ohm = {load}"]

@@ -54,7 +54,14 @@ def simulate_command(
     check_load(load_ohm)
     check_outputs({"--out": out}, [source, rig], force=force)
     settings = settings_of(source, rig=rig, load_ohm=load_ohm, window=None)
-    run = read_run(source, rig=settings.rig, load=settings.load, load_source=settings.load_source, about=settings.about)
+    run = read_run(
+        source,
+        rig=settings.rig,
+        load=settings.load,
+        load_source=settings.load_source,
+        about=settings.about,
+        origin=settings.origin,
+    )
     if run.load is None:
         raise OptionError(f"{run.name}: its load is unknown; give --load-ohm OHM, inf for an open circuit.")
     model = baseline(settings.rig)
@@ -106,7 +113,14 @@ def calibrate_command(
     settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=None)
     inputs: list[str | Path] = [log, log.parent / "campaign.toml", settings.rig.path]
     check_outputs({"--json": json, "--write": write}, inputs, force=force)
-    run = read_run(log, rig=settings.rig, load=settings.load, load_source=settings.load_source, about=settings.about)
+    run = read_run(
+        log,
+        rig=settings.rig,
+        load=settings.load,
+        load_source=settings.load_source,
+        about=settings.about,
+        origin=settings.origin,
+    )
     payouts = _steady_payouts(reduce(run, rig=settings.rig, window=settings.window, cycles=settings.cycles))
     calibration = calibrate(run, settings.rig, payouts, cycles=settings.cycles)
     if write is not None:

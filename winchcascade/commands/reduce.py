@@ -53,7 +53,14 @@ def reduce_command(
     results = {"--json": json, "--html": html, "--pdf": pdf, "--parquet": parquet}
     check_outputs(results, [log, log.parent / "campaign.toml", rig], force=force)
     settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=window)
-    run = read_run(log, rig=settings.rig, load=settings.load, load_source=settings.load_source, about=settings.about)
+    run = read_run(
+        log,
+        rig=settings.rig,
+        load=settings.load,
+        load_source=settings.load_source,
+        about=settings.about,
+        origin=settings.origin,
+    )
     reduction = reduce(run, rig=settings.rig, window=settings.window, cycles=settings.cycles)
     require_payouts(reduction)
     if parquet is not None:

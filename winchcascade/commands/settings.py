@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from winchcascade.errors import CampaignError, OptionError
+from winchcascade.origin import Origin
 
 if TYPE_CHECKING:
     from winchcascade.rigfile import Rig
@@ -15,7 +16,8 @@ class Settings(NamedTuple):
     """How a log is read and reduced: what the options say, else the campaign beside it, else the file's or the rig's own.
 
     `load` [ohm] is None where only the log may know it, `load_source` tells where it comes from, `window` is a rule or a
-    length [s], `cycles` are the first and the last that count, and `about` is the campaign's title.
+    length [s], `cycles` are the first and the last that count, `about` is the campaign's title, and `origin` says where the
+    data come from.
     """
 
     rig: Rig
@@ -24,6 +26,7 @@ class Settings(NamedTuple):
     window: str | float | None
     cycles: tuple[int, int] | None
     about: str
+    origin: Origin
 
 
 def settings_of(log: Path, *, rig: str | None, load_ohm: float | None, window: str | None) -> Settings:
@@ -38,7 +41,7 @@ def settings_of(log: Path, *, rig: str | None, load_ohm: float | None, window: s
     from winchcascade.rigtoml import DEFAULT_RIG, load_rig
 
     rule: str | float | None = window
-    source, about, cycles = "--load-ohm", "", None
+    source, about, cycles, origin = "--load-ohm", "", None, Origin()
     try:
         listed = campaign_beside(log)
     except CampaignError:
@@ -47,12 +50,12 @@ def settings_of(log: Path, *, rig: str | None, load_ohm: float | None, window: s
         listed = None
     if listed is not None:
         campaign, run = listed
-        about, cycles = campaign.title, run.cycles
+        about, cycles, origin = campaign.title, run.cycles, run.origin
         rig = rig if rig is not None else campaign.rig
         rule = rule if rule is not None else run.window
         if load_ohm is None:
             load_ohm, source = run.load, campaign.path.name
-    return Settings(load_rig(rig or DEFAULT_RIG), load_ohm, source, rule, cycles, about)
+    return Settings(load_rig(rig or DEFAULT_RIG), load_ohm, source, rule, cycles, about, origin)
 
 
 def check_load(load_ohm: float | None) -> None:

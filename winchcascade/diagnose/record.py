@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from winchcascade.origin import joint_origin, origin_record
+
 if TYPE_CHECKING:
     from winchcascade.diagnose.campaign import Diagnosis
     from winchcascade.diagnose.causes import Cause
@@ -24,11 +26,18 @@ def as_json(found: Diagnosis) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
         "title": found.title,
+        "data": origin_record(joint_origin([log.run.origin for log in found.data.logs])),
         "rig": found.rig.name,
         "seed": found.seed,
         "suspects": list(found.suspects),
         "logs": [
-            {"file": log.run.name, "sha256": log.run.sha256, "load_ohm": _load(log.run.load)} for log in found.data.logs
+            {
+                "file": log.run.name,
+                "sha256": log.run.sha256,
+                "load_ohm": _load(log.run.load),
+                "data": origin_record(log.run.origin),
+            }
+            for log in found.data.logs
         ],
         "verdict": found.verdict,
         "where": None if found.where is None else _where(found.where, found),

@@ -13,6 +13,7 @@ from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
 from winchcascade.errors import LogError
@@ -23,6 +24,7 @@ from winchcascade.ingest.digits import clock_of_digits
 from winchcascade.ingest.formats import open_log
 from winchcascade.ingest.quality import check
 from winchcascade.order import median
+from winchcascade.origin import SIMULATED, Origin, joint_origin
 from winchcascade.rigfile import Rig
 from winchcascade.rigtoml import built_in
 from winchcascade.run import CLOCK, Finding, Run
@@ -57,6 +59,7 @@ def read_run(
     load: float | None = None,
     load_source: str = "given",
     about: str = "",
+    origin: Origin | None = None,
 ) -> Run:
     """Read a log of any known format and check it.
 
@@ -66,6 +69,7 @@ def read_run(
     rig : the rig whose sensors and columns are expected; the paper's by default
     load : resistance at the DC link, inf for an open circuit; by default what the file says of itself, else None [ohm]
     load_source, about : who says so, and what is to be said of the log, for the reports
+    origin : whether the data are measured and where they come from; the mark of `simulate` overrides it
 
     Raises
     ------
@@ -87,7 +91,7 @@ def read_run(
                 raise
             continue
         if seen.is_same(run.sha256):
-            return run
+            return _with_origin(run, origin or Origin())
     raise LogError(
         f"{path}: changed each of {_TRIES} times while it was read; expected a file that is complete. Wait until the logger "
         "has closed it, or reduce a copy."
@@ -131,6 +135,18 @@ def _read(path: Path, rig: Rig, load: float | None, load_source: str, about: str
         simulated=found.simulated,
         about=about,
     )
+
+
+def _with_origin(run: Run, stated: Origin) -> Run:
+    """The log with its origin: that of its mark where `simulate` made it, with a finding if the campaign states otherwise."""
+    if not run.simulated:
+        return msgspec.structs.replace(run, origin=stated)
+    if not stated.measured:
+        origin = joint_origin([SIMULATED, stated]) if stated.measured is False else SIMULATED
+        return msgspec.structs.replace(run, origin=origin)
+    message = "the campaign states measured = true, but the log has the columns of a log made by winchcascade simulate"
+    conflict = Finding("origin_conflict", message, "taken as not measured")
+    return msgspec.structs.replace(run, origin=SIMULATED, findings=(conflict, *run.findings))
 
 
 def _loaded(source: Source, rig: Rig, where: str) -> tuple[Assignment, Table]:

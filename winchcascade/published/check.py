@@ -17,6 +17,7 @@ import msgspec
 
 from winchcascade.cascade.efficiency import METRICS
 from winchcascade.errors import OptionError, WinchcascadeError
+from winchcascade.origin import Origin, origin_from
 from winchcascade.table import Row, Table, load_text, same_load
 
 REDUCTION_SCHEMA = "winchcascade/reduction/1"
@@ -49,6 +50,7 @@ class Measured(msgspec.Struct, frozen=True):
     uncertainty: Mapping[str, float | None]
     repeatability: Mapping[str, float | None] = msgspec.field(default_factory=dict)
     findings: tuple[str, ...] = ()
+    origin: Origin = Origin()
 
 
 class Factors(msgspec.Struct, frozen=True):
@@ -110,7 +112,8 @@ class CellCheck(msgspec.Struct, frozen=True):
 class Check(msgspec.Struct, frozen=True):
     """All cells of a table against measured results.
 
-    `notes` says in sentences what was left out, capped or not known; `findings` holds, by load, those of each log.
+    `notes` says in sentences what was left out, capped or not known; `findings` holds, by load, those of each log;
+    `origins` where the data of each log come from.
     """
 
     table: Table
@@ -118,6 +121,7 @@ class Check(msgspec.Struct, frozen=True):
     cells: tuple[CellCheck, ...]
     notes: tuple[str, ...]
     findings: Mapping[float, tuple[str, ...]] = msgspec.field(default_factory=dict)
+    origins: tuple[Origin, ...] = ()
 
     @property
     def misses(self) -> tuple[CellCheck, ...]:
@@ -157,6 +161,7 @@ def measured_from_record(record: object, where: str) -> Measured:
         uncertainty=_metrics(record, "standard_uncertainty", where),
         repeatability=_metrics(parts, "repeatability", where) if isinstance(parts, dict) else {},
         findings=_findings(record.get("quality", []), where),
+        origin=origin_from(record),
     )
 
 
@@ -186,7 +191,7 @@ def check(
         cells += [_cell(table, row, metric, run, factors) for metric in row.cells]
         notes += [] if run is None else _not_known(run, row) + _capped(table, run, row)
     found = {table.rows[k].load: run.findings for k, run in sorted(runs.items()) if run.findings}
-    return Check(table, factors, tuple(cells), tuple(notes), found)
+    return Check(table, factors, tuple(cells), tuple(notes), found, tuple(runs[k].origin for k in sorted(runs)))
 
 
 def _by_row(results: Sequence[Measured], table: Table) -> tuple[dict[int, Measured], list[str]]:

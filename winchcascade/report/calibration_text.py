@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from winchcascade import __version__
+from winchcascade.origin import origin_record, origin_words
 from winchcascade.plaintext import one_line
 from winchcascade.report.digits import number, places, significant
 from winchcascade.report.table_text import wrapped
@@ -47,6 +48,7 @@ def calibration_text(calibration: Calibration, written: Path | None = None) -> s
         f"{one_line(run.name)}: open circuit ({one_line(run.load_source)}), {run.samples} samples at {run.fs:.6g} Hz; "
         f"rig {one_line(calibration.rig.name)}"
     )
+    lines += wrapped(f"data: {one_line(origin_words([run.origin]))}")
     lines += ["", *_columns([_HEAD, *(_row(n) for n in calibration.numbers)]), ""]
     lines += [*wrapped(_regression(calibration)), *wrapped(_eq8(regression, calibration))]
     lines += wrapped(f"cannot be told apart here: {'; '.join(calibration.together) or 'nothing'}")
@@ -69,6 +71,7 @@ def calibration_record(calibration: Calibration) -> dict[str, Any]:
     return {
         "schema": CALIBRATION_SCHEMA,
         "version": __version__,
+        "data": origin_record(run.origin),
         "log": {"path": run.path, "sha256": run.sha256, "samples": run.samples},
         "rig": calibration.rig.name,
         "numbers": [

@@ -11,14 +11,14 @@ import msgspec
 import numpy as np
 
 from winchcascade import __version__
+from winchcascade.origin import Origin, banner, joint_origin, origin_from, origin_words
 from winchcascade.report import campaign_figures as figures
 from winchcascade.report import campaign_tables as tables
 from winchcascade.report.digits import percent, stated
 from winchcascade.report.layout import Note, Point, Report, Section, Table, Tile
 from winchcascade.report.model_account import Account
-from winchcascade.report.model_data import says_not_measured
 from winchcascade.report.model_section import Named, campaign_section
-from winchcascade.report.parts import made_on, picture, provenance_table, section
+from winchcascade.report.parts import data_point, made_on, picture, provenance_table, section
 from winchcascade.report.publish import publish
 from winchcascade.report.style import house_style
 
@@ -61,11 +61,13 @@ def make_campaign_report(
                     figures.over_load(loaded), "loads",
                     f"Mean powers and efficiencies over {figures.over_what(loaded)}; bars are 95 % intervals. "
                     + ("Lines join the means of the logs of each load. " if figures.repeated(loaded) else "")
+                    + _not_joined(loaded)
                     + "Where η_pto is highest, most of the line's energy reaches the DC link.",
                     "Points of powers and efficiencies over the load; the values are in the tables.",
                 ),
                 tables.energies_table(runs) if runs else None,
                 tables.efficiencies_table(runs) if runs else None,
+                tables.net_table(runs),
             ),
             section(
                 "speed", "Over generator speed",
@@ -77,7 +79,7 @@ def make_campaign_report(
                     "Curves of binned torque and power over generator speed, one for each run.",
                 ),
             ),
-            *_model(summary, runs, results or out),
+            *_model(runs, results or out),
             section("repeatability", "Repeatability", tables.repeatability_table(runs) if runs else None),
             section(
                 "findings", "Logs and findings", tables.logs_table(runs) if runs else Note("No log could be used."),
@@ -94,7 +96,18 @@ def make_campaign_report(
         tiles=_tiles(loaded),
         points=tuple(_points(runs, failed, loaded)),
         sections=tuple(s for s in sections if s.blocks),
+        banner=banner(_origins(runs)),
     )
+
+
+def _not_joined(runs: Sequence[tables.Run]) -> str:
+    if len(tables.comparable(runs)) < 2:
+        return ""
+    return "Lines join only logs of one window rule and of one kind of data; hollow markers are of another than the first. "
+
+
+def _origins(runs: Sequence[tables.Run]) -> list[Origin]:
+    return [origin_from(run) for run in runs]
 
 
 def _subtitle(runs: Sequence[tables.Run]) -> str:
@@ -123,7 +136,7 @@ class _Kept(msgspec.Struct):
     model: Account | None = None
 
 
-def _model(summary: Mapping[str, Any], runs: Sequence[tables.Run], out: Path) -> list[Section]:
+def _model(runs: Sequence[tables.Run], out: Path) -> list[Section]:
     """The logs beside their simulations: those that are drawn, and the first open circuit in any case."""
     opened = [run for run in runs if run["open_circuit"]][:1]
     drawn = figures.drawn_runs(runs)
@@ -131,8 +144,7 @@ def _model(summary: Mapping[str, Any], runs: Sequence[tables.Run], out: Path) ->
     accounts = [(run, _kept(out / run["result"])) for run in shown]
     loads = figures.load_names(shown)
     found = [Named(run["name"], load, a) for (run, a), load in zip(accounts, loads, strict=True) if a is not None]
-    measured = all(log.account.word == "measured" for log in found) and not says_not_measured(summary["title"])
-    made = campaign_section(found, "measured" if measured else "log")
+    made = campaign_section(found, joint_origin(_origins(runs)).word)
     return [] if made is None else [made]
 
 
@@ -215,9 +227,11 @@ def _tiles(runs: Sequence[tables.Run]) -> tuple[Tile, ...]:
 
 def _points(runs: Sequence[tables.Run], failed: Sequence[tables.Run], loaded: Sequence[tables.Run]) -> list[Point]:
     points = []
-    simulated = sum(bool(run["simulated"]) for run in runs)
-    if simulated:
-        points.append(Point("Simulated", f"{simulated} of {len(runs)} logs were made by a simulation.", "warn"))
+    if runs:
+        points.append(data_point(_origins(runs)))
+    mixed = tables.mixed_windows(runs)
+    if mixed:
+        points.append(Point("Windows", mixed, "warn"))
     total, whole = sum(run["cycles"] for run in runs), sum(run["complete"] for run in runs)
     text = f"{len(runs)} of {len(runs) + len(failed)} reduced, {whole} of {total} cycles complete."
     points.append(Point("Logs", text, "warn" if failed or whole < total else "plain"))
@@ -253,6 +267,7 @@ def _provenance(summary: Mapping[str, Any], runs: Sequence[tables.Run], command:
     finite = sorted({load for load in loads if load is not None and math.isfinite(load)})
     rows = [
         ("Campaign", summary["title"]),
+        ("Data", origin_words(_origins(runs))),
         ("Logs", f"{len(summary['runs'])}; hash, rig and window of each are in its own report and its result"),
         ("Results", _results(runs)),
         ("Loads", ", ".join(f"{load:g}" for load in finite[:20]) + (" Ω" if finite else "")),

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
-from winchcascade.report.campaign_tables import Run, load_of, load_text
+from winchcascade.report.campaign_tables import Run, comparable, load_of, load_text
 from winchcascade.report.figures import readable
 from winchcascade.report.legend import columns_within, cut_apart, lines_within, text_width
 from winchcascade.report.model_figures import LINE, MARK_SIZE, load_style
@@ -77,6 +77,7 @@ def _points(
 ) -> None:
     x = np.arange(1.0, len(runs) + 1) if at is None else np.array(at)
     order = np.argsort(x, kind="stable")
+    groups = comparable(runs)
     columns = {stage: np.array([_number(run["mean"][FIELDS[m]]) for run in runs]) for stage, m in names.items()}
     columns = {stage: y for stage, y in columns.items() if np.isfinite(y).any()}
     short, unit = readable("W" if names is _POWERS else "1", *(y[np.isfinite(y)] for y in columns.values()))
@@ -86,13 +87,13 @@ def _points(
         bars = np.nan_to_num(np.vstack((y - low, high - y)))[:, order].clip(0.0)
         line: Any = {"color": COLOURS[stage], "lw": 0.9, "ls": STAGE_STYLE[stage]}
         mark: Any = {"marker": _MARKS[stage], "ms": 4, "label": _TEX[names[stage]]}
-        if not repeated(runs):
-            ax.errorbar(x[order], y[order] * short, yerr=bars * short, capsize=2, **line, **mark)
-            continue
-        ax.errorbar(
-            x[order], y[order] * short, yerr=bars * short, capsize=2, **line | {"ls": "none"}, **mark | {"label": "_"}
-        )
-        ax.plot(*_means(x, y * short), **line)
+        for n, members in enumerate(groups):
+            here = np.isin(order, members)
+            own_x, own_y = x[order[here]], y[order[here]] * short
+            hollow: Any = {"mfc": COLOURS["paper"], "label": "_"} if n else {"label": "_"}
+            ends = bars[:, here] * short
+            ax.errorbar(own_x, own_y, yerr=ends, capsize=2, **line | {"ls": "none"}, **mark | hollow)
+            ax.plot(*(_means(own_x, own_y) if repeated(runs) else (own_x, own_y)), **line)
         ax.plot([], [], **line, **mark)  # for the legend: the points on their line
     if at is not None:
         _label_loads(ax, sorted(set(at)))

@@ -6,11 +6,13 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from winchcascade.cascade.efficiency import METRICS
+from winchcascade.cascade.efficiency import METRICS, NET_METRICS
+from winchcascade.origin import KINDS, origin_from
+from winchcascade.plaintext import one_line
 from winchcascade.report.digits import number, percent, places, stated, uncertain
 from winchcascade.report.layout import Table
 from winchcascade.report.records import FIELDS
-from winchcascade.report.tables import SYMBOL, UNIT, metrics_note
+from winchcascade.report.tables import DECIMALS, SYMBOL, UNIT, metrics_note
 
 Run = Mapping[str, Any]
 """One log of a campaign's summary."""
@@ -40,19 +42,54 @@ def by_load(runs: Sequence[Run]) -> list[Run]:
     return sorted(runs, key=lambda run: -(load if (load := load_of(run)) is not None else -1.0))
 
 
+def window_text(run: Run) -> str:
+    """Rule of the integration window of a run: a word, or the fixed length in seconds."""
+    window = run["window"]
+    return window if isinstance(window, str) else f"{window:g}"
+
+
+def window_rules(runs: Sequence[Run]) -> dict[str, list[Run]]:
+    """Runs by the rule of their windows: auto, payout, or a fixed length."""
+    found: dict[str, list[Run]] = {}
+    for run in runs:
+        found.setdefault(run["window"] if isinstance(run["window"], str) else "fixed length", []).append(run)
+    return found
+
+
+def mixed_windows(runs: Sequence[Run]) -> str:
+    """Report that runs have windows of several rules; empty if they have one."""
+    rules = sorted(window_rules(runs).items(), key=lambda item: -len(item[1]))
+    if len(rules) < 2:
+        return ""
+    named = ", ".join(
+        f"{rule} in {len(found)} ({one_line(found[0]['name'])}{', …' * (len(found) > 1)})" for rule, found in rules
+    )
+    return f"{len(rules)} rules: {named}. Energies, powers and efficiencies of different rules cannot be compared."
+
+
+def comparable(runs: Sequence[Run]) -> list[list[int]]:
+    """Places of the runs that may be joined by a line: those of one window rule and of one kind of data."""
+    found: dict[object, list[int]] = {}
+    for rule, members in window_rules(runs).items():
+        for run in members:
+            found.setdefault((rule, origin_from(run).measured), []).append(runs.index(run))
+    return list(found.values())
+
+
 def energies_table(runs: Sequence[Run]) -> Table:
     """Mean energies and powers of every run with their standard uncertainties (the layout of Table 2)."""
     metrics = [f"{kind}_{stage}" for stage in ("line", "mech", "gen") for kind in ("energy", "power")]
     given = [m for m in metrics if any(run["mean"][FIELDS[m]] is not None for run in runs)]
 
     def row(run: Run) -> tuple[str, ...]:
-        return (run["name"], load_text(run), f"{run['complete']}", *(_with_uncertainty(run, m, 0) for m in given))
+        values = (_with_uncertainty(run, m, 0) for m in given)
+        return (run["name"], load_text(run), window_text(run), f"{run['complete']}", *values)
 
     return Table(
         id="energies",
         caption="Mean energies over the integration window and mean powers in it, ± standard uncertainty.",
-        head=("Log", "Load", "Cycles", *(SYMBOL[m] for m in given)),
-        units=("", "Ω", "", *(UNIT[m] for m in given)),
+        head=("Log", "Load", "Window", "Cycles", *(SYMBOL[m] for m in given)),
+        units=("", "Ω", "s", "", *(UNIT[m] for m in given)),
         rows=tuple(_thinned(runs, row)),
         links=_links(runs),
         note=metrics_note(given).strip(),
@@ -65,17 +102,39 @@ def efficiencies_table(runs: Sequence[Run]) -> Table:
 
     def row(run: Run) -> tuple[str, ...]:
         cells = [(_with_uncertainty(run, m, 3), _interval(run, m)) for m in given]
-        return (run["name"], load_text(run), *(text for pair in cells for text in pair))
+        return (run["name"], load_text(run), window_text(run), *(text for pair in cells for text in pair))
 
     return Table(
         id="efficiencies",
         caption="Efficiencies: means of the cycles' ratios, ± standard uncertainty, and 95 % intervals.",
-        head=("Log", "Load", *(text for m in given for text in (SYMBOL[m], "95 % interval"))),
-        units=("", "Ω", *("" for _ in given for _ in range(2))),
+        head=("Log", "Load", "Window", *(text for m in given for text in (SYMBOL[m], "95 % interval"))),
+        units=("", "Ω", "s", *("" for _ in given for _ in range(2))),
         rows=tuple(_thinned(runs, row)),
         note=metrics_note(given)
         + "Errors of the sensors are common to all runs with the same sensors, so differences between loads are better "
         "known than each value.",
+    )
+
+
+def net_table(runs: Sequence[Run]) -> Table | None:
+    """Net energies of whole cycles of every run, means with their standard uncertainties; None where no run has any."""
+    given = [m for m in NET_METRICS if any(run["mean"][FIELDS[m]] is not None for run in runs)]
+    if not given:
+        return None
+
+    def row(run: Run) -> tuple[str, ...]:
+        return (run["name"], load_text(run), *(_with_uncertainty(run, m, DECIMALS[m]) for m in given))
+
+    return Table(
+        id="net",
+        caption="Whole cycles: line energy of the payout, line energy returned in haul-in, and net line energy from onset to "
+        "next onset, ± standard uncertainty.",
+        head=("Log", "Load", *(SYMBOL[m] for m in given)),
+        units=("", "Ω", *(UNIT[m] for m in given)),
+        rows=tuple(_thinned(runs, row)),
+        note="These energies do not depend on the integration window. "
+        + ("η_net = E_gen, cycle / E_net. " if "eta_net" in given else "")
+        + "The report of each log states why it has none; in open circuit they are not evaluated.",
     )
 
 
@@ -108,6 +167,8 @@ def logs_table(runs: Sequence[Run]) -> Table:
         return (
             run["name"],
             load_text(run),
+            window_text(run),
+            KINDS[origin_from(run).measured],
             f"{run['complete']} of {run['cycles']}",
             percent(run["removed_share"], 2),
             found,
@@ -116,10 +177,10 @@ def logs_table(runs: Sequence[Run]) -> Table:
     return Table(
         id="logs",
         caption="Logs: complete cycles, share of the samples that findings took out, number and kinds of findings.",
-        head=("Log", "Load", "Complete cycles", "Data lost", "Findings"),
-        units=("", "Ω", "", "%", ""),
+        head=("Log", "Load", "Window", "Data", "Complete cycles", "Data lost", "Findings"),
+        units=("", "Ω", "s", "", "", "%", ""),
         rows=tuple(_thinned(runs, row)),
-        text_columns=(0, 4),
+        text_columns=(0, 3, 6),
         links=_links(runs),
     )
 

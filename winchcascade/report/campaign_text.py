@@ -7,10 +7,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from winchcascade.origin import origin_from, origin_words
 from winchcascade.plaintext import one_line
-from winchcascade.report.campaign_tables import by_load, count_of, load_text
+from winchcascade.report.campaign_tables import by_load, count_of, load_text, mixed_windows, window_text
 from winchcascade.report.digits import stated, uncertain
 from winchcascade.report.records import FIELDS
+from winchcascade.report.table_text import wrapped
 
 MOST_RUNS = 20
 """Logs that are listed; of more the first and the last half of that."""
@@ -19,8 +21,21 @@ MOST_FAULTS = 10
 
 WIDTH = 100
 
-_HEAD = ("log", "load", "cycles", "E_line", "E_mech", "E_gen", "eta_trans", "eta_gen", "eta_pto", "±", "findings")
-_UNITS = ("", "ohm", "", "J", "J", "J", "", "", "", "", "")
+_HEAD = (
+    "log",
+    "load",
+    "window",
+    "cycles",
+    "E_line",
+    "E_mech",
+    "E_gen",
+    "eta_trans",
+    "eta_gen",
+    "eta_pto",
+    "±",
+    "findings",
+)
+_UNITS = ("", "ohm", "s", "", "J", "J", "J", "", "", "", "", "")
 _METRICS = ("energy_line", "energy_mech", "energy_gen", "eta_trans", "eta_gen", "eta_pto")
 
 
@@ -41,7 +56,10 @@ def campaign_text(summary: Mapping[str, Any], out: Path, *, kept: int, altered: 
     failed = [run for run in summary["runs"] if run["fault"] is not None]
     lines = [f"{one_line(summary['title'])}: {len(runs)} of {len(summary['runs'])} logs reduced" + _kept(kept), ""]
     if runs:
+        lines[1:1] = wrapped(f"data: {one_line(origin_words([origin_from(run) for run in runs]))}")
         lines += [*_table(runs), *_marked(runs), *_between(summary), ""]
+    mixed = mixed_windows(runs)
+    lines += [*wrapped(f"note: windows of {mixed}"), ""] if mixed else []
     lines += altered_lines(altered)
     lines += [f"failed: {_told(run)}" for run in failed[:MOST_FAULTS]]
     if len(failed) > MOST_FAULTS:
@@ -96,7 +114,15 @@ def _row(run: Mapping[str, Any]) -> tuple[str, ...]:
     name = name if len(name) <= 24 else f"{name[:12]}…{name[-11:]}"
     cycles = f"{run['complete']}" if run["complete"] == run["cycles"] else f"{run['complete']} of {run['cycles']}"
     found = f"! {count_of(run)}" if run["findings"] else "-"
-    return (name, load_text(run).replace("–", "-"), cycles, *values, uncertain(u).replace("–", "-"), found)
+    return (
+        name,
+        load_text(run).replace("–", "-"),
+        window_text(run),
+        cycles,
+        *values,
+        uncertain(u).replace("–", "-"),
+        found,
+    )
 
 
 def _marked(runs: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from winchcascade import __version__
+from winchcascade.origin import joint_origin, origin_record, origin_words
 from winchcascade.plaintext import one_line
 from winchcascade.report.table_text import load_record, table_record, title_lines, wrapped
 from winchcascade.table import load_text, unit_suffix
@@ -24,7 +25,8 @@ _HEAD = ("metric", "printed", "found", "differs", "allowed", "= rounding", "+ de
 
 def check_text(check: Check) -> str:
     """Every cell with printed and found value, difference, tolerance and its parts; 100 columns at most."""
-    lines = [*title_lines(check.table), *wrapped(f"tolerance: {_recipe(check)}"), ""]
+    lines = [*title_lines(check.table), *wrapped(f"tolerance: {_recipe(check)}")]
+    lines += [*wrapped(f"data: {one_line(origin_words(check.origins))}"), ""]
     for load in dict.fromkeys(cell.load for cell in check.cells):
         cells = [cell for cell in check.cells if cell.load == load]
         log = next((cell.log for cell in cells if cell.log is not None), None)
@@ -59,6 +61,8 @@ def junit_xml(check: Check) -> str:
     suite = ElementTree.SubElement(root, "testsuite", {"name": one_line(check.table.name), **counts, "time": "0"})
     properties = ElementTree.SubElement(suite, "properties")
     ElementTree.SubElement(properties, "property", {"name": "generator", "value": f"winchcascade/{__version__}"})
+    data = one_line(origin_words(check.origins))
+    ElementTree.SubElement(properties, "property", {"name": "data", "value": data})
     for cell in check.cells:
         place = f"{one_line(check.table.name)}.{load_text(cell.load).replace(' ', '_').replace('.', 'p')}"
         case = ElementTree.SubElement(suite, "testcase", {"classname": place, "name": cell.metric, "time": "0"})
@@ -105,6 +109,7 @@ def check_record(check: Check) -> dict[str, Any]:
         "schema": CHECK_SCHEMA,
         "version": __version__,
         "table": table_record(check.table),
+        "data": origin_record(joint_origin(check.origins)),
         "factors": {name: getattr(check.factors, name) for name in check.factors.__struct_fields__},
         "ok": check.ok,
         "misses": len(check.misses),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from winchcascade import __version__
 from winchcascade.gap.locate import NAMES, STANDS_OUT
+from winchcascade.origin import banner
 from winchcascade.report import diagnosis_tables as tables
 from winchcascade.report.diagnosis_data import Sides, most_telling, sides
 from winchcascade.report.diagnosis_figures import error_figure, error_panels, history, over_speed_figure
@@ -30,8 +31,8 @@ from winchcascade.report.diagnosis_words import (
     experiment_words,
     files_of,
     interval_words,
+    origins_of,
     remainder_words,
-    simulated_words,
     sure_words,
     unnamed,
     verdict_words,
@@ -41,7 +42,7 @@ from winchcascade.report.diagnosis_words import (
 )
 from winchcascade.report.digits import significant
 from winchcascade.report.layout import Note, Point, Report, Section, Table, Tile
-from winchcascade.report.parts import file_digest, made_on, picture, provenance_table, section
+from winchcascade.report.parts import data_point, file_digest, made_on, picture, provenance_table, section
 from winchcascade.report.publish import publish
 from winchcascade.report.style import house_style
 
@@ -81,6 +82,7 @@ def make_diagnosis_report(found: Diagnosis, *, command: str = "") -> Report:
         tiles=_tiles(found),
         points=tuple(_points(found)),
         sections=tuple(s for s in sections if s.blocks),
+        banner=banner(origins_of(found)),
     )
 
 
@@ -114,10 +116,7 @@ def _extremes(found: Diagnosis) -> list[Tile]:
 
 def _points(found: Diagnosis) -> list[Point]:
     """What a reader must know after ten seconds, in sentences."""
-    points = []
-    simulated = simulated_words(found)
-    if simulated:
-        points.append(Point("Simulated", simulated, "warn"))
+    points = [data_point(origins_of(found))]
     good = found.verdict in ("no_gap", "explained")
     points.append(Point("Verdict", verdict_words(found), "good" if good else "warn"))
     if found.where is not None:

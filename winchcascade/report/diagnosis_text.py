@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from winchcascade.gap.locate import NAMES
+from winchcascade.origin import origin_words
 from winchcascade.plaintext import one_line
 from winchcascade.report.diagnosis_lines import INDENT, WIDTH, entry, file_lines, plain
 from winchcascade.report.diagnosis_names import (
@@ -23,9 +24,9 @@ from winchcascade.report.diagnosis_words import (
     closure_words,
     experiment_words,
     files_of,
+    origins_of,
     remainder_words,
     says_more,
-    simulated_words,
     sure_words,
     unnamed,
     verdict_words,
@@ -54,7 +55,7 @@ def diagnosis_text(found: Diagnosis, files: Sequence[Path | str] = ()) -> str:
     """
     lines = [f"{one_line(found.title)}: {VERDICTS[found.verdict].lower()}", ""]
     lines += entry("verdict", verdict_words(found))
-    lines += entry("note", simulated_words(found))
+    lines += entry("data", origin_words(origins_of(found)))
     lines += entry("where", where_words(found))
     lines += entry("", arises_words(found) if says_more(found) else "")
     lines += _causes(found)

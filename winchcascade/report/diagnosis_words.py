@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 from winchcascade.gap.arises import arises
 from winchcascade.gap.locate import STANDS_OUT
+from winchcascade.origin import Origin, joint_origin
 from winchcascade.report.diagnosis_names import apart_words, load_words, nuisance_words, probability_words, share_words
 from winchcascade.report.digits import number
-from winchcascade.report.model_data import says_not_measured, source_word
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,19 +34,13 @@ SURE = 0.95
 
 
 def word_of(found: Diagnosis) -> str:
-    """What the logs are called: `measured`, or `log` where anything says that they were not measured."""
-    words = {source_word(log.run) for log in found.data.logs}
-    return "log" if "log" in words or says_not_measured(found.title) else "measured"
+    """What the logs are called: `measured` where that is stated of all of them, else `log`."""
+    return joint_origin(origins_of(found)).word
 
 
-def simulated_words(found: Diagnosis) -> str:
-    """A warning where logs were not measured, else nothing."""
-    made = sum(log.run.simulated for log in found.data.logs)
-    if made:
-        return f"{made} of {len(found.data.logs)} logs were made by a simulation; nothing in them was measured."
-    if word_of(found) == "log":
-        return "By its own title this campaign was not measured."
-    return ""
+def origins_of(found: Diagnosis) -> list[Origin]:
+    """Where the data of each log come from."""
+    return [log.run.origin for log in found.data.logs]
 
 
 # ----------------------------------------------------------------------------------------------------------- sentences

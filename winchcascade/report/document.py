@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 
 from winchcascade import __version__
 from winchcascade.cascade.efficiency import ALL_METRICS, METRICS, NOTHING
+from winchcascade.origin import banner, origin_words
 from winchcascade.report import cycle_figures, figures, tables, uncertainty_tables
 from winchcascade.report.digits import number, percent, places, stated, uncertain
 from winchcascade.report.layout import Note, Point, Report, Section, Table, Tile
 from winchcascade.report.model_section import Modelled, modelled, run_section
-from winchcascade.report.parts import file_digest, made_on, picture, provenance_table, section
+from winchcascade.report.parts import data_point, file_digest, made_on, picture, provenance_table, section
 from winchcascade.report.publish import publish
 from winchcascade.report.style import house_style
 from winchcascade.report.traces import readout
@@ -80,6 +81,7 @@ def make_report(
         points=tuple(_points(reduction, found)),
         sections=sections,
         traces=readout(run, reduction.cycles, figures.powers_of(reduction)),
+        banner=banner([run.origin]),
     )
 
 
@@ -121,8 +123,7 @@ def _points(reduction: Reduction, found: Uncertainty) -> list[Point]:
     """What a reader must know after ten seconds, in sentences."""
     n, of = len(reduction.complete), len(reduction.cycles)
     points = []
-    if reduction.run.simulated:
-        points.append(Point("Simulated", "This log was made by a simulation; nothing in it was measured.", "warn"))
+    points.append(data_point([reduction.run.origin]))
     window = reduction.window if isinstance(reduction.window, str) else f"{reduction.window:g} s from the onset"
     points.append(
         Point("Cycles", f"{n} of {of} complete; integration window: {window}.", "plain" if n == of else "warn")
@@ -341,6 +342,7 @@ def _provenance(reduction: Reduction, found: Uncertainty, command: str) -> Table
         ("SHA-256 of the log", run.sha256 or "–"),
         ("Samples", f"{run.samples} at {run.fs:.6g} Hz, {float(run.t[-1] - run.t[0]):.1f} s"),
         ("Campaign", run.about),
+        ("Data", origin_words([run.origin])),
         ("Load", f"{load} ({run.load_source})" if run.load is not None else load),
         ("Rig", f"{rig.name} ({rig.path})" if rig.path else rig.name),
         ("Source of the rig's numbers", rig.source),

@@ -80,7 +80,10 @@ class Point(msgspec.Struct, frozen=True):
 
 
 class Report(msgspec.Struct, frozen=True):
-    """A whole report, in order. `traces` is the JSON that the page's time histories read values from."""
+    """A whole report, in order.
+
+    `traces` is the JSON that the page's time histories read values from. `banner` is a warning on every page.
+    """
 
     kind: str
     title: str
@@ -90,3 +93,4 @@ class Report(msgspec.Struct, frozen=True):
     points: tuple[Point, ...]
     sections: tuple[Section, ...]
     traces: str = ""
+    banner: str = ""

@@ -9,6 +9,7 @@ from winchcascade import __version__
 from winchcascade.diagnose.line.closure import SLOW
 from winchcascade.diagnose.line.sets import DRAWS, FOLDS, MATERIAL
 from winchcascade.diagnose.remainder import ROUGH
+from winchcascade.origin import banner
 from winchcascade.report import line_figures as figures
 from winchcascade.report import line_tables as tables
 from winchcascade.report import line_words as words
@@ -21,7 +22,7 @@ from winchcascade.report.diagnosis_page import (
     verdict_tiles,
 )
 from winchcascade.report.layout import Point, Report, Section, Tile, Tone
-from winchcascade.report.parts import file_digest, made_on, picture, provenance_table, section
+from winchcascade.report.parts import data_point, file_digest, made_on, picture, provenance_table, section
 from winchcascade.report.publish import publish
 from winchcascade.report.style import house_style
 
@@ -59,6 +60,7 @@ def make_line_report(found: LineDiagnosis, *, command: str = "") -> Report:
         tiles=_tiles(found),
         points=tuple(_points(found)),
         sections=tuple(s for s in sections if s.blocks),
+        banner=banner(words.origins_of(found)),
     )
 
 
@@ -79,7 +81,7 @@ def _points(found: LineDiagnosis) -> list[Point]:
     """What a reader must know after ten seconds, in sentences."""
     hidden = words.unnamed(found)
     entries = [
-        Point("Simulated", words.simulated_words(found), "warn"),
+        data_point(words.origins_of(found)),
         Point("Sign turned", words.flipped_words(found), "warn"),
         Point("Verdict", words.verdict_words(found), _tone(found)),
         Point("Where", words.where_words(found)),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from winchcascade.origin import origin_words
 from winchcascade.plaintext import one_line
 from winchcascade.report import line_words as words
 from winchcascade.report.diagnosis_lines import INDENT, entry, file_lines, plain
@@ -27,7 +28,7 @@ def line_text(found: LineDiagnosis, files: Sequence[Path | str] = ()) -> str:
     """
     lines = [f"{one_line(found.title)}: {VERDICTS[found.verdict].lower()}", ""]
     lines += entry("verdict", words.verdict_words(found))
-    lines += entry("note", words.simulated_words(found))
+    lines += entry("data", origin_words(words.origins_of(found)))
     lines += entry("note", words.flipped_words(found))
     lines += entry("where", words.where_words(found))
     lines += _causes(found)

@@ -8,6 +8,7 @@ from winchcascade.diagnose.line.closure import BURST
 from winchcascade.diagnose.line.data import beside
 from winchcascade.diagnose.line.sets import DRAWS
 from winchcascade.diagnose.line.where import sentence
+from winchcascade.origin import Origin, joint_origin
 from winchcascade.report.diagnosis_names import (
     Told,
     apart_words,
@@ -18,7 +19,6 @@ from winchcascade.report.diagnosis_names import (
 )
 from winchcascade.report.diagnosis_words import FAR_ENOUGH, SURE
 from winchcascade.report.digits import number, significant
-from winchcascade.report.model_data import says_not_measured, source_word
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -49,9 +49,13 @@ MEANINGS = {
 
 
 def word_of(found: LineDiagnosis) -> str:
-    """What the logs are called: `measured`, or `log` where anything says that they were not measured."""
-    words = {source_word(part.run) for part in found.lines.parts}
-    return "log" if "log" in words or says_not_measured(found.title) else "measured"
+    """What the logs are called: `measured` where that is stated of all of them, else `log`."""
+    return joint_origin(origins_of(found)).word
+
+
+def origins_of(found: LineDiagnosis) -> list[Origin]:
+    """Where the data of each part come from."""
+    return [part.run.origin for part in found.lines.parts]
 
 
 def value_words(effect: str, found: Reported) -> tuple[str, str]:
@@ -252,13 +256,6 @@ def flipped_words(found: LineDiagnosis) -> str:
         if finding.kind == "sign_flipped"
     ]
     return "; ".join(f"{text}" for text in dict.fromkeys(said)) + "." if said else ""
-
-
-def simulated_words(found: LineDiagnosis) -> str:
-    """A warning where logs were not measured, else nothing."""
-    if any(part.run.simulated for part in found.lines.parts):
-        return "Logs were made by a simulation; nothing in them was measured."
-    return "By its own title this campaign was not measured." if word_of(found) == "log" else ""
 
 
 def small_words(found: LineDiagnosis) -> str:

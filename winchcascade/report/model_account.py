@@ -19,7 +19,7 @@ from winchcascade.report.model_curves import (
     means,
     speed_width,
 )
-from winchcascade.report.model_data import before_braking, source_word
+from winchcascade.report.model_data import before_braking
 
 if TYPE_CHECKING:
     from winchcascade.report.model_data import Comparison
@@ -66,7 +66,7 @@ class Account(msgspec.Struct, frozen=True, omit_defaults=True):
     """
 
     why: str = ""
-    word: str = "measured"
+    word: str = "log"
     rig: str = ""
     changed: str = ""
     open_circuit: bool = False
@@ -86,7 +86,7 @@ def account_of(comparison: Comparison) -> Account:
     run, rig = comparison.run, comparison.rig
     rated, gear = rig.generator.speed_rated, rig.drivetrain.gear_ratio
     return Account(
-        word=source_word(run),
+        word=run.origin.word,
         rig=rig.name,
         changed=comparison.changed,
         open_circuit=run.open_circuit,

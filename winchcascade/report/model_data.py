@@ -34,9 +34,6 @@ LEAD = 2.0
 SLOWEST = 5.0
 """With a lower sampling rate a log does not show how the line starts and brakes. [Hz]"""
 
-_NOT_MEASURED = re.compile(r"\b(rebuilt|simulat\w+|synthe\w+|invented|made up|not measured)\b", re.IGNORECASE)
-"""Words by which a campaign says that its logs are no measurements."""
-
 
 class LeftOut(msgspec.Struct, frozen=True):
     """Why a log is not compared with a simulation, in one sentence."""
@@ -68,20 +65,6 @@ class Comparison(msgspec.Struct, frozen=True):
         """Generator speed that the line velocity gives while the clutch is engaged, 50 v / r_drum, (n,) [rpm]."""
         found: Signal = self.run.channels["velocity"] * (self.rig.rpm_per_velocity or 0.0)
         return found
-
-
-def says_not_measured(words: str) -> bool:
-    """Whether the title of a campaign says that its logs are no measurements.
-
-    >>> says_not_measured("Crane trials rebuilt from a table"), says_not_measured("Crane trials in May")
-    (True, False)
-    """
-    return _NOT_MEASURED.search(words) is not None
-
-
-def source_word(run: Run) -> str:
-    """What a log is called beside a simulation: `measured`, or `log` where it says that it was not measured."""
-    return "log" if run.simulated or says_not_measured(run.about) else "measured"
 
 
 def compare_with_baseline(reduction: Reduction) -> Comparison | LeftOut:

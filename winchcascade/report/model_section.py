@@ -16,7 +16,7 @@ from winchcascade.report.legend import cut_apart
 from winchcascade.report.model_account import Account, account_of
 from winchcascade.report.model_bars import budget_bars
 from winchcascade.report.model_curves import speed_columns, speed_width
-from winchcascade.report.model_data import Comparison, compare_with_baseline, source_word
+from winchcascade.report.model_data import Comparison, compare_with_baseline
 from winchcascade.report.model_open import back_emf_figure, damper_sweep
 from winchcascade.report.style import svg_text
 
@@ -52,7 +52,7 @@ def modelled(reduction: Reduction) -> Modelled:
     found = compare_with_baseline(reduction)
     if isinstance(found, Comparison):
         return Modelled(found, account_of(found))
-    return Modelled(None, Account(why=found.why, word=source_word(reduction.run)))
+    return Modelled(None, Account(why=found.why, word=reduction.run.origin.word))
 
 
 # ---------------------------------------------------------------------------------------------------------- of one log

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from winchcascade.report.layout import Block, Picture, Section, Table
+from winchcascade.origin import Origin, origin_words
+from winchcascade.report.layout import Block, Picture, Point, Section, Table
 from winchcascade.report.moment import made_at
 from winchcascade.report.style import svg_text
 
@@ -22,6 +23,14 @@ def section(name: str, heading: str, *blocks: Block | None) -> Section:
 def picture(figure: Figure | None, name: str, caption: str, alt: str, *, interactive: bool = False) -> Picture | None:
     """A figure as a block of a report; None for none."""
     return None if figure is None else Picture(name, caption, alt, svg_text(figure, name), interactive)
+
+
+def data_point(origins: Sequence[Origin]) -> Point:
+    """State whether the data are measured and where they come from; a warning where any are not measured."""
+    words = origin_words(origins)
+    text = words if words.endswith(".") else f"{words}."
+    made = any(origin.measured is False for origin in origins)
+    return Point("Data", text[0].upper() + text[1:], "warn" if made else "plain")
 
 
 def provenance_table(rows: Sequence[tuple[str, str]]) -> Table:

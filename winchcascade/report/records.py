@@ -14,6 +14,7 @@ from winchcascade.cascade.power import STAGES
 from winchcascade.cascade.uncertainty import shares
 from winchcascade.channels import CHANNELS
 from winchcascade.files import write_content
+from winchcascade.origin import origin_record
 from winchcascade.quantity import KGF, si_unit
 
 if TYPE_CHECKING:
@@ -49,6 +50,7 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
     return {
         "schema": SCHEMA,
         "version": __version__,
+        "data": origin_record(run.origin),
         "log": {
             "path": run.path,
             "sha256": run.sha256,

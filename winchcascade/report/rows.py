@@ -79,6 +79,9 @@ def _flat_run(record: Mapping[str, Any]) -> dict[str, Any]:
     row: dict[str, Any] = {
         "sha256": record["log"]["sha256"],
         "rig": record["rig"],
+        "window": record["window"] if isinstance(record["window"], str) else f"{record['window']:g}",
+        "measured": record["data"]["measured"],
+        "origin": record["data"]["origin"],
         "samples": record["log"]["samples"],
         "cycles": len(record["cycles"]),
         "complete": sum(c["complete"] for c in record["cycles"]),
@@ -113,7 +116,8 @@ def _run_columns() -> list[tuple[str, Any]]:
     import pyarrow as pa
 
     text, count, number = pa.string(), pa.int64(), pa.float64()
-    columns: list[tuple[str, Any]] = [("sha256", text), ("rig", text)]
+    columns: list[tuple[str, Any]] = [("sha256", text), ("rig", text), ("window", text), ("measured", pa.bool_())]
+    columns += [("origin", text)]
     columns += [(name, count) for name in ("samples", "cycles", "complete", "findings")]
     ends = ("", "_standard_uncertainty", "_low_95", "_high_95", "_max_deviation_percent")
     return columns + [(f"{field}{end}", number) for field in FIELDS.values() for end in ends]

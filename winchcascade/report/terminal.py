@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from winchcascade.cascade.efficiency import METRICS, NET_METRICS
 from winchcascade.cascade.montecarlo import stated_uncertainty
+from winchcascade.origin import origin_words
 from winchcascade.plaintext import one_line
 from winchcascade.report.wording import decisive, net_reasons, not_known
 
@@ -114,15 +115,17 @@ def _net_row(name: str, m: Metrics, *, energy: int, eta: int) -> tuple[str, ...]
 
 
 def _title(reduction: Reduction) -> list[str]:
+    import textwrap
+
     run, rig = reduction.run, reduction.rig
     seconds = float(run.t[-1] - run.t[0])
-    kind = "simulated log, " if run.simulated else ""
-    first = f"{one_line(run.name)}: {kind}{run.samples} samples at {run.fs:.6g} Hz, {_duration(seconds)}"
+    first = f"{one_line(run.name)}: {run.samples} samples at {run.fs:.6g} Hz, {_duration(seconds)}"
     window = reduction.window if isinstance(reduction.window, str) else f"{reduction.window:g} s from the onset"
     drum = "" if rig.r_drum is None else f" (drum radius {rig.r_drum:g} m)"
     parts = [_load(reduction), f"rig {one_line(rig.name)}{drum}", f"window {window}"]
     lines = [first, "; ".join(part for part in parts if part)]
     lines += [f"campaign: {one_line(run.about)}"] if run.about else []
+    lines += textwrap.wrap(f"data: {one_line(origin_words([run.origin]))}", _WIDTH, subsequent_indent="  ")
     lines += [f"rig note: {one_line(rig.note)}"] if rig.note else []
     return lines
 

@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from winchcascade import __version__
+from winchcascade.blind.cases import ORIGIN
 from winchcascade.blind.envelope import SEALED
+from winchcascade.origin import Origin, banner, origin_words
 from winchcascade.report.campaign_text import altered_lines
 from winchcascade.report.layout import Point, Report, Table, Tile
 from winchcascade.report.publish import publish
@@ -32,6 +34,7 @@ def trial_text(score: Score, place: Path) -> str:
     lines = [
         f"trial {place}: {len(score.cases)} cases, seed {score.seed}",
         f"answers: SHA-256 {score.sealed_sha256}",
+        f"data: {origin_words([Origin(False, ORIGIN)])}",
         "",
     ]
     lines += _aligned([(name, *count_cells(count)) for name, count in totals(score) if count.of])
@@ -121,11 +124,12 @@ def make_trial_report(score: Score, *, command: str = "") -> Report:
     return Report(
         kind="Trial of the diagnosis",
         title=f"{len(score.cases)} cases with withheld answers",
-        subtitle="Campaigns of an independent twin of the rig; nothing in them was measured.",
+        subtitle="Campaigns of an independent twin of the rig",
         generator=f"winchcascade/{__version__}",
         tiles=_tiles(score),
         points=_points(score),
         sections=tuple(s for s in sections if s.blocks),
+        banner=banner([Origin(False, ORIGIN)]),
     )
 
 

@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.errors import LogError, RigError
+from winchcascade.origin import SIMULATED
 from winchcascade.rig.bridge import bridge_table
 from winchcascade.rig.kernel import COLUMNS, SHAFT, constants, run_line, run_shaft
 from winchcascade.rig.ledger import energies
@@ -146,6 +147,7 @@ def at_stamps(run: Run, model: Model, motion: Motion, out: Signal) -> Simulation
             load_source=run.load_source,
             simulated=True,
             about=run.about,
+            origin=SIMULATED,
         ),
         rpm_gen=column("omega_gen") * 30.0 / math.pi,
         i_s=column("i_s"),

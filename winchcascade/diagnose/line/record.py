@@ -9,6 +9,7 @@ import msgspec
 from winchcascade.diagnose.line.data import beside
 from winchcascade.diagnose.line.where import sentence
 from winchcascade.diagnose.record import SCHEMA, cause_record, number
+from winchcascade.origin import joint_origin, origin_record
 
 if TYPE_CHECKING:
     from winchcascade.diagnose.line.campaign import LineDiagnosis
@@ -24,10 +25,14 @@ def as_json(found: LineDiagnosis) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
         "title": found.title,
+        "data": origin_record(joint_origin([part.run.origin for part in found.lines.parts])),
         "rig": found.rig.name,
         "seed": found.seed,
         "suspects": list(found.lines.names),
-        "logs": [{**_part(part), "sha256": part.run.sha256, "load_ohm": None} for part in found.lines.parts],
+        "logs": [
+            {**_part(part), "sha256": part.run.sha256, "load_ohm": None, "data": origin_record(part.run.origin)}
+            for part in found.lines.parts
+        ],
         "verdict": found.verdict,
         "where": _where(found) if gap else None,
         "causes": [{**cause_record(cause), "closes_alone_of_the_gap": number(cause.weight)} for cause in found.causes],

@@ -1,0 +1,143 @@
+"""Whether data are measured is what the campaign states or the mark of `simulate`, and every output carries it."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from winchcascade.batch.plan import make_plan
+from winchcascade.batch.results import load_results
+from winchcascade.batch.run import run_batch
+from winchcascade.blind.cases import ORIGIN, campaign_text
+from winchcascade.campaign import load_campaign
+from winchcascade.cascade.montecarlo import uncertainty
+from winchcascade.cascade.reduce import reduce
+from winchcascade.commands.settings import settings_of
+from winchcascade.errors import CampaignError
+from winchcascade.ingest.read import read_run
+from winchcascade.origin import SIMULATED, Origin, banner, joint_origin, origin_from, origin_words
+from winchcascade.published.check import check, measured_from_record
+from winchcascade.report.check_text import check_record, check_text
+from winchcascade.report.document import make_report
+from winchcascade.report.html import html_text
+from winchcascade.report.records import reduction_record
+from winchcascade.rig.model import baseline
+from winchcascade.rig.simulate import simulate
+from winchcascade.rig.write import write_log
+from winchcascade.rigtoml import built_in
+from winchcascade.tabletoml import load_table
+
+LOG = "r4p5ohm.csv"
+
+
+def campaign(folder: Path, common: str, run: str = "", log: str = LOG) -> Path:
+    """A campaign of one log, with entries of the campaign and of the run."""
+    path = folder / "campaign.toml"
+    path.write_text(f'{common}\n[[run]]\nfile = "{log}"\nload_ohm = 4.5\n{run}\n', encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("common", "run", "expected"),
+    [
+        ("", "", Origin()),
+        ("measured = true", "", Origin(True)),
+        ('measured = true\norigin = "Tank test"', "", Origin(True, "Tank test")),
+        ('measured = true\norigin = "Tank test"', 'origin = "Day 2"', Origin(True, "Day 2")),
+        ('measured = true\norigin = "Tank test"', "measured = false", Origin(False)),
+        ("measured = true", 'measured = false\norigin = "Rebuilt"', Origin(False, "Rebuilt")),
+        ('title = "Simulated, rebuilt, not measured"', "", Origin()),
+    ],
+)
+def test_a_run_states_its_origin_or_takes_over_that_of_its_campaign(
+    tmp_path: Path, common: str, run: str, expected: Origin
+) -> None:
+    assert load_campaign(campaign(tmp_path, common, run)).runs[0].origin == expected
+
+
+@pytest.mark.parametrize("entry", ['measured = "yes"', "measured = 1", "origin = true"])
+@pytest.mark.parametrize("of_run", [True, False])
+def test_a_statement_of_another_kind_is_one_sentence(tmp_path: Path, entry: str, of_run: bool) -> None:
+    path = campaign(tmp_path, "" if of_run else entry, entry if of_run else "")
+    with pytest.raises(CampaignError, match=entry.split()[0]):
+        load_campaign(path)
+
+
+def test_the_shipped_campaign_and_the_cases_of_a_trial_state_that_they_are_not_measured(
+    fixtures: Path, tmp_path: Path
+) -> None:
+    for run in load_campaign(fixtures / "campaign").runs:
+        assert run.origin.measured is False
+        assert run.origin.sentence.startswith("Rebuilt from Table 2")
+    (tmp_path / "campaign.toml").write_text(campaign_text("case-0001"), encoding="utf-8")
+    assert {run.origin for run in load_campaign(tmp_path).runs} == {Origin(False, ORIGIN)}
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a log that `simulate` wrote."""
+    fixtures = Path(__file__).parents[1] / "fixtures" / "campaign"
+    folder = tmp_path_factory.mktemp("simulated")
+    run = read_run(fixtures / LOG, load=4.5)
+    write_log(simulate(run, baseline(built_in())), folder / LOG)
+    return folder
+
+
+def test_a_simulated_log_carries_its_mark_and_contradicts_a_campaign_that_calls_it_measured(simulated: Path) -> None:
+    assert read_run(simulated / LOG).origin == SIMULATED
+    assert read_run(simulated / LOG).findings == ()
+    agreed = read_run(simulated / LOG, origin=Origin(False, "For a test"))
+    assert agreed.origin == Origin(False, f"{SIMULATED.sentence}; For a test")
+    assert agreed.findings == ()
+    contradicted = read_run(simulated / LOG, origin=Origin(True, "Tank test"))
+    assert contradicted.origin == SIMULATED
+    assert [f.kind for f in contradicted.findings] == ["origin_conflict"]
+    assert "measured = true" in contradicted.findings[0].message
+
+
+def test_a_log_takes_its_origin_from_the_campaign_beside_it_into_record_and_page(fixtures: Path) -> None:
+    log = fixtures / "campaign" / LOG
+    settings = settings_of(log, rig=None, load_ohm=None, window=None)
+    reduction = reduce(read_run(log, load=4.5, origin=settings.origin), window=settings.window)
+    found = uncertainty(reduction, draws=200)
+    data = reduction_record(reduction, found)["data"]
+    assert data["measured"] is False
+    assert data["origin"].startswith("Rebuilt from Table 2")
+    report = make_report(reduction, found)
+    assert report.banner.startswith("Not measured: Rebuilt from Table 2")
+    page = html_text(report)
+    assert f'class="banner" role="note">{report.banner}' in page
+    assert page.index('class="banner"') < page.index("<header>")
+
+
+def test_a_batch_and_a_check_state_the_origin_of_each_log(simulated: Path, tmp_path: Path) -> None:
+    path = campaign(simulated, "measured = true")
+    batch = run_batch(make_plan([str(path)]), tmp_path / "out")
+    summary = json.loads((tmp_path / "out" / "campaign.json").read_bytes())
+    assert summary["data"] == {"measured": False, "origin": SIMULATED.sentence}
+    (run,) = summary["runs"]
+    assert run["data"] == summary["data"]
+    assert any("origin_conflict" in str(kind) for kind in run["findings"])
+    assert summary["windows"] == {"rules": {"auto": 1}, "mixed": False}
+    again = run_batch(make_plan([str(campaign(simulated, "measured = false"))]), tmp_path / "out")
+    assert batch.kept == again.kept == 0  # another statement makes another result
+    table = load_table("hsu2026-table2")
+    results = [measured_from_record(record, name) for name, record in load_results(tmp_path / "out").records]
+    compared = check(results, table, whole_campaign=False)
+    assert f"data: not measured. {SIMULATED.sentence}." in check_text(compared)
+    assert check_record(compared)["data"] == summary["data"]
+
+
+def test_origins_of_several_logs_are_counted() -> None:
+    tank, made, unknown = Origin(True, "Tank test."), Origin(False, "Rebuilt"), Origin()
+    assert origin_words([tank, made, unknown]) == "1 measured, 1 not measured, 1 not stated. Tank test; Rebuilt."
+    assert joint_origin([tank, made]) == Origin(None, "Tank test; Rebuilt")
+    assert banner([tank, made]) == "1 of 2 logs are not measured: Rebuilt."
+    assert banner([tank, unknown]) == ""
+    assert banner([Origin(False)]) == "Not measured."
+    assert origin_words([]) == origin_words([unknown]) == "not stated"
+
+
+def test_a_result_of_an_earlier_version_states_nothing() -> None:
+    assert origin_from({}) == Origin()
+    assert origin_from({"data": {"measured": "yes", "origin": 3}}) == Origin()
