@@ -10,6 +10,7 @@ import numpy as np
 
 from winchcascade.cascade.reduce import Reduction, reduce
 from winchcascade.ingest.read import read_run
+from winchcascade.origin import Origin
 from winchcascade.report.model_data import Comparison, compare_with_baseline
 
 if TYPE_CHECKING:
@@ -27,9 +28,9 @@ LOGS: dict[str, tuple[str, float, float | str]] = {
 
 
 def reduced(name: str, *, about: str = "", rig: Rig | None = None) -> Reduction:
-    """One of `LOGS`, reduced."""
+    """One of `LOGS`, reduced, as if it were stated to be measured."""
     file, load, window = LOGS[name]
-    run = read_run(FIXTURES / "campaign" / file, rig=rig, load=load, about=about)
+    run = read_run(FIXTURES / "campaign" / file, rig=rig, load=load, about=about, origin=Origin(True))
     return reduce(run, rig=rig, window=window)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import unquote
 
+import numpy as np
 import pypdf
 import pytest
 
@@ -22,6 +23,7 @@ from winchcascade.report.campaign_text import campaign_text
 from winchcascade.report.html import html_text
 from winchcascade.report.layout import Report, Table
 from winchcascade.report.records import FIELDS
+from winchcascade.report.style import house_style
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 
@@ -321,7 +323,8 @@ def test_a_line_joins_points_of_one_rule_and_one_kind_of_data() -> None:
         run("e", 36.0, 0.6, 0.01, data=measured),
         run("f", 45.0, 0.6, 0.01, data=measured),
     ]
-    figure = over_load(runs)
+    with house_style():
+        figure = over_load(runs)
     assert figure is not None
     joined = {
         tuple(np.asarray(line.get_xdata()).tolist()) for line in figure.axes[1].lines if line.get_linestyle() != "None"

@@ -18,6 +18,7 @@ from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run import run_batch
 from winchcascade.cascade.montecarlo import uncertainty
 from winchcascade.effects.catalogue import make_effect
+from winchcascade.origin import SIMULATED
 from winchcascade.report import model_figures as figures
 from winchcascade.report.campaign import make_campaign_report
 from winchcascade.report.document import make_report
@@ -142,7 +143,7 @@ def test_the_budget_table_sums_to_the_energy_of_the_line(sections: dict[str, Sec
 
 def test_a_simulated_log_is_nowhere_called_measured() -> None:
     reduction = reduced("18 ohm")
-    reduction = msgspec.structs.replace(reduction, run=msgspec.structs.replace(reduction.run, simulated=True))
+    reduction = msgspec.structs.replace(reduction, run=msgspec.structs.replace(reduction.run, origin=SIMULATED))
     with house_style():
         section = run_section(modelled(reduction))
     assert section.heading == "Log and simulation"
@@ -301,7 +302,7 @@ def batch(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A batch with pages of two loads, an open circuit, and a log of which no load is known."""
     folder = tmp_path_factory.mktemp("campaign")
     runs = {"open_circuit.csv": "inf", "r18ohm.csv": "18.0", "r4p5ohm.csv": "4.5", "r45ohm.csv": None}
-    text = 'title = "Trials"\n'
+    text = 'title = "Trials"\nmeasured = true\n'
     for name, load in runs.items():
         shutil.copy(FIXTURES / "campaign" / name, folder)
         text += f'[[run]]\nfile = "{name}"\n' + ("" if load is None else f"load_ohm = {load}\n")
