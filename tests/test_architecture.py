@@ -10,7 +10,7 @@ PACKAGE = Path(__file__).parent.parent / "winchcascade"
 GROUND = {
     "accuracy", "errors", "quantity", "channels", "run", "campaign", "rigfile", "rigtoml", "table", "tabletoml", "tomltext",
     "tasks", "plaintext", "files", "integrate", "order", "smooth", "threads", "addresses",
-    "marks", "scratch", "signals", "store",
+    "marks", "origin", "scratch", "signals", "store",
 }  # fmt: skip
 """Open to every room."""
 
