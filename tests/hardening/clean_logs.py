@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from base_logs import (
@@ -12,14 +12,18 @@ from base_logs import (
     ROOT,
     STEPS,
     TIME,
+    Log,
     Signal,
+    base,
     bases,
     quantised,
     read_table,
     resampled,
 )
 from calls import call
-from judge import csv, moved
+from damage_files import Grid, bare, fields, grid, workbook
+from judge import csv, moved, scratch, truth
+from scipy.io import savemat
 
 from winchcascade.campaign import load_campaign
 from winchcascade.cascade.reduce import Reduction, reduce
@@ -71,8 +75,48 @@ def rates(folder: Path) -> Iterator[Case]:
     """Reduce the base logs of the matrix at their three rates."""
     for log in bases(RATES):
         run = read_run(csv(log)(folder), load=log.load)
-        for rule in (log.window, "auto", "payout"):
+        shortest = min(c.phases.payout_end - c.phases.onset for c in truth(log).complete)
+        for rule in (log.window, "auto", "payout", round(0.97 * shortest, 2)):
             yield Case(f"{log!r} window {rule}", reduce(run, window=rule))
+
+
+def files(folder: Path) -> Iterator[Case]:
+    """Reduce logs in files with other tables that are no logs, and with rig files whose units mean those of the headers."""
+    log = base("r18ohm", 25)
+    small: dict[str, Grid] = {
+        "Notes": [["Operator", "A. Crane"], ["Remark", "line wet"]],
+        "Summary": [["Metric", "Value"], ["eta_trans", 0.94], ["eta_gen", 0.77]],
+        "Calibration": [["Load (kg)", "Bridge (mV)"], *[[10.0 * k, 0.2 * k] for k in range(20)]],
+        "Empty": [],
+        "Sensors": [["Channel", "Unit", "Range"], ["Force", "N", 20000.0], ["Torque", "N.m", 500.0]],
+    }
+    for title, rows in small.items():
+        for first in (False, True):
+            sheets: list[tuple[str, Grid, str]] = [("Log", grid(log), ""), (title, rows, "")]
+            path = workbook(folder / "one.xlsx", sheets[::-1] if first else sheets)
+            yield Case(f"workbook with a sheet {title}{' in front' if first else ''}", _reduced(path, log))
+    for k, beside in enumerate(
+        ({"info": {"gain": 2.0, "k": 3.0}}, {"x": 1.0, "fs": 25.0}, {"cal": {"load": np.arange(20.0)}})
+    ):
+        savemat(folder / "one.mat", {"log": fields(log)} | beside)
+        yield Case(f"MATLAB file with other variables, form {k}", _reduced(folder / "one.mat", log))
+    for name, unit in (
+        ("torque", "Nm"),
+        ("torque", "N*m"),
+        ("velocity", "m s-1"),
+        ("idc", "A"),
+        ("force", "newton"),
+        (TIME, "sec"),
+    ):
+        rig = folder / "same.toml"
+        column = f'{name} = {{ name = "{bare(name)}", unit = "{unit}" }}'
+        rig.write_text(f'based_on = "hsu2026"\nname = "mine"\n\n[columns]\n{column}\n')
+        yield Case(f"rig file with {unit} for {name}", _reduced(csv(log)(folder), log, rig))
+
+
+def _reduced(path: Path, log: Log, rig_file: Path | None = None) -> Reduction:
+    rig = load_rig(rig_file) if rig_file else None
+    return reduce(read_run(path, load=log.load, rig=rig), window=log.window, rig=rig)
 
 
 def simulated(folder: Path) -> Iterator[Case]:
@@ -138,7 +182,8 @@ def _is_true(finding: Finding, found: Reduction) -> bool:
 def print_findings(folder: Path, *, unreported_too: bool) -> int:
     """Print each false finding and their number; 1 if there is one."""
     cases = false = unreported = 0
-    for source in (campaigns(), kite(), rates(folder), simulated(folder)):
+    scratch(folder)
+    for source in (campaigns(), kite(), rates(folder), files(folder), simulated(folder)):
         for case in source:
             cases += 1
             for text in false_findings(case):

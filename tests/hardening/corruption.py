@@ -38,7 +38,7 @@ CLASSES = {
     )),
     2: Kind("zeros and codes", (
         signals.zeros, signals.codes, signals.slow_channel, signals.zeros, signals.codes, signals.small_codes,
-        signals.last_value, signals.unplugged, signals.clipped, signals.other_range,
+        signals.last_value, signals.unplugged, signals.clipped, signals.other_range, signals.scattered,
     ), (5, 10, 25, 100, 200)),
     3: Kind("coarse sampling", (signals.picked, signals.averaged, signals.picked, signals.held)),
     4: Kind("load", (
@@ -50,7 +50,7 @@ CLASSES = {
     7: Kind("windows", (files.long_window, files.long_window, files.long_window, files.slipped_window)),
     8: Kind("lag", (
         signals.motion_lag, signals.current_lag, signals.torque_lag, signals.force_lag, signals.slipped, signals.second_clock,
-        signals.filtered, signals.motion_lag, signals.current_lag,
+        signals.filtered, signals.motion_lag, signals.current_lag, signals.two_loggers,
     )),
     9: Kind("zero offsets", (
         signals.torque_zero, signals.current_zero, signals.voltage_zero, signals.force_zero, signals.drifting_zero,

@@ -224,7 +224,7 @@ def _ambiguous(log: Log, what: str, write: Callable[[Path], Path], names: Sequen
 def two_in_matlab(log: Log, rng: Rng) -> Damage:
     """Several runs in one MATLAB file: structs, vectors with a prefix or a number, or a struct of structs."""
     second, what = _second(log, rng)
-    runs = {"run1": _fields(log), "run2": _fields(second)}
+    runs = {"run1": fields(log), "run2": fields(second)}
     form = rng.integers(3)
     variables: dict[str, Any] = runs
     if form == 1:
@@ -246,7 +246,7 @@ def two_in_matlab(log: Log, rng: Rng) -> Damage:
     )
 
 
-def _fields(log: Log) -> dict[str, Any]:
+def fields(log: Log) -> dict[str, Any]:
     names = {
         TIME: "Time_s", "displacement": "Displacement_m", "velocity": "Velocity_mps", "pressure": "Pressure_kgcm2",
         "force": "Force_N",
@@ -255,11 +255,11 @@ def _fields(log: Log) -> dict[str, Any]:
     return {names[name]: x for name, x in log.columns.items()}
 
 
-def _bare(name: str) -> str:
+def bare(name: str) -> str:
     return HEADERS[name].rpartition(" (")[0]
 
 
-def _unit(name: str) -> str:
+def unit_of(name: str) -> str:
     return HEADERS[name].rpartition(" (")[2].rstrip(")")
 
 
@@ -273,7 +273,7 @@ def two_groups(log: Log, rng: Rng) -> Damage:
         with TdmsWriter(str(path)) as writer:
             for group, table in pairs:
                 writer.write_segment([
-                    ChannelObject(group, _bare(n), x, {"unit_string": _unit(n)})
+                    ChannelObject(group, bare(n), x, {"unit_string": unit_of(n)})
                     for n, x in table.columns.items()
                 ])  # fmt: skip
         return path

@@ -243,6 +243,22 @@ def slow_channel(log: Log, rng: Rng) -> Damage:
     return Damage(log, what, frozenset(names), csv(log.changed(**columns)))
 
 
+def scattered(log: Log, rng: Rng) -> Damage:
+    """Single samples lost all over the log, 0.5 to 30 % of them, written as zero, as a code or as the sample before."""
+    share = log_uniform(rng, 0.005, 0.3)
+    names = (POWERS[rng.integers(4)],) if rng.random() < 0.7 else ELECTRICAL
+    lost = rng.random(len(log.t)) < share
+    kind = rng.integers(3)
+    fill = (0.0, CODES[rng.integers(len(CODES))], np.nan)[kind]
+    columns = {}
+    for name in names:
+        x = log.columns[name]
+        columns[name] = np.where(lost, np.concatenate((x[:1], x[:-1])) if kind == 2 else fill, x)
+    instead = ("zero", f"code {fill:g}", "the sample before")[kind]
+    what = f"{100 * share:.1f} % of {', '.join(names)} lost at random, {instead} instead"
+    return Damage(log, what, frozenset(names), csv(log.changed(**columns)))
+
+
 def clipped(log: Log, rng: Rng) -> Damage:
     """An amplifier that saturates at 70 to 97 % of the largest value."""
     name = POWERS[rng.integers(4)]
@@ -367,6 +383,12 @@ def force_lag(log: Log, rng: Rng) -> Damage:
     """Force 0.25 to 2 s off all others, either sign."""
     lag, unseen = _lag(log, rng, PHYSICS, 2.0)
     return _lagged(log, ("force",), lag, unseen)
+
+
+def two_loggers(log: Log, rng: Rng) -> Damage:
+    """Two loggers joined with 0.25 to 2 s between them: one has the motion, or motion and force, the other one the rest."""
+    lag, unseen = _lag(log, rng, PHYSICS, 2.0)
+    return _lagged(log, POWERS if rng.random() < 0.5 else ("torque", *ELECTRICAL), lag, unseen)
 
 
 def slipped(log: Log, rng: Rng) -> Damage:
