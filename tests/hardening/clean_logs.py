@@ -95,10 +95,9 @@ def files(folder: Path) -> Iterator[Case]:
             sheets: list[tuple[str, Grid, str]] = [("Log", grid(log), ""), (title, rows, "")]
             path = workbook(folder / "one.xlsx", sheets[::-1] if first else sheets)
             yield Case(f"workbook with a sheet {title}{' in front' if first else ''}", _reduced(path, log))
-    for k, beside in enumerate(
-        ({"info": {"gain": 2.0, "k": 3.0}}, {"x": 1.0, "fs": 25.0}, {"cal": {"load": np.arange(20.0)}})
-    ):
-        savemat(folder / "one.mat", {"log": fields(log)} | beside)
+    others: list[dict[str, Any]] = [{"info": {"gain": 2.0}}, {"x": 1.0, "fs": 25.0}, {"cal": {"load": np.arange(20.0)}}]
+    for k, beside in enumerate(others):
+        savemat(folder / "one.mat", {"log": fields(log), **beside})
         yield Case(f"MATLAB file with other variables, form {k}", _reduced(folder / "one.mat", log))
     for name, unit in (
         ("torque", "Nm"),
