@@ -111,15 +111,21 @@ def table(results: Sequence[Result]) -> str:
     return "\n".join(lines)
 
 
+def silent_share(results: Sequence[Result]) -> float:
+    """Share of the silent corruptions among those that moved a number beyond the bar."""
+    beyond = [r for r in results if r.outcome.beyond]
+    return sum(r.outcome.silent for r in beyond) / max(1, len(beyond))
+
+
 def _line(title: str, results: Sequence[Result]) -> str:
     beyond = [r for r in results if r.outcome.beyond]
     silent = [r for r in beyond if r.outcome.silent]
     unseen = [r for r in silent if r.damage.unseen]
     shown = sum(not r.damage.unseen for r in beyond)
     rejected = sum(r.outcome.reported.startswith("rejected") for r in results)
-    share = len(silent) / max(1, len(beyond))
     rest = (len(silent) - len(unseen)) / max(1, shown)
-    return f"{title:24}{len(results):12}{len(beyond):8}{rejected:10}{len(silent):8}{share:8.1%}{len(unseen):21}{rest:21.1%}"
+    counts = f"{len(results):12}{len(beyond):8}{rejected:10}{len(silent):8}{silent_share(results):8.1%}"
+    return f"{title:24}{counts}{len(unseen):21}{rest:21.1%}"
 
 
 def reasons(results: Sequence[Result]) -> str:
