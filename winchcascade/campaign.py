@@ -25,6 +25,8 @@ class CampaignRun(msgspec.Struct, frozen=True):
     """One log of a campaign: its file, load [ohm], fixed window [s], the cycles that count, whether it is withheld, and where
     its data come from.
 
+    `sheet` is the name or number of the table within a workbook, a MATLAB file or TDMS.
+
     `load` is None for a rig without one and inf for an open circuit; `window` None where the rig's rule holds.
     """
 
@@ -34,6 +36,7 @@ class CampaignRun(msgspec.Struct, frozen=True):
     cycles: tuple[int, int] | None = None
     withheld: bool = False
     origin: Origin = Origin()
+    sheet: str | None = None
 
 
 class Campaign(msgspec.Struct, frozen=True):
@@ -80,7 +83,7 @@ def load_campaign(path: Path) -> Campaign:
     listed = tuple(_run(run, k, path, origin) for k, run in enumerate(runs, 1))
     check_held_out(
         [run.file.name for run in listed],
-        [_place(run.file) for run in listed],
+        [f"{_place(run.file)}\0{run.sheet or ''}" for run in listed],
         [run.cycles for run in listed],
         [k for k, run in enumerate(listed) if run.withheld],
         str(path),
@@ -122,8 +125,17 @@ def _place(file: Path) -> str:
         return str(file)
 
 
-def campaign_beside(log: Path) -> tuple[Campaign, CampaignRun] | None:
-    """The campaign in the folder of a log and its entry there, None if there is none or it does not list the log."""
+def campaign_beside(log: Path, sheet: str | None = None) -> tuple[Campaign, CampaignRun] | None:
+    """The campaign in the folder of a log and its entry there, None if there is none or it does not list the log.
+
+    Parameters
+    ----------
+    sheet : of the log, as the campaign names it; needed where it lists several
+
+    Raises
+    ------
+    CampaignError : the campaign cannot be read, or lists several sheets of the log and none is given
+    """
     path = log.parent / CAMPAIGN_FILE
     if not path.is_file():
         return None
@@ -131,23 +143,32 @@ def campaign_beside(log: Path) -> tuple[Campaign, CampaignRun] | None:
         campaign = load_campaign(path)
     except CampaignError as fault:
         raise CampaignError(f"{fault} To reduce {log.name} without it, give --rig, --load-ohm and --window.") from None
-    for run in campaign.runs:
-        if run.file.name == log.name and run.file.resolve() == log.resolve():
-            return campaign, run
-    return None
+    listed = [run for run in campaign.runs if run.file.name == log.name and run.file.resolve() == log.resolve()]
+    if sheet is not None:
+        listed = [run for run in listed if run.sheet is None or run.sheet.casefold() == sheet.casefold()]
+    sheets = list(dict.fromkeys(run.sheet for run in listed if run.sheet is not None))
+    if sheet is None and len(sheets) > 1:
+        raise CampaignError(
+            f"{path}: lists {len(sheets)} sheets of {log.name}: {', '.join(map(repr, sheets))}; expected one to reduce. Name "
+            "it with --sheet NAME, or reduce all by `winchcascade batch`."
+        )
+    return (campaign, listed[0]) if listed else None
 
 
 def _run(raw: dict[str, Any], number: int, path: Path, common: Origin) -> CampaignRun:
     place = f"{path}: run {number}"
     for key in raw:
-        if key not in ("file", "load_ohm", "window_s", "cycles", "withheld", "measured", "origin"):
+        if key not in ("file", "sheet", "load_ohm", "window_s", "cycles", "withheld", "measured", "origin"):
             raise CampaignError(
-                f"{place}: {key} is no entry of a run; expected file, load_ohm, window_s, cycles, withheld, measured or "
+                f"{place}: {key} is no entry of a run; expected file, sheet, load_ohm, window_s, cycles, withheld, measured or "
                 "origin."
             )
     file = raw.get("file")
     if not isinstance(file, str) or not file:
         raise CampaignError(f'{place}: file is {file!r}; expected the name of a log, such as file = "r36ohm.csv".')
+    sheet = raw.get("sheet")
+    if sheet is not None and (isinstance(sheet, bool) or not isinstance(sheet, str | int) or not str(sheet).strip()):
+        raise CampaignError(f"{place}: sheet is {sheet!r}; expected the name or the number of a table in the file.")
     withheld = raw.get("withheld", False)
     if not isinstance(withheld, bool):
         raise CampaignError(f"{place}: withheld is {withheld!r}; expected true or false.")
@@ -160,6 +181,7 @@ def _run(raw: dict[str, Any], number: int, path: Path, common: Origin) -> Campai
         cycles=_cycles(raw.get("cycles"), place),
         withheld=withheld,
         origin=_origin(raw, place, common),
+        sheet=None if sheet is None else str(sheet),
     )
 
 

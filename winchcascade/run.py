@@ -76,6 +76,7 @@ class Run(msgspec.Struct, frozen=True):
     fs : sampling rate without the gaps [Hz]
     samples : rows of the log, before any was left out
     about : what its campaign says of it
+    table : name of the sheet, variable or group that was read, None for a file that is one table
     simulated : carries the columns by which `simulate` marks its logs; a log without that mark may be simulated too
     origin : whether the data are measured, as the campaign states it or the mark of `simulate`, and where they come from
     load : resistance at the DC link; inf is an open circuit, None unknown or no load at all [ohm]
@@ -95,6 +96,7 @@ class Run(msgspec.Struct, frozen=True):
     simulated: bool = False
     about: str = ""
     origin: Origin = Origin()
+    table: str | None = None
 
     def __repr__(self) -> str:
         """One line instead of the arrays."""

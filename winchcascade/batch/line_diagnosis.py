@@ -27,12 +27,13 @@ HEADER = "Time (s),Cycle,Predicted mechanical power (W)"
 
 def read_logs(campaign: Campaign, rig: Rig, tell: Callable[[str], None]) -> list[Run]:
     """Read the log of each entry, once where several entries share it."""
-    read: dict[Path, Run] = {}
+    read: dict[tuple[Path, str | None], Run] = {}
     for number, entry in enumerate(campaign.runs, 1):
-        if entry.file not in read:
+        if (entry.file, entry.sheet) not in read:
             tell(f"reading {entry.file.name} ({number} of {len(campaign.runs)})")
-            read[entry.file] = read_run(entry.file, rig=rig, about=campaign.title, origin=entry.origin)
-    return [read[entry.file] for entry in campaign.runs]
+            run = read_run(entry.file, rig=rig, about=campaign.title, origin=entry.origin, table=entry.sheet)
+            read[entry.file, entry.sheet] = run
+    return [read[entry.file, entry.sheet] for entry in campaign.runs]
 
 
 def diagnose_logs(

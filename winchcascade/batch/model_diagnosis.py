@@ -58,7 +58,7 @@ def diagnose_listed(
     runs = []
     for number, entry in enumerate(campaign.runs, 1):
         tell(f"reading {entry.file.name} ({number} of {len(campaign.runs)})")
-        run = read_run(entry.file, rig=rig, load=entry.load, origin=entry.origin)
+        run = read_run(entry.file, rig=rig, load=entry.load, origin=entry.origin, table=entry.sheet)
         if run.load is None:
             raise CampaignError(
                 f"{campaign.path}: run {number} ({entry.file.name}) has no load; a diagnosis simulates it, so give load_ohm."

@@ -42,6 +42,10 @@ _LONG_CYCLES = 12
 """Characters of first and last cycle that stand in a name as they are."""
 
 
+_LONG_SHEET = 40
+"""Characters of the name of a sheet that stand in a name."""
+
+
 class Work(msgspec.Struct, frozen=True):
     """One log to be reduced. `name` is its own among all; `key` changes with everything that its result depends on but
     the log's content.
@@ -57,6 +61,7 @@ class Work(msgspec.Struct, frozen=True):
     about: str = ""
     origin: Origin = Origin()
     key: str = ""
+    sheet: str | None = None
 
 
 class Plan(msgspec.Struct, frozen=True):
@@ -145,13 +150,14 @@ def _of_run(campaign: Campaign, run: CampaignRun, rig: Rig, window: str | float 
         cycles=run.cycles,
         about=campaign.title,
         origin=run.origin,
+        sheet=run.sheet,
     )
 
 
 def _of_logs(logs: Sequence[str], rig: str | None, window: str | float | None) -> list[Work]:
     """Logs that were named one by one: each as its own campaign file says, where one lists it."""
     found: list[Work] = []
-    listed: dict[Path, tuple[Campaign, Rig, dict[Path, CampaignRun]] | None] = {}
+    listed: dict[Path, tuple[Campaign, Rig, dict[Path, list[CampaignRun]]] | None] = {}
     usual = load_rig(rig or DEFAULT_RIG)
     for log in logs:
         entry = None
@@ -160,20 +166,24 @@ def _of_logs(logs: Sequence[str], rig: str | None, window: str | float | None) -
             if folder not in listed:
                 listed[folder] = _listed(folder, rig)
             entry = listed[folder]
-        run = None if entry is None else entry[2].get(Path(log).resolve())
-        if entry is not None and run is not None:
-            found.append(msgspec.structs.replace(_of_run(entry[0], run, entry[1], window), address=log))
+        runs = [] if entry is None else entry[2].get(Path(log).resolve(), [])
+        if entry is not None and runs:
+            counted = runs if any(run.sheet is not None for run in runs) else runs[-1:]
+            found += [msgspec.structs.replace(_of_run(entry[0], run, entry[1], window), address=log) for run in counted]
         else:
             found.append(Work(name=log.rsplit("/", 1)[-1], address=log, rig=usual, window=window))
     return found
 
 
-def _listed(folder: Path, rig: str | None) -> tuple[Campaign, Rig, dict[Path, CampaignRun]] | None:
+def _listed(folder: Path, rig: str | None) -> tuple[Campaign, Rig, dict[Path, list[CampaignRun]]] | None:
     path = folder / CAMPAIGN_FILE
     if not path.is_file():
         return None
     campaign = load_campaign(path)
-    return campaign, load_rig(rig or campaign.rig or DEFAULT_RIG), {run.file.resolve(): run for run in campaign.runs}
+    runs: dict[Path, list[CampaignRun]] = {}
+    for run in campaign.runs:
+        runs.setdefault(run.file.resolve(), []).append(run)
+    return campaign, load_rig(rig or campaign.rig or DEFAULT_RIG), runs
 
 
 def _title(titles: Sequence[str]) -> str:
@@ -187,14 +197,14 @@ def _named(work: Sequence[Work]) -> list[Work]:
     """Give each log a name of its own that any file system takes, and the key of its options.
 
     A name has no more in it than tells it apart, the steadiest first, so that it stays as it is while rig or options
-    change: the file's name, the place of the file, the cycles, the load and window, then anything.
+    change: the file's name, the place of the file, the sheet, the cycles, the load and window, then anything.
     """
     once = {
         _same(item): item for item in reversed(work)
     }  # the same log with the same options is one, the first of them
     work = [msgspec.structs.replace(item, key=_key(item)) for item in reversed(once.values())]
     names = [_safe(item.name) for item in work]
-    for mark in (_place_mark, _cycles_mark, _options_mark, _key_mark):
+    for mark in (_place_mark, _sheet_mark, _cycles_mark, _options_mark, _key_mark):
         names = _told_apart(names, [mark(item) for item in work])
     return [msgspec.structs.replace(item, name=name) for item, name in zip(work, names, strict=True)]
 
@@ -216,6 +226,11 @@ def _told_apart(names: Sequence[str], marks: Sequence[str]) -> list[str]:
 
 def _place_mark(work: Work) -> str:
     return _digest(_place(work))
+
+
+def _sheet_mark(work: Work) -> str:
+    """The sheet that is read, as a word; nothing where none is named."""
+    return "" if work.sheet is None else f"sheet-{_safe(work.sheet)[:_LONG_SHEET]}"
 
 
 def _cycles_mark(work: Work) -> str:
@@ -261,5 +276,6 @@ def _safe(name: str) -> str:
 def _key(work: Work) -> str:
     """Digest of everything that a result depends on besides the log's content: the options, the rig, this program."""
     said = (RESULTS, work.address, work.load, work.load_source, work.window, work.cycles, work.about, work.origin)
-    content = repr(said).encode("utf-8", "replace") + msgspec.json.encode(work.rig) + __version__.encode()
+    sheet = () if work.sheet is None else (work.sheet,)
+    content = repr((*said, *sheet)).encode("utf-8", "replace") + msgspec.json.encode(work.rig) + __version__.encode()
     return hashlib.sha256(content).hexdigest()

@@ -300,6 +300,7 @@ def summary_record(plan: Plan, batch: Batch, state: str) -> dict[str, Any]:
                 "log": readable(work.address),
                 "fault": None,
                 "result": f"runs/{work.name}.json",
+                "table": record["log"]["table"],
                 "load_ohm": record["log"]["load_ohm"],
                 "open_circuit": record["log"]["open_circuit"],
                 "simulated": record["log"]["simulated"],

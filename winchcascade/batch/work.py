@@ -45,7 +45,13 @@ def reduce_log(order: Order) -> Made:
     work = order.work
     with local_copy(work.address) as path:
         run = read_run(
-            path, rig=work.rig, load=work.load, load_source=work.load_source, about=work.about, origin=work.origin
+            path,
+            rig=work.rig,
+            load=work.load,
+            load_source=work.load_source,
+            about=work.about,
+            origin=work.origin,
+            table=work.sheet,
         )
     run = msgspec.structs.replace(run, path=readable(work.address))
     reduction = reduce(run, rig=work.rig, window=work.window, cycles=work.cycles)

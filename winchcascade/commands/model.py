@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from winchcascade.commands.complete import effect_names, rig_names
-from winchcascade.commands.options import ForceOption, JsonOption, LoadOption, RigOption
+from winchcascade.commands.options import ForceOption, JsonOption, LoadOption, RigOption, SheetOption
 from winchcascade.commands.outputs import check_outputs, show, write_json
 from winchcascade.commands.settings import check_load, settings_of
 from winchcascade.errors import LogError, OptionError
@@ -29,6 +29,7 @@ def simulate_command(
     ] = None,
     load_ohm: LoadOption = None,
     rig: RigOption = None,
+    sheet: SheetOption = None,
     effects: Annotated[
         list[str] | None,
         typer.Option("--with", metavar="EFFECT.FIELD=VALUE", help="Switch an effect on; `effects` lists them."),
@@ -53,7 +54,7 @@ def simulate_command(
         raise OptionError("simulate: expected --out FILE for the simulated log.")
     check_load(load_ohm)
     check_outputs({"--out": out}, [source, rig], force=force)
-    settings = settings_of(source, rig=rig, load_ohm=load_ohm, window=None)
+    settings = settings_of(source, rig=rig, load_ohm=load_ohm, window=None, sheet=sheet)
     run = read_run(
         source,
         rig=settings.rig,
@@ -61,6 +62,7 @@ def simulate_command(
         load_source=settings.load_source,
         about=settings.about,
         origin=settings.origin,
+        table=settings.sheet,
     )
     if run.load is None:
         raise OptionError(f"{run.name}: its load is unknown; give --load-ohm OHM, inf for an open circuit.")
@@ -94,6 +96,7 @@ def calibrate_command(
     log: Annotated[Path, typer.Argument(metavar="OPEN_CIRCUIT_LOG", help="A log without a load.", show_default=False)],
     rig: RigOption = None,
     load_ohm: LoadOption = None,
+    sheet: SheetOption = None,
     write: Annotated[
         Path | None, typer.Option("--write", metavar="RIG.toml", help="Write the rig file with the calibrated numbers.")
     ] = None,
@@ -110,7 +113,7 @@ def calibrate_command(
     from winchcascade.report.calibration_text import calibration_record, calibration_text
 
     check_load(load_ohm)
-    settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=None)
+    settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=None, sheet=sheet)
     inputs: list[str | Path] = [log, log.parent / "campaign.toml", settings.rig.path]
     check_outputs({"--json": json, "--write": write}, inputs, force=force)
     run = read_run(
@@ -120,6 +123,7 @@ def calibrate_command(
         load_source=settings.load_source,
         about=settings.about,
         origin=settings.origin,
+        table=settings.sheet,
     )
     payouts = _steady_payouts(reduce(run, rig=settings.rig, window=settings.window, cycles=settings.cycles))
     calibration = calibrate(run, settings.rig, payouts, cycles=settings.cycles)

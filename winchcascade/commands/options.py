@@ -25,6 +25,12 @@ WindowOption = Annotated[
 LoadOption = Annotated[
     float | None, typer.Option("--load-ohm", metavar="OHM", help="Load resistance; inf is an open circuit.")
 ]
+SheetOption = Annotated[
+    str | None,
+    typer.Option(
+        "--sheet", metavar="NAME|NUMBER", help="Sheet of a workbook, run in a MATLAB file or TDMS group to read."
+    ),
+]
 JsonOption = Annotated[
     str | None, typer.Option("--json", metavar="FILE", help="Write the result as JSON; - prints it alone.")
 ]

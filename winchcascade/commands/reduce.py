@@ -15,6 +15,7 @@ from winchcascade.commands.options import (
     LoadOption,
     PdfOption,
     RigOption,
+    SheetOption,
     WindowOption,
 )
 from winchcascade.commands.outputs import check_outputs, given_command, show
@@ -31,6 +32,7 @@ def reduce_command(
     rig: RigOption = None,
     load_ohm: LoadOption = None,
     window: WindowOption = None,
+    sheet: SheetOption = None,
     json: JsonOption = None,
     parquet: Annotated[
         Path | None, typer.Option("--parquet", metavar="FOLDER", help="Write cycles, bins and findings as Parquet.")
@@ -52,7 +54,7 @@ def reduce_command(
         window_rule(window)
     results = {"--json": json, "--html": html, "--pdf": pdf, "--parquet": parquet}
     check_outputs(results, [log, log.parent / "campaign.toml", rig], force=force)
-    settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=window)
+    settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=window, sheet=sheet)
     run = read_run(
         log,
         rig=settings.rig,
@@ -60,6 +62,7 @@ def reduce_command(
         load_source=settings.load_source,
         about=settings.about,
         origin=settings.origin,
+        table=settings.sheet,
     )
     reduction = reduce(run, rig=settings.rig, window=settings.window, cycles=settings.cycles)
     require_payouts(reduction)

@@ -16,8 +16,8 @@ class Settings(NamedTuple):
     """How a log is read and reduced: what the options say, else the campaign beside it, else the file's or the rig's own.
 
     `load` [ohm] is None where only the log may know it, `load_source` tells where it comes from, `window` is a rule or a
-    length [s], `cycles` are the first and the last that count, `about` is the campaign's title, and `origin` says where the
-    data come from.
+    length [s], `cycles` are the first and the last that count, `about` is the campaign's title, `origin` says where the
+    data come from, and `sheet` names the table to read, None where the file holds but one.
     """
 
     rig: Rig
@@ -27,9 +27,12 @@ class Settings(NamedTuple):
     cycles: tuple[int, int] | None
     about: str
     origin: Origin
+    sheet: str | None
 
 
-def settings_of(log: Path, *, rig: str | None, load_ohm: float | None, window: str | None) -> Settings:
+def settings_of(
+    log: Path, *, rig: str | None, load_ohm: float | None, window: str | None, sheet: str | None = None
+) -> Settings:
     """Settle what the options of a command leave open.
 
     Raises
@@ -43,7 +46,7 @@ def settings_of(log: Path, *, rig: str | None, load_ohm: float | None, window: s
     rule: str | float | None = window
     source, about, cycles, origin = "--load-ohm", "", None, Origin()
     try:
-        listed = campaign_beside(log)
+        listed = campaign_beside(log, sheet)
     except CampaignError:
         if None in (rig, load_ohm, window):
             raise
@@ -53,9 +56,10 @@ def settings_of(log: Path, *, rig: str | None, load_ohm: float | None, window: s
         about, cycles, origin = campaign.title, run.cycles, run.origin
         rig = rig if rig is not None else campaign.rig
         rule = rule if rule is not None else run.window
+        sheet = sheet if sheet is not None else run.sheet
         if load_ohm is None:
             load_ohm, source = run.load, campaign.path.name
-    return Settings(load_rig(rig or DEFAULT_RIG), load_ohm, source, rule, cycles, about, origin)
+    return Settings(load_rig(rig or DEFAULT_RIG), load_ohm, source, rule, cycles, about, origin, sheet)
 
 
 def check_load(load_ohm: float | None) -> None:

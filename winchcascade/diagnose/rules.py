@@ -36,5 +36,5 @@ def check_withheld(
     """
     if len(runs) <= len(set(withheld)):
         raise CampaignError("every run is withheld; a diagnosis needs at least one that takes part in the fit.")
-    names, logs = [run.name for run in runs], [run.sha256 for run in runs]
+    names, logs = [run.name for run in runs], [run.sha256 and f"{run.sha256}\0{run.table or ''}" for run in runs]
     check_held_out(names, logs, cycles or [None] * len(runs), withheld, title or "campaign")

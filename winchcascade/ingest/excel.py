@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from functools import partial
 from itertools import islice
 from pathlib import Path
+from typing import NamedTuple
 from xml.parsers import expat
 
 import numpy as np
@@ -16,6 +17,8 @@ from python_calamine import CalamineError, CalamineWorkbook, PasswordError
 
 from winchcascade.errors import LogError
 from winchcascade.ingest.cells import is_stamp
+from winchcascade.ingest.choice import FEWEST_ROWS, choose, moves
+from winchcascade.ingest.dialects import recognise
 from winchcascade.ingest.sheet import (
     ROWS_LOOKED_AT,
     ROWS_SEARCHED,
@@ -36,22 +39,23 @@ _LOCKED = "EncryptedPackage".encode("utf-16-le")
 _PIECE = 1 << 20
 
 
-def open_excel(path: Path) -> Source:
-    """Open the sheet with the most named columns over numbers.
+def open_excel(path: Path, *, table: str | None = None) -> Source:
+    """Open the sheet that holds a log, hidden ones included.
+
+    Parameters
+    ----------
+    table : name or number of the sheet; without it exactly one may hold what could be a log
 
     Raises
     ------
     LogError
-        the workbook is damaged or locked, or no sheet holds a table
+        the workbook is damaged or locked, no sheet holds a table, or several do and none is named
     """
     with _told(path):
         if zipfile.is_zipfile(path):
             _check_parts(path)
-        layout, rows = _best_sheet(path)
-    return Source(
-        headers=layout.headers,
-        load=partial(_load, rows),
-    )
+        sheet = _sheet(path, table)
+    return Source(headers=sheet.layout.headers, load=partial(_load, sheet.rows), table=sheet.name)
 
 
 @contextmanager
@@ -105,25 +109,53 @@ def _workbook(path: Path) -> CalamineWorkbook:
     return CalamineWorkbook.from_path(path)  # an .xls with a password is recognised by its name alone
 
 
-def _best_sheet(path: Path) -> tuple[Layout, list[Row]]:
-    """Pick the sheet whose table has the most named columns over numbers, the longer one of two alike; and the cells of those
-    columns below the names."""
-    best: tuple[Layout, list[Row]] | None = None
-    rank = (0, 0)
+class _Sheet(NamedTuple):
+    """A sheet with a table: the cells of its named columns below the names."""
+
+    name: str
+    layout: Layout
+    rows: list[Row]
+
+    @property
+    def rank(self) -> int:
+        """3 for a table with motion and time, 2 for one with motion, 1 for one as long as a log, 0 for a list."""
+        if len(self.rows) < FEWEST_ROWS or self.layout.share < 2:
+            return 0
+        headers = self.layout.headers
+        clocked = any(recognise(header) == "time" or not header.name for header in headers)
+        return 1 + moves(headers) + (moves(headers) and clocked)
+
+
+def _sheet(path: Path, table: str | None) -> _Sheet:
+    """Read the sheet that is named or else the only one that could be a log.
+
+    Where sheets have a motion and a clock, those that lack either are notes, parameters or results.
+    """
     with _workbook(path) as book:
-        for name in book.sheet_names:
-            sheet = book.get_sheet_by_name(name)
-            layout = find_table(list(islice(sheet.iter_rows(), ROWS_SEARCHED + ROWS_LOOKED_AT)))
-            if layout is not None and (layout.share, sheet.height) > rank:
-                rank = (layout.share, sheet.height)
-                named = ([row[j] for j in layout.columns] for row in islice(sheet.iter_rows(), layout.first, None))
-                best = layout, without_empty_end(list(named), layout.headers)
-    if best is None:
+        names = list(book.sheet_names)
+        wanted = None if table is None else choose(names, table, path.name, "sheet")
+        sheets = [found for name in names if wanted in (None, name) and (found := _read_sheet(book, name)) is not None]
+    if not sheets:
+        which = "no sheet has" if wanted is None else f"the sheet {wanted!r} does not have"
         raise LogError(
-            f"{path.name}: no sheet has a row of names over columns of numbers; one such table was expected; "
+            f"{path.name}: {which} a row of names over columns of numbers; one such table was expected; "
             "write the channels' names into the row above their first values."
         )
-    return best
+    rank = max(sheet.rank for sheet in sheets)
+    if rank == 0:  # no log among them: the largest table says best what is missing
+        return max(sheets, key=lambda sheet: (sheet.layout.share, len(sheet.rows)))
+    could_be = {sheet.name: sheet for sheet in sheets if sheet.rank == rank}
+    return could_be[choose(list(could_be), wanted, path.name, "sheet")]
+
+
+def _read_sheet(book: CalamineWorkbook, name: str) -> _Sheet | None:
+    """Find the table of a sheet and take its cells; None for a sheet without one."""
+    sheet = book.get_sheet_by_name(name)
+    layout = find_table(list(islice(sheet.iter_rows(), ROWS_SEARCHED + ROWS_LOOKED_AT)))
+    if layout is None:
+        return None
+    named = ([row[j] for j in layout.columns] for row in islice(sheet.iter_rows(), layout.first, None))
+    return _Sheet(name, layout, without_empty_end(list(named), layout.headers))
 
 
 def _load(rows: Sequence[Row], wanted: Sequence[int], time: int | None) -> Table:

@@ -14,8 +14,13 @@ if TYPE_CHECKING:
     from winchcascade.ingest.source import Source
 
 
-def open_log(path: Path) -> Source:
-    """Open a log by what its first bytes say, whatever its name ends in."""
+def open_log(path: Path, table: str | None = None) -> Source:
+    """Open a log by what its first bytes say, whatever its name ends in.
+
+    Parameters
+    ----------
+    table : name or number of the sheet, variable or group to read, where the file holds several
+    """
     if not path.exists():
         raise LogError(f"{path}: no such file; give the path of a log.")
     if not path.is_file():
@@ -27,21 +32,25 @@ def open_log(path: Path) -> Source:
         raise LogError(f"{path.name}: cannot be read ({fault.strerror}); check its permissions.") from None
     if not head:
         raise LogError(f"{path.name}: the file is empty; expected a log with column names and rows of numbers.")
-    return _reader(head, path.name)(path)
+    return _reader(head, path.name, table)(path)
 
 
-def _reader(head: bytes, where: str) -> Callable[[Path], Source]:
+def _reader(head: bytes, where: str, table: str | None) -> Callable[[Path], Source]:
     """Choose the reader; each is imported only when it is needed."""
     isolated = _isolated_reader(head)
     if isolated is not None:
         from winchcascade.ingest.isolated import open_isolated
 
-        return partial(open_isolated, isolated)
+        return partial(open_isolated, isolated, table=table)
     for magic, name in _NO_LOGS.items():
         if head.startswith(magic):
             raise LogError(
                 f"{where}: is {name}, not a log; expected CSV, TDMS, MATLAB, Parquet or Excel. Unpack or export it first."
             )
+    if table is not None:
+        from winchcascade.ingest.choice import refuse_sheet
+
+        refuse_sheet(table, where)
     from winchcascade.ingest.delimited import open_delimited
 
     return open_delimited

@@ -69,8 +69,12 @@ _OUT_OF_MEMORY = ("memory allocation of", "bad_alloc", "MemoryError")
 """What compiled readers and Python write as their last words when memory runs out."""
 
 
-def open_isolated(reader: str, path: Path) -> Source:
+def open_isolated(reader: str, path: Path, *, table: str | None = None) -> Source:
     """Open a file by a reader that runs in a process of its own.
+
+    Parameters
+    ----------
+    table : name or number of the sheet or variable to read, where the file holds several
 
     Raises
     ------
@@ -78,7 +82,7 @@ def open_isolated(reader: str, path: Path) -> Source:
     """
     child = _Child(reader, path)
     try:
-        opened = child.open()
+        opened = child.open(table)
         return Source(
             headers=tuple(Header(name, unit) for name, unit in opened.headers),
             load=child.load,
@@ -86,6 +90,7 @@ def open_isolated(reader: str, path: Path) -> Source:
             time_start=opened.time_start,
             properties=opened.properties,
             close=child.close,
+            table=opened.table,
         )
     except BaseException:
         child.close()
@@ -99,6 +104,7 @@ class _Opened(msgspec.Struct, frozen=True):
     time_step: float | None
     time_start: float
     properties: dict[str, str | float]
+    table: str | None = None
 
 
 class _Column(msgspec.Struct, frozen=True):
@@ -128,11 +134,12 @@ class _Child:
         job = job_for(int(getattr(self._process, "_handle", 0)), self._limits.memory)
         self.close: Callable[[], object] = weakref.finalize(self, _end, self._process, job)
 
-    def open(self) -> _Opened:
+    def open(self, table: str | None) -> _Opened:
         """Open the file and describe it."""
         order = {
             "reader": self._reader,
             "path": str(self._path),
+            "table": table,
             "memory": self._limits.memory,
             "seconds": self._limits.seconds,
             "numbers": self._limits.numbers,

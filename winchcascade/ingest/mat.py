@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from winchcascade.errors import LogError
+from winchcascade.ingest.choice import choose, refuse_sheet
+from winchcascade.ingest.dialects import recognise
 from winchcascade.ingest.mat_tree import read_tree
 from winchcascade.ingest.source import Header, Source, Table
 
@@ -26,8 +28,12 @@ RATES = ("fs", "sample_rate", "samplerate", "sampling_rate")
 STEPS = ("dt", "ts", "sample_time")
 
 
-def open_mat(path: Path) -> Source:
+def open_mat(path: Path, *, table: str | None = None) -> Source:
     """Open a MATLAB file: vectors of one length, structs of them, or a matrix with a list of names.
+
+    Parameters
+    ----------
+    table : name or number of the run, where the file holds several
 
     Raises
     ------
@@ -35,7 +41,13 @@ def open_mat(path: Path) -> Source:
         the file is damaged, needs h5py that is not installed, or holds nothing like a column
     """
     with _told(path):
-        tree = read_tree(path)
+        tree = _with_elements(read_tree(path))
+    runs = _runs(tree)
+    name = choose(list(runs), table, path.name, "run") if runs else None
+    if name is None:
+        refuse_sheet(table, path.name)
+    else:
+        tree = runs[name]
     columns = _matrix_columns(tree) or _vectors(tree)
     if not any(isinstance(column, np.ndarray) for column in columns.values()):
         raise LogError(
@@ -49,7 +61,64 @@ def open_mat(path: Path) -> Source:
         load=partial(_load, list(columns.values())),
         time_step=_time_step(properties),
         properties=properties,
+        table=name,
     )
+
+
+def _runs(tree: Mapping[str, Node]) -> dict[str, dict[str, Node]]:
+    """The runs of a file that holds several: each name with the tree without the others; nothing where there is but one.
+
+    Runs are structs, matrices with the same names, or vectors of several lengths, in two of which the same motion is found.
+    """
+    motions: dict[str, dict[tuple[str, str, int], str]] = {"velocity": {}, "displacement": {}}
+    for prefix, scope in _scopes(tree):
+        names = next((texts for texts in map(_texts, _named(scope, NAMES)) if texts), [])
+        channels = {recognise(Header(name)) for name in names}
+        for name, node in scope.items():
+            if isinstance(node, np.ndarray) and node.ndim == 2 and len(names) in node.shape:
+                for motion in channels & set(motions):
+                    motions[str(motion)].setdefault((prefix, name, node.size), f"{prefix}.{name}".strip("."))
+            column = _column(name, node)
+            motion_of = recognise(Header(name)) if column is not None else None
+            if column is not None and motion_of in motions:
+                motions[motion_of].setdefault((prefix, "", len(column)), prefix or name)
+    found = max(motions.values(), key=len)
+    if len(found) < 2:
+        return {}
+    labels = list(found.values())
+    keys = {label if labels.count(label) == 1 else f"{label} ({key[2]} rows)": key for key, label in found.items()}
+    return {label: _without(tree, "", key, list(found)) for label, key in keys.items()}
+
+
+def _without(
+    tree: Mapping[str, Node], prefix: str, kept: tuple[str, str, int], runs: Sequence[tuple[str, str, int]]
+) -> dict[str, Node]:
+    """The tree without the structs, matrices and vectors of the other runs."""
+    pruned: dict[str, Node] = {}
+    for name, node in tree.items():
+        place = f"{prefix}.{name}".strip(".")
+        inside = [run for run in runs if run[0] == place or run[0].startswith(f"{place}.")]
+        if isinstance(node, dict):
+            if not inside or kept in inside:
+                pruned[name] = _without(node, place, kept, runs)
+            continue
+        others = [run for run in runs if run[0] == prefix and run != kept]
+        rows = None if (column := _column(name, node)) is None else len(column)
+        is_other = any(run[1] == name if run[1] else run[2] == rows for run in others)
+        if not is_other or (kept[0] == prefix and not kept[1] and kept[2] == rows):
+            pruned[name] = node
+    return pruned
+
+
+def _with_elements(tree: Mapping[str, Node]) -> dict[str, Node]:
+    """The tree with each element of an array of structs as a struct of its own, counted from 1 as in MATLAB."""
+    whole: dict[str, Node] = {}
+    for name, node in tree.items():
+        if isinstance(node, list) and any(isinstance(item, dict) for item in node):
+            whole |= {f"{name}({k})": item for k, item in enumerate(node, 1) if isinstance(item, dict)}
+        else:
+            whole[name] = node
+    return whole
 
 
 @contextmanager

@@ -14,6 +14,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from winchcascade.errors import LogError
+from winchcascade.ingest.choice import refuse_sheet
 from winchcascade.ingest.source import Header, Source, Table
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ NOT_PROPERTIES = (b"pandas", b"ARROW:schema")
 _TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 
-def open_parquet(path: Path) -> Source:
+def open_parquet(path: Path, *, table: str | None = None) -> Source:
     """Open the columns of a Parquet file.
 
     Raises
@@ -33,6 +34,7 @@ def open_parquet(path: Path) -> Source:
     LogError
         the file is damaged or is no Parquet, here or while the columns are read
     """
+    refuse_sheet(table, path.name)
     with _opened(path) as file:
         schema = file.schema_arrow
         headers = tuple(Header(field.name, _unit(field.metadata or {})) for field in schema)

@@ -60,6 +60,7 @@ def read_run(
     load_source: str = "given",
     about: str = "",
     origin: Origin | None = None,
+    table: str | None = None,
 ) -> Run:
     """Read a log of any known format and check it.
 
@@ -68,6 +69,8 @@ def read_run(
     path : CSV of any dialect, LabVIEW's .lvm, TDMS, MATLAB .mat, Parquet or Excel; told apart by content
     rig : the rig whose sensors and columns are expected; the paper's by default
     load : resistance at the DC link, inf for an open circuit; by default what the file says of itself, else None [ohm]
+    table : name or number of the sheet of a workbook, of the run in a MATLAB file or of the TDMS group; needed where several
+        could be the log
     load_source, about : who says so, and what is to be said of the log, for the reports
     origin : whether the data are measured and where they come from; the mark of `simulate` overrides it
 
@@ -85,7 +88,7 @@ def read_run(
     for _ in range(_TRIES):
         seen = _Seen(path)
         try:
-            run = _read(path, rig, load, load_source, about)
+            run = _read(path, rig, load, load_source, about, table)
         except LogError:
             if seen.is_same():
                 raise
@@ -98,9 +101,9 @@ def read_run(
     )
 
 
-def _read(path: Path, rig: Rig, load: float | None, load_source: str, about: str) -> Run:
+def _read(path: Path, rig: Rig, load: float | None, load_source: str, about: str, table_name: str | None) -> Run:
     """Read and check a log that nobody changes meanwhile."""
-    source = open_log(path)
+    source = open_log(path, table_name)
     try:
         found, table = _loaded(source, rig, path.name)
     finally:
@@ -134,6 +137,7 @@ def _read(path: Path, rig: Rig, load: float | None, load_source: str, about: str
         findings=findings,
         simulated=found.simulated,
         about=about,
+        table=None if source.table is None else readable(source.table),
     )
 
 

@@ -59,7 +59,7 @@ def _serve(order: dict[str, Any], requests: BinaryIO, answers: BinaryIO) -> None
     end_after(order["seconds"])
     path = Path(order["path"])
     module, opener = _OPENERS[order["reader"]]
-    source: Source = getattr(import_module(module), opener)(path)
+    source: Source = getattr(import_module(module), opener)(path, table=order["table"])
     _say(
         answers,
         {
@@ -67,6 +67,7 @@ def _serve(order: dict[str, Any], requests: BinaryIO, answers: BinaryIO) -> None
             "time_step": source.time_step,
             "time_start": source.time_start,
             "properties": dict(source.properties),
+            "table": source.table,
         },
     )
     for line in requests:

@@ -70,6 +70,7 @@ class Source(msgspec.Struct, frozen=True):
     time_step : sampling interval that the file states itself (a waveform); None where stamps or nothing say it [s]
     time_start : stamp of the first sample of such a waveform [s]
     properties : what the file says about itself, such as `load_ohm`
+    table : name of the sheet, variable or group that is read, where a file may hold several
     close : gives back what the source holds; no column can be loaded afterwards
     """
 
@@ -79,3 +80,4 @@ class Source(msgspec.Struct, frozen=True):
     time_start: float = 0.0
     properties: Mapping[str, str | float] = msgspec.field(default_factory=dict)
     close: Callable[[], object] = _nothing
+    table: str | None = None

@@ -16,6 +16,7 @@ from nptdms.log import log_manager
 
 from winchcascade.errors import LogError
 from winchcascade.ingest.align import Waveform, alike, at, common_stamps, shared
+from winchcascade.ingest.choice import choose
 from winchcascade.ingest.source import Source, Table
 from winchcascade.ingest.tdms_groups import NUMERIC, Column, describe, one_log
 from winchcascade.run import Finding
@@ -24,8 +25,12 @@ if TYPE_CHECKING:
     from winchcascade.run import Signal
 
 
-def open_tdms(path: Path) -> Source:
+def open_tdms(path: Path, *, table: str | None = None) -> Source:
     """Open the group with the most numeric channels, and those that hold other channels of the same log.
+
+    Parameters
+    ----------
+    table : name or number of the group to begin with, where several hold a motion of their own
 
     Raises
     ------
@@ -34,7 +39,11 @@ def open_tdms(path: Path) -> Source:
     """
     with _opened(path) as tdms:
         _refuse_lies(path, tdms)
-        channels, not_read = one_log(tdms.groups(), tdms.file_status.incomplete_final_segment)
+        cut_off = tdms.file_status.incomplete_final_segment
+        first = None if table is None else choose([g.name for g in tdms.groups()], table, path.name, "group")
+        channels, not_read, others = one_log(tdms.groups(), cut_off, first)
+        if first is None and others:
+            first = choose(others, None, path.name, "group")
         columns = describe(channels)
         _refuse_words(path, columns)
         groups = dict.fromkeys(column.group for column in reversed(columns))
@@ -47,6 +56,7 @@ def open_tdms(path: Path) -> Source:
         time_step=clock.step if clock else None,
         time_start=clock.start if clock else 0.0,
         properties=properties,
+        table=first if first is not None else columns[0].group,
     )
 
 

@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.ingest.align import Waveform, overlap
+from winchcascade.ingest.choice import moves
 from winchcascade.ingest.dialects import recognise
 from winchcascade.ingest.source import Header
 from winchcascade.run import Finding
@@ -35,13 +36,21 @@ class Column(msgspec.Struct, frozen=True):
     clock: Waveform | None
 
 
-def one_log(groups: Sequence[Any], cut_off: bool) -> tuple[list[Any], tuple[Finding, ...]]:
+def one_log(
+    groups: Sequence[Any], cut_off: bool, first: str | None = None
+) -> tuple[list[Any], tuple[Finding, ...], list[str]]:
     """Choose the channels that make one log: of the group with the most numeric ones and of those that fit beside it.
+
+    Also given are the findings on groups that are not read and, where these hold a motion as the chosen ones do, the names of
+    all groups that could be the log.
 
     A group fits if its channels have other names, but for a clock that both hold alike, and can be put beside the
     first in time. A channel without samples is none, but in a file that was cut off it is one that was lost.
     """
-    ranked = sorted(groups, key=lambda group: -sum(_is_numeric(c) for c in _filled(group, cut_off)))
+    ranked = sorted(
+        groups, key=lambda group: (group.name != first, -sum(_is_numeric(c) for c in _filled(group, cut_off)))
+    )
+    others: list[str] = []
     taken = _filled(ranked[0], cut_off) if ranked else []
     left: dict[str, list[str]] = {}
     for group in ranked[1:]:
@@ -54,7 +63,9 @@ def one_log(groups: Sequence[Any], cut_off: bool) -> tuple[list[Any], tuple[Find
             taken = taken + [c for c in channels if c.name not in names]
         else:
             left.setdefault(obstacle, []).append(group.name)
-    return taken, tuple(_not_read(ranked[0].name, names, why) for why, names in left.items())
+            others += [group.name] if moves(Header(c.name) for c in channels if _is_numeric(c)) else []
+    several = [ranked[0].name, *others] if others and moves(Header(c.name) for c in taken if _is_numeric(c)) else []
+    return taken, tuple(_not_read(ranked[0].name, names, why) for why, names in left.items()), several
 
 
 def _not_read(first: str, names: Sequence[str], why: str) -> Finding:

@@ -339,6 +339,7 @@ def _provenance(reduction: Reduction, found: Uncertainty, command: str) -> Table
     load = "unknown" if run.load is None else "open circuit" if math.isinf(run.load) else f"{run.load:g} Ω"
     rows = [
         ("Log", run.path or run.name),
+        ("Table in the log", run.table or ""),
         ("SHA-256 of the log", run.sha256 or "–"),
         ("Samples", f"{run.samples} at {run.fs:.6g} Hz, {float(run.t[-1] - run.t[0]):.1f} s"),
         ("Campaign", run.about),

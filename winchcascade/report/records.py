@@ -53,6 +53,7 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
         "data": origin_record(run.origin),
         "log": {
             "path": run.path,
+            "table": run.table,
             "sha256": run.sha256,
             "samples": run.samples,
             "fs_hz": run.fs,

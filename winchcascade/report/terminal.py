@@ -119,7 +119,8 @@ def _title(reduction: Reduction) -> list[str]:
 
     run, rig = reduction.run, reduction.rig
     seconds = float(run.t[-1] - run.t[0])
-    first = f"{one_line(run.name)}: {run.samples} samples at {run.fs:.6g} Hz, {_duration(seconds)}"
+    table = "" if run.table is None else f", table {one_line(run.table)!r}"
+    first = f"{one_line(run.name)}{table}: {run.samples} samples at {run.fs:.6g} Hz, {_duration(seconds)}"
     window = reduction.window if isinstance(reduction.window, str) else f"{reduction.window:g} s from the onset"
     drum = "" if rig.r_drum is None else f" (drum radius {rig.r_drum:g} m)"
     parts = [_load(reduction), f"rig {one_line(rig.name)}{drum}", f"window {window}"]
