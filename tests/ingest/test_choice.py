@@ -1,0 +1,225 @@
+"""Files with several tables: a log is read where it is the only one or is named, and never chosen silently."""
+
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import openpyxl
+import pytest
+from scipy.io import savemat
+
+from winchcascade import read_run
+from winchcascade.batch.plan import make_plan
+from winchcascade.batch.run import run_batch
+from winchcascade.errors import CampaignError, LogError
+
+FIXTURES = Path(__file__).parents[2] / "fixtures" / "campaign"
+NAMES = ("Time", "Velocity", "Force")
+UNITS = ("s", "m/s", "N")
+
+
+def motion(seed: int, rows: int = 400) -> np.ndarray[Any, Any]:
+    """Time, velocity and force of a few payouts; each seed has its own force, so that it shows which was read."""
+    t = 0.04 * np.arange(rows)
+    v = 0.8 * np.sin(2 * np.pi * t / 8.0)
+    return np.column_stack([t, v, np.where(v > 0, 1500.0, 300.0) + 10.0 * seed + 5 * np.sin(7 * t)])
+
+
+def peak(run: Any) -> int:
+    """Which seed was read."""
+    return int((float(run.channels["force"].max()) - 1500.0) // 10)
+
+
+def fill(sheet: Any, rows: np.ndarray[Any, Any]) -> None:
+    sheet.append([f"{name} ({unit})" for name, unit in zip(NAMES, UNITS, strict=True)])
+    for row in rows.tolist():
+        sheet.append(row)
+
+
+def workbook(path: Path, runs: dict[str, int], *, notes: bool = True, hidden: str = "") -> Path:
+    book = openpyxl.Workbook()
+    book.remove(book.active)
+    if notes:
+        sheet = book.create_sheet("Notes")
+        for k in range(30):
+            sheet.append([f"note {k}", "the crane stood still", "by H."])
+        sheet = book.create_sheet("Parameters")
+        for row in (("Name", "Value", "Speed (m/s)"), *((f"p{k}", k, 0.1 * k) for k in range(6))):
+            sheet.append(row)
+        sheet = book.create_sheet("Bins")
+        for power in (("Speed (rpm)", "Power (W)"), *((100 * k, 10.0 * k) for k in range(40))):
+            sheet.append(power)
+    for name, seed in runs.items():
+        fill(book.create_sheet(name), motion(seed))
+    if hidden:
+        book[hidden].sheet_state = "hidden"
+    book.save(path)
+    return path
+
+
+def structs(path: Path, runs: dict[str, int]) -> Path:
+    data = {name: dict(zip(("t", "velocity", "force"), motion(seed).T, strict=True)) for name, seed in runs.items()}
+    savemat(path, {**data, "operator": "H."})
+    return path
+
+
+def struct_array(path: Path, runs: dict[str, int]) -> Path:
+    kinds = [(name, object) for name in ("t", "velocity", "force")]
+    array = np.zeros(len(runs), dtype=kinds)
+    for k, seed in enumerate(runs.values()):
+        for name, column in zip(("t", "velocity", "force"), motion(seed).T, strict=True):
+            array[k][name] = column
+    savemat(path, {"run": array})
+    return path
+
+
+def matrices(path: Path, runs: dict[str, int]) -> Path:
+    savemat(path, {"names": np.array(NAMES, dtype=object), **{name: motion(seed) for name, seed in runs.items()}})
+    return path
+
+
+def groups(path: Path, runs: dict[str, int]) -> Path:
+    from nptdms import ChannelObject, TdmsWriter
+
+    with TdmsWriter(path) as writer:
+        for name, seed in runs.items():
+            columns = zip(NAMES, UNITS, motion(seed, 400 + seed).T, strict=True)
+            writer.write_segment([ChannelObject(name, c, x, properties={"unit_string": u}) for c, u, x in columns])
+    return path
+
+
+Write = Callable[[Path, dict[str, int]], Path]
+SEVERAL: dict[str, tuple[Write, str, list[str]]] = {
+    "workbook": (lambda p, runs: workbook(p, runs), "a.xlsx", ["Run 1", "Run 2"]),
+    "hidden sheet": (lambda p, runs: workbook(p, runs, hidden="Run 2"), "a.xlsx", ["Run 1", "Run 2"]),
+    "structs": (structs, "a.mat", ["day1", "day2"]),
+    "struct array": (struct_array, "a.mat", ["run(1)", "run(2)"]),
+    "matrices": (matrices, "a.mat", ["first", "second"]),
+    "groups": (groups, "a.tdms", ["Run 1", "Run 2"]),
+}
+
+
+@pytest.mark.parametrize("kind", SEVERAL)
+def test_several_tables_that_could_be_the_log_are_named_and_none_is_chosen(tmp_path: Path, kind: str) -> None:
+    write, file, names = SEVERAL[kind]
+    path = write(tmp_path / file, {names[0]: 1, names[1]: 4})
+    with pytest.raises(LogError) as fault:
+        read_run(path)
+    assert re.search(
+        r"2 (sheets|runs|groups) could be the log: " + re.escape(", ".join(map(repr, names))), str(fault.value)
+    )
+    assert "--sheet NAME" in str(fault.value)
+    for name, seed in zip(names, (1, 4), strict=True):
+        for wanted in (name, name.upper()):
+            run = read_run(path, table=wanted)
+            assert (run.table, peak(run)) == (name, seed)
+    with pytest.raises(LogError, match=r"has no (sheet|run|group) 'Run 9'; expected one of .*or a number from 1 to \d"):
+        read_run(path, table="Run 9")
+
+
+@pytest.mark.parametrize("kind", SEVERAL)
+def test_a_single_log_needs_no_name_and_is_reported_by_it(tmp_path: Path, kind: str) -> None:
+    write, file, names = SEVERAL[kind]
+    if kind == "hidden sheet":
+        path = workbook(tmp_path / file, {names[0]: 3})
+    else:
+        path = write(tmp_path / file, {names[0]: 3})
+    run = read_run(path)
+    assert peak(run) == 3
+    assert run.table == (names[0] if file != "a.mat" else None)
+
+
+def test_a_number_counts_all_sheets_as_a_spreadsheet_program_shows_them(tmp_path: Path) -> None:
+    path = workbook(tmp_path / "a.xlsx", {"Run 1": 1, "2": 4})
+    assert peak(read_run(path, table="4")) == 1
+    assert peak(read_run(path, table="2")) == 4  # a name comes before a number
+
+
+def test_a_sheet_without_a_table_can_be_named_and_is_rejected(tmp_path: Path) -> None:
+    path = workbook(tmp_path / "a.xlsx", {"Run 1": 1})
+    with pytest.raises(LogError, match=r"the sheet 'Notes' does not have a row of names over columns of numbers"):
+        read_run(path, table="Notes")
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_a_file_of_one_table_has_no_sheets(tmp_path: Path, ending: str) -> None:
+    path = FIXTURES / "r36ohm.csv"
+    if ending == "parquet":
+        from pyarrow import csv, parquet
+
+        path = tmp_path / "a.parquet"
+        parquet.write_table(csv.read_csv(FIXTURES / "r36ohm.csv"), path)
+    with pytest.raises(LogError, match=r"is one table, and --sheet Run 1 names another.*Leave --sheet out"):
+        read_run(path, table="Run 1")
+
+
+# ------------------------------------------------------------------------------------------------- commands and campaigns
+@pytest.fixture(scope="module")
+def book(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two logs of the shipped campaign as sheets of one workbook."""
+    import csv
+
+    path = tmp_path_factory.mktemp("book") / "all.xlsx"
+    out = openpyxl.Workbook()
+    out.remove(out.active)
+    for name in ("r36ohm", "r9ohm"):
+        with (FIXTURES / f"{name}.csv").open(newline="") as file:
+            head, *rows = csv.reader(file)
+        sheet = out.create_sheet(name)
+        sheet.append(head)
+        for row in rows:
+            sheet.append([float(cell) if cell else None for cell in row])
+    out.save(path)
+    return path
+
+
+ENTRIES = '[[run]]\nfile = "all.xlsx"\nsheet = "r36ohm"\nload_ohm = 36.0\nwindow_s = 5.48\n'
+ENTRIES += '[[run]]\nfile = "all.xlsx"\nsheet = 2\nload_ohm = 9.0\nwindow_s = 5.96\nwithheld = true\n'
+
+
+def call(*arguments: object) -> subprocess.CompletedProcess[str]:
+    words = [sys.executable, "-m", "winchcascade", *map(str, arguments)]
+    return subprocess.run(words, capture_output=True, text=True, check=False)
+
+
+def test_a_command_names_the_sheet_and_shows_it(book: Path) -> None:
+    done = call("reduce", book, "--load-ohm", 36)
+    assert done.returncode == 2
+    assert "2 sheets could be the log: 'r36ohm', 'r9ohm'" in done.stderr
+    done = call("reduce", book, "--load-ohm", 9, "--sheet", "r9ohm", "--json", "-")
+    assert json.loads(done.stdout)["log"]["table"] == "r9ohm"
+    assert "all.xlsx, table 'r9ohm': " in call("reduce", book, "--load-ohm", 9, "--sheet", "2").stdout
+
+
+def test_a_campaign_lists_the_sheets_of_one_file_as_runs_of_their_own(book: Path, tmp_path: Path) -> None:
+    (book.parent / "campaign.toml").write_text(ENTRIES)
+    plan = make_plan([str(book.parent)])
+    assert [(work.name, work.sheet) for work in plan.work] == [
+        ("all.xlsx-sheet-r36ohm", "r36ohm"), ("all.xlsx-sheet-2", "2"),
+    ]  # fmt: skip
+    assert len({work.key for work in plan.work}) == 2
+    assert [work.sheet for work in make_plan([str(book)]).work] == ["r36ohm", "2"]
+    done = run_batch(plan, tmp_path / "out")
+    assert done.faults == {}
+    tables = {run["name"]: run["table"] for run in done.summary["runs"]}
+    assert tables == {"all.xlsx-sheet-r36ohm": "r36ohm", "all.xlsx-sheet-2": "r9ohm"}
+    for name, energy in (("all.xlsx-sheet-r36ohm", 4956.2), ("all.xlsx-sheet-2", 5309.3)):
+        record = json.loads((tmp_path / "out" / "runs" / f"{name}.json").read_bytes())
+        assert record["mean"]["energy_gen_j"] == pytest.approx(energy, abs=0.5)
+    assert run_batch(plan, tmp_path / "out").kept == 2
+    assert "lists 2 sheets of all.xlsx: 'r36ohm', '2'; expected one" in call("reduce", book).stderr
+    assert "load 36 ohm (campaign.toml)" in call("reduce", book, "--sheet", "r36ohm").stdout
+
+
+@pytest.mark.parametrize("sheet", ["true", "1.5", '""', '["a"]'])
+def test_a_sheet_that_is_no_name_is_told(tmp_path: Path, sheet: str) -> None:
+    (tmp_path / "campaign.toml").write_text(f'[[run]]\nfile = "a.xlsx"\nsheet = {sheet}\n')
+    with pytest.raises(
+        CampaignError, match=r"run 1: sheet is .*; expected the name or the number of a table in the file"
+    ):
+        make_plan([str(tmp_path)])
