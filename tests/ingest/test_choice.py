@@ -154,7 +154,7 @@ def test_a_file_of_one_table_has_no_sheets(tmp_path: Path, ending: str) -> None:
 
         path = tmp_path / "a.parquet"
         parquet.write_table(csv.read_csv(FIXTURES / "r36ohm.csv"), path)
-    with pytest.raises(LogError, match=r"is one table, and --sheet Run 1 names another.*Leave --sheet out"):
+    with pytest.raises(LogError, match=r"is one table, and --sheet Run 1 names another.*leave --sheet out"):
         read_run(path, table="Run 1")
 
 

@@ -41,13 +41,13 @@ def choose(candidates: Sequence[str], wanted: str | None, where: str, kind: str,
         if alike:
             return alike[0]
         raise LogError(
-            f"{where}: has no {kind} {wanted!r}; expected one of {_listed(names)}, or a number from 1 to {len(names)}. "
-            "Correct --sheet, or sheet in campaign.toml."
+            f"{where}: has no {kind} {wanted!r}; expected one of {_listed(names)}, or a number from 1 to {len(names)}; "
+            "correct --sheet, or sheet in campaign.toml."
         )
     if len(candidates) == 1:
         return candidates[0]
     raise LogError(
-        f"{where}: {len(candidates)} {kind}s could be the log: {_listed(candidates)}; expected one. Name it with "
+        f"{where}: {len(candidates)} {kind}s could be the log: {_listed(candidates)}; expected one; name it with "
         '--sheet NAME, or with sheet = "NAME" in campaign.toml.'
     )
 
@@ -56,7 +56,7 @@ def refuse_sheet(wanted: str | None, where: str) -> None:
     """Reject the choice of a table in a file that holds one alone: LogError."""
     if wanted is not None:
         raise LogError(
-            f"{where}: is one table, and --sheet {wanted} names another; expected a workbook, a MATLAB file or TDMS. Leave "
+            f"{where}: is one table, and --sheet {wanted} names another; expected a workbook, a MATLAB file or TDMS; leave "
             "--sheet out, or sheet in campaign.toml."
         )
 
