@@ -71,6 +71,7 @@ def _runs(tree: Mapping[str, Node]) -> dict[str, dict[str, Node]]:
     Runs are structs, matrices with the same names, or vectors of several lengths, in two of which the same motion is found.
     """
     motions: dict[str, dict[tuple[str, str, int], str]] = {"velocity": {}, "displacement": {}}
+    seen: list[Column] = []
     for prefix, scope in _scopes(tree):
         names = next((texts for texts in map(_texts, _named(scope, NAMES)) if texts), [])
         channels = {recognise(Header(name)) for name in names}
@@ -80,7 +81,8 @@ def _runs(tree: Mapping[str, Node]) -> dict[str, dict[str, Node]]:
                     motions[str(motion)].setdefault((prefix, name, node.size), f"{prefix}.{name}".strip("."))
             column = _column(name, node)
             motion_of = recognise(Header(name)) if column is not None else None
-            if column is not None and motion_of in motions:
+            if column is not None and motion_of in motions and not any(np.array_equal(column, one) for one in seen):
+                seen.append(column)  # a copy is no other run: an HDF5 file may hold itself
                 motions[motion_of].setdefault((prefix, "", len(column)), prefix or name)
     found = max(motions.values(), key=len)
     if len(found) < 2:
