@@ -71,8 +71,12 @@ def _runs(tree: Mapping[str, Node]) -> dict[str, dict[str, Node]]:
     Runs are structs, matrices with the same names, or vectors of several lengths, in two of which the same motion is found.
     """
     motions: dict[str, dict[tuple[str, str, int], str]] = {"velocity": {}, "displacement": {}}
-    seen: list[Column] = []
+    seen: list[dict[str, Column]] = []
     for prefix, scope in _scopes(tree):
+        columns = {name: column for name, node in scope.items() if (column := _column(name, node)) is not None}
+        if columns and any(_is_copy(columns, one) for one in seen):
+            continue  # a copy is no other run: an HDF5 file may hold itself
+        seen.append(columns)
         names = next((texts for texts in map(_texts, _named(scope, NAMES)) if texts), [])
         channels = {recognise(Header(name)) for name in names}
         for name, node in scope.items():
@@ -81,8 +85,7 @@ def _runs(tree: Mapping[str, Node]) -> dict[str, dict[str, Node]]:
                     motions[str(motion)].setdefault((prefix, name, node.size), f"{prefix}.{name}".strip("."))
             column = _column(name, node)
             motion_of = recognise(Header(name)) if column is not None else None
-            if column is not None and motion_of in motions and not any(np.array_equal(column, one) for one in seen):
-                seen.append(column)  # a copy is no other run: an HDF5 file may hold itself
+            if column is not None and motion_of in motions:
                 motions[motion_of].setdefault((prefix, "", len(column)), prefix or name)
     found = max(motions.values(), key=len)
     if len(found) < 2:
@@ -90,6 +93,10 @@ def _runs(tree: Mapping[str, Node]) -> dict[str, dict[str, Node]]:
     labels = list(found.values())
     keys = {label if labels.count(label) == 1 else f"{label} ({key[2]} rows)": key for key, label in found.items()}
     return {label: _without(tree, "", key, list(found)) for label, key in keys.items()}
+
+
+def _is_copy(columns: Mapping[str, Column], other: Mapping[str, Column]) -> bool:
+    return columns.keys() == other.keys() and all(np.array_equal(columns[name], other[name]) for name in columns)
 
 
 def _without(
