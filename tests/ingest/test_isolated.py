@@ -103,7 +103,7 @@ def test_a_setting_that_is_no_positive_number_is_one_sentence(
 def test_the_limits_grow_with_the_file() -> None:
     small, large = limits_for(1000), limits_for(10**9)
     assert (small.memory, small.seconds) == (2 * 10**9, 60.0)
-    assert (large.memory, large.seconds, large.numbers) == (20 * 10**9, 1000.0, 10**10)
+    assert (large.memory, large.seconds, large.numbers) == (20 * 10**9, 4000.0, 10**10)
 
 
 def parquet(path: Path) -> Path:
