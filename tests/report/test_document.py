@@ -49,7 +49,7 @@ def reports(clean: Result) -> dict[str, Report]:
         "clean": make_report(*clean, command="winchcascade reduce r36ohm.csv"),
         "aborted": make_report(*reduced(damaged / "aborted.csv", "auto")),
         "no accuracies": make_report(*reduced(CLEAN, rig=BARE)),
-        "none complete": make_report(*reduced(CLEAN, 50.0)),
+        "none complete": make_report(*reduced(CLEAN, 0.05)),
     }
 
 
