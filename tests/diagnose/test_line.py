@@ -189,6 +189,8 @@ def test_lost_rows_and_uneven_stamps_are_borne() -> None:
 def test_cycles_that_are_named_twice_or_not_there_are_refused() -> None:
     run = planted(0, mass=3000.0)
     with pytest.raises(CampaignError, match="cycle 5 is named by two runs of the campaign"):
+        diagnose_line([run, run], RIG, EFFECTS, cycles=[(1, 5), (5, 10)])
+    with pytest.raises(CampaignError, match="are the same log, and run 2 is withheld"):
         diagnose_line([run, run], RIG, EFFECTS, cycles=[(1, 5), (5, 10)], withheld=[1])
     with pytest.raises(CampaignError, match=r"cycles 50 to 60 holds 0 samples.*the log has 10 cycles"):
         diagnose_line([run], RIG, EFFECTS, cycles=[(50, 60)])

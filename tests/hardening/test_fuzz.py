@@ -234,7 +234,7 @@ def test_a_mat4_variable_that_claims_more_than_the_file_takes_no_memory(tmp_path
         at = second + place
         path = tmp_path / "log.mat"
         path.write_bytes(content[:at] + value.to_bytes(4, "little") + content[at + 4 :])
-        with pytest.raises(LogError, match=r"damaged or breaks off \(ValueError\)"):
+        with pytest.raises(LogError, match=r"damaged or breaks off \(ValueError\)|takes more than 2000 MB of memory"):
             read_run(path)
 
 

@@ -206,8 +206,11 @@ def test_values_that_a_logger_repeats_are_no_glitch(hold: int) -> None:
 def test_a_step_that_stays_and_one_that_decays_are_no_glitch(name: str, size: float) -> None:
     t, channels = logged("smooth")
     later = t - t[in_payout(t, channels)]
-    for rise in ((later >= 0) & (later < 2), np.where(later >= 0, np.exp(-np.clip(later, 0, 9) / 0.06), 0)):
-        assert told(t, channels | {name: channels[name] + size * rise}) == []
+    decay = np.where(later >= 0, np.exp(-np.clip(later, 0, 9) / 0.06), 0)
+    assert told(t, channels | {name: channels[name] + size * decay}) == []
+    stay = ((later >= 0) & (later < 2)) * size / channels[name][in_payout(t, channels)]
+    with_it = ("force", "torque", "vdc", "idc") if name != "velocity" else ("velocity",)  # one load or one motion
+    assert told(t, channels | {other: channels[other] * (1 + stay) for other in with_it}) == []
 
 
 @pytest.mark.parametrize("hertz", [1.5, 3.0, 5.7, 8.0, 11.0])
@@ -256,10 +259,11 @@ def test_a_current_that_a_chopper_cuts_again_and_again_has_no_glitch() -> None:
 
 
 @pytest.mark.parametrize("samples", [6, 8, 20])
-def test_a_dip_that_lasts_longer_is_kept(samples: int) -> None:
+def test_a_dip_that_lasts_longer_and_that_the_machine_follows_is_kept(samples: int) -> None:
     t, channels = logged("smooth")
     k = in_payout(t, channels)
-    channels["force"][k : k + samples] *= 0.3
+    for name in ("force", "torque", "vdc", "idc"):
+        channels[name][k : k + samples] *= 0.3
     assert told(t, channels) == []
 
 

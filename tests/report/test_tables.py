@@ -33,7 +33,7 @@ LOGS: Mapping[str, tuple[str, float | None, str | float]] = {
     "truncated": ("damaged_logs/truncated.csv", None, "auto"),
     "no torque": ("damaged_logs/no_torque.csv", None, "auto"),
     "open circuit": ("campaign/open_circuit.csv", float("inf"), "auto"),
-    "none complete": ("campaign/r36ohm.csv", None, 50.0),
+    "none complete": ("campaign/r36ohm.csv", None, 0.05),
 }
 SYMBOLS = dict(zip(METRICS, "E_line E_mech E_gen P_line P_mech P_gen η_trans η_gen η_pto".split(), strict=True))
 NET_SYMBOLS = dict(zip(NET_METRICS, ("E_payout", "E_returned", "E_net", "E_gen, cycle", "η_net"), strict=True))

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from winchcascade.ingest.agreement import smallest_step
 from winchcascade.ingest.glitches import BEYOND, FAR, LEAST_SHARE, LONGEST, NOISE, STILL, TEARS
 from winchcascade.order import median, quantile
 
@@ -52,6 +53,9 @@ FILLED = 0.02
 
 UPDATES = 20
 """Fewer updates show no pattern."""
+
+COARSE = 3.0
+"""A jump of fewer steps of the channel's own resolution is none of a fault."""
 
 _LEVEL = 20_000
 """Samples that tell the range and the noise of a channel."""
@@ -169,6 +173,7 @@ def _stretches(t: Signal, bends: Bends, level: dict[str, _Level], name: str) -> 
     values = _values(x, at)
     level[name] = usual = _level(x, values)
     steps = np.abs(np.diff(x))
+    resolution = smallest_step(x)
     place = np.arange(x.size) if bends.place is None else bends.place
     found = []
     for value in values.tolist():
@@ -189,6 +194,7 @@ def _stretches(t: Signal, bends: Bends, level: dict[str, _Level], name: str) -> 
         known = [d for d in dropouts if d is not None]
         few = len(known) < OFTEN
         found += [d for d in known if not (few and d.after - d.before == 2) or (d.far and same.size > 1)]
+    found = [d for d in found if d.far or d.jump > COARSE * resolution]
     return found if any(d.far for d in found) else found + _uneven(t, x, place, at, usual)
 
 
@@ -222,13 +228,17 @@ def _equal_to_any(x: Signal, values: Signal) -> Mask:
 
 
 def _level(x: Signal, without: Signal) -> _Level:
-    """Range and usual curvature of a channel without some values."""
-    spread, begin = x[:: max(1, x.size // _LEVEL)], x[:_LEVEL]
-    spread, begin = (part[~_equal_to_any(part, without)] for part in (spread, begin))
+    """Range and usual curvature of a channel without some values; with them if a coarse channel has no others."""
+    every, begin = x[:: max(1, x.size // _LEVEL)], x[:_LEVEL]
+    spread, begin = (part[~_equal_to_any(part, without)] for part in (every, begin))
+    if spread.size == 0:
+        spread, begin = every, x[:_LEVEL]
+    spread = np.sort(spread)
+    spread = spread[
+        np.diff(spread, prepend=-np.inf) > 0
+    ]  # each value once: a log may rest for hours and move for seconds
     curved = np.abs(np.diff(begin, 2))
     curved = curved[curved > 0]
-    if spread.size == 0:
-        return _Level(0.0, 0.0, 0.0)
     return _Level(quantile(spread, 0.005), quantile(spread, 0.995), median(curved) if curved.size else 0.0)
 
 
@@ -287,8 +297,10 @@ def _uneven(t: Signal, x: Signal, place: Index, at: Index, usual: _Level) -> lis
 
 def _cannot_be(t: Signal, name: str, d: Dropout, channels: Mapping[str, Signal]) -> bool:
     """Whether a channel that only motion can change jumps where there is no such motion."""
-    if name in ("displacement", "pressure"):
-        return d.jump > max(BEYOND * d.usual, TEARS * _fastest(t, d, channels) if name == "displacement" else 0.0)
+    if name == "pressure":
+        return d.jump > BEYOND * d.usual > 0.0
+    if name == "displacement":
+        return d.jump > max(BEYOND * d.usual, TEARS * _fastest(t, d, channels))
     displacement = channels.get("displacement")
     if name != "velocity" or displacement is None or d.before < 0 or d.after >= t.size or d.jump < BEYOND * d.usual:
         return False
@@ -323,16 +335,21 @@ def _contradicted(
     if d.jump < BEYOND * d.usual:
         return False
     departs = {}
+    together = False
     side = float(np.sign(d.value - _edge(channels[name], d)))
     for other in WITNESSES[name]:
         if other not in channels or (open_circuit and other in ("vdc", "idc")):
             continue
-        if any(e.before < d.after - 1 and d.before < e.after - 1 for e in suspects[other]):
+        beside = [e for e in suspects[other] if e.before < d.after - 1 and d.before < e.after - 1]
+        if beside:
+            together |= not d.even and any(not e.even for e in beside)
             continue
         if level[other].span > STILL * level[other].noise:
             off = _departure(channels[other], d, side, LEAST_SHARE * level[other].span, idle=other != "velocity")
             if off is not None:
                 departs[other] = off
+    if together and not departs.keys() - {"velocity"}:  # all of a machine's forces and currents fall: a clutch may slip
+        return False
     if name == "idc" and "vdc" in departs and departs.keys() <= {"vdc", "velocity"}:
         rise = _departure(channels["vdc"], d, -side, LEAST_SHARE * level["vdc"].span, idle=True)
         if rise is not None and rise > RISES:

@@ -219,10 +219,9 @@ def _take_out_spikes(
     *,
     open_circuit: bool,
 ) -> dict[str, tuple[Index, Signal]]:
-    """Take dropouts, single-sample spikes and short glitches out of the channels; which of the last two they were, and what
-    was logged there."""
+    """Take dropouts, single spikes and short glitches out of the channels; which they were, and what was logged there."""
     longest = int(LONGEST * (t.size - 1) / float(t[-1] - t[0]) + 1e-6)
-    sharp = _take_out_dropouts(t, channels, lost, findings, open_circuit=open_circuit)
+    sharp, wild = _take_out_dropouts(t, channels, lost, findings, open_circuit=open_circuit)
     singles: dict[str, Index] = {}
     pulses: dict[str, Pulses] = {}
     logged: dict[str, Signal] = {}
@@ -234,7 +233,6 @@ def _take_out_spikes(
         logged[name] = x[singles[name]]
         x[singles[name]] = np.nan
     glitches = find_glitches(t, channels, pulses)
-    wild = {}
     for name, x in channels.items():
         spikes, values = singles[name], logged[name]
         if spikes.size:
@@ -247,6 +245,8 @@ def _take_out_spikes(
             x[samples] = np.nan
             what = f"samples jump away from their neighbours and back, in {_places(len(stretches))}"
             findings.append(_taken_out(t, name, samples, what, lost))
+        if name in wild:
+            spikes, values = np.concatenate((wild[name][0], spikes)), np.concatenate((wild[name][1], values))
         if spikes.size:
             wild[name] = spikes, values
     return wild
@@ -254,11 +254,17 @@ def _take_out_spikes(
 
 def _take_out_dropouts(
     t: Signal, channels: dict[str, Signal], lost: dict[str, Mask], findings: list[Finding], *, open_circuit: bool
-) -> dict[str, Bends]:
-    """Take out the stretches in which a channel holds a value that it cannot have; where the channels then bend sharply."""
+) -> tuple[dict[str, Bends], dict[str, tuple[Index, Signal]]]:
+    """Take out the stretches in which a channel holds a value that it cannot have.
+
+    Returns
+    -------
+    where the channels then bend sharply, and the samples that were taken out with what was logged there
+    """
     bends = {name: find_bends(x) for name, x in channels.items()}
     values: dict[str, list[Dropout]] = {}
     taken: dict[str, list[Index]] = {}
+    logged: dict[str, list[Signal]] = {}
     for _ in range(ROUNDS):
         dropouts = find_dropouts(t, channels, bends, open_circuit=open_circuit)
         if not dropouts:
@@ -266,14 +272,18 @@ def _take_out_dropouts(
         for name, stretches in dropouts.items():
             for d in stretches:
                 samples = np.arange(d.before + 1, d.after)
-                taken.setdefault(name, []).append(samples[(channels[name][samples] == d.value) | (not d.even)])
+                samples = samples[(channels[name][samples] == d.value) | (not d.even)]
+                taken.setdefault(name, []).append(samples)
+                logged.setdefault(name, []).append(channels[name][samples])
                 values.setdefault(name, []).append(d)
             channels[name][np.concatenate(taken[name])] = np.nan
             bends[name] = find_bends(channels[name])
+    wild = {}
     for name, parts in taken.items():
+        wild[name] = np.concatenate(parts), np.concatenate(logged[name])
         what = f"samples jump to {_values(name, values[name])} while other channels go on, in {_places(len(parts))}"
-        findings.append(_taken_out(t, name, np.concatenate(parts), what, lost))
-    return bends
+        findings.append(_taken_out(t, name, wild[name][0], what, lost))
+    return bends, wild
 
 
 def _values(name: str, stretches: Sequence[Dropout]) -> str:

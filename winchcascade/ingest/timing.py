@@ -146,6 +146,8 @@ def put_back(t: Signal, channels: dict[str, Signal], thresholds: Thresholds) -> 
     findings, gaps = [], []
     step = max(smallest_step(x), 1e-9)
     for jump in jumps:
+        if _makes_up(t, channels, jump):
+            continue
         at = float(t[jump.before])
         now = f"at {at:.2f} s the displacement jumps by {jump.metres:+.3f} m beyond what the velocity gives"
         zeroed = (
@@ -169,6 +171,16 @@ def put_back(t: Signal, channels: dict[str, Signal], thresholds: Thresholds) -> 
                 Finding("clock_mismatch", what, "treated as a gap of that length", start=at, end=gaps[-1][1])
             )
     return Timed(t, np.array(gaps).reshape(-1, 2), tuple(findings)) if findings else None
+
+
+def _makes_up(t: Signal, channels: Mapping[str, Signal], jump: Jump) -> bool:
+    """Whether a jump makes up what a displacement that held one value before did not count while the line moved."""
+    x, v = channels["displacement"], channels.get("velocity")
+    if v is None:
+        return False
+    other = np.flatnonzero(x[: jump.before] != x[jump.before])
+    held = slice(int(other[-1]) + 1 if other.size else 0, jump.before + 1)
+    return bool(abs(np.trapezoid(np.nan_to_num(v[held]), t[held])) > ROW * abs(jump.metres))
 
 
 def _repeats(channels: Mapping[str, Signal], jump: Jump) -> int:
