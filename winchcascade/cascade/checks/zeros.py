@@ -135,7 +135,7 @@ def _computed(phased: Phased, spans: list[Span]) -> list[Finding]:
         return []
     top = float(np.max(np.abs(phased.run.channels["vdc"])))
     below = np.count_nonzero(v_dc < 0.0) / v_dc.size
-    v_dc, i_dc = v_dc - v_dc.mean(), i_dc - i_dc.mean()
+    v_dc, i_dc = np.diff(v_dc, 2), np.diff(i_dc, 2)  # without what a slow motion gives both
     size = float(np.linalg.norm(v_dc) * np.linalg.norm(i_dc))
     noisy = below >= BELOW and float(np.std(v_dc)) >= NOISE * top
     if not noisy or size == 0.0 or float(v_dc @ i_dc) < SAME_NOISE * size:
