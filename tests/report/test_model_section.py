@@ -354,7 +354,7 @@ def test_a_result_keeps_its_curves_and_little_more(batch: Path) -> None:
     assert len(json.dumps(record["model"])) < 16_000
     assert record["model"]["curves"]["torque_nm"]["x"][0] == 150.0
     left_out = json.loads((batch / "runs" / "r45ohm.csv.json").read_bytes())["model"]
-    assert set(left_out) == {"why"}
+    assert set(left_out) <= {"why", "word"}
 
 
 def test_a_campaign_that_names_itself_rebuilt_is_not_called_measured(found: dict[str, Modelled]) -> None:
