@@ -27,14 +27,14 @@ def wait():
 
 def ended(place: Path, script: str, by: signal.Signals) -> tuple[int, str, str]:
     """Exit code and what was printed of a script that is ended when it is ready."""
-    with subprocess.Popen(
-        [sys.executable, "-c", BEGIN + script, str(place)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    with subprocess.Popen(  # unbuffered: what follows the first line is left to `communicate`
+        [sys.executable, "-c", BEGIN + script, str(place)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, bufsize=0
     ) as process:
         assert process.stdout is not None
         process.stdout.readline()
         process.send_signal(by)
         said, told = process.communicate()
-    return process.returncode, said, told
+    return process.returncode, said.decode(), told.decode()
 
 
 @pytest.mark.parametrize(("by", "told"), [(signal.SIGINT, "one sentence.\n"), (signal.SIGTERM, "")])

@@ -48,8 +48,9 @@ from winchcascade.tabletoml import load_table
 LONGEST = 5.0
 """A file that takes more of the processor is a hang, on a busy machine too. [s]"""
 
-READ_MEMORY, READ_SECONDS = 2 << 30, 2 * LONGEST
-"""What the process that reads a file may hold [bytes], and how long it may take [s]; one that takes longer hangs."""
+READ_MEMORY, READ_SECONDS = 2 << 30, 6 * LONGEST
+"""What the process that reads a file may hold [bytes], and how long it may take [s], on a busy machine too; one that takes
+longer hangs."""
 
 PATIENCE = 15.0
 """A worker that has said nothing for so long waits for something, or is stuck in compiled code, and is killed. [s]"""
