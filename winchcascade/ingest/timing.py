@@ -180,7 +180,7 @@ def _makes_up(t: Signal, channels: Mapping[str, Signal], jump: Jump) -> bool:
         return False
     other = np.flatnonzero(x[: jump.before] != x[jump.before])
     held = slice(int(other[-1]) + 1 if other.size else 0, jump.before + 1)
-    return bool(abs(np.trapezoid(np.nan_to_num(v[held]), t[held])) > ROW * abs(jump.metres))
+    return bool(abs(float(np.trapezoid(np.nan_to_num(v[held]), t[held]))) > ROW * abs(jump.metres))
 
 
 def _repeats(channels: Mapping[str, Signal], jump: Jump) -> int:
