@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from winchcascade.accuracy import error_sources
-from winchcascade.cascade.efficiency import RATIOS
+from winchcascade.cascade.efficiency import NOTHING, RATIOS
 from winchcascade.run import Finding
 
 if TYPE_CHECKING:
@@ -113,6 +113,7 @@ def _largest_change(
     if mean <= 0.0:
         return None
     energies = np.array([[getattr(c.metrics, e) for e in RATIOS[metric]] for c in cycles])
+    energies = np.maximum(energies, NOTHING)
     lengths = np.array([[c.window.cutoff - c.window.onset] for c in cycles])
     size = np.hstack([np.log(energies), np.log(energies / lengths)])
     first = np.concatenate([np.arange(1, n), np.ones(max(n - 2, 0), dtype=np.int64)])

@@ -241,7 +241,8 @@ def crossing(t: Signal, v: Signal, k: int, level: float) -> float:
         return float(t[0])
     if k >= v.size:
         return float(t[-1])
-    share = (level - v[k - 1]) / (v[k] - v[k - 1]) if v[k] != v[k - 1] else 1.0
+    before, after = float(v[k - 1]), float(v[k])
+    share = (level - before) / (after - before) if after != before else 1.0
     return float(t[k - 1] + min(max(share, 0.0), 1.0) * (t[k] - t[k - 1]))
 
 
