@@ -49,8 +49,8 @@ MEANINGS = {
 
 
 def word_of(found: LineDiagnosis) -> str:
-    """What the logs are called: `measured` where that is stated of all of them, else `log`."""
-    return joint_origin(origins_of(found)).word
+    """What the logs are called: `measured` where that is stated of all of them, else `logged`."""
+    return "measured" if joint_origin(origins_of(found)).measured else "logged"
 
 
 def origins_of(found: LineDiagnosis) -> list[Origin]:
