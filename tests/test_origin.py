@@ -12,6 +12,7 @@ from winchcascade.blind.cases import ORIGIN, campaign_text
 from winchcascade.campaign import load_campaign
 from winchcascade.cascade.montecarlo import uncertainty
 from winchcascade.cascade.reduce import reduce
+from winchcascade.channels import SIMULATED_HEADERS
 from winchcascade.commands.settings import settings_of
 from winchcascade.errors import CampaignError
 from winchcascade.ingest.read import read_run
@@ -93,6 +94,16 @@ def test_a_simulated_log_carries_its_mark_and_contradicts_a_campaign_that_calls_
     assert contradicted.origin == SIMULATED
     assert [f.kind for f in contradicted.findings] == ["origin_conflict"]
     assert "measured = true" in contradicted.findings[0].message
+
+
+@pytest.mark.parametrize("column", SIMULATED_HEADERS)
+def test_one_of_the_columns_of_simulate_marks_no_log_and_its_clock_is_checked(tmp_path: Path, column: str) -> None:
+    head, *rows = (Path(__file__).parents[1] / "fixtures" / "campaign" / LOG).read_text().splitlines()
+    late = [f"{0.04 * k:.2f},{row.split(',', 1)[1]},3000.0" for k, row in enumerate(rows[:300] + rows[330:])]
+    (tmp_path / LOG).write_text("\n".join([f"{head},{column}", *late]) + "\n")
+    run = read_run(tmp_path / LOG)
+    assert run.origin == Origin()
+    assert {f.kind for f in run.findings} == {"unknown_column", "clock_mismatch"}
 
 
 def test_a_log_takes_its_origin_from_the_campaign_beside_it_into_record_and_page(fixtures: Path) -> None:

@@ -30,4 +30,4 @@ CHANNELS: dict[str, Channel] = {
 }
 
 SIMULATED_HEADERS = ("Generator speed (rpm)", "Stator current (A rms)", "Air-gap torque (N.m)")
-"""Columns that only a simulated log has: they mark it as simulated and are never measurements."""
+"""Columns that all together mark a log as simulated: a rig may measure one of them, as the speed of its generator."""

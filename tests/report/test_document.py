@@ -17,6 +17,7 @@ from winchcascade import __version__
 from winchcascade.cascade.efficiency import Metrics
 from winchcascade.cascade.montecarlo import Uncertainty, uncertainty
 from winchcascade.cascade.reduce import Reduction, reduce
+from winchcascade.channels import SIMULATED_HEADERS
 from winchcascade.ingest.read import read_run
 from winchcascade.report.document import best_and_worst, lost_share, make_report
 from winchcascade.report.layout import Picture, Point, Report, Table
@@ -55,11 +56,11 @@ def reports(clean: Result) -> dict[str, Report]:
 
 @pytest.fixture(scope="module")
 def simulated(tmp_path_factory: pytest.TempPathFactory) -> Report:
-    """An open circuit with a column that only simulations have, with one's own rig file, made at a given time."""
+    """An open circuit with the columns that only simulations have, with one's own rig file, made at a given time."""
     folder = tmp_path_factory.mktemp("simulated")
     head, *rows = (FIXTURES / "campaign" / "open_circuit.csv").read_text().splitlines()
     log, rig_file = folder / "made.csv", folder / "my rig.toml"
-    log.write_text("\n".join([f"{head},Generator speed (rpm)", *(f"{row},3000.0" for row in rows)]) + "\n")
+    log.write_text("\n".join([",".join([head, *SIMULATED_HEADERS]), *(f"{row},3000.0,1.0,2.0" for row in rows)]) + "\n")
     rig_file.write_text(OWN)
     rig = load_rig(rig_file)
     reduction = reduce(read_run(log, rig=rig, load=math.inf), rig=rig)

@@ -57,9 +57,9 @@ def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None
     taken: dict[str, int] = dict(named) if clock is None else {"time": clock} | named
     dates: list[int] = []
     unknown: list[int] = []
-    simulated = any(header.name.strip() in SIMULATED_HEADERS for header in headers)
+    simulated = {header.name.strip() for header in headers}.issuperset(SIMULATED_HEADERS)
     for index, header in enumerate(headers):
-        if index == clock or index in named.values() or header.name.strip() in SIMULATED_HEADERS:
+        if index == clock or index in named.values() or (simulated and header.name.strip() in SIMULATED_HEADERS):
             continue
         channel = recognise(header)
         letters = letters_of(header.name)
