@@ -294,3 +294,17 @@ def test_the_kite_campaign_gives_its_owners_energies(shared: Path) -> None:
     assert result.total.energy_line == pytest.approx(12.88e6, rel=STATED)
     assert result.total.energy_mech == pytest.approx(11.22e6, rel=STATED)
     assert result.total.eta_trans == pytest.approx(0.871, rel=STATED)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.8, 0.95])
+@pytest.mark.parametrize("name", ["force", "torque", "vdc", "idc"])
+def test_a_channel_that_is_cut_at_a_value_inside_its_range_is_saturated(
+    tmp_path: Path, name: str, share: float
+) -> None:
+    rows = table().copy()
+    column = rows[:, NAMES.index(name) + 1]
+    top = round(share * float(column.max()), 2)
+    np.minimum(column, top, out=column)
+    found = [f for f in written(tmp_path, rows).findings if f.kind == "out_of_range"]
+    assert [(f.channel, f.count) for f in found] == [(name, int(np.count_nonzero(column == top)))]
+    assert f"largest value, {top:.5g} " in found[0].message

@@ -11,7 +11,7 @@ from winchcascade.channels import CHANNELS
 from winchcascade.ingest.agreement import disagreements, power_disagrees, without_sign
 from winchcascade.ingest.dropouts import ROUNDS, Dropout, find_dropouts, find_filled
 from winchcascade.ingest.glitches import LONGEST, Pulses, find_glitches, find_pulses
-from winchcascade.ingest.sensor_range import farthest, limits_of, out_of_range
+from winchcascade.ingest.sensor_range import SATURATES, farthest, limits_of, out_of_range, saturated
 from winchcascade.ingest.signs import upright
 from winchcascade.ingest.spikes import Bends, find_bends, single_spikes
 from winchcascade.ingest.stuck import Motion, find_stuck, motion
@@ -83,6 +83,8 @@ def check(t: Signal, channels: dict[str, Signal], rig: Rig, *, simulated: bool, 
         for name, x in channels.items():
             if name in rig.sensors:
                 findings += out_of_range(t, name, x, wild.get(name), signs.get(name, 1.0), rig.sensors[name])
+            if name in SATURATES:
+                findings += saturated(t, name, x)
         _take_out_stuck(t, channels, rig, lost, findings, open_circuit)
     if both and "displacement" in channels:
         differ = disagreements(t, channels["velocity"], channels["displacement"], rig.thresholds.v_onset)

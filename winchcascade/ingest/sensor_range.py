@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.channels import CHANNELS
+from winchcascade.ingest.stuck import repeats_of
 from winchcascade.ingest.told import at
 from winchcascade.quantity import find_unit
 
@@ -18,6 +19,18 @@ if TYPE_CHECKING:
     from winchcascade.run import Finding, Signal
 
     Index = NDArray[np.intp]
+
+SATURATES = ("force", "torque", "power_mech", "vdc", "idc")
+"""Channels whose largest value must scatter; a line may move at one speed, and rest at one place."""
+
+FEWEST = 20
+"""Samples that hold the largest value of a channel as the sample before does; fewer are no saturation."""
+
+MOSTLY = 0.5
+"""Share of the samples at the largest value that hold it as the sample before does: saturation comes in stretches. [1]"""
+
+RARELY = 0.3
+"""Chance that a sample repeats the one before, from which a channel is too coarse or too smooth to show saturation. [1]"""
 
 
 def limits_of(sensor: Sensor) -> tuple[float, float]:
@@ -58,3 +71,26 @@ def out_of_range(
     if spikes:
         found = msgspec.structs.replace(found, action=f"reported and kept, but for {spikes} bridged as spikes")
     return [found]
+
+
+def saturated(t: Signal, name: str, x: Signal) -> list[Finding]:
+    """Report a channel that holds its largest value in stretches while it scatters elsewhere: its sensor or input is saturated.
+
+    Parameters
+    ----------
+    x : (n,) values, NaN where it has holes, SI
+    """
+    low, high = float(np.nanmin(x)), float(np.nanmax(x))
+    top = high if high >= -low else low
+    held = x == top
+    again = int(np.count_nonzero(held[1:] & held[:-1]))
+    if top == 0.0 or again < FEWEST or again < MOSTLY * np.count_nonzero(held):
+        return []
+    change = np.diff(x)[~(held[1:] | held[:-1])]
+    if repeats_of(change[np.isfinite(change)]) > RARELY:
+        return []
+    unit = CHANNELS[name].unit
+    known = find_unit(unit)
+    factor = known.factor if known is not None else 1.0
+    what = f"samples hold its largest value, {top / factor:.5g} {unit}, without noise: the sensor or its input is saturated"
+    return [at(t, held, "out_of_range", name, what)]

@@ -252,14 +252,14 @@ def _too_still(name: str, x: Signal, line: Motion, first: Index, last: Index) ->
         free[max(a - 1, 0) : b] = False
     change = np.diff(x[:_ENOUGH])
     free &= np.isfinite(change)
-    whole = _repeats(change[free])
+    whole = repeats_of(change[free])
     if whole == 1.0:
         return np.zeros(first.size, dtype=bool)
     chance = np.zeros(first.size)
     for where in (line.out, line.back, ~(line.out | line.back)):
         inside = where[1:_ENOUGH]
         here = change[free & inside]
-        repeats = _repeats(here) if here.size >= 50 else whole
+        repeats = repeats_of(here) if here.size >= 50 else whole
         if 2 * here.size < np.count_nonzero(inside):  # it holds still most of the time
             repeats = 1.0
         chance += np.maximum(_among(where, first, last) - 1, 0) * np.log(repeats)
@@ -267,7 +267,7 @@ def _too_still(name: str, x: Signal, line: Motion, first: Index, last: Index) ->
     return still & (x[first] != 0) if name in DRIVEN else still
 
 
-def _repeats(change: Signal) -> float:
+def repeats_of(change: Signal) -> float:
     """Chance that a sample repeats the one before; 1 for a channel without noise or with steps as coarse as its noise."""
     some = change[change != 0]
     if some.size < 20:
