@@ -279,6 +279,10 @@ def test_rig_prints_a_built_in_rig_file(name: str) -> None:
     assert winchcascade("rig", name).stdout == built_in_text(name)
 
 
+def test_a_mistyped_command_is_answered_with_the_nearest_name() -> None:
+    assert one_sentence("redce").endswith("Did you mean 'reduce'? --help lists what a command takes.\n")
+
+
 def test_a_rig_that_is_not_built_in_is_told() -> None:
     assert "no such built-in rig" in one_sentence("rig", "mine")
 

@@ -79,7 +79,8 @@ def _refuse_use(fault: Exception) -> NoReturn:
     if not fault.format_message().strip() or type(fault).__name__ == "NoArgsIsHelpError":
         fault.show()  # type: ignore[attr-defined]  # the help of a command that was given nothing
         sys.exit(2)
-    _refuse(f"{fault.format_message().rstrip('.?')}; --help lists what a command takes.")
+    sentence = fault.format_message().rstrip(".")
+    _refuse(f"{sentence}{'' if sentence.endswith('?') else ';'} --help lists what a command takes.")
 
 
 def _was_interrupted(fault: BaseException | None) -> bool:

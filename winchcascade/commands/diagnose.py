@@ -24,7 +24,7 @@ def diagnose_command(
     withhold: Annotated[
         list[float] | None,
         typer.Option(
-            "--withhold", metavar="LOAD", help="Keep the logs of this load [ohm, or inf] from choice and fit."
+            "--withhold", metavar="LOAD", help="Keep the logs of this load (ohm, or inf) from choice and fit."
         ),
     ] = None,
     json: JsonOption = None,
@@ -53,8 +53,8 @@ def diagnose_command(
 ) -> None:
     """Find out why logs and model differ: where, which effects, how sure, how far they close the gap, what to test next.
 
-    The rig file is taken as given. Without --withhold and without withheld runs in the campaign each load is left out once. A
-    winch for which no model can be made is diagnosed from line force, speed and mechanical power, its cycles left out in turn.
+    The rig file is taken as given. Without --withhold and without withheld runs, each load is left out once.
+    A winch without a model is diagnosed from line force, speed and mechanical power; its cycles are left out in turn.
     """
     one_thread_each()
     from winchcascade.batch.diagnosis import outcome

@@ -50,8 +50,7 @@ def check_command(
 ) -> None:
     """Compare results with a published table, cell by cell. Exit code 1 if any cell misses.
 
-    A cell agrees within the table's rounding, the largest deviation of the measured cycles and twice the standard
-    uncertainty together.
+    A cell agrees within rounding, the largest deviation of the cycles and twice the standard uncertainty together.
     """
     from winchcascade.batch.results import load_results
     from winchcascade.files import write_content
@@ -118,8 +117,8 @@ def audit_command(
 ) -> None:
     """Hold a published table against itself and the text around it, without any log. Exit code 1 on a contradiction.
 
-    With --physics also against the model of a rig: which efficiencies any plausible payout reaches, and which effects could
-    make up the difference.
+    With --physics, the table is also compared with the model of a rig.
+    The result lists the efficiencies that a plausible payout can reach, and the effects that could explain a difference.
     """
     from winchcascade.published.audit import audit
     from winchcascade.report.audit_text import audit_record, audit_text
