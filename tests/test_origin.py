@@ -16,7 +16,7 @@ from winchcascade.channels import SIMULATED_HEADERS
 from winchcascade.commands.settings import settings_of
 from winchcascade.errors import CampaignError
 from winchcascade.ingest.read import read_run
-from winchcascade.origin import SIMULATED, Origin, banner, joint_origin, origin_from, origin_words
+from winchcascade.origin import BANNER, SIMULATED, Origin, banner, joint_origin, origin_from, origin_words
 from winchcascade.published.check import check, measured_from_record
 from winchcascade.report.check_text import check_record, check_text
 from winchcascade.report.document import make_report
@@ -117,7 +117,7 @@ def test_a_log_takes_its_origin_from_the_campaign_beside_it_into_record_and_page
     report = make_report(reduction, found)
     assert report.banner.startswith("Not measured: Rebuilt from Table 2")
     page = html_text(report)
-    assert f'class="banner" role="note">{report.banner}' in page
+    assert f'class="banner" aria-label="Origin of the data"><span>{report.banner}</span>' in page
     assert page.index('class="banner"') < page.index("<header>")
 
 
@@ -147,6 +147,13 @@ def test_origins_of_several_logs_are_counted() -> None:
     assert banner([tank, unknown]) == ""
     assert banner([Origin(False)]) == "Not measured."
     assert origin_words([]) == origin_words([unknown]) == "not stated"
+
+
+def test_a_long_origin_is_shortened_in_the_banner_alone() -> None:
+    long = Origin(False, "made of many words " * 20)
+    assert banner([long]).endswith(" …")
+    assert len(banner([long])) <= len("Not measured: ") + BANNER
+    assert long.sentence.strip() in origin_words([long])
 
 
 def test_a_result_of_an_earlier_version_states_nothing() -> None:

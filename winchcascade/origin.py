@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -10,6 +11,9 @@ import msgspec
 
 KINDS = {True: "measured", False: "not measured", None: "not stated"}
 """What is said of whether data are measured."""
+
+BANNER = 160
+"""Longest origin in a banner: two lines at the top of a page. The summary of the report has the whole. [characters]"""
 
 
 class Origin(msgspec.Struct, frozen=True):
@@ -77,4 +81,6 @@ def banner(origins: Sequence[Origin]) -> str:
         return ""
     sentence = joint_origin(made).sentence
     who = "Not measured" if len(made) == len(origins) else f"{len(made)} of {len(origins)} logs are not measured"
+    if len(sentence) > BANNER:
+        return f"{who}: {textwrap.shorten(sentence, BANNER, placeholder=' …')}"
     return f"{who}: {sentence}." if sentence else f"{who}."

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from diagnosed import diagnosed
+from pypdf import PdfReader
 
 from winchcascade.commands.app import app
 from winchcascade.report.diagnosis import write_diagnosis_reports
@@ -100,6 +101,22 @@ def test_texts_of_a_log_are_shown_and_never_run(browser: Any, pages: dict[str, P
     assert tab.inner_text("h1") == 'a <b>log <script>alert(1)<i> & "quotes" {{ 7*7 }} 測試.csv'
     assert tab.locator("h1 b").count() == 0
     tab.context.close()
+
+
+def test_the_warning_stands_on_every_printed_page_and_hides_no_heading(
+    browser: Any, pages: dict[str, Path], tmp_path: Path
+) -> None:
+    tab, _, _ = opened(browser, pages["clean"], "desktop")
+    tab.evaluate("document.documentElement.style.scrollBehavior = 'auto'")
+    tab.locator("nav a").nth(3).click()
+    bottom = tab.evaluate("document.querySelector('.banner').getBoundingClientRect().bottom")
+    heading = tab.evaluate("document.querySelector(location.hash + ' h2').getBoundingClientRect().top")
+    tab.pdf(path=tmp_path / "printed.pdf", format="A4", print_background=True)
+    tab.context.close()
+    printed = [page.extract_text() for page in PdfReader(tmp_path / "printed.pdf").pages]
+    assert heading > bottom
+    assert len(printed) > 5
+    assert all("Not measured: Rebuilt from Table 2" in " ".join(text.split()) for text in printed)
 
 
 def test_the_chosen_cycle_fills_the_time_axis_and_its_values_are_read_out(browser: Any, pages: dict[str, Path]) -> None:

@@ -14,7 +14,9 @@ from winchcascade.report.templates import template_folder
 if TYPE_CHECKING:
     from winchcascade.report.layout import Report, Table
 
-_SYMBOL = re.compile(r"\b([EPFvpητ])_(line|mech|gen|trans|pto|max|min|mean|plateau|hold|payout|returned|net)\b")
+_SYMBOL = re.compile(
+    r"\b([EPFvpητ])_(line|mech|gen, cycle|gen|trans|pto|max|min|mean|plateau|hold|payout|returned|net)\b"
+)
 
 
 FEW = 4
