@@ -72,6 +72,12 @@ def test_the_message_names_the_cycles_and_both_values() -> None:
     assert found.start > log(4).t[-1] / 2
 
 
+def test_a_drift_that_no_split_of_the_cycles_shows_is_found_by_a_straight_line() -> None:
+    (found,) = changes(with_gain(log(0), "idc", (0.0, -0.039)), 0)
+    assert found.message.startswith("eta_gen drifts from 0.758 in cycle 1 to 0.739 in cycle 3, a change of 2.5%")
+    assert found.count == 3
+
+
 def test_an_open_circuit_has_no_efficiency_that_could_change() -> None:
     for load in (math.inf, None):
         run = read_run(FIXTURES / "open_circuit.csv", load=load)

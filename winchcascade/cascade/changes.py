@@ -12,6 +12,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
 from winchcascade.accuracy import error_sources
@@ -45,17 +46,52 @@ MOVES = 0.0025
 the tool was used on, states efficiencies to 0.003 to 0.005."""
 
 
+class Comparison(msgspec.Struct, frozen=True):
+    """The most significant change of one efficiency over the cycles of a log.
+
+    `change` is relative to the mean, `explained` what speed, gaps and zeros explain of it, `scatter` the standard deviation of
+    such a change by repeatability, with `freedom` degrees of freedom; `chance` is the probability of the change, all
+    comparisons together, `moved` what it moves of the mean efficiency [1]. `here` are the cycles that differ from the
+    others, (k,); None for a drift.
+    """
+
+    metric: str
+    cycles: Sequence[CycleResult]
+    mean: float
+    change: float
+    explained: float
+    scatter: float
+    freedom: int
+    chance: float
+    moved: float
+    here: NDArray[np.bool_] | None
+
+    @property
+    def reported(self) -> bool:
+        """Whether the change is significant and of interest."""
+        return self.chance <= ALPHA and self.moved >= MOVES
+
+
 def changes_within(
     cycles: Sequence[CycleResult], rig: Rig, bridged: Mapping[str, tuple[float, ...]], load: float | None
 ) -> list[Finding]:
     """Find efficiencies that step or drift over the complete cycles of a log, or that one cycle has apart from the others.
 
-    Every split into first and last cycles is compared, and every cycle with the others.
-
     Parameters
     ----------
     bridged : what bridging gaps may have changed of each cycle's energy, by stage [J]
     load : inf for an open circuit, which has no efficiency of interest, None for an unknown load or none [ohm]
+    """
+    compared = compare_cycles(cycles, rig, bridged, load)
+    return [_finding(found) for found in compared if found.reported]
+
+
+def compare_cycles(
+    cycles: Sequence[CycleResult], rig: Rig, bridged: Mapping[str, tuple[float, ...]], load: float | None
+) -> list[Comparison]:
+    """Compare the cycles of a log by each efficiency, parameters as of `changes_within`.
+
+    Every split into first and last cycles is compared, every cycle with the others, and a straight line is fitted to all.
     """
     if load == math.inf:
         return []
@@ -65,14 +101,14 @@ def changes_within(
     power_share = 0.5 if load is not None else 1.0
     given = {m: [k for k, c in enumerate(cycles) if c.complete and getattr(c.metrics, m) is not None] for m in RATIOS}
     tested = [m for m in ("eta_trans", "eta_gen") if len(given[m]) > 1] or ["eta_pto"] * (len(given["eta_pto"]) > 1)
-    findings = []
+    compared = []
     for metric in tested:
         rows = given[metric]
         here = [cycles[k] for k in rows]
         gaps = _bridged_share(metric, cycles, rows, bridged)
         found = _largest_change(metric, here, gaps, _zeros(here, rig), power_share, len(tested))
-        findings += [] if found is None else [found]
-    return findings
+        compared += [] if found is None else [found]
+    return compared
 
 
 def _delivered(metrics: Metrics) -> float | None:
@@ -106,8 +142,8 @@ def _zeros(cycles: Sequence[CycleResult], rig: Rig) -> float:
 
 def _largest_change(
     metric: str, cycles: Sequence[CycleResult], gaps: Signal, zeros: float, power_share: float, metrics: int
-) -> Finding | None:
-    """The most significant change of an efficiency over the cycles, None if there is none of interest."""
+) -> Comparison | None:
+    """The most significant change of an efficiency over the cycles; None where the efficiency is not positive."""
     eta = np.array([getattr(c.metrics, metric) for c in cycles])
     mean, n = float(np.mean(eta)), len(cycles)
     if mean <= 0.0:
@@ -118,24 +154,47 @@ def _largest_change(
     size = np.hstack([np.log(energies), np.log(energies / lengths)])
     first = np.concatenate([np.arange(1, n), np.ones(max(n - 2, 0), dtype=np.int64)])
     other = n - first
-    change = _differences(eta / mean, first)
-    differs = np.abs(_differences(size, first))
+    drift = _drift_weights(n)
+    change = np.concatenate([_differences(eta / mean, first), drift @ (eta / mean)])
+    spread = np.concatenate([1.0 / first + 1.0 / other, np.sum(drift**2, axis=1)])
+    differs = np.abs(np.concatenate([_differences(size, first), drift @ size]))
     differs = np.maximum(differs[:, :2].min(axis=1), differs[:, 2:].min(axis=1))  # of energies and of powers
-    allowed = (
-        power_share * (1.0 - mean + zeros) * differs
-        + _means(gaps, first)
-        + (gaps.sum() - _means(gaps, first) * first) / other
-    )
-    within = np.maximum(n * float(np.var(eta / mean)) - first * other / n * change**2, 0.0)
+    bridged = _means(gaps, first) + (gaps.sum() - _means(gaps, first) * first) / other
+    allowed = power_share * (1.0 - mean + zeros) * differs + np.concatenate([bridged, np.abs(drift) @ gaps])
+    within = np.maximum(n * float(np.var(eta / mean)) - change**2 / spread, 0.0)
     freedom = PRIOR + n - 2
     s = np.sqrt((PRIOR * REPEATS**2 + within) / freedom)
-    t = np.maximum(np.abs(change) - allowed, 0.0) / (s * np.sqrt(1.0 / first + 1.0 / other))
+    t = np.maximum(np.abs(change) - allowed, 0.0) / (s * np.sqrt(spread))
     best = int(np.argmax(t))
-    moved = (abs(change[best]) - allowed[best]) * mean * min(first[best], other[best]) / n
-    if probability(float(t[best]), freedom) * first.size * metrics > ALPHA or moved < MOVES:
+    of_mean = np.concatenate([np.minimum(first, other) / n, np.full(len(drift), 0.5)])
+    return Comparison(
+        metric=metric,
+        cycles=cycles,
+        mean=mean,
+        change=float(change[best]),
+        explained=float(allowed[best]),
+        scatter=float((s * np.sqrt(spread))[best]),
+        freedom=freedom,
+        chance=probability(float(t[best]), freedom) * change.size * metrics,
+        moved=float((abs(change[best]) - allowed[best]) * mean * of_mean[best]),
+        here=_cycles_apart(n, best),
+    )
+
+
+def _cycles_apart(n: int, row: int) -> NDArray[np.bool_] | None:
+    """Cycles that a comparison sets against the others, (n,), by its number; None for the drift, which is the last one."""
+    if row >= 2 * n - 3:
         return None
-    here = np.arange(n) <= best if best < n - 1 else np.arange(n) == best - n + 2
-    return _told(metric, cycles, eta, here, float(allowed[best]))
+    return np.arange(n) <= row if row < n - 1 else np.arange(n) == row - n + 2
+
+
+def _drift_weights(n: int) -> Signal:
+    """Weights that give the change from the first to the last cycle along a fitted straight line, (1, n).
+
+    Of two cycles that is their difference, which is compared anyway: then (0, 2).
+    """
+    along = np.linspace(-0.5, 0.5, n)
+    return (along / (along @ along))[None][: max(n - 2, 0)]
 
 
 def _means(x: Signal, first: NDArray[np.int64]) -> Signal:
@@ -162,17 +221,23 @@ def probability(t: float, freedom: float) -> float:
     return math.erfc(z / math.sqrt(2.0))
 
 
-def _told(metric: str, cycles: Sequence[CycleResult], eta: Signal, here: NDArray[np.bool_], allowed: float) -> Finding:
+def _finding(found: Comparison) -> Finding:
     """The finding: which cycles differ from which, by how much, and what of it the motion and the gaps explain."""
-    one, other = float(np.mean(eta[here])), float(np.mean(eta[~here]))
-    fewer = here if here.sum() <= (~here).sum() else ~here
-    span = [c for c, chosen in zip(cycles, fewer, strict=True) if chosen]
-    explained = f"; speed, gaps and zeros explain {allowed:.1%} at most" if allowed >= 0.0005 else ""
+    cycles, here, span = found.cycles, found.here, found.cycles
+    if here is None:
+        one, other = found.mean * (1.0 - 0.5 * found.change), found.mean * (1.0 + 0.5 * found.change)
+        said = f"drifts from {one:.3f} in cycle {cycles[0].cycle} to {other:.3f} in cycle {cycles[-1].cycle}"
+    else:
+        eta = np.array([getattr(c.metrics, found.metric) for c in cycles])
+        one, other = float(np.mean(eta[here])), float(np.mean(eta[~here]))
+        fewer = here if here.sum() <= (~here).sum() else ~here
+        span = [c for c, chosen in zip(cycles, fewer, strict=True) if chosen]
+        said = f"is {one:.3f} in {_named(cycles, here)} and {other:.3f} in {_named(cycles, ~here)}"
+    explained = f"; speed, gaps and zeros explain {found.explained:.1%} at most" if found.explained >= 0.0005 else ""
     return Finding(
         "efficiency_change",
-        f"{metric} is {one:.3f} in {_named(cycles, here)} and {other:.3f} in {_named(cycles, ~here)}, a change of "
-        f"{abs(other - one) / max(one, other):.1%}{explained}",
-        f"kept as logged; look at {LOOK_AT[metric]}",
+        f"{found.metric} {said}, a change of {abs(other - one) / max(one, other):.1%}{explained}",
+        f"kept as logged; look at {LOOK_AT[found.metric]}",
         start=span[0].window.onset,
         end=span[-1].window.cutoff,
         count=len(span),
