@@ -44,14 +44,20 @@ SAME_NOISE = 0.9
 
 Span = tuple[float, float]
 
+Rest = tuple[float, float, float]
+"""Begin and end of a rest, and the end of the motion before it that turned the rotor. [s]"""
+
 
 def zero_findings(phased: Phased) -> list[Finding]:
     """Report zeros of torque, Idc, Vdc and force that are off by five standard uncertainties; no channel is changed.
 
-    A sensor without a stated zero is not evaluated. Nor are Vdc and Idc in open circuit, where the bleed resistance alone
+    All rests are evaluated together, and each hold by itself, which shows a zero that stepped within the log. A rest before a
+    payout is not evaluated by itself: a line that tightens loads the shaft before it moves. A sensor without a stated zero is
+    not evaluated. Nor are Vdc and Idc in open circuit, where the bleed resistance alone
     discharges the capacitor over many seconds, and the torque of a rig whose file states no one-way clutch.
     """
-    rests = _rests(phased)
+    before, holds = _rests(phased)
+    rests = sorted([*before, *holds])
     decay = _decay(phased)
     findings = []
     for channel, wait in (
@@ -60,14 +66,19 @@ def zero_findings(phased: Phased) -> list[Finding]:
         ("vdc", decay),
     ):
         if wait is not None:
-            findings += _zero(phased, channel, [(max(a, last + wait), b) for a, b, last in rests])
+            findings += _zero(phased, channel, _after(rests, wait)) or _stepped(phased, channel, _after(holds, wait))
     if decay is not None:
-        findings += _computed(phased, [(max(a, last + decay), b) for a, b, last in rests])
+        findings += _computed(phased, _after(rests, decay))
     return [*findings, *_force(phased, [(a, b) for a, b, _ in rests])]
 
 
-def _rests(phased: Phased) -> list[tuple[float, float, float]]:
-    """Rests before payouts and holds after them: begin, end, and the end of the motion before that turned the rotor [s].
+def _after(rests: list[Rest], wait: float) -> list[Span]:
+    """What of some rests lies so long after the motion that turned the rotor. [s]"""
+    return [(max(a, last + wait), b) for a, b, last in rests]
+
+
+def _rests(phased: Phased) -> tuple[list[Rest], list[Rest]]:
+    """Rests before payouts, and holds after them.
 
     Before the first payout the log's beginning counts as that end, since nothing is known of the time before it. What
     smoothing blurs at both ends is left out.
@@ -75,17 +86,17 @@ def _rests(phased: Phased) -> list[tuple[float, float, float]]:
     blur = 0.5 * phased.rig.thresholds.smoothing
     clutch = phased.rig.drivetrain.one_way_clutch is not False
     start = float(phased.run.t[0])
-    found = []
+    rests, holds = [], []
     for k in phased.chosen():
         cycle = phased.cycles[k]
         before = phased.cycles[k - 1] if k else None
         if not cycle.begins_inside and (before is None or before.haul_in is not None):
             begin = start if before is None or before.haul_in is None else before.haul_in[1]
             last = begin if before is None or not clutch else before.payout_end
-            found.append((begin + blur, cycle.onset - blur, last))
+            rests.append((begin + blur, cycle.onset - blur, last))
         if cycle.hold is not None:
-            found.append((cycle.hold[0] + blur, cycle.hold[1] - blur, cycle.payout_end))
-    return found
+            holds.append((cycle.hold[0] + blur, cycle.hold[1] - blur, cycle.payout_end))
+    return rests, holds
 
 
 def _run_down(rig: Rig) -> float:
@@ -105,25 +116,42 @@ def _decay(phased: Phased) -> float | None:
 
 def _zero(phased: Phased, channel: str, spans: list[Span]) -> list[Finding]:
     """The median of a channel where it should read nothing."""
+    zero = _significant_zero(phased, channel, spans)
+    if zero is None:
+        return []
+    return [_finding(channel, f"{channel} reads {_zero_text(phased, channel, zero)}", spans)]
+
+
+def _stepped(phased: Phased, channel: str, holds: list[Span]) -> list[Finding]:
+    """A zero that single holds show: it stepped or drifted within the log."""
+    zeros = [_significant_zero(phased, channel, [span]) for span in holds]
+    spans = [span for span, zero in zip(holds, zeros, strict=True) if zero is not None]
+    if not spans:
+        return []
+    most = max((zero for zero in zeros if zero is not None), key=abs)
+    held = f"in {len(spans)} of {len(holds)} holds, but not over the whole log, {channel} reads up to "
+    return [_finding(channel, held + _zero_text(phased, channel, most), spans)]
+
+
+def _significant_zero(phased: Phased, channel: str, spans: list[Span]) -> float | None:
+    """Median of a channel in some spans, None where it is no more than its uncertainties. [SI unit of the channel]"""
     u_zero = phased.u_zero(channel)
     if channel not in phased.run.channels or not u_zero:
-        return []
+        return None
     read = _samples(phased, channel, spans)
     if read.size < FEWEST:
-        return []
+        return None
     zero = median(read)
     u = 1.4826 * median(np.abs(read - zero)) * math.sqrt(0.5 * math.pi / read.size)
-    if abs(zero) < CERTAIN * u_zero or abs(zero) < CLEAR * u:
-        return []
+    return zero if abs(zero) >= CERTAIN * u_zero and abs(zero) >= CLEAR * u else None
+
+
+def _zero_text(phased: Phased, channel: str, zero: float) -> str:
     unit = CHANNELS[channel].unit
-    return [
-        _finding(
-            channel,
-            f"{channel} reads {zero:+.3g} {unit} at rest, after rotor and capacitor have run down; its zero is known to "
-            f"{u_zero:.2g} {unit}",
-            spans,
-        )
-    ]
+    return (
+        f"{zero:+.3g} {unit} at rest, after rotor and capacitor have run down; its zero is known to "
+        f"{phased.u_zero(channel):.2g} {unit}"
+    )
 
 
 def _computed(phased: Phased, spans: list[Span]) -> list[Finding]:
