@@ -149,6 +149,19 @@ def test_a_zero_beyond_five_standard_uncertainties_is_reported(channel: str, sig
     assert ("+" if sign > 0 else "-") in finding.message
 
 
+@pytest.mark.parametrize("name", ["r45ohm", "r18ohm"])
+@pytest.mark.parametrize("offset", [-4.0, 4.0])
+def test_a_zero_that_steps_within_the_last_payout_is_reported_with_its_hold(name: str, offset: float) -> None:
+    last = of(name, clean(name)).cycles[-1].phases
+    after = clean(name).t > last.onset + 2.0
+    run = changed(clean(name), torque=clean(name).channels["torque"] + offset * after)
+    (finding,) = [f for f in of(name, run).quality if f.kind == "zero_offset"]
+    assert finding.message.startswith("in 1 of 3 holds, but not over the whole log, torque reads up to ")
+    assert last.hold is not None
+    assert finding.start is not None
+    assert last.hold[0] < finding.start < last.hold[1]
+
+
 def test_in_open_circuit_vdc_and_idc_have_no_known_zero() -> None:
     run = clean("open_circuit")
     run = changed(run, vdc=run.channels["vdc"] + 1.0)
@@ -236,6 +249,30 @@ def test_coarse_sampling_is_reported_where_the_energies_err_and_nowhere_else(
             reported = bool(messages(found, "coarse_sampling"))
             assert max(errors) > BAR or not reported, (step, first)
             assert max(errors) < 2.0 * BAR or reported, (step, first)
+
+
+def thinned(run: Run, step: int, first: int) -> Run:
+    channels = {n: x[first::step] for n, x in run.channels.items()}
+    return msgspec.structs.replace(run, t=run.t[first::step], channels=channels, fs=run.fs / step)
+
+
+@pytest.mark.parametrize("name", ["r45ohm", "r18ohm", "r4p5ohm"])
+@pytest.mark.parametrize("step", [6, 7, 8])
+def test_below_5_hz_the_error_of_the_onset_is_reported(name: str, step: int) -> None:
+    for first in range(step):
+        assert messages(of(name, thinned(clean(name), step, first)), "coarse_sampling"), first
+
+
+def test_a_log_with_no_window_of_two_samples_is_reported_as_coarse() -> None:
+    found = of("r18ohm", thinned(clean("r18ohm"), 111, 6))
+    assert not found.complete
+    (message,) = messages(found, "coarse_sampling")
+    assert message.startswith("0.225 Hz is too coarse for this motion: ")
+    assert "windows are shorter than 2 sampling intervals" in message
+
+
+def test_a_window_that_is_short_is_no_coarse_sampling() -> None:
+    assert not messages(reduce(clean(), window=0.05), "coarse_sampling")
 
 
 def test_coarse_sampling_counts_in_the_uncertainty(tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
 Trapezoids and interpolated instants err by the square of the sampling interval where the motion is smooth. So the change from
 the log to every second sample is three times the error of the log itself (Richardson), that to every third sample eight times.
+Where the samples are so far apart that the start of the motion is a kink between two of them, the interpolated onset errs in
+proportion to the interval: the changes are then once and twice the error of the log.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ import numpy as np
 from winchcascade.cascade.efficiency import NOTHING
 from winchcascade.cascade.power import STAGES, sources, stream
 from winchcascade.cascade.summary import travel_and_top
-from winchcascade.cascade.windows import find_windows
+from winchcascade.cascade.windows import SHORTEST, find_windows
 from winchcascade.integrate import integrals
 from winchcascade.order import median
 from winchcascade.phases.detect import detect, smoothed_velocity
@@ -41,6 +43,9 @@ of trapezoids and interpolated instants are then below 0.1 % of an energy."""
 
 SMOOTHED = 5
 """Samples that a local quadratic needs to smooth: through three it passes exactly."""
+
+KINKED = 3
+"""Fewer sampling intervals within the smoothing width smooth nothing, and the error of the onset is of first order."""
 
 REPORTED = 0.005
 """Error of an energy of a cycle from which coarse sampling is reported. [1]"""
@@ -80,7 +85,9 @@ def check_sampling(
     """
     whole = np.array([w.fault is None for w in energies.windows], dtype=bool)
     held = _held_channels(run, rig, cycles, plateaus, energies) if whole.any() else ()
-    if not whole.any() or _clearly_fine(run, rig, cycles, plateaus):
+    if not whole.any():
+        return Sampling({}, _no_window(run, rig, energies))
+    if _clearly_fine(run, rig, cycles, plateaus):
         return Sampling({}, held)
     changes = {s: c[:, whole] for s, c in thinned_changes(run, rig, rule, cycles, energies).items()}
     if run.open_circuit:
@@ -113,6 +120,25 @@ def check_sampling(
                 end=max(w.cutoff for w in energies.windows if w.fault is None),
                 count=len(onsets),
             ),
+        ),
+    )
+
+
+def _no_window(run: Run, rig: Rig, energies: Energies) -> tuple[Finding, ...]:
+    """No window of a log is whole: that is due to the sampling where samples are farther apart than the smoothing is wide."""
+    windows = energies.windows
+    short = [w for w in windows if (w.cutoff - w.onset) * run.fs < SHORTEST]
+    if not short or run.fs * rig.thresholds.smoothing >= 1.0:
+        return ()
+    return (
+        Finding(
+            "coarse_sampling",
+            f"{run.fs:.3g} Hz is too coarse for this motion: {len(short)} of {len(windows)} windows are shorter than "
+            f"{SHORTEST:g} sampling intervals, and payouts may lie between two samples",
+            "no energy is computed; log faster, or use the window payout",
+            start=short[0].onset,
+            end=short[-1].cutoff,
+            count=len(short),
         ),
     )
 
@@ -184,6 +210,7 @@ def _own_error(change: Signal, within: float) -> float:
     Where the log is smoothed, thinning takes away the smoothing too, and Richardson's extrapolation is taken for all of the
     change, root mean square over the cycles. Where it is not, only for what the cycles share: by what they differ noise errs,
     as much in the log as in a thinned one. What the two phases differ by is of a higher order, an eighth in the log.
+    Below `KINKED` sampling intervals the error is taken as of first order.
 
     Parameters
     ----------
@@ -194,7 +221,8 @@ def _own_error(change: Signal, within: float) -> float:
         return 1.0
     twice = np.nanmean(second, axis=0)
     thrice = np.nanmean(np.where(np.isnan(third).all(axis=0), 0.0, third), axis=0)
-    error = float(max(np.sqrt(np.mean(twice**2)) / 3.0, np.sqrt(np.mean(thrice**2)) / 8.0))
+    by_second, by_third = (1.0, 2.0) if within < KINKED else (3.0, 8.0)
+    error = float(max(np.sqrt(np.mean(twice**2)) / by_second, np.sqrt(np.mean(thrice**2)) / by_third))
     if within < SMOOTHED:
         shared = float(twice.mean())
         apart = 0.5 * float(np.max(np.nanmax(second, axis=0) - np.nanmin(second, axis=0)))
