@@ -19,6 +19,7 @@ import damage_signals as signals
 import numpy as np
 from base_logs import LOGS, RATES, Log, base
 from judge import Damage, Outcome, judged, scratch
+from reasons import by_reason
 
 Draw = Callable[[Log, np.random.Generator], Damage]
 
@@ -120,8 +121,8 @@ def silent_share(results: Sequence[Result]) -> float:
 def _line(title: str, results: Sequence[Result]) -> str:
     beyond = [r for r in results if r.outcome.beyond]
     silent = [r for r in beyond if r.outcome.silent]
-    unseen = [r for r in silent if r.damage.unseen]
-    shown = sum(not r.damage.unseen for r in beyond)
+    unseen = [r for r in silent if r.outcome.reason]
+    shown = len(beyond) - len(unseen)
     rejected = sum(r.outcome.reported.startswith("rejected") for r in results)
     rest = (len(silent) - len(unseen)) / max(1, shown)
     counts = f"{len(results):12}{len(beyond):8}{rejected:10}{len(silent):8}{silent_share(results):8.1%}"
@@ -129,14 +130,9 @@ def _line(title: str, results: Sequence[Result]) -> str:
 
 
 def reasons(results: Sequence[Result]) -> str:
-    """Count the silent corruptions that one log cannot show, by reason."""
-    found: dict[tuple[int, str], int] = {}
-    for r in results:
-        if r.outcome.silent and r.damage.unseen:
-            key = r.kind, r.damage.unseen
-            found[key] = found.get(key, 0) + 1
-    lines = [f"{kind:5}{count:6}  {reason}" for (kind, reason), count in sorted(found.items())]
-    return "\n".join(["class count  reason why one log cannot show it", *lines]) if lines else ""
+    """Count the silent corruptions by the reason why one log cannot show them."""
+    found = [(r.kind, r.outcome.reason) for r in results if r.outcome.silent]
+    return f"class count  reason why one log cannot show it\n{by_reason(found)}" if found else ""
 
 
 def describe(result: Result, *, seed: int, reported: bool = False) -> str:
@@ -144,8 +140,9 @@ def describe(result: Result, *, seed: int, reported: bool = False) -> str:
     beyond = "; ".join(result.outcome.beyond[:4]) + (" ..." if len(result.outcome.beyond) > 4 else "")
     text = f"class {result.kind} number {result.number} seed {seed}: {result.damage.log!r}: {result.damage.what}"
     text += f"\n    moved: {beyond}"
-    if result.damage.unseen:
-        text += f"\n    one log cannot show it: {result.damage.unseen}"
+    if result.outcome.silent:
+        reason = result.outcome.reason
+        text += f"\n    one log cannot show it: {': '.join(reason)}" if reason else "\n    no reason known"
     if reported:
         text += f"\n    reported: {result.outcome.reported or '-'}"
     return text + (f"\n{result.fault}" if result.fault else "")

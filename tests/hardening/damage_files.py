@@ -16,6 +16,7 @@ from calls import call
 from damage_signals import ELECTRICAL, GAINS, Rng, either, log_uniform, rounded, spot
 from judge import Damage, Outcome, csv, moved, truth
 from nptdms import ChannelObject, TdmsWriter
+from reasons import campaign_reason
 from scipy.io import savemat
 
 from winchcascade.campaign import load_campaign
@@ -448,7 +449,8 @@ def between_logs(log: Log, rng: Rng) -> Damage:
         path = csv(damaged)(folder)
         beyond, _ = moved(truth(log), reduce(read_run(path, load=log.load), window=log.window))
         new = sorted(_batch(folder, log.name, damaged)[0] - known)
-        return Outcome(beyond, "new words: " + " ".join(new) if new else "")
+        reason = campaign_reason(log.name, folder / "results") if not new else None
+        return Outcome(beyond, "new words: " + " ".join(new) if new else "", reason)
 
     return with_judge(damage, judge)
 

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from base_logs import DECIMALS, HEADERS, NOISE, STEPS, TIME, Log, Signal, base
 from judge import Damage, csv, truth
+from reasons import force_reason, gain_reason, lag_reason, zero_reason
 from scipy.signal import lfilter
 
 Rng = np.random.Generator
@@ -329,11 +330,11 @@ BELOW = 0.1
 """Share of the draws with a size below the threshold that the task sets: these one log need not show."""
 
 
-def _lag(log: Log, rng: Rng, threshold: float, most: float) -> tuple[float, str]:
+def _lag(log: Log, rng: Rng, threshold: float, most: float) -> float:
     least = max(threshold, log.step)
     if rng.random() < BELOW:
-        return either(rng, log_uniform(rng, 0.3 * least, least)), f"below the threshold of {least:g} s"
-    return either(rng, log_uniform(rng, 1.05 * least, most)), ""
+        return either(rng, log_uniform(rng, 0.3 * least, least))
+    return either(rng, log_uniform(rng, 1.05 * least, most))
 
 
 def _at(log: Log, name: str, t: Signal) -> Signal:
@@ -349,7 +350,7 @@ def _late(log: Log, name: str, lag: float, begin: int = 0) -> Signal:
     return rounded(name, np.concatenate((x[:begin], late[begin:])))
 
 
-def _lagged(log: Log, names: Sequence[str], lag: float, unseen: str, begin: int = 0) -> Damage:
+def _lagged(log: Log, names: Sequence[str], lag: float, begin: int = 0) -> Damage:
     columns = {name: _late(log, name, lag, begin) for name in names}
     since = f" from row {begin} on" if begin else ""
     return Damage(
@@ -357,45 +358,45 @@ def _lagged(log: Log, names: Sequence[str], lag: float, unseen: str, begin: int 
         f"{', '.join(names)} {lag:+.3f} s late{since}",
         frozenset(names),
         csv(log.changed(**columns)),
-        unseen=unseen,
+        unseen=lag_reason(names, lag),
     )
 
 
 def motion_lag(log: Log, rng: Rng) -> Damage:
     """Velocity 0.1 s (or one sample) to 2 s off the displacement, either sign."""
-    lag, unseen = _lag(log, rng, THRESHOLD, 2.0)
-    return _lagged(log, ("velocity",), lag, unseen)
+    lag = _lag(log, rng, THRESHOLD, 2.0)
+    return _lagged(log, ("velocity",), lag)
 
 
 def current_lag(log: Log, rng: Rng) -> Damage:
     """Idc or Vdc 0.1 s (or one sample) to 2 s off the other, either sign."""
-    lag, unseen = _lag(log, rng, THRESHOLD, 2.0)
-    return _lagged(log, (ELECTRICAL[rng.integers(2)],), lag, unseen)
+    lag = _lag(log, rng, THRESHOLD, 2.0)
+    return _lagged(log, (ELECTRICAL[rng.integers(2)],), lag)
 
 
 def torque_lag(log: Log, rng: Rng) -> Damage:
     """Torque, or Vdc and Idc together, 0.25 to 2 s off the other side, either sign."""
-    lag, unseen = _lag(log, rng, PHYSICS, 2.0)
-    return _lagged(log, ("torque",) if rng.random() < 0.5 else ELECTRICAL, lag, unseen)
+    lag = _lag(log, rng, PHYSICS, 2.0)
+    return _lagged(log, ("torque",) if rng.random() < 0.5 else ELECTRICAL, lag)
 
 
 def force_lag(log: Log, rng: Rng) -> Damage:
     """Force 0.25 to 2 s off all others, either sign."""
-    lag, unseen = _lag(log, rng, PHYSICS, 2.0)
-    return _lagged(log, ("force",), lag, unseen)
+    lag = _lag(log, rng, PHYSICS, 2.0)
+    return _lagged(log, ("force",), lag)
 
 
 def two_loggers(log: Log, rng: Rng) -> Damage:
     """Two loggers joined with 0.25 to 2 s between them: one has the motion, or motion and force, the other one the rest."""
-    lag, unseen = _lag(log, rng, PHYSICS, 2.0)
-    return _lagged(log, POWERS if rng.random() < 0.5 else ("torque", *ELECTRICAL), lag, unseen)
+    lag = _lag(log, rng, PHYSICS, 2.0)
+    return _lagged(log, POWERS if rng.random() < 0.5 else ("torque", *ELECTRICAL), lag)
 
 
 def slipped(log: Log, rng: Rng) -> Damage:
     """A channel that loses step at a place: 0.25 to 2 s off from there on."""
-    lag, unseen = _lag(log, rng, PHYSICS, 2.0)
+    lag = _lag(log, rng, PHYSICS, 2.0)
     begin, _ = spot(rng, log, 0.1)
-    return _lagged(log, (("velocity", "torque", "vdc", "idc")[rng.integers(4)],), lag, unseen, begin)
+    return _lagged(log, (("velocity", "torque", "vdc", "idc")[rng.integers(4)],), lag, begin)
 
 
 def second_clock(log: Log, rng: Rng) -> Damage:
@@ -429,28 +430,17 @@ FORCE_AT_REST = (0.54, 1 / 0.68)
 """Band of the force at rest that friction allows, as a share of the frictionless one."""
 
 
-def _offset(log: Log, rng: Rng, name: str) -> tuple[float, str]:
+def _offset(rng: Rng, name: str) -> float:
     low, high = ZEROS[name]
     if rng.random() < BELOW:
-        return either(rng, log_uniform(rng, 0.3 * low, low)), "inside five standard uncertainties of the zero"
-    offset = either(rng, log_uniform(rng, low, high))
-    if name == "force" and _within_band(log, offset):
-        return offset, "inside the band of the force at rest that friction allows"
-    return offset, ""
-
-
-def _within_band(log: Log, offset: float) -> bool:
-    """Whether the force at rest stays possible: p A times the lead over the circumference, with friction either way."""
-    rest = slice(0, round(3.0 * log.rate))
-    pressure = 98066.5 * float(np.median(log.columns["pressure"][rest]))
-    frictionless = pressure * 7850e-6 * 0.010 / (2 * np.pi * 0.13)
-    force = float(np.median(log.columns["force"][rest])) + offset
-    return FORCE_AT_REST[0] * frictionless < force < FORCE_AT_REST[1] * frictionless
+        return either(rng, log_uniform(rng, 0.3 * low, low))
+    return either(rng, log_uniform(rng, low, high))
 
 
 def constant_offset(log: Log, rng: Rng, name: str) -> Damage:
-    offset, unseen = _offset(log, rng, name)
+    offset = _offset(rng, name)
     x = rounded(name, log.columns[name] + offset)
+    unseen = force_reason(log, x, FORCE_AT_REST) if name == "force" else zero_reason(log, name, x)
     return Damage(log, f"zero of {name} {offset:+.4g}", frozenset({name}), csv(log.changed(**{name: x})), unseen=unseen)
 
 
@@ -477,7 +467,7 @@ def force_zero(log: Log, rng: Rng) -> Damage:
 def drifting_zero(log: Log, rng: Rng) -> Damage:
     """A zero of torque, Idc or Vdc that drifts to such a size by the end, or steps at a place."""
     name = ("torque", "idc", "vdc")[rng.integers(3)]
-    offset, unseen = _offset(log, rng, name)
+    offset = _offset(rng, name)
     if rng.random() < 0.5:
         shape, how = (log.t - log.t[0]) / (log.t[-1] - log.t[0]), "drifts"
     else:
@@ -485,8 +475,9 @@ def drifting_zero(log: Log, rng: Rng) -> Damage:
         shape, how = (np.arange(len(log.t)) >= begin).astype(float), f"steps at row {begin}"
     x = rounded(name, log.columns[name] + offset * shape)
     return Damage(
-        log, f"zero of {name} {how} by {offset:+.4g}", frozenset({name}), csv(log.changed(**{name: x})), unseen=unseen
-    )
+        log, f"zero of {name} {how} by {offset:+.4g}", frozenset({name}), csv(log.changed(**{name: x})),
+        unseen=zero_reason(log, name, x),
+    )  # fmt: skip
 
 
 def speed_zero(log: Log, rng: Rng) -> Damage:
@@ -512,7 +503,7 @@ def gain_step(log: Log, rng: Rng) -> Damage:
     x[begin:] = rounded(name, (1 + change) * x[begin:])
     return Damage(
         log, f"gain of {name} {100 * change:+.1f} % from cycle {cycles[k].cycle} on", frozenset({name}),
-        csv(log.changed(**{name: x})),
+        csv(log.changed(**{name: x})), unseen=gain_reason,
     )  # fmt: skip
 
 
@@ -527,7 +518,7 @@ def one_cycle(log: Log, rng: Rng) -> Damage:
     x = np.where(inside, rounded(name, (1 + change) * log.columns[name]), log.columns[name])
     return Damage(
         log, f"gain of {name} {100 * change:+.1f} % in cycle {cycles[k].cycle}", frozenset({name}),
-        csv(log.changed(**{name: x})),
+        csv(log.changed(**{name: x})), unseen=gain_reason,
     )  # fmt: skip
 
 
@@ -537,5 +528,6 @@ def drift(log: Log, rng: Rng) -> Damage:
     change = either(rng, log_uniform(rng, 0.03, 0.3))
     x = rounded(name, log.columns[name] * (1 + change * (log.t - log.t[0]) / (log.t[-1] - log.t[0])))
     return Damage(
-        log, f"gain of {name} drifts by {100 * change:+.1f} %", frozenset({name}), csv(log.changed(**{name: x}))
-    )
+        log, f"gain of {name} drifts by {100 * change:+.1f} %", frozenset({name}),
+        csv(log.changed(**{name: x})), unseen=gain_reason,
+    )  # fmt: skip

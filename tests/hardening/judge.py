@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from base_logs import TIME, Log, Signal, base
+from reasons import Reason, Reasoning
 
 from winchcascade.cascade.efficiency import Metrics
 from winchcascade.cascade.reduce import CycleResult, Reduction, reduce, require_payouts
@@ -33,10 +34,14 @@ NO_POINTER = {"unknown_column", "incomplete_cycle"}
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a corruption: what it moved beyond the bar, and who reports it ("" if nobody does)."""
+    """What became of a corruption: what it moved beyond the bar, and who reports it ("" if nobody does).
+
+    `reason` is why one log cannot show it, None if that is unknown or not needed.
+    """
 
     beyond: tuple[str, ...]
     reported: str
+    reason: Reason | None = None
 
     @property
     def silent(self) -> bool:
@@ -49,8 +54,8 @@ class Damage:
     """One corruption: what was done, to which channels, and how it is read.
 
     `write` makes the file in a folder and gives its path. `spans` are times of the damage on the clock of the file [s];
-    `true_stamps` gives, for the stamps of the file, the instants they belong to [s]. `unseen` is the reason why one log
-    cannot show it. `judge` replaces the usual comparison with the undamaged log.
+    `true_stamps` gives, for the stamps of the file, the instants they belong to [s]. `unseen` gives
+    the reason why one log cannot show it. `judge` replaces the usual comparison with the undamaged log.
     """
 
     log: Log
@@ -59,7 +64,7 @@ class Damage:
     write: Callable[[Path], Path] | None = None
     spans: Sequence[tuple[float, float]] = ()
     true_stamps: tuple[Signal, Signal] | None = None
-    unseen: str = ""
+    unseen: Reasoning | None = None
     load: float | None = None
     stated_in_file: bool = False
     window: float | str | None = None
@@ -144,7 +149,8 @@ def compared(damage: Damage, true: Reduction, found: Reduction) -> Outcome:
         return Outcome(beyond, "; ".join(f"{f.kind} {f.channel or ''}: {f.message}" for f in findings[:3]))
     if lost and set(beyond) - {damage.always} <= lost:
         return Outcome(beyond, next(iter(lost)))
-    return Outcome(beyond, "")
+    reason = damage.unseen(found) if beyond and damage.unseen is not None else None
+    return Outcome(beyond, "", reason)
 
 
 def new_findings(true: Reduction, found: Reduction) -> list[Finding]:

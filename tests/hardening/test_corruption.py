@@ -7,7 +7,9 @@ import pytest
 from base_logs import LOGS, RATES, base, bases
 from clean_logs import print_findings
 from corruption import CLASSES, draw, run, silent_share, table
+from damage_signals import constant_offset, drift
 from judge import Damage, csv, judged, moved, scratch, truth
+from reasons import by_reason, lag_reason, zero_reason
 
 SEED = 20261122
 
@@ -59,6 +61,51 @@ def test_a_cycle_that_is_reported_as_incomplete_is_not_silent(folder: Path) -> N
     outcome = judged(Damage(log, "ends in a window", frozenset(), csv(log.rows(np.arange(end)))), folder)
     assert outcome.beyond == ("cycle 3 incomplete",)
     assert outcome.reported
+
+
+@pytest.mark.parametrize(
+    ("late", "lag", "limit"),
+    [
+        (("velocity",), 0.09, "0.1 s between displacement and velocity"),
+        (("idc",), 0.09, "0.1 s between vdc and idc"),
+        (("vdc", "idc"), -0.2, "0.25 s between torque and vdc x idc"),
+        (("force", "torque", "vdc", "idc"), 0.3, "0.35 s between velocity and vdc"),
+        (("torque",), 0.09, "0.1 s between torque and force"),
+        (("velocity",), 0.11, ""),
+        (("torque",), 0.2, ""),
+    ],
+)
+def test_a_lag_has_a_reason_only_below_the_smallest_limit_of_its_channels(
+    late: tuple[str, ...], lag: float, limit: str
+) -> None:
+    reason = lag_reason(late, lag)(truth(base("r18ohm", 25)))
+    assert (reason.figures if reason else "") == (f"{abs(lag):.3f} s; {limit}" if limit else "")
+
+
+@pytest.mark.parametrize(("offset", "hidden"), [(0.8, True), (3.0, False)])
+def test_a_zero_has_a_reason_only_inside_five_standard_uncertainties(offset: float, hidden: bool) -> None:
+    log = base("r18ohm", 25)
+    assert (zero_reason(log, "torque", log.columns["torque"] + offset)(truth(log)) is not None) == hidden
+
+
+def test_a_force_has_a_reason_only_inside_the_band_of_friction() -> None:
+    log = base("r45ohm", 25)
+    reasons = [
+        d.unseen(truth(log)) for k in range(40) if (d := constant_offset(log, np.random.default_rng(k), "force")).unseen
+    ]
+    assert None in reasons
+    assert "friction explains the force at rest" in {r.why for r in reasons if r}
+
+
+def test_a_silent_corruption_without_a_reason_is_listed_as_such() -> None:
+    assert by_reason([(3, None)]) == "    3     1  no reason known"
+
+
+def test_a_drift_that_should_be_seen_has_no_reason(folder: Path) -> None:
+    log = base("r45ohm", 25)
+    for k in range(12):
+        outcome = judged(drift(log, np.random.default_rng(k)), folder)
+        assert outcome.reported or outcome.reason or not outcome.beyond
 
 
 @pytest.mark.parametrize("kind", list(CLASSES))
