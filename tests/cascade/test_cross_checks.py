@@ -275,6 +275,20 @@ def test_a_window_that_is_short_is_no_coarse_sampling() -> None:
     assert not messages(reduce(clean(), window=0.05), "coarse_sampling")
 
 
+@pytest.mark.parametrize("name", ["r45ohm", "r18ohm", "r4p5ohm"])
+@pytest.mark.parametrize(
+    ("channel", "seconds"), [("velocity", 0.48), ("velocity", 1.0), ("force", 1.0), ("torque", 1.0)]
+)
+def test_a_channel_that_was_interpolated_from_slower_values_is_reported(
+    name: str, channel: str, seconds: float
+) -> None:
+    run = clean(name)
+    slow = np.arange(0.0, run.t[-1], seconds)
+    values = np.interp(slow, run.t, run.channels[channel])
+    (message,) = messages(of(name, changed(run, **{channel: np.interp(run.t, slow, values)})), "coarse_sampling")
+    assert message.startswith(f"{channel} is straight between values that lie {round(25 * seconds)} samples")
+
+
 def test_coarse_sampling_counts_in_the_uncertainty(tmp_path: Path) -> None:
     fine, coarse = (reduce(at_rate(tmp_path, rate), window=5.0) for rate in (25.0, 2.0))
     found = uncertainty(coarse)

@@ -18,7 +18,7 @@ from winchcascade.cascade.power import STAGES, sources, stream
 from winchcascade.cascade.summary import travel_and_top
 from winchcascade.cascade.windows import SHORTEST, find_windows
 from winchcascade.integrate import integrals
-from winchcascade.order import median
+from winchcascade.order import median, quantile
 from winchcascade.phases.detect import detect, smoothed_velocity
 from winchcascade.phases.window import find_plateau
 from winchcascade.run import Finding
@@ -59,6 +59,21 @@ FEWEST = 8
 
 COARSE_STEP = 3.0
 """Steps of a channel that is held are mostly larger than so many of its smallest: those of a coarse resolution are not."""
+
+BENT = 3.0
+"""A channel that was interpolated bends by more than so many of its usual bends at each of its values,"""
+
+CLEARLY = 6.0
+"""and by so many at half of them: a bend is a second difference, the usual one the 70 % quantile of all."""
+
+ROUNDING = 1e-6
+"""Bends below this share of the largest are of rounding. [1]"""
+
+FEWEST_STRAIGHT = 4
+"""Fewer intervals between its values show no interpolation."""
+
+LEAST_INTERVAL = 4
+"""Samples of the shortest interval that is told from the corners of a motion."""
 
 
 class Sampling(msgspec.Struct, frozen=True):
@@ -146,7 +161,11 @@ def _no_window(run: Run, rig: Rig, energies: Energies) -> tuple[Finding, ...]:
 def _held_channels(
     run: Run, rig: Rig, cycles: Sequence[Cycle], plateaus: Sequence[Plateau | None], energies: Energies
 ) -> tuple[Finding, ...]:
-    """Channels that keep their value for several samples while the line pays out: on average they are late by half of that."""
+    """Channels that keep their value for several samples while the line pays out, or that are straight between slower values.
+
+    A held channel is late by half of the interval on average. A velocity that is straight begins a payout too early, by a
+    quarter of it; of another channel the curvature of the ramp is lost.
+    """
     ramps = [(k, c, p) for k, (c, p) in enumerate(zip(cycles, plateaus, strict=True)) if p and not c.begins_inside]
     if not ramps:
         return ()
@@ -160,10 +179,16 @@ def _held_channels(
         end = np.searchsorted(run.t, energies.windows[k].cutoff)
         power = float(watts(slice(max(int(end) - 1, 0), int(end) + 1)).mean())
         for name in sources(run.channels, stage):
-            every = _update_interval(run.channels[name][rows])
+            x = run.channels[name][rows]
+            every = _update_interval(x)
             late = 0.5 * (every - 1) / run.fs
+            finding = _held_finding
+            if every == 1 and (every := _straight_interval(x)) > 1:
+                h = every / run.fs
+                late = 0.25 * h if name == "velocity" else h * h / (12.0 * max(plateau.begin - cycle.onset, h))
+                finding = _straight_finding
             if every > 1 and late * power / joules[k] >= REPORTED and name not in {f.channel for f in found}:
-                found.append(_held_finding(name, every, late, run, cycle, late * power / joules[k]))
+                found.append(finding(name, every, late, run, cycle, late * power / joules[k]))
     return tuple(found)
 
 
@@ -180,6 +205,36 @@ def _update_interval(x: Signal) -> int:
     size = np.abs(step[at])
     regular = np.count_nonzero(apart % every == 0) >= HELD * apart.size
     return every if regular and median(size) > COARSE_STEP * float(size.min()) else 1
+
+
+def _straight_interval(x: Signal) -> int:
+    """Samples between the values of a channel that was interpolated by straight lines, 1 for one that was not."""
+    if x.size < LEAST_INTERVAL * FEWEST_STRAIGHT or 2 * np.count_nonzero(np.diff(x)) <= 1.2 * (x.size - 1):
+        return 1
+    bend = np.abs(np.diff(x, 2))
+    usual = max(quantile(bend, 0.7), ROUNDING * float(bend.max()))
+    at = np.flatnonzero(bend > BENT * usual)
+    if at.size == 0 or np.sum(bend[at] ** 2) < HELD * np.sum(bend**2) or median(bend[at]) < CLEARLY * usual:
+        return 1
+    apart = np.diff(at)
+    apart = apart[apart > 1]  # a value between two samples bends at both
+    if apart.size < FEWEST_STRAIGHT:
+        return 1
+    every = median(apart.astype(np.float64))
+    uneven = np.abs(apart - every * np.maximum(np.round(apart / every), 1.0)) > 1.0
+    return round(every) if every >= LEAST_INTERVAL and np.count_nonzero(uneven) <= (1.0 - HELD) * apart.size else 1
+
+
+def _straight_finding(name: str, every: int, late: float, run: Run, cycle: Cycle, share: float) -> Finding:
+    return Finding(
+        "coarse_sampling",
+        f"{name} is straight between values that lie {every} samples ({every / run.fs:.2g} s) apart, as if interpolated from a "
+        f"slower log, which has the effect of up to {late:.2g} s; energies of {name} may err by {share:.1%}",
+        "reported and kept; log it with every sample",
+        name,
+        cycle.onset,
+        cycle.payout_end,
+    )
 
 
 def _held_finding(name: str, every: int, late: float, run: Run, cycle: Cycle, share: float) -> Finding:
