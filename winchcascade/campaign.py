@@ -164,7 +164,7 @@ def _run(raw: dict[str, Any], number: int, path: Path, common: Origin) -> Campai
                 "origin."
             )
     file = raw.get("file")
-    if not isinstance(file, str) or not file:
+    if not isinstance(file, str) or not file or "\0" in file:
         raise CampaignError(f'{place}: file is {file!r}; expected the name of a log, such as file = "r36ohm.csv".')
     sheet = raw.get("sheet")
     if sheet is not None and (isinstance(sheet, bool) or not isinstance(sheet, str | int) or not str(sheet).strip()):
