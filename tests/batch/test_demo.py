@@ -1,10 +1,9 @@
 """The demo: the packaged campaign is copied, never over somebody's files, and runs."""
 
-import json
 from pathlib import Path
 
 import pytest
-from test_cli import one_sentence, winchcascade
+from test_cli import one_sentence
 
 from winchcascade.batch.demo import copy_campaign, packaged_campaign
 from winchcascade.batch.plan import make_plan
@@ -49,26 +48,3 @@ def test_the_command_refuses_a_folder_with_other_content(tmp_path: Path) -> None
 def test_the_command_refuses_a_file(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     assert "the folder cannot be made" in one_sentence("demo", "--out", tmp_path / "file")
-
-
-@pytest.mark.slow
-def test_the_demo_writes_everything_and_keeps_it(tmp_path: Path) -> None:
-    done = winchcascade("demo", "--out", tmp_path / "my demo")
-    assert done.returncode == 0
-    results = tmp_path / "my demo" / "results"
-    assert "7 of 7 logs reduced" in done.stdout
-    assert str(results / "campaign.html") in done.stdout
-    assert {path.name for path in results.iterdir()} == {
-        "campaign.html", "campaign.json", "campaign.pdf", "campaign.xlsx", "dataset", "runs",
-        "diagnosis.html", "diagnosis.json", "diagnosis.pdf",
-    }  # fmt: skip
-    assert len(list((results / "runs").iterdir())) == 7 * 3
-    diagnosis = json.loads((results / "diagnosis.json").read_bytes())
-    assert diagnosis["schema"] == "winchcascade/diagnosis/1"
-    assert all(cause["effect"] in " ".join(done.stdout.split()) for cause in diagnosis["causes"])
-    assert str(results / "diagnosis.html") in done.stdout
-    assert all(run["fault"] is None for run in json.loads((results / "campaign.json").read_bytes())["runs"])
-    before = {path: path.stat().st_mtime_ns for path in results.rglob("*")}
-    again = winchcascade("demo", "--out", tmp_path / "my demo")
-    assert "7 of them by an earlier call" in again.stdout
-    assert {path: path.stat().st_mtime_ns for path in results.rglob("*")} == before

@@ -28,8 +28,8 @@ from winchcascade.report.audit_text import audit_text
 from winchcascade.rigtoml import load_rig, parse_rig
 from winchcascade.tabletoml import load_table, parse_table
 
-FEW = 300
-MANY = 500
+FEW = 100
+MANY = 300
 
 
 def faults(judged: list[Judged]) -> list[str]:
