@@ -21,8 +21,8 @@ NAMES: dict[str, str] = {
         時刻 時戳 시간 время""",
     "displacement": """displacement disp position pos payout stroke travel delta δ x s length extension excursion
         verschiebung weg position_line auszug hub déplacement course desplazamiento posición carrera spostamento corsa
-        verplaatsing forskyvning deslocamento läge sträcka przemieszczenie położenie siirtymä posun yer_değiştirme 位移
-        線位移 行程 位置 放線長度 変位 ストローク 변위 перемещение""",
+        verplaatsing forskyvning forskydning deslocamento läge sträcka przemieszczenie położenie siirtymä posun yer_değiştirme
+        位移 線位移 行程 位置 放線長度 変位 ストローク 변위 перемещение""",
     "velocity": """velocity vel speed v vline v_line linevel linespeed reelout_speed reel_out_speed geschwindigkeit
         seilgeschwindigkeit vitesse velocidad velocità snelheid hastighet hastighed velocidade prędkość nopeus rychlost hız
         速度 線速度 线速度 速率 線速 속도 скорость""",
@@ -37,12 +37,12 @@ NAMES: dict[str, str] = {
     "power_mech": """mechanical_power mech_power power_mech pmech p_mech shaft_power power_shaft pto_power ppto p_pto
         mechanische_leistung wellenleistung puissance_mécanique potencia_mecánica 機械功率 机械功率""",
     "vdc": """vdc v_dc dc_voltage voltage_dc voltage udc u_dc u v dclink_voltage dc_link_voltage dcbus_voltage
-        dc_bus_voltage vbus v_bus spannung gleichspannung zwischenkreisspannung tension tension_dc tension_continue
-        voltaje voltaje_dc tensione spanning tensão spänning spænding spenning napięcie jännite napětí gerilim 直流電壓
-        直流电压 電壓 电压 直流側電壓 直流電圧 電圧 전압 напряжение""",
+        dc_bus_voltage vbus v_bus spannung gleichspannung zwischenkreisspannung tension tension_dc tension_cc tension_continue
+        voltaje voltaje_dc voltaje_cc tensione tensione_cc spanning tensão spänning spænding spenning napięcie jännite
+        napětí gerilim 直流電壓 直流电压 電壓 电压 直流側電壓 直流電圧 電圧 전압 직류전압 напряжение""",
     "idc": """idc i_dc dc_current current_dc current i dclink_current dc_link_current dcbus_current ibus i_bus strom
-        gleichstrom courant courant_dc courant_continu corriente corriente_dc corrente stroom strøm ström prąd virta proud
-        akım 直流電流 直流电流 電流 电流 전류 ток""",
+        gleichstrom courant courant_dc courant_cc courant_continu corriente corriente_dc corriente_cc corrente corrente_cc
+        stroom strøm ström prąd virta proud akım 直流電流 直流电流 電流 电流 전류 직류전류 ток""",
 }
 """By channel, what loggers call it; matched without case, accents, blanks, punctuation and the words of `QUALIFIERS`."""
 
