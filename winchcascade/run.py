@@ -33,6 +33,7 @@ FindingKind = Literal[
     "unknown_column",
     "load_mismatch",
     "coarse_sampling",
+    "coarse_resolution",
     "clock_mismatch",
     "channel_lag",
     "zero_offset",

@@ -16,6 +16,7 @@ from winchcascade import read_run, reduce
 from winchcascade.campaign import load_campaign
 from winchcascade.cascade.between import LogEfficiency, logs_apart
 from winchcascade.cascade.changes import probability
+from winchcascade.cascade.sensor_noise import energy_noise
 from winchcascade.run import Finding, Run
 
 FIXTURES = Path(__file__).parents[2] / "fixtures" / "campaign"
@@ -206,3 +207,31 @@ def test_whatever_the_logs_say_is_borne(
     ]
     for apart in logs_apart(logs):
         assert math.isfinite(apart.expected)
+
+
+def noisy_current(seed: int, sd: float) -> Run:
+    """One log with noise of the current."""
+    noise = sd * np.random.default_rng(seed).standard_normal(log(4).t.size)
+    return msgspec.structs.replace(log(4), channels={**log(4).channels, "idc": log(4).channels["idc"] + noise})
+
+
+def test_noise_of_a_sensor_is_no_change() -> None:
+    found = [changes(noisy_current(seed, 1.0), 4) for seed in range(40)]
+    assert sum(map(bool, found)) <= 1
+
+
+def test_the_noise_of_an_energy_is_that_of_repeated_logs() -> None:
+    runs = [noisy_current(seed, 1.0) for seed in range(40)]
+    clean = reduce(log(4), window=5.96)
+    joules = np.array([[c.metrics.energy_gen for c in reduce(run, window=5.96).cycles] for run in runs])
+    seen = float(np.sqrt(np.mean((joules / [c.metrics.energy_gen for c in clean.cycles] - 1.0) ** 2)))
+    expected = [energy_noise(run, [c.window for c in clean.cycles])["gen"] for run in runs]
+    assert float(np.mean(expected)) == pytest.approx(seen, rel=0.15)
+
+
+def test_a_log_without_current_has_no_noise_of_its_energy() -> None:
+    channels = {name: x for name, x in log(4).channels.items() if name != "idc"}
+    run = msgspec.structs.replace(log(4), channels=channels)
+    windows = [c.window for c in reduce(run).cycles]
+    assert set(energy_noise(run, windows)) == {"line", "mech"}
+    assert energy_noise(run, []) == {}

@@ -10,11 +10,12 @@ from openlog import FS, NOISE, made_log
 
 from winchcascade import read_run
 from winchcascade.fit.blocks import PHASES, blocks_of
-from winchcascade.fit.noise import NOISELESS, noise_of, velocity_noise, white_noise, with_extra
+from winchcascade.fit.noise import NOISELESS, noise_of, velocity_noise, with_extra
 from winchcascade.fit.predict import CHANNELS, Course
 from winchcascade.rig.model import baseline
 from winchcascade.rigtoml import built_in
 from winchcascade.smooth import local_quadratic
+from winchcascade.whitenoise import white_noise
 
 WITHIN = 0.15
 """The noise of a log of two minutes is found to this share."""

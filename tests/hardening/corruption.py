@@ -41,7 +41,9 @@ CLASSES = {
         signals.zeros, signals.codes, signals.slow_channel, signals.zeros, signals.codes, signals.small_codes,
         signals.last_value, signals.unplugged, signals.clipped, signals.other_range, signals.scattered,
     ), (5, 10, 25, 100, 200)),
-    3: Kind("coarse sampling", (signals.picked, signals.averaged, signals.picked, signals.held)),
+    3: Kind("coarse sampling", (
+        signals.picked, signals.averaged, signals.picked, signals.held, signals.coarse_steps,
+    )),
     4: Kind("load", (
         files.stated_load, files.wrong_gain, files.load_property, files.stated_load, files.wrong_gain, files.computed_current,
         files.stated_load, files.load_property, files.calibrated_under_load,

@@ -318,6 +318,16 @@ def held(log: Log, rng: Rng) -> Damage:
     return Damage(log, what, frozenset({*names, "rate"}), csv(log.changed(**columns)))
 
 
+def coarse_steps(log: Log, rng: Rng) -> Damage:
+    """One channel recorded in steps of 0.3 to 30 % of its largest value, rounded or truncated."""
+    name = ("velocity", *POWERS)[rng.integers(5)]
+    x = log.columns[name]
+    step = float(f"{log_uniform(rng, 0.003, 0.3) * np.max(np.abs(x)):.1g}")
+    how = (np.round, np.trunc, np.floor)[rng.integers(3)]
+    damaged = log.changed(**{name: np.round(how(x / step) * step, 6)})
+    return Damage(log, f"{name} in steps of {step:g} by {how.__name__}", frozenset({name}), csv(damaged))
+
+
 # --- 8: lag
 
 THRESHOLD = 0.1

@@ -105,7 +105,7 @@ def force_reason(log: Log, damaged: Signal, band: tuple[float, float]) -> Reason
 
 def gain_reason(found: Reduction) -> Reason | None:
     """A gain changes within a log: is every change of an efficiency less than speed and repeatability allow?"""
-    compared = compare_cycles(found.cycles, found.rig, found.bridged, found.run.load)
+    compared = compare_cycles(found.cycles, found.rig, found.bridged, found.run)
     if not compared or any(c.chance <= ALPHA for c in compared):
         return None
     most = min(compared, key=lambda c: c.chance)

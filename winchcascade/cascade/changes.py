@@ -17,6 +17,7 @@ import numpy as np
 
 from winchcascade.accuracy import error_sources
 from winchcascade.cascade.efficiency import NOTHING, RATIOS
+from winchcascade.cascade.sensor_noise import energy_noise
 from winchcascade.run import Finding
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from winchcascade.cascade.efficiency import Metrics
     from winchcascade.cascade.reduce import CycleResult
     from winchcascade.rigfile import Rig
-    from winchcascade.run import Signal
+    from winchcascade.run import Run, Signal
 
 ALPHA = 0.01
 """Probability of a false finding in one log, or between the logs of one campaign, all comparisons together. [1]"""
@@ -73,32 +74,33 @@ class Comparison(msgspec.Struct, frozen=True):
 
 
 def changes_within(
-    cycles: Sequence[CycleResult], rig: Rig, bridged: Mapping[str, tuple[float, ...]], load: float | None
+    cycles: Sequence[CycleResult], rig: Rig, bridged: Mapping[str, tuple[float, ...]], run: Run
 ) -> list[Finding]:
     """Find efficiencies that step or drift over the complete cycles of a log, or that one cycle has apart from the others.
 
     Parameters
     ----------
     bridged : what bridging gaps may have changed of each cycle's energy, by stage [J]
-    load : inf for an open circuit, which has no efficiency of interest, None for an unknown load or none [ohm]
+    run : an open circuit has no efficiency of interest
     """
-    compared = compare_cycles(cycles, rig, bridged, load)
+    compared = compare_cycles(cycles, rig, bridged, run)
     return [_finding(found) for found in compared if found.reported]
 
 
 def compare_cycles(
-    cycles: Sequence[CycleResult], rig: Rig, bridged: Mapping[str, tuple[float, ...]], load: float | None
+    cycles: Sequence[CycleResult], rig: Rig, bridged: Mapping[str, tuple[float, ...]], run: Run
 ) -> list[Comparison]:
     """Compare the cycles of a log by each efficiency, parameters as of `changes_within`.
 
     Every split into first and last cycles is compared, every cycle with the others, and a straight line is fitted to all.
     """
-    if load == math.inf:
+    if run.open_circuit:
         return []
     delivered = [x for c in cycles if c.complete and (x := _delivered(c.metrics)) is not None]
     if delivered and sum(delivered) / len(delivered) < IDLE:
         return []
-    power_share = 0.5 if load is not None else 1.0
+    power_share = 0.5 if run.load is not None else 1.0
+    noise = energy_noise(run, [c.window for c in cycles if c.complete])
     given = {m: [k for k, c in enumerate(cycles) if c.complete and getattr(c.metrics, m) is not None] for m in RATIOS}
     tested = [m for m in ("eta_trans", "eta_gen") if len(given[m]) > 1] or ["eta_pto"] * (len(given["eta_pto"]) > 1)
     compared = []
@@ -106,7 +108,9 @@ def compare_cycles(
         rows = given[metric]
         here = [cycles[k] for k in rows]
         gaps = _bridged_share(metric, cycles, rows, bridged)
-        found = _largest_change(metric, here, gaps, _zeros(here, rig), power_share, len(tested))
+        found = _largest_change(
+            metric, here, gaps, _zeros(here, rig), power_share, _repeats(metric, noise), len(tested)
+        )
         compared += [] if found is None else [found]
     return compared
 
@@ -140,8 +144,19 @@ def _zeros(cycles: Sequence[CycleResult], rig: Rig) -> float:
     return total
 
 
+def _repeats(metric: str, noise: Mapping[str, float]) -> float:
+    """Assumed repeatability of an efficiency, with the noise of the sensors in the window, relative. [1]"""
+    return math.hypot(REPEATS, *(noise.get(energy.removeprefix("energy_"), 0.0) for energy in RATIOS[metric]))
+
+
 def _largest_change(
-    metric: str, cycles: Sequence[CycleResult], gaps: Signal, zeros: float, power_share: float, metrics: int
+    metric: str,
+    cycles: Sequence[CycleResult],
+    gaps: Signal,
+    zeros: float,
+    power_share: float,
+    repeats: float,
+    metrics: int,
 ) -> Comparison | None:
     """The most significant change of an efficiency over the cycles; None where the efficiency is not positive."""
     eta = np.array([getattr(c.metrics, metric) for c in cycles])
@@ -163,7 +178,7 @@ def _largest_change(
     allowed = power_share * (1.0 - mean + zeros) * differs + np.concatenate([bridged, np.abs(drift) @ gaps])
     within = np.maximum(n * float(np.var(eta / mean)) - change**2 / spread, 0.0)
     freedom = PRIOR + n - 2
-    s = np.sqrt((PRIOR * REPEATS**2 + within) / freedom)
+    s = np.sqrt((PRIOR * repeats**2 + within) / freedom)
     t = np.maximum(np.abs(change) - allowed, 0.0) / (s * np.sqrt(spread))
     best = int(np.argmax(t))
     of_mean = np.concatenate([np.minimum(first, other) / n, np.full(len(drift), 0.5)])

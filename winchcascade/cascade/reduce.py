@@ -142,7 +142,7 @@ def reduce(
     checked = cross_checks(run, rig, v_smooth, found, plateaus, summaries, energy, rule)
     findings += checked.findings
     results = _results(run, found, first, summaries, energy, findings)
-    findings += changes_within(results, rig, energy.bridged, run.load)
+    findings += changes_within(results, rig, energy.bridged, run)
     complete = [r.metrics for r in results if r.complete]
     whole = sum(r.window.cutoff - r.window.onset for r in results if r.complete)
     return Reduction(

@@ -8,8 +8,9 @@ import msgspec
 import numpy as np
 
 from winchcascade.fit.blocks import PHASES
-from winchcascade.fit.noise import restless, white_noise
+from winchcascade.fit.noise import restless
 from winchcascade.fit.predict import CHANNELS, Course
+from winchcascade.whitenoise import white_noise
 
 if TYPE_CHECKING:
     from winchcascade.diagnose.fit import Fit

@@ -11,6 +11,7 @@ from winchcascade.fit.blocks import PHASES
 from winchcascade.fit.predict import CHANNELS
 from winchcascade.order import median
 from winchcascade.rig.motion import SAMPLES
+from winchcascade.whitenoise import GAUSS, white_noise
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -19,9 +20,6 @@ if TYPE_CHECKING:
     from winchcascade.fit.predict import Course
     from winchcascade.rig.model import Model
     from winchcascade.run import Run, Signal
-
-GAUSS = 1.4826
-"""Standard deviation of a normal variable over the median of its magnitude."""
 
 GAIN_STEP = 0.005
 """Relative change of the velocity by which the model's answer to its noise is found."""
@@ -61,20 +59,6 @@ class Noise(msgspec.Struct, frozen=True):
         """Standard deviation of each block's mean, (m, 5)."""
         sd: Signal = np.hypot(self.own, self.drive)
         return sd
-
-
-def white_noise(x: Signal) -> float:
-    """Standard deviation of a signal's white noise, in its unit, whatever smooth signal it sits on.
-
-    From its fourth differences, which take out a cubic and most of a ringing that is slow beside the samples, by their median
-    magnitude. A signal that rarely changes has at least the noise of its resolution.
-    """
-    if x.size < LEAST:
-        return 0.0
-    steps = np.abs(np.diff(x))
-    finest = float(steps[steps > 1e-12 * np.max(np.abs(x), initial=1e-300)].min(initial=np.inf))
-    floor = finest / np.sqrt(12.0) if np.isfinite(finest) else 0.0
-    return max(float(GAUSS * median(np.abs(np.diff(x, 4))) / np.sqrt(70.0)), float(floor))
 
 
 def velocity_noise(run: Run, blocks: Blocks) -> float:

@@ -14,12 +14,13 @@ import msgspec
 import numpy as np
 
 from winchcascade.fit.blocks import PHASES
-from winchcascade.fit.noise import GAUSS, NOISELESS, white_noise
+from winchcascade.fit.noise import NOISELESS
 from winchcascade.fit.predict import CHANNELS
 from winchcascade.gap.compare import weigh
 from winchcascade.order import median
 from winchcascade.rig.kernel import constants
 from winchcascade.rig.stages import along, outputs_along
+from winchcascade.whitenoise import GAUSS, white_noise
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

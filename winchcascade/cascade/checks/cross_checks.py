@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from winchcascade.cascade.checks.lag import lag_findings
 from winchcascade.cascade.checks.load import load_findings
 from winchcascade.cascade.checks.phased import Phased
+from winchcascade.cascade.checks.resolution import resolution_findings
 from winchcascade.cascade.checks.sampling import Sampling, check_sampling
 from winchcascade.cascade.checks.zeros import zero_findings
 
@@ -43,5 +44,6 @@ def cross_checks(
     """
     phased = Phased(run, rig, v_smooth, cycles, plateaus, summaries)
     sampling = check_sampling(run, rig, rule, cycles, plateaus, energies)
-    findings = (*load_findings(phased), *lag_findings(phased), *zero_findings(phased), *sampling.findings)
-    return Sampling(sampling.changes, findings)
+    findings = [*load_findings(phased), *lag_findings(phased), *zero_findings(phased), *sampling.findings]
+    findings += resolution_findings(phased, energies)
+    return Sampling(sampling.changes, tuple(findings))

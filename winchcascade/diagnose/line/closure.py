@@ -13,8 +13,8 @@ from winchcascade.diagnose.line.data import Lines
 from winchcascade.diagnose.line.sets import Moments, coefficients, fold_labels
 from winchcascade.diagnose.remainder import ROUGH, Alarm
 from winchcascade.fit.blocks import PHASES
-from winchcascade.fit.noise import GAUSS, white_noise
 from winchcascade.order import median
+from winchcascade.whitenoise import GAUSS, white_noise
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
