@@ -18,7 +18,7 @@ from pathlib import Path
 
 from measure import Row, Sizes, Used, main, script, timed, winchcascade
 
-WARM = "import winchcascade.batch.work"
+WARM = "import winchcascade.batch.run_batch"
 """What the workers of a cluster that has been up for a while have imported."""
 
 

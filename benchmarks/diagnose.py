@@ -15,7 +15,7 @@ from measure import CAMPAIGN, Row, Sizes, main, timed, winchcascade
 from model import campaign_seconds
 
 from winchcascade.blind.cases import plan_cases
-from winchcascade.campaign import load_campaign
+from winchcascade.core.campaign_file import load_campaign
 
 SEED = 1
 

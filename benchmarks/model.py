@@ -18,11 +18,11 @@ sys.path.insert(0, str(ROOT / "tests"))  # the circuit is the one that the tests
 
 from circuit import NGSPICE, seconds_of, solved_by_ngspice
 
-from winchcascade.campaign import load_campaign
+from winchcascade.core.campaign_file import load_campaign
+from winchcascade.core.rig_toml import built_in
 from winchcascade.ingest.read import read_run
-from winchcascade.rig.model import baseline
+from winchcascade.rig.parts import baseline
 from winchcascade.rig.simulate import simulate
-from winchcascade.rigtoml import built_in
 
 RPM, LOAD = 2000.0, 18.0
 """Operating point of the comparison with ngspice: rated speed, the paper's best load."""

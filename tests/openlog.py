@@ -6,12 +6,12 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from winchcascade.phases.detect import detect, smoothed_velocity
-from winchcascade.phases.window import find_plateau
-from winchcascade.rig.model import Model, baseline
+from winchcascade.core.rig_toml import built_in
+from winchcascade.core.run import Run
+from winchcascade.reduction.phases import detect, smoothed_velocity
+from winchcascade.reduction.windows import find_plateau
+from winchcascade.rig.parts import Model, baseline
 from winchcascade.rig.simulate import simulate
-from winchcascade.rigtoml import built_in
-from winchcascade.run import Run
 
 Signal = NDArray[np.float64]
 

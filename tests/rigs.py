@@ -8,13 +8,12 @@ from typing import Any
 
 import msgspec
 
+from winchcascade.core.rig_toml import built_in
+from winchcascade.core.run import Run
 from winchcascade.rig.kernel import COLUMNS
-from winchcascade.rig.model import Model, baseline
-from winchcascade.rig.motion import motion_of
-from winchcascade.rig.simulate import STEP, solve
+from winchcascade.rig.parts import Model, baseline
+from winchcascade.rig.simulate import STEP, motion_of, solve
 from winchcascade.rig.stages import StageOutput, along, outputs_along
-from winchcascade.rigtoml import built_in
-from winchcascade.run import Run
 
 LOADS = {
     "open_circuit": math.inf, "r45ohm": 45.0, "r36ohm": 36.0, "r27ohm": 27.0, "r18ohm": 18.0, "r9ohm": 9.0, "r4p5ohm": 4.5,

@@ -10,8 +10,8 @@ from pathlib import Path
 import fsspec
 import pytest
 
-from winchcascade.addresses import expand, fingerprint, is_remote, local_copy
-from winchcascade.errors import LogError
+from winchcascade.core.addresses import expand, fingerprint, is_remote, local_copy
+from winchcascade.core.errors import LogError
 from winchcascade.ingest.read import read_run
 
 
@@ -97,7 +97,7 @@ def test_an_unknown_store_has_no_files_and_says_so() -> None:
 
 def test_without_fsspec_an_address_is_one_sentence() -> None:
     """In a process where `import fsspec` fails, as after an installation without extras."""
-    script = "import sys; sys.modules['fsspec'] = None; from winchcascade.cli import main; main()"
+    script = "import sys; sys.modules['fsspec'] = None; from winchcascade.cli.entry import main; main()"
     command = [sys.executable, "-c", script, "batch", "nosuchstore://bucket/log.csv", "--out", "never"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert "Traceback" not in done.stderr

@@ -3,8 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from winchcascade.campaign import campaign_beside, load_campaign
-from winchcascade.errors import CampaignError
+from winchcascade.core.campaign_file import campaign_beside, load_campaign
+from winchcascade.core.errors import CampaignError
 
 
 def test_the_shipped_campaign_has_an_open_circuit_and_six_loads(fixtures: Path) -> None:

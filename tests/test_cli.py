@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from winchcascade import __version__
-from winchcascade.cli import main
-from winchcascade.commands.version import MATTERING, versions
-from winchcascade.rigtoml import built_in_text
+from winchcascade.cli.entry import main
+from winchcascade.cli.versions import MATTERING, versions
+from winchcascade.core.rig_toml import built_in_text
 
 
 def winchcascade(
@@ -64,12 +64,12 @@ def test_the_version_names_what_matters() -> None:
 
 
 def test_the_version_tells_of_a_package_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("winchcascade.commands.version.MATTERING", ("numpy", "winchcascade-nothing"))
+    monkeypatch.setattr("winchcascade.cli.versions.MATTERING", ("numpy", "winchcascade-nothing"))
     assert versions().splitlines()[1:] == [f"numpy {version('numpy')}", "winchcascade-nothing not installed"]
 
 
 @pytest.mark.parametrize("by", ["KeyboardInterrupt", "RuntimeError('made') from KeyboardInterrupt()"])
-@pytest.mark.parametrize("at", ["typer", "winchcascade.commands.batch", "numpy"])
+@pytest.mark.parametrize("at", ["typer", "winchcascade.cli.batch_command", "numpy"])
 def test_an_interrupt_of_an_import_is_one_sentence(at: str, by: str) -> None:
     code = (
         "import sys\n"
@@ -77,7 +77,7 @@ def test_an_interrupt_of_an_import_is_one_sentence(at: str, by: str) -> None:
         "    def find_spec(name, *_):\n"
         f"        if name == {at!r}: raise {by}\n"
         "sys.meta_path.insert(0, Interrupts)\n"
-        "from winchcascade.cli import main\n"
+        "from winchcascade.cli.entry import main\n"
         "main()"
     )
     done = subprocess.run([sys.executable, "-c", code, "reduce", "x.csv"], capture_output=True, text=True, check=False)
@@ -305,7 +305,7 @@ def test_what_trips_over_an_interrupt_is_an_interrupt(
                 raise RuntimeError("made of one") from fault
             raise RuntimeError("release unlocked lock")  # noqa: B904
 
-    monkeypatch.setattr("winchcascade.commands.app.app", trip)
+    monkeypatch.setattr("winchcascade.cli.app.app", trip)
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 130

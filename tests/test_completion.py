@@ -6,14 +6,14 @@ import sys
 
 import pytest
 
-from winchcascade.effects.catalogue import EFFECTS
-from winchcascade.rigtoml import BUILT_IN as RIGS
-from winchcascade.tabletoml import BUILT_IN as TABLES
+from winchcascade.core.rig_toml import BUILT_IN as RIGS
+from winchcascade.core.table_toml import BUILT_IN as TABLES
+from winchcascade.rig.effects.catalogue import EFFECTS
 
 
 def offered(line: str) -> list[str]:
     """Words that bash is offered for the last word of a line."""
-    code = "import sys; sys.argv = ['winchcascade']; from winchcascade.cli import main; main()"
+    code = "import sys; sys.argv = ['winchcascade']; from winchcascade.cli.entry import main; main()"
     asked = {"COMP_WORDS": line, "COMP_CWORD": str(line.count(" ")), "_WINCHCASCADE_COMPLETE": "complete_bash"}
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=os.environ | asked

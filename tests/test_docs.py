@@ -13,10 +13,10 @@ import pytest
 from pages import DOCS, ROOT, follow, shown, with_fixtures, write_outputs
 
 from winchcascade import baseline, read_run, simulate
-from winchcascade.campaign import load_campaign
-from winchcascade.fit.predict import COARSE
+from winchcascade.core.campaign_file import load_campaign
+from winchcascade.core.rig_toml import built_in
+from winchcascade.diagnosis.predict import COARSE
 from winchcascade.rig.simulate import READ, STEP, Simulation
-from winchcascade.rigtoml import built_in
 
 PAGES = sorted([*DOCS.glob("*.md"), *ROOT.glob("*.md"), ROOT / "fixtures" / "README.md"])
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from winchcascade.errors import OutputError
-from winchcascade.files import check_replaceable, write_set, write_whole
+from winchcascade.core.errors import OutputError
+from winchcascade.core.files import check_replaceable, write_set, write_whole
 
 
 def write_new(part: Path) -> None:

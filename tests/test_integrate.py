@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from winchcascade import integrate
-from winchcascade.integrate import extremes, integrals, means, running
+from winchcascade.core import integrate
+from winchcascade.core.integrate import extremes, integrals, means, running
 
 EXACT = 1e-9
 

@@ -7,26 +7,34 @@ import pytest
 
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.results import load_results
-from winchcascade.batch.run import run_batch
+from winchcascade.batch.run_batch import run_batch
 from winchcascade.blind.cases import ORIGIN, campaign_text
-from winchcascade.campaign import load_campaign
-from winchcascade.cascade.montecarlo import uncertainty
-from winchcascade.cascade.reduce import reduce
-from winchcascade.channels import SIMULATED_HEADERS
-from winchcascade.commands.settings import settings_of
-from winchcascade.errors import CampaignError
+from winchcascade.cli.settings import settings_of
+from winchcascade.core.campaign_file import (
+    BANNER,
+    SIMULATED,
+    Origin,
+    banner,
+    joint_origin,
+    load_campaign,
+    origin_from,
+    origin_words,
+)
+from winchcascade.core.errors import CampaignError
+from winchcascade.core.rig_toml import built_in
+from winchcascade.core.run import SIMULATED_HEADERS
+from winchcascade.core.table_toml import load_table
 from winchcascade.ingest.read import read_run
-from winchcascade.origin import BANNER, SIMULATED, Origin, banner, joint_origin, origin_from, origin_words
-from winchcascade.published.check import check, measured_from_record
+from winchcascade.reduction.montecarlo import uncertainty
+from winchcascade.reduction.reduce import reduce
 from winchcascade.report.check_text import check_record, check_text
 from winchcascade.report.document import make_report
 from winchcascade.report.html import html_text
 from winchcascade.report.records import reduction_record
-from winchcascade.rig.model import baseline
+from winchcascade.rig.parts import baseline
 from winchcascade.rig.simulate import simulate
-from winchcascade.rig.write import write_log
-from winchcascade.rigtoml import built_in
-from winchcascade.tabletoml import load_table
+from winchcascade.rig.simulated_log import write_log
+from winchcascade.tables.check import check, measured_from_record
 
 LOG = "r4p5ohm.csv"
 

@@ -11,8 +11,8 @@ import pytest
 from pages import DOCS, follow, shown, write_outputs
 
 from winchcascade import baseline, load_rig, read_run, reduce
-from winchcascade.campaign import load_campaign
-from winchcascade.errors import RigError
+from winchcascade.core.campaign_file import load_campaign
+from winchcascade.core.errors import RigError
 
 PAGE = "own_rig.md"
 

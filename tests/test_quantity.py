@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from winchcascade.quantity import ATMOSPHERE, UNITS, find_unit
+from winchcascade.core.quantity import ATMOSPHERE, UNITS, find_unit
 
 
 @pytest.mark.parametrize(

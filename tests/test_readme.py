@@ -87,7 +87,7 @@ def test_the_python_of_a_page_gives_what_is_shown(
 
 
 def test_the_rig_file_of_the_page_of_commands_can_be_read() -> None:
-    from winchcascade.rigtoml import parse_rig
+    from winchcascade.core.rig_toml import parse_rig
 
     (text,) = re.findall(r"```toml\n(.*?)```", PAGES["commands"].read_text(encoding="utf-8"), re.DOTALL)
     assert parse_rig(text, "commands.md").columns["force"].name == "LC-17"

@@ -2,9 +2,9 @@ import tomllib
 
 import pytest
 
-from winchcascade.errors import RigError
-from winchcascade.rigfile import Thresholds
-from winchcascade.rigtoml import BUILT_IN, built_in, built_in_text, load_rig, parse_rig
+from winchcascade.core.errors import RigError
+from winchcascade.core.rig_file import Thresholds
+from winchcascade.core.rig_toml import BUILT_IN, built_in, built_in_text, load_rig, parse_rig
 
 MINIMAL = 'name = "mine"\n'
 

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import savgol_filter
 
-from winchcascade.smooth import EVEN, local_quadratic
+from winchcascade.core.smooth import EVEN, local_quadratic
 
 EXACT = 1e-9
 """A quadratic is fitted by a quadratic to rounding."""

@@ -27,7 +27,7 @@ def modules_after(arguments: list[str]) -> set[str]:
     """Modules that a command line leaves imported, seen in a process of its own."""
     code = (
         "import sys\n"
-        "from winchcascade.cli import main\n"
+        "from winchcascade.cli.entry import main\n"
         "try:\n    main()\nexcept SystemExit:\n    pass\n"
         "sys.stderr.write('\\nMODULES ' + ' '.join(sys.modules))\n"
     )

@@ -3,17 +3,9 @@ from pathlib import Path
 
 import pytest
 
-from winchcascade.cascade.efficiency import METRICS
-from winchcascade.table import (
-    DIMENSIONS,
-    LargestClaim,
-    ShareClaim,
-    Span,
-    Table,
-    TableError,
-    ValueClaim,
-)
-from winchcascade.tabletoml import BUILT_IN, load_table, parse_table
+from winchcascade.core.published_table import DIMENSIONS, LargestClaim, ShareClaim, Span, Table, TableError, ValueClaim
+from winchcascade.core.table_toml import BUILT_IN, load_table, parse_table
+from winchcascade.reduction.efficiency import METRICS
 
 HEAD = """
 title = "A table"

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import pytest
 
-from winchcascade.errors import LogError
-from winchcascade.tasks import Outcome, processes, run_here
+from winchcascade.core.errors import LogError
+from winchcascade.core.jobs import Outcome, processes, run_here
 
 
 class Task(NamedTuple):

@@ -11,18 +11,18 @@ TYPE_CHECKING = False  # not from typing, whose import takes longer than all els
 if TYPE_CHECKING:
     from typing import Any
 
-    from winchcascade.cascade.bins import Bin
-    from winchcascade.cascade.efficiency import Metrics
-    from winchcascade.cascade.montecarlo import Uncertainty, uncertainty
-    from winchcascade.cascade.reduce import CycleResult, Reduction, reduce
-    from winchcascade.errors import LogError, OptionError, RigError, WinchcascadeError
-    from winchcascade.fit.calibrate import Calibration, calibrate
+    from winchcascade.core.errors import LogError, OptionError, RigError, WinchcascadeError
+    from winchcascade.core.rig_file import Rig
+    from winchcascade.core.rig_toml import load_rig
+    from winchcascade.core.run import Finding, Run
+    from winchcascade.diagnosis.calibrate import Calibration, calibrate
     from winchcascade.ingest.read import read_run
-    from winchcascade.rig.model import Model, baseline
+    from winchcascade.reduction.bins import Bin
+    from winchcascade.reduction.efficiency import Metrics
+    from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
+    from winchcascade.reduction.reduce import CycleResult, Reduction, reduce
+    from winchcascade.rig.parts import Model, baseline
     from winchcascade.rig.simulate import Simulation, simulate
-    from winchcascade.rigfile import Rig
-    from winchcascade.rigtoml import load_rig
-    from winchcascade.run import Finding, Run
 
 __version__ = "0.1.0"
 

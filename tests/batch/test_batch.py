@@ -20,13 +20,13 @@ from test_cli import one_sentence, winchcascade
 
 from winchcascade.batch.dataset import TABLES
 from winchcascade.batch.plan import make_plan
-from winchcascade.batch.run import Batch, run_batch
-from winchcascade.cascade.reduce import reduce
-from winchcascade.errors import OutputError
+from winchcascade.batch.run_batch import Batch, run_batch
+from winchcascade.core.errors import OutputError
+from winchcascade.core.rig_toml import load_rig
+from winchcascade.core.scratch import scratch_file
 from winchcascade.ingest.read import read_run
+from winchcascade.reduction.reduce import reduce
 from winchcascade.report.records import reduction_record
-from winchcascade.rigtoml import load_rig
-from winchcascade.scratch import scratch_file
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 LOGS = {"r36ohm.csv": (36.0, 5.48), "r9ohm.csv": (9.0, 5.96)}
@@ -450,10 +450,10 @@ def test_two_calls_with_different_options_on_one_folder_leave_what_the_last_one_
 
 @ALONE
 def test_a_call_waits_for_another_one_and_says_so(campaign: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("winchcascade.store._SILENT", 0.05)
+    monkeypatch.setattr("winchcascade.core.store._SILENT", 0.05)
     out.mkdir()
     script = (
-        "import sys\nfrom pathlib import Path\nfrom winchcascade.store import locked\n"
+        "import sys\nfrom pathlib import Path\nfrom winchcascade.core.store import locked\n"
         "with locked(Path(sys.argv[1]), print):\n    print('held', flush=True)\n    sys.stdin.readline()\n"
     )
     with subprocess.Popen(
@@ -481,7 +481,7 @@ def test_a_call_waits_for_another_one_and_says_so(campaign: Path, out: Path, mon
 def test_the_lock_of_a_killed_call_holds_nobody(campaign: Path, out: Path) -> None:
     out.mkdir()
     script = (
-        "import os, sys\nfrom pathlib import Path\nfrom winchcascade.store import locked\n"
+        "import os, sys\nfrom pathlib import Path\nfrom winchcascade.core.store import locked\n"
         "with locked(Path(sys.argv[1]), print):\n    os.kill(os.getpid(), 9)\n"
     )
     subprocess.run([sys.executable, "-c", script, str(out)], check=False)

@@ -10,10 +10,10 @@ from pyarrow import parquet
 
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.results import load_results
-from winchcascade.batch.run import run_batch
+from winchcascade.batch.run_batch import run_batch
 from winchcascade.report.campaign import make_campaign_report
 from winchcascade.report.campaign_text import campaign_text
-from winchcascade.report.layout import Table
+from winchcascade.report.report_model import Table
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
 HURT = "r27ohm.csv"

@@ -14,7 +14,7 @@ from pyarrow import dataset, parquet
 
 from winchcascade.batch.dataset import SCHEMA, TABLES
 from winchcascade.batch.plan import make_plan
-from winchcascade.batch.run import run_batch
+from winchcascade.batch.run_batch import run_batch
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
 FORMULA = "=SUM(A1)"

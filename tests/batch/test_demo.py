@@ -7,7 +7,7 @@ from test_cli import one_sentence
 
 from winchcascade.batch.demo import copy_campaign, packaged_campaign
 from winchcascade.batch.plan import make_plan
-from winchcascade.errors import OutputError
+from winchcascade.core.errors import OutputError
 
 
 def test_the_copy_is_the_packaged_campaign(tmp_path: Path, fixtures: Path) -> None:

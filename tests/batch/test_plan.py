@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from winchcascade.batch.plan import Work, make_plan
-from winchcascade.errors import CampaignError, OptionError, RigError, WinchcascadeError
+from winchcascade.core.errors import CampaignError, OptionError, RigError, WinchcascadeError
 
 MOST_BYTES = 200
 """Of a log's name: file systems take 255, and ending and scratch suffix need some."""
@@ -205,7 +205,7 @@ def test_a_name_does_not_depend_on_the_order_of_the_targets(tmp_path: Path) -> N
 @given(st.lists(st.text(min_size=1, max_size=300), min_size=1, max_size=6, unique=True))
 def test_any_names_are_told_apart_and_safe_for_every_file_system(files: list[str]) -> None:
     from winchcascade.batch.plan import _named
-    from winchcascade.rigtoml import built_in
+    from winchcascade.core.rig_toml import built_in
 
     found = [work.name for work in _named([Work(name, f"folder/{name}", built_in()) for name in files])]
     assert len({name.casefold() for name in found}) == len(files)

@@ -10,9 +10,9 @@ from test_cli import winchcascade
 
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.results import Results, load_results
-from winchcascade.batch.run import run_batch
-from winchcascade.errors import LogError, OptionError, OutputError, WinchcascadeError
-from winchcascade.store import with_digest
+from winchcascade.batch.run_batch import run_batch
+from winchcascade.core.errors import LogError, OptionError, OutputError, WinchcascadeError
+from winchcascade.core.store import with_digest
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 LOADS = {"r9ohm.csv": 9.0, "r36ohm.csv": 36.0}

@@ -10,7 +10,7 @@ from numba import njit
 from scipy.optimize import brentq
 
 from winchcascade.blind.circuit import PEAK, bridge_step
-from winchcascade.blind.numbers import Fixed, Numbers
+from winchcascade.blind.twin_numbers import Fixed, Numbers
 from winchcascade.rig.bridge import bridge_state, bridge_table
 
 VOLTAGE, CURRENT = 0.003, 0.01

@@ -7,7 +7,7 @@ import pytest
 from test_cli import one_sentence, winchcascade
 from trials import answer, cause, say, sealed_trial
 
-from winchcascade.blind.envelope import SEALED
+from winchcascade.blind.sealed_answers import SEALED
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from winchcascade.blind.closure import closure_of
+from winchcascade.blind.recomputed_closure import closure_of
 
 HEAD = "Time (s),Displacement (m),Velocity (m/s),Pressure (kg/cm2),Force (N),Torque (N.m),Vdc (V),Idc (A)"
 MARK = ",Generator speed (rpm),Stator current (A rms),Air-gap torque (N.m)"

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from trials import answer, sealed_trial
 
-from winchcascade.blind.envelope import SEALED, TRIAL, open_seal, read_trial
-from winchcascade.errors import OptionError
+from winchcascade.blind.sealed_answers import SEALED, TRIAL, open_seal, read_trial
+from winchcascade.core.errors import OptionError
 
 
 def test_answers_come_out_of_the_envelope_as_they_went_in(tmp_path: Path) -> None:

@@ -18,12 +18,12 @@ from test_files import MENTIONS
 from trials import guess
 
 from winchcascade.batch.plan import make_plan
-from winchcascade.batch.run import run_batch
-from winchcascade.blind.envelope import SEALED, TRIAL, seal, trial_bytes
-from winchcascade.blind.hidden import PARTS
+from winchcascade.batch.run_batch import run_batch
+from winchcascade.blind.injected import PARTS
+from winchcascade.blind.sealed_answers import SEALED, TRIAL, seal, trial_bytes
 from winchcascade.blind.trial import deal, diagnose
-from winchcascade.errors import WinchcascadeError
-from winchcascade.store import LOCK, digest_of
+from winchcascade.core.errors import WinchcascadeError
+from winchcascade.core.store import LOCK, digest_of
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="makes links as POSIX does")
 
@@ -204,7 +204,7 @@ def test_the_command_rejects_a_forged_name_with_one_sentence(folders: Path, tmp_
 
 
 def test_a_sealed_file_of_other_names_is_rejected(tmp_path: Path, folders: Path) -> None:
-    from winchcascade.blind.envelope import Envelope, open_seal
+    from winchcascade.blind.sealed_answers import Envelope, open_seal
 
     trial = shutil.copytree(folders / "trial", tmp_path / "trial")
     content, record = seal(Envelope(7, ()))

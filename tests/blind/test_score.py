@@ -6,9 +6,8 @@ import pytest
 from trials import answer, cause, say, sealed_trial
 
 from winchcascade.blind.cases import Kind
-from winchcascade.blind.score import score, score_record
-from winchcascade.blind.tally import Count, Score, taken_as
-from winchcascade.errors import OptionError
+from winchcascade.blind.score import Count, Score, score, score_record, taken_as
+from winchcascade.core.errors import OptionError
 
 
 def scored(tmp_path: Path, kind: Kind, effects: list[str], verdict: str, *causes: dict[str, object]) -> str:

@@ -9,12 +9,12 @@ from scratches import left_scratch
 from trials import fail_on_the_second, find_no_room, guess
 
 from winchcascade.blind.cases import plan_cases
-from winchcascade.blind.envelope import SEALED
-from winchcascade.blind.hidden import OUTSIDERS, PARTS
+from winchcascade.blind.injected import OUTSIDERS, PARTS
 from winchcascade.blind.score import score
+from winchcascade.blind.sealed_answers import SEALED
 from winchcascade.blind.trial import deal, diagnose
-from winchcascade.campaign import load_campaign
-from winchcascade.errors import OptionError, OutputError
+from winchcascade.core.campaign_file import load_campaign
+from winchcascade.core.errors import OptionError, OutputError
 
 CASES, SEED = 2, 20260
 SUSPECTS = dict.fromkeys(PARTS, int)

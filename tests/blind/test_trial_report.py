@@ -6,9 +6,8 @@ import pytest
 from trials import answer, cause, say, sealed_trial
 
 from winchcascade.blind.cases import Kind
-from winchcascade.blind.score import score
-from winchcascade.blind.tally import Score
-from winchcascade.report.layout import Table
+from winchcascade.blind.score import Score, score
+from winchcascade.report.report_model import Table
 from winchcascade.report.trial_text import make_trial_report, trial_text, write_trial_reports
 
 

@@ -17,13 +17,11 @@ from winchcascade import read_run
 from winchcascade.blind.cases import ORIGIN, Case, answer_of, make_campaign
 from winchcascade.blind.crane import line_motion
 from winchcascade.blind.drive import FINE, LEDGER, weakened
-from winchcascade.blind.hidden import OUTSIDERS, PARTS, Hidden, draw_hidden
-from winchcascade.blind.numbers import LOADS, SENSORS, Numbers
-from winchcascade.blind.readings import noiseless, stamps_of
-from winchcascade.blind.twin import Twin, gas_pressure, make_log, solve
-from winchcascade.effects.catalogue import EFFECTS
-from winchcascade.rig.motion import motion_of
-from winchcascade.rig.simulate import simulate
+from winchcascade.blind.injected import OUTSIDERS, PARTS, Hidden, draw_hidden
+from winchcascade.blind.twin import Twin, gas_pressure, make_log, noiseless, solve, stamps_of
+from winchcascade.blind.twin_numbers import LOADS, SENSORS, Numbers
+from winchcascade.rig.effects.catalogue import EFFECTS
+from winchcascade.rig.simulate import motion_of, simulate
 
 STRANGERS = ("rig", "effects", "gap", "cascade", "published", "phases", "report", "fit")
 

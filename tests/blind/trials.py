@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from winchcascade.blind.cases import Answer, Kind
-from winchcascade.blind.envelope import SEALED, TRIAL, Envelope, seal, trial_bytes
-from winchcascade.blind.hidden import PARTS
+from winchcascade.blind.injected import PARTS
+from winchcascade.blind.sealed_answers import SEALED, TRIAL, Envelope, seal, trial_bytes
 
 
 def answer(

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from winchcascade.cascade.bins import bin_powers, engaged
-from winchcascade.phases.detect import Cycle
-from winchcascade.phases.window import Plateau
-from winchcascade.rigtoml import built_in
-from winchcascade.run import CLOCK, Run
+from winchcascade.core.rig_toml import built_in
+from winchcascade.core.run import CLOCK, Run
+from winchcascade.reduction.bins import bin_powers, engaged
+from winchcascade.reduction.phases import Cycle
+from winchcascade.reduction.windows import Plateau
 
 Signal = NDArray[np.float64]
 

@@ -5,10 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from winchcascade.cascade.bins import bin_powers
-from winchcascade.cascade.efficiency import METRICS, Metrics, metrics
-from winchcascade.cascade.power import power, power_mech
-from winchcascade.cascade.repeatability import ensemble_mean, largest_deviation, total
+from winchcascade.reduction.bins import bin_powers
+from winchcascade.reduction.efficiency import METRICS, Metrics, ensemble_mean, largest_deviation, metrics, total
+from winchcascade.reduction.energies import power, power_mech
 
 ONE = np.ones(3)
 

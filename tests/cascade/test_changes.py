@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from winchcascade import read_run, reduce
-from winchcascade.campaign import load_campaign
-from winchcascade.cascade.between import LogEfficiency, logs_apart
-from winchcascade.cascade.changes import probability
-from winchcascade.cascade.sensor_noise import energy_noise
-from winchcascade.run import Finding, Run
+from winchcascade.core.campaign_file import load_campaign
+from winchcascade.core.run import Finding, Run
+from winchcascade.reduction.efficiency_between_runs import LogEfficiency, logs_apart
+from winchcascade.reduction.efficiency_changes import probability
+from winchcascade.reduction.sensor_noise import energy_noise
 
 FIXTURES = Path(__file__).parents[2] / "fixtures" / "campaign"
 LOADED = load_campaign(FIXTURES).runs[1:]

@@ -10,10 +10,10 @@ import pytest
 from synthetic import Scenario, make_log, write_csv
 
 from winchcascade import Reduction, Run, read_run, reduce
-from winchcascade.cascade.montecarlo import uncertainty
-from winchcascade.cascade.uncertainty import SAMPLING
-from winchcascade.errors import OptionError
-from winchcascade.rigtoml import built_in, parse_rig
+from winchcascade.core.errors import OptionError
+from winchcascade.core.rig_toml import built_in, parse_rig
+from winchcascade.reduction.montecarlo import uncertainty
+from winchcascade.reduction.uncertainty import SAMPLING
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
 LOGS = {"r45ohm": (45.0, 5.48), "r18ohm": (18.0, 5.96), "r4p5ohm": (4.5, 5.96), "open_circuit": (math.inf, 4.0)}

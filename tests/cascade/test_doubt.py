@@ -6,11 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from winchcascade.cascade.doubt import _weight, bridging_error, gaps_of, instant_error, windows_of
-from winchcascade.cascade.energies import _doubt
-from winchcascade.rigtoml import built_in
-from winchcascade.run import CLOCK, Run
-from winchcascade.smooth import local_quadratic
+from winchcascade.core.rig_toml import built_in
+from winchcascade.core.run import CLOCK, Run
+from winchcascade.core.smooth import local_quadratic
+from winchcascade.reduction.energies import _doubt
+from winchcascade.reduction.gap_error import _weight, bridging_error, gaps_of, instant_error, windows_of
 
 Signal = NDArray[np.float64]
 

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from winchcascade.cascade.efficiency import ALL_METRICS, METRICS
-from winchcascade.cascade.montecarlo import DRAWS, Interval, Uncertainty, uncertainty
-from winchcascade.cascade.reduce import Reduction, reduce
+from winchcascade.core.rig_file import Rig, Sensor
+from winchcascade.core.rig_toml import built_in
+from winchcascade.core.run import Run
 from winchcascade.ingest.read import read_run
-from winchcascade.rigfile import Rig, Sensor
-from winchcascade.rigtoml import built_in
-from winchcascade.run import Run
+from winchcascade.reduction.efficiency import ALL_METRICS, METRICS
+from winchcascade.reduction.montecarlo import DRAWS, Interval, Uncertainty, uncertainty
+from winchcascade.reduction.reduce import Reduction, reduce
 
 Signal = NDArray[np.float64]
 Channels = Mapping[str, Signal]

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from synthetic import SCENARIOS, integral, make_log, motion, powers, signals, write_csv
 
-from winchcascade.cascade.efficiency import NET_METRICS, Metrics
-from winchcascade.cascade.montecarlo import LINEAR_WITHIN, uncertainty
-from winchcascade.cascade.reduce import Reduction, reduce
-from winchcascade.cascade.uncertainty import budget
+from winchcascade.core.run import Run
 from winchcascade.ingest.read import read_run
+from winchcascade.reduction.efficiency import NET_METRICS, Metrics
+from winchcascade.reduction.montecarlo import LINEAR_WITHIN, uncertainty
+from winchcascade.reduction.reduce import Reduction, reduce
+from winchcascade.reduction.uncertainty import budget
 from winchcascade.report.records import FIELDS, reduction_record
-from winchcascade.run import Run
 
 R36 = Path(__file__).parents[2] / "fixtures" / "campaign" / "r36ohm.csv"
 LOG = read_run(R36, load=36.0)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from winchcascade import read_run, reduce
-from winchcascade.campaign import load_campaign
+from winchcascade.core.campaign_file import load_campaign
 
 ROOT = Path(__file__).parent.parent.parent
 

@@ -10,10 +10,10 @@ import pytest
 from synthetic import SCENARIOS, make_log, truth, write_csv
 
 from winchcascade import load_rig, read_run, reduce
-from winchcascade.campaign import load_campaign
-from winchcascade.cascade.reduce import window_rule
-from winchcascade.errors import OptionError
-from winchcascade.rigtoml import parse_rig
+from winchcascade.core.campaign_file import load_campaign
+from winchcascade.core.errors import OptionError
+from winchcascade.core.rig_toml import parse_rig
+from winchcascade.reduction.reduce import window_rule
 
 TABLE_2 = {
     45.0: (5937, 5222, 3988, 0.879, 0.763, 0.671),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from winchcascade import Run, read_run, reduce
-from winchcascade.run import Finding
+from winchcascade.core.run import Finding
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
 LOGS = {"r45ohm": (45.0, 5.48), "r36ohm": (36.0, 5.48), "r4p5ohm": (4.5, 5.96), "open_circuit": (math.inf, 4.0)}

@@ -14,16 +14,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from winchcascade.accuracy import error_sources
-from winchcascade.cascade.efficiency import METRICS
-from winchcascade.cascade.net import PARTS
-from winchcascade.cascade.reduce import Reduction, reduce
-from winchcascade.cascade.uncertainty import Budget, budget, shares
+from winchcascade.core.accuracy import error_sources
+from winchcascade.core.quantity import Quantity
+from winchcascade.core.rig_file import Rig, Sensor, WindowRule
+from winchcascade.core.rig_toml import built_in
+from winchcascade.core.run import Run
 from winchcascade.ingest.read import read_run
-from winchcascade.quantity import Quantity
-from winchcascade.rigfile import Rig, Sensor, WindowRule
-from winchcascade.rigtoml import built_in
-from winchcascade.run import Run
+from winchcascade.reduction.efficiency import METRICS
+from winchcascade.reduction.net_energy import PARTS
+from winchcascade.reduction.reduce import Reduction, reduce
+from winchcascade.reduction.uncertainty import Budget, budget, shares
 
 Signal = NDArray[np.float64]
 Uncertain = Any

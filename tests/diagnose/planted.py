@@ -8,12 +8,12 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from winchcascade.effects.catalogue import make_effect
+from winchcascade.core.rig_toml import built_in
+from winchcascade.core.run import Run
 from winchcascade.ingest.read import read_run
-from winchcascade.rig.model import baseline
+from winchcascade.rig.effects.catalogue import make_effect
+from winchcascade.rig.parts import baseline
 from winchcascade.rig.simulate import simulate
-from winchcascade.rigtoml import built_in
-from winchcascade.run import Run
 
 CAMPAIGN = Path(__file__).parent.parent.parent / "fixtures" / "campaign"
 LOGS = {"open_circuit.csv": math.inf, "r36ohm.csv": 36.0, "r9ohm.csv": 9.0}

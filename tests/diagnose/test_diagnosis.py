@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from planted import LOGS, campaign
 
-from winchcascade.batch.model_diagnosis import diagnose_campaign, diagnose_file
-from winchcascade.diagnose.campaign import Diagnosis, diagnose, withheld_numbers
-from winchcascade.diagnose.rank import CATALOGUE
-from winchcascade.diagnose.record import as_json
-from winchcascade.effects.catalogue import EFFECTS
-from winchcascade.errors import CampaignError, LogError, OptionError
-from winchcascade.rigtoml import built_in
+from winchcascade.batch.campaign_diagnosis import diagnose_campaign, diagnose_file
+from winchcascade.core.errors import CampaignError, LogError, OptionError
+from winchcascade.core.rig_toml import built_in
+from winchcascade.diagnosis.diagnose import Diagnosis, diagnose, withheld_numbers
+from winchcascade.diagnosis.diagnosis_record import as_json
+from winchcascade.diagnosis.selection import CATALOGUE
+from winchcascade.rig.effects.catalogue import EFFECTS
 
 PLANTED = {
     "copper_heating": {"r_s_change": 0.35},

@@ -11,16 +11,16 @@ import pytest
 from test_cli import one_sentence, winchcascade
 from winchlog import RIG, planted
 
-from winchcascade.batch.diagnosis import outcome
-from winchcascade.campaign import load_campaign
-from winchcascade.diagnose.line.campaign import LineDiagnosis, diagnose_line
-from winchcascade.diagnose.line.record import as_json
-from winchcascade.effects.catalogue import EFFECTS
-from winchcascade.errors import CampaignError, LogError, OptionError, RigError
+from winchcascade.batch.campaign_diagnosis import outcome
+from winchcascade.core.campaign_file import load_campaign
+from winchcascade.core.errors import CampaignError, LogError, OptionError, RigError
+from winchcascade.core.run import Run
+from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis, diagnose_line
+from winchcascade.diagnosis.line.line_record import as_json
 from winchcascade.ingest.read import read_run
 from winchcascade.report.line_diagnosis import make_line_report
 from winchcascade.report.line_text import line_text
-from winchcascade.run import Run
+from winchcascade.rig.effects.catalogue import EFFECTS
 
 PLANTED = {
     "drum_inertia": {"mass": 3000.0},

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from winchcascade.rigtoml import load_rig
-from winchcascade.run import Run
+from winchcascade.core.rig_toml import load_rig
+from winchcascade.core.run import Run
 
 RIG = load_rig("kitepower")
 

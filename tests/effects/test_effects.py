@@ -12,14 +12,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from winchcascade.effects.catalogue import EFFECTS, Effect, describe, find_effect, make_effect, words
-from winchcascade.effects.ke_rolloff import KeRolloff
-from winchcascade.errors import OptionError
+from winchcascade.core.errors import OptionError
+from winchcascade.core.rig_toml import built_in
 from winchcascade.ingest.read import read_run
-from winchcascade.rig.generator import ROLLOFF_KNOTS
-from winchcascade.rig.model import Model, baseline
+from winchcascade.rig.effects.catalogue import EFFECTS, Effect, describe, find_effect, make_effect, words
+from winchcascade.rig.effects.ke_rolloff import KeRolloff
+from winchcascade.rig.parts import ROLLOFF_KNOTS, Model, baseline
 from winchcascade.rig.simulate import READ, STEP, Simulation, simulate
-from winchcascade.rigtoml import built_in
 
 ROOT = Path(__file__).parent.parent.parent
 

@@ -10,10 +10,10 @@ import pytest
 from openlog import made_log
 
 from winchcascade import read_run
-from winchcascade.fit.blocks import BLOCK, PHASES, Blocks, blocks_of
-from winchcascade.phases.detect import detect, smoothed_velocity
-from winchcascade.rigtoml import built_in
-from winchcascade.run import Run
+from winchcascade.core.rig_toml import built_in
+from winchcascade.core.run import Run
+from winchcascade.diagnosis.block_means import BLOCK, PHASES, Blocks, blocks_of
+from winchcascade.reduction.phases import detect, smoothed_velocity
 
 RIG = built_in()
 LEAST_COVERED = 0.97

@@ -10,15 +10,15 @@ from openlog import NOISE, made_log, motion_run, steady_payouts
 from rigs import truth_of
 
 from winchcascade import calibrate, read_run, reduce, simulate
-from winchcascade.errors import LogError, RigError
-from winchcascade.fit.calibrate import STRAINED, Calibration
-from winchcascade.fit.nuisances import nuisances, shifted
-from winchcascade.quantity import Quantity
+from winchcascade.core.errors import LogError, RigError
+from winchcascade.core.quantity import Quantity
+from winchcascade.core.rig_file import Rig
+from winchcascade.core.rig_toml import built_in
+from winchcascade.core.run import Run
+from winchcascade.diagnosis.calibrate import STRAINED, Calibration
+from winchcascade.diagnosis.nuisances import nuisances, shifted
 from winchcascade.report.calibration_text import calibration_text
-from winchcascade.rig.model import baseline
-from winchcascade.rigfile import Rig
-from winchcascade.rigtoml import built_in
-from winchcascade.run import Run
+from winchcascade.rig.parts import baseline
 
 RIG = built_in()
 
@@ -100,7 +100,7 @@ def test_without_noise_the_numbers_are_those_of_the_model() -> None:
 
 
 def test_a_fit_that_did_not_come_to_rest_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("winchcascade.fit.calibrate.ROUNDS", 1)
+    monkeypatch.setattr("winchcascade.diagnosis.calibrate.ROUNDS", 1)
     run = made_log(baseline(shifted(RIG, {("drivetrain", "b_rotor"): 2e-4})))
     found = calibrate(run, RIG, steady_payouts(run))
     assert not found.settled

@@ -8,11 +8,11 @@ import pytest
 from openlog import made_log, motion_run
 
 from winchcascade import simulate
-from winchcascade.effects.catalogue import make_effect
-from winchcascade.fit.campaign import RHO, Fitted
-from winchcascade.fit.predict import CHANNELS
-from winchcascade.rig.model import baseline
-from winchcascade.rigtoml import built_in
+from winchcascade.core.rig_toml import built_in
+from winchcascade.diagnosis.misfit import RHO, Fitted
+from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.rig.effects.catalogue import make_effect
+from winchcascade.rig.parts import baseline
 
 RIG = built_in()
 

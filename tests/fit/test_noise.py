@@ -9,13 +9,13 @@ import pytest
 from openlog import FS, NOISE, made_log
 
 from winchcascade import read_run
-from winchcascade.fit.blocks import PHASES, blocks_of
-from winchcascade.fit.noise import NOISELESS, noise_of, velocity_noise, with_extra
-from winchcascade.fit.predict import CHANNELS, Course
-from winchcascade.rig.model import baseline
-from winchcascade.rigtoml import built_in
-from winchcascade.smooth import local_quadratic
-from winchcascade.whitenoise import white_noise
+from winchcascade.core.rig_toml import built_in
+from winchcascade.core.smooth import local_quadratic
+from winchcascade.core.white_noise import white_noise
+from winchcascade.diagnosis.block_means import PHASES, blocks_of
+from winchcascade.diagnosis.noise import NOISELESS, noise_of, velocity_noise, with_extra
+from winchcascade.diagnosis.predict import CHANNELS, Course
+from winchcascade.rig.parts import baseline
 
 WITHIN = 0.15
 """The noise of a log of two minutes is found to this share."""

@@ -7,10 +7,10 @@ import msgspec
 import pytest
 from openlog import FS, made_log
 
-from winchcascade.fit.nuisances import OF_THE_MODEL, SKEW, nuisances, sensor_errors, shifted
-from winchcascade.rig.model import baseline
-from winchcascade.rigfile import Sensor
-from winchcascade.rigtoml import built_in
+from winchcascade.core.rig_file import Sensor
+from winchcascade.core.rig_toml import built_in
+from winchcascade.diagnosis.nuisances import OF_THE_MODEL, SKEW, nuisances, sensor_errors, shifted
+from winchcascade.rig.parts import baseline
 
 RIG = built_in()
 RUNS = [msgspec.structs.replace(made_log(cycles=1), load=load) for load in (math.inf, 18.0, 18.0, 4.5)]

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from winchcascade import read_run, simulate
-from winchcascade.fit.blocks import blocks_of
-from winchcascade.fit.predict import _SHAFT_FROM, CHANNELS, MOST_KEPT, Course
+from winchcascade.core.rig_toml import built_in
+from winchcascade.core.run import Run
+from winchcascade.diagnosis.block_means import blocks_of
+from winchcascade.diagnosis.predict import _SHAFT_FROM, CHANNELS, MOST_KEPT, Course
 from winchcascade.rig.kernel import Constants, constants
-from winchcascade.rig.model import Model, baseline
-from winchcascade.rigtoml import built_in
-from winchcascade.run import Run
+from winchcascade.rig.parts import Model, baseline
 
 RIG = built_in()
 MODEL = baseline(RIG)

@@ -9,10 +9,10 @@ import pytest
 from openlog import made_log, steady_payouts
 
 from winchcascade import __version__, calibrate, load_rig
-from winchcascade.errors import LogError, RigError
-from winchcascade.fit.calibrate import Calibration
-from winchcascade.fit.rigtext import MARK, calibrated_text
-from winchcascade.rigtoml import built_in, built_in_text, parse_rig
+from winchcascade.core.errors import LogError, RigError
+from winchcascade.core.rig_toml import built_in, built_in_text, parse_rig
+from winchcascade.diagnosis.calibrate import Calibration
+from winchcascade.diagnosis.rig_text import MARK, calibrated_text
 
 NAMES = {"k_e": "generator", "mu_screw": "restoring", "b_rotor": "drivetrain"}
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from winchcascade.fit.solve import HUBER, bounded_step, box_minimum, huber, joint_step, quadratic, weights
+from winchcascade.diagnosis.solve import HUBER, bounded_step, box_minimum, huber, joint_step, quadratic, weights
 
 AS_LOW = 1e-6
 """The objective in a box is as low as scipy's, to this share of what the box allows to gain."""

@@ -10,16 +10,15 @@ import numpy as np
 import pytest
 from openlog import made_log
 
-from winchcascade.effects.catalogue import make_effect
-from winchcascade.fit.blocks import PHASES
-from winchcascade.fit.campaign import Fitted
-from winchcascade.fit.predict import CHANNELS
-from winchcascade.gap.arises import SHARED, arises
-from winchcascade.gap.compare import ZERO_REACH, Place, compare, weigh, without_zeros, zero_of, zeros_of
-from winchcascade.gap.locate import STANDS_OUT, _sentence, locate
-from winchcascade.gap.stagewise import StagePlace
-from winchcascade.rig.model import baseline
-from winchcascade.rigtoml import built_in
+from winchcascade.core.rig_toml import built_in
+from winchcascade.diagnosis.block_means import PHASES
+from winchcascade.diagnosis.gap_location import SHARED, STANDS_OUT, _sentence, arises, locate
+from winchcascade.diagnosis.gap_map import ZERO_REACH, Place, compare, weigh, without_zeros, zero_of, zeros_of
+from winchcascade.diagnosis.misfit import Fitted
+from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.stagewise import StagePlace
+from winchcascade.rig.effects.catalogue import make_effect
+from winchcascade.rig.parts import baseline
 
 U_PRESSURE = 2942.0
 """Standard uncertainty of the zero of the pressure sensor, as the built-in rig file has it. [Pa]"""

@@ -12,19 +12,18 @@ import pytest
 from openlog import made_log, motion_run
 from rigs import stage_outputs
 
-from winchcascade.campaign import load_campaign
-from winchcascade.effects.catalogue import make_effect
-from winchcascade.fit.campaign import Fitted
-from winchcascade.fit.noise import NOISELESS
-from winchcascade.fit.nuisances import SECTIONS
-from winchcascade.gap.arises import Arises, arises
-from winchcascade.gap.locate import STANDS_OUT
-from winchcascade.gap.stagewise import TOUCHED, StagePlace, _noise, stagewise
+from winchcascade.core.campaign_file import load_campaign
+from winchcascade.core.rig_toml import built_in
+from winchcascade.core.run import Run
+from winchcascade.diagnosis.gap_location import STANDS_OUT, Arises, arises
+from winchcascade.diagnosis.misfit import Fitted
+from winchcascade.diagnosis.noise import NOISELESS
+from winchcascade.diagnosis.nuisances import SECTIONS
+from winchcascade.diagnosis.stagewise import TOUCHED, StagePlace, _noise, stagewise
 from winchcascade.ingest.read import read_run
-from winchcascade.rig.model import Model, baseline
+from winchcascade.rig.effects.catalogue import make_effect
+from winchcascade.rig.parts import Model, baseline
 from winchcascade.rig.stages import STAGES
-from winchcascade.rigtoml import built_in
-from winchcascade.run import Run
 
 LOADS = (math.inf, 27.0, 4.5)
 ZERO = {"pressure": 2942.0, "force": 2.0, "torque": 0.3, "idc": 0.005}

@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from winchcascade.cli import main
-from winchcascade.signals import ENDING
+from winchcascade.cli.entry import main
+from winchcascade.core.signals import ENDING
 
 PATIENCE = 60
 """A command on a small file that has not ended after this never will. [s]"""

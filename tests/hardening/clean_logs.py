@@ -25,11 +25,11 @@ from damage_files import Grid, bare, fields, grid, workbook
 from judge import csv, moved, scratch, truth
 from scipy.io import savemat
 
-from winchcascade.campaign import load_campaign
-from winchcascade.cascade.reduce import Reduction, reduce
+from winchcascade.core.campaign_file import load_campaign
+from winchcascade.core.rig_toml import load_rig
+from winchcascade.core.run import Finding
 from winchcascade.ingest.read import read_run
-from winchcascade.rigtoml import load_rig
-from winchcascade.run import Finding
+from winchcascade.reduction.reduce import Reduction, reduce
 
 SHARED = ROOT.parent / "shared" / "data"
 SIMULATED_RATES = (5, 10, 25, 50, 100)

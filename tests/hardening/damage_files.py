@@ -19,10 +19,10 @@ from nptdms import ChannelObject, TdmsWriter
 from reasons import campaign_reason
 from scipy.io import savemat
 
-from winchcascade.campaign import load_campaign
-from winchcascade.cascade.reduce import Reduction, reduce
-from winchcascade.errors import WinchcascadeError
+from winchcascade.core.campaign_file import load_campaign
+from winchcascade.core.errors import WinchcascadeError
 from winchcascade.ingest.read import read_run
+from winchcascade.reduction.reduce import Reduction, reduce
 
 OTHER = {"r4p5ohm": "r9ohm", "r18ohm": "r27ohm", "r45ohm": "r36ohm"}
 """A log at another load, to stand beside each of the three."""

@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 from pyarrow import parquet
 from seeds import ROOT, text
 
-from winchcascade.blind.hidden import PARTS
+from winchcascade.blind.injected import PARTS
 from winchcascade.blind.trial import diagnose
 
 COPIES = 6

@@ -30,20 +30,20 @@ from seeds import LOG, SEEDS
 
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.results import load_results
-from winchcascade.cascade.montecarlo import uncertainty
-from winchcascade.cascade.reduce import Reduction, reduce, require_payouts
-from winchcascade.errors import WinchcascadeError
+from winchcascade.core.errors import WinchcascadeError
+from winchcascade.core.rig_file import Rig
+from winchcascade.core.rig_toml import load_rig
+from winchcascade.core.table_toml import load_table
 from winchcascade.ingest.limits import SECONDS_SETTING
 from winchcascade.ingest.read import read_run
-from winchcascade.published.audit import audit
-from winchcascade.published.check import check, measured_from_record
+from winchcascade.reduction.montecarlo import uncertainty
+from winchcascade.reduction.reduce import Reduction, reduce, require_payouts
 from winchcascade.report.audit_text import audit_text
 from winchcascade.report.check_text import check_text
 from winchcascade.report.records import reduction_json, reduction_record
 from winchcascade.report.terminal import reduction_text
-from winchcascade.rigfile import Rig
-from winchcascade.rigtoml import load_rig
-from winchcascade.tabletoml import load_table
+from winchcascade.tables.audit import audit
+from winchcascade.tables.check import check, measured_from_record
 
 LONGEST = 5.0
 """A file that takes more of the processor is a hang, on a busy machine too. [s]"""

@@ -9,13 +9,12 @@ import numpy as np
 from base_logs import TIME, Log, Signal, base
 from reasons import Reason, Reasoning
 
-from winchcascade.cascade.efficiency import Metrics
-from winchcascade.cascade.reduce import CycleResult, Reduction, reduce, require_payouts
-from winchcascade.cascade.repeatability import ensemble_mean
-from winchcascade.errors import WinchcascadeError
+from winchcascade.core.errors import WinchcascadeError
+from winchcascade.core.rig_toml import load_rig
+from winchcascade.core.run import Finding
 from winchcascade.ingest.read import read_run
-from winchcascade.rigtoml import load_rig
-from winchcascade.run import Finding
+from winchcascade.reduction.efficiency import Metrics, ensemble_mean
+from winchcascade.reduction.reduce import CycleResult, Reduction, reduce, require_payouts
 
 ENERGIES = ("energy_line", "energy_mech", "energy_gen")
 EFFICIENCIES = ("eta_trans", "eta_gen", "eta_pto")

@@ -10,13 +10,13 @@ import numpy as np
 from base_logs import Log, Signal
 from scipy.stats import t as student
 
-from winchcascade.accuracy import CERTAIN, zero_uncertainty
 from winchcascade.batch.campaign_findings import log_efficiency
-from winchcascade.cascade.between import _chances, _left_out, _rows
-from winchcascade.cascade.changes import ALPHA, Comparison, compare_cycles
-from winchcascade.cascade.checks.lag import OF_THE_MACHINE, OF_THE_ROTOR, SAME_TIME
-from winchcascade.cascade.checks.zeros import KNOWN
-from winchcascade.cascade.reduce import Reduction
+from winchcascade.core.accuracy import CERTAIN, zero_uncertainty
+from winchcascade.reduction.checks.lag import OF_THE_MACHINE, OF_THE_ROTOR, SAME_TIME
+from winchcascade.reduction.checks.zeros import KNOWN
+from winchcascade.reduction.efficiency_between_runs import _chances, _left_out, _rows
+from winchcascade.reduction.efficiency_changes import ALPHA, Comparison, compare_cycles
+from winchcascade.reduction.reduce import Reduction
 
 
 class Reason(NamedTuple):

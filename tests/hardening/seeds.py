@@ -20,11 +20,11 @@ import xlsxwriter
 from nptdms import ChannelObject, RootObject, TdmsWriter
 from scipy.io import savemat
 
-from winchcascade.cascade.montecarlo import uncertainty
-from winchcascade.cascade.reduce import reduce
+from winchcascade.core.rig_toml import built_in_text
 from winchcascade.ingest.read import read_run
+from winchcascade.reduction.montecarlo import uncertainty
+from winchcascade.reduction.reduce import reduce
 from winchcascade.report.records import reduction_json
-from winchcascade.rigtoml import built_in_text
 
 ROOT = Path(__file__).parents[2]
 LOG = ROOT / "fixtures" / "campaign" / "r36ohm.csv"

@@ -19,14 +19,14 @@ from pyarrow import parquet
 from seeds import DATA, HEADERS, ROWS, SEEDS, seeds
 
 from winchcascade.batch.results import load_results
-from winchcascade.campaign import load_campaign
-from winchcascade.errors import LogError, OptionError, WinchcascadeError
+from winchcascade.core.campaign_file import load_campaign
+from winchcascade.core.errors import LogError, OptionError, WinchcascadeError
+from winchcascade.core.rig_toml import load_rig, parse_rig
+from winchcascade.core.table_toml import load_table, parse_table
 from winchcascade.ingest.clock import read_clock
 from winchcascade.ingest.read import read_run
-from winchcascade.published.audit import audit
 from winchcascade.report.audit_text import audit_text
-from winchcascade.rigtoml import load_rig, parse_rig
-from winchcascade.tabletoml import load_table, parse_table
+from winchcascade.tables.audit import audit
 
 FEW = 100
 MANY = 300

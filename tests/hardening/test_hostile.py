@@ -21,7 +21,7 @@ from calls import call, told
 from pyarrow import parquet
 from seeds import HEADERS, LOG, ROOT, ROWS, tdms, text
 
-from winchcascade.errors import LogError
+from winchcascade.core.errors import LogError
 from winchcascade.ingest.assign import _UNIT, _unit_by_pint
 from winchcascade.ingest.read import read_run
 
@@ -161,7 +161,7 @@ def _limited(path: Path, *, memory: int = MEMORY) -> str:
         "import resource, sys\n"
         "import numpy, pyarrow.csv, pyarrow.parquet, python_calamine, nptdms, scipy.io\n"
         "from winchcascade.ingest.read import read_run\n"
-        "from winchcascade.errors import LogError\n"
+        "from winchcascade.core.errors import LogError\n"
         "pages = int(open('/proc/self/statm').read().split()[0])\n"
         f"resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + {memory},) * 2)\n"
         "try:\n    print(read_run(sys.argv[1]))\nexcept LogError as fault:\n    print(fault)\n"

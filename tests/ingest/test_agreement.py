@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from synthetic import KGCM2, SENSORS
 
 from winchcascade import Finding, load_rig
-from winchcascade.ingest.agreement import disagreements, mean_speeds, power_disagrees, without_sign
-from winchcascade.ingest.quality import Checked, check
+from winchcascade.ingest.checks.agreement import disagreements, mean_speeds, power_disagrees, without_sign
+from winchcascade.ingest.checks.quality import Checked, check
 
 Signal = NDArray[np.float64]
 Change = Callable[[Signal], Signal]

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from winchcascade.errors import LogError
+from winchcascade.core.errors import LogError
 from winchcascade.ingest.align import Waveform, common_stamps
 
 

@@ -15,8 +15,8 @@ from scipy.io import savemat
 
 from winchcascade import read_run
 from winchcascade.batch.plan import make_plan
-from winchcascade.batch.run import run_batch
-from winchcascade.errors import CampaignError, LogError
+from winchcascade.batch.run_batch import run_batch
+from winchcascade.core.errors import CampaignError, LogError
 
 FIXTURES = Path(__file__).parents[2] / "fixtures" / "campaign"
 NAMES = ("Time", "Velocity", "Force")

@@ -10,7 +10,7 @@ from campaign_log import HEAD, LOST, ROWS, T, clean, efficiencies, kinds, read, 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from winchcascade.errors import LogError
+from winchcascade.core.errors import LogError
 from winchcascade.ingest.clock import read_clock, require_rising
 from winchcascade.ingest.repair import MANY
 

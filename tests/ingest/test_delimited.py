@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from winchcascade import read_run
-from winchcascade.errors import LogError
+from winchcascade.core.errors import LogError
 from winchcascade.ingest.cells import is_cut, looks_like_a_number, numbers
 
 SIX_DIGITS = 1e-5

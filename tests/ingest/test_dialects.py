@@ -8,13 +8,13 @@ import pytest
 from campaign_log import HEAD, NAMES, ROWS, SAME, UNITS, clean, efficiencies, kinds, read, scaled, text
 
 from winchcascade import Run, load_rig
-from winchcascade.channels import CHANNELS
-from winchcascade.errors import LogError, RigError
+from winchcascade.core.errors import LogError, RigError
+from winchcascade.core.quantity import KGF
+from winchcascade.core.quantity import UNITS as UNIT_TABLE
+from winchcascade.core.run import CHANNELS
 from winchcascade.ingest import dialects
 from winchcascade.ingest.dialects import read_header, recognise
 from winchcascade.ingest.source import Header
-from winchcascade.quantity import KGF
-from winchcascade.quantity import UNITS as UNIT_TABLE
 
 UNIT = {"time": "s"} | {name: channel.unit for name, channel in CHANNELS.items()}
 DIMENSION = {"time": "time"} | {name: channel.dimension for name, channel in CHANNELS.items()}

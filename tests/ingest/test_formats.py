@@ -25,14 +25,14 @@ from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
 from scipy.io import savemat
 
 from winchcascade import read_run, reduce
-from winchcascade.errors import LogError
-from winchcascade.ingest.excel import open_excel
-from winchcascade.ingest.formats import is_mat_v4, open_log
-from winchcascade.ingest.mat import open_mat
-from winchcascade.ingest.parquet import open_parquet
+from winchcascade.core.errors import LogError
+from winchcascade.core.run import Run
+from winchcascade.ingest.formats.excel import open_excel
+from winchcascade.ingest.formats.mat import open_mat
+from winchcascade.ingest.formats.parquet import open_parquet
+from winchcascade.ingest.formats.tdms import open_tdms
+from winchcascade.ingest.open_log import is_mat_v4, open_log
 from winchcascade.ingest.source import Source, Table
-from winchcascade.ingest.tdms import open_tdms
-from winchcascade.run import Run
 
 H = 0.04
 T = H * np.arange(500)

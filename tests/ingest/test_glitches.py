@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from synthetic import SCENARIOS, SENSORS, Scenario, make_log
 
 from winchcascade import Finding, Reduction, Run, load_rig, read_run, reduce
-from winchcascade.ingest.quality import check
+from winchcascade.ingest.checks.quality import check
 
 Signal = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ import pytest
 from campaign_log import HEAD, NOON, ROWS, SAME, T, clean, efficiencies, kinds, read, stamps, text
 
 from winchcascade import Rig, read_run
-from winchcascade.errors import LogError
+from winchcascade.core.errors import LogError
 
 STAMPS = stamps("%Y-%m-%d %H:%M:%S.~")
 NAMES_OF_NONE = ["", "index", "__index_level_0__", "Unnamed: 0"]

@@ -16,9 +16,9 @@ import pyarrow.parquet as pq
 import pytest
 from seeds import seeds
 
-from winchcascade.errors import LogError, OptionError
-from winchcascade.ingest.formats import open_log
+from winchcascade.core.errors import LogError, OptionError
 from winchcascade.ingest.limits import MEMORY_SETTING, SECONDS_SETTING, limits_for
+from winchcascade.ingest.open_log import open_log
 from winchcascade.ingest.read import read_run
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="signals as POSIX has them")
@@ -47,7 +47,7 @@ def refused(path: Path, **environment: str) -> tuple[str, float, float]:
     code = (
         "import resource, sys, time\n"
         "from winchcascade.ingest.read import read_run\n"
-        "from winchcascade.errors import LogError\n"
+        "from winchcascade.core.errors import LogError\n"
         "begun = time.monotonic()\n"
         "try:\n    said = repr(read_run(sys.argv[1]))\nexcept LogError as fault:\n    said = str(fault)\n"
         "own = next(line for line in open('/proc/self/status') if line.startswith('VmHWM'))\n"
@@ -167,7 +167,7 @@ def gone(pid: int) -> bool:
 def test_the_reader_ends_with_its_parent(number: signal.Signals, tmp_path: Path) -> None:
     code = (
         "import sys, time\n"
-        "from winchcascade.ingest.formats import open_log\n"
+        "from winchcascade.ingest.open_log import open_log\n"
         "from pathlib import Path\n"
         "source = open_log(Path(sys.argv[1]))\n"
         "print(source.load.__self__._process.pid, flush=True)\n"

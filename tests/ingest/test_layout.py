@@ -8,7 +8,7 @@ import pytest
 from campaign_log import HEAD, NAMES, ROWS, SAME, UNITS, clean, efficiencies, kinds, read, stamps, text, write
 
 from winchcascade import Rig, read_run
-from winchcascade.errors import LogError
+from winchcascade.core.errors import LogError
 from winchcascade.ingest.layout import find_encoding
 
 GLUED = [header.replace(" ", "") for header in HEAD]

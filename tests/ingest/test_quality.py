@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from synthetic import KGCM2, SCENARIOS, SENSORS, make_log
 
 from winchcascade import Finding, Reduction, Run, load_rig, read_run, reduce
-from winchcascade.campaign import campaign_beside
-from winchcascade.ingest.quality import Checked, check
+from winchcascade.core.campaign_file import campaign_beside
+from winchcascade.ingest.checks.quality import Checked, check
 
 Signal = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from winchcascade.errors import LogError
+from winchcascade.core.errors import LogError
 from winchcascade.ingest import read
 from winchcascade.ingest.read import read_run
 

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from synthetic import KGCM2, SENSORS
 
-from winchcascade.ingest.signs import upright
+from winchcascade.ingest.checks.signs import upright
 
 Signal = NDArray[np.float64]
 FOLDER = Path(__file__).parents[2] / "fixtures" / "campaign"

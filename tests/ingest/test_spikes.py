@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from synthetic import SCENARIOS, SENSORS, make_log
 
-from winchcascade.ingest.spikes import find_spikes
+from winchcascade.ingest.checks.spikes import find_spikes
 
 Signal = NDArray[np.float64]
 

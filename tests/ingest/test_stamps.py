@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from campaign_log import HEAD, NOON, ROWS, SAME, T, clean, efficiencies, kinds, read, stamps, text, with_time
 
-from winchcascade.errors import LogError
+from winchcascade.core.errors import LogError
 from winchcascade.ingest.stamps import looks_like_a_stamp, seconds, waveform
 
 COARSE = 0.002

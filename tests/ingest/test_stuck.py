@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from synthetic import KGCM2, SCENARIOS, SENSORS, make_log, truth
 
 from winchcascade import load_rig
-from winchcascade.ingest.quality import Checked, check
+from winchcascade.ingest.checks.quality import Checked, check
 
 Signal = NDArray[np.float64]
 RIG = load_rig("hsu2026")

@@ -6,9 +6,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from winchcascade.phases.detect import Cycle, crossing, detect, long_gaps, smoothed_velocity
-from winchcascade.rigfile import Thresholds
-from winchcascade.run import CLOCK, Run
+from winchcascade.core.rig_file import Thresholds
+from winchcascade.core.run import CLOCK, Run
+from winchcascade.reduction.phases import Cycle, crossing, detect, long_gaps, smoothed_velocity
 
 RULES = Thresholds()
 DT = 0.04

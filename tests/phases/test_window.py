@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from winchcascade.phases.detect import Cycle
-from winchcascade.phases.window import Plateau, find_plateau, find_window
-from winchcascade.rigfile import Thresholds
+from winchcascade.core.rig_file import Thresholds
+from winchcascade.reduction.phases import Cycle
+from winchcascade.reduction.windows import Plateau, find_plateau, find_window
 
 RULES = Thresholds()
 T = np.arange(0.0, 30.0, 0.04)

@@ -9,13 +9,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from winchcascade.cascade.efficiency import METRICS, RATIOS
-from winchcascade.published.audit import Audit, audit
-from winchcascade.published.claims import ClaimVerdict
-from winchcascade.published.feasible import allowed, is_feasible
-from winchcascade.published.means import mean_of_products, repeatability
-from winchcascade.table import Column, Deviation, Row, Span, Table, ValueClaim
-from winchcascade.tabletoml import load_table, parse_table
+from winchcascade.core.published_table import Column, Deviation, Row, Span, Table, ValueClaim
+from winchcascade.core.table_toml import load_table, parse_table
+from winchcascade.reduction.efficiency import METRICS, RATIOS
+from winchcascade.tables.audit import Audit, audit
+from winchcascade.tables.claims import ClaimVerdict
+from winchcascade.tables.feasible import allowed, is_feasible
+from winchcascade.tables.ratio_of_means import mean_of_products, repeatability
 
 HSU = load_table("hsu2026-table2")
 HSU_TEXT = Path(HSU.path).read_text(encoding="utf-8")

@@ -7,19 +7,12 @@ import numpy as np
 import pytest
 
 from winchcascade import read_run, reduce, uncertainty
-from winchcascade.cascade.efficiency import METRICS
-from winchcascade.errors import OptionError
-from winchcascade.published.check import (
-    Check,
-    CheckError,
-    Factors,
-    Measured,
-    check,
-    measured_from_record,
-)
+from winchcascade.core.errors import OptionError
+from winchcascade.core.published_table import Column, Row, Table
+from winchcascade.core.table_toml import load_table
+from winchcascade.reduction.efficiency import METRICS
 from winchcascade.report.records import FIELDS, reduction_record
-from winchcascade.table import Column, Row, Table
-from winchcascade.tabletoml import load_table
+from winchcascade.tables.check import Check, CheckError, Factors, Measured, check, measured_from_record
 
 LOADS = (45.0, 18.0, math.inf)
 DECIMALS = {"energy": ("kJ", 3, 1e3), "power": ("W", 0, 1.0), "eta": ("%", 1, 0.01)}

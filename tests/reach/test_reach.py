@@ -12,26 +12,25 @@ import msgspec
 import numpy as np
 import pytest
 
-from winchcascade.cascade.efficiency import METRICS
-from winchcascade.cascade.first import first_metrics
-from winchcascade.cascade.reduce import reduce
-from winchcascade.diagnose.suspects import with_values
-from winchcascade.effects.catalogue import EFFECTS, make_effect
-from winchcascade.errors import RigError
+from winchcascade.core.errors import RigError
+from winchcascade.core.published_table import Table
+from winchcascade.core.rig_file import Rig
+from winchcascade.core.rig_toml import built_in, parse_rig
+from winchcascade.core.run import Run
+from winchcascade.core.table_toml import load_table, parse_table
+from winchcascade.diagnosis.suspects import with_values
 from winchcascade.ingest.read import read_run
-from winchcascade.published.means import repeatability as known_of
-from winchcascade.reach.bench import Bench
-from winchcascade.reach.curves import bent
-from winchcascade.reach.reach import Reach, reach
-from winchcascade.reach.rows import Cell, repeatability, windows_of
+from winchcascade.reduction.efficiency import METRICS
+from winchcascade.reduction.first import first_metrics
+from winchcascade.reduction.reduce import reduce
 from winchcascade.report.reach_text import reach_record, reach_text
-from winchcascade.rig.model import Model, baseline
+from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
+from winchcascade.rig.parts import Model, baseline
 from winchcascade.rig.simulate import simulate
-from winchcascade.rigfile import Rig
-from winchcascade.rigtoml import built_in, parse_rig
-from winchcascade.run import Run
-from winchcascade.table import Table
-from winchcascade.tabletoml import load_table, parse_table
+from winchcascade.tables.attainable import Reach, reach
+from winchcascade.tables.attainable_row import Cell, repeatability, windows_of
+from winchcascade.tables.effect_curves import Bench, bent
+from winchcascade.tables.ratio_of_means import repeatability as known_of
 
 RIG = built_in()
 SOME = ("copper_heating", "gear_mesh_loss", "screw_friction", "torque_gain", "clutch_drag")

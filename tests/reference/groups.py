@@ -110,8 +110,8 @@ def named(*parts: str) -> str:
 
 def cli(place: Workplace) -> Recorded:
     """Help, version, catalogue and rigs, wrong input, and the public names of the package."""
-    from winchcascade.effects.catalogue import EFFECTS
-    from winchcascade.rigtoml import BUILT_IN
+    from winchcascade.core.rig_toml import BUILT_IN
+    from winchcascade.rig.effects.catalogue import EFFECTS
 
     yield "help", "\n".join(place.run(*command.split(), "--help") for command in ("", *COMMANDS))
     yield "version", place.run("--version")

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from winchcascade.cascade.reduce import Reduction, reduce
+from winchcascade.core.campaign_file import Origin
 from winchcascade.ingest.read import read_run
-from winchcascade.origin import Origin
+from winchcascade.reduction.reduce import Reduction, reduce
 from winchcascade.report.model_data import Comparison, compare_with_baseline
 
 if TYPE_CHECKING:
-    from winchcascade.rigfile import Rig
-    from winchcascade.run import Signal
+    from winchcascade.core.rig_file import Rig
+    from winchcascade.core.run import Signal
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 KGCM2 = 98066.5

@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.diagnose.campaign import Diagnosis, diagnose
-from winchcascade.effects.catalogue import EFFECTS, make_effect
+from winchcascade.core.rig_toml import load_rig
+from winchcascade.diagnosis.diagnose import Diagnosis, diagnose
 from winchcascade.ingest.read import read_run
-from winchcascade.rig.model import baseline
+from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
+from winchcascade.rig.parts import baseline
 from winchcascade.rig.simulate import simulate
-from winchcascade.rig.write import write_log
-from winchcascade.rigtoml import load_rig
+from winchcascade.rig.simulated_log import write_log
 
 if TYPE_CHECKING:
+    from winchcascade.core.run import Run
     from winchcascade.rig.simulate import Simulation
-    from winchcascade.run import Run
 
 FIXTURES = Path(__file__).parents[2] / "fixtures" / "campaign"
 LOGS = {"r18ohm.csv": 18.0, "r4p5ohm.csv": 4.5}

@@ -10,7 +10,7 @@ import pytest
 from diagnosed import diagnosed
 from pypdf import PdfReader
 
-from winchcascade.commands.app import app
+from winchcascade.cli.app import app
 from winchcascade.report.diagnosis import write_diagnosis_reports
 
 CHROMIUM = next(

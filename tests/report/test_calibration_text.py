@@ -7,9 +7,9 @@ import pytest
 from openlog import made_log, steady_payouts
 
 from winchcascade import Calibration, calibrate
-from winchcascade.fit.calibrate import Strain
+from winchcascade.core.rig_toml import built_in
+from winchcascade.diagnosis.calibrate import Strain
 from winchcascade.report.calibration_text import calibration_record, calibration_text
-from winchcascade.rigtoml import built_in
 
 WIDEST = 120
 """The table is as wide as its reasons are long; sentences end at 100 columns."""

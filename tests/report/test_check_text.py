@@ -7,16 +7,11 @@ from xml.etree import ElementTree
 import msgspec
 import pytest
 
-from winchcascade.published.audit import audit
-from winchcascade.published.check import Check, Factors, Measured, check
+from winchcascade.core.table_toml import load_table
 from winchcascade.report.audit_text import audit_record, audit_text
-from winchcascade.report.check_text import (
-    check_record,
-    check_text,
-    github_annotations,
-    junit_xml,
-)
-from winchcascade.tabletoml import load_table
+from winchcascade.report.check_text import check_record, check_text, github_annotations, junit_xml
+from winchcascade.tables.audit import audit
+from winchcascade.tables.check import Check, Factors, Measured, check
 
 TABLE = load_table("hsu2026-table2")
 NASTY = 'a<b>&"c"\x1b[31m,50%:\n].csv'

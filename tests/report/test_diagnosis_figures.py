@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from diagnosed import PLANTED, SUSPECTS, diagnosed, made_logs
 
-from winchcascade.diagnose.campaign import Diagnosis, diagnose
-from winchcascade.effects.catalogue import EFFECTS
-from winchcascade.fit.predict import CHANNELS
-from winchcascade.gap.locate import STANDS_OUT
+from winchcascade.core.rig_toml import load_rig
+from winchcascade.diagnosis.diagnose import Diagnosis, diagnose
+from winchcascade.diagnosis.gap_location import STANDS_OUT
+from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.report.diagnosis_data import (
     BIN,
     OUT,
@@ -40,7 +40,7 @@ from winchcascade.report.diagnosis_laws import (
 from winchcascade.report.diagnosis_map import closure_bars, gap_map, signed, stage_map
 from winchcascade.report.diagnosis_odds import effect_odds, odds_figure, set_odds, thresholds
 from winchcascade.report.style import house_style
-from winchcascade.rigtoml import load_rig
+from winchcascade.rig.effects.catalogue import EFFECTS
 
 ALL = ["copper", "rolloff", "nothing", "outsider"]
 

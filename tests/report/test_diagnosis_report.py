@@ -9,12 +9,12 @@ import pytest
 from diagnosed import diagnosed
 from pypdf import PdfReader
 
-from winchcascade.diagnose.causes import Rival
+from winchcascade.diagnosis.causes import Rival
 from winchcascade.report.diagnosis import make_diagnosis_report
 from winchcascade.report.digits import MINUS
 from winchcascade.report.html import html_text
-from winchcascade.report.layout import Picture, Report, Table
 from winchcascade.report.pdf import pdf_bytes
+from winchcascade.report.report_model import Picture, Report, Table
 
 ALL = ["copper", "rolloff", "nothing", "outsider"]
 
@@ -147,7 +147,7 @@ def test_alarms_and_nuisances_are_told_with_limit_and_unit() -> None:
 
 
 def test_a_nuisance_of_the_rig_is_told_in_the_unit_of_its_file() -> None:
-    from winchcascade.fit.nuisances import Nuisance
+    from winchcascade.diagnosis.nuisances import Nuisance
     from winchcascade.report.diagnosis_tables import _nuisance_row
 
     row = _nuisance_row(Nuisance("rig", "l_s", 5e-5, "mH", section="generator"), 2.0, [])
@@ -197,8 +197,8 @@ def test_a_title_from_a_file_is_never_markup() -> None:
 def test_the_documentation_states_the_numbers_of_the_code() -> None:
     from pathlib import Path
 
-    from winchcascade.diagnose import causes, closure, rank, remainder
-    from winchcascade.fit import nuisances
+    from winchcascade.diagnosis import causes, closure, nuisances, remainder
+    from winchcascade.diagnosis import selection as rank
 
     text = " ".join((Path(__file__).parents[2] / "docs" / "diagnosis.md").read_text(encoding="utf-8").split())
     assert f"over all logs | {remainder.ROUGH:g} |" in text
@@ -214,7 +214,7 @@ def test_the_documentation_states_the_numbers_of_the_code() -> None:
 
 
 def test_a_law_that_the_rig_file_does_not_state_has_a_name_of_its_own() -> None:
-    from winchcascade.fit.nuisances import ABSENT, Nuisance
+    from winchcascade.diagnosis.nuisances import ABSENT, Nuisance
     from winchcascade.report.diagnosis_names import _LAWS, nuisance_words
 
     names = {str(Nuisance("law", name, sd, unit, section=part)) for (part, name), (sd, unit) in ABSENT.items()}

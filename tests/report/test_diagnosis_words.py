@@ -6,13 +6,12 @@ import msgspec
 import pytest
 from diagnosed import diagnosed
 
-from winchcascade.diagnose.campaign import Diagnosis, Remainder
-from winchcascade.diagnose.causes import Reported, Rival
-from winchcascade.diagnose.experiment import Experiment
-from winchcascade.diagnose.record import as_json
-from winchcascade.diagnose.remainder import Alarm
-from winchcascade.effects.catalogue import EFFECTS, words
-from winchcascade.origin import Origin
+from winchcascade.core.campaign_file import Origin
+from winchcascade.diagnosis.causes import Reported, Rival
+from winchcascade.diagnosis.diagnose import Diagnosis, Remainder
+from winchcascade.diagnosis.diagnosis_record import as_json
+from winchcascade.diagnosis.next_run import Experiment
+from winchcascade.diagnosis.remainder import Alarm
 from winchcascade.report.diagnosis_names import PARAMETERS, meaning, parameter_words, quantity_words
 from winchcascade.report.diagnosis_text import diagnosis_lines, diagnosis_text
 from winchcascade.report.diagnosis_words import (
@@ -31,6 +30,7 @@ from winchcascade.report.diagnosis_words import (
     withheld_words,
     word_of,
 )
+from winchcascade.rig.effects.catalogue import EFFECTS, words
 
 REPORTED = [(effect, name) for effect, kind in EFFECTS.items() for name in kind.reports]
 

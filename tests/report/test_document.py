@@ -14,15 +14,14 @@ import numpy as np
 import pytest
 
 from winchcascade import __version__
-from winchcascade.cascade.efficiency import Metrics
-from winchcascade.cascade.montecarlo import Uncertainty, uncertainty
-from winchcascade.cascade.reduce import Reduction, reduce
-from winchcascade.channels import SIMULATED_HEADERS
+from winchcascade.core.rig_toml import load_rig, parse_rig
+from winchcascade.core.run import CLOCK, SIMULATED_HEADERS
 from winchcascade.ingest.read import read_run
+from winchcascade.reduction.efficiency import Metrics
+from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
+from winchcascade.reduction.reduce import Reduction, reduce
 from winchcascade.report.document import best_and_worst, lost_share, make_report
-from winchcascade.report.layout import Picture, Point, Report, Table
-from winchcascade.rigtoml import load_rig, parse_rig
-from winchcascade.run import CLOCK
+from winchcascade.report.report_model import Picture, Point, Report, Table
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 CLEAN = FIXTURES / "campaign" / "r36ohm.csv"

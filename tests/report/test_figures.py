@@ -12,10 +12,10 @@ import msgspec
 import numpy as np
 import pytest
 
-from winchcascade.cascade.efficiency import Metrics
-from winchcascade.cascade.montecarlo import Uncertainty, uncertainty
-from winchcascade.cascade.reduce import Reduction, reduce
 from winchcascade.ingest.read import read_run
+from winchcascade.reduction.efficiency import Metrics
+from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
+from winchcascade.reduction.reduce import Reduction, reduce
 from winchcascade.report import cycle_figures, figures
 from winchcascade.report.style import COLOURS, house_style, svg_text
 

@@ -14,17 +14,17 @@ import msgspec
 import numpy as np
 import pytest
 
-from winchcascade.cascade.montecarlo import Uncertainty, uncertainty
-from winchcascade.cascade.reduce import Reduction, reduce
-from winchcascade.errors import OutputError
-from winchcascade.files import check_replaceable
+from winchcascade.core.errors import OutputError
+from winchcascade.core.files import check_replaceable
+from winchcascade.core.rig_toml import load_rig
 from winchcascade.ingest.read import read_run
+from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
+from winchcascade.reduction.reduce import Reduction, reduce
 from winchcascade.report import figures
 from winchcascade.report.document import make_report
 from winchcascade.report.html import html_text, width, write_html
-from winchcascade.report.layout import Note, Picture, Report, Section, Table
+from winchcascade.report.report_model import Note, Picture, Report, Section, Table
 from winchcascade.report.style import COLOURS
-from winchcascade.rigtoml import load_rig
 
 ROOT = Path(__file__).parents[2]
 CLEAN = ROOT / "fixtures" / "campaign" / "r36ohm.csv"

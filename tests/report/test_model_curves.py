@@ -11,7 +11,7 @@ from winchcascade.report.model_account import DAMPERS, Account, account_of
 from winchcascade.report.model_budget import GROUPS
 from winchcascade.report.model_curves import HAUL_IN, LEAST, SHOWN
 from winchcascade.report.model_data import Comparison
-from winchcascade.rig.ledger import LEDGER
+from winchcascade.rig.simulate import LEDGER
 
 KEPT = 5.1e-5
 """Five significant digits are kept."""

@@ -7,20 +7,13 @@ import numpy as np
 import pytest
 from compared import compared, reduced
 
-from winchcascade.cascade.reduce import Reduction, reduce
-from winchcascade.effects.catalogue import make_effect
+from winchcascade.core.rig_toml import load_rig, parse_rig
+from winchcascade.core.run import CLOCK
 from winchcascade.ingest.read import read_run
-from winchcascade.report.model_data import (
-    LONGEST,
-    SLOWEST,
-    Comparison,
-    LeftOut,
-    compare,
-    compare_with_baseline,
-)
-from winchcascade.rig.model import baseline
-from winchcascade.rigtoml import load_rig, parse_rig
-from winchcascade.run import CLOCK
+from winchcascade.reduction.reduce import Reduction, reduce
+from winchcascade.report.model_data import LONGEST, SLOWEST, Comparison, LeftOut, compare, compare_with_baseline
+from winchcascade.rig.effects.catalogue import make_effect
+from winchcascade.rig.parts import baseline
 
 LONGEST_SENTENCE = 200
 

@@ -15,14 +15,13 @@ import pytest
 from compared import FIXTURES, KGCM2, LOGS, compared, reduced
 
 from winchcascade.batch.plan import make_plan
-from winchcascade.batch.run import run_batch
-from winchcascade.cascade.montecarlo import uncertainty
-from winchcascade.effects.catalogue import make_effect
-from winchcascade.origin import SIMULATED
+from winchcascade.batch.run_batch import run_batch
+from winchcascade.core.campaign_file import SIMULATED
+from winchcascade.core.rig_toml import load_rig
+from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.report import model_figures as figures
 from winchcascade.report.campaign import make_campaign_report
 from winchcascade.report.document import make_report
-from winchcascade.report.layout import Note, Picture, Report, Section, Table
 from winchcascade.report.model_account import account_of
 from winchcascade.report.model_bars import budget_bars
 from winchcascade.report.model_budget import GROUPS
@@ -38,9 +37,10 @@ from winchcascade.report.model_section import (
     modelled,
     run_section,
 )
+from winchcascade.report.report_model import Note, Picture, Report, Section, Table
 from winchcascade.report.style import COLOURS, house_style
-from winchcascade.rig.model import baseline
-from winchcascade.rigtoml import load_rig
+from winchcascade.rig.effects.catalogue import make_effect
+from winchcascade.rig.parts import baseline
 
 MINUS = "\u2212"
 
@@ -385,7 +385,7 @@ def test_logs_of_a_rig_without_a_model_leave_one_sentence(found: dict[str, Model
 # ------------------------------------------------------------------------------------------ what is not to be simulated
 def modules_after(*arguments: str) -> set[str]:
     code = (
-        "import sys\nfrom winchcascade.cli import main\n"
+        "import sys\nfrom winchcascade.cli.entry import main\n"
         "try:\n    main()\nexcept SystemExit:\n    pass\n"
         "sys.stderr.write('\\nMODULES ' + ' '.join(sys.modules))\n"
     )

@@ -12,17 +12,17 @@ import pypdf
 import pytest
 
 from winchcascade import __version__
-from winchcascade.cascade.montecarlo import uncertainty
-from winchcascade.cascade.reduce import reduce
-from winchcascade.commands.app import app
-from winchcascade.errors import OutputError
-from winchcascade.files import check_replaceable
+from winchcascade.cli.app import app
+from winchcascade.core.errors import OutputError
+from winchcascade.core.files import check_replaceable
+from winchcascade.core.rig_toml import parse_rig
 from winchcascade.ingest.read import read_run
+from winchcascade.reduction.montecarlo import uncertainty
+from winchcascade.reduction.reduce import reduce
 from winchcascade.report.document import make_report
 from winchcascade.report.html import html_text, write_html
-from winchcascade.report.layout import Note, Picture, Report, Section, Table
 from winchcascade.report.pdf import pdf_bytes, write_pdf
-from winchcascade.rigtoml import parse_rig
+from winchcascade.report.report_model import Note, Picture, Report, Section, Table
 
 CLEAN = Path(__file__).parents[2] / "fixtures" / "campaign" / "r36ohm.csv"
 

@@ -8,10 +8,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from winchcascade import read_run, reduce
-from winchcascade.cascade.reduce import Reduction
+from winchcascade.core.rig_toml import parse_rig
+from winchcascade.reduction.reduce import Reduction
 from winchcascade.report.records import reduction_json, reduction_record
 from winchcascade.report.rows import write_parquet
-from winchcascade.rigtoml import parse_rig
 
 NINE = {
     "energy_line_j", "energy_mech_j", "energy_gen_j", "power_line_w", "power_mech_w", "power_gen_w", "eta_trans", "eta_gen",

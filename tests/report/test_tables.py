@@ -8,16 +8,16 @@ import msgspec
 import numpy as np
 import pytest
 
-from winchcascade.cascade.efficiency import ALL_METRICS, METRICS, NET_METRICS, Metrics
-from winchcascade.cascade.montecarlo import Uncertainty, uncertainty
-from winchcascade.cascade.net import NetSpan
-from winchcascade.cascade.reduce import Reduction, reduce
+from winchcascade.core.rig_toml import parse_rig
+from winchcascade.core.run import Finding
 from winchcascade.ingest.read import read_run
+from winchcascade.reduction.efficiency import ALL_METRICS, METRICS, NET_METRICS, Metrics
+from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
+from winchcascade.reduction.net_energy import NetSpan
+from winchcascade.reduction.reduce import Reduction, reduce
 from winchcascade.report import tables, uncertainty_tables
 from winchcascade.report.digits import MINUS
-from winchcascade.report.layout import Table
-from winchcascade.rigtoml import parse_rig
-from winchcascade.run import Finding
+from winchcascade.report.report_model import Table
 
 ROUNDING = 0.17
 """Half of the last digit that an uncertainty allows, in units of it, at most (0.5 / 2.95)."""

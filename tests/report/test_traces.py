@@ -12,8 +12,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from winchcascade.cascade.reduce import Reduction, reduce
 from winchcascade.ingest.read import read_run
+from winchcascade.reduction.reduce import Reduction, reduce
 from winchcascade.report.figures import powers_of
 from winchcascade.report.traces import MOST_SPANS, READ_OUT, clock_zero, envelope, readout
 

@@ -1,6 +1,6 @@
 """Numbers of a trial as its report tells them: in words, with units, with the digits that the interval allows."""
 
-from winchcascade.blind.tally import ParameterScore
+from winchcascade.blind.score import ParameterScore
 from winchcascade.report.digits import MINUS
 from winchcascade.report.trial_tables import _parameter
 

@@ -10,11 +10,11 @@ from openlog import made_log, steady_payouts
 from rigs import own_model, truth_of
 
 from winchcascade import read_run
-from winchcascade.errors import LogError
+from winchcascade.core.errors import LogError
+from winchcascade.core.rig_toml import built_in
+from winchcascade.core.run import Run
 from winchcascade.rig.backemf import RPM_LEAST, back_emf
-from winchcascade.rig.model import Model, baseline
-from winchcascade.rigtoml import built_in
-from winchcascade.run import Run
+from winchcascade.rig.parts import Model, baseline
 
 MODEL = baseline(built_in())
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from winchcascade.rig.bridge import bridge_state, bridge_table
-from winchcascade.rig.bridge_inverse import back_emfs, dc_voltages
+from winchcascade.rig.bridge import back_emfs, bridge_state, bridge_table, dc_voltages
 
 R_S, L_S, POLE_PAIRS = 0.61, 3.35e-3, 2
 RPM = np.repeat(np.array([200.0, 700.0, 1500.0, 2500.0, 3500.0]), 40)

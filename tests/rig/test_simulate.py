@@ -9,16 +9,14 @@ import pytest
 from rigs import logs_of, own_model, truth_of
 
 from winchcascade import read_run, reduce
-from winchcascade.errors import LogError, RigError
+from winchcascade.core.errors import LogError, RigError
+from winchcascade.core.rig_file import Rig
+from winchcascade.core.rig_toml import built_in
+from winchcascade.core.run import Run
 from winchcascade.rig.kernel import COLUMNS
-from winchcascade.rig.ledger import LEDGER
-from winchcascade.rig.model import baseline
-from winchcascade.rig.motion import motion_of
-from winchcascade.rig.simulate import simulate, solve
-from winchcascade.rig.write import write_log
-from winchcascade.rigfile import Rig
-from winchcascade.rigtoml import built_in
-from winchcascade.run import Run
+from winchcascade.rig.parts import baseline
+from winchcascade.rig.simulate import LEDGER, motion_of, simulate, solve
+from winchcascade.rig.simulated_log import write_log
 
 KGCM2 = 98066.5
 GAINS = ("pressure", "force", "torque", "vdc", "idc")

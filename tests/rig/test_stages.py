@@ -10,11 +10,11 @@ from openlog import made_log, motion_run
 from rigs import LOADS, own_model, stage_outputs, truth_of
 
 from winchcascade import load_rig, read_run, reduce, simulate
-from winchcascade.errors import LogError
-from winchcascade.rig.model import Model, baseline
+from winchcascade.core.errors import LogError
+from winchcascade.core.rig_toml import built_in
+from winchcascade.core.run import Run
+from winchcascade.rig.parts import Model, baseline
 from winchcascade.rig.stages import MOVING, StageOutput, acceleration, line_power
-from winchcascade.rigtoml import built_in
-from winchcascade.run import Run
 
 MODEL = baseline(built_in())
 GAINS = ("pressure", "force", "torque", "vdc", "idc")

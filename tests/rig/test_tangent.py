@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 
 from winchcascade import read_run
-from winchcascade.effects.catalogue import EFFECTS
+from winchcascade.core.rig_toml import built_in
 from winchcascade.rig.bridge import bridge_state, bridge_table, bridge_turned
+from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.kernel import SHAFT, Constants, constants, run_shaft
-from winchcascade.rig.model import Model, baseline
-from winchcascade.rig.motion import Motion, motion_of
+from winchcascade.rig.parts import Model, baseline
+from winchcascade.rig.simulate import Motion, motion_of
 from winchcascade.rig.tangent import MOST_WAYS, NUMBERS, direction, tangent_of
-from winchcascade.rigtoml import built_in
 
 if TYPE_CHECKING:
-    from winchcascade.run import Signal
+    from winchcascade.core.run import Signal
 
 CAMPAIGN = Path(__file__).parent.parent.parent / "fixtures" / "campaign"
 STEP, EVERY = 1e-3, 10

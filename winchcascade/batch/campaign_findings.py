@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from winchcascade.cascade.between import Apart, LogEfficiency, logs_apart
-from winchcascade.cascade.changes import LOOK_AT
-from winchcascade.cascade.efficiency import RATIOS
+from winchcascade.reduction.efficiency import RATIOS
+from winchcascade.reduction.efficiency_between_runs import Apart, LogEfficiency, logs_apart
+from winchcascade.reduction.efficiency_changes import LOOK_AT
 
 
 def log_efficiency(name: str, record: Mapping[str, Any]) -> LogEfficiency | None:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from winchcascade import __version__
-from winchcascade.errors import OutputError
-from winchcascade.files import check_replaceable, write_content
-from winchcascade.store import Digest, altered, digest_in, digest_of, inside, locked, with_digest
+from winchcascade.core.errors import OutputError
+from winchcascade.core.files import check_replaceable, write_content
+from winchcascade.core.store import Digest, altered, digest_in, digest_of, inside, locked, with_digest
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -71,8 +71,8 @@ def diagnose_copy(
         kept = None if force else _kept(files, campaign)
         if kept is not None:
             return kept, files
-        from winchcascade.batch.model_diagnosis import diagnose_file
-        from winchcascade.diagnose.record import as_json
+        from winchcascade.batch.campaign_diagnosis import diagnose_file
+        from winchcascade.diagnosis.diagnosis_record import as_json
         from winchcascade.report.diagnosis import write_diagnosis_reports
 
         for path in files:

@@ -13,16 +13,15 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from winchcascade import __version__
-from winchcascade.addresses import expand, is_remote, local_path
-from winchcascade.campaign import CAMPAIGN_FILE, load_campaign
-from winchcascade.errors import CampaignError, OptionError
-from winchcascade.files import readable
-from winchcascade.origin import Origin
-from winchcascade.rigfile import Rig
-from winchcascade.rigtoml import DEFAULT_RIG, load_rig
+from winchcascade.core.addresses import expand, is_remote, local_path
+from winchcascade.core.campaign_file import CAMPAIGN_FILE, Origin, load_campaign
+from winchcascade.core.errors import CampaignError, OptionError
+from winchcascade.core.files import readable
+from winchcascade.core.rig_file import Rig
+from winchcascade.core.rig_toml import DEFAULT_RIG, load_rig
 
 if TYPE_CHECKING:
-    from winchcascade.campaign import Campaign, CampaignRun
+    from winchcascade.core.campaign_file import Campaign, CampaignRun
 
 LOGS = frozenset("csv tsv txt dat asc log lvm tdms mat parquet pq xlsx xls xlsm xlsb ods".split())
 """Endings of files that are taken for logs in a folder."""

@@ -9,12 +9,12 @@ import msgspec
 
 from winchcascade.batch.campaign_findings import findings_between, log_efficiency
 from winchcascade.batch.plan import make_plan
-from winchcascade.batch.run import SCHEMA as CAMPAIGN_SCHEMA
-from winchcascade.batch.work import Order, reduce_log
-from winchcascade.campaign import CAMPAIGN_FILE
-from winchcascade.errors import LogError, OptionError, OutputError
-from winchcascade.store import Digest, altered, digest_in, inside
-from winchcascade.tasks import run_here
+from winchcascade.batch.run_batch import SCHEMA as CAMPAIGN_SCHEMA
+from winchcascade.batch.run_batch import Order, reduce_log
+from winchcascade.core.campaign_file import CAMPAIGN_FILE
+from winchcascade.core.errors import LogError, OptionError, OutputError
+from winchcascade.core.jobs import run_here
+from winchcascade.core.store import Digest, altered, digest_in, inside
 
 
 class Results(msgspec.Struct, frozen=True):

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import msgspec
 import numpy as np
 
-from winchcascade.blind.hidden import OUTSIDERS, PARTS, Hidden, draw_hidden
-from winchcascade.blind.numbers import LOADS
+from winchcascade.blind.injected import OUTSIDERS, PARTS, Hidden, draw_hidden
+from winchcascade.blind.twin_numbers import LOADS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

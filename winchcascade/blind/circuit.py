@@ -16,7 +16,7 @@ from numba import njit
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from winchcascade.run import Signal
+    from winchcascade.core.run import Signal
 
     Switches = NDArray[np.int64]
 

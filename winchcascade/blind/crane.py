@@ -9,7 +9,7 @@ import numpy as np
 from winchcascade.blind.drive import GRID
 
 if TYPE_CHECKING:
-    from winchcascade.run import Signal
+    from winchcascade.core.run import Signal
 
 CYCLES = 3
 """Cycles of a log."""

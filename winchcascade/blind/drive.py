@@ -9,10 +9,10 @@ import numpy as np
 from numba import njit
 
 from winchcascade.blind.circuit import PEAK, bridge_step
-from winchcascade.blind.numbers import BELL, KNEE, LINE
+from winchcascade.blind.twin_numbers import BELL, KNEE, LINE
 
 if TYPE_CHECKING:
-    from winchcascade.run import Signal
+    from winchcascade.core.run import Signal
 
 GRID = 1e-3
 """Interval over which what the drive does is averaged. [s]"""

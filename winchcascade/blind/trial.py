@@ -13,14 +13,15 @@ import msgspec
 
 from winchcascade import __version__
 from winchcascade.blind.cases import Case, answer_of, make_campaign, plan_cases
-from winchcascade.blind.envelope import SEALED, TRIAL, Envelope, Trial, open_seal, read_trial, seal, trial_bytes
-from winchcascade.blind.numbers import LOADS
-from winchcascade.campaign import CAMPAIGN_FILE, load_campaign
-from winchcascade.errors import CampaignError, OptionError, OutputError
-from winchcascade.files import check_replaceable, write_content
-from winchcascade.scratch import clear, clear_once, scratch_folder
-from winchcascade.signals import signals_held
-from winchcascade.store import (
+from winchcascade.blind.sealed_answers import SEALED, TRIAL, Envelope, Trial, open_seal, read_trial, seal, trial_bytes
+from winchcascade.blind.twin_numbers import LOADS
+from winchcascade.core.campaign_file import CAMPAIGN_FILE, load_campaign
+from winchcascade.core.errors import CampaignError, OptionError, OutputError
+from winchcascade.core.files import check_replaceable, write_content
+from winchcascade.core.jobs import Nobody, Outcome, Watch, run_here, run_there
+from winchcascade.core.scratch import clear, clear_once, scratch_folder
+from winchcascade.core.signals import signals_held
+from winchcascade.core.store import (
     LOCK,
     Digest,
     altered,
@@ -32,7 +33,6 @@ from winchcascade.store import (
     locked,
     with_digest,
 )
-from winchcascade.tasks import Nobody, Outcome, Watch, run_here, run_there
 
 DIAGNOSES, PREDICTIONS = "diagnoses", "predictions"
 """Folders of a trial beside its cases: a JSON for each case, and what the diagnosis predicted of its logs."""

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.errors import LogError
-from winchcascade.run import Finding
+from winchcascade.core.errors import LogError
+from winchcascade.core.run import Finding
 
 if TYPE_CHECKING:
-    from winchcascade.run import Signal
+    from winchcascade.core.run import Signal
 
 WHOLE = 0.01
 """A shift that is this close to a whole number of samples is one. [samples]"""

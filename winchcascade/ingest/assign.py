@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from winchcascade.channels import CHANNELS, SIMULATED_HEADERS
-from winchcascade.errors import LogError
+from winchcascade.core.errors import LogError
+from winchcascade.core.quantity import Unit, find_unit
+from winchcascade.core.run import CHANNELS, SIMULATED_HEADERS, Finding
 from winchcascade.ingest.dialects import CHANNELS_BY_NAME, COUNTS, DATES, DIMENSION, letters_of, read_header, recognise
-from winchcascade.quantity import Unit, find_unit
-from winchcascade.run import Finding
 
 if TYPE_CHECKING:
+    from winchcascade.core.rig_file import Rig
     from winchcascade.ingest.source import Header
-    from winchcascade.rigfile import Rig
 
 
 class Match(msgspec.Struct, frozen=True):

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.errors import LogError
+from winchcascade.core.errors import LogError
+from winchcascade.core.integrate import median
+from winchcascade.core.run import Finding
 from winchcascade.ingest.repair import (
     GLITCH,
     JITTER,
@@ -20,13 +22,11 @@ from winchcascade.ingest.repair import (
     with_all_stamps,
     without_repeats,
 )
-from winchcascade.order import median
-from winchcascade.run import Finding
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from winchcascade.run import Signal
+    from winchcascade.core.run import Signal
 
     Index = NDArray[np.intp]
 

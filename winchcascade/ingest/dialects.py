@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from winchcascade.channels import CHANNELS
-from winchcascade.quantity import Unit, find_unit
+from winchcascade.core.quantity import Unit, find_unit
+from winchcascade.core.run import CHANNELS
 
 if TYPE_CHECKING:
     from winchcascade.ingest.source import Header

@@ -18,7 +18,8 @@ from typing import IO, Any, NamedTuple, TypeVar
 import msgspec
 import numpy as np
 
-from winchcascade.errors import LogError
+from winchcascade.core.errors import LogError
+from winchcascade.core.run import Finding
 from winchcascade.ingest.limits import (
     MB,
     MEMORY_SETTING,
@@ -30,7 +31,6 @@ from winchcascade.ingest.limits import (
     resident,
 )
 from winchcascade.ingest.source import Header, Source, Table, without_notes
-from winchcascade.run import Finding
 
 A = TypeVar("A")
 

@@ -10,11 +10,11 @@ from itertools import pairwise
 
 import msgspec
 
-from winchcascade.errors import LogError
+from winchcascade.core.errors import LogError
+from winchcascade.core.quantity import find_unit
 from winchcascade.ingest.cells import is_value, looks_like_a_number, split_row
 from winchcascade.ingest.dialects import recognise
 from winchcascade.ingest.source import Header
-from winchcascade.quantity import find_unit
 
 _ENCODINGS = ("cp950", "cp1252", "cp932", "gb18030", "cp949", "cp1251", "cp1250", "euc_jp", "koi8-r", "cp850")
 _BOMS = (

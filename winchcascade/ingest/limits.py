@@ -9,7 +9,7 @@ import sys
 
 import msgspec
 
-from winchcascade.errors import OptionError
+from winchcascade.core.errors import OptionError
 
 MEMORY_SETTING = "WINCHCASCADE_READ_MEMORY_MB"
 SECONDS_SETTING = "WINCHCASCADE_READ_SECONDS"

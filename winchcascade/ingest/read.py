@@ -16,22 +16,22 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.errors import LogError
-from winchcascade.files import readable
+from winchcascade.core.campaign_file import SIMULATED, Origin, joint_origin
+from winchcascade.core.errors import LogError
+from winchcascade.core.files import readable
+from winchcascade.core.integrate import median
+from winchcascade.core.rig_file import Rig
+from winchcascade.core.rig_toml import built_in
+from winchcascade.core.run import CLOCK, Finding, Run
 from winchcascade.ingest.assign import Assignment, assign, listed
+from winchcascade.ingest.cells import clock_of_digits
+from winchcascade.ingest.checks.quality import check
 from winchcascade.ingest.clock import Clock, even_clock, read_clock, require_rising
-from winchcascade.ingest.digits import clock_of_digits
-from winchcascade.ingest.formats import open_log
-from winchcascade.ingest.quality import check
-from winchcascade.order import median
-from winchcascade.origin import SIMULATED, Origin, joint_origin
-from winchcascade.rigfile import Rig
-from winchcascade.rigtoml import built_in
-from winchcascade.run import CLOCK, Finding, Run
+from winchcascade.ingest.open_log import open_log
 
 if TYPE_CHECKING:
+    from winchcascade.core.run import Signal
     from winchcascade.ingest.source import Source, Table
-    from winchcascade.run import Signal
 
 OVERFLOW = 1e30
 """Instruments write 9.9e37 where they have no reading (SCPI); nothing measured comes near."""
@@ -158,7 +158,7 @@ def _loaded(source: Source, rig: Rig, where: str) -> tuple[Assignment, Table]:
     found = assign(source.headers, rig, where)
     wanted = [match.index for match in found.channels.values()]
     if found.time is None and source.time_step is None:
-        from winchcascade.ingest.index import index_clock
+        from winchcascade.ingest.formats.parquet import index_clock
 
         index = index_clock(source, wanted)
         if index is not None:

@@ -16,18 +16,18 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import msgspec
 import numpy as np
 
-from winchcascade.errors import LogError
+from winchcascade.core.errors import LogError
 from winchcascade.ingest.limits import MB, MEMORY_SETTING, end_after, limit_this_process
 
 if TYPE_CHECKING:
+    from winchcascade.core.run import Signal
     from winchcascade.ingest.source import Source, Table
-    from winchcascade.run import Signal
 
 _OPENERS = {
-    "excel": ("winchcascade.ingest.excel", "open_excel"),
-    "mat": ("winchcascade.ingest.mat", "open_mat"),
-    "parquet": ("winchcascade.ingest.parquet", "open_parquet"),
-    "tdms": ("winchcascade.ingest.tdms", "open_tdms"),
+    "excel": ("winchcascade.ingest.formats.excel", "open_excel"),
+    "mat": ("winchcascade.ingest.formats.mat", "open_mat"),
+    "parquet": ("winchcascade.ingest.formats.parquet", "open_parquet"),
+    "tdms": ("winchcascade.ingest.formats.tdms", "open_tdms"),
 }
 
 _TOGETHER = {"tdms"}

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from winchcascade.errors import LogError
-from winchcascade.order import median
-from winchcascade.run import Finding
+from winchcascade.core.errors import LogError
+from winchcascade.core.integrate import median
+from winchcascade.core.run import Finding
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from winchcascade.run import Signal
+    from winchcascade.core.run import Signal
 
     Index = NDArray[np.intp]
 

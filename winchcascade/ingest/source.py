@@ -11,7 +11,7 @@ import numpy as np
 from winchcascade.ingest.cells import is_stamp
 
 if TYPE_CHECKING:
-    from winchcascade.run import Finding, Signal
+    from winchcascade.core.run import Finding, Signal
 
 
 class Header(msgspec.Struct, frozen=True):

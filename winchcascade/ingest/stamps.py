@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from winchcascade.order import median
-from winchcascade.quantity import find_unit
+from winchcascade.core.integrate import median
+from winchcascade.core.quantity import find_unit
 
 if TYPE_CHECKING:
-    from winchcascade.run import Signal
+    from winchcascade.core.run import Signal
 
 _MONTHS = {
     name: month

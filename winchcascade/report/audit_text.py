@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from winchcascade import __version__
-from winchcascade.published.rows import percent
+from winchcascade.core.published_table import load_text
 from winchcascade.report.table_text import finite, indented, load_record, table_record, title_lines, wrapped
-from winchcascade.table import load_text
+from winchcascade.tables.row_audit import percent
 
 if TYPE_CHECKING:
-    from winchcascade.published.audit import Audit
-    from winchcascade.published.rows import Contradiction, Repair
-    from winchcascade.table import Span
+    from winchcascade.core.published_table import Span
+    from winchcascade.tables.audit import Audit
+    from winchcascade.tables.row_audit import Contradiction, Repair
 
 AUDIT_SCHEMA = "winchcascade/audit/1"
 _VERDICTS = {"contradicted": "CONTRADICTED", "not_checkable": "not to be told"}

@@ -6,8 +6,8 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from winchcascade import __version__
-from winchcascade.origin import origin_record, origin_words
-from winchcascade.plaintext import one_line
+from winchcascade.core.campaign_file import origin_record, origin_words
+from winchcascade.core.plain_text import one_line
 from winchcascade.report.digits import number, places, significant
 from winchcascade.report.table_text import wrapped
 
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from winchcascade.fit.calibrate import Calibration, Number
-    from winchcascade.quantity import Quantity
+    from winchcascade.core.quantity import Quantity
+    from winchcascade.diagnosis.calibrate import Calibration, Number
     from winchcascade.rig.backemf import BackEmf
 
 CALIBRATION_SCHEMA = "winchcascade/calibration/1"

@@ -11,15 +11,15 @@ import msgspec
 import numpy as np
 
 from winchcascade import __version__
-from winchcascade.origin import Origin, banner, joint_origin, origin_from, origin_words
+from winchcascade.core.campaign_file import Origin, banner, joint_origin, origin_from, origin_words
 from winchcascade.report import campaign_figures as figures
 from winchcascade.report import campaign_tables as tables
 from winchcascade.report.digits import percent, stated
-from winchcascade.report.layout import Note, Point, Report, Section, Table, Tile
 from winchcascade.report.model_account import Account
 from winchcascade.report.model_section import Named, campaign_section
-from winchcascade.report.parts import data_point, made_on, picture, provenance_table, section
 from winchcascade.report.publish import publish
+from winchcascade.report.report_model import Note, Point, Report, Section, Table, Tile
+from winchcascade.report.report_parts import data_point, made_on, picture, provenance_table, section
 from winchcascade.report.style import house_style
 
 SEED = 20260

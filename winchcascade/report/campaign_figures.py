@@ -20,7 +20,7 @@ from winchcascade.report.style import COLOURS, LOAD_COLOURS, STAGE_STYLE, WIDTH,
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from winchcascade.run import Signal
+    from winchcascade.core.run import Signal
 
 DRAWN_RUNS = 12
 """Runs that share one panel at most; of more, an even selection."""

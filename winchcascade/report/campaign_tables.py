@@ -6,12 +6,12 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from winchcascade.cascade.efficiency import METRICS, NET_METRICS
-from winchcascade.origin import KINDS, origin_from
-from winchcascade.plaintext import one_line
+from winchcascade.core.campaign_file import KINDS, origin_from
+from winchcascade.core.plain_text import one_line
+from winchcascade.reduction.efficiency import METRICS, NET_METRICS
 from winchcascade.report.digits import number, percent, places, stated, uncertain
-from winchcascade.report.layout import Table
 from winchcascade.report.records import FIELDS
+from winchcascade.report.report_model import Table
 from winchcascade.report.tables import DECIMALS, SYMBOL, UNIT, metrics_note
 
 Run = Mapping[str, Any]

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from winchcascade.origin import origin_from, origin_words
-from winchcascade.plaintext import one_line
+from winchcascade.core.campaign_file import origin_from, origin_words
+from winchcascade.core.plain_text import one_line
 from winchcascade.report.campaign_tables import by_load, count_of, load_text, mixed_windows, window_text
 from winchcascade.report.digits import stated, uncertain
 from winchcascade.report.records import FIELDS

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from winchcascade import __version__
-from winchcascade.origin import joint_origin, origin_record, origin_words
-from winchcascade.plaintext import one_line
+from winchcascade.core.campaign_file import joint_origin, origin_record, origin_words
+from winchcascade.core.plain_text import one_line
+from winchcascade.core.published_table import load_text, unit_suffix
 from winchcascade.report.table_text import load_record, table_record, title_lines, wrapped
-from winchcascade.table import load_text, unit_suffix
 
 if TYPE_CHECKING:
-    from winchcascade.published.check import CellCheck, Check
+    from winchcascade.tables.check import CellCheck, Check
 
 CHECK_SCHEMA = "winchcascade/check/1"
 MOST_FINDINGS = 5

@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from winchcascade.report.layout import Report
+from winchcascade.report.report_model import Report
 
 MOST_CHARACTERS = 1000
 """A text longer than this is cut: no cell may be taller than a page."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from winchcascade.cascade.efficiency import RATIOS
+from winchcascade.reduction.efficiency import RATIOS
 from winchcascade.report.figures import DRAWN, ETA_TEX, PANELS, TEX, dots, readable
 from winchcascade.report.style import COLOURS, WIDTH, label_panel
 from winchcascade.report.traces import envelope
@@ -16,8 +16,8 @@ from winchcascade.report.traces import envelope
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from winchcascade.cascade.reduce import CycleResult, Reduction
-    from winchcascade.run import Run, Signal
+    from winchcascade.core.run import Run, Signal
+    from winchcascade.reduction.reduce import CycleResult, Reduction
 
 TREND_FROM = 6
 """With fewer cycles than this the table shows a drift as well."""

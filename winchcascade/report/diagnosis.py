@@ -6,8 +6,8 @@ import platform
 from typing import TYPE_CHECKING
 
 from winchcascade import __version__
-from winchcascade.gap.locate import NAMES, STANDS_OUT
-from winchcascade.origin import banner
+from winchcascade.core.campaign_file import banner
+from winchcascade.diagnosis.gap_location import NAMES, STANDS_OUT
 from winchcascade.report import diagnosis_tables as tables
 from winchcascade.report.diagnosis_data import Sides, most_telling, sides
 from winchcascade.report.diagnosis_figures import error_figure, error_panels, history, over_speed_figure
@@ -41,15 +41,15 @@ from winchcascade.report.diagnosis_words import (
     word_of,
 )
 from winchcascade.report.digits import significant
-from winchcascade.report.layout import Note, Point, Report, Section, Table, Tile
-from winchcascade.report.parts import data_point, file_digest, made_on, picture, provenance_table, section
 from winchcascade.report.publish import publish
+from winchcascade.report.report_model import Note, Point, Report, Section, Table, Tile
+from winchcascade.report.report_parts import data_point, file_digest, made_on, picture, provenance_table, section
 from winchcascade.report.style import house_style
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from winchcascade.diagnose.campaign import Diagnosis
+    from winchcascade.diagnosis.diagnose import Diagnosis
 
 
 def write_diagnosis_reports(

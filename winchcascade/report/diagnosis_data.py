@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from winchcascade.fit.blocks import PHASES
-from winchcascade.fit.predict import CHANNELS
-from winchcascade.gap.compare import without_zeros
+from winchcascade.diagnosis.block_means import PHASES
+from winchcascade.diagnosis.gap_map import without_zeros
+from winchcascade.diagnosis.predict import CHANNELS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from winchcascade.diagnose.campaign import Diagnosis
-    from winchcascade.run import Signal
+    from winchcascade.core.run import Signal
+    from winchcascade.diagnosis.diagnose import Diagnosis
 
 BIN = 250.0
 """Width of the bins of generator speed in which block means are averaged. [rpm]"""

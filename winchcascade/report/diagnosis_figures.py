@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-from winchcascade.fit.blocks import BLOCK
-from winchcascade.fit.predict import CHANNELS
-from winchcascade.gap.locate import NAMES
+from winchcascade.diagnosis.block_means import BLOCK
+from winchcascade.diagnosis.gap_location import NAMES
+from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.report.diagnosis_data import (
     HAUL_IN,
     OUT,
@@ -35,9 +35,9 @@ from winchcascade.report.style import COLOURS, LOAD_COLOURS, WIDTH, label_panel
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from winchcascade.diagnose.campaign import Diagnosis
+    from winchcascade.core.run import Signal
+    from winchcascade.diagnosis.diagnose import Diagnosis
     from winchcascade.report.diagnosis_data import Curve, Series
-    from winchcascade.run import Signal
 
 LONGEST = 150.0
 """So much of a log is drawn over time at most. [s]"""

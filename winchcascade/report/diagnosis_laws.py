@@ -9,21 +9,21 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-from winchcascade.diagnose.causes import covariance_of
-from winchcascade.diagnose.suspects import freedom, with_values
-from winchcascade.quantity import ATMOSPHERE
+from winchcascade.core.quantity import ATMOSPHERE
+from winchcascade.diagnosis.causes import covariance_of
+from winchcascade.diagnosis.suspects import freedom, with_values
 from winchcascade.report.diagnosis_data import stator_current
 from winchcascade.report.diagnosis_names import quantity_words, told
 from winchcascade.report.model_figures import legend_above
 from winchcascade.report.style import COLOURS, WIDTH
-from winchcascade.rig.generator import ROLLOFF_KNOTS
+from winchcascade.rig.parts import ROLLOFF_KNOTS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from winchcascade.diagnose.campaign import Diagnosis
-    from winchcascade.diagnose.causes import Cause, Reported
-    from winchcascade.run import Signal
+    from winchcascade.core.run import Signal
+    from winchcascade.diagnosis.causes import Cause, Reported
+    from winchcascade.diagnosis.diagnose import Diagnosis
 
 ROLLOFF = "ke_rolloff"
 DRAWS = 400

@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from typing import TYPE_CHECKING
 
-from winchcascade.plaintext import one_line
+from winchcascade.core.plain_text import one_line
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

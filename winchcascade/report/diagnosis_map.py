@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from winchcascade.fit.blocks import PHASES
-from winchcascade.fit.predict import CHANNELS
-from winchcascade.gap.locate import NAMES, STANDS_OUT
+from winchcascade.diagnosis.block_means import PHASES
+from winchcascade.diagnosis.gap_location import NAMES, STANDS_OUT
+from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.report.diagnosis_data import by_load
 from winchcascade.report.diagnosis_names import load_words, phase_words
 from winchcascade.report.digits import MINUS
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-    from winchcascade.diagnose.campaign import Diagnosis
-    from winchcascade.gap.compare import Place
+    from winchcascade.diagnosis.diagnose import Diagnosis
+    from winchcascade.diagnosis.gap_map import Place
 
 FULL = 20.0
 """Standard uncertainties at which a cell of the map has its full colour."""

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from winchcascade.diagnose.causes import AS_GOOD
-from winchcascade.diagnose.rank import CLEARLY
-from winchcascade.diagnose.remainder import PULLED, RESTLESS, ROUGH
-from winchcascade.fit.blocks import BLOCK
-from winchcascade.fit.solve import HUBER
+from winchcascade.diagnosis.block_means import BLOCK
+from winchcascade.diagnosis.causes import AS_GOOD
+from winchcascade.diagnosis.remainder import PULLED, RESTLESS, ROUGH
+from winchcascade.diagnosis.selection import CLEARLY
+from winchcascade.diagnosis.solve import HUBER
 
 METHOD = (
     "Model. Each log's line motion drives a model of the rig with the numbers of the rig file (Hsu et al. 2026, Tables 3 "

@@ -12,8 +12,8 @@ from winchcascade.report.digits import number, places
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from winchcascade.diagnose.causes import Cause, Reported
-    from winchcascade.diagnose.suspects import Suspect
+    from winchcascade.diagnosis.causes import Cause, Reported
+    from winchcascade.diagnosis.suspects import Suspect
 
 
 PLENTY = 100.0

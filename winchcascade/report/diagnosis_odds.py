@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator
 
-from winchcascade.diagnose.suspects import freedom, with_values
+from winchcascade.diagnosis.suspects import freedom, with_values
 from winchcascade.report.diagnosis_names import probability_words, told
 from winchcascade.report.digits import MINUS, number
 from winchcascade.report.style import COLOURS, WIDTH, label_panel
@@ -18,8 +18,8 @@ from winchcascade.report.style import COLOURS, WIDTH, label_panel
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from winchcascade.diagnose.campaign import Diagnosis
-    from winchcascade.diagnose.rank import Linear
+    from winchcascade.diagnosis.diagnose import Diagnosis
+    from winchcascade.diagnosis.selection import Linear
 
 FEW = 2
 """The best set is told by its names if it has no more."""

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from winchcascade.report.diagnosis_names import apart_words, probability_words, share_words
 from winchcascade.report.diagnosis_words import VERDICTS
-from winchcascade.report.layout import Note, Point, Section, Table, Tile
+from winchcascade.report.report_model import Note, Point, Section, Table, Tile
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from winchcascade.diagnose.causes import Cause
+    from winchcascade.diagnosis.causes import Cause
 
 
 class Closed(NamedTuple):

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from winchcascade.diagnose.remainder import PULLED, ROUGH, block_rms
-from winchcascade.fit.blocks import PHASES
-from winchcascade.fit.predict import CHANNELS
-from winchcascade.gap.locate import NAMES, STANDS_OUT
-from winchcascade.quantity import find_unit
+from winchcascade.core.quantity import find_unit
+from winchcascade.diagnosis.block_means import PHASES
+from winchcascade.diagnosis.gap_location import NAMES, STANDS_OUT
+from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.remainder import PULLED, ROUGH, block_rms
 from winchcascade.report import diagnosis_page as page
 from winchcascade.report.diagnosis_map import signed, worst_first
 from winchcascade.report.diagnosis_names import (
@@ -27,14 +27,14 @@ from winchcascade.report.diagnosis_names import (
 from winchcascade.report.diagnosis_odds import threshold_words, thresholds
 from winchcascade.report.diagnosis_words import alarm_meaning, files_of, interval_words
 from winchcascade.report.digits import number, significant, uncertain
-from winchcascade.report.layout import Table
 from winchcascade.report.model_curves import COMPARED
+from winchcascade.report.report_model import Table
 
 if TYPE_CHECKING:
-    from winchcascade.diagnose.campaign import Diagnosis
-    from winchcascade.fit.nuisances import Nuisance
-    from winchcascade.gap.compare import Place
-    from winchcascade.gap.stagewise import StagePlace
+    from winchcascade.diagnosis.diagnose import Diagnosis
+    from winchcascade.diagnosis.gap_map import Place
+    from winchcascade.diagnosis.nuisances import Nuisance
+    from winchcascade.diagnosis.stagewise import StagePlace
 
 MOST_PLACES, MOST_NUISANCES = 12, 10
 """Rows of the places that stand out most, and of the nuisances that are pulled most."""

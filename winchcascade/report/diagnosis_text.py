@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from winchcascade.gap.locate import NAMES
-from winchcascade.origin import origin_words
-from winchcascade.plaintext import one_line
+from winchcascade.core.campaign_file import origin_words
+from winchcascade.core.plain_text import one_line
+from winchcascade.diagnosis.gap_location import NAMES
 from winchcascade.report.diagnosis_lines import INDENT, WIDTH, entry, file_lines, plain
 from winchcascade.report.diagnosis_names import (
     probability_words,
@@ -39,8 +39,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from winchcascade.diagnose.campaign import Diagnosis
-    from winchcascade.diagnose.causes import Cause
+    from winchcascade.diagnosis.causes import Cause
+    from winchcascade.diagnosis.diagnose import Diagnosis
 
 MOST_ALARMS = 4
 """Signs of something unexplained that are told; all are in the JSON."""

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from winchcascade.gap.arises import arises
-from winchcascade.gap.locate import STANDS_OUT
-from winchcascade.origin import Origin, joint_origin
+from winchcascade.core.campaign_file import Origin, joint_origin
+from winchcascade.diagnosis.gap_location import STANDS_OUT, arises
 from winchcascade.report.diagnosis_names import apart_words, load_words, nuisance_words, probability_words, share_words
 from winchcascade.report.digits import number
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from winchcascade.diagnose.campaign import Diagnosis
-    from winchcascade.diagnose.causes import Cause
-    from winchcascade.diagnose.remainder import Alarm
+    from winchcascade.diagnosis.causes import Cause
+    from winchcascade.diagnosis.diagnose import Diagnosis
+    from winchcascade.diagnosis.remainder import Alarm
 
 VERDICTS = {
     "no_gap": "No gap",

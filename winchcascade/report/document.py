@@ -9,22 +9,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from winchcascade import __version__
-from winchcascade.cascade.efficiency import ALL_METRICS, METRICS, NOTHING
-from winchcascade.origin import banner, origin_words
+from winchcascade.core.campaign_file import banner, origin_words
+from winchcascade.reduction.efficiency import ALL_METRICS, METRICS, NOTHING
 from winchcascade.report import cycle_figures, figures, tables, uncertainty_tables
 from winchcascade.report.digits import number, percent, places, stated, uncertain
-from winchcascade.report.layout import Note, Point, Report, Section, Table, Tile
 from winchcascade.report.model_section import Modelled, modelled, run_section
-from winchcascade.report.parts import data_point, file_digest, made_on, picture, provenance_table, section
 from winchcascade.report.publish import publish
+from winchcascade.report.report_model import Note, Point, Report, Section, Table, Tile
+from winchcascade.report.report_parts import data_point, file_digest, made_on, picture, provenance_table, section
 from winchcascade.report.style import house_style
 from winchcascade.report.traces import readout
 from winchcascade.report.wording import by_sensor, net_reasons, not_known
 
 if TYPE_CHECKING:
-    from winchcascade.cascade.montecarlo import Uncertainty
-    from winchcascade.cascade.reduce import CycleResult, Reduction
-    from winchcascade.run import Signal
+    from winchcascade.core.run import Signal
+    from winchcascade.reduction.montecarlo import Uncertainty
+    from winchcascade.reduction.reduce import CycleResult, Reduction
 
 _NAMES = {
     "eta_trans": "line to shaft",

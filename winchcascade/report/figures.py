@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch, Rectangle
 from matplotlib.path import Path as Outline
 
-from winchcascade.cascade.bins import engaged
-from winchcascade.cascade.efficiency import ALL_METRICS, RATIOS
-from winchcascade.cascade.power import STAGES, power
-from winchcascade.phases.window import Plateau
-from winchcascade.quantity import KGF
+from winchcascade.core.quantity import KGF
+from winchcascade.reduction.bins import engaged
+from winchcascade.reduction.efficiency import ALL_METRICS, RATIOS
+from winchcascade.reduction.energies import STAGES, power
+from winchcascade.reduction.windows import Plateau
 from winchcascade.report.digits import significant
 from winchcascade.report.style import COLOURS, STAGE_STYLE, WIDTH, label_panel
 from winchcascade.report.traces import clock_zero, envelope, time_label
@@ -24,10 +24,10 @@ from winchcascade.report.wording import by_sensor
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from winchcascade.cascade.reduce import CycleResult, Reduction
-    from winchcascade.cascade.uncertainty import Budget
-    from winchcascade.rigfile import Rig
-    from winchcascade.run import Signal
+    from winchcascade.core.rig_file import Rig
+    from winchcascade.core.run import Signal
+    from winchcascade.reduction.reduce import CycleResult, Reduction
+    from winchcascade.reduction.uncertainty import Budget
 
 DRAWN = 3000
 """Points of a trace that are drawn at most: two for each pixel of a wide screen."""

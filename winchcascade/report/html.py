@@ -6,13 +6,13 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from winchcascade.files import write_content
+from winchcascade.core.files import write_content
 from winchcascade.report.cleaning import cleaned
 from winchcascade.report.style import COLOURS
 from winchcascade.report.templates import template_folder
 
 if TYPE_CHECKING:
-    from winchcascade.report.layout import Report, Table
+    from winchcascade.report.report_model import Report, Table
 
 _SYMBOL = re.compile(
     r"\b([EPFvpητ])_(line|mech|gen, cycle|gen|trans|pto|max|min|mean|plateau|hold|payout|returned|net)\b"

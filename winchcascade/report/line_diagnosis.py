@@ -6,10 +6,10 @@ import platform
 from typing import TYPE_CHECKING
 
 from winchcascade import __version__
-from winchcascade.diagnose.line.closure import SLOW
-from winchcascade.diagnose.line.sets import DRAWS, FOLDS, MATERIAL
-from winchcascade.diagnose.remainder import ROUGH
-from winchcascade.origin import banner
+from winchcascade.core.campaign_file import banner
+from winchcascade.diagnosis.line.line_closure import SLOW
+from winchcascade.diagnosis.line.line_selection import DRAWS, FOLDS, MATERIAL
+from winchcascade.diagnosis.remainder import ROUGH
 from winchcascade.report import line_figures as figures
 from winchcascade.report import line_tables as tables
 from winchcascade.report import line_words as words
@@ -21,15 +21,15 @@ from winchcascade.report.diagnosis_page import (
     next_section,
     verdict_tiles,
 )
-from winchcascade.report.layout import Point, Report, Section, Tile, Tone
-from winchcascade.report.parts import data_point, file_digest, made_on, picture, provenance_table, section
 from winchcascade.report.publish import publish
+from winchcascade.report.report_model import Point, Report, Section, Tile, Tone
+from winchcascade.report.report_parts import data_point, file_digest, made_on, picture, provenance_table, section
 from winchcascade.report.style import house_style
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from winchcascade.diagnose.line.campaign import LineDiagnosis
+    from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 
 
 def write_line_reports(

@@ -15,10 +15,10 @@ from winchcascade.report.style import COLOURS, WIDTH, label_panel
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from winchcascade.diagnose.line.campaign import LineDiagnosis
-    from winchcascade.diagnose.line.data import Part
-    from winchcascade.diagnose.line.sets import Names
-    from winchcascade.run import Signal
+    from winchcascade.core.run import Signal
+    from winchcascade.diagnosis.line.line_data import Part
+    from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+    from winchcascade.diagnosis.line.line_selection import Names
 
 GIVEN, CAUSED = "force times speed", "with the causes"
 

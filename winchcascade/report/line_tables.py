@@ -9,10 +9,10 @@ from winchcascade.report import line_words as words
 from winchcascade.report.diagnosis_map import signed
 from winchcascade.report.diagnosis_names import phase_words, probability_words, share_words, without_unit
 from winchcascade.report.digits import number, significant
-from winchcascade.report.layout import Table
+from winchcascade.report.report_model import Table
 
 if TYPE_CHECKING:
-    from winchcascade.diagnose.line.campaign import LineDiagnosis
+    from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 
 MOST_SETS = 12
 """Sets of suspects that are listed; all are in the JSON."""

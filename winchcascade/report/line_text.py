@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from winchcascade.origin import origin_words
-from winchcascade.plaintext import one_line
+from winchcascade.core.campaign_file import origin_words
+from winchcascade.core.plain_text import one_line
 from winchcascade.report import line_words as words
 from winchcascade.report.diagnosis_lines import INDENT, entry, file_lines, plain
 from winchcascade.report.diagnosis_names import probability_words
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from winchcascade.diagnose.line.campaign import LineDiagnosis
+    from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 
 
 def line_text(found: LineDiagnosis, files: Sequence[Path | str] = ()) -> str:

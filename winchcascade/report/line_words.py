@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from winchcascade.diagnose.line.closure import BURST
-from winchcascade.diagnose.line.data import beside
-from winchcascade.diagnose.line.sets import DRAWS
-from winchcascade.diagnose.line.where import sentence
-from winchcascade.origin import Origin, joint_origin
+from winchcascade.core.campaign_file import Origin, joint_origin
+from winchcascade.diagnosis.line.line_closure import BURST
+from winchcascade.diagnosis.line.line_data import beside
+from winchcascade.diagnosis.line.line_gap import sentence
+from winchcascade.diagnosis.line.line_selection import DRAWS
 from winchcascade.report.diagnosis_names import (
     Told,
     apart_words,
@@ -23,10 +23,10 @@ from winchcascade.report.digits import number, significant
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from winchcascade.diagnose.causes import Cause, Reported
-    from winchcascade.diagnose.line.campaign import LineDiagnosis
-    from winchcascade.diagnose.line.data import Part
-    from winchcascade.diagnose.remainder import Alarm
+    from winchcascade.diagnosis.causes import Cause, Reported
+    from winchcascade.diagnosis.line.line_data import Part
+    from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+    from winchcascade.diagnosis.remainder import Alarm
 
 PARAMETERS = {
     "drum_inertia": Told("inertia, as a mass on the line", 1.0, "kg", False),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.errors import LogError
+from winchcascade.core.errors import LogError
 from winchcascade.report.model_budget import Budget, budget_of
 from winchcascade.report.model_curves import (
     Curve,
@@ -122,7 +122,7 @@ def sweep_of(comparison: Comparison) -> Sweep | None:
 
 def regression_of(comparison: Comparison) -> Regression | None:
     """Fit the back-EMF constant of an open circuit above 1000 rpm (Fig. 12); None where the log does not carry it."""
-    from winchcascade.fit.back_emf import back_emf_of
+    from winchcascade.diagnosis.calibrate import back_emf_of
 
     model = comparison.simulation.model
     try:

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, NamedTuple
 import msgspec
 import numpy as np
 
-from winchcascade.cascade.power import power
-from winchcascade.quantity import KGF
+from winchcascade.core.quantity import KGF
+from winchcascade.reduction.energies import power
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from winchcascade.cascade.bins import Mask
+    from winchcascade.core.run import Signal
+    from winchcascade.reduction.bins import Mask
     from winchcascade.report.model_data import Comparison
-    from winchcascade.run import Signal
 
 LEAST = 3
 """Bins of fewer samples are left out, or of fewer than there are cycles."""

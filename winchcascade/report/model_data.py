@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.cascade.bins import engaged
-from winchcascade.errors import RigError, WinchcascadeError
-from winchcascade.phases.window import Plateau
+from winchcascade.core.errors import RigError, WinchcascadeError
+from winchcascade.reduction.bins import engaged
+from winchcascade.reduction.windows import Plateau
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from winchcascade.cascade.bins import Mask
-    from winchcascade.cascade.reduce import CycleResult, Reduction
-    from winchcascade.rig.model import Model
+    from winchcascade.core.rig_file import Rig
+    from winchcascade.core.run import Run, Signal
+    from winchcascade.reduction.bins import Mask
+    from winchcascade.reduction.reduce import CycleResult, Reduction
+    from winchcascade.rig.parts import Model
     from winchcascade.rig.simulate import Simulation
-    from winchcascade.rigfile import Rig
-    from winchcascade.run import Run, Signal
 
 LONGEST = 200.0
 """Of a longer log its first complete cycles are simulated: as many as this holds, at half a millisecond a step. [s]"""
@@ -69,7 +69,7 @@ class Comparison(msgspec.Struct, frozen=True):
 
 def compare_with_baseline(reduction: Reduction) -> Comparison | LeftOut:
     """Simulate a log with the numbers of its rig file, without any effect, and lay both side by side."""
-    from winchcascade.rig.model import baseline
+    from winchcascade.rig.parts import baseline
 
     if "velocity" not in reduction.run.channels:
         return LeftOut("the log has no line velocity, which drives a simulation.")

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
+    from winchcascade.core.run import Signal
     from winchcascade.report.model_curves import Curve
-    from winchcascade.run import Signal
 
 MARKS: tuple[Any, ...] = ("o", "s", "^", "D", "v", "P", "X")
 """Markers of the logs in the order of their loads."""

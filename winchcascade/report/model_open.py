@@ -22,8 +22,8 @@ from winchcascade.report.style import COLOURS, LOAD_COLOURS, WIDTH, label_panel
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from winchcascade.core.run import Signal
     from winchcascade.report.model_account import Regression, Sweep
-    from winchcascade.run import Signal
 
 _DASHED: Any = (0, (5, 2))
 

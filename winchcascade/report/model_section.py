@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, NamedTuple
 import msgspec
 import numpy as np
 
-from winchcascade.quantity import KGF
+from winchcascade.core.quantity import KGF
 from winchcascade.report import model_figures as figures
 from winchcascade.report import model_text as text
-from winchcascade.report.layout import Note, Picture, Section
 from winchcascade.report.legend import cut_apart
 from winchcascade.report.model_account import Account, account_of
 from winchcascade.report.model_bars import budget_bars
 from winchcascade.report.model_curves import speed_columns, speed_width
 from winchcascade.report.model_data import Comparison, compare_with_baseline
 from winchcascade.report.model_open import back_emf_figure, damper_sweep
+from winchcascade.report.report_model import Note, Picture, Section
 from winchcascade.report.style import svg_text
 
 if TYPE_CHECKING:
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from winchcascade.cascade.reduce import Reduction
-    from winchcascade.report.layout import Block
+    from winchcascade.reduction.reduce import Reduction
+    from winchcascade.report.report_model import Block
 
 TETHER = ("pressure_kgcm2", "force_n", "power_gen_w")
 GENERATOR = ("torque_nm", "vdc_v", "idc_a", "resistance_ohm")

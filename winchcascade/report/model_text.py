@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from winchcascade.report.digits import number
-from winchcascade.report.layout import Table
 from winchcascade.report.model_budget import ALWAYS, GROUPS, NOTHING
 from winchcascade.report.model_curves import COMPARED
+from winchcascade.report.report_model import Table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

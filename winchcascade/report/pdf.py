@@ -7,13 +7,13 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from winchcascade.files import write_content
+from winchcascade.core.files import write_content
 from winchcascade.report.cleaning import cleaned
 from winchcascade.report.moment import made_at
 from winchcascade.report.templates import template_folder
 
 if TYPE_CHECKING:
-    from winchcascade.report.layout import Report
+    from winchcascade.report.report_model import Report
 
 
 def write_pdf(report: Report, path: Path, *, force: bool = False) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from winchcascade.plaintext import lines, one_line
+from winchcascade.core.plain_text import lines, one_line
 
 
 class Telling:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from winchcascade.report.layout import Report
+    from winchcascade.report.report_model import Report
 
 
 def publish(report: Report, *, html: Path | None, pdf: Path | None, force: bool = False) -> None:

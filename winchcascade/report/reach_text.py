@@ -5,17 +5,16 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from winchcascade.reach.payouts import RAMPS, STARTED
+from winchcascade.core.published_table import load_text, unit_suffix
 from winchcascade.report.table_text import load_record, wrapped
-from winchcascade.table import load_text, unit_suffix
+from winchcascade.tables.plausible_payouts import RAMPS, STARTED
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from winchcascade.reach.explain import Ability, FieldRange, Mover
-    from winchcascade.reach.reach import Reach
-    from winchcascade.reach.rows import Cell, RowReach
-    from winchcascade.reach.search import Values
+    from winchcascade.tables.attainable import Ability, FieldRange, Mover, Reach
+    from winchcascade.tables.attainable_row import Cell, RowReach
+    from winchcascade.tables.effect_search import Values
 
 _WORTH, _NOTHING = 0.2, 0.005
 """An effect that takes away less than this share of what is out of reach is not shown in detail, or said to do nothing. [1]"""

@@ -8,23 +8,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from winchcascade import __version__
-from winchcascade.cascade.efficiency import ALL_METRICS
-from winchcascade.cascade.montecarlo import uncertainty
-from winchcascade.cascade.power import STAGES
-from winchcascade.cascade.uncertainty import shares
-from winchcascade.channels import CHANNELS
-from winchcascade.files import write_content
-from winchcascade.origin import origin_record
-from winchcascade.quantity import KGF, si_unit
+from winchcascade.core.campaign_file import origin_record
+from winchcascade.core.files import write_content
+from winchcascade.core.quantity import KGF, si_unit
+from winchcascade.core.run import CHANNELS
+from winchcascade.reduction.efficiency import ALL_METRICS
+from winchcascade.reduction.energies import STAGES
+from winchcascade.reduction.montecarlo import uncertainty
+from winchcascade.reduction.uncertainty import shares
 
 if TYPE_CHECKING:
-    from winchcascade.cascade.bins import Bin
-    from winchcascade.cascade.efficiency import Metrics
-    from winchcascade.cascade.montecarlo import Interval, Uncertainty
-    from winchcascade.cascade.reduce import CycleResult, Reduction
-    from winchcascade.cascade.summary import HaulInSummary, HoldSummary, PayoutSummary
-    from winchcascade.cascade.uncertainty import Contribution
-    from winchcascade.run import Finding
+    from winchcascade.core.run import Finding
+    from winchcascade.reduction.bins import Bin
+    from winchcascade.reduction.efficiency import Metrics
+    from winchcascade.reduction.montecarlo import Interval, Uncertainty
+    from winchcascade.reduction.phase_summary import HaulInSummary, HoldSummary, PayoutSummary
+    from winchcascade.reduction.reduce import CycleResult, Reduction
+    from winchcascade.reduction.uncertainty import Contribution
 
 SCHEMA = "winchcascade/reduction/1"
 _KGCM2 = KGF * 1e4

@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from winchcascade.cascade.power import STAGES
-from winchcascade.errors import OutputError
-from winchcascade.files import check_replaceable, write_whole
+from winchcascade.core.errors import OutputError
+from winchcascade.core.files import check_replaceable, write_whole
+from winchcascade.reduction.energies import STAGES
 from winchcascade.report.records import FIELDS, SCHEMA, bin_record, cycle_record, finding_record
 
 if TYPE_CHECKING:
-    from winchcascade.cascade.reduce import Reduction
+    from winchcascade.reduction.reduce import Reduction
 
 
 def parquet_files(folder: Path, log: str) -> dict[str, Path]:

@@ -6,10 +6,10 @@ import math
 import textwrap
 from typing import TYPE_CHECKING, Any
 
-from winchcascade.plaintext import one_line
+from winchcascade.core.plain_text import one_line
 
 if TYPE_CHECKING:
-    from winchcascade.table import Table
+    from winchcascade.core.published_table import Table
 
 _WIDTH = 100
 

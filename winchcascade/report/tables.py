@@ -6,18 +6,18 @@ import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from winchcascade.cascade.efficiency import ALL_METRICS, METRICS, NET_METRICS, RATIOS
-from winchcascade.cascade.power import STAGES
-from winchcascade.quantity import KGF
+from winchcascade.core.quantity import KGF
+from winchcascade.reduction.efficiency import ALL_METRICS, METRICS, NET_METRICS, RATIOS
+from winchcascade.reduction.energies import STAGES
 from winchcascade.report.digits import number, of_many, percent, places, stated, uncertain
-from winchcascade.report.layout import Table
+from winchcascade.report.report_model import Table
 from winchcascade.report.traces import clock_zero
 from winchcascade.report.wording import net_reasons
 
 if TYPE_CHECKING:
-    from winchcascade.cascade.montecarlo import Uncertainty
-    from winchcascade.cascade.reduce import CycleResult, Reduction
-    from winchcascade.run import Finding
+    from winchcascade.core.run import Finding
+    from winchcascade.reduction.montecarlo import Uncertainty
+    from winchcascade.reduction.reduce import CycleResult, Reduction
 
 MOST_CYCLES = 60
 """Cycles that a table lists; of more the first and the last half of that."""

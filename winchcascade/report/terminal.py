@@ -7,20 +7,20 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-from winchcascade.cascade.efficiency import METRICS, NET_METRICS
-from winchcascade.cascade.montecarlo import stated_uncertainty
-from winchcascade.origin import origin_words
-from winchcascade.plaintext import one_line
+from winchcascade.core.campaign_file import origin_words
+from winchcascade.core.plain_text import one_line
+from winchcascade.reduction.efficiency import METRICS, NET_METRICS
+from winchcascade.reduction.montecarlo import stated_uncertainty
 from winchcascade.report.wording import decisive, net_reasons, not_known
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from winchcascade.cascade.efficiency import Metrics
-    from winchcascade.cascade.reduce import CycleResult, Reduction
-    from winchcascade.cascade.uncertainty import Budget
+    from winchcascade.core.run import Finding
+    from winchcascade.reduction.efficiency import Metrics
+    from winchcascade.reduction.reduce import CycleResult, Reduction
+    from winchcascade.reduction.uncertainty import Budget
     from winchcascade.rig.simulate import Simulation
-    from winchcascade.run import Finding
 
 _WIDTH = 80
 _MOST_CYCLES = 20

@@ -10,8 +10,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from winchcascade.cascade.reduce import CycleResult
-    from winchcascade.run import Run, Signal
+    from winchcascade.core.run import Run, Signal
+    from winchcascade.reduction.reduce import CycleResult
 
 READ_OUT = 4000
 """With more samples than this, the page's read-out knows the range of each trace in equal stretches of the log."""

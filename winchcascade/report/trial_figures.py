@@ -8,14 +8,14 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from winchcascade.blind.tally import NO_GAP, NOTHING, UNEXPLAINED, hidden_name, taken_as
+from winchcascade.blind.score import NO_GAP, NOTHING, UNEXPLAINED, hidden_name, taken_as
 from winchcascade.report.digits import MINUS
 from winchcascade.report.model_figures import legend_above
 from winchcascade.report.style import COLOURS, WIDTH
 from winchcascade.report.trial_words import hidden_order
 
 if TYPE_CHECKING:
-    from winchcascade.blind.tally import CaseScore, Score
+    from winchcascade.blind.score import CaseScore, Score
 
 SEVERAL = "several"
 """Column of the cases that were taken for more than one effect."""

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from winchcascade.blind.tally import NO_GAP, UNEXPLAINED, Count
+from winchcascade.blind.score import NO_GAP, UNEXPLAINED, Count
 from winchcascade.report.diagnosis_names import told
 from winchcascade.report.digits import number, places, significant
-from winchcascade.report.layout import Note, Table
+from winchcascade.report.report_model import Note, Table
 from winchcascade.report.trial_words import count_cells, hidden_words, said_words, share_text, taken_rows, totals
 
 if TYPE_CHECKING:
-    from winchcascade.blind.tally import CaseScore, ParameterScore, Score
+    from winchcascade.blind.score import CaseScore, ParameterScore, Score
 
 
 def totals_table(score: Score) -> Table:

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 from winchcascade import __version__
 from winchcascade.blind.cases import ORIGIN
-from winchcascade.blind.envelope import SEALED
-from winchcascade.origin import Origin, banner, origin_words
+from winchcascade.blind.sealed_answers import SEALED
+from winchcascade.core.campaign_file import Origin, banner, origin_words
 from winchcascade.report.campaign_text import altered_lines
-from winchcascade.report.layout import Point, Report, Table, Tile
 from winchcascade.report.publish import publish
+from winchcascade.report.report_model import Point, Report, Table, Tile
 from winchcascade.report.trial_words import (
     HIDDEN,
     closure_sentence,
@@ -25,7 +25,7 @@ from winchcascade.report.trial_words import (
 )
 
 if TYPE_CHECKING:
-    from winchcascade.blind.tally import Score
+    from winchcascade.blind.score import Score
     from winchcascade.blind.trial import Progress
 
 
@@ -90,7 +90,7 @@ def write_trial_reports(
 def make_trial_report(score: Score, *, command: str = "") -> Report:
     """Make the rows and figures of the report of a trial."""
     from winchcascade.report import trial_tables as tables
-    from winchcascade.report.parts import picture, section
+    from winchcascade.report.report_parts import picture, section
     from winchcascade.report.style import house_style
     from winchcascade.report.trial_figures import coverage_figure, taken_figure
 
@@ -169,7 +169,7 @@ def _points(score: Score) -> tuple[Point, ...]:
 
 
 def _provenance(score: Score, command: str) -> Table:
-    from winchcascade.report.parts import made_on, provenance_table
+    from winchcascade.report.report_parts import made_on, provenance_table
 
     return provenance_table(
         [

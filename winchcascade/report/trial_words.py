@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from winchcascade.blind.hidden import OUTSIDERS, PARTS
-from winchcascade.blind.tally import NOTHING, Count, Score, hidden_name
-from winchcascade.order import median
+from winchcascade.blind.injected import OUTSIDERS, PARTS
+from winchcascade.blind.score import NOTHING, Count, Score, hidden_name
+from winchcascade.core.integrate import median
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from winchcascade.blind.tally import CaseScore
+    from winchcascade.blind.score import CaseScore
 
 HIDDEN = ("single", "pair")
 """Kinds of cases that hide effects of the catalogue."""

@@ -5,20 +5,20 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from winchcascade.cascade.efficiency import ALL_METRICS, METRICS
-from winchcascade.cascade.uncertainty import R_DRUM, shares
-from winchcascade.channels import CHANNELS
-from winchcascade.quantity import find_unit, si_unit
+from winchcascade.core.quantity import find_unit, si_unit
+from winchcascade.core.run import CHANNELS
+from winchcascade.reduction.efficiency import ALL_METRICS, METRICS
+from winchcascade.reduction.uncertainty import R_DRUM, shares
 from winchcascade.report.digits import MINUS, number, percent, places, significant, stated, uncertain
-from winchcascade.report.layout import Table
+from winchcascade.report.report_model import Table
 from winchcascade.report.tables import DECIMALS, SYMBOL, UNIT, end_text, mean_text
 from winchcascade.report.wording import not_known, source_name
 
 if TYPE_CHECKING:
-    from winchcascade.cascade.montecarlo import Uncertainty
-    from winchcascade.cascade.reduce import Reduction
-    from winchcascade.cascade.uncertainty import Contribution
-    from winchcascade.rigfile import Sensor
+    from winchcascade.core.rig_file import Sensor
+    from winchcascade.reduction.montecarlo import Uncertainty
+    from winchcascade.reduction.reduce import Reduction
+    from winchcascade.reduction.uncertainty import Contribution
 
 
 def repeatability_table(reduction: Reduction, found: Uncertainty) -> Table | None:

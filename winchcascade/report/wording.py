@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from winchcascade.cascade.efficiency import METRICS
-from winchcascade.cascade.uncertainty import R_DRUM, SAMPLING, shares
+from winchcascade.reduction.efficiency import METRICS
+from winchcascade.reduction.uncertainty import R_DRUM, SAMPLING, shares
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from winchcascade.accuracy import Source
-    from winchcascade.cascade.reduce import CycleResult
-    from winchcascade.cascade.uncertainty import Budget
+    from winchcascade.core.accuracy import Source
+    from winchcascade.reduction.reduce import CycleResult
+    from winchcascade.reduction.uncertainty import Budget
 
 SENSORS = {
     "force": "force cell",

@@ -8,17 +8,16 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.errors import LogError
-from winchcascade.rig.bridge import bridge_table
-from winchcascade.rig.bridge_inverse import back_emfs
-from winchcascade.rig.motion import SAMPLES
-from winchcascade.smooth import local_quadratic
+from winchcascade.core.errors import LogError
+from winchcascade.core.smooth import local_quadratic
+from winchcascade.rig.bridge import back_emfs, bridge_table
+from winchcascade.rig.simulate import SAMPLES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from winchcascade.rig.model import Model
-    from winchcascade.run import Run, Signal
+    from winchcascade.core.run import Run, Signal
+    from winchcascade.rig.parts import Model
 
 RPM_LEAST = 1000.0
 """The regression begins at this generator speed (Sec. 4.2). [rpm]"""

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from numba import njit
 
-from winchcascade.quantity import ATMOSPHERE
+from winchcascade.core.quantity import ATMOSPHERE
 from winchcascade.rig.bridge import bridge_state
-from winchcascade.rig.generator import NO_ROLLOFF, ROLLOFF_KNOTS
+from winchcascade.rig.parts import NO_ROLLOFF, ROLLOFF_KNOTS
 
 if TYPE_CHECKING:
-    from winchcascade.rig.model import Model
-    from winchcascade.run import Signal
+    from winchcascade.core.run import Signal
+    from winchcascade.rig.parts import Model
 
 SHAFT = ("clutch", "vdc", "idc", "omega_gen", "i_s", "torque_em", "i_bridge", "twist")
 """What `run_shaft` gives at every step: torque that the clutch carries [N m], DC voltage [V] and current of the load [A],

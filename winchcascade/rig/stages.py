@@ -13,25 +13,23 @@ from typing import TYPE_CHECKING, Literal
 import msgspec
 import numpy as np
 
-from winchcascade.errors import LogError
-from winchcascade.order import median
+from winchcascade.core.errors import LogError
+from winchcascade.core.integrate import median
+from winchcascade.core.smooth import local_quadratic
 from winchcascade.rig.backemf import RPM_LEAST
-from winchcascade.rig.bridge import bridge_table
-from winchcascade.rig.bridge_inverse import back_emfs, dc_voltages
-from winchcascade.rig.generator import NO_ROLLOFF, ROLLOFF_KNOTS
+from winchcascade.rig.bridge import back_emfs, bridge_table, dc_voltages
 from winchcascade.rig.kernel import LINE, REST, TURN, constants, run_line
-from winchcascade.rig.motion import SAMPLES
-from winchcascade.rig.sensors import Sensors
-from winchcascade.smooth import local_quadratic
+from winchcascade.rig.parts import NO_ROLLOFF, ROLLOFF_KNOTS, Sensors
+from winchcascade.rig.simulate import SAMPLES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping
 
     from numpy.typing import NDArray
 
-    from winchcascade.rig.model import Model
-    from winchcascade.rig.motion import Motion
-    from winchcascade.run import Run, Signal
+    from winchcascade.core.run import Run, Signal
+    from winchcascade.rig.parts import Model
+    from winchcascade.rig.simulate import Motion
 
 Stage = Literal["restoring", "transmission", "gearbox", "generator", "load"]
 

@@ -22,7 +22,7 @@ from numba import njit
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from winchcascade.run import Signal
+    from winchcascade.core.run import Signal
 
 TABLE = Path(__file__).with_name("bridge_table.npy")
 """The solved grid, (s, phi, 2): mean DC current and rms phase current, times Z / V_LL with Z = sqrt(R^2 + (w_e L)^2)."""

@@ -13,14 +13,14 @@ import numpy as np
 from numba import njit
 
 from winchcascade.rig.bridge import bridge_state, bridge_turned
-from winchcascade.rig.generator import ROLLOFF_KNOTS
 from winchcascade.rig.kernel import SHAFT, TURN, left_of_k_e, weakened_bridge
+from winchcascade.rig.parts import ROLLOFF_KNOTS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from winchcascade.core.run import Signal
     from winchcascade.rig.kernel import Constants
-    from winchcascade.run import Signal
 
 NUMBERS = (
     "r_drum", "gear", "eta_mesh", "b_rotor", "windage", "friction", "k_shaft", "c_shaft", "inertia_rotor", "k_e", "r_s", "l_s",

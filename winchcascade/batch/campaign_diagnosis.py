@@ -1,0 +1,274 @@
+"""A campaign of a rig without a model: its logs, its diagnosis from line force, speed and power, and what that predicts."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+import numpy as np
+
+from winchcascade.core.campaign_file import load_campaign
+from winchcascade.core.errors import CampaignError, OptionError, RigError
+from winchcascade.core.files import write_whole
+from winchcascade.core.rig_toml import DEFAULT_RIG, load_rig
+from winchcascade.diagnosis.diagnose import Diagnosis, diagnose, withheld_numbers
+from winchcascade.diagnosis.diagnosis_record import as_json
+from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis, diagnose_line
+from winchcascade.diagnosis.line.line_record import as_json as line_json
+from winchcascade.ingest.read import read_run
+from winchcascade.rig.parts import baseline
+from winchcascade.rig.simulate import simulate
+from winchcascade.rig.simulated_log import write_log
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+    from pathlib import Path
+
+    from winchcascade.core.campaign_file import Campaign
+    from winchcascade.core.rig_file import Rig
+    from winchcascade.core.run import Run, Signal
+    from winchcascade.diagnosis.line.line_closure import Judged
+
+
+HEADER = "Time (s),Cycle,Predicted mechanical power (W)"
+"""Of the files of predictions, by which this tool knows them for its own."""
+
+
+def read_logs(campaign: Campaign, rig: Rig, tell: Callable[[str], None]) -> list[Run]:
+    """Read the log of each entry, once where several entries share it."""
+    read: dict[tuple[Path, str | None], Run] = {}
+    for number, entry in enumerate(campaign.runs, 1):
+        if (entry.file, entry.sheet) not in read:
+            tell(f"reading {entry.file.name} ({number} of {len(campaign.runs)})")
+            run = read_run(entry.file, rig=rig, about=campaign.title, origin=entry.origin, table=entry.sheet)
+            read[entry.file, entry.sheet] = run
+    return [read[entry.file, entry.sheet] for entry in campaign.runs]
+
+
+def diagnose_logs(
+    campaign: Campaign,
+    runs: Sequence[Run],
+    rig: Rig,
+    suspects: Mapping[str, type],
+    loads: Sequence[float],
+    seed: int,
+    tell: Callable[[str], None],
+) -> LineDiagnosis:
+    """Diagnose the logs of a campaign, as `read_logs` gives them.
+
+    Raises
+    ------
+    OptionError : `loads` are to be withheld, which no such rig has
+    CampaignError, LogError : something else cannot be used; the message says what
+    """
+    if loads:
+        raise OptionError(
+            f"--withhold {loads[0]:g}: rig {rig.name} has no load; withhold cycles instead, by a [[run]] with cycles and "
+            f"withheld = true in {campaign.path.name}."
+        )
+    return diagnose_line(
+        runs,
+        rig,
+        suspects,
+        title=campaign.name,
+        cycles=[entry.cycles for entry in campaign.runs],
+        withheld=[k for k, entry in enumerate(campaign.runs) if entry.withheld],
+        seed=seed,
+        tell=tell,
+    )
+
+
+def write_line_predictions(found: LineDiagnosis, folder: Path, *, force: bool = False) -> list[Path]:
+    """Write the power that is predicted of the judged cycles, one file for each log: `before`, line force times speed, and
+    `after`, by a fit that did not know them. Stamps are those of the log; samples that do not count are left out.
+
+    Raises
+    ------
+    OutputError : a file cannot be written, or is not this tool's own and `force` does not allow to replace it
+    """
+    if found.judged is None:
+        return []
+    written = []
+    for side in ("before", "after"):
+        (folder / side).mkdir(parents=True, exist_ok=True)
+        for name, rows in _predicted(found.judged, side).items():
+            path = folder / side / f"{name.rpartition('.')[0] or name}.csv"
+            write_whole(path, partial(_fill, rows), force=force)
+            written.append(path)
+    return written
+
+
+def _predicted(judged: Judged, side: str) -> dict[str, Signal]:
+    """Stamps [s], cycles and predicted power [W] of each log, (k, 3) by its name, in order of time."""
+    found: dict[str, list[Signal]] = {}
+    for part, after in zip(judged.parts, judged.after, strict=True):
+        given = part.run.channels["force"][part.here] * part.run.channels["velocity"][part.here]
+        predicted = given if side == "before" else given + part.gap - after
+        rows = np.column_stack([part.run.t[part.here], part.cycle.astype(np.float64), predicted])
+        found.setdefault(part.run.name, []).append(rows)
+    return {name: np.vstack(rows)[np.argsort(np.vstack(rows)[:, 0], kind="stable")] for name, rows in found.items()}
+
+
+def _fill(rows: Signal, path: Path) -> None:
+    stamps = "%.6f" if rows[-1, 0] < 1e6 else "%.3f"
+    np.savetxt(path, rows, fmt=[stamps, "%d", "%.9g"], delimiter=",", header=HEADER, comments="")
+
+
+def diagnose_file(
+    path: Path,
+    suspects: Mapping[str, type],
+    *,
+    seed: int = 0,
+    tell: Callable[[str], None] = lambda _: None,
+) -> Diagnosis:
+    """Diagnose a campaign.toml, or the one in a folder, on its own rig; faults as `diagnose_listed`."""
+    campaign = load_campaign(path)
+    return diagnose_listed(campaign, load_rig(campaign.rig or DEFAULT_RIG), suspects, seed=seed, tell=tell)
+
+
+def diagnose_listed(
+    campaign: Campaign,
+    rig: Rig,
+    suspects: Mapping[str, type],
+    *,
+    loads: Sequence[float] = (),
+    seed: int = 0,
+    tell: Callable[[str], None] = lambda _: None,
+) -> Diagnosis:
+    """Diagnose the logs that a campaign lists.
+
+    Parameters
+    ----------
+    rig : for which a model can be made
+    loads : of the runs to withhold; by default those that the campaign marks [ohm]
+
+    Raises
+    ------
+    WinchcascadeError : something of the input cannot be used; the message says what
+    """
+    runs = []
+    for number, entry in enumerate(campaign.runs, 1):
+        tell(f"reading {entry.file.name} ({number} of {len(campaign.runs)})")
+        run = read_run(entry.file, rig=rig, load=entry.load, origin=entry.origin, table=entry.sheet)
+        if run.load is None:
+            raise CampaignError(
+                f"{campaign.path}: run {number} ({entry.file.name}) has no load; a diagnosis simulates it, so give load_ohm."
+            )
+        runs.append(run)
+    return diagnose(
+        runs,
+        rig,
+        suspects,
+        title=campaign.name,
+        cycles=[entry.cycles for entry in campaign.runs],
+        withheld=withheld_numbers(loads, runs, [entry.withheld for entry in campaign.runs]),
+        seed=seed,
+        tell=tell,
+    )
+
+
+def diagnose_campaign(
+    campaign_toml: Path, *, suspects: Mapping[str, type], seed: int, predictions: Path | None
+) -> dict[str, Any]:
+    """Diagnose a campaign for a trial: JSON as a dict, predictions into a folder if one is given."""
+    found = diagnose_file(campaign_toml, suspects, seed=seed)
+    if predictions is not None:
+        write_predictions(found, predictions)
+    return as_json(found)
+
+
+def write_predictions(found: Diagnosis, folder: Path, *, force: bool = False) -> list[Path]:
+    """Write what is predicted of every withheld log, as simulated logs: `before`, the rig as given, and `after`, by the fit
+    without that log; zeros of its sensors are in neither.
+
+    Raises
+    ------
+    OutputError : a file cannot be written, or is not this tool's own and `force` does not allow to replace it
+    """
+    data = found.data
+    logs = found.closure.predictions if found.closure is not None else ()
+    written = []
+    for side in ("before", "after"):
+        (folder / side).mkdir(parents=True, exist_ok=True)
+    for one in logs:
+        run = data.logs[one.log].run
+        nu = np.where([n.kind == "zero" for n in data.nuisances], 0.0, one.fit.nu)
+        after = data.models(nu, one.fit.effects(found.suspects))[one.log]
+        for side, model in (("before", data.nominal), ("after", after)):
+            path = folder / side / f"{_stem(run.name)}.csv"
+            write_log(simulate(run, model), path, force=force)
+            written.append(path)
+    return written
+
+
+def _stem(name: str) -> str:
+    return name.rpartition(".")[0] or name
+
+
+POWER = "power_mech"
+"""Channel without which a winch that has no model cannot be diagnosed."""
+
+
+class Writes(Protocol):
+    """Writes the report of a diagnosis as a page, as a PDF, or both."""
+
+    def __call__(self, *, html: Path | None, pdf: Path | None, command: str, force: bool) -> None:
+        """Write the files."""
+
+
+class Outcome(NamedTuple):
+    """A diagnosis and its outputs: JSON as a dict, the page for the terminal given the files, reports, and predictions."""
+
+    record: dict[str, Any]
+    text: Callable[[Sequence[Path | str]], str]
+    write_reports: Writes
+    write_predictions: Callable[[Path, bool], list[Path]]
+
+
+def outcome(
+    campaign: Campaign,
+    suspects: Mapping[str, type],
+    *,
+    rig: str | None = None,
+    loads: Sequence[float] = (),
+    seed: int = 0,
+    tell: Callable[[str], None] = lambda _: None,
+) -> Outcome:
+    """Diagnose the logs that a campaign lists, whatever their rig. Parameters and faults as `diagnose_listed`, but for `rig`,
+    which is a rig file or a name, before the campaign's own.
+    """
+    the_rig = load_rig(rig or campaign.rig or DEFAULT_RIG)
+    try:
+        baseline(the_rig)
+    except RigError:
+        runs = read_logs(campaign, the_rig, tell)
+        if not any(POWER in names for names in (the_rig.sensors, the_rig.columns, *(run.channels for run in runs))):
+            raise
+        return _of_line(diagnose_logs(campaign, runs, the_rig, suspects, loads, seed, tell))
+    from winchcascade.report.diagnosis_text import diagnosis_text
+
+    found = diagnose_listed(campaign, the_rig, suspects, loads=loads, seed=seed, tell=tell)
+
+    def write_reports(*, html: Path | None, pdf: Path | None, command: str, force: bool) -> None:
+        from winchcascade.report.diagnosis import write_diagnosis_reports
+
+        write_diagnosis_reports(found, html=html, pdf=pdf, command=command, force=force)
+
+    def predict(folder: Path, force: bool) -> list[Path]:
+        return write_predictions(found, folder, force=force)
+
+    return Outcome(as_json(found), partial(diagnosis_text, found), write_reports, predict)
+
+
+def _of_line(found: LineDiagnosis) -> Outcome:
+    from winchcascade.report.line_text import line_text
+
+    def write_reports(*, html: Path | None, pdf: Path | None, command: str, force: bool) -> None:
+        from winchcascade.report.line_diagnosis import write_line_reports
+
+        write_line_reports(found, html=html, pdf=pdf, command=command, force=force)
+
+    def predict(folder: Path, force: bool) -> list[Path]:
+        return write_line_predictions(found, folder, force=force)
+
+    return Outcome(line_json(found), partial(line_text, found), write_reports, predict)

@@ -1,0 +1,139 @@
+"""What may be hidden in a twin: effects of the catalogue, in shapes of the twin's own, and outsiders that no catalogue has."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from winchcascade.blind.twin_numbers import BELL, KNEE, LINE
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import numpy as np
+
+
+class Part(msgspec.Struct, frozen=True):
+    """An effect that may be hidden: the parameter that a diagnosis reports of it, its unit, and its size at full strength.
+
+    A size of either sign is drawn where `either` is true. `stage` is where in the cascade it acts.
+    """
+
+    stage: str
+    parameter: str
+    unit: str
+    size: float
+    either: bool = False
+
+
+PARTS: dict[str, Part] = {
+    "ke_rolloff": Part("generator", "k_e_ratio_at_10_a", "1", 0.13),
+    "ke_shift": Part("generator", "k_e_change", "1", 0.03, either=True),
+    "copper_heating": Part("generator", "r_s_change", "1", 0.35),
+    "sync_inductance": Part("generator", "l_s_change", "1", 0.15, either=True),
+    "diode_drop": Part("generator", "v_d_extra", "V", 0.7),
+    "load_drift": Part("generator", "r_load_change", "1", 0.035, either=True),
+    "gear_mesh_loss": Part("gearbox", "efficiency_change", "1", -0.05),
+    "rotor_viscous": Part("gearbox", "b_extra", "N.m.s/rad", 6e-4),
+    "rotor_windage": Part("gearbox", "c_extra", "N.m.s2/rad2", 2.2e-6),
+    "rotor_friction": Part("gearbox", "torque", "N.m", 0.2),
+    "rotor_inertia": Part("gearbox", "j_change", "1", 2.5),
+    "clutch_drag": Part("gearbox", "torque", "N.m", 3.0),
+    "line_friction": Part("transmission", "torque", "N.m", 7.0),
+    "line_drag": Part("transmission", "b", "N.m.s/rad", 0.9),
+    "drum_inertia": Part("transmission", "j_extra", "kg.m2", 0.6),
+    "drum_layering": Part("transmission", "radius_change_per_10_m", "1", 0.05, either=True),
+    "gas_polytropic": Part("restoring", "n", "1", 0.22),
+    "gas_volume": Part("restoring", "volume_extra", "m3", 7e-4),
+    "precharge": Part("restoring", "pressure_change", "1", -0.06, either=True),
+    "piston_area": Part("restoring", "area_change", "1", -0.07, either=True),
+    "seal_friction": Part("restoring", "force", "N", 920.0),
+    "screw_friction": Part("restoring", "mu_change", "1", 0.012, either=True),
+    "torque_gain": Part("sensor", "gain_error", "1", 0.04, either=True),
+    "force_zero": Part("sensor", "offset", "N", 35.0, either=True),
+    "force_gain": Part("sensor", "gain_error", "1", 0.03, either=True),
+    "voltage_gain": Part("sensor", "gain_error", "1", 0.025, either=True),
+    "current_gain": Part("sensor", "gain_error", "1", 0.025, either=True),
+    "electrical_lag": Part("sensor", "lag", "s", 0.12),
+}
+"""Every effect by its name, with what it comes to at full strength."""
+
+OUTSIDERS: dict[str, float] = {
+    "elastic_encoder": 0.15,
+    "brake_drag": 9.0,
+    "warming_load": 0.05,
+    "eccentric_drum": 0.025,
+    "pressure_play": 0.08,
+    "late_force": 0.12,
+    "curved_torque": 0.06,
+    "leaking_link": 0.2,
+    "leaking_gas": 0.015,
+    "worn_gear": 0.03,
+    "saturated_current": 0.05,
+}
+"""Causes outside the catalogue, each with its size: time constant of the drive of the encoder [s], torque of a brake that
+drags now and then [N m], rise of a load that warms through a log [1], of the drum's radius once a turn [1], play of the
+pressure sensor [kg/cm2], delay of the force cell [s], what a torque sensor lacks at 500 N m [1], leakage across the DC link at
+300 V [A], gas lost in 100 s [1], ripple of the gear three times a turn [1], what the current sensor lacks at 15 A [1]."""
+
+
+class Hidden(msgspec.Struct, frozen=True):
+    """What one case hides: the value of each effect, the law that the twin bends by, and an outsider's size."""
+
+    effects: dict[str, float] = msgspec.field(default_factory=dict)
+    laws: dict[str, float] = msgspec.field(default_factory=dict)
+    outsiders: dict[str, float] = msgspec.field(default_factory=dict)
+
+    def get(self, name: str) -> float:
+        """Value of an effect or size of an outsider, 0 where it is absent."""
+        return self.effects.get(name, self.outsiders.get(name, 0.0))
+
+    def reported(self) -> dict[str, dict[str, float]]:
+        """True value of the parameter that a diagnosis reports, by effect."""
+        return {name: {PARTS[name].parameter: _reported(name, value)} for name, value in self.effects.items()}
+
+
+def _reported(name: str, value: float) -> float:
+    if name == "ke_rolloff":
+        return 1.0 - value
+    return 1.0 + value if name == "gas_polytropic" else value
+
+
+def draw_hidden(effects: Mapping[str, float], outsider: str | None, rng: np.random.Generator) -> Hidden:
+    """Draw what a case hides.
+
+    Parameters
+    ----------
+    effects : strength of each effect, 1 for full
+    outsider : cause outside the catalogue, None for none
+    """
+    values = {name: strength * _size(PARTS[name], rng) for name, strength in effects.items()}
+    laws: dict[str, float] = {}
+    if "ke_rolloff" in values:
+        laws |= _rolloff(values["ke_rolloff"], rng)
+    if "gas_polytropic" in values:
+        laws["gas_cooling"] = rng.uniform(4.0, 12.0)
+    outside = {} if outsider is None else {outsider: OUTSIDERS[outsider] * rng.uniform(0.85, 1.25)}
+    if outsider is not None:
+        laws["phase"] = rng.uniform(0.0, 2.0 * math.pi)
+    return Hidden(values, laws, outside)
+
+
+def _size(part: Part, rng: np.random.Generator) -> float:
+    size = part.size * rng.uniform(0.93, 1.07)
+    return -size if part.either and rng.random() < 0.5 else size
+
+
+def _rolloff(lost: float, rng: np.random.Generator) -> dict[str, float]:
+    """Draw a law by which a share of the back-EMF is lost at 10 A rms."""
+    law = (KNEE, LINE, BELL)[rng.integers(3)]
+    if law == BELL:
+        power = rng.uniform(1.2, 2.0)
+        return {"law": law, "knee": 0.0, "width": 10.0 / (-math.log1p(-lost)) ** (1.0 / power), "power": power}
+    knee = rng.uniform(3.0, 6.0)
+    if law == LINE:
+        return {"law": law, "knee": knee, "width": lost / (10.0 - knee), "power": 1.0}
+    power = rng.uniform(1.0, 1.8)
+    return {"law": law, "knee": knee, "width": (10.0 - knee) * ((1.0 - lost) / lost) ** (1.0 / power), "power": power}

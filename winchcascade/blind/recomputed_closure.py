@@ -1,0 +1,132 @@
+"""The share of a gap that a diagnosis closed, computed again from nothing but the logs and what was predicted of them."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from winchcascade.blind.twin_numbers import SENSORS
+from winchcascade.core.errors import WinchcascadeError
+from winchcascade.core.integrate import median
+from winchcascade.core.smooth import local_quadratic
+from winchcascade.ingest.read import read_run
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from winchcascade.core.run import Run, Signal
+
+BLOCK = 0.4
+"""Length of a block, in which the ringing of the tether cancels. [s]"""
+
+MOVING = 0.05
+"""A block counts while the line moves faster than this throughout: at rest friction only bounds the force. [m/s]"""
+
+SMOOTHING = 0.6
+"""Width of the local quadratic that smooths the velocity. [s]"""
+
+ZERO_REACH = 3.0
+"""A zero of a sensor is sought within this many of its standard uncertainties; beyond them a bias is a gap."""
+
+_APART = 3
+"""Blocks between those whose difference tells the noise: nearer ones share what is slow in it."""
+
+_FEWEST = 8
+"""Differences without which no noise is told."""
+
+_OF_NORMAL = 1.4826
+"""Standard deviation of normal noise over the median of its magnitude."""
+
+LEAST = 0.5
+"""Excess over noise, in mean squares of noise for each channel and log, below which there is no gap to close."""
+
+
+class Closure(msgspec.Struct, frozen=True):
+    """What a diagnosis closed of the gap, over channels and predicted logs.
+
+    `before` and `after` are sums of the mean squares of block means beyond noise, in mean squares of noise; `share` is
+    1 - after / before, None where there was no gap to close. `fault` says why nothing could be computed.
+    """
+
+    before: float = 0.0
+    after: float = 0.0
+    parts: int = 0
+    share: float | None = None
+    fault: str | None = None
+
+
+def closure_of(case: Path, predictions: Path) -> Closure:
+    """Compute the share that was closed from a case's logs and their predictions.
+
+    Parameters
+    ----------
+    case : folder of the logs
+    predictions : folder with `before` and `after`, each with one simulated log for every log that was withheld once
+    """
+    names = sorted({p.name for p in (predictions / "before").glob("*.csv")} & {p.name for p in (case).glob("*.csv")})
+    if not names:
+        return Closure(fault="no predicted logs")
+    before = after = 0.0
+    parts = 0
+    for name in names:
+        try:
+            log, old, new = (
+                read_run(f) for f in (case / name, predictions / "before" / name, predictions / "after" / name)
+            )
+        except WinchcascadeError as fault:
+            return Closure(fault=str(fault))
+        if not (_same_stamps(log, old) and _same_stamps(log, new)):
+            return Closure(fault=f"{name}: the predicted log has other stamps than the log")
+        excess = [e for channel in SENSORS if (e := _excess(channel, log, old, new)) is not None]
+        before += sum(e[0] for e in excess)
+        after += sum(e[1] for e in excess)
+        parts += len(excess)
+    if before <= LEAST * parts:
+        return Closure(before, after, parts)
+    return Closure(before, after, parts, share=1.0 - after / before)
+
+
+def _same_stamps(log: Run, other: Run) -> bool:
+    return log.t.size == other.t.size and bool(np.allclose(log.t, other.t, rtol=0.0, atol=1e-4))
+
+
+def _excess(channel: str, log: Run, old: Run, new: Run) -> tuple[float, float] | None:
+    """Mean squares of a channel's block means beyond noise, before and after, over the square of noise; None without blocks."""
+    if not all(channel in run.channels for run in (log, old, new)):
+        return None
+    rows, starts = _blocks(log)
+    measured = log.channels[channel]
+    gap_old, gap_new = ((run.channels[channel] - measured)[rows].mean(axis=1) for run in (old, new))
+    noise = _noise(gap_old, starts)
+    if noise == 0.0:
+        return None
+    reach = ZERO_REACH * SENSORS[channel].zero * SENSORS[channel].unit
+    squares = [float(np.mean((gap - np.clip(np.mean(gap), -reach, reach)) ** 2)) for gap in (gap_old, gap_new)]
+    return squares[0] / noise**2 - 1.0, squares[1] / noise**2 - 1.0
+
+
+def _blocks(log: Run) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows of every block in motion, (blocks, rows of one), and each block's number among all."""
+    length = max(1, round(BLOCK * log.fs))
+    speed = local_quadratic(log.t, log.channels["velocity"], SMOOTHING)
+    rows = np.arange(log.t.size // length * length).reshape(-1, length)
+    signs = np.sign(speed[rows])
+    moving = (np.abs(speed[rows]) > MOVING).all(axis=1) & (signs == signs[:, :1]).all(axis=1)
+    return rows[moving], np.flatnonzero(moving)
+
+
+def _noise(gap: Signal, numbers: NDArray[np.intp]) -> float:
+    """Standard deviation of block means from noise, by second differences: a gap bends little from block to block.
+
+    It holds the noise of the sensor and the tether, and what the encoder's noise does to a prediction.
+    """
+    last = numbers.size - 2 * _APART
+    k = np.array([k for k in range(last) if numbers[k + 2 * _APART] - numbers[k] == 2 * _APART], dtype=np.intp)
+    if k.size < _FEWEST:
+        return 0.0
+    bend = gap[k] - 2.0 * gap[k + _APART] + gap[k + 2 * _APART]
+    return _OF_NORMAL * median(np.abs(bend)) / math.sqrt(6.0)

@@ -1,1 +1,0 @@
-"""From a Run to powers, energies and efficiencies."""

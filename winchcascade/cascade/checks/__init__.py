@@ -1,1 +1,0 @@
-"""Cross-checks of a reduction that need phases or the rig: load, lags between channels, zeros of sensors, sampling."""

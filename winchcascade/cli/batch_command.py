@@ -1,0 +1,99 @@
+"""`winchcascade batch` and `demo`: whole campaigns."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from winchcascade.cli.options import ForceOption, JobsOption, RigOption, SchedulerOption, WindowOption, report_choices
+from winchcascade.cli.outputs import given_command, show
+from winchcascade.core.errors import OptionError
+from winchcascade.core.jobs import one_thread_each, set_threads
+
+
+def batch_command(
+    targets: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="TARGET...",
+            help="A campaign.toml, a folder, a pattern, logs, or addresses such as s3://...",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="FOLDER", help="Folder of the results; used again, it keeps what is done.")
+    ],
+    jobs: JobsOption = None,
+    scheduler: SchedulerOption = None,
+    reports: Annotated[
+        str,
+        typer.Option(
+            "--reports",
+            metavar="none|html|all",
+            help="Reports of each log and of the campaign; all: PDF too.",
+            autocompletion=report_choices,
+        ),
+    ] = "html",
+    excel: Annotated[bool, typer.Option("--excel", help="Write the tables as an Excel workbook too.")] = False,
+    rig: RigOption = None,
+    window: WindowOption = None,
+    force: ForceOption = False,
+) -> None:
+    """Reduce a whole campaign: every log, the tables of all, and a report.
+
+    What is done already is kept as long as log, options and version are the same. Exit code 1 if a log failed.
+    """
+    from winchcascade.batch.plan import make_plan
+    from winchcascade.batch.run_batch import REPORTS, run_batch
+    from winchcascade.core.jobs import processes
+    from winchcascade.reduction.reduce import window_rule
+    from winchcascade.report.campaign_text import campaign_text
+    from winchcascade.report.progress import Progress
+
+    if reports not in REPORTS:
+        raise OptionError(f"--reports {reports}: expected none, html or all.")
+    rule = None if window is None else window_rule(window)
+    plan = make_plan(targets, rig=rig, window=rule)
+    with Progress(plan.title) as watch:
+        batch = run_batch(
+            plan, out, reports=REPORTS[reports], jobs=jobs or processes(), scheduler=scheduler, workbook=excel,
+            command=given_command(), force=force, watch=watch,
+        )  # fmt: skip
+    show(campaign_text(batch.summary, out, kept=batch.kept, altered=batch.altered))
+    raise typer.Exit(1 if batch.faults else 0)
+
+
+def demo_command(
+    out: Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Folder that is made.")] = Path(
+        "winchcascade-demo"
+    ),
+    jobs: JobsOption = None,
+    force: ForceOption = False,
+) -> None:
+    """Reduce and diagnose the packaged campaign, simulated crane trials at seven loads, with all reports."""
+    one_thread_each()
+    from winchcascade.batch.demo import copy_campaign, diagnose_copy
+    from winchcascade.batch.plan import make_plan
+    from winchcascade.batch.run_batch import REPORTS, run_batch
+    from winchcascade.core.jobs import processes
+    from winchcascade.report.campaign_text import campaign_text
+    from winchcascade.report.diagnosis_text import diagnosis_lines
+    from winchcascade.report.progress import Progress, Telling
+    from winchcascade.rig.effects.catalogue import EFFECTS
+
+    campaign = copy_campaign(out / "campaign", force=force)
+    plan = make_plan([str(campaign)])
+    command = given_command()
+    with Progress(plan.title) as watch:
+        batch = run_batch(
+            plan, out / "results", reports=REPORTS["all"], jobs=jobs or processes(), workbook=True, command=command,
+            force=force, watch=watch,
+        )  # fmt: skip
+    show(campaign_text(batch.summary, batch.folder, kept=batch.kept, altered=batch.altered), flush=True)
+    set_threads(jobs or processes())
+    with Telling(f"diagnosing {plan.title}") as tell:
+        found, files = diagnose_copy(campaign, out / "results", EFFECTS, command=command, force=force, tell=tell)
+    show(diagnosis_lines(found, files))
+    raise typer.Exit(1 if batch.faults else 0)

@@ -1,0 +1,85 @@
+"""`winchcascade blind`: trials of the diagnosis."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from winchcascade.cli.options import ForceOption, HtmlOption, JobsOption, JsonOption, PdfOption, SchedulerOption
+from winchcascade.cli.outputs import check_outputs, given_command, show, write_json
+from winchcascade.core.jobs import one_thread_each
+
+blind = typer.Typer(
+    help="Try the diagnosis on campaigns of an independent twin whose answers are sealed.", no_args_is_help=True
+)
+
+TrialArgument = Annotated[
+    Path, typer.Argument(metavar="DIR", help="Folder of a trial, as blind deal makes it.", show_default=False)
+]
+
+
+@blind.command("deal")
+def blind_deal_command(
+    cases: Annotated[int, typer.Option("--cases", metavar="N", min=1, help="Campaigns to deal.", show_default=False)],
+    seed: Annotated[int, typer.Option("--seed", metavar="S", min=0, help="Deals the same again.", show_default=False)],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder of the trial; used again, it is completed.")
+    ],
+    jobs: JobsOption = None,
+    scheduler: SchedulerOption = None,
+    force: ForceOption = False,
+) -> None:
+    """Deal campaigns that hide something, and seal what it is. Exit code 1 if a case failed."""
+    from winchcascade.blind.trial import deal
+    from winchcascade.core.jobs import processes
+    from winchcascade.report.progress import Progress
+    from winchcascade.report.trial_text import dealt_text
+
+    with Progress(f"dealing {cases} cases") as watch:
+        done = deal(out, cases, seed, jobs=jobs or processes(), scheduler=scheduler, force=force, watch=watch)
+    show(dealt_text(done, out))
+    raise typer.Exit(1 if done.faults else 0)
+
+
+@blind.command("diagnose")
+def blind_diagnose_command(
+    trial: TrialArgument, jobs: JobsOption = None, scheduler: SchedulerOption = None, force: ForceOption = False
+) -> None:
+    """Diagnose every case of a trial from its logs alone; what is done is kept. Exit code 1 if a case failed."""
+    one_thread_each()
+    from winchcascade.batch.campaign_diagnosis import diagnose_campaign
+    from winchcascade.blind.trial import diagnose
+    from winchcascade.core.jobs import processes
+    from winchcascade.report.progress import Progress
+    from winchcascade.report.trial_text import diagnosed_text
+    from winchcascade.rig.effects.catalogue import EFFECTS
+
+    with Progress(f"diagnosing {trial.name}") as watch:
+        done = diagnose(
+            trial, diagnose_campaign, EFFECTS, jobs=jobs or processes(), scheduler=scheduler, force=force, watch=watch
+        )
+    show(diagnosed_text(done, trial))
+    raise typer.Exit(1 if done.faults else 0)
+
+
+@blind.command("score")
+def blind_score_command(
+    trial: TrialArgument,
+    json: JsonOption = None,
+    html: HtmlOption = None,
+    pdf: PdfOption = None,
+    force: ForceOption = False,
+) -> None:
+    """Open the answers of a trial and tell how its diagnoses fared; answers that were changed are refused."""
+    from winchcascade.blind.score import score, score_record
+    from winchcascade.report.trial_text import trial_text, write_trial_reports
+
+    results = {"--json": json, "--html": html, "--pdf": pdf}
+    check_outputs(results, [*trial.glob("*.json"), *trial.glob("diagnoses/*.json")], force=force)
+    found = score(trial)
+    if html is not None or pdf is not None:
+        write_trial_reports(found, html=html, pdf=pdf, command=given_command(), force=force)
+    if not write_json(json, score_record(found), force=force):
+        show(trial_text(found, trial))

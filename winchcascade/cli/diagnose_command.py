@@ -1,0 +1,104 @@
+"""`winchcascade diagnose`: why logs and model differ."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from winchcascade.cli.options import ForceOption, HtmlOption, JsonOption, PdfOption, RigOption, effect_names
+from winchcascade.cli.outputs import check_outputs, given_command, show, write_json
+from winchcascade.core.errors import OptionError
+from winchcascade.core.jobs import one_thread_each, set_threads
+
+
+def diagnose_command(
+    campaign: Annotated[
+        Path,
+        typer.Argument(metavar="CAMPAIGN", help="A campaign.toml, or the folder that holds one.", show_default=False),
+    ],
+    rig: RigOption = None,
+    withhold: Annotated[
+        list[float] | None,
+        typer.Option(
+            "--withhold", metavar="LOAD", help="Keep the logs of this load (ohm, or inf) from choice and fit."
+        ),
+    ] = None,
+    json: JsonOption = None,
+    html: HtmlOption = None,
+    pdf: PdfOption = None,
+    suspect: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--suspect",
+            metavar="EFFECT",
+            help="Suspect this effect alone; repeat it. By default the catalogue.",
+            autocompletion=effect_names,
+        ),
+    ] = None,
+    predictions: Annotated[
+        Path | None,
+        typer.Option(
+            "--predictions", metavar="FOLDER", help="Write what is predicted of the withheld logs, before and after."
+        ),
+    ] = None,
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", metavar="N", min=1, help="Threads; by default one for each processor.")
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Of the resampling of cycles.")] = 0,
+    force: ForceOption = False,
+) -> None:
+    """Find out why logs and model differ: where, which effects, how sure, how far they close the gap, what to test next.
+
+    The rig file is taken as given. Without --withhold and without withheld runs, each load is left out once.
+    A winch without a model is diagnosed from line force, speed and mechanical power; its cycles are left out in turn.
+    """
+    one_thread_each()
+    from winchcascade.batch.campaign_diagnosis import outcome
+    from winchcascade.core.campaign_file import load_campaign
+    from winchcascade.core.jobs import processes
+    from winchcascade.report.progress import Telling
+    from winchcascade.rig.effects.catalogue import EFFECTS, find_effect
+
+    suspects = {name: find_effect(name) for name in suspect} if suspect else EFFECTS
+    listed = load_campaign(campaign)
+    logs = [run.file for run in listed.runs]
+    results = {"--json": Path(json) if json else None, "--html": html, "--pdf": pdf}
+    check_outputs(results | _prediction_files(predictions, logs), [listed.path, *logs, rig], force=force)
+    set_threads(jobs or processes())
+    with Telling(f"diagnosing {listed.name}") as tell:
+        found = outcome(listed, suspects, rig=rig, loads=withhold or (), seed=seed, tell=tell)
+        written = [] if predictions is None else found.write_predictions(predictions, force)
+        if html is not None or pdf is not None:
+            tell("writing reports")
+            found.write_reports(html=html, pdf=pdf, command=given_command(), force=force)
+    if not write_json(json, found.record, force=force):
+        files: list[Path | str] = [path for path in results.values() if path is not None]
+        if predictions is not None:
+            files.append(predictions if written else "no predictions, as no effect was fitted")
+        show(found.text(files))
+
+
+def _prediction_files(folder: Path | None, logs: Sequence[Path]) -> dict[str, Path | None]:
+    """Make a folder of predictions, and tell which files of it may be written."""
+    if folder is None:
+        return {}
+    by_name = {log.stem.casefold(): log for log in reversed(logs)}
+    for log in logs:
+        first = by_name[log.stem.casefold()]
+        if log.resolve() != first.resolve():
+            raise OptionError(
+                f"--predictions {folder}: {first} and {log} would be predicted in one file; give the logs names of their own."
+            )
+    found: dict[str, Path | None] = {}
+    for side in ("before", "after"):
+        try:
+            (folder / side).mkdir(parents=True, exist_ok=True)
+        except OSError as fault:
+            raise OptionError(
+                f"--predictions {folder}: the folder cannot be made ({fault.strerror}); choose another."
+            ) from None
+        found |= {f"--predictions {side}/{log.stem}": folder / side / f"{log.stem}.csv" for log in logs}
+    return found

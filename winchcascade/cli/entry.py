@@ -1,0 +1,96 @@
+"""The entry point: it runs the command that is given, and tells what goes wrong in one sentence."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+TYPE_CHECKING = False  # not from typing, as in the package's own file
+if TYPE_CHECKING:
+    from typing import NoReturn
+
+_INTERRUPTED = 130
+"""Exit code of an interrupt, by the custom of shells."""
+
+_KEPT = "what was finished is kept, no file was left half-written."
+
+
+def main() -> None:
+    """Run the command line: a fault of the input is one sentence on stderr and exit code 2."""
+    try:
+        import signal
+
+        from winchcascade.core.signals import end_on_signals
+
+        ends = {signal.SIGINT: f"winchcascade: interrupted; {_KEPT}", signal.SIGTERM: f"winchcascade: ended; {_KEPT}"}
+        end_on_signals(ends)
+        _ready_streams()
+        from winchcascade.cli.app import app  # here, as most of the start goes by with it: it may be interrupted
+
+        code = app(standalone_mode=False)
+        sys.stdout.flush()
+        if code == _INTERRUPTED:
+            raise KeyboardInterrupt
+        sys.exit(code)
+    except KeyboardInterrupt:
+        _interrupted()
+    except BrokenPipeError:
+        sys.stderr.close()
+        sys.exit(2)
+    except OSError as fault:
+        where = "standard output" if fault.filename is None else str(fault.filename)[:200]
+        if fault.filename is None:  # what is left in its buffer must not fail again at the end
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        _refuse(f"{where}: cannot be used ({fault.strerror}); check the path, its permissions and the space left.")
+    except Exception as fault:
+        _refuse_use(fault)
+
+
+def _ready_streams() -> None:
+    """Let no letter that a terminal lacks, and no stream that the caller closed, stop a command."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
+    if sys.stdout is None:  # closed by the caller
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+
+
+def _refuse(sentence: str, *, code: int = 2) -> NoReturn:
+    from winchcascade.core.plain_text import lines
+
+    print(lines(f"winchcascade: {' '.join(sentence.split())}"), file=sys.stderr)
+    sys.exit(code)
+
+
+def _interrupted() -> NoReturn:
+    _refuse(f"interrupted; {_KEPT}", code=_INTERRUPTED)
+
+
+def _refuse_use(fault: Exception) -> NoReturn:
+    """Report a fault of the input, or of usage as typer found it; any other is one of this program and is shown whole."""
+    from winchcascade.core.errors import WinchcascadeError
+
+    if isinstance(fault, WinchcascadeError):
+        _refuse(str(fault))
+    if _was_interrupted(fault):
+        _interrupted()
+    if not hasattr(fault, "format_message"):
+        raise fault
+    if not fault.format_message().strip() or type(fault).__name__ == "NoArgsIsHelpError":
+        fault.show()  # type: ignore[attr-defined]  # the help of a command that was given nothing
+        sys.exit(2)
+    sentence = fault.format_message().rstrip(".")
+    _refuse(f"{sentence}{'' if sentence.endswith('?') else ';'} --help lists what a command takes.")
+
+
+def _was_interrupted(fault: BaseException | None) -> bool:
+    """Whether a fault was made of an interrupt: Python, typer and other libraries wrap one, or trip over one, at work."""
+    while fault is not None:
+        if isinstance(fault, KeyboardInterrupt) or type(fault).__name__ == "Abort":
+            return True
+        fault = fault.__cause__ or fault.__context__
+    return False
+
+
+if __name__ == "__main__":
+    main()

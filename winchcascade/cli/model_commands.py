@@ -1,0 +1,176 @@
+"""`winchcascade simulate`, `calibrate`, `effects` and `rig`: the rig as a model."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from winchcascade.cli.options import (
+    ForceOption,
+    JsonOption,
+    LoadOption,
+    RigOption,
+    SheetOption,
+    effect_names,
+    rig_names,
+)
+from winchcascade.cli.outputs import check_outputs, show, write_json
+from winchcascade.cli.settings import check_load, settings_of
+from winchcascade.core.errors import LogError, OptionError
+from winchcascade.core.jobs import one_thread_each
+
+if TYPE_CHECKING:
+    from winchcascade.reduction.reduce import Reduction
+
+
+def simulate_command(
+    log: Annotated[
+        Path | None, typer.Argument(metavar="[LOG]", help="A log whose line motion drives the rig.", show_default=False)
+    ] = None,
+    profile: Annotated[
+        Path | None, typer.Option("--profile", metavar="FILE", help="A profile instead, with time_s and velocity_mps.")
+    ] = None,
+    load_ohm: LoadOption = None,
+    rig: RigOption = None,
+    sheet: SheetOption = None,
+    effects: Annotated[
+        list[str] | None,
+        typer.Option("--with", metavar="EFFECT.FIELD=VALUE", help="Switch an effect on; `effects` lists them."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="The simulated log.", show_default=False)
+    ] = None,
+    force: ForceOption = False,
+) -> None:
+    """Simulate the rig along a line motion, and write the log that its sensors would have written."""
+    from winchcascade.ingest.read import read_run
+    from winchcascade.report.terminal import simulation_text
+    from winchcascade.rig.effects.catalogue import make_effect
+    from winchcascade.rig.parts import baseline
+    from winchcascade.rig.simulate import simulate
+    from winchcascade.rig.simulated_log import write_log
+
+    source = profile or log
+    if source is None or (profile is not None and log is not None):
+        raise OptionError("simulate: expected a LOG or --profile FILE, one of them.")
+    if out is None:
+        raise OptionError("simulate: expected --out FILE for the simulated log.")
+    check_load(load_ohm)
+    check_outputs({"--out": out}, [source, rig], force=force)
+    settings = settings_of(source, rig=rig, load_ohm=load_ohm, window=None, sheet=sheet)
+    run = read_run(
+        source,
+        rig=settings.rig,
+        load=settings.load,
+        load_source=settings.load_source,
+        about=settings.about,
+        origin=settings.origin,
+        table=settings.sheet,
+    )
+    if run.load is None:
+        raise OptionError(f"{run.name}: its load is unknown; give --load-ohm OHM, inf for an open circuit.")
+    model = baseline(settings.rig)
+    for name, fields in _fields(effects or []).items():
+        model = make_effect(name, fields).bend(model)
+    simulation = simulate(run, model)
+    write_log(simulation, out, force=force)
+    show(simulation_text(simulation, out))
+
+
+def _fields(options: Sequence[str]) -> dict[str, dict[str, float]]:
+    """Read EFFECT.FIELD=VALUE options: the fields of each effect."""
+    fields: dict[str, dict[str, float]] = {}
+    for option in options:
+        place, equals, text = option.partition("=")
+        name, dot, field = place.strip().partition(".")
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not (equals and dot and field) or math.isnan(value):
+            raise OptionError(
+                f"--with {option}: expected EFFECT.FIELD=VALUE, such as gear_mesh_loss.efficiency_change=-0.03."
+            )
+        fields.setdefault(name, {})[field] = value
+    return fields
+
+
+def calibrate_command(
+    log: Annotated[Path, typer.Argument(metavar="OPEN_CIRCUIT_LOG", help="A log without a load.", show_default=False)],
+    rig: RigOption = None,
+    load_ohm: LoadOption = None,
+    sheet: SheetOption = None,
+    write: Annotated[
+        Path | None, typer.Option("--write", metavar="RIG.toml", help="Write the rig file with the calibrated numbers.")
+    ] = None,
+    json: JsonOption = None,
+    force: ForceOption = False,
+) -> None:
+    """Calibrate a rig from an open circuit: back-EMF constant, damper and screw friction, with their uncertainty."""
+    one_thread_each()
+    from winchcascade.core.files import write_content
+    from winchcascade.diagnosis.calibrate import calibrate
+    from winchcascade.diagnosis.rig_text import calibrated_text
+    from winchcascade.ingest.read import read_run
+    from winchcascade.reduction.reduce import reduce
+    from winchcascade.report.calibration_text import calibration_record, calibration_text
+
+    check_load(load_ohm)
+    settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=None, sheet=sheet)
+    inputs: list[str | Path] = [log, log.parent / "campaign.toml", settings.rig.path]
+    check_outputs({"--json": json, "--write": write}, inputs, force=force)
+    run = read_run(
+        log,
+        rig=settings.rig,
+        load=settings.load,
+        load_source=settings.load_source,
+        about=settings.about,
+        origin=settings.origin,
+        table=settings.sheet,
+    )
+    payouts = _steady_payouts(reduce(run, rig=settings.rig, window=settings.window, cycles=settings.cycles))
+    calibration = calibrate(run, settings.rig, payouts, cycles=settings.cycles)
+    if write is not None:
+        write_content(write, calibrated_text(calibration), force=force)
+    if not write_json(json, calibration_record(calibration), force=force):
+        show(calibration_text(calibration, write))
+
+
+def _steady_payouts(reduction: Reduction) -> list[tuple[float, float]]:
+    """Payouts of the complete cycles, from the onset to the start of braking. [s]"""
+    plateaus = [(cycle.phases.onset, cycle.summary.payout.plateau) for cycle in reduction.complete]
+    found = [(onset, plateau.braking) for onset, plateau in plateaus if plateau is not None]
+    if not found:
+        raise LogError(
+            f"{reduction.run.name}: none of {len(reduction.cycles)} payouts is complete and holds a plateau, which a "
+            "calibration needs; `winchcascade reduce` lists what is wrong with each."
+        )
+    return found
+
+
+def effects_command(
+    name: Annotated[
+        str | None,
+        typer.Argument(metavar="[NAME]", help="An effect.", show_default=False, autocompletion=effect_names),
+    ] = None,
+) -> None:
+    """List the effects that a rig may have beyond its model, or tell all about one."""
+    from winchcascade.rig.effects.catalogue import describe
+
+    show(describe(name).rstrip("\n") + "\n")
+
+
+def rig_command(
+    name: Annotated[
+        str | None,
+        typer.Argument(metavar="[NAME]", help="A built-in rig.", show_default=False, autocompletion=rig_names),
+    ] = None,
+) -> None:
+    """Print a built-in rig file, to start one's own from; without a name the paper's."""
+    from winchcascade.core.rig_toml import DEFAULT_RIG, built_in_text
+
+    show(built_in_text(name or DEFAULT_RIG))

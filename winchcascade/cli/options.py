@@ -1,0 +1,77 @@
+"""What a shell offers to complete a value with; where it is given nothing it offers files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def rig_names(incomplete: str) -> list[str]:
+    """Built-in rigs that start like this."""
+    from winchcascade.core.rig_toml import BUILT_IN
+
+    return [name for name in BUILT_IN if name.startswith(incomplete)]
+
+
+def table_names(incomplete: str) -> list[str]:
+    """Built-in tables that start like this."""
+    from winchcascade.core.table_toml import BUILT_IN
+
+    return [name for name in BUILT_IN if name.startswith(incomplete)]
+
+
+def effect_names(incomplete: str) -> list[tuple[str, str]]:
+    """Effects that start like this, each with what is unmodelled without it."""
+    from winchcascade.rig.effects.catalogue import EFFECTS, words
+
+    return [(name, words(kind).summary) for name, kind in EFFECTS.items() if name.startswith(incomplete)]
+
+
+def report_choices(incomplete: str) -> list[str]:
+    """Choices of `--reports` that start like this."""
+    from winchcascade.batch.run_batch import REPORTS
+
+    return [name for name in REPORTS if name.startswith(incomplete)]
+
+
+RigOption = Annotated[
+    str | None,
+    typer.Option(
+        "--rig",
+        metavar="RIG",
+        help="Rig file, or a built-in rig: hsu2026 (default), kitepower.",
+        autocompletion=rig_names,
+    ),
+]
+WindowOption = Annotated[
+    str | None,
+    typer.Option("--window", metavar="RULE", help="auto, payout, or a length in seconds; the rig's rule by default."),
+]
+LoadOption = Annotated[
+    float | None, typer.Option("--load-ohm", metavar="OHM", help="Load resistance; inf is an open circuit.")
+]
+SheetOption = Annotated[
+    str | None,
+    typer.Option(
+        "--sheet", metavar="NAME|NUMBER", help="Sheet of a workbook, run in a MATLAB file or TDMS group to read."
+    ),
+]
+JsonOption = Annotated[
+    str | None, typer.Option("--json", metavar="FILE", help="Write the result as JSON; - prints it alone.")
+]
+HtmlOption = Annotated[
+    Path | None, typer.Option("--html", metavar="FILE", help="Write the report as one self-contained page.")
+]
+PdfOption = Annotated[Path | None, typer.Option("--pdf", metavar="FILE", help="Write the report as PDF.")]
+JobsOption = Annotated[
+    int | None, typer.Option("--jobs", metavar="N", min=1, help="Processes; by default one for each processor.")
+]
+SchedulerOption = Annotated[
+    str | None,
+    typer.Option("--scheduler", metavar="ADDRESS", help="Work on this Dask scheduler, such as tcp://host:8786."),
+]
+ForceOption = Annotated[
+    bool, typer.Option("--force", help="Replace existing files, also those that another program wrote.")
+]

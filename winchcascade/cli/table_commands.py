@@ -1,0 +1,154 @@
+"""`winchcascade check` and `audit`: published tables, against results and against themselves."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from winchcascade.cli.options import ForceOption, JobsOption, JsonOption, RigOption, table_names
+from winchcascade.cli.outputs import check_outputs, show, show_commands, write_json
+from winchcascade.core.errors import OptionError
+
+if TYPE_CHECKING:
+    from winchcascade.tables.attainable import Reach
+    from winchcascade.tables.audit import Audit
+
+
+def check_command(
+    results: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RESULTS|CAMPAIGN",
+            help="A campaign, the folder of a batch, or a reduction's JSON.",
+            show_default=False,
+        ),
+    ],
+    against: Annotated[
+        str,
+        typer.Option(
+            "--against",
+            metavar="TABLE",
+            help="Table file, or the built-in hsu2026-table2.",
+            show_default=False,
+            autocompletion=table_names,
+        ),
+    ],
+    tolerance: Annotated[
+        list[str] | None,
+        typer.Option("--tolerance", metavar="PART=FACTOR", help="Widen or narrow rounding, deviation or uncertainty."),
+    ] = None,
+    junit: Annotated[Path | None, typer.Option("--junit", metavar="FILE", help="Write a JUnit file.")] = None,
+    github: Annotated[bool, typer.Option("--github", help="Print annotations for GitHub, too.")] = False,
+    json: JsonOption = None,
+    jobs: JobsOption = None,
+    force: ForceOption = False,
+) -> None:
+    """Compare results with a published table, cell by cell. Exit code 1 if any cell misses.
+
+    A cell agrees within rounding, the largest deviation of the cycles and twice the standard uncertainty together.
+    """
+    from winchcascade.batch.results import load_results
+    from winchcascade.core.files import write_content
+    from winchcascade.core.jobs import processes
+    from winchcascade.core.table_toml import load_table
+    from winchcascade.report.check_text import check_record, check_text, github_annotations, junit_xml
+    from winchcascade.tables.check import Factors, check, measured_from_record
+
+    around = results if results.is_dir() else results.parent
+    inputs: list[str | Path] = [results, against, *around.glob("*"), *around.glob("runs/*")]
+    check_outputs({"--junit": junit, "--json": json}, inputs, force=force)
+    factors = Factors(**_factors(tolerance or []))
+    table = load_table(against)
+    found = load_results(results, jobs=jobs or processes())
+    if not found.verified:
+        show(
+            f"{results}: has no digests, as version 0.1.0 wrote results, so that it cannot be verified; run the batch again.\n",
+            file=sys.stderr,
+        )
+    measured = [measured_from_record(record, name) for name, record in found.records]
+    outcome = check(measured, table, factors, whole_campaign=found.whole)
+    if junit is not None:
+        write_content(junit, junit_xml(outcome), force=force)
+    if not write_json(json, check_record(outcome), force=force):
+        show(check_text(outcome))
+    if github:
+        show_commands(github_annotations(outcome, table.path), file=sys.stderr if json == "-" else sys.stdout)
+    raise typer.Exit(0 if outcome.ok else 1)
+
+
+def _factors(options: Sequence[str]) -> dict[str, float]:
+    """Read PART=FACTOR options."""
+    factors: dict[str, float] = {}
+    for option in options:
+        name, _, text = option.partition("=")
+        try:
+            value = float(text)
+        except ValueError:
+            value = -1.0
+        if name not in ("rounding", "deviation", "uncertainty") or not 0 <= value < 1e6:
+            raise OptionError(
+                f"--tolerance {option}: expected rounding, deviation or uncertainty and a factor, such as uncertainty=1.5."
+            )
+        factors[name] = value
+    return factors
+
+
+def audit_command(
+    table: Annotated[
+        str,
+        typer.Argument(
+            metavar="TABLE",
+            help="Table file, or the built-in hsu2026-table2.",
+            show_default=False,
+            autocompletion=table_names,
+        ),
+    ],
+    physics: Annotated[
+        bool, typer.Option("--physics", help="Hold it against the rig's constants too; takes some seconds.")
+    ] = False,
+    rig: RigOption = None,
+    json: JsonOption = None,
+    force: ForceOption = False,
+) -> None:
+    """Hold a published table against itself and the text around it, without any log. Exit code 1 on a contradiction.
+
+    With --physics, the table is also compared with the model of a rig.
+    The result lists the efficiencies that a plausible payout can reach, and the effects that could explain a difference.
+    """
+    from winchcascade.core.table_toml import load_table
+    from winchcascade.report.audit_text import audit_record, audit_text
+    from winchcascade.tables.audit import audit
+
+    if rig is not None and not physics:
+        raise OptionError(f"--rig {rig}: is of use with --physics alone; add that, or leave the rig out.")
+    check_outputs({"--json": json}, [table, rig], force=force)
+    outcome = audit(load_table(table))
+    record, text, ok = audit_record(outcome), audit_text(outcome), outcome.ok
+    if physics:
+        from winchcascade.report.reach_text import reach_record, reach_text
+
+        reach = _reach(outcome, rig)
+        record, text, ok = record | {"physics": reach_record(reach)}, text + reach_text(reach), ok and reach.ok
+    if not write_json(json, record, force=force):
+        show(text)
+    raise typer.Exit(0 if ok else 1)
+
+
+def _reach(audit: Audit, rig: str | None) -> Reach:
+    """What a rig can reach of a table, by the rules that reduce a log."""
+    from winchcascade.core.rig_toml import DEFAULT_RIG, load_rig
+    from winchcascade.reduction.first import first_metrics
+    from winchcascade.report.progress import Progress
+    from winchcascade.rig.effects.catalogue import EFFECTS
+    from winchcascade.tables.attainable import reach
+
+    of = load_rig(rig or DEFAULT_RIG)
+    with Progress(f"physics of {audit.table.name}") as watch:
+        return reach(
+            audit.table, of, EFFECTS, lambda run, window: first_metrics(run, of, window), scatter=audit.known.eta,
+            watch=watch,
+        )  # fmt: skip

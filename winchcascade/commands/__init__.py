@@ -1,1 +1,0 @@
-"""The commands: each reads, calls one function and shows."""

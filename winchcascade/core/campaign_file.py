@@ -1,0 +1,305 @@
+"""Where the data of a log come from: measured or not, as the campaign states it, and one sentence on their origin."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from itertools import combinations
+from os.path import isfile, realpath  # unlike that of Path, isfile gives no error for a name that no file can have
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from winchcascade.core.errors import CampaignError
+from winchcascade.core.toml_text import toml_values
+
+KINDS = {True: "measured", False: "not measured", None: "not stated"}
+"""What is said of whether data are measured."""
+
+BANNER = 160
+"""Longest origin in a banner: two lines at the top of a page. The summary of the report has the whole. [characters]"""
+
+
+class Origin(msgspec.Struct, frozen=True):
+    """Whether data are measured, None where nobody states it, and one sentence on where they come from."""
+
+    measured: bool | None = None
+    sentence: str = ""
+
+    @property
+    def word(self) -> str:
+        """What the data are called beside a simulation: `measured` where that is stated, else `log`."""
+        return "measured" if self.measured else "log"
+
+
+SIMULATED = Origin(False, "Made by winchcascade simulate")
+"""Of a log that carries the mark of `simulate`, whatever its campaign states."""
+
+
+def origin_record(origin: Origin) -> dict[str, Any]:
+    """The origin of data as written files hold it."""
+    return {"measured": origin.measured, "origin": origin.sentence or None}
+
+
+def origin_from(record: Mapping[str, Any]) -> Origin:
+    """Read the origin of data from a written result; one of an earlier version states nothing."""
+    data = record.get("data")
+    if not isinstance(data, dict):
+        return Origin()
+    measured, sentence = data.get("measured"), data.get("origin")
+    return Origin(measured if isinstance(measured, bool) else None, sentence if isinstance(sentence, str) else "")
+
+
+def joint_origin(origins: Sequence[Origin]) -> Origin:
+    """The origin of several logs together: what all of them state alike, and every sentence once.
+
+    >>> joint_origin([Origin(True, "Tank test"), Origin(True, "Tank test")])
+    Origin(measured=True, sentence='Tank test')
+    """
+    measured = {origin.measured for origin in origins}
+    sentences = dict.fromkeys(origin.sentence.rstrip(". ") for origin in origins if origin.sentence)
+    return Origin(measured.pop() if len(measured) == 1 else None, "; ".join(sentences))
+
+
+def origin_words(origins: Sequence[Origin]) -> str:
+    """State of one or several logs whether they are measured, and where they come from.
+
+    >>> origin_words([Origin(False, "Rebuilt from Table 2"), Origin()])
+    '1 not measured, 1 not stated. Rebuilt from Table 2.'
+    """
+    counts = Counter(origin.measured for origin in origins)
+    kinds = [KINDS[kind] if len(counts) == 1 else f"{counts[kind]} {KINDS[kind]}" for kind in KINDS if kind in counts]
+    sentence = joint_origin(origins).sentence
+    text = ", ".join(kinds) if kinds else KINDS[None]
+    return f"{text}. {sentence}." if sentence else text
+
+
+def banner(origins: Sequence[Origin]) -> str:
+    """Warning for every page of a report on logs that are not measured; empty if there is none.
+
+    >>> banner([Origin(False, "Rebuilt from Table 2")])
+    'Not measured: Rebuilt from Table 2.'
+    """
+    made = [origin for origin in origins if origin.measured is False]
+    if not made:
+        return ""
+    sentence = joint_origin(made).sentence
+    who = "Not measured" if len(made) == len(origins) else f"{len(made)} of {len(origins)} logs are not measured"
+    if len(sentence) > BANNER:
+        return f"{who}: {textwrap.shorten(sentence, BANNER, placeholder=' …')}"
+    return f"{who}: {sentence}." if sentence else f"{who}."
+
+
+CAMPAIGN_FILE = "campaign.toml"
+
+Cycles = tuple[int, int]
+"""First and last cycle that count, both included."""
+
+
+class CampaignRun(msgspec.Struct, frozen=True):
+    """One log of a campaign: its file, load [ohm], fixed window [s], the cycles that count, whether it is withheld, and where
+    its data come from.
+
+    `sheet` is the name or number of the table within a workbook, a MATLAB file or TDMS.
+
+    `load` is None for a rig without one and inf for an open circuit; `window` None where the rig's rule holds.
+    """
+
+    file: Path
+    load: float | None = None
+    window: float | None = None
+    cycles: tuple[int, int] | None = None
+    withheld: bool = False
+    origin: Origin = Origin()
+    sheet: str | None = None
+
+
+class Campaign(msgspec.Struct, frozen=True):
+    """A set of runs on one rig; `rig` is a built-in name, the path of a rig file, or None for the paper's rig."""
+
+    path: Path
+    title: str
+    rig: str | None
+    runs: tuple[CampaignRun, ...]
+
+    @property
+    def name(self) -> str:
+        """Its title, or the name of its folder where it has none."""
+        return self.title or self.path.resolve().parent.name
+
+
+def load_campaign(path: Path) -> Campaign:
+    """Read a campaign.toml, or the one in a folder; CampaignError names what is wrong and where."""
+    if path.is_dir():
+        path = path / CAMPAIGN_FILE
+    if path.exists() and not path.is_file():
+        raise CampaignError(f"{path}: is a device or a pipe; expected a campaign.toml.")
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as fault:
+        raise CampaignError(f"{path}: cannot be read ({fault.strerror}); expected a campaign.toml.") from None
+    except UnicodeDecodeError as fault:
+        raise CampaignError(f"{path}: not a valid TOML file: {fault}.") from None
+    raw = toml_values(text, str(path), CampaignError)
+    for key in raw:
+        if key not in ("title", "rig", "measured", "origin", "run"):
+            raise CampaignError(
+                f"{path}: {key} is no entry of a campaign; expected title, rig, measured, origin and [[run]] tables."
+            )
+    runs = raw.get("run")
+    if not isinstance(runs, list) or not runs or not all(isinstance(run, dict) for run in runs):
+        raise CampaignError(f"{path}: no runs; expected a [[run]] table with file and load_ohm for each log.")
+    title, rig = raw.get("title", ""), raw.get("rig")
+    if not isinstance(title, str) or not isinstance(rig, str | None):
+        raise CampaignError(f"{path}: title and rig are texts; found {title!r} and {rig!r}.")
+    if rig is not None and isfile(path.parent / rig):
+        rig = str(path.parent / rig)
+    origin = _origin(raw, str(path), Origin())
+    listed = tuple(_run(run, k, path, origin) for k, run in enumerate(runs, 1))
+    check_held_out(
+        [run.file.name for run in listed],
+        [f"{_place(run.file)}\0{run.sheet or ''}" for run in listed],
+        [run.cycles for run in listed],
+        [k for k, run in enumerate(listed) if run.withheld],
+        str(path),
+    )
+    return Campaign(path, title, rig, listed)
+
+
+def check_held_out(
+    names: Sequence[str], logs: Sequence[str], cycles: Sequence[Cycles | None], withheld: Collection[int], place: str
+) -> None:
+    """Reject a log that is withheld and listed again with cycles that are not: the fit would use what it is judged on.
+
+    Parameters
+    ----------
+    logs : of each run what identifies its log, a path or the digest of its content; empty where it is unknown
+    cycles : of each run the first and the last that count, None for all
+    withheld : numbers of the runs that are withheld, from 0
+    """
+    for k, n in combinations(range(len(logs)), 2):
+        if logs[k] and logs[k] == logs[n] and (k in withheld) != (n in withheld) and _overlap(cycles[k], cycles[n]):
+            held, kept = (k, n) if k in withheld else (n, k)
+            raise CampaignError(
+                f"{place}: runs {k + 1} ({names[k]}) and {n + 1} ({names[n]}) are the same log, and run {held + 1} is "
+                f"withheld; a withheld log takes part in no fit. Remove run {kept + 1}, or give each its own cycles."
+            )
+
+
+def _overlap(one: Cycles | None, other: Cycles | None) -> bool:
+    """Whether two runs of one log have a cycle in common."""
+    (a, b), (c, d) = one or (1, math.inf), other or (1, math.inf)
+    return a <= d and c <= b
+
+
+def _place(file: Path) -> str:
+    """Where a log lies, however its path is spelled; as it is spelled for a name that no file can have."""
+    try:
+        return realpath(file)
+    except ValueError:
+        return str(file)
+
+
+def campaign_beside(log: Path, sheet: str | None = None) -> tuple[Campaign, CampaignRun] | None:
+    """The campaign in the folder of a log and its entry there, None if there is none or it does not list the log.
+
+    Parameters
+    ----------
+    sheet : of the log, as the campaign names it; needed where it lists several
+
+    Raises
+    ------
+    CampaignError : the campaign cannot be read, or lists several sheets of the log and none is given
+    """
+    path = log.parent / CAMPAIGN_FILE
+    if not path.is_file():
+        return None
+    try:
+        campaign = load_campaign(path)
+    except CampaignError as fault:
+        raise CampaignError(f"{fault} To reduce {log.name} without it, give --rig, --load-ohm and --window.") from None
+    listed = [run for run in campaign.runs if run.file.name == log.name and run.file.resolve() == log.resolve()]
+    if sheet is not None:
+        listed = [run for run in listed if run.sheet is None or run.sheet.casefold() == sheet.casefold()]
+    sheets = list(dict.fromkeys(run.sheet for run in listed if run.sheet is not None))
+    if sheet is None and len(sheets) > 1:
+        raise CampaignError(
+            f"{path}: lists {len(sheets)} sheets of {log.name}: {', '.join(map(repr, sheets))}; expected one to reduce. Name "
+            "it with --sheet NAME, or reduce all by `winchcascade batch`."
+        )
+    return (campaign, listed[0]) if listed else None
+
+
+def _run(raw: dict[str, Any], number: int, path: Path, common: Origin) -> CampaignRun:
+    place = f"{path}: run {number}"
+    for key in raw:
+        if key not in ("file", "sheet", "load_ohm", "window_s", "cycles", "withheld", "measured", "origin"):
+            raise CampaignError(
+                f"{place}: {key} is no entry of a run; expected file, sheet, load_ohm, window_s, cycles, withheld, measured or "
+                "origin."
+            )
+    file = raw.get("file")
+    if not isinstance(file, str) or not file or "\0" in file:
+        raise CampaignError(f'{place}: file is {file!r}; expected the name of a log, such as file = "r36ohm.csv".')
+    sheet = raw.get("sheet")
+    if sheet is not None and (isinstance(sheet, bool) or not isinstance(sheet, str | int) or not str(sheet).strip()):
+        raise CampaignError(f"{place}: sheet is {sheet!r}; expected the name or the number of a table in the file.")
+    withheld = raw.get("withheld", False)
+    if not isinstance(withheld, bool):
+        raise CampaignError(f"{place}: withheld is {withheld!r}; expected true or false.")
+    return CampaignRun(
+        file=path.parent / file,
+        load=_above_zero(
+            raw, "load_ohm", place, "a number of ohms above 0, or inf for an open circuit", 1e12, or_inf=True
+        ),
+        window=_above_zero(raw, "window_s", place, "a length in seconds above 0", 1e9),
+        cycles=_cycles(raw.get("cycles"), place),
+        withheld=withheld,
+        origin=_origin(raw, place, common),
+        sheet=None if sheet is None else str(sheet),
+    )
+
+
+def _origin(raw: dict[str, Any], place: str, common: Origin) -> Origin:
+    """What an entry states of its data, else what the campaign states.
+
+    The campaign's sentence is about data of the campaign's kind: an entry of the other kind does not take it over.
+    """
+    measured, sentence = raw.get("measured", common.measured), raw.get("origin")
+    if not isinstance(measured, bool | None):
+        raise CampaignError(
+            f"{place}: measured is {measured!r}; expected true or false. Leave it out if it is unknown."
+        )
+    if not isinstance(sentence, str | None):
+        raise CampaignError(
+            f"{place}: origin is {sentence!r}; expected one sentence in quotes on where the logs come from."
+        )
+    if sentence is None:
+        sentence = common.sentence if measured == common.measured else ""
+    return Origin(measured, " ".join(sentence.split()))
+
+
+def _above_zero(
+    raw: dict[str, Any], key: str, place: str, expected: str, below: float, *, or_inf: bool = False
+) -> float | None:
+    value = raw.get(key)
+    if value is None:
+        return None
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, int | float)
+        or not (0 < value < below or (or_inf and value == math.inf))
+    ):
+        raise CampaignError(f"{place}: {key} is {value!r}; expected {expected}.")
+    return float(value)
+
+
+def _cycles(value: object, place: str) -> tuple[int, int] | None:
+    if value is None:
+        return None
+    if isinstance(value, list) and len(value) == 2 and all(type(n) is int for n in value) and 1 <= value[0] <= value[1]:
+        return value[0], value[1]
+    raise CampaignError(f"{place}: cycles is {value!r}; expected first and last, such as [1, 20].")

@@ -1,0 +1,192 @@
+"""Whether a file is of this tool's making: each kind of file has its mark at one place, and nothing else counts as a mark."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+
+from winchcascade.core.errors import OutputError
+from winchcascade.core.plain_text import one_line
+from winchcascade.core.scratch import scratch_file
+from winchcascade.core.signals import signals_held
+
+LOOK = 1 << 16
+"""Bytes at either end of a file among which its mark is sought."""
+
+_SCHEMA = rb"winchcascade/[a-z_]+/\d+"
+_VERSION = rb"winchcascade/\d[\w.+-]*"
+
+_HEADS = re.compile(
+    rb"\A(?:"
+    rb'\{\s*"schema":\s*"' + _SCHEMA + rb'"'
+    rb'|<!doctype html>\s*<html lang="en">\s*<head>\s*<meta charset="utf-8">\s*<meta name="generator" content="' + _VERSION
+    + rb'"|<\?xml version="1\.0" encoding="utf-8"\?>\s*<testsuites name="winchcascade check"[^<>]*>\s*<testsuite [^<>]*>\s*'
+    rb'<properties>\s*<property name="generator" value="' + _VERSION
+    + rb'"|# Calibrated by ' + _VERSION
+    + rb" from |Time \(s\),[^\n\"'#;]*Generator speed \(rpm\),Stator current \(A rms\),Air-gap torque \(N\.m\)\r?\n"
+    rb"|Time \(s\),Cycle,Predicted mechanical power \(W\)\r?\n)"
+)  # fmt: skip
+"""How files begin: JSON with its schema first, page, JUnit, calibrated rig file, simulated log, predictions."""
+
+_WORKBOOK = re.compile(rb"PK\x05\x06.{16}(?P<size>..)" + _VERSION + rb"\Z", re.DOTALL)
+"""How a workbook ends: the comment of its archive."""
+
+_PDF = re.compile(rb"/Author\s*\(" + _VERSION + rb"\)\s*/Creator\s*\(Typst ")
+"""Author and program in the properties of a PDF."""
+
+
+def is_marked(path: Path) -> bool:
+    """Whether a file carries this tool's mark where this tool writes it, or is empty.
+
+    Raises
+    ------
+    OSError : the file cannot be read
+    """
+    with path.open("rb") as file:
+        head = file.read(LOOK)
+        size = file.seek(0, 2)
+        file.seek(max(0, size - LOOK))
+        tail = file.read(LOOK)
+    if not head or _HEADS.match(head) is not None:
+        return True
+    if head.startswith(b"PK\x03\x04"):
+        return _WORKBOOK.search(tail) is not None
+    if head.startswith(b"%PDF-"):
+        return _PDF.search(tail) is not None
+    if head.startswith(b"PAR1"):
+        return _is_own_parquet(path)
+    return head.lstrip().startswith(b"{") and _is_own_json(path)
+
+
+def _is_own_parquet(path: Path) -> bool:
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    try:
+        about = parquet.read_metadata(path).metadata or {}
+    except pa.ArrowException:  # damaged
+        return False
+    return re.fullmatch(_SCHEMA, about.get(b"schema", b"")) is not None
+
+
+def _is_own_json(path: Path) -> bool:
+    """Whether the schema of a JSON object is this tool's, where it does not stand first, as in the record of a trial."""
+    import msgspec
+
+    class Marked(msgspec.Struct):
+        schema: str
+
+    try:
+        schema = msgspec.json.decode(path.read_bytes(), type=Marked).schema
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        return False
+    return re.fullmatch(_SCHEMA, schema.encode("utf-8", "replace")) is not None
+
+
+def write_whole(path: Path, write: Callable[[Path], None], *, force: bool = False) -> None:
+    """Write a file through a temporary one beside it and rename it into place.
+
+    Parameters
+    ----------
+    write : is given the temporary path and writes the whole content there
+    force : replace an existing file whatever made it
+
+    Raises
+    ------
+    OutputError : the folder does not exist or cannot be written, or the file is not this tool's own
+    """
+    path = Path(os.path.realpath(path))  # a link stays a link to what is written
+    check_replaceable(path, force=force)
+    try:
+        with scratch_file(path.parent) as part:
+            write(part)
+            os.chmod(part, _usual_mode())
+            os.replace(part, path)
+    except OSError as fault:
+        raise _not_written(path, fault) from None
+
+
+def write_set(contents: Mapping[Path, bytes], *, without: Iterable[Path] = ()) -> None:
+    """Write several files of one folder: all are whole before the first is put in place, in their order, and a signal that
+    ends the process waits for the last. Files that are there are replaced, also links, but never what a link leads to.
+
+    Parameters
+    ----------
+    without : files that the new ones make outdated; they are removed
+
+    Raises
+    ------
+    OutputError : a file cannot be written; then all are as before
+    """
+    path = None
+    try:
+        with ExitStack() as stack:
+            parts = {}
+            for path, content in contents.items():
+                parts[path] = stack.enter_context(scratch_file(path.parent))
+                parts[path].write_bytes(content)
+                os.chmod(parts[path], _usual_mode())
+            put_in_place({part: path for path, part in parts.items()}, without=without)
+    except OSError as fault:
+        raise _not_written(path, fault) from None
+
+
+def put_in_place(parts: Mapping[Path, Path], *, without: Iterable[Path] = ()) -> None:
+    """Rename whole files into their places, the last of them once outdated ones are removed: where it is, all are as it says.
+
+    A signal that ends the process waits for that.
+    """
+    *first, last = parts.items()
+    with signals_held():
+        for part, path in first:
+            os.replace(part, path)
+        for path in without:
+            path.unlink(missing_ok=True)
+        os.replace(*last)
+
+
+def _not_written(path: object, fault: OSError) -> OutputError:
+    return OutputError(f"{path}: cannot be written ({fault.strerror or fault}); free some space or choose another.")
+
+
+def readable(name: str) -> str:
+    """A file name as text, with a question mark for each byte of it that is none and each character that is no text."""
+    return one_line(name)
+
+
+def write_content(path: Path, content: bytes | str, *, force: bool = False) -> None:
+    """Write bytes, or a text as UTF-8, into a file; whole or not at all. Raises as `write_whole`."""
+    data = content.encode() if isinstance(content, str) else content
+    write_whole(path, lambda part: _fill(part, data), force=force)
+
+
+def _fill(path: Path, data: bytes) -> None:
+    path.write_bytes(data)
+
+
+def check_replaceable(path: Path, *, force: bool) -> None:
+    """Refuse to replace what this tool did not write, and a folder; called before long work begins."""
+    if path.is_dir():
+        raise OutputError(f"{path}: is a folder; give the name of a file.")
+    if path.exists() and not path.is_file():
+        raise OutputError(f"{path}: is a device or a pipe; give the name of a file, or - for standard output.")
+    if not path.parent.is_dir():
+        raise OutputError(f"{path}: the folder {path.parent} does not exist; create it first.")
+    if force or not path.exists():
+        return
+    try:
+        own = is_marked(path)
+    except OSError as fault:
+        raise OutputError(f"{path}: exists and cannot be read ({fault.strerror}); choose another name.") from None
+    if not own:
+        raise OutputError(f"{path}: exists and was not written by winchcascade; choose another name or add --force.")
+
+
+def _usual_mode() -> int:
+    """Permissions that a plainly created file would get."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return 0o666 & ~mask

@@ -1,0 +1,311 @@
+"""Independent pieces of work side by side: numpy, scipy and the compiled steps leave the interpreter free while they work."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import threading
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+
+from winchcascade.core.errors import OptionError, OutputError, WinchcascadeError
+from winchcascade.core.scratch import clear_own
+from winchcascade.core.signals import end_on_signals, interrupts_blocked, signals_held
+
+if TYPE_CHECKING:
+    from concurrent.futures import ProcessPoolExecutor
+    from pathlib import Path
+
+
+A = TypeVar("A")
+B = TypeVar("B")
+
+LONG = 1_000_000
+"""Below this many samples a second thread costs more than it brings."""
+
+_threads = 2
+"""Threads of `all_at_once`, until `set_threads` says otherwise."""
+
+
+def set_threads(count: int) -> None:
+    """Let `all_at_once` work on so many threads in this process; for commands, whose users say how many."""
+    global _threads
+    _threads = count
+
+
+def one_thread_each() -> None:
+    """Keep linear algebra on one thread, before it is imported: its matrices are small, and threads make each solve slower."""
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+
+
+def side_by_side(one: Callable[[], A], other: Callable[[], B], *, samples: int) -> tuple[A, B]:
+    """Run two jobs and give both results, on a thread each where the arrays are long enough to gain by it.
+
+    >>> side_by_side(lambda: 1, lambda: "a", samples=10)
+    (1, 'a')
+    """
+    if samples < LONG:
+        return one(), other()
+    from concurrent.futures import ThreadPoolExecutor
+
+    with ThreadPoolExecutor(1) as pool:
+        ahead = pool.submit(one)
+        behind = other()
+        return ahead.result(), behind
+
+
+def all_at_once(jobs: Sequence[Callable[[], A]]) -> list[A]:
+    """Run jobs on some threads, and give their results in the jobs' order.
+
+    >>> all_at_once([lambda: 1, lambda: 2, lambda: 3])
+    [1, 2, 3]
+    """
+    if len(jobs) < 2 or _threads < 2:
+        return [job() for job in jobs]
+    from concurrent.futures import ThreadPoolExecutor
+
+    with ThreadPoolExecutor(_threads) as pool:
+        return list(pool.map(lambda job: job(), jobs))
+
+
+Job = TypeVar("Job")
+Done = TypeVar("Done")
+
+_ADDRESS = re.compile(r"^(tcp|tls|ws|wss|ucx)://[^/\s]+:[0-9]{1,5}$")
+
+MOST_WORKERS = 61
+"""More processes than this Windows cannot wait for."""
+
+PATIENCE = 0.2
+"""An interrupt is heard after this at the latest. [s]"""
+
+CONNECT = 10.0
+"""A scheduler that has not answered after this cannot be reached. [s]"""
+
+
+class Outcome(Generic[Done]):
+    """What became of one job: its place in the sequence, and its value or the sentence that says why there is none.
+
+    `rejected` distinguishes an input that cannot be used from a lack of space or memory, after which the same job may work.
+    """
+
+    __slots__ = ("fault", "place", "rejected", "value")
+
+    def __init__(
+        self, place: int, value: Done | None = None, fault: str | None = None, *, rejected: bool = False
+    ) -> None:
+        self.place, self.value, self.fault, self.rejected = place, value, fault, rejected
+
+
+class Watch(Protocol):
+    """Who is told how a piece of work goes on."""
+
+    def begin(self, kept: int, todo: int) -> None:
+        """So many parts of it are done already, so many are to be done."""
+
+    def done(self, name: str, fault: str | None) -> None:
+        """One more is done, or failed for a reason."""
+
+    def waiting(self, folder: Path) -> None:
+        """Another call works in the folder, and this one waits for its end."""
+
+
+class Nobody:
+    """Watches no work."""
+
+    def begin(self, kept: int, todo: int) -> None:
+        """Hear nothing."""
+
+    def done(self, name: str, fault: str | None) -> None:
+        """Hear nothing."""
+
+    def waiting(self, folder: Path) -> None:
+        """Hear nothing."""
+
+
+def processes() -> int:
+    """Processors that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def run_here(work: Callable[[Job], Done], jobs: Sequence[Job], *, workers: int) -> Iterator[Outcome[Done]]:
+    """Run jobs on processes of this machine, in this one if a single worker is wanted; outcomes come in any order.
+
+    Processes are spawned, never forked, so it works alike on every system. Where one dies (no memory left, say), the
+    jobs that it may have held are tried once more, each alone.
+
+    Parameters
+    ----------
+    work : a function of a module, so that another process can find it
+    """
+    workers = min(workers, len(jobs), MOST_WORKERS)
+    if workers <= 1:
+        for place, job in enumerate(jobs):
+            yield _tried(work, place, job)
+        return
+    lost: list[int] = []
+    size = _chunk(len(jobs), workers)
+    chunks = [range(k, min(k + size, len(jobs))) for k in range(0, len(jobs), size)]
+    while chunks:
+        chunks, broken = yield from _pooled(work, jobs, chunks, workers)
+        lost += broken
+    for place in lost:
+        yield from _alone(work, jobs, place)
+
+
+def _chunk(jobs: int, workers: int) -> int:
+    """Jobs that go to a process at a time: few enough that no process ends long after the others."""
+    return max(1, min(8, jobs // (8 * workers)))
+
+
+def _tried(work: Callable[[Job], Done], place: int, job: Job) -> Outcome[Done]:
+    """Do one job here; what goes wrong becomes its sentence."""
+    try:
+        return Outcome(place, work(job))
+    except WinchcascadeError as fault:
+        return Outcome(place, fault=str(fault), rejected=not isinstance(fault, OutputError))
+    except OSError as fault:
+        return Outcome(place, fault=f"{fault.filename or 'a file'}: cannot be used ({fault.strerror or fault}).")
+    except Exception as fault:
+        return Outcome(place, fault=f"a fault of this program: {type(fault).__name__}: {fault}. Please report it.")
+
+
+def _several(work: Callable[[Job], Done], places: Sequence[int], jobs: Sequence[Job]) -> list[Outcome[Done]]:
+    return [_tried(work, place, job) for place, job in zip(places, jobs, strict=True)]
+
+
+def _pool(workers: int) -> ProcessPoolExecutor:
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    return ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_quietly)
+
+
+def _quietly() -> None:
+    """Leave an interrupt to the process that gave the jobs, and end with it, however it ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_on_signals({})
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    from multiprocessing import parent_process
+
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        clear_own()
+        os._exit(1)
+
+
+def _pooled(
+    work: Callable[[Job], Done], jobs: Sequence[Job], chunks: list[range], workers: int
+) -> Generator[Outcome[Done], None, tuple[list[range], list[int]]]:
+    """Run chunks on a pool; returns the chunks that were never begun and the jobs that a dying process took along."""
+    from concurrent.futures.process import BrokenProcessPool
+
+    waiting = list(reversed(chunks))
+    running: dict[Future[list[Outcome[Done]]], range] = {}
+    ended = False
+    with signals_held() as ending:  # an exception that is raised within a lock of the pool breaks it
+        pool = _pool(workers)
+        try:
+            while waiting or running:
+                while waiting and len(running) < 2 * workers:
+                    places = waiting[-1]
+                    with interrupts_blocked():
+                        running[pool.submit(_several, work, places, [jobs[k] for k in places])] = places
+                    waiting.pop()  # only now: a pool that is broken takes no more
+                for future in wait(running, timeout=PATIENCE, return_when=FIRST_COMPLETED).done:
+                    outcomes = future.result()
+                    del running[future]
+                    yield from outcomes
+                if ended := ending():
+                    _abandon(pool)
+                    break
+        except BrokenProcessPool:
+            whole = [future for future in running if future.done() and future.exception() is None]
+            for future in whole:
+                yield from future.result()
+                del running[future]
+            return list(reversed(waiting)), [place for places in running.values() for place in places]
+        except BaseException:  # whoever uses the outcomes has no use for more
+            _abandon(pool)
+            raise
+        finally:
+            _close(pool)
+    if ended:  # and whoever handles the signal let it pass
+        raise KeyboardInterrupt
+    return [], []
+
+
+def _alone(work: Callable[[Job], Done], jobs: Sequence[Job], place: int) -> Iterator[Outcome[Done]]:
+    """Try a job in a process of its own."""
+    left, lost = yield from _pooled(work, jobs, [range(place, place + 1)], 1)
+    if left or lost:
+        yield Outcome(place, fault="the process that worked on it was killed twice; is there enough memory?")
+
+
+def _abandon(pool: ProcessPoolExecutor) -> None:
+    """End the processes at once: what they have in hand is not wanted, and every file is written whole.
+
+    A process may end halfway through the sending of a result; the pool would wait for the rest as long as anybody holds the
+    sending end, which this process does.
+    """
+    for process in list((pool._processes or {}).values()):
+        process.terminate()
+    results: Any = pool._result_queue
+    if results is not None:
+        results._writer.close()
+
+
+def _close(pool: ProcessPoolExecutor) -> None:
+    """End a pool and wait for it: Python's own end may otherwise come upon it half closed, and complain."""
+    pool.shutdown(cancel_futures=True)
+
+
+def run_there(work: Callable[[Job], Done], jobs: Sequence[Job], *, scheduler: str) -> Iterator[Outcome[Done]]:
+    """Run jobs on an existing Dask scheduler; outcomes come in any order.
+
+    Raises
+    ------
+    OptionError : Dask is not installed, or the scheduler cannot be reached
+    """
+    if not _ADDRESS.match(scheduler):
+        raise OptionError(
+            f"--scheduler {scheduler}: is no address; expected that of a running scheduler, such as tcp://10.0.0.1:8786."
+        )
+    try:
+        from distributed import Client, as_completed
+    except ImportError:
+        raise OptionError(
+            '--scheduler needs Dask; install it with pip install "winchcascade[cluster]", here and on the workers.'
+        ) from None
+    try:
+        client = Client(scheduler, timeout=CONNECT, set_as_default=False)  # type: ignore[no-untyped-call]
+    except (OSError, TimeoutError, ValueError) as fault:
+        raise OptionError(
+            f"--scheduler {scheduler}: cannot be reached ({_first_line(fault)}); expected the address of a running scheduler, "
+            "such as tcp://10.0.0.1:8786."
+        ) from None
+    with client:
+        size = _chunk(len(jobs), max(1, len(client.scheduler_info()["workers"])))
+        chunks = [range(k, min(k + size, len(jobs))) for k in range(0, len(jobs), size)]
+        futures = [client.submit(_several, work, list(c), [jobs[k] for k in c], pure=False) for c in chunks]
+        held = dict(zip((f.key for f in futures), chunks, strict=True))
+        for future in as_completed(futures, loop=client.loop):  # type: ignore[no-untyped-call]
+            if future.status == "finished":
+                yield from future.result()
+            else:
+                said = f"the worker that had it failed ({_first_line(future.exception())})."
+                yield from (Outcome(place, fault=said) for place in held[future.key])
+            future.release()
+
+
+def _first_line(fault: BaseException | None) -> str:
+    return (str(fault).splitlines() or [""])[0] or type(fault).__name__

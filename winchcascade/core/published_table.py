@@ -1,0 +1,216 @@
+"""A published table as data: columns with unit and printed decimals, rows by load, and what the text claims of it.
+
+Cells stay as printed, in the unit of their column. A printed number stands for every value that rounds to it; `Span`
+is that interval, in SI units.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Literal
+
+import msgspec
+
+from winchcascade.core.errors import WinchcascadeError
+
+DIMENSIONS = {
+    "energy_line": "energy", "energy_mech": "energy", "energy_gen": "energy",
+    "power_line": "power", "power_mech": "power", "power_gen": "power",
+    "eta_trans": "number", "eta_gen": "number", "eta_pto": "number",
+}  # fmt: skip
+"""What each of the nine metrics measures."""
+
+ENERGY_UNITS = {"J": 1.0, "kJ": 1e3, "MJ": 1e6, "Wh": 3600.0, "kWh": 3.6e6}
+"""Units of an energy by their factor to joules; log files have none, so the common table of units does not hold them."""
+
+Deviation = Literal["deviation_energy", "deviation_eta"]
+DEVIATIONS: tuple[Deviation, ...] = ("deviation_energy", "deviation_eta")
+
+
+class TableError(WinchcascadeError):
+    """A file with a published table that cannot be used."""
+
+
+class Span(msgspec.Struct, frozen=True):
+    """An interval of values, both ends included."""
+
+    low: float
+    high: float
+
+    def meets(self, other: Span) -> bool:
+        """Whether the two have a value in common.
+
+        >>> Span(1.0, 2.0).meets(Span(2.0, 3.0)), Span(1.0, 2.0).meets(Span(2.1, 3.0))
+        (True, False)
+        """
+        return self.low <= other.high and other.low <= self.high
+
+
+class Column(msgspec.Struct, frozen=True):
+    """Unit of a column, its factor to SI, and the decimals printed; -1 for values rounded to tens."""
+
+    unit: str
+    decimals: int
+    factor: float = 1.0
+
+    @property
+    def rounding(self) -> float:
+        """Half a unit of the last printed decimal, in the unit of the column.
+
+        >>> Column("J", 0).rounding, Column("1", 3).rounding
+        (0.5, 0.0005)
+        """
+        return 0.5 * 10.0**-self.decimals
+
+    def span(self, printed: float) -> Span:
+        """Every value that rounds to what is printed, in SI units.
+
+        >>> Column("kW", 1, 1000.0).span(1.5)
+        Span(low=1450.0, high=1550.0)
+        """
+        return Span((printed - self.rounding) * self.factor, (printed + self.rounding) * self.factor)
+
+    def text(self, printed: float) -> str:
+        """A value with the printed decimals and the unit.
+
+        >>> Column("J", 0).text(5937.0), Column("1", 3).text(0.76)
+        ('5937 J', '0.760')
+        """
+        return f"{printed:.{max(self.decimals, 0)}f}{unit_suffix(self.unit)}"
+
+
+class Row(msgspec.Struct, frozen=True):
+    """Cells of one load [ohm, inf for an open circuit] as printed; `lines` says where they stand in the file.
+
+    The line of the row itself has the key "".
+    """
+
+    load: float
+    cells: Mapping[str, float]
+    lines: Mapping[str, int] = msgspec.field(default_factory=dict)
+
+
+class ValueClaim(msgspec.Struct, frozen=True):
+    """The text gives a metric at a load; `column` holds unit and decimals of that number."""
+
+    says: str
+    where: str
+    metric: str
+    load: float
+    value: float
+    column: Column
+    line: int | None = None
+
+
+class ShareClaim(msgspec.Struct, frozen=True):
+    """The text says which share of one stage's energy or power arrives at another."""
+
+    says: str
+    where: str
+    part: str
+    of: str
+    load: float
+    value: float
+    column: Column
+    line: int | None = None
+
+
+class BoundClaim(msgspec.Struct, frozen=True):
+    """The text bounds a metric at one load, or at all of them (None), or the cycles' deviation."""
+
+    says: str
+    where: str
+    metric: str
+    side: Literal["at_most", "at_least"]
+    load: float | None
+    value: float
+    column: Column
+    line: int | None = None
+
+
+class LargestClaim(msgspec.Struct, frozen=True):
+    """The text says at which loads metrics are largest: at each of these, more than at any other."""
+
+    says: str
+    where: str
+    metrics: tuple[str, ...]
+    loads: tuple[float, ...]
+    line: int | None = None
+
+
+class RisesClaim(msgspec.Struct, frozen=True):
+    """The text says that metrics rise from one load to another, from row to row between them."""
+
+    says: str
+    where: str
+    metrics: tuple[str, ...]
+    first: float
+    last: float
+    line: int | None = None
+
+
+Claim = ValueClaim | ShareClaim | BoundClaim | LargestClaim | RisesClaim
+
+
+class Table(msgspec.Struct, frozen=True):
+    """A published table.
+
+    `cycles` is the number of cycles that the means are over. `deviations` holds the largest deviation of any cycle from
+    the mean where the source prints one [%], of energies and powers and of efficiencies. `total` has the sums of the
+    energies.
+    """
+
+    name: str
+    title: str
+    source: str
+    columns: Mapping[str, Column]
+    rows: tuple[Row, ...]
+    cycles: int | None = None
+    deviations: Mapping[Deviation, tuple[float, Column]] = msgspec.field(default_factory=dict)
+    total: Row | None = None
+    claims: tuple[Claim, ...] = ()
+    path: str = ""
+
+    def row(self, load: float) -> Row | None:
+        """The row of a load; None if there is none. 18 finds 18.0."""
+        return next((row for row in self.rows if same_load(row.load, load)), None)
+
+    def span(self, metric: str, printed: float) -> Span:
+        """Every value of a metric that rounds to what is printed, in SI units."""
+        return self.columns[metric].span(printed)
+
+    def spans(self, row: Row) -> dict[str, Span]:
+        """The cells of a row as intervals, in SI units."""
+        return {metric: self.span(metric, printed) for metric, printed in row.cells.items()}
+
+    def cell(self, row: Row, metric: str) -> str:
+        """A cell as a text, with its unit."""
+        return self.columns[metric].text(row.cells[metric])
+
+
+def same_load(one: float, other: float) -> bool:
+    """Whether two loads are the same number of ohms.
+
+    >>> same_load(18, 18.0), same_load(float("inf"), float("inf")), same_load(4.5, 4.6)
+    (True, True, False)
+    """
+    return math.isclose(one, other, rel_tol=1e-9)
+
+
+def load_text(load: float) -> str:
+    """A load as people write it.
+
+    >>> load_text(4.5), load_text(float("inf"))
+    ('4.5 ohm', 'open circuit')
+    """
+    return "open circuit" if math.isinf(load) else f"{load:.12g} ohm"
+
+
+def unit_suffix(unit: str) -> str:
+    """A unit as it follows a number; nothing for a pure number.
+
+    >>> unit_suffix("W"), unit_suffix("1")
+    (' W', '')
+    """
+    return "" if unit in ("1", "-") else f" {unit}"

@@ -1,0 +1,323 @@
+"""rig.toml to a Rig: the built-in rigs, one's own files, and one sentence with its place for a wrong entry."""
+
+from __future__ import annotations
+
+import math
+import re
+from functools import cache
+from os.path import isfile  # unlike that of Path no error for a name that no file can have
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from winchcascade.core.errors import RigError
+from winchcascade.core.quantity import Quantity, find_unit
+from winchcascade.core.rig_file import Column, DcLink, Drivetrain, Generator, Restoring, Rig, Sensor, Thresholds, Winch
+from winchcascade.core.run import CHANNELS
+from winchcascade.core.toml_text import toml_values
+
+BUILT_IN = ("hsu2026", "kitepower")
+DEFAULT_RIG = "hsu2026"
+_FOLDER = Path(__file__).parent / "rigfiles"
+
+
+class _Number(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A number as a rig file writes it."""
+
+    value: float
+    unit: str
+    source: str = ""
+    tolerance: float | None = None
+    tolerance_percent: float | None = None
+
+
+def built_in_text(name: str) -> str:
+    """Text of a built-in rig file; RigError for a name that is none."""
+    if name not in BUILT_IN:
+        raise RigError(f"rig {name!r}: no such built-in rig; there are {' and '.join(BUILT_IN)}.")
+    return (_FOLDER / f"{name}.toml").read_text(encoding="utf-8")
+
+
+@cache
+def built_in(name: str = DEFAULT_RIG) -> Rig:
+    """Read a built-in rig.
+
+    >>> built_in("hsu2026").r_drum
+    0.13
+    """
+    return parse_rig(built_in_text(name), f"built-in rig {name}")
+
+
+def load_rig(rig: str | Path) -> Rig:
+    """Read a rig file, or the built-in rig of that name where no such file exists; RigError names what is wrong."""
+    path = Path(rig)
+    if not isfile(path):
+        if str(rig) in BUILT_IN:
+            return built_in(str(rig))
+        raise RigError(
+            f"rig {str(rig)!r}: no such file and no built-in rig of that name; give a rig file or one of "
+            f"{', '.join(BUILT_IN)} (`winchcascade rig hsu2026 > rig.toml` writes one to start from)."
+        )
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as fault:
+        raise RigError(f"{path}: the rig file cannot be read ({fault.strerror}); check its permissions.") from None
+    except UnicodeDecodeError as fault:
+        raise RigError(f"{path}: the rig file is no UTF-8 text ({fault}); save it as UTF-8.") from None
+    return parse_rig(text, str(path))
+
+
+def parse_rig(text: str, where: str) -> Rig:
+    """Turn the text of a rig file into a Rig; `where` names the file in the one sentence of a RigError.
+
+    `based_on = "hsu2026"` takes everything the file does not say from that built-in rig.
+    """
+    raw = toml_values(text, where, RigError)
+    base = raw.pop("based_on", None)
+    if base is not None:
+        if base not in BUILT_IN:
+            raise RigError(f"{where}: based_on = {base!r} is no built-in rig; expected one of {', '.join(BUILT_IN)}.")
+        raw = _merged(toml_values(built_in_text(base), base, RigError), raw)
+    return _rig(raw, where)
+
+
+def _merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+    """Lay one table over another; what has a unit or a name is replaced whole, so that no old number clings to it."""
+    merged = dict(base)
+    for key, value in over.items():
+        old = merged.get(key)
+        whole = (
+            not isinstance(old, dict) or not isinstance(value, dict) or not {"value", "name", "unit"}.isdisjoint(value)
+        )
+        merged[key] = value if whole else _merged(base[key], value)
+    return merged
+
+
+_SECTIONS: dict[str, type[Any]] = {
+    "winch": Winch,
+    "restoring": Restoring,
+    "drivetrain": Drivetrain,
+    "generator": Generator,
+    "dc_link": DcLink,
+}
+
+_DIMENSIONS = {
+    "r_drum": "length", "inertia": "inertia", "lead": "lead", "lead_angle": "angle", "half_angle": "angle",
+    "mu_screw": "number", "area_piston": "area", "p_precharge": "pressure", "volume_gas": "volume",
+    "gear_ratio": "number", "eta_mesh": "number", "b_rotor": "damping", "k_shaft": "stiffness",
+    "c_shaft": "damping", "inertia_rotor": "inertia", "pole_pairs": "number", "k_e": "back_emf",
+    "r_s": "resistance", "l_s": "inductance", "v_diode": "voltage", "speed_rated": "rotation", "i_rated": "current",
+    "c_dc": "capacitance", "r_bleed": "resistance", "v_onset": "velocity", "smoothing": "time",
+    "stroke_min": "length", "plateau_hold": "time", "settle": "time", "tau_engaged": "torque", "gap_max": "time",
+}  # fmt: skip
+"""What each number of a rig file measures; `rpm_bin` stays in rpm, as the field has it."""
+
+_POSITIVE = {
+    "r_drum", "gear_ratio", "eta_mesh", "smoothing", "stroke_min", "v_onset", "rpm_bin", "plateau_hold", "area_piston",
+    "volume_gas", "k_e", "lead", "reversal_max",
+}  # fmt: skip
+_SHARES = {
+    "reversal_max",
+    "creep_max",
+    "aborted_below",
+    "plateau_quantile",
+    "plateau_band",
+    "plateau_level",
+    "eta_mesh",
+}
+_LIMITS = {
+    "r_drum": (1e-3, 100.0), "gear_ratio": (1e-3, 1e5), "rpm_bin": (1.0, 1e5), "smoothing": (1e-3, 10.0),
+    "v_onset": (1e-6, 100.0), "stroke_min": (1e-6, 1e4), "plateau_hold": (1e-3, 1e3), "settle": (0.0, 1e6),
+    "gap_max": (0.0, 1e6),
+}  # fmt: skip
+"""What no rig goes beyond: a number outside is a wrong unit or a slip. SI units, bins in rpm."""
+
+
+HUGE = 1e12
+"""No range, accuracy or tolerance of a rig is larger, in SI units."""
+
+
+def _rig(raw: dict[str, Any], where: str) -> Rig:
+    known = {"name", "title", "source", "note", "sensors", "columns", "log", "thresholds", *_SECTIONS}
+    for key in raw:
+        if key not in known:
+            raise RigError(f"{where}: {key} is no entry of a rig file; expected {', '.join(sorted(known))}.")
+    if not isinstance(raw.get("name"), str) or not raw["name"]:
+        raise RigError(f'{where}: the entry name is missing; add name = "my rig".')
+    for key in ("title", "source", "note"):
+        _convert(raw.get(key, ""), str, where, key)
+    sections = {
+        key: cls(**{name: _entry(value, where, key, name, cls) for name, value in _table(raw, key, where).items()})
+        for key, cls in _SECTIONS.items()
+    }
+    log = _table(raw, "log", where)
+    rate = log.pop("sample_rate_hz", None)
+    if log:
+        raise RigError(f"{where}: [log] {next(iter(log))} is no entry of a rig file; expected sample_rate_hz.")
+    rate = (
+        None
+        if rate is None
+        else _finite(_convert(rate, float, where, "[log] sample_rate_hz"), where, "[log] sample_rate_hz")
+    )
+    if rate is not None and rate <= 0:
+        raise RigError(f"{where}: [log] sample_rate_hz is {rate:g}; expected a number above 0.")
+    return Rig(
+        name=raw["name"],
+        title=raw.get("title", ""),
+        source=raw.get("source", ""),
+        note=raw.get("note", ""),
+        sensors=_sensors(_table(raw, "sensors", where), where),
+        columns=_columns(_table(raw, "columns", where), where),
+        sample_rate=rate,
+        thresholds=_thresholds(_table(raw, "thresholds", where), where),
+        path=where,
+        **sections,
+    )
+
+
+def _table(raw: dict[str, Any], key: str, where: str) -> dict[str, Any]:
+    value = raw.get(key, {})
+    if not isinstance(value, dict):
+        raise RigError(f"{where}: {key} is {value!r}; expected a table [{key}].")
+    return dict(value)
+
+
+def _convert(value: object, kind: Any, where: str, place: str) -> Any:
+    """Check a value against a type; msgspec's finding becomes one sentence with the place in the file."""
+    try:
+        return msgspec.convert(value, kind)
+    except msgspec.ValidationError as fault:
+        what, _, deeper = str(fault).partition(" - at `$")
+        inner = re.sub(r"^\.", " ", deeper.rstrip("`"))
+        raise RigError(f"{where}: {place}{inner}: {what[:1].lower()}{what[1:]}.") from None
+
+
+def _finite(value: float, where: str, place: str) -> float:
+    if not math.isfinite(value):
+        raise RigError(f"{where}: {place} is {value}; expected a finite number.")
+    return value
+
+
+def _entry(value: object, where: str, section: str, name: str, cls: type[Any]) -> Any:
+    place = f"[{section}] {name}"
+    if name not in cls.__struct_fields__:
+        raise RigError(f"{where}: {place} is no entry of a rig file; expected {', '.join(cls.__struct_fields__)}.")
+    if name == "one_way_clutch":
+        return _convert(value, bool, where, place)
+    if name == "load_tolerance_percent":
+        return _finite(_convert(value, float, where, place), where, place)
+    return _quantity(value, where, place, name)
+
+
+def _quantity(value: object, where: str, place: str, name: str) -> Quantity:
+    if not isinstance(value, dict):
+        raise RigError(f'{where}: {place} is {value!r}; expected {{ value = ..., unit = "...", source = "..." }}.')
+    number: _Number = _convert(value, _Number, where, place)
+    unit = find_unit(number.unit)
+    dimension = _DIMENSIONS[name]
+    if unit is None or unit.dimension != dimension:
+        raise RigError(f"{where}: {place}: the unit {number.unit!r} is none of {dimension.replace('_', ' ')}.")
+    _finite(number.value, where, place)
+    in_si = number.value * unit.factor + unit.offset
+    _check_sign(in_si, where, place, name)
+    tolerance = None if number.tolerance is None else number.tolerance * unit.factor
+    if number.tolerance_percent is not None:
+        tolerance = abs(in_si) * number.tolerance_percent / 100.0
+    if tolerance is not None and not 0 <= tolerance <= HUGE:
+        raise RigError(f"{where}: {place}: the tolerance is {tolerance:g}; expected a number that is not negative.")
+    return Quantity(in_si, number.unit, number.source, tolerance)
+
+
+def _check_sign(value: float, where: str, place: str, name: str) -> None:
+    if (name in _POSITIVE and value <= 0) or value < 0:
+        raise RigError(f"{where}: {place} is {value:g}; expected a number above 0.")
+    low, high = _LIMITS.get(name, (-math.inf, math.inf))
+    if not low <= value <= high:
+        raise RigError(f"{where}: {place} is {value:g} in SI units; expected between {low:g} and {high:g}.")
+    if name in _SHARES and value > 1:
+        raise RigError(f"{where}: {place} is {value:g}; expected a share between 0 and 1.")
+
+
+def _sensors(raw: dict[str, Any], where: str) -> dict[str, Sensor]:
+    sensors = {}
+    for name, entry in raw.items():
+        place = f"[sensors.{name}]"
+        if name not in CHANNELS:
+            raise RigError(f"{where}: {place} is no channel; expected one of {', '.join(CHANNELS)}.")
+        sensor: Sensor = _convert(entry, Sensor, where, place)
+        unit = find_unit(sensor.unit)
+        if unit is None or unit.dimension != CHANNELS[name].dimension:
+            raise RigError(f"{where}: {place} unit {sensor.unit!r} is none of {CHANNELS[name].dimension}.")
+        if unit.offset and (sensor.low is not None or sensor.high is not None):
+            raise RigError(
+                f"{where}: {place} unit {sensor.unit!r} does not count from the zero of the channel, as gauge pressure does; "
+                'give the range as gauge pressure, such as low = 0, high = 20, unit = "bar".'
+            )
+        if sensor.low is not None and sensor.high is not None and sensor.low >= sensor.high:
+            raise RigError(f"{where}: {place} low {sensor.low:g} is not below high {sensor.high:g}.")
+        for key in ("resolution", "accuracy", "accuracy_full_scale", "accuracy_reading", "u_zero", "u_gain"):
+            share = getattr(sensor, key)
+            if share is not None and not 0 <= share <= HUGE:
+                raise RigError(f"{where}: {place} {key} is {share:g}; expected a number that is not negative.")
+            if share is not None and share > 1 and key in ("accuracy_full_scale", "accuracy_reading", "u_gain"):
+                raise RigError(f"{where}: {place} {key} is {share:g}; expected a share, such as 0.002 for 0.2 %.")
+        if sensor.accuracy_full_scale is not None and not (sensor.high or sensor.low):
+            raise RigError(f"{where}: {place} accuracy_full_scale has no full scale; give the range as high = ... too.")
+        in_si = {
+            key: _finite(value, where, f"{place} {key}") * unit.factor
+            for key in ("low", "high", "resolution", "accuracy", "u_zero")
+            if (value := getattr(sensor, key)) is not None
+        }
+        if max((abs(value) for value in in_si.values()), default=0.0) > HUGE:
+            raise RigError(f"{where}: {place} has a number beyond {HUGE:g} in SI units; check it and its unit.")
+        sensors[name] = msgspec.structs.replace(sensor, **in_si)
+    return sensors
+
+
+def _columns(raw: dict[str, Any], where: str) -> dict[str, Column]:
+    columns: dict[str, Column] = {}
+    for name, entry in raw.items():
+        place = f"[columns] {name}"
+        if name not in CHANNELS and name != "time":
+            raise RigError(f"{where}: {place} is no channel; expected time or one of {', '.join(CHANNELS)}.")
+        column = Column(entry) if isinstance(entry, str) else _convert(entry, Column, where, place)
+        if column.override and column.unit is None:
+            raise RigError(
+                f'{where}: {place}: override = true without a unit; add unit = "...", or leave override out.'
+            )
+        if column.unit is not None:
+            dimension = "time" if name == "time" else CHANNELS[name].dimension
+            unit = find_unit(column.unit)
+            if unit is not None and unit.dimension != dimension:
+                raise RigError(f"{where}: {place}: the unit {column.unit!r} is none of {dimension}.")
+        for other, taken in columns.items():
+            if taken.name == column.name:
+                raise RigError(f"{where}: {place} and {other} both name the column {column.name!r}; expected one each.")
+        columns[name] = column
+    return columns
+
+
+def _thresholds(raw: dict[str, Any], where: str) -> Thresholds:
+    values: dict[str, Any] = {}
+    for name, value in raw.items():
+        place = f"[thresholds] {name}"
+        if name not in Thresholds.__struct_fields__:
+            known = ", ".join(Thresholds.__struct_fields__)
+            raise RigError(f"{where}: {place} is no entry of a rig file; expected {known}.")
+        if name == "window":
+            values[name] = _window(value, where, place)
+        elif name in _DIMENSIONS and isinstance(value, dict):
+            values[name] = _quantity(value, where, place, name).value
+        else:
+            values[name] = _finite(_convert(value, float, where, place), where, place)
+            _check_sign(values[name], where, place, name)
+    return Thresholds(**values)
+
+
+def _window(value: object, where: str, place: str) -> str:
+    """A window rule of a rig: a word, or the length in seconds."""
+    seconds = isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < 1e9
+    if value not in ("auto", "payout") and not seconds:
+        raise RigError(f'{where}: {place} is {value!r}; expected "auto", "payout" or a length in seconds.')
+    return str(value)

@@ -1,0 +1,138 @@
+"""The channels of a log: name, symbol, dimension, unit and header in the files this tool writes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Literal
+
+import msgspec
+
+from winchcascade.core.campaign_file import Origin
+
+
+class Channel(msgspec.Struct, frozen=True):
+    """One measured quantity; `unit` is what a log without units is taken to mean, `header` what `simulate` writes."""
+
+    name: str
+    symbol: str
+    dimension: str
+    unit: str
+    header: str
+
+
+CHANNELS: dict[str, Channel] = {
+    channel.name: channel
+    for channel in (
+        Channel("displacement", "δ", "length", "m", "Displacement (m)"),
+        Channel("velocity", "v_line", "velocity", "m/s", "Velocity (m/s)"),
+        Channel("pressure", "p_acc", "pressure", "kg/cm2", "Pressure (kg/cm2)"),
+        Channel("force", "f_line", "force", "N", "Force (N)"),
+        Channel("torque", "tau_pto", "torque", "N.m", "Torque (N.m)"),
+        Channel("power_mech", "P_mech", "power", "W", "Mechanical power (W)"),
+        Channel("vdc", "v_dc", "voltage", "V", "Vdc (V)"),
+        Channel("idc", "i_dc", "current", "A", "Idc (A)"),
+    )
+}
+
+SIMULATED_HEADERS = ("Generator speed (rpm)", "Stator current (A rms)", "Air-gap torque (N.m)")
+"""Columns that all together mark a log as simulated: a rig may measure one of them, as the speed of its generator."""
+
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Signal = NDArray[np.float64]
+
+FindingKind = Literal[
+    "missing_channel",
+    "dropped_samples",
+    "not_a_number",
+    "repeated_stamp",
+    "backward_stamp",
+    "clock_jitter",
+    "out_of_range",
+    "stuck",
+    "spike",
+    "truncated",
+    "unit_assumed",
+    "sign_flipped",
+    "slack_line",
+    "incomplete_cycle",
+    "unknown_column",
+    "load_mismatch",
+    "coarse_sampling",
+    "coarse_resolution",
+    "clock_mismatch",
+    "channel_lag",
+    "zero_offset",
+    "window_beyond_payout",
+    "unit_conflict",
+    "speed_mismatch",
+    "efficiency_change",
+    "origin_conflict",
+]
+
+CLOCK = "clock"
+"""Key in `Run.gaps` of the gaps that concern every channel: rows that were never logged or could not be kept."""
+
+
+class Finding(msgspec.Struct, frozen=True):
+    """One thing that is wrong with a log: where, how much, and what was done about it.
+
+    `start` and `end` are times on the log's clock [s]; `removed` counts the samples that the finding took out of the
+    measurement (bridged, left out or never logged), 0 where the data were kept as they are.
+    """
+
+    kind: FindingKind
+    message: str
+    action: str
+    channel: str | None = None
+    start: float | None = None
+    end: float | None = None
+    count: int = 1
+    removed: int = 0
+
+
+class Run(msgspec.Struct, frozen=True):
+    """One log, checked at the door: stamps rise, every channel is finite, and what was bridged is known.
+
+    Parameters
+    ----------
+    name : file name, for messages
+    t : (n,) stamps on the log's own clock, for stamped logs since the first sample [s]
+    channels : (n,) each, by the names of `channels.CHANNELS`, SI units, payout positive; pressure is gauge [Pa]
+    gaps : (k, 2) each, by channel or `CLOCK`: last good and first good stamp around what was bridged [s]
+    fs : sampling rate without the gaps [Hz]
+    samples : rows of the log, before any was left out
+    about : what its campaign says of it
+    table : name of the sheet, variable or group that was read, None for a file that is one table
+    simulated : carries the columns by which `simulate` marks its logs; a log without that mark may be simulated too
+    origin : whether the data are measured, as the campaign states it or the mark of `simulate`, and where they come from
+    load : resistance at the DC link; inf is an open circuit, None unknown or no load at all [ohm]
+    """
+
+    name: str
+    t: Signal
+    channels: Mapping[str, Signal]
+    fs: float
+    samples: int
+    gaps: Mapping[str, Signal] = msgspec.field(default_factory=dict)
+    load: float | None = None
+    load_source: str = "unknown"
+    path: str = ""
+    sha256: str = ""
+    findings: tuple[Finding, ...] = ()
+    simulated: bool = False
+    about: str = ""
+    origin: Origin = Origin()
+    table: str | None = None
+
+    def __repr__(self) -> str:
+        """One line instead of the arrays."""
+        return f"Run({self.name!r}, {self.samples} samples at {self.fs:g} Hz, channels {', '.join(self.channels)})"
+
+    @property
+    def open_circuit(self) -> bool:
+        """Whether the DC link carries no load."""
+        return self.load is not None and self.load == float("inf")

@@ -1,0 +1,167 @@
+"""Folders of results that a later call takes up: one call at a time, a digest for each result, and nothing outside of them."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from enum import Enum
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import Any
+
+import msgspec
+
+from winchcascade.core.errors import OutputError
+from winchcascade.core.scratch import is_scratch, removed_at_end
+
+LOCK = ".winchcascade.lock"
+"""File that a call locks while it works in a folder."""
+
+_SILENT = 10.0
+"""A call that waits longer than this says so. [s]"""
+
+_BLANK = "0" * 64
+_DIGEST = re.compile(rb'"sha256":\s*"([0-9a-f]{64})"\s*\}\s*\}\s*\Z')
+"""Where a record holds the digest of itself: at the end of its last entry."""
+
+_TAIL = 120
+"""Bytes at the end of a record among which its digest is."""
+
+
+class Digest(Enum):
+    """What the digest within a record says of it."""
+
+    RIGHT = "right"
+    WRONG = "wrong"
+    NONE = "none"
+
+
+@contextmanager
+def locked(folder: Path, waiting: Callable[[Path], None]) -> Iterator[None]:
+    """Keep every other call out of a folder until the context ends; the lock ends with the process, however that ends.
+
+    Parameters
+    ----------
+    waiting : called with the folder if this call waits for another one for some time
+
+    Raises
+    ------
+    OutputError : the folder cannot be locked
+    """
+    from filelock import FileLock, Timeout
+
+    lock = FileLock(folder / LOCK, fallback_to_soft=False)
+    try:
+        try:
+            lock.acquire(timeout=_SILENT)
+        except Timeout:
+            waiting(folder)
+            lock.acquire()
+    except OSError as fault:
+        raise OutputError(
+            f"{folder}: cannot be locked against other calls ({fault.strerror or fault}); choose a folder that can be "
+            "written and, if this one is on a network, one on a disk of this machine."
+        ) from None
+    try:
+        with removed_at_end(folder / LOCK):  # whoever waits for it sees that it is gone and makes a new one
+            yield
+    finally:
+        lock.release()
+
+
+def foreign(folder: Path) -> list[str]:
+    """Names in a folder other than the lock and scratch files, sorted; none if there is no folder."""
+    if not folder.is_dir():
+        return []
+    return sorted(name for name in os.listdir(folder) if name != LOCK and not is_scratch(name))
+
+
+def inside(folder: Path, name: str) -> Path:
+    """Place of a file or folder within a folder of results, by its name there, with / between its parts.
+
+    Raises
+    ------
+    OutputError : the name leads elsewhere, or a link stands on the way
+    """
+    parts = PurePosixPath(name).parts
+    if not parts or ".." in parts or PurePosixPath(name).is_absolute() or PureWindowsPath(name).anchor or "\\" in name:
+        raise OutputError(
+            f"{folder}: its files name {name!r}, which is not within this folder. They were changed by hand; make them again."
+        )
+    path = folder
+    for part in parts:
+        path = path / part
+        if path.is_symlink() or (hasattr(os.path, "isjunction") and os.path.isjunction(path)):
+            raise OutputError(
+                f"{path}: is a link; results are read and written within {folder} alone. Remove the link or give another "
+                "folder."
+            )
+    return path
+
+
+def files_within(folder: Path) -> dict[str, Path]:
+    """Files of a folder and of those in it, by their name there.
+
+    Raises
+    ------
+    OutputError : there is a link
+    """
+    found = {}
+    for place, folders, names in os.walk(folder):
+        for name in (*folders, *names):
+            path = Path(place) / name
+            inside(folder, path.relative_to(folder).as_posix())
+            if name in names:
+                found[path.relative_to(folder).as_posix()] = path
+    return dict(sorted(found.items()))
+
+
+def digest_of(content: bytes) -> str:
+    """SHA-256 of some bytes, in hexadecimal."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def altered(folder: Path, digests: Mapping[str, str]) -> list[str]:
+    """Names of the files whose content is not that of their digest; one that is missing is among them."""
+    return [name for name, digest in digests.items() if _digest_at(inside(folder, name)) != digest]
+
+
+def _digest_at(path: Path) -> str | None:
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError:
+        return None
+
+
+def with_digest(record: Mapping[str, Any], entry: str, about: Mapping[str, Any], *, indent: int = 0) -> bytes:
+    """A record as JSON with a last entry that ends in the digest of all its bytes, taken with zeros for the digest.
+
+    >>> digest_in(with_digest({"mean": 1.0}, "batch", {"key": "a"}))
+    <Digest.RIGHT: 'right'>
+    >>> digest_in(with_digest({"mean": 1.0}, "batch", {"key": "a"}).replace(b"1.0", b"1.1"))
+    <Digest.WRONG: 'wrong'>
+    """
+    content = msgspec.json.encode({**record, entry: {**about, "sha256": _BLANK}})
+    if indent:
+        content = msgspec.json.format(content, indent=indent)
+    content += b"\n"
+    head, _, tail = content.rpartition(_BLANK.encode())
+    return head + digest_of(content).encode() + tail
+
+
+def digest_in(content: bytes) -> Digest:
+    """Whether a record is as it was written."""
+    found = _DIGEST.search(content, max(0, len(content) - _TAIL))
+    if found is None:
+        return Digest.NONE
+    blank = content[: found.start(1)] + _BLANK.encode() + content[found.end(1) :]
+    return Digest.RIGHT if digest_of(blank) == found[1].decode() else Digest.WRONG
+
+
+def check_links(folder: Path, names: Iterable[str]) -> None:
+    """Refuse a folder of results in which one of these names is a link. Raises as `inside`."""
+    for name in names:
+        inside(folder, name)

@@ -1,1 +1,0 @@
-"""Which unmodelled effects explain a gap, how far they close it, and what would tell them apart."""

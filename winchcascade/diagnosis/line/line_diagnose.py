@@ -1,0 +1,134 @@
+"""Diagnose a winch without a model: which losses and inertia between line and shaft explain its mechanical power."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from winchcascade.core.rig_file import Rig
+from winchcascade.diagnosis.causes import Cause, Reported
+from winchcascade.diagnosis.line.line_causes import again_alone, causes_of
+from winchcascade.diagnosis.line.line_closure import Judged, Left, judge, left_in
+from winchcascade.diagnosis.line.line_data import Lines, lines_of
+from winchcascade.diagnosis.line.line_gap import Row, map_of, worst
+from winchcascade.diagnosis.line.line_next_run import LineExperiment, plan
+from winchcascade.diagnosis.line.line_selection import Choice, Moments, choose, moments_of, with_best_span
+from winchcascade.diagnosis.rules import HALF, MOSTLY, NAMED, check_withheld
+from winchcascade.diagnosis.suspects import Suspects
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from winchcascade.core.run import Run
+
+NOISY = 1.25
+"""What is left is not significant if its root mean square is below this many times the white noise in it."""
+
+
+class LineDiagnosis(msgspec.Struct, frozen=True):
+    """What the diagnosis of a winch without a model found.
+
+    `rows` map the gap phase by phase; `judged` and `experiment` are None where no cause is named. `causes` are those named,
+    `again` their numbers as the withheld cycles alone give them.
+    """
+
+    title: str
+    rig: Rig
+    seed: int
+    lines: Lines
+    moments: Moments
+    choice: Choice
+    verdict: str
+    rows: tuple[Row, ...]
+    causes: tuple[Cause, ...]
+    again: dict[str, Reported]
+    judged: Judged | None
+    left: Left
+    experiment: LineExperiment | None
+
+    @property
+    def stage(self) -> str:
+        """Where the gap lies: the stage of the leading cause, or the only one that the rig has."""
+        return self.causes[0].stage if self.causes else "transmission"
+
+    @property
+    def phase(self) -> str:
+        """The phase that holds most of the squared gap."""
+        return worst(self.rows).phase
+
+
+def diagnose_line(
+    runs: Sequence[Run],
+    rig: Rig,
+    suspects: Suspects,
+    *,
+    title: str = "",
+    cycles: Sequence[tuple[int, int] | None] | None = None,
+    withheld: Sequence[int] = (),
+    seed: int = 0,
+    tell: Callable[[str], None] = lambda _: None,
+) -> LineDiagnosis:
+    """Diagnose logs of line force, speed and mechanical power, of a rig for which no model can be made.
+
+    Parameters
+    ----------
+    suspects : effects by name that may be named; those that act between line and shaft count
+    cycles : of each run, the first and last cycle that count, None for all
+    withheld : numbers of runs that take part in neither choice nor fit; without any, causes are chosen on all cycles and each
+        is left out of the fit once
+    seed : of the resampling of cycles
+    tell : is told what is being done
+
+    Raises
+    ------
+    CampaignError, LogError, OptionError : something cannot be used; the message says what
+    """
+    check_withheld(runs, cycles, withheld, title)
+    tell("taking the samples that count")
+    lines = with_best_span(lines_of(runs, rig, suspects, cycles or [None] * len(runs), withheld))
+    tell("leaving each cycle out in turn")
+    moments = moments_of(lines.fitted)
+    choice = choose(lines, moments, seed)
+    judged = judge(lines, moments, choice.chosen, seed) if choice.chosen else None
+    tell("looking for rivals")
+    causes = causes_of(lines, moments, choice, suspects)
+    left = left_of(lines, judged)
+    verdict = verdict_of(judged, left)
+    if verdict != "explained":
+        causes = causes[:NAMED]
+    rest = choice.error(choice.chosen) * choice.gap / sum(part.here.size for part in lines.fitted)
+    experiment = plan(lines, moments, choice, [cause.effect for cause in causes], math.sqrt(rest))
+    return LineDiagnosis(
+        title=title,
+        rig=rig,
+        seed=seed,
+        lines=lines,
+        moments=moments,
+        choice=choice,
+        verdict=verdict,
+        rows=map_of(lines.parts),
+        causes=causes,
+        again=again_alone(lines, choice.chosen),
+        judged=judged,
+        left=left,
+        experiment=experiment,
+    )
+
+
+def left_of(lines: Lines, judged: Judged | None) -> Left:
+    """What the causes leave on the parts that they are judged on, or without a cause the whole gap."""
+    if judged is None:
+        return left_in(lines.parts, [part.gap for part in lines.parts])
+    return left_in(judged.parts, judged.after)
+
+
+def verdict_of(judged: Judged | None, left: Left) -> str:
+    """Verdict: explained when at least `MOSTLY` is closed and no structure is left, or what is left is no more than noise."""
+    if judged is None:
+        return "unexplained" if left.alarms else "no_gap"
+    quiet = judged.power.after < NOISY * judged.power.noise
+    if not left.alarms and (quiet or judged.closed >= MOSTLY):
+        return "explained"
+    return "partly_explained" if judged.closed >= HALF or not left.alarms else "unexplained"

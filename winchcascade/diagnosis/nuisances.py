@@ -1,0 +1,138 @@
+"""What is known of the rig to a tolerance only: its numbers, its loads, the gains and zeros of its sensors."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Literal
+
+import msgspec
+
+from winchcascade.core.accuracy import error_sources
+from winchcascade.core.quantity import Quantity
+from winchcascade.diagnosis.predict import CHANNELS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from winchcascade.core.rig_file import Rig, Sensor
+    from winchcascade.core.run import Run
+
+SECTIONS = ("winch", "restoring", "drivetrain", "generator", "dc_link")
+
+
+OF_THE_MODEL = {
+    ("generator", "v_diode"): 0.08,
+    ("generator", "r_s"): 0.008,
+    ("generator", "l_s"): 0.012,
+    ("winch", "inertia"): 0.07,
+    ("drivetrain", "inertia_rotor"): 0.03,
+}
+"""How well the model itself knows a number, as a share of it, beside the tolerance of the rig file. Generator: the ideal
+bridge on a stiff DC link is within about 0.1 % of Vdc of a switched circuit with a finite capacitor, which these shares move as
+much. Inertias: the acceleration of a smoothed velocity is short of the true one by some hundredths where the motion turns."""
+
+ABSENT = {
+    ("winch", "friction"): (0.25, "N.m"),
+    ("restoring", "seal_friction"): (60.0, "N"),
+    ("drivetrain", "friction"): (0.005, "N.m"),
+    ("drivetrain", "clutch_drag"): (0.15, "N.m"),
+}
+"""How well it is known that a law is absent, by part and number of the model: no rig is quite free of dry friction, and the
+model is off by as much where the motion begins and ends. About what the zeros of torque and force are known to; assumed."""
+
+WITHOUT_ZERO = ("vdc",)
+"""Channels whose zero no fit has: that of Vdc acts as the drop of the diodes, which is known half as well."""
+
+SKEW = 0.05
+"""Channels of a logger are read one after the other: against the velocity each by this share of a sample's interval, one
+standard uncertainty, assumed. The pressure changes too slowly to tell. [1]"""
+
+
+class Nuisance(msgspec.Struct, frozen=True):
+    """One deviation that every fit allows within its tolerance `sd`, one standard uncertainty in `unit`.
+
+    `kind` is `rig` (a number `name` of a section, the same in every log), `law` (one of the model that a rig has not), `load`
+    (relative, of one load [ohm]), `gain` (relative, of the sensor of a channel), `timing` (by how much that sensor is read
+    late) or `zero` (of that sensor in one log, by its number).
+    """
+
+    kind: Literal["rig", "law", "load", "gain", "timing", "zero"]
+    name: str
+    sd: float
+    unit: str
+    section: str = ""
+    load: float = math.nan
+    log: int = -1
+
+    def __str__(self) -> str:
+        """How a report calls it."""
+        return {
+            "rig": self.name,
+            "law": f"{self.name} of the {self.section}",
+            "load": f"load of {self.load:g} ohm",
+            "gain": f"gain of {self.name}",
+            "timing": f"timing of {self.name}",
+            "zero": f"zero of {self.name} in log {self.log + 1}",
+        }[self.kind]
+
+
+def nuisances(rig: Rig, runs: Sequence[Run]) -> tuple[Nuisance, ...]:
+    """Every nuisance of some logs on a rig, in a fixed order: rig, laws, loads, gains, timing, zeros."""
+    found = []
+    for section in SECTIONS:
+        for name, value in _quantities(rig, section).items():
+            tolerance = math.hypot(value.tolerance or 0.0, OF_THE_MODEL.get((section, name), 0.0) * value.value)
+            if tolerance:
+                found.append(Nuisance("rig", name, tolerance, value.unit, section=section))
+    found += [Nuisance("law", name, sd, unit, section=part) for (part, name), (sd, unit) in ABSENT.items()]
+    share = rig.dc_link.load_tolerance_percent / 100.0
+    loads = dict.fromkeys(run.load for run in runs if run.load is not None and math.isfinite(run.load))
+    if share:
+        found += [Nuisance("load", f"{load:g} ohm", share, "1", load=load) for load in loads]
+    logged = [name for name in CHANNELS if any(name in run.channels for run in runs)]
+    for name in logged:
+        gain, _ = sensor_errors(rig.sensors.get(name))
+        if gain:
+            found.append(Nuisance("gain", name, gain, "1"))
+    skew = SKEW / max(run.fs for run in runs)
+    found += [Nuisance("timing", name, skew, "s") for name in logged if name != "pressure"]
+    for log, run in enumerate(runs):
+        for name in logged:
+            _, zero = sensor_errors(rig.sensors.get(name))
+            if zero and name in run.channels and name not in WITHOUT_ZERO:
+                found.append(Nuisance("zero", name, zero, "SI", log=log))
+    return tuple(found)
+
+
+def sensor_errors(sensor: Sensor | None) -> tuple[float, float]:
+    """Standard uncertainties of a sensor's gain [1] and zero [SI unit of its channel].
+
+    As calibrated in place where the rig file says so; else from the maker's limits, as a reduction takes them.
+    """
+    if sensor is None:
+        return 0.0, 0.0
+    if sensor.u_gain is None and sensor.u_zero is None:
+        stated = {source.part: source.u for source in error_sources("", sensor)}
+        return stated.get("gain", 0.0), stated.get("zero", 0.0)
+    gain = sensor.u_gain if sensor.u_gain is not None else (sensor.accuracy_reading or 0.0) / math.sqrt(3.0)
+    return gain, sensor.u_zero or 0.0
+
+
+def shifted(rig: Rig, by: Mapping[tuple[str, str], float]) -> Rig:
+    """A rig whose numbers, by section and name, are moved by so much, SI units."""
+    for section in SECTIONS:
+        moved = {name: delta for (where, name), delta in by.items() if where == section and delta}
+        if moved:
+            part = getattr(rig, section)
+            numbers = {
+                name: msgspec.structs.replace(getattr(part, name), value=getattr(part, name).value + delta)
+                for name, delta in moved.items()
+            }
+            rig = msgspec.structs.replace(rig, **{section: msgspec.structs.replace(part, **numbers)})
+    return rig
+
+
+def _quantities(rig: Rig, section: str) -> dict[str, Quantity]:
+    part = getattr(rig, section)
+    found = {name: getattr(part, name) for name in part.__struct_fields__}
+    return {name: value for name, value in found.items() if isinstance(value, Quantity)}

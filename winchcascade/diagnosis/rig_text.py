@@ -1,0 +1,188 @@
+"""The text of a rig file with calibrated numbers in it, everything else kept: comments, order, spelling, line ends."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from winchcascade import __version__
+from winchcascade.core.errors import LogError, RigError
+from winchcascade.core.quantity import Quantity, Unit, find_unit
+from winchcascade.core.rig_toml import built_in_text, parse_rig
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from winchcascade.core.rig_file import Rig
+    from winchcascade.diagnosis.calibrate import Calibration, Number
+
+MARK = "# Calibrated by winchcascade/"
+"""How the first line of a calibrated rig file begins; by it the tool knows its own."""
+
+CALIBRATED = "calibrated from "
+"""How the source of a calibrated number begins."""
+
+_HEADER = re.compile(r"\s*\[([^\[\]]+)\]\s*(#.*)?$")
+_KEY = re.compile(r"""\s*([A-Za-z0-9_\-."' \t]+?)\s*=""")
+_TABLE = re.compile(r"""\{(?:[^{}"']|"(?:\\.|[^"\\])*"|'[^']*')*\}""")
+_OF_A_NUMBER = ("value", "unit", "source", "tolerance", "tolerance_percent")
+
+
+def calibrated_text(calibration: Calibration) -> str:
+    """Write what an open circuit says of a rig into the text of its rig file.
+
+    A number that is found anew gets its value, its standard uncertainty as `tolerance` and a `source` that names the log; a
+    number of which the log says no more keeps its entry. The first line names this tool, its version and the log.
+
+    Raises
+    ------
+    RigError : the rig file cannot be read again, or writes a number in a way that cannot be replaced
+    LogError : a number comes out as no rig has it
+    """
+    found = [number for number in calibration.numbers if number.new]
+    for number in found:
+        if number.value <= 0.0:
+            raise LogError(
+                f"{calibration.run.name}: {number.name} comes out as {number.value:.3g}, which no rig has, so that no rig file "
+                "is written; check sign, unit and zero of the log's force and torque."
+            )
+    text = _text_of(calibration.rig)
+    for number in found:
+        text = _with_entry(text, number, _entry(number, calibration))
+    names = ", ".join(number.name for number in found)
+    head = f"{MARK}{__version__} from {_log(calibration)}: {names}."
+    text = _with_head(text, head)
+    _check(text, calibration.rig, found)
+    return text
+
+
+def _text_of(rig: Rig) -> str:
+    """Text of the file that a rig was read from, line ends as they are."""
+    if rig.path == f"built-in rig {rig.name}":
+        return built_in_text(rig.name)
+    try:
+        return Path(rig.path).read_bytes().decode("utf-8-sig")
+    except (OSError, UnicodeDecodeError) as fault:
+        raise RigError(f"{rig.path}: the rig file cannot be read again ({fault}); give it by --rig.") from None
+
+
+def _log(calibration: Calibration) -> str:
+    """Name a log by its file, the first digits of its SHA-256 and its length."""
+    run = calibration.run
+    name = "".join(c if c.isprintable() else "?" for c in run.name)
+    return f"{name} (sha256 {run.sha256[:12] or 'unknown'}, {run.samples} samples)"
+
+
+def _entry(number: Number, calibration: Calibration) -> dict[str, str]:
+    """Keys and TOML values of a calibrated number, in the unit that the rig file has for it."""
+    old: Quantity | None = getattr(getattr(calibration.rig, number.section), number.name)
+    unit = number.unit if old is None else old.unit
+    scale = find_unit(unit) or Unit("number", 1.0)
+    tolerance = number.u / scale.factor
+    was = "" if math.isnan(number.before) else f"; was {(number.before - scale.offset) / scale.factor:.6g}"
+    return {
+        "value": _rounded((number.value - scale.offset) / scale.factor, tolerance),
+        "unit": _quoted(unit),
+        "tolerance": f"{tolerance:.3g}",
+        "source": _quoted(f"{CALIBRATED}{_log(calibration)}: {number.how}{was}"),
+    }
+
+
+def _rounded(value: float, u: float) -> str:
+    """A number with digits down to a hundredth of its uncertainty.
+
+    >>> _rounded(0.0618228492643, 6.3e-5)
+    '0.0618228'
+    """
+    decimals = 2 - math.floor(math.log10(u)) if u > 0.0 else 12
+    return repr(round(value, decimals))
+
+
+def _quoted(text: str) -> str:
+    """A TOML string; JSON escapes the same characters by the same signs."""
+    return json.dumps(text, ensure_ascii=False)
+
+
+def _with_entry(text: str, number: Number, entry: dict[str, str]) -> str:
+    """Replace the entry of a number, an inline table or keys of their own, or add it where there is none."""
+    lines = text.splitlines(keepends=True)
+    end = "\r\n" if "\r\n" in text else "\n"
+    inline = f"{{ {', '.join(f'{key} = {value}' for key, value in entry.items())} }}"
+    wanted, section, own = (number.section, number.name), None, []
+    for k, here, key in _keys(lines):
+        path = here + _path(key)
+        if path == wanted and (table := _TABLE.search(lines[k])):
+            lines[k] = lines[k][: table.start()] + inline + lines[k][table.end() :]
+            return "".join(lines)
+        if path[:-1] == wanted and path[-1] in _OF_A_NUMBER:
+            own.append((k, key))
+        section = k if here == wanted[:1] else section
+    if own:
+        return "".join(_with_keys(lines, own, entry, end))
+    added = f"{number.name} = {inline}{end}"
+    if section is None:
+        return f"{text.rstrip()}{end}{end}[{number.section}]{end}{added}"
+    lines[section] = f"{lines[section].rstrip()}{end}{added}"
+    return "".join(lines)
+
+
+def _keys(lines: Sequence[str]) -> Iterator[tuple[int, tuple[str, ...], str]]:
+    """Lines with a header or a key: number of the line, path of the table that it stands in, and the key, "" for a header."""
+    here: tuple[str, ...] = ()
+    for k, line in enumerate(lines):
+        if header := _HEADER.match(line):
+            here = _path(header[1])
+            yield k, here, ""
+        elif key := _KEY.match(line):
+            yield k, here, key[1]
+
+
+def _path(key: str) -> tuple[str, ...]:
+    """Parts of a dotted key."""
+    return tuple(part.strip().strip("\"'") for part in key.split("."))
+
+
+def _with_keys(lines: Sequence[str], own: Sequence[tuple[int, str]], entry: dict[str, str], end: str) -> Iterator[str]:
+    """Lines in which the keys of one number, each on a line of its own, are replaced."""
+    first, key = own[0]
+    stem = key[: key.rfind(".") + 1]
+    gone = {k for k, _ in own}
+    for k, line in enumerate(lines):
+        if k == first:
+            yield from (f"{stem}{name} = {value}{end}" for name, value in entry.items())
+        elif k not in gone:
+            yield line
+
+
+def _with_head(text: str, head: str) -> str:
+    """The text under a first line, which takes the place of one of its kind."""
+    first, _, rest = text.partition("\n")
+    end = "\r\n" if "\r\n" in text else "\n"
+    return head + end + (rest if first.startswith(MARK) else text)
+
+
+def _check(text: str, rig: Rig, found: Sequence[Number]) -> None:
+    """Read the text again: the calibrated numbers must be in it, and nothing else may have changed."""
+    try:
+        again = parse_rig(text, rig.path)
+    except RigError:
+        again = None
+    for number in found:
+        new: Quantity | None = None if again is None else getattr(getattr(again, number.section), number.name)
+        if again is None or new is None or not new.source.startswith(CALIBRATED):
+            raise RigError(
+                f"{rig.path}: [{number.section}] {number.name} stands there in a way that cannot be replaced; write it as "
+                f'{number.name} = {{ value = ..., unit = "...", source = "..." }} under [{number.section}].'
+            )
+        old = getattr(getattr(rig, number.section), number.name)
+        part = msgspec.structs.replace(getattr(again, number.section), **{number.name: old})
+        again = msgspec.structs.replace(again, **{number.section: part})
+    if again != rig:
+        raise RigError(
+            f"{rig.path}: cannot be rewritten without a change to other entries; put each on a line of its own."
+        )

@@ -1,0 +1,387 @@
+"""Dropouts: a channel jumps to one value, repeats it exactly, and jumps back, while the machine goes on.
+
+Error codes (-999, 9999), zeros of a lost signal and held constants are of this kind, from one sample to many seconds. One
+channel gives the stretches (`_stretches`); the others decide whether the machine did it (`_contradicted`): a torque that
+vanishes while Vdc, Idc and the velocity go on cannot be the clutch, and a stopped crane makes all of them fall.
+A slow channel that is written as zero between its updates is found by its pattern alone (`find_fillers`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from winchcascade.core.integrate import median, quantile
+from winchcascade.ingest.checks.agreement import smallest_step
+from winchcascade.ingest.checks.glitches import BEYOND, FAR, LEAST_SHARE, LONGEST, NOISE, STILL, TEARS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from winchcascade.core.run import Signal
+    from winchcascade.ingest.checks.spikes import Bends
+
+    Index = NDArray[np.intp]
+    Mask = NDArray[np.bool_]
+
+HOLDS = 0.5
+"""Another channel goes on if it departs, relative to its range, by less than this share of what the suspect departs."""
+
+ALONE = 0.1
+"""The same where the velocity is the only other channel: with a light load, a small loss of speed opens the clutch."""
+
+RISES = 0.05
+"""A load that is cut off lets Vdc rise by more than this share: without a torque channel the current is then believed."""
+
+ONE_SIDED = 0.25
+"""Share of the range that a jump must have where the stretch begins or ends without one: a clutch engages by less."""
+
+VALUES = 8
+"""Values of one channel that are looked at, those that most jumps lead to or from first."""
+
+OFTEN = 5
+"""A channel passes one exact value in single samples less often than this; rarer ones are left to the search for spikes."""
+
+ROUNDS = 4
+"""Times that the search is repeated: one code next to another is seen once that one is out."""
+
+FILLED = 0.02
+"""Of a slow channel with filled rows hardly any two neighbours hold a value: at most this share of those that do."""
+
+UPDATES = 20
+"""Fewer updates show no pattern."""
+
+COARSE = 3.0
+"""A jump of fewer steps of the channel's own resolution is none of a fault."""
+
+_LEVEL = 20_000
+"""Samples that tell the range and the noise of a channel."""
+
+WITNESSES = {
+    "force": ("torque", "power_mech", "vdc", "idc", "velocity"),
+    "torque": ("vdc", "idc", "velocity"),
+    "power_mech": ("vdc", "idc", "velocity"),
+    "vdc": ("idc", "torque", "power_mech", "velocity"),
+    "idc": ("vdc", "torque", "power_mech", "velocity"),
+    "velocity": ("torque", "power_mech", "vdc", "idc"),
+}
+"""Channels that fall together with a channel if the machine, and no fault of the logger, makes it fall."""
+
+
+class Dropout(msgspec.Struct, frozen=True):
+    """One stretch of a channel that repeats `value`: the good samples on either side, -1 or n at an end of the log, its smaller
+    jump (the only one at an end), and its size relative to the channel's range.
+
+    `far`: no measurement lies there. `usual`: largest step of the channel that belongs to no such stretch.
+    `even`: every sample is `value`, which else is their median.
+    """
+
+    before: int
+    after: int
+    value: float
+    jump: float
+    share: float
+    far: bool
+    usual: float
+    even: bool = True
+
+
+class _Level(msgspec.Struct, frozen=True):
+    """What a channel does without its suspected values: range and usual curvature."""
+
+    low: float
+    high: float
+    noise: float
+
+    @property
+    def span(self) -> float:
+        return self.high - self.low
+
+
+def find_dropouts(
+    t: Signal, channels: Mapping[str, Signal], bends: Mapping[str, Bends], *, open_circuit: bool
+) -> dict[str, list[Dropout]]:
+    """Find the dropouts of a log's channels.
+
+    Parameters
+    ----------
+    t : (n,) stamps [s]
+    channels : (n,) each, NaN where they have holes
+    bends : where each channel bends sharply
+    open_circuit : no current flows, and a voltage says nothing of a load
+    """
+    found: dict[str, list[Dropout]] = {}
+    level: dict[str, _Level] = {}
+    suspects = {name: _stretches(t, bends[name], level, name) for name in channels}
+    if not any(suspects.values()):
+        return found
+    for name in channels:
+        level.setdefault(name, _level(bends[name].x, np.empty(0)))
+    sure = {
+        (d.before, d.after)
+        for name, stretches in suspects.items()
+        for d in stretches
+        if d.far or _cannot_be(t, name, d, channels)
+    }
+    for name, stretches in suspects.items():
+        good = [
+            d
+            for d in stretches
+            if (d.before, d.after) in sure or _contradicted(name, d, channels, suspects, level, open_circuit)
+        ]
+        if good:
+            found[name] = good
+    return found
+
+
+def find_filled(x: Signal) -> Mask | None:
+    """Find the rows of a slow channel that hold 0 because it had no new value, (n,); None where there are none.
+
+    Zeros that last longer than two updates are measurements: of them the rows of the updates are kept.
+
+    >>> x = np.zeros(200)
+    >>> x[::4] = 5.0
+    >>> int(find_filled(x).sum())
+    147
+    """
+    if 2 * np.count_nonzero(x) > 1.1 * x.size:
+        return None
+    held = np.flatnonzero(x)
+    steps = np.diff(held)
+    if held.size < UPDATES or np.count_nonzero(steps == 1) > FILLED * held.size:
+        return None
+    every = int(median(steps.astype(np.float64)))
+    if every < 2 or np.count_nonzero(steps % every) > FILLED * held.size:
+        return None
+    filled = np.zeros(x.size, dtype=bool)
+    filled[held[0] : held[-1]] = True
+    filled[held] = False
+    for a, b in zip(held[:-1][steps > 2 * every].tolist(), held[1:][steps > 2 * every].tolist(), strict=True):
+        filled[a:b:every] = False
+    return filled
+
+
+def _stretches(t: Signal, bends: Bends, level: dict[str, _Level], name: str) -> list[Dropout]:
+    """Stretches of one channel that repeat a value to which it jumped, and what the channel does without them."""
+    x = bends.x
+    at = _jumps(bends)
+    if at.size == 0:
+        return []
+    values = _values(x, at)
+    level[name] = usual = _level(x, values)
+    steps = np.abs(np.diff(x))
+    resolution = smallest_step(x)
+    place = np.arange(x.size) if bends.place is None else bends.place
+    found = []
+    for value in values.tolist():
+        same = np.flatnonzero(x == value)
+        first = same[np.diff(same, prepend=-9) > 1]
+        last = same[np.diff(same, append=x.size + 9) > 1] + 1
+        into = x[np.maximum(first - 1, 0)] - value
+        out = x[np.minimum(last, x.size - 1)] - value
+        big = np.maximum(np.abs(into), np.abs(out)) > max(LEAST_SHARE * usual.span, NOISE * usual.noise)
+        if not big.any():
+            continue
+        other = (x[1:] != value) & (x[:-1] != value) & (steps < FAR * usual.span)
+        largest = float(np.max(steps, initial=0.0, where=other))
+        dropouts = [
+            _dropout(t, x, place, (a, b), (i, o), usual, largest)
+            for a, b, i, o in zip(*(part[big].tolist() for part in (first, last, into, out)), strict=True)
+        ]
+        known = [d for d in dropouts if d is not None]
+        few = len(known) < OFTEN
+        found += [d for d in known if not (few and d.after - d.before == 2) or (d.far and same.size > 1)]
+    found = [d for d in found if d.far or d.jump > COARSE * resolution]
+    return found if any(d.far for d in found) else found + _uneven(t, x, place, at, usual)
+
+
+def _jumps(bends: Bends) -> Index:
+    """First samples of large steps."""
+    x, least = bends.x, LEAST_SHARE * bends.span
+    if x.size < 2 or least <= 0.0:
+        return np.empty(0, dtype=np.intp)
+    if NOISE * bends.noise >= least:  # codes are so many that they pass for noise, or there is nothing but noise
+        return np.flatnonzero(np.abs(np.diff(x)) > least)
+    near = np.sort(np.concatenate((bends.found - 1, bends.found)))
+    near = near[np.diff(near, prepend=-9) > 0]
+    return near[np.abs(x[near + 1] - x[near]) > least]
+
+
+def _values(x: Signal, at: Index) -> Signal:
+    """Values that large jumps lead to and from and that occur more than once, most jumps first; extremes among them."""
+    ends = np.sort(np.concatenate((x[at[:_LEVEL]], x[at[:_LEVEL] + 1], [x.min(), x.min(), x.max(), x.max()])))
+    first = np.flatnonzero(np.diff(ends, prepend=np.nan) != 0)
+    count = np.diff(first, append=ends.size)
+    most = np.argsort(-count, kind="stable")
+    most = most[count[most] >= 2][:VALUES]
+    return ends[first[most]]
+
+
+def _equal_to_any(x: Signal, values: Signal) -> Mask:
+    equal = np.zeros(x.size, dtype=bool)
+    for value in values:
+        equal |= x == value
+    return equal
+
+
+def _level(x: Signal, without: Signal) -> _Level:
+    """Range and usual curvature of a channel without some values; with them if a coarse channel has no others."""
+    every, begin = x[:: max(1, x.size // _LEVEL)], x[:_LEVEL]
+    spread, begin = (part[~_equal_to_any(part, without)] for part in (every, begin))
+    if spread.size == 0:
+        spread, begin = every, x[:_LEVEL]
+    spread = np.sort(spread)
+    spread = spread[
+        np.diff(spread, prepend=-np.inf) > 0
+    ]  # each value once: a log may rest for hours and move for seconds
+    curved = np.abs(np.diff(begin, 2))
+    curved = curved[curved > 0]
+    return _Level(quantile(spread, 0.005), quantile(spread, 0.995), median(curved) if curved.size else 0.0)
+
+
+def _dropout(
+    t: Signal,
+    x: Signal,
+    place: Index,
+    stretch: tuple[int, int],
+    jumps: tuple[float, float],
+    usual: _Level,
+    largest: float,
+) -> Dropout | None:
+    """A stretch of equal samples as a dropout: None where the channel moves into and out of it as it does elsewhere."""
+    (a, b), (into, out) = stretch, jumps
+    if into * out < 0.0:  # a step of a staircase
+        return None
+    into, out = abs(into), abs(out)
+    value = float(x[a])
+    before, after = (int(place[a - 1]) if a else -1), (int(place[b]) if b < x.size else t.size)
+    if a == 0 and b == x.size:
+        return None
+    jump = out if a == 0 else into if b == x.size else min(into, out)
+    far = bool(value < usual.low - FAR * usual.span or value > usual.high + FAR * usual.span)
+    least = max(LEAST_SHARE * usual.span, NOISE * usual.noise)
+    if jump <= least and not far:
+        long = t[after - 1] - t[before + 1] >= LONGEST
+        if not long or max(into, out) < max(ONE_SIDED * usual.span, least):
+            return None
+    ends = (x[b], x[b]) if a == 0 else (x[a - 1], x[a - 1]) if b == x.size else (x[a - 1], x[b])
+    share = max(abs(value - end) / max(abs(end), LEAST_SHARE * usual.span, 1e-300) for end in ends)
+    return Dropout(before, after, value, jump, float(share), far, largest)
+
+
+def _uneven(t: Signal, x: Signal, place: Index, at: Index, usual: _Level) -> list[Dropout]:
+    """Stretches between two jumps that hold no single value: noise about zero, values in another unit."""
+    size = x[at + 1] - x[at]
+    large = np.abs(size) > max(LEAST_SHARE * usual.span, NOISE * usual.noise)
+    at, size = at[large], size[large]
+    pairs = np.flatnonzero(size[1:] * size[:-1] < 0.0)
+    found = []
+    for k in pairs.tolist():
+        a, b = int(at[k]) + 1, int(at[k + 1]) + 1
+        jump, larger = sorted((float(abs(size[k])), float(abs(size[k + 1]))))
+        if larger < ONE_SIDED * usual.span or t[place[b - 1]] - t[place[a]] < LONGEST:
+            continue
+        if not 0.0 < np.ptp(x[a:b]) < HOLDS * larger:
+            continue
+        share = min(abs(median(x[a:b]) - end) / max(abs(end), LEAST_SHARE * usual.span) for end in (x[a - 1], x[b]))
+        others = np.delete(np.abs(size), (k, k + 1))
+        before, after = int(place[a - 1]), int(place[b])
+        value = median(x[a:b])
+        largest = float(others.max(initial=0.0))
+        found.append(Dropout(before, after, value, jump, float(share), far=False, usual=largest, even=False))
+    return found
+
+
+def _cannot_be(t: Signal, name: str, d: Dropout, channels: Mapping[str, Signal]) -> bool:
+    """Whether a channel that only motion can change jumps where there is no such motion."""
+    if name == "pressure":
+        return d.jump > BEYOND * d.usual > 0.0
+    if name == "displacement":
+        return d.jump > max(BEYOND * d.usual, TEARS * _fastest(t, d, channels))
+    displacement = channels.get("displacement")
+    if name != "velocity" or displacement is None or d.before < 0 or d.after >= t.size or d.jump < BEYOND * d.usual:
+        return False
+    v, stamps = channels["velocity"], t[d.before : d.after + 1]
+    moved = displacement[d.after] - displacement[d.before]
+    part = v[d.before : d.after + 1]
+    good = np.isfinite(part)
+    with_it = np.trapezoid(part[good], stamps[good])
+    without = 0.5 * (part[0] + part[-1]) * (stamps[-1] - stamps[0])
+    return bool(abs(moved - without) < HOLDS * abs(moved - with_it))
+
+
+def _fastest(t: Signal, d: Dropout, channels: Mapping[str, Signal]) -> float:
+    """Farthest that the line goes between two samples, by its velocity around a stretch; 0 where that is unknown. [m]"""
+    around = slice(max(d.before, 0), d.after + 1)
+    v = np.abs(channels["velocity"][around]) if "velocity" in channels else np.empty(0)
+    v = v[[0, -1]] if v.size else v
+    return float(v.max() * np.diff(t[around]).max()) if v.size and np.isfinite(v).all() else 0.0
+
+
+def _contradicted(
+    name: str,
+    d: Dropout,
+    channels: Mapping[str, Signal],
+    suspects: Mapping[str, list[Dropout]],
+    level: Mapping[str, _Level],
+    open_circuit: bool,
+) -> bool:
+    """Whether the channels that would fall with this one go on as if nothing had happened."""
+    if name not in WITNESSES or (name == "velocity" and "displacement" in channels):
+        return False
+    if d.jump < BEYOND * d.usual:
+        return False
+    departs = {}
+    together = False
+    side = float(np.sign(d.value - _edge(channels[name], d)))
+    for other in WITNESSES[name]:
+        if other not in channels or (open_circuit and other in ("vdc", "idc")):
+            continue
+        beside = [e for e in suspects[other] if e.before < d.after - 1 and d.before < e.after - 1]
+        if beside:
+            together |= not d.even and any(not e.even for e in beside)
+            continue
+        if level[other].span > STILL * level[other].noise:
+            off = _departure(channels[other], d, side, LEAST_SHARE * level[other].span, idle=other != "velocity")
+            if off is not None:
+                departs[other] = off
+    if together and not departs.keys() - {"velocity"}:  # all of a machine's forces and currents fall: a clutch may slip
+        return False
+    if name == "idc" and "vdc" in departs and departs.keys() <= {"vdc", "velocity"}:
+        rise = _departure(channels["vdc"], d, -side, LEAST_SHARE * level["vdc"].span, idle=True)
+        if rise is not None and rise > RISES:
+            return False
+    share = HOLDS if departs.keys() - {"velocity"} else ALONE
+    return bool(departs) and max(departs.values()) < share * d.share
+
+
+def _edge(x: Signal, d: Dropout) -> float:
+    """Value of a channel beside a stretch, on the side of the larger jump."""
+    ends = [float(x[k]) for k in (d.before, d.after) if 0 <= k < x.size]
+    return max(ends, key=lambda end: abs(end - d.value))
+
+
+def _departure(y: Signal, d: Dropout, side: float, least: float, *, idle: bool) -> float | None:
+    """How far another channel leaves its straight line over a stretch to one side, relative to its level beside it.
+
+    None if it is lost itself, or if it idles (`idle`: what that channel does) below `least` and so could not fall.
+    """
+    first, last = max(d.before, 0), min(d.after, y.size - 1)
+    part = y[first : last + 1]
+    good = np.flatnonzero(np.isfinite(part))
+    inside = part[1 if d.before >= 0 else 0 : part.size - (d.after < y.size)]
+    if 2 * np.count_nonzero(np.isfinite(inside)) < inside.size or good.size < 2:
+        return None
+    if inside.size >= UPDATES and np.ptp(inside[np.isfinite(inside)]) == 0.0:
+        return None
+    begin, end = part[good[0]], part[good[-1]]
+    if d.before < 0 or d.after >= y.size:
+        begin = end = end if d.before < 0 else begin
+    level = max(abs(begin), abs(end))
+    if idle and level < least:
+        return None
+    line = begin + (end - begin) * (good - good[0]) / (good[-1] - good[0])
+    return float(np.max(side * (part[good] - line)) / max(level, least))

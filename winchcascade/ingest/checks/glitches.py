@@ -1,0 +1,294 @@
+"""Glitches: a few consecutive samples that jump away from both neighbours and jump back, which no machine does.
+
+One channel says what jumps away and back (`find_pulses`); the others say whether the machine moved (`follows`); and the
+jumps that are left, as of a torque when the clutch engages, say what the channel itself can do (`without_usual_jumps`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from winchcascade.core.integrate import quantile
+from winchcascade.ingest.checks.spikes import AROUND, Bends
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from winchcascade.core.run import Signal
+
+    Index = NDArray[np.intp]
+
+LONGEST = 0.2
+"""A glitch lasts no longer: five samples at 25 Hz. Stops of the crane and saturated sensors do. [s]"""
+
+FEWEST = 5
+"""Values that nothing measured can be are a glitch of up to so many samples even where these last longer."""
+
+LEAST_SHARE = 0.1
+"""Either of its jumps is at least this share of the range in which the channel moves,"""
+
+NOISE = 15.0
+"""and so many times the usual curvature of the log; of white noise these are 25 standard deviations."""
+
+BEYOND = 1.5
+"""And it is so many times the largest jump of the channel that is none of a glitch: what the machine does in one sample."""
+
+APART = 5.0
+"""And so many times what three in four steps around it stay below: in ringing and in noise there is none."""
+
+BACK = 0.2
+"""Its neighbours agree with each other, and with theirs, within this share of its jumps: after a snap load the line rings."""
+
+EVEN = 0.75
+"""Its samples stand off alike, the nearest at least this share of the farthest: a load that comes and goes has flanks; of a
+half sine that spans four intervals, the middle three samples are 0.71 of each other."""
+
+RESOLVED = 3
+"""Where fewer samples fit into the longest glitch, as below 15 Hz, a load could come and go within two alike: a glitch then
+repeats one value exactly."""
+
+FAR = 5.0
+"""What stands so many times the channel's range off is no measurement, whatever the other channels do."""
+
+STILL = 20.0
+"""A channel whose range is not so many times its usual curvature holds noise alone, whose range tells nothing."""
+
+MOST = 0.01
+"""A channel that jumps away and back in a larger share of its samples does so by itself: pulses, a chopper."""
+
+FEW = 20
+"""But so many samples may always be glitches, however short the log."""
+
+WITNESS = 0.05
+"""Another channel moves too if it leaves its own straight line by this share of its range, and comes back."""
+
+TEARS = 10.0
+"""A displacement that jumps so many times farther than the line's speed takes it in a sample is none: no other channel is
+asked, and what jumps in another one between the same samples is a fault of the logger too."""
+
+_JUMPS = 6
+"""Jumps that one glitch may hold."""
+
+
+class Pulse(msgspec.Struct, frozen=True):
+    """A stretch that jumps away and back: the good samples on either side, -1 or n at an end of the log, its smaller jump,
+    whether it lies beyond the sensor's range (`wild`), and far beyond all that the channel does (`lost`)."""
+
+    before: int
+    after: int
+    jump: float
+    wild: bool
+    lost: bool
+
+
+class Pulses(msgspec.Struct, frozen=True):
+    """What jumps away and back in one channel, every large jump as its first sample and its size, and what tells whether
+    the channel moves: more than `moves` off a straight line."""
+
+    found: tuple[Pulse, ...]
+    at: Index
+    size: Signal
+    moves: float
+
+
+def find_glitches(t: Signal, channels: Mapping[str, Signal], pulses: Mapping[str, Pulses]) -> dict[str, list[slice]]:
+    """Find the glitches of a log's channels, as slices of its samples.
+
+    Parameters
+    ----------
+    t : (n,) stamps [s]
+    channels : (n,) each, NaN where they have holes or single-sample spikes
+    pulses : what jumps away and back in each
+    """
+    sure = {
+        (p.before, p.after)
+        for name, channel in pulses.items()
+        for p in channel.found
+        if p.lost or (name == "displacement" and _torn(t, p, channels))
+    }
+    glitches = {}
+    for name, channel in pulses.items():
+        alone = [p for p in channel.found if (p.before, p.after) in sure or not follows(t, name, p, channels, pulses)]
+        good = without_usual_jumps(alone, channel)
+        if good:
+            glitches[name] = [slice(p.before + 1, p.after) for p in good]
+    return glitches
+
+
+def find_pulses(bends: Bends, singles: Index, longest: int, limit: float) -> Pulses:
+    """Find the stretches of one channel that jump away and back.
+
+    Parameters
+    ----------
+    bends : where the channel bends sharply
+    singles : its single-sample spikes, as indices of its finite samples; their jumps do not count
+    longest : samples that a glitch may last
+    limit : magnitude beyond which its sensor measures nothing, inf where that is unknown
+    """
+    x, found = bends.x, bends.found
+    least = max(LEAST_SHARE * bends.span, NOISE * bends.noise)
+    moves = max(WITNESS * bends.span, 2 * bends.least)
+    steps = _without(np.concatenate((found - 1, found)), np.concatenate((singles - 1, singles)))
+    steps = steps[np.abs(x[steps + 1] - x[steps]) > least]
+    if steps.size == 0:
+        return Pulses((), steps, np.empty(0), moves)
+    place = np.arange(x.size) if bends.place is None else bends.place
+    lost = _lost(bends, limit)
+    pulses: list[Pulse] = []
+    free = -1
+    for i, j in _pairs(x, steps, place, max(longest, FEWEST)):
+        pulse = None if i < free else _pulse(x, i, j, place, longest, lost)
+        if pulse is not None:
+            pulses.append(pulse)
+            free = j + 1
+    pulses += _ends(x, steps, place, lost)
+    genuine = steps[~lost.wild(x[steps]) & ~lost.wild(x[steps + 1]) & (place[steps + 1] - place[steps] <= 2)]
+    return Pulses(_seldom(pulses, x.size), place[genuine], np.abs(x[genuine + 1] - x[genuine]), moves)
+
+
+def _without(index: Index, others: Index) -> Index:
+    """Indices but for others, each once, in order; numpy's own functions of sets import its masked arrays."""
+    index = np.sort(index)
+    others = np.sort(others)
+    once = np.diff(index, prepend=-9) > 0
+    if others.size:
+        once &= others[np.minimum(np.searchsorted(others, index), others.size - 1)] != index
+    return index[once]
+
+
+class _Lost(msgspec.Struct, frozen=True):
+    """What no sensor of a channel measures: below `low` or above `high` is far beyond all that the channel does, and beyond
+    `limit` in magnitude is its sensor's range left."""
+
+    low: float
+    high: float
+    limit: float
+
+    def far(self, x: Signal) -> NDArray[np.bool_]:
+        """Whether values are far beyond all that the channel does."""
+        far: NDArray[np.bool_] = (x < self.low) | (x > self.high)
+        return far
+
+    def wild(self, x: Signal) -> NDArray[np.bool_]:
+        """Whether values are that, or beyond the sensor's range."""
+        return self.far(x) | (np.abs(x) > self.limit)
+
+
+def _lost(bends: Bends, limit: float) -> _Lost:
+    far = FAR * bends.span if bends.span > STILL * bends.noise else np.inf
+    return _Lost(bends.low - far, bends.high + far, limit)
+
+
+def _pairs(x: Signal, steps: Index, place: Index, longest: int) -> list[tuple[int, int]]:
+    """Pairs of large jumps (first samples), the second of which leads back to where the first began, in their order."""
+    pairs: list[tuple[int, int]] = []
+    size = np.abs(x[steps + 1] - x[steps])
+    for more in range(1, _JUMPS + 1):
+        i, j = steps[:-more], steps[more:]
+        back = np.abs(x[j + 1] - x[i]) < BACK * np.minimum(size[:-more], size[more:])
+        good = back & (place[j + 1] - place[i] - 1 <= longest)
+        pairs += zip(i[good].tolist(), j[good].tolist(), strict=True)
+    return sorted(pairs)
+
+
+def _pulse(x: Signal, i: int, j: int, place: Index, longest: int, lost: _Lost) -> Pulse | None:
+    """The samples i + 1 to j as a pulse, None if they are not far off a calm line alike."""
+    after = j + 1
+    inside, ends = x[i + 1 : after], x[[i, after]]
+    off = inside - np.interp(np.arange(i + 1, after), [i, after], ends)
+    size = np.abs(off)
+    edge = float(min(abs(x[i + 1] - x[i]), abs(x[after] - x[j])))
+    pulse = Pulse(int(place[i]), int(place[after]), edge, bool(lost.wild(inside).all()), bool(lost.far(inside).all()))
+    if lost.wild(ends).any():
+        return None
+    calm = max(abs(x[i] - x[max(i - 1, 0)]), abs(x[min(after + 1, x.size - 1)] - x[after])) < BACK * edge
+    if pulse.lost or (pulse.wild and calm):
+        return pulse
+    few = place[after] - place[i] - 1 <= longest and inside.size >= 2
+    alike = size.min() > EVEN * size.max() and (off.min() > 0 or off.max() < 0)
+    alike &= longest >= RESOLVED or bool(np.all(inside == inside[0]))
+    steps = np.abs(np.concatenate((np.diff(x[max(i - AROUND, 0) : i + 1]), np.diff(x[after : after + AROUND + 1]))))
+    if few and alike and calm and steps.size and APART * quantile(steps, 0.75) < edge:
+        return pulse
+    return None
+
+
+def _ends(x: Signal, steps: Index, place: Index, lost: _Lost) -> list[Pulse]:
+    """The first and the last few samples of a log, where nothing measured can be what they are."""
+    ends = []
+    for part, before, after, good in (
+        (x[: steps[0] + 1], -1, int(place[steps[0] + 1]), x[steps[0] + 1]),
+        (x[steps[-1] + 1 :], int(place[steps[-1]]), int(place[-1]) + 1, x[steps[-1]]),
+    ):
+        if part.size <= FEWEST and lost.wild(part).all() and not lost.wild(good):
+            ends.append(Pulse(before, after, 0.0, wild=True, lost=bool(lost.far(part).all())))
+    return ends
+
+
+def _seldom(pulses: Sequence[Pulse], samples: int) -> tuple[Pulse, ...]:
+    """All pulses where they are rare; where they are not, those alone that nothing measured can be."""
+    inside = sum(p.after - p.before - 1 for p in pulses if not p.wild)
+    return tuple(p for p in pulses if p.wild or inside <= max(FEW, MOST * samples))
+
+
+def follows(t: Signal, name: str, pulse: Pulse, channels: Mapping[str, Signal], pulses: Mapping[str, Pulses]) -> bool:
+    """Whether another channel goes with a pulse of this one, so that the machine moved."""
+    before, after = max(pulse.before, 0), min(pulse.after, t.size - 1)
+    if name == "velocity" and "displacement" in channels and _travels(t, before, after, channels):
+        return True
+    around = slice(max(before - 1, 0), after + 2)
+    return any(
+        _jumps(pulses[other], around) or _moves(channels[other][around], pulses[other].moves, returns=not pulse.wild)
+        for other in channels
+        if other != name and not any(p.lost and p.before < after and before < p.after for p in pulses[other].found)
+    )
+
+
+def _torn(t: Signal, pulse: Pulse, channels: Mapping[str, Signal]) -> bool:
+    """Whether a displacement jumps where the velocity says that the line is nowhere near so fast."""
+    if "velocity" not in channels or pulse.before < 0 or pulse.after >= t.size:
+        return False
+    around = slice(pulse.before, pulse.after + 1)
+    v = np.abs(channels["velocity"][around])
+    fastest = float(v.max(initial=0.0, where=np.isfinite(v)))
+    if not np.isfinite(v[[0, -1]]).all():
+        return False
+    return pulse.jump > TEARS * fastest * float(np.diff(t[around]).max())
+
+
+def _travels(t: Signal, before: int, after: int, channels: Mapping[str, Signal]) -> bool:
+    """Whether the line moved as a pulse of its velocity says, rather than as the line between its neighbours does."""
+    v, stamps = channels["velocity"][before : after + 1], t[before : after + 1]
+    moved = channels["displacement"][after] - channels["displacement"][before]
+    good = np.isfinite(v)
+    with_it = np.trapezoid(v[good], stamps[good])
+    without = 0.5 * (v[0] + v[-1]) * (stamps[-1] - stamps[0])
+    return bool(abs(moved - with_it) < abs(moved - without))
+
+
+def _jumps(channel: Pulses, around: slice) -> bool:
+    """Whether a channel makes a large jump in a stretch, wherever it leads."""
+    first, last = np.searchsorted(channel.at, (around.start, around.stop - 1))
+    return bool(last > first)
+
+
+def _moves(x: Signal, moves: float, *, returns: bool) -> bool:
+    """Whether a channel leaves its straight line over a stretch, and, if asked for, returns to it as no ramp does."""
+    x = x[np.isfinite(x)]
+    if x.size < 3:
+        return False
+    off = float(np.max(np.abs(x - np.linspace(x[0], x[-1], x.size))))
+    return off > moves and (not returns or abs(float(x[-1] - x[0])) < 0.5 * off)
+
+
+def without_usual_jumps(pulses: Sequence[Pulse], channel: Pulses) -> list[Pulse]:
+    """The pulses whose jumps exceed by far all that belong to none of them."""
+    usual = np.ones(channel.at.size, dtype=np.bool_)
+    for p in pulses:
+        usual[np.searchsorted(channel.at, p.before) : np.searchsorted(channel.at, p.after)] = False
+    bar = BEYOND * float(channel.size[usual].max(initial=0.0))
+    return [p for p in pulses if p.wild or p.jump > bar]

@@ -1,0 +1,280 @@
+"""Stuck channels: one value held while the channel should have changed.
+
+A channel at rest is not stuck: an encoder holds its value while the line does, and what a stage gives out is zero while
+nothing drives it. So either physics moves the channel while it holds still, or its noise is missing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from winchcascade.core.integrate import median
+from winchcascade.ingest.checks.agreement import smallest_step
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from winchcascade.core.run import Signal
+
+    Index = NDArray[np.intp]
+    Mask = NDArray[np.bool_]
+
+HELD = 0.3
+"""A value must be held this long to be looked at. [s]"""
+
+FEWEST = 10
+"""And for this many samples; `_held` is written for ten."""
+
+SPEED_RANGE = 0.15
+"""A channel that depends on speed must change when the speed of payout does by this share of its top."""
+
+DRIVES = 0.3
+"""The generator is driven, for sure, above this share of the top speed of payout."""
+
+RISE = 0.05
+"""The line speeds up if it gains this share of its top speed in 0.6 s."""
+
+IDLE = 0.02
+"""A stage gives nothing out below this share of its largest value."""
+
+LOADED = 0.2
+"""With more than this share of its largest torque the shaft turns."""
+
+LEAST_TORQUE = 5.0
+"""And with more than this. [N m]"""
+
+TRAVEL = 0.1
+"""What depends on the displacement must change when the line travels so far. [m]"""
+
+APART = 0.01
+"""Velocity and displacement may differ by so much over a stretch. [m]"""
+
+STEPS = 5.0
+"""The change that travel brings must be expected to be so many of the channel's own steps."""
+
+SPEED_STEPS = 60.0
+"""The change that speed brings, of which other things may take a part away, so many."""
+
+LAG = 5
+"""The few slowest and fastest samples do not count: a logger that repeats each value lags behind the speed."""
+
+UNLIKELY = -18.0
+"""Logarithm of the chance below which a noisy channel does not repeat itself by accident: once in 60 million samples."""
+
+TURNS = 0.15
+"""A channel is noisy if this share of its changes turn back at once,"""
+
+LARGE = 0.3
+"""and if this share of those are two of its steps or more: finer noise leaves it at one value or not, depending on where
+between two steps it lies."""
+
+_ENOUGH = 400_000
+"""Samples at the beginning of a log that say how its channels behave."""
+
+DRIVEN = ("torque", "power_mech", "vdc", "idc")
+
+
+class Motion(msgspec.Struct, frozen=True):
+    """What the line does: stamps [s], its velocity [m/s], the threshold of motion [m/s], when it pays out or hauls in,
+    top speed of payout [m/s]."""
+
+    t: Signal
+    v: Signal
+    v_onset: float
+    out: Mask
+    back: Mask
+    top_speed: float
+
+    def position(self) -> Signal:
+        """Where the line is, by integration. [m]"""
+        position = np.zeros(self.v.size)
+        np.cumsum(0.5 * (self.v[1:] + self.v[:-1]) * np.diff(self.t), out=position[1:])
+        return position
+
+
+def motion(t: Signal, v: Signal, v_onset: float) -> Motion:
+    """Prepare what every channel is held against; v finite, payout positive."""
+    return Motion(t, v, v_onset, v > v_onset, v < -v_onset, float(v.max(initial=v_onset)))
+
+
+def find_stuck(name: str, x: Signal, line: Motion, channels: Mapping[str, Signal]) -> list[tuple[int, int]]:
+    """Find stretches [first, last) in which a channel is stuck.
+
+    Parameters
+    ----------
+    name : channel, which says what it depends on
+    x : (n,) its values, finite or NaN
+    channels : the other channels of the log: displacement and torque tell whether a velocity is stuck
+    """
+    first, last = _held(x, line.t)
+    if first.size == 0:
+        return []
+    stuck = _too_still(name, x, line, first, last)
+    if name in ("velocity", "displacement"):
+        stuck |= _loaded(first, last, x, line, channels, velocity=name == "velocity")
+    if name == "velocity":
+        stuck |= _apart(first, last, x, line, channels)
+    elif name in ("displacement", "pressure"):
+        stuck |= _unmoved(name, first, last, x, line)
+    else:
+        stuck |= _unchanged(name, first, last, x, line)
+    return list(zip(first[stuck].tolist(), last[stuck].tolist(), strict=True))
+
+
+def _held(x: Signal, t: Signal) -> tuple[Index, Index]:
+    """Stretches of one value, [first, last), that are long enough to be looked at."""
+    alike = x[1:] == x[:-1]
+    span = 1
+    for more in (1, 2, 4, 1):  # alike over 2, 4, 8 and then 9 steps: ten samples of one value
+        alike = alike[:-more] & alike[more:]
+        span += more
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], alike, [False])).astype(np.int8)))
+    first, last = edges[::2], edges[1::2] + span
+    long = t[last - 1] - t[first] >= HELD
+    return first[long], last[long]
+
+
+def _among(mask: Mask, first: Index, last: Index) -> Index:
+    """Samples of each stretch at which a mask is set."""
+    total = np.zeros(mask.size + 1, dtype=np.intp)
+    np.cumsum(mask, out=total[1:])
+    count: Index = total[last] - total[first]
+    return count
+
+
+def _apart(first: Index, last: Index, v: Signal, line: Motion, channels: Mapping[str, Signal]) -> Mask:
+    """Whether the displacement moved on other than a held velocity says, in blocks of 0.25 s."""
+    apart = np.zeros(first.size, dtype=bool)
+    if "displacement" not in channels:
+        return apart
+    displacement = channels["displacement"].copy()
+    for a, b in zip(*_held(displacement, line.t), strict=True):
+        displacement[a + 1 : b] = np.nan  # at rest, or stuck itself
+    slack = max(line.v_onset, 2 * smallest_step(v))
+    for k, (a, b) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
+        seconds, moved = _blocks(line.t[a:b], displacement[a:b], 0.25)
+        off = np.abs(moved - v[a] * seconds)
+        jump = np.nanmax(np.abs(np.diff(displacement[a:b])), initial=0.0)
+        off = off[(off > np.maximum(slack * seconds, 0.2 * np.abs(moved))) & (off > 1.5 * jump)]
+        apart[k] = off.sum() > APART
+    return apart
+
+
+def _blocks(t: Signal, x: Signal, seconds: float) -> tuple[Signal, Signal]:
+    """Durations [s] and changes of x over blocks of a stretch."""
+    good = np.isfinite(x)
+    t, x = t[good], x[good]
+    if t.size < 3:
+        return np.empty(0), np.empty(0)
+    blocks = max(1, round(t.size * median(np.diff(t)) / seconds))
+    ends = np.linspace(1, t.size - 2, 1 + blocks).astype(np.intp)
+    around = np.sort((x[ends - 1], x[ends], x[ends + 1]), axis=0)  # the middle one of three is never a single wild one
+    return np.diff(t[ends]), np.diff(around[1])
+
+
+def _loaded(
+    first: Index, last: Index, x: Signal, line: Motion, channels: Mapping[str, Signal], *, velocity: bool
+) -> Mask:
+    """Whether the shaft carries torque, so that the line pays out, while an encoder says that it does not."""
+    torque = channels.get("torque")
+    if torque is None or not np.isfinite(torque).any():
+        return np.zeros(first.size, dtype=bool)
+    alive = np.append(True, torque[1:] != torque[:-1])  # a torque that is stuck itself says nothing
+    high = alive & (torque > max(LOADED * float(np.nanmax(torque)), LEAST_TORQUE))
+    high[1:-1] &= high[:-2] & high[2:]  # three in a row are no noise
+    loaded = _among(high, first, last)
+    stuck: Mask = (loaded >= FEWEST) & (loaded * median(np.diff(line.t[:1000])) >= HELD)
+    return stuck & (x[first] < line.v_onset) if velocity else stuck
+
+
+def _unmoved(name: str, first: Index, last: Index, x: Signal, line: Motion) -> Mask:
+    """Whether a channel that depends on where the line is holds still while the line travels."""
+    stuck = np.zeros(first.size, dtype=bool)
+    often = _among(line.out | line.back, first, last) >= FEWEST
+    if not often.any():
+        return stuck
+    position = line.position()
+    span = _ptp(x)
+    share = 1.0 if name == "displacement" else span / max(float(np.ptp(position)), 1e-9)
+    least = max(TRAVEL, STEPS * smallest_step(x) / share if share else 0.0)
+    for k in np.flatnonzero(often).tolist():
+        a, b = first[k], last[k]
+        seconds, moved = _blocks(line.t[a:b], position[a:b], 1.0)
+        stuck[k] = np.abs(moved[np.abs(moved) > line.v_onset * seconds]).sum() > least
+    return stuck
+
+
+def _unchanged(name: str, first: Index, last: Index, x: Signal, line: Motion) -> Mask:
+    """Whether a channel that depends on speed holds still while the speed of payout changes."""
+    stuck = np.zeros(first.size, dtype=bool)
+    often = _among(line.out, first, last) >= FEWEST
+    if not often.any():
+        return stuck
+    span, step = _ptp(x), smallest_step(x)
+    idle = IDLE * float(np.nanmax(np.abs(x)))
+    for k in np.flatnonzero(often).tolist():
+        part = slice(first[k], last[k])
+        driven = line.out[part]
+        if name in DRIVEN:
+            driven = driven & (line.v[part] > DRIVES * line.top_speed)
+            if abs(x[first[k]]) <= idle:
+                driven &= _speeds_up(line, part)
+        speeds = line.v[part][driven]
+        if speeds.size < FEWEST:
+            continue
+        speeds.sort()
+        change = (speeds[-LAG] - speeds[LAG - 1]) / line.top_speed
+        stuck[k] = change > SPEED_RANGE and (span == 0 or change * span > SPEED_STEPS * step)
+    return stuck
+
+
+def _speeds_up(line: Motion, part: slice) -> Mask:
+    """When the line gains speed: slowing down, the rotor runs on alone and its shaft carries nothing."""
+    t = line.t[part]
+    gain = np.interp(t + 0.3, line.t, line.v) - np.interp(t - 0.3, line.t, line.v)
+    rising: Mask = gain > RISE * line.top_speed
+    return rising
+
+
+def _ptp(x: Signal) -> float:
+    good = x[np.isfinite(x)]
+    return float(np.ptp(good)) if good.size else 0.0
+
+
+def _too_still(name: str, x: Signal, line: Motion, first: Index, last: Index) -> Mask:
+    """Whether a noisy channel holds still for longer than chance allows, by its noise in the same kind of motion."""
+    free = np.ones(min(x.size, _ENOUGH) - 1, dtype=bool)
+    for a, b in zip(first[first < _ENOUGH].tolist(), last[first < _ENOUGH].tolist(), strict=True):
+        free[max(a - 1, 0) : b] = False
+    change = np.diff(x[:_ENOUGH])
+    free &= np.isfinite(change)
+    whole = repeats_of(change[free])
+    if whole == 1.0:
+        return np.zeros(first.size, dtype=bool)
+    chance = np.zeros(first.size)
+    for where in (line.out, line.back, ~(line.out | line.back)):
+        inside = where[1:_ENOUGH]
+        here = change[free & inside]
+        repeats = repeats_of(here) if here.size >= 50 else whole
+        if 2 * here.size < np.count_nonzero(inside):  # it holds still most of the time
+            repeats = 1.0
+        chance += np.maximum(_among(where, first, last) - 1, 0) * np.log(repeats)
+    still: Mask = chance < UNLIKELY
+    return still & (x[first] != 0) if name in DRIVEN else still
+
+
+def repeats_of(change: Signal) -> float:
+    """Chance that a sample repeats the one before; 1 for a channel without noise or with steps as coarse as its noise."""
+    some = change[change != 0]
+    if some.size < 20:
+        return 1.0
+    turn = some[1:] * some[:-1] < 0
+    size = np.minimum(np.abs(some[1:]), np.abs(some[:-1]))[turn]
+    large = size > 1.5 * np.abs(some).min()
+    if np.mean(turn) < TURNS or np.mean(large) < LARGE:
+        return 1.0
+    return float(max(1.0 - some.size / change.size, 0.02))

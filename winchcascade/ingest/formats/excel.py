@@ -1,0 +1,324 @@
+"""The table in a sheet of a workbook: its row of names, its row of units, and what its cells hold."""
+
+from __future__ import annotations
+
+import datetime as dt
+import re
+import zipfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+from xml.parsers import expat
+
+import msgspec
+import numpy as np
+from python_calamine import CalamineError, CalamineWorkbook, PasswordError
+
+from winchcascade.core.errors import LogError
+from winchcascade.core.quantity import find_unit
+from winchcascade.ingest.cells import is_stamp
+from winchcascade.ingest.dialects import recognise
+from winchcascade.ingest.source import Header, Source, Table
+from winchcascade.ingest.table_choice import FEWEST_ROWS, choose, moves
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from winchcascade.core.run import Signal
+
+
+Cell = int | float | str | bool | dt.time | dt.date | dt.datetime | dt.timedelta
+Row = Sequence[Cell]
+
+ROWS_SEARCHED = 200
+ROWS_LOOKED_AT = 20
+"""Rows at the top in which the names may stand, and rows below them that tell numbers from prose."""
+
+_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
+
+_GROUPS = re.compile(r"[+-]?[1-9]\d{0,2}(?:(?:,\d{3})+|(?:\.\d{3})+)")
+
+
+class Layout(msgspec.Struct, frozen=True):
+    """Where the table of a sheet lies: its names, their units, its first row, how many names stand over data.
+
+    A column of data without a name to the left of the first name, the index of a data frame, comes last.
+    """
+
+    columns: tuple[int, ...]
+    headers: tuple[Header, ...]
+    first: int
+    share: int
+
+
+def find_table(rows: Sequence[Row]) -> Layout | None:
+    """Find the row of names by its content: right above data, with the most names that stand over numbers or stamps."""
+    best: Layout | None = None
+    for k in range(min(len(rows), ROWS_SEARCHED)):
+        units = k + 1 < len(rows) and _is_units(rows[k + 1])
+        first = next((n for n in range(k + 1 + units, len(rows)) if any(cell != "" for cell in rows[n])), len(rows))
+        columns = tuple(j for j, cell in enumerate(rows[k]) if is_name(cell))
+        share = sum(_holds_data(rows[first : first + ROWS_LOOKED_AT], j) for j in columns)
+        if share > (best.share if best else 0) and any(_is_datum(cell) for cell in rows[first]):
+            columns += _index(rows[k], rows[first : first + ROWS_LOOKED_AT], columns[0])
+            headers = tuple(Header(str(rows[k][j]).strip(), _unit(rows[k + 1][j]) if units else None) for j in columns)
+            best = Layout(columns, headers, first, share)
+    return best
+
+
+def _index(names: Row, rows: Sequence[Row], named: int) -> tuple[int, ...]:
+    """The column right before the first named one, if it has data and no name."""
+    return (named - 1,) if named > 0 and names[named - 1] == "" and _holds_data(rows, named - 1) else ()
+
+
+def is_name(cell: Cell) -> bool:
+    """Tell a text that is no number."""
+    return isinstance(cell, str) and bool(cell.strip()) and _NUMBER.fullmatch(cell.strip()) is None
+
+
+def _is_units(row: Row) -> bool:
+    """Tell a row of units: nothing but texts, at least half of them known units."""
+    filled = [cell for cell in row if cell != ""]
+    texts = [cell for cell in filled if isinstance(cell, str)]
+    known = sum(find_unit(_unit(text) or "") is not None for text in texts)
+    return bool(filled) and len(texts) == len(filled) and 2 * known >= len(filled)
+
+
+def _unit(cell: Cell) -> str | None:
+    """Strip the brackets around a unit; None for an empty cell."""
+    text = str(cell).strip()
+    inner = re.fullmatch(r"\[(.*)\]|\((.*)\)", text)
+    return (inner[1] or inner[2] or "" if inner else text).strip() or None
+
+
+def _holds_data(rows: Sequence[Row], j: int) -> bool:
+    """Tell a column of numbers or stamps: at least half of what is filled below the name, and something is."""
+    filled = [row[j] for row in rows if row[j] != ""]
+    return 0 < len(filled) <= 2 * sum(_is_datum(cell) for cell in filled)
+
+
+def _is_datum(cell: Cell) -> bool:
+    """Tell a number or a stamp, also one written as text such as 2026-03-01 10:00:00,040."""
+    if not isinstance(cell, str):
+        return True
+    return cell.strip() != "" and (not is_name(cell) or re.search(r"\d[:/.\-]\d", cell) is not None)
+
+
+def without_empty_end(rows: list[Row], headers: Sequence[Header]) -> list[Row]:
+    """Drop the last rows that have nothing in any cell below a name."""
+    named = [j for j, header in enumerate(headers) if header.name]
+    end = len(rows)
+    while end and all(rows[end - 1][j] == "" for j in named):
+        end -= 1
+    return rows[:end]
+
+
+def number(cell: Cell) -> float:
+    """Read a cell as a number, decimal comma included; NaN for anything else."""
+    if isinstance(cell, int | float):
+        return float(cell)
+    if not isinstance(cell, str):
+        return float("nan")
+    text = cell.strip()
+    if "," in text and "." in text:
+        text = text.replace(min(",.", key=text.find), "")  # the sign that comes first parts thousands
+    return float(text.replace(",", ".")) if _NUMBER.fullmatch(text) else float("nan")
+
+
+def numbers(cells: Sequence[Cell]) -> Signal:
+    """Read a column as numbers, NaN where there is none; whether 1,234 is a decimal or a group of thousands is decided over it.
+
+    Cells of one reading alone decide: of two numbers, the one that continues them is meant. Without any it is a decimal.
+
+    >>> numbers(["987", "998.5", "1,004"]).tolist(), numbers(["0,987", "0,998", "1,004"]).tolist()
+    ([987.0, 998.5, 1004.0], [0.987, 0.998, 1.004])
+    """
+    if {*map(type, cells)} <= {float, int}:
+        return np.array(cells, dtype=np.float64)
+    read = np.array([number(cell) for cell in cells], dtype=np.float64)
+    grouped = np.array([_thousands(cell) for cell in cells], dtype=np.float64)
+    two = np.isfinite(grouped) & np.isfinite(read)
+    certain = np.flatnonzero(np.isfinite(read) & ~two)
+    if two.any() and certain.size:
+        rows = np.flatnonzero(two)
+        apart = np.min(np.abs(rows[:, None] - certain[_beside(certain, rows)]), axis=1)
+        near = rows[apart == apart.min()]  # farther ones may have gone anywhere since
+        expected = np.interp(near, certain, read[certain])
+        nearer = np.abs(grouped[near] - expected) < np.abs(read[near] - expected)
+        if 2 * np.count_nonzero(nearer) > near.size:
+            read[rows] = grouped[rows]
+    return np.where(np.isfinite(read), read, grouped)
+
+
+def _beside(places: NDArray[np.intp], rows: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Indices of the last of rising places before each row and of the first one after it, (k, 2)."""
+    after = np.searchsorted(places, rows)
+    return np.column_stack((np.maximum(after - 1, 0), np.minimum(after, places.size - 1)))
+
+
+def _thousands(cell: Cell) -> float:
+    """Read a text such as 1,234 as groups of thousands; NaN for anything else."""
+    text = cell.strip() if isinstance(cell, str) else ""
+    return float(re.sub("[.,]", "", text)) if _GROUPS.fullmatch(text) else float("nan")
+
+
+def seconds(cell: Cell) -> float:
+    """Read a cell as seconds on the calendar of spreadsheets; NaN for one that is no time. [s]"""
+    if isinstance(cell, dt.timedelta):
+        return cell.total_seconds()
+    if isinstance(cell, dt.time):
+        return (dt.datetime.combine(dt.date.min, cell) - dt.datetime.min).total_seconds()
+    if not isinstance(cell, dt.date):
+        return float("nan")
+    moment = cell if isinstance(cell, dt.datetime) else dt.datetime.combine(cell, dt.time())
+    # Day 60 of that calendar is a 29 February 1900 that never was: a duration of more than a day lies before it.
+    zero = dt.datetime(1899, 12, 31) if moment < dt.datetime(1900, 3, 1) else dt.datetime(1899, 12, 30)
+    return (moment - zero).total_seconds()
+
+
+_LOCKED = "EncryptedPackage".encode("utf-16-le")
+"""Name of the stream that holds a workbook with a password."""
+
+_PIECE = 1 << 20
+
+
+def open_excel(path: Path, *, table: str | None = None) -> Source:
+    """Open the sheet that holds a log, hidden ones included.
+
+    Parameters
+    ----------
+    table : name or number of the sheet; without it exactly one may hold what could be a log
+
+    Raises
+    ------
+    LogError
+        the workbook is damaged or locked, no sheet holds a table, or several do and none is named
+    """
+    with _told(path):
+        if zipfile.is_zipfile(path):
+            _check_parts(path)
+        sheet = _sheet(path, table)
+    return Source(headers=sheet.layout.headers, load=partial(_load, sheet.rows), table=sheet.name)
+
+
+@contextmanager
+def _told(path: Path) -> Iterator[None]:
+    """Turn whatever the parser trips over into one sentence."""
+    try:
+        yield
+    except (LogError, MemoryError, KeyboardInterrupt, SystemExit):
+        raise
+    except PasswordError as fault:
+        raise LogError(
+            f"{path.name}: the workbook is locked with a password; one that opens without was expected; "
+            "save it without the password or export the sheet as CSV."
+        ) from fault
+    except BaseException as fault:  # a panic of the Rust reader is no Exception
+        raise LogError(
+            f"{path.name}: the workbook is damaged or breaks off ({type(fault).__name__}); a whole .xlsx, .xls, .xlsb "
+            "or .ods was expected; open it in a spreadsheet program and save it again, or export the sheet as CSV."
+        ) from fault
+
+
+def _check_parts(path: Path) -> None:
+    """Check the parts of a zipped workbook: the reader skips the checksum of a part that it does not read to its end.
+
+    Raises
+    ------
+    BadZipFile : a part differs from its checksum
+    ExpatError : the cells of LibreOffice are not well-formed; the reader would wait for the end of their table for ever
+    """
+    with zipfile.ZipFile(path) as parts:
+        damaged = parts.testzip()
+        if damaged is not None:
+            raise zipfile.BadZipFile(damaged)
+        if "content.xml" in parts.namelist():
+            parser = expat.ParserCreate()
+            with parts.open("content.xml") as cells:
+                for piece in iter(partial(cells.read, _PIECE), b""):
+                    parser.Parse(piece)
+            parser.Parse(b"", True)
+
+
+def _workbook(path: Path) -> CalamineWorkbook:
+    """Open a workbook by its content: its name may end in anything."""
+    with path.open("rb") as file:
+        try:
+            return CalamineWorkbook.from_filelike(file)
+        except CalamineError as fault:
+            file.seek(0)
+            if _LOCKED in file.read():
+                raise PasswordError from fault
+    return CalamineWorkbook.from_path(path)  # an .xls with a password is recognised by its name alone
+
+
+class _Sheet(NamedTuple):
+    """A sheet with a table: the cells of its named columns below the names."""
+
+    name: str
+    layout: Layout
+    rows: list[Row]
+
+    @property
+    def rank(self) -> int:
+        """3 for a table with motion and time, 2 for one with motion, 1 for one as long as a log, 0 for a list."""
+        if len(self.rows) < FEWEST_ROWS or self.layout.share < 2:
+            return 0
+        headers = self.layout.headers
+        clocked = any(recognise(header) == "time" or not header.name for header in headers)
+        return 1 + moves(headers) + (moves(headers) and clocked)
+
+
+def _sheet(path: Path, table: str | None) -> _Sheet:
+    """Read the sheet that is named or else the only one that could be a log.
+
+    Where sheets have a motion and a clock, those that lack either are notes, parameters or results.
+    """
+    with _workbook(path) as book:
+        names = list(book.sheet_names)
+        wanted = None if table is None else choose(names, table, path.name, "sheet")
+        sheets = [found for name in names if wanted in (None, name) and (found := _read_sheet(book, name)) is not None]
+    if not sheets:
+        which = "no sheet has" if wanted is None else f"the sheet {wanted!r} does not have"
+        raise LogError(
+            f"{path.name}: {which} a row of names over columns of numbers; one such table was expected; "
+            "write the channels' names into the row above their first values."
+        )
+    rank = max(sheet.rank for sheet in sheets)
+    if rank == 0:  # no log among them: the largest table says best what is missing
+        return max(sheets, key=lambda sheet: (sheet.layout.share, len(sheet.rows)))
+    could_be = {sheet.name: sheet for sheet in sheets if sheet.rank == rank}
+    return could_be[choose(list(could_be), wanted, path.name, "sheet")]
+
+
+def _read_sheet(book: CalamineWorkbook, name: str) -> _Sheet | None:
+    """Find the table of a sheet and take its cells; None for a sheet without one."""
+    sheet = book.get_sheet_by_name(name)
+    layout = find_table(list(islice(sheet.iter_rows(), ROWS_SEARCHED + ROWS_LOOKED_AT)))
+    if layout is None:
+        return None
+    named = ([row[j] for j in layout.columns] for row in islice(sheet.iter_rows(), layout.first, None))
+    return _Sheet(name, layout, without_empty_end(list(named), layout.headers))
+
+
+def _load(rows: Sequence[Row], wanted: Sequence[int], time: int | None) -> Table:
+    """Hand over the wanted columns as numbers and the time column as what it holds."""
+    values = {i: numbers([row[i] for row in rows]) for i in wanted}
+    if time is None:
+        return Table(values)
+    cells = [row[time] for row in rows]
+    if any(isinstance(cell, dt.date | dt.time | dt.timedelta) for cell in cells):
+        t = np.array([seconds(cell) for cell in cells])
+        return Table(values, stamps=t - t[np.isfinite(t)][0], stamped=True)
+    if _stamped(cells):
+        return Table(values, stamps=[str(cell) for cell in cells])
+    return Table(values, stamps=numbers(cells))
+
+
+def _stamped(cells: Sequence[Cell]) -> bool:
+    """Whether a column without dates holds stamps as texts, notes among its numbers left out."""
+    names = [cell for cell in cells if is_name(cell)]
+    return bool(names) and (any(is_stamp(str(cell)) for cell in names) or len(names) == len(cells))

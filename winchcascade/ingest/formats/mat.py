@@ -1,0 +1,333 @@
+"""MATLAB files as a tree of variables: v4 to v7.2 through scipy, v7.3 through h5py."""
+
+from __future__ import annotations
+
+import warnings
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from winchcascade.core.errors import LogError
+from winchcascade.ingest.dialects import recognise
+from winchcascade.ingest.source import Header, Source, Table
+from winchcascade.ingest.table_choice import choose, refuse_sheet
+
+if TYPE_CHECKING:
+    from winchcascade.core.run import Signal
+
+    Node = float | str | Signal | list["Node"] | dict[str, "Node"]
+
+DEPTH = 4
+"""Deepest nesting that is followed: an HDF5 file may hold itself."""
+
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+
+
+def read_tree(path: Path) -> dict[str, Node]:
+    """Read the variables of a file by name; whatever its parser raises, damage raises."""
+    return _read_73(path) if _is_hdf5(path) else _read_72(path)
+
+
+def _is_hdf5(path: Path) -> bool:
+    """Look for the HDF5 signature, at the start or behind the 512 bytes that MATLAB puts before it."""
+    with path.open("rb") as stream:
+        start = stream.read(512 + len(_HDF5))
+    return start.startswith(_HDF5) or start[512:] == _HDF5 or start.startswith(b"MATLAB 7.3 MAT-file")
+
+
+def _read_72(path: Path) -> dict[str, Node]:
+    """Read MATLAB v4 to v7.2."""
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadWarning
+
+    with warnings.catch_warnings():
+        # scipy turns a variable that breaks off into a warning and a text in its place.
+        warnings.simplefilter("ignore")
+        warnings.simplefilter("error", MatReadWarning)
+        raw = loadmat(path, simplify_cells=True)
+    return _nodes_72({name: value for name, value in raw.items() if not name.startswith("__")})
+
+
+def _nodes_72(items: Mapping[str, Any]) -> dict[str, Node]:
+    nodes = {str(name): _node_72(value) for name, value in items.items()}
+    return {name: node for name, node in nodes.items() if node is not None}
+
+
+def _node_72(value: Any) -> Node | None:
+    """Translate what scipy hands over; None for what no log is made of (sparse, complex, objects)."""
+    if isinstance(value, str):
+        return str(value)
+    if isinstance(value, dict):
+        return _nodes_72(value)
+    if isinstance(value, list):
+        return ["" if node is None else node for node in map(_node_72, value)]
+    array = np.asarray(value)
+    if array.dtype.kind in "OU" and array.ndim == 1:
+        return _node_72(array.tolist())
+    return _numbers(array)
+
+
+def _numbers(array: Any) -> Node | None:
+    """Squeeze an array to a number, a vector or a matrix; None for one that is empty or not real."""
+    if array.dtype.kind not in "biuf" or array.size == 0:
+        return None
+    squeezed: Signal = np.asarray(array.squeeze(), dtype=np.float64)
+    return float(squeezed) if squeezed.ndim == 0 else squeezed
+
+
+def _read_73(path: Path) -> dict[str, Node]:
+    """Read MATLAB v7.3, which is HDF5."""
+    try:
+        import h5py
+    except ImportError as fault:
+        raise LogError(
+            f"{path.name}: a MATLAB v7.3 file was found, which takes h5py to read; h5py is not installed; run "
+            "`pip install winchcascade[mat73]` or save it with `save -v7`."
+        ) from fault
+    with h5py.File(path, "r") as file:
+        return _nodes_73(file, file, 0)
+
+
+def _nodes_73(file: Any, group: Any, depth: int) -> dict[str, Node]:
+    """Read a struct; `#refs#` and `#subsystem#` are MATLAB's own."""
+    nodes = {str(name): _node_73(file, group[name], depth + 1) for name in group if not name.startswith("#")}
+    return {name: node for name, node in nodes.items() if node is not None}
+
+
+def _node_73(file: Any, item: Any, depth: int) -> Node | None:
+    """Read one variable; HDF5 holds the dimensions in MATLAB's order turned round."""
+    if depth > DEPTH:
+        return None
+    if not hasattr(item, "dtype"):
+        return _nodes_73(file, item, depth)
+    if item.size is None or item.attrs.get("MATLAB_empty", 0):
+        return None
+    if "ref" in (item.dtype.metadata or {}):  # a cell array
+        cells = [_node_73(file, file[reference], depth + 1) for reference in np.asarray(item).T.ravel()]
+        return ["" if cell is None else cell for cell in cells]
+    array = np.asarray(item).T
+    return _text_73(array) if item.attrs.get("MATLAB_class") == b"char" else _numbers(array)
+
+
+def _text_73(array: Any) -> Node:
+    """Read UTF-16 characters: one text, or one for each row of a matrix."""
+    rows = [row.astype("<u2").tobytes().decode("utf-16-le", "replace").rstrip() for row in np.atleast_2d(array)]
+    return rows[0] if len(rows) == 1 else [*rows]
+
+
+if TYPE_CHECKING:
+    from winchcascade.core.run import Signal
+
+    Column = Signal | list[str]
+
+NAMES = ("names", "labels", "channels", "headers", "varnames")
+RATES = ("fs", "sample_rate", "samplerate", "sampling_rate")
+STEPS = ("dt", "ts", "sample_time")
+
+
+def open_mat(path: Path, *, table: str | None = None) -> Source:
+    """Open a MATLAB file: vectors of one length, structs of them, or a matrix with a list of names.
+
+    Parameters
+    ----------
+    table : name or number of the run, where the file holds several
+
+    Raises
+    ------
+    LogError
+        the file is damaged, needs h5py that is not installed, or holds nothing like a column
+    """
+    with _told(path):
+        tree = _with_elements(read_tree(path))
+    runs = _runs(tree)
+    name = choose(list(runs), table, path.name, "run") if runs else None
+    if name is None:
+        refuse_sheet(table, path.name)
+    else:
+        tree = runs[name]
+    columns = _matrix_columns(tree) or _vectors(tree)
+    if not any(isinstance(column, np.ndarray) for column in columns.values()):
+        raise LogError(
+            f"{path.name}: none of the {len(tree)} variables is a vector of numbers; vectors of one length, a struct "
+            "of them or a matrix with a cell array of names was expected; save the channels so."
+        )
+    units = _units(tree, list(columns))
+    properties = _properties(tree)
+    return Source(
+        headers=tuple(Header(name, units.get(name) or units.get(name.rpartition(".")[2])) for name in columns),
+        load=partial(_load, list(columns.values())),
+        time_step=_time_step(properties),
+        properties=properties,
+        table=name,
+    )
+
+
+def _runs(tree: Mapping[str, Node]) -> dict[str, dict[str, Node]]:
+    """The runs of a file that holds several: each name with the tree without the others; nothing where there is but one.
+
+    Runs are structs, matrices with the same names, or vectors of several lengths, in two of which the same motion is found.
+    """
+    motions: dict[str, dict[tuple[str, str, int], str]] = {"velocity": {}, "displacement": {}}
+    seen: list[dict[str, Column]] = []
+    for prefix, scope in _scopes(tree):
+        columns = {name: column for name, node in scope.items() if (column := _column(name, node)) is not None}
+        if columns and any(_is_copy(columns, one) for one in seen):
+            continue  # a copy is no other run: an HDF5 file may hold itself
+        seen.append(columns)
+        names = next((texts for texts in map(_texts, _named(scope, NAMES)) if texts), [])
+        channels = {recognise(Header(name)) for name in names}
+        for name, node in scope.items():
+            if isinstance(node, np.ndarray) and node.ndim == 2 and len(names) in node.shape:
+                for motion in channels & set(motions):
+                    motions[str(motion)].setdefault((prefix, name, node.size), f"{prefix}.{name}".strip("."))
+            column = _column(name, node)
+            motion_of = recognise(Header(name)) if column is not None else None
+            if column is not None and motion_of in motions:
+                motions[motion_of].setdefault((prefix, "", len(column)), prefix or name)
+    found = max(motions.values(), key=len)
+    if len(found) < 2:
+        return {}
+    labels = list(found.values())
+    keys = {label if labels.count(label) == 1 else f"{label} ({key[2]} rows)": key for key, label in found.items()}
+    return {label: _without(tree, "", key, list(found)) for label, key in keys.items()}
+
+
+def _is_copy(columns: Mapping[str, Column], other: Mapping[str, Column]) -> bool:
+    return columns.keys() == other.keys() and all(np.array_equal(columns[name], other[name]) for name in columns)
+
+
+def _without(
+    tree: Mapping[str, Node], prefix: str, kept: tuple[str, str, int], runs: Sequence[tuple[str, str, int]]
+) -> dict[str, Node]:
+    """The tree without the structs, matrices and vectors of the other runs."""
+    pruned: dict[str, Node] = {}
+    for name, node in tree.items():
+        place = f"{prefix}.{name}".strip(".")
+        inside = [run for run in runs if run[0] == place or run[0].startswith(f"{place}.")]
+        if isinstance(node, dict):
+            if not inside or kept in inside:
+                pruned[name] = _without(node, place, kept, runs)
+            continue
+        others = [run for run in runs if run[0] == prefix and run != kept]
+        rows = None if (column := _column(name, node)) is None else len(column)
+        is_other = any(run[1] == name if run[1] else run[2] == rows for run in others)
+        if not is_other or (kept[0] == prefix and not kept[1] and kept[2] == rows):
+            pruned[name] = node
+    return pruned
+
+
+def _with_elements(tree: Mapping[str, Node]) -> dict[str, Node]:
+    """The tree with each element of an array of structs as a struct of its own, counted from 1 as in MATLAB."""
+    whole: dict[str, Node] = {}
+    for name, node in tree.items():
+        if isinstance(node, list) and any(isinstance(item, dict) for item in node):
+            whole |= {f"{name}({k})": item for k, item in enumerate(node, 1) if isinstance(item, dict)}
+        else:
+            whole[name] = node
+    return whole
+
+
+@contextmanager
+def _told(path: Path) -> Iterator[None]:
+    """Turn whatever the parsers trip over into one sentence."""
+    try:
+        yield
+    except (LogError, MemoryError):
+        raise
+    except Exception as fault:  # damage shows as nearly every exception there is
+        raise LogError(
+            f"{path.name}: the file is damaged or breaks off ({type(fault).__name__}); a whole MATLAB file was "
+            "expected; copy or save it again."
+        ) from fault
+
+
+def _texts(node: Node | None) -> list[str]:
+    """Take a list of texts; nothing for any other node."""
+    if not isinstance(node, list):
+        return []
+    texts = [item.strip() for item in node if isinstance(item, str)]
+    return texts if len(texts) == len(node) else []
+
+
+def _scopes(tree: Mapping[str, Node]) -> Iterator[tuple[str, Mapping[str, Node]]]:
+    """Yield the top level, its structs and the structs in those."""
+    yield "", tree
+    for name, node in tree.items():
+        if isinstance(node, dict):
+            yield name, node
+            yield from ((f"{name}.{inner}", deeper) for inner, deeper in node.items() if isinstance(deeper, dict))
+
+
+def _named(scope: Mapping[str, Node], keys: Sequence[str]) -> Iterator[Node]:
+    """Yield what stands under one of the keys, in any case."""
+    return (node for name, node in scope.items() if name.casefold() in keys)
+
+
+def _matrix_columns(tree: Mapping[str, Node]) -> dict[str, Column]:
+    """Take the columns of a matrix that a list of names fits; its rows where only these fit."""
+    for _, scope in _scopes(tree):
+        matrices = [node for node in scope.values() if isinstance(node, np.ndarray) and node.ndim == 2]
+        for names in map(_texts, _named(scope, NAMES)):
+            for matrix in matrices:
+                if len(names) in matrix.shape:
+                    return dict(zip(names, matrix.T if matrix.shape[1] == len(names) else matrix, strict=True))
+    return {}
+
+
+def _vectors(tree: Mapping[str, Node]) -> dict[str, Column]:
+    """Take the vectors, and lists of texts, that have the length most vectors have, the longer one of two alike."""
+    found = [(prefix, name, _column(name, node)) for prefix, scope in _scopes(tree) for name, node in scope.items()]
+    lengths = Counter(len(column) for _, _, column in found if isinstance(column, np.ndarray))
+    length = max(lengths, key=lambda n: (lengths[n], n), default=0)
+    kept = [(prefix, name, column) for prefix, name, column in found if column is not None and len(column) == length]
+    times = Counter(name for _, name, _ in kept)
+    return {f"{prefix}.{name}" if prefix and times[name] > 1 else name: column for prefix, name, column in kept}
+
+
+def _column(name: str, node: Node) -> Column | None:
+    if isinstance(node, np.ndarray):
+        return node if node.ndim == 1 else None
+    return None if name.casefold() in (*NAMES, "units", "unit") else _texts(node) or None
+
+
+def _units(tree: Mapping[str, Node], columns: Sequence[str]) -> dict[str, str]:
+    """Find the units: a struct with the columns' names, or a list parallel to the names or to the columns."""
+    units: dict[str, str] = {}
+    for _, scope in _scopes(tree):
+        names = next((texts for texts in map(_texts, _named(scope, NAMES)) if texts), list(columns))
+        for node in _named(scope, ("units", "unit")):
+            if isinstance(node, dict):
+                units |= {name: unit for name, unit in node.items() if isinstance(unit, str)}
+            elif len(_texts(node)) == len(names):
+                units |= dict(zip(names, _texts(node), strict=True))
+    return {name: unit for name, unit in units.items() if unit}
+
+
+def _properties(tree: Mapping[str, Node]) -> dict[str, str | float]:
+    """Take the numbers and texts that stand alone; those of the top level win over those in structs."""
+    properties: dict[str, str | float] = {}
+    for prefix, scope in _scopes(tree):
+        if prefix.rpartition(".")[2].casefold() not in ("units", "unit"):
+            properties = {name: node for name, node in scope.items() if isinstance(node, float | str)} | properties
+    return properties
+
+
+def _time_step(properties: Mapping[str, str | float]) -> float | None:
+    """Find the sampling interval among the properties, from a rate or a step. [s]"""
+    for name, value in properties.items():
+        if isinstance(value, float) and 0.0 < value < np.inf and name.casefold() in (*RATES, *STEPS):
+            return 1.0 / value if name.casefold() in RATES else value
+    return None
+
+
+def _load(columns: Sequence[Column], wanted: Sequence[int], time: int | None) -> Table:
+    """Hand over the wanted columns, texts as NaN, and the time column as it is."""
+    values = {
+        i: column if isinstance(column := columns[i], np.ndarray) else np.full(len(column), np.nan) for i in wanted
+    }
+    return Table(values, stamps=None if time is None else columns[time])

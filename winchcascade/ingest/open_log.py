@@ -1,0 +1,119 @@
+"""Which reader a file needs, by what its first bytes say, whatever its name ends in."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from winchcascade.core.errors import LogError
+
+if TYPE_CHECKING:
+    from winchcascade.ingest.source import Source
+
+
+def open_log(path: Path, table: str | None = None) -> Source:
+    """Open a log by what its first bytes say, whatever its name ends in.
+
+    Parameters
+    ----------
+    table : name or number of the sheet, variable or group to read, where the file holds several
+    """
+    if not path.exists():
+        raise LogError(f"{path}: no such file; give the path of a log.")
+    if not path.is_file():
+        raise LogError(f"{path}: is not a file; give the path of one log.")
+    try:
+        with path.open("rb") as file:
+            head = file.read(4096)
+    except OSError as fault:
+        raise LogError(f"{path.name}: cannot be read ({fault.strerror}); check its permissions.") from None
+    if not head:
+        raise LogError(f"{path.name}: the file is empty; expected a log with column names and rows of numbers.")
+    return _reader(head, path.name, table)(path)
+
+
+def _reader(head: bytes, where: str, table: str | None) -> Callable[[Path], Source]:
+    """Choose the reader; each is imported only when it is needed."""
+    isolated = _isolated_reader(head)
+    if isolated is not None:
+        from winchcascade.ingest.isolated import open_isolated
+
+        return partial(open_isolated, isolated, table=table)
+    for magic, name in _NO_LOGS.items():
+        if head.startswith(magic):
+            raise LogError(
+                f"{where}: is {name}, not a log; expected CSV, TDMS, MATLAB, Parquet or Excel. Unpack or export it first."
+            )
+    if table is not None:
+        from winchcascade.ingest.table_choice import refuse_sheet
+
+        refuse_sheet(table, where)
+    from winchcascade.ingest.formats.delimited import open_delimited
+
+    return open_delimited
+
+
+def _isolated_reader(head: bytes) -> str | None:
+    """Name the reader of a format that only a process of its own reads; None for other formats."""
+    if head.startswith(b"TDSm"):
+        return "tdms"
+    if head.startswith(b"PAR1"):
+        return "parquet"
+    if head.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
+        return "excel"
+    if head.startswith((b"MATLAB ", b"\x89HDF")) or is_mat_v4(head):
+        return "mat"
+    return None
+
+
+_V4_TYPE = re.compile(r"[01]0[0-5][012]")
+"""Byte order (0 little, 1 big), a zero, the precision and the kind of a variable of MATLAB v4, as one decimal number."""
+
+_V4_HEADER, _V4_LONGEST_NAME = 20, 64
+"""Bytes of the numbers before the name of such a variable, and most bytes of the name, its closing zero included."""
+
+_V4_ORDERS: tuple[tuple[Literal["little", "big"], str], ...] = (("little", "0"), ("big", "1"))
+_V4_NAME = re.compile(rb"[A-Za-z]\w*\0+")
+
+
+def is_mat_v4(head: bytes) -> bool:
+    """Recognise MATLAB v4, which has no magic bytes, by the header of its first variable.
+
+    No text has a zero among its first four bytes, except in UTF-16.
+
+    >>> import struct
+    >>> is_mat_v4(struct.pack("<5i", 0, 500, 1, 0, 2) + b"v" + bytes(1))
+    True
+    >>> is_mat_v4(b"Time (s),Velocity (m/s),Pressure (bar)")
+    False
+    """
+    if 0 not in head[:4] or len(head) < _V4_HEADER:
+        return False
+    for order, digit in _V4_ORDERS:
+        kind, rows, columns, imaginary, name = (
+            int.from_bytes(head[k : k + 4], order, signed=True) for k in range(0, _V4_HEADER, 4)
+        )
+        typed = _V4_TYPE.fullmatch(f"{kind:04d}") and f"{kind:04d}".startswith(digit)
+        shaped = rows >= 0 and columns >= 0 and imaginary in (0, 1) and 2 <= name <= _V4_LONGEST_NAME
+        if typed and shaped:
+            return _V4_NAME.fullmatch(head[_V4_HEADER : _V4_HEADER + name]) is not None
+    return False
+
+
+_NO_LOGS = {
+    b"\x1f\x8b": "gzip-compressed",
+    b"BZh": "bzip2-compressed",
+    b"\xfd7zXZ": "xz-compressed",
+    b"\x28\xb5\x2f\xfd": "zstd-compressed",
+    b"7z\xbc\xaf": "a 7z archive",
+    b"Rar!": "a RAR archive",
+    b"%PDF": "a PDF document",
+    b"\x89PNG": "a PNG picture",
+    b"\xff\xd8\xff": "a JPEG picture",
+    b"\x7fELF": "a program",
+    b"MZ": "a program",
+    b"SQLite format 3": "an SQLite database",
+}

@@ -1,1 +1,0 @@
-"""Payout, hold and haul-in of every cycle, and the integration windows."""

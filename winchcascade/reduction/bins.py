@@ -1,0 +1,123 @@
+"""Powers over generator speed: means in bins of 100 rpm while the clutch is engaged."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from winchcascade.core.integrate import BLOCK
+from winchcascade.core.run import CLOCK
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from winchcascade.core.integrate import Stream
+    from winchcascade.core.rig_file import Rig
+    from winchcascade.core.run import Run, Signal
+    from winchcascade.reduction.phases import Cycle
+    from winchcascade.reduction.windows import Plateau
+
+    Mask = NDArray[np.bool_]
+
+
+TORQUE = "torque"
+"""Key of the torque behind the clutch among what a bin averages."""
+
+
+class Bin(msgspec.Struct, frozen=True):
+    """One bin of generator speed [rpm]: samples in it, and of each stage's power mean and standard error [W].
+
+    `torque` is averaged in the same way [N m].
+    The standard error is s/sqrt(n) of the samples as if they were independent; it is None for a single sample.
+    """
+
+    rpm_low: float
+    rpm_high: float
+    count: int
+    power: Mapping[str, float | None]
+    standard_error: Mapping[str, float | None]
+    torque: float | None = None
+    torque_standard_error: float | None = None
+
+
+def engaged(run: Run, cycles: Sequence[Cycle], plateaus: Sequence[Plateau | None], rig: Rig) -> Mask:
+    """Tell the samples of the payouts in which the clutch drives the generator, (n,).
+
+    When the drum slows the rotor runs on alone and the torque behind the clutch is zero. So from an onset the clutch counts
+    as engaged until the torque has risen, and from then on wherever there is torque; without a torque channel until
+    braking begins. Bridged samples are left out.
+    """
+    driven = np.zeros(run.t.size, dtype=bool)
+    torque = run.channels.get("torque")
+    for cycle, plateau in zip(cycles, plateaus, strict=True):
+        first = int(np.searchsorted(run.t, cycle.onset, side="left"))
+        last = int(np.searchsorted(run.t, cycle.payout_end, side="right"))
+        if not rig.drivetrain.one_way_clutch:
+            driven[first:last] = True
+        elif torque is not None:
+            pulls = torque[first:last] >= rig.thresholds.tau_engaged
+            rising = int(np.argmax(pulls)) if pulls.any() else 0
+            driven[first:last] = pulls
+            driven[first : first + rising] = True
+        else:
+            braking = plateau.braking if plateau is not None else cycle.payout_end
+            driven[first : int(np.searchsorted(run.t, braking, side="right"))] = True
+    for name in (CLOCK, "velocity", "force", "torque", "power_mech", "vdc", "idc"):
+        for before, after in run.gaps.get(name, ()):
+            driven[np.searchsorted(run.t, before, side="right") : np.searchsorted(run.t, after, side="left")] = False
+    return driven
+
+
+def bin_powers(
+    v_line: Signal,
+    rpm_per_velocity: float,
+    driven: Mask,
+    powers: Mapping[str, Stream | None],
+    width: float,
+) -> tuple[Bin, ...]:
+    """Average each power in bins of generator speed; bins without a sample are left out.
+
+    Parameters
+    ----------
+    v_line : (n,) line velocity [m/s], and what turns it into generator speed [rpm s/m]
+    driven : (n,) samples that count
+    powers : of each stage, as a function of the rows of the log, None for one that is not measured [W]; under `TORQUE`
+        the torque [N m]
+    width : of a bin [rpm]
+    """
+    rows = np.flatnonzero(driven)
+    if rows.size == 0:
+        return ()
+    number = np.floor(v_line[rows] * (rpm_per_velocity / width)).astype(np.int64)
+    low = int(number.min())
+    number -= low
+    count = np.bincount(number)
+    found = {s: None if x is None else _mean_and_error(rows, number, x, count) for s, x in powers.items()}
+    bins = []
+    for k in np.flatnonzero(count).tolist():
+        mean = {name: None if both is None else float(both[0][k]) for name, both in found.items()}
+        error = {name: None if both is None or count[k] < 2 else float(both[1][k]) for name, both in found.items()}
+        torque, torque_error = mean.pop(TORQUE, None), error.pop(TORQUE, None)
+        bins.append(Bin((low + k) * width, (low + k + 1) * width, int(count[k]), mean, error, torque, torque_error))
+    return tuple(bins)
+
+
+def _mean_and_error(
+    rows: NDArray[np.intp], number: NDArray[np.int64], power: Stream, count: NDArray[np.intp]
+) -> tuple[Signal, Signal]:
+    """Mean and standard error of a power in each bin, summed block by block."""
+    total, square = np.zeros(count.size), np.zeros(count.size)
+    for start in range(int(rows[0]), int(rows[-1]) + 1, BLOCK):
+        first, last = np.searchsorted(rows, (start, start + BLOCK))
+        if first == last:
+            continue
+        x = power(slice(start, start + BLOCK))[rows[first:last] - start]
+        total += np.bincount(number[first:last], weights=x, minlength=count.size)
+        square += np.bincount(number[first:last], weights=x * x, minlength=count.size)
+    n = np.maximum(count, 1)
+    mean = total / n
+    error: Signal = np.sqrt(np.maximum(square / n - mean * mean, 0.0) / np.maximum(n - 1, 1))
+    return mean, error

@@ -1,0 +1,278 @@
+"""Whether channels that follow one motion were recorded at one time: lags between them, by regression on ramps.
+
+Two channels y and x that follow each other give `y(t) = a + b x(t - lag)`, and to first order
+`y = a + b x - b lag dx/dt`. A regression of y on x and its slope therefore gives the lag, to a few milliseconds where the line
+starts and stops. A lag that is found is applied and the regression repeated, until it is the whole lag.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from winchcascade.core.run import CHANNELS, Finding
+from winchcascade.reduction.checks.load import losses
+from winchcascade.reduction.energies import stream
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from winchcascade.core.run import Signal
+    from winchcascade.reduction.checks.phased_run import Phased
+
+SAME_TIME = 0.1
+"""Lag between channels that physics gives none, from which it is reported: energies change by more than 0.5 %. [s]"""
+
+OF_THE_ROTOR = 0.25
+"""The same between torque and electrical power: rotor, capacitor and filters of the meters lag by up to 0.2 s. [s]"""
+
+OF_THE_MACHINE = 0.35
+"""The same between velocity and Vdc: as above, and a back-EMF that falls with the current bends Vdc like 0.15 s. [s]"""
+
+CERTAIN = 5.0
+"""A lag that is reported exceeds so many standard uncertainties."""
+
+SETTLED = 0.6
+"""The force is compared from so long after the onset: before, the friction of the restoring module turns round. [s]"""
+
+BESIDE = 0.5
+"""The ramps are looked at from so long before the onset and until so long after the payout. [s]"""
+
+SLOPE = 0.2
+"""Slopes are differences over so long on either side, or over one sample where samples are farther apart. [s]"""
+
+FEWEST = 20
+"""Fewer samples carry no regression."""
+
+EXPLAINS = 0.5
+"""A lag explains a difference between two channels if it leaves less than this share of its mean square."""
+
+SINGULAR = 1e-9
+"""Share of a signal that must remain beside the others, so that its weight is known."""
+
+ROUNDS = 4
+"""Number of times a lag is applied and found anew."""
+
+FAR = (-4.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 4.0)
+"""Lags from which the search starts where the signals do not follow each other without one. [s]"""
+
+FOLLOWS = 0.1
+"""They follow each other if less than this share of the variance is left."""
+
+
+class _Pair(msgspec.Struct, frozen=True):
+    """Two signals of one payout, each (n,), stamps [s], and what else the second depends on, (n,) each."""
+
+    t: Signal
+    x: Signal
+    y: Signal
+    beside: tuple[Signal, ...]
+
+
+class _Lag(msgspec.Struct, frozen=True):
+    """Lag of the second signal of a pair behind the first [s], and the share of its variance that then is left [1].
+
+    `without` is the share that is left without a lag [1]. `scale` over the root of the number of independent samples is the
+    standard uncertainty [s]; `rows` are the signals of the regression, scaled to length one.
+    """
+
+    seconds: float
+    left: float
+    scale: float
+    without: float
+    rows: Signal
+
+
+Pairing = Callable[["Phased", int], "_Pair | None"]
+
+
+def lag_findings(phased: Phased) -> list[Finding]:
+    """Report channels that were recorded late against each other; no channel is shifted."""
+    cycles = [k for k in phased.chosen() if not phased.cycles[k].begins_inside]
+    findings = []
+    for x, y, limit, pairing in _compared(phased):
+        limit = max(limit, 1.0 / phased.run.fs)
+        if any(_suspicious(pairing(phased, k), limit) for k in {*cycles[:1], *cycles[-1:]}):
+            found = [(k, lag) for k in cycles if (lag := lag_of(pairing(phased, k), limit)) is not None]
+            if found:
+                findings.append(_finding(phased, x, y, found, limit))
+    return findings
+
+
+def _compared(phased: Phased) -> Iterator[tuple[str, str, float, Pairing]]:
+    """Pairs of channels that a log has, and the lag that physics gives them at most [s]."""
+    channels = phased.run.channels
+    if "displacement" in channels:
+        yield "displacement", "velocity", SAME_TIME, _motion
+    if "vdc" in channels and "idc" in channels and not phased.run.open_circuit:
+        yield "vdc", "idc", SAME_TIME, _electrical
+        if "torque" in channels:
+            yield "torque", "Vdc x Idc", OF_THE_ROTOR, _shaft
+        yield "velocity", "vdc", OF_THE_MACHINE, _machine
+    if "torque" in channels and "force" in channels:
+        yield "torque", "force", SAME_TIME, _line
+
+
+def _motion(phased: Phased, k: int) -> _Pair:
+    """Displacement, and the integral of the velocity, whose zero makes it drift."""
+    cycle, run = phased.cycles[k], phased.run
+    rows = phased.rows(cycle.onset - BESIDE, cycle.payout_end + BESIDE)
+    t, v = run.t[rows], run.channels["velocity"][rows]
+    travel = np.concatenate((np.zeros(min(1, t.size)), np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t))))
+    return _Pair(t, run.channels["displacement"][rows], travel, (t,))
+
+
+def _electrical(phased: Phased, k: int) -> _Pair:
+    """Vdc and Idc at a resistor."""
+    cycle, run = phased.cycles[k], phased.run
+    rows = phased.rows(cycle.onset - BESIDE, cycle.payout_end + BESIDE)
+    return _Pair(run.t[rows], run.channels["vdc"][rows], run.channels["idc"][rows], ())
+
+
+def _shaft(phased: Phased, k: int) -> _Pair | None:
+    """Power of the shaft while the clutch drives, and the one that DC link, known losses and known storage need."""
+    run, rig = phased.run, phased.rig
+    mech = stream(run.channels, "mech", rig.r_drum)
+    if mech is None:
+        return None
+    rows = phased.rows(phased.cycles[k].onset - BESIDE, _braking(phased, k))
+    t, v_dc, i_dc = run.t[rows], run.channels["vdc"][rows], run.channels["idc"][rows]
+    if t.size < FEWEST:
+        return None
+    omega = phased.v_smooth[rows] * ((rig.rpm_per_velocity or 0.0) * math.pi / 30.0)
+    needed = v_dc * i_dc + losses(rig, i_dc, omega)
+    capacity, inertia = rig.dc_link.c_dc, rig.drivetrain.inertia_rotor
+    if capacity is not None:
+        needed = needed + capacity.value * v_dc * np.gradient(v_dc, t)
+    if inertia is not None:
+        needed = needed + inertia.value * omega * np.gradient(omega, t)
+    return _Pair(t, mech(rows), needed, ())
+
+
+def _machine(phased: Phased, k: int) -> _Pair:
+    """Velocity and Vdc while the clutch drives."""
+    rows = phased.rows(phased.cycles[k].onset - BESIDE, _braking(phased, k))
+    return _Pair(phased.run.t[rows], phased.v_smooth[rows], phased.run.channels["vdc"][rows], ())
+
+
+def _line(phased: Phased, k: int) -> _Pair:
+    """Torque and line force while the line pays out; the rest of the force grows with the displacement."""
+    run = phased.run
+    rows = phased.rows(phased.cycles[k].onset + SETTLED, _braking(phased, k))
+    t = run.t[rows]
+    along = run.channels["displacement"][rows] if "displacement" in run.channels else t
+    return _Pair(t, run.channels["torque"][rows], run.channels["force"][rows], (along,))
+
+
+def _braking(phased: Phased, k: int) -> float:
+    plateau = phased.plateaus[k]
+    return phased.cycles[k].payout_end if plateau is None else plateau.braking
+
+
+def _suspicious(pair: _Pair | None, limit: float) -> bool:
+    """Whether a first look at one payout shows half a lag to report, or signals that do not follow each other."""
+    if pair is None:
+        return False
+    first = _regress(pair, 0.0)
+    return first is None or first.left > FOLLOWS or abs(first.seconds) > 0.5 * limit
+
+
+def lag_of(pair: _Pair | None, limit: float) -> _Lag | None:
+    """Lag of the second signal behind the first; None if it is below a limit, uncertain, or explains no difference."""
+    if pair is None:
+        return None
+    first = _regress(pair, 0.0)
+    without = 1.0 if first is None else first.without
+    tried = [first] if first is not None and first.left < FOLLOWS else [first, *(_regress(pair, far) for far in FAR)]
+    found = min((one for one in tried if one is not None), key=lambda one: one.left, default=None)
+    if found is None:
+        return None
+    for _ in range(ROUNDS):
+        again = _regress(pair, found.seconds)
+        if again is None:
+            return None
+        step, found = again.seconds - found.seconds, again
+        if abs(step) < 0.05 * limit:
+            break
+    if first is not None and first.left < found.left:  # a filter delays as its slope does, without a shift
+        found = first
+    known = abs(found.seconds) >= limit and abs(found.seconds) > CERTAIN * _standard_uncertainty(found)
+    return found if known and found.left < EXPLAINS * without else None
+
+
+def _regress(pair: _Pair, applied: float) -> _Lag | None:
+    """Lag by one regression after a lag has been applied; None where the signals do not rise together."""
+    rows = _aligned(pair, applied)
+    if rows is None:
+        return None
+    rows -= np.einsum("ij->i", rows)[:, None] / rows.shape[1]
+    size = np.sqrt(np.einsum("ij,ij->i", rows, rows))
+    if not size.all():
+        return None
+    rows /= size[:, None]
+    product = np.einsum("ij,kj->ik", rows, rows).tolist()  # not by BLAS, whose first call takes longer than all of this
+    others = range(2, len(product) - 1)
+    by_x, by_slope = _without(product, [1, *others]), _without(product, [0, *others])
+    if min(by_x[0][0], by_slope[1][1]) < SINGULAR or by_x[0][-1] <= 0.0:
+        return None
+    weight = by_slope[1][-1] / by_slope[1][1]
+    left = max(by_slope[-1][-1] - weight * by_slope[1][-1], 0.0)
+    per = float(size[0] / size[1]) * by_x[0][0] / by_x[0][-1]
+    return _Lag(applied - per * weight, left, per * math.sqrt(left / by_slope[1][1]), by_slope[-1][-1], rows)
+
+
+def _aligned(pair: _Pair, applied: float) -> Signal | None:
+    """First signal and its slope, both late by so much, what stands beside, and the second signal, as rows of a matrix."""
+    span = float(pair.t[-1] - pair.t[0]) if pair.t.size else 0.0
+    half = max(1, round(SLOPE * (pair.t.size - 1) / max(span, 1e-9)))
+    if pair.t.size < FEWEST + 2 * half:
+        return None
+    t = pair.t[half:-half]
+    x, *others = (signal[half:-half] for signal in (pair.x, *pair.beside, pair.y))
+    slope = (pair.x[2 * half :] - pair.x[: -2 * half]) / (pair.t[2 * half :] - pair.t[: -2 * half])
+    if applied == 0.0:
+        return np.array([x, slope, *others])
+    kept = (t - applied >= t[0]) & (t - applied <= t[-1])
+    if np.count_nonzero(kept) < FEWEST:
+        return None
+    before = t[kept] - applied
+    return np.array([np.interp(before, t, x), np.interp(before, t, slope), *(signal[kept] for signal in others)])
+
+
+def _without(product: list[list[float]], columns: Sequence[int]) -> list[list[float]]:
+    """Products of what remains of some signals when others, by their number, are regressed out."""
+    left = product
+    for k in columns:
+        pivot = left[k]
+        if pivot[k] >= SINGULAR:
+            left = [[a - row[k] * b / pivot[k] for a, b in zip(row, pivot, strict=True)] for row in left]
+    return left
+
+
+def _standard_uncertainty(found: _Lag) -> float:
+    """Standard uncertainty of a lag: its residual is correlated from sample to sample, so that fewer of them count. [s]"""
+    columns, y = found.rows[:-1], found.rows[-1]
+    residual = y - np.linalg.lstsq(columns.T, y, rcond=None)[0] @ columns
+    following = float(residual[1:] @ residual[:-1]) / max(float(residual @ residual), 1e-30)
+    return found.scale * math.sqrt(max((1.0 + following) / max(1.0 - following, 1e-3), 1.0) / y.size)
+
+
+def _finding(phased: Phased, x: str, y: str, found: list[tuple[int, _Lag]], limit: float) -> Finding:
+    largest = max((lag for _, lag in found), key=lambda lag: abs(lag.seconds))
+    u = max(_standard_uncertainty(largest), 0.001)
+    late, early = (y, x) if largest.seconds > 0 else (x, y)
+    first, last = (phased.cycles[k] for k in (found[0][0], found[-1][0]))
+    return Finding(
+        "channel_lag",
+        f"{late} is {abs(largest.seconds):.2f} s behind {early} (standard uncertainty {u:.3f} s); expected "
+        f"less than {limit:.2g} s",
+        "reported and kept; powers take both at one time: check filters and clocks of their loggers",
+        late if late in CHANNELS else None,
+        first.onset,
+        last.payout_end,
+        len(found),
+    )

@@ -1,0 +1,276 @@
+"""Efficiencies that change within a log by more than uncertainty and repeatability allow.
+
+The load of a log is fixed, and the gains of its sensors are too. What may change an efficiency is then the speed. A loss
+force or torque lies between a constant one and one with the square of the speed v, so its power lies between v and v^3.
+Into a resistor the power is proportional to v^2: the share of the loss changes by no more than v does, or by half of what
+the power does. Without a resistor the bound is the change of the power itself.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from winchcascade.core.accuracy import error_sources
+from winchcascade.core.run import Finding
+from winchcascade.reduction.efficiency import NOTHING, RATIOS
+from winchcascade.reduction.sensor_noise import energy_noise
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from winchcascade.core.rig_file import Rig
+    from winchcascade.core.run import Run, Signal
+    from winchcascade.reduction.efficiency import Metrics
+    from winchcascade.reduction.reduce import CycleResult
+
+ALPHA = 0.01
+"""Probability of a false finding in one log, or between the logs of one campaign, all comparisons together. [1]"""
+
+REPEATS = 0.003
+"""Repeatability of an efficiency between cycles, relative standard deviation that is assumed before any is measured: where a
+tenth of the power rings at 2 Hz, a window of 5 s that cuts it anywhere changes an energy by 0.1 / (2 pi 5) = 0.3 %."""
+
+PRIOR = 10
+"""The assumed standard deviation counts as one of so many degrees of freedom; more cycles than that decide for themselves."""
+
+IDLE = 0.2
+"""A machine that delivers a smaller share than this of its energy runs as in an open circuit, whether or not a load is stated:
+its losses decide every ratio. [1]"""
+
+MOVES = 0.0025
+"""Smallest change of interest: it moves the mean efficiency of the log by this. The budget of the paper's rig, the best that
+the tool was used on, states efficiencies to 0.003 to 0.005."""
+
+
+class Comparison(msgspec.Struct, frozen=True):
+    """The most significant change of one efficiency over the cycles of a log.
+
+    `change` is relative to the mean, `explained` what speed, gaps and zeros explain of it, `scatter` the standard deviation of
+    such a change by repeatability, with `freedom` degrees of freedom; `chance` is the probability of the change, all
+    comparisons together, `moved` what it moves of the mean efficiency [1]. `here` are the cycles that differ from the
+    others, (k,); None for a drift.
+    """
+
+    metric: str
+    cycles: Sequence[CycleResult]
+    mean: float
+    change: float
+    explained: float
+    scatter: float
+    freedom: int
+    chance: float
+    moved: float
+    here: NDArray[np.bool_] | None
+
+    @property
+    def reported(self) -> bool:
+        """Whether the change is significant and of interest."""
+        return self.chance <= ALPHA and self.moved >= MOVES
+
+
+def changes_within(
+    cycles: Sequence[CycleResult], rig: Rig, bridged: Mapping[str, tuple[float, ...]], run: Run
+) -> list[Finding]:
+    """Find efficiencies that step or drift over the complete cycles of a log, or that one cycle has apart from the others.
+
+    Parameters
+    ----------
+    bridged : what bridging gaps may have changed of each cycle's energy, by stage [J]
+    run : an open circuit has no efficiency of interest
+    """
+    compared = compare_cycles(cycles, rig, bridged, run)
+    return [_finding(found) for found in compared if found.reported]
+
+
+def compare_cycles(
+    cycles: Sequence[CycleResult], rig: Rig, bridged: Mapping[str, tuple[float, ...]], run: Run
+) -> list[Comparison]:
+    """Compare the cycles of a log by each efficiency, parameters as of `changes_within`.
+
+    Every split into first and last cycles is compared, every cycle with the others, and a straight line is fitted to all.
+    """
+    if run.open_circuit:
+        return []
+    delivered = [x for c in cycles if c.complete and (x := _delivered(c.metrics)) is not None]
+    if delivered and sum(delivered) / len(delivered) < IDLE:
+        return []
+    power_share = 0.5 if run.load is not None else 1.0
+    noise = energy_noise(run, [c.window for c in cycles if c.complete])
+    given = {m: [k for k, c in enumerate(cycles) if c.complete and getattr(c.metrics, m) is not None] for m in RATIOS}
+    tested = [m for m in ("eta_trans", "eta_gen") if len(given[m]) > 1] or ["eta_pto"] * (len(given["eta_pto"]) > 1)
+    compared = []
+    for metric in tested:
+        rows = given[metric]
+        here = [cycles[k] for k in rows]
+        gaps = _bridged_share(metric, cycles, rows, bridged)
+        found = _largest_change(
+            metric, here, gaps, _zeros(here, rig), power_share, _repeats(metric, noise), len(tested)
+        )
+        compared += [] if found is None else [found]
+    return compared
+
+
+def _delivered(metrics: Metrics) -> float | None:
+    """Share of the energy that arrives at the DC link, None where it is unknown."""
+    return metrics.eta_pto if metrics.eta_pto is not None else metrics.eta_gen
+
+
+def _bridged_share(
+    metric: str, cycles: Sequence[CycleResult], rows: Sequence[int], bridged: Mapping[str, tuple[float, ...]]
+) -> Signal:
+    """Share of an efficiency of each cycle that bridging may have changed, (k,). [1]"""
+    share = np.zeros(len(rows))
+    for energy in RATIOS[metric]:
+        joules = bridged.get(energy.removeprefix("energy_"))
+        if joules is not None:
+            share += [joules[k] / getattr(cycles[k].metrics, energy) for k in rows]
+    return share
+
+
+def _zeros(cycles: Sequence[CycleResult], rig: Rig) -> float:
+    """Share that the zeros of force cell and torque sensor may have in what they read on the plateau. [1]"""
+    total = 0.0
+    for channel in ("force", "torque"):
+        plateaus = [c.summary.payout.plateau for c in cycles if c.summary.payout.plateau is not None]
+        read = [abs(x) for p in plateaus if (x := getattr(p, channel)) is not None]
+        if read and channel in rig.sensors:
+            zero = sum(s.limit or 2.0 * s.u for s in error_sources(channel, rig.sensors[channel]) if s.part == "zero")
+            total += zero / max(sum(read) / len(read), zero) if zero else 0.0
+    return total
+
+
+def _repeats(metric: str, noise: Mapping[str, float]) -> float:
+    """Assumed repeatability of an efficiency, with the noise of the sensors in the window, relative. [1]"""
+    return math.hypot(REPEATS, *(noise.get(energy.removeprefix("energy_"), 0.0) for energy in RATIOS[metric]))
+
+
+def _largest_change(
+    metric: str,
+    cycles: Sequence[CycleResult],
+    gaps: Signal,
+    zeros: float,
+    power_share: float,
+    repeats: float,
+    metrics: int,
+) -> Comparison | None:
+    """The most significant change of an efficiency over the cycles; None where the efficiency is not positive."""
+    eta = np.array([getattr(c.metrics, metric) for c in cycles])
+    mean, n = float(np.mean(eta)), len(cycles)
+    if mean <= 0.0:
+        return None
+    energies = np.array([[getattr(c.metrics, e) for e in RATIOS[metric]] for c in cycles])
+    energies = np.maximum(energies, NOTHING)
+    lengths = np.array([[c.window.cutoff - c.window.onset] for c in cycles])
+    size = np.hstack([np.log(energies), np.log(energies / lengths)])
+    first = np.concatenate([np.arange(1, n), np.ones(max(n - 2, 0), dtype=np.int64)])
+    other = n - first
+    drift = _drift_weights(n)
+    change = np.concatenate([_differences(eta / mean, first), drift @ (eta / mean)])
+    spread = np.concatenate([1.0 / first + 1.0 / other, np.sum(drift**2, axis=1)])
+    differs = np.abs(np.concatenate([_differences(size, first), drift @ size]))
+    differs = np.maximum(differs[:, :2].min(axis=1), differs[:, 2:].min(axis=1))  # of energies and of powers
+    bridged = _means(gaps, first) + (gaps.sum() - _means(gaps, first) * first) / other
+    allowed = power_share * (1.0 - mean + zeros) * differs + np.concatenate([bridged, np.abs(drift) @ gaps])
+    within = np.maximum(n * float(np.var(eta / mean)) - change**2 / spread, 0.0)
+    freedom = PRIOR + n - 2
+    s = np.sqrt((PRIOR * repeats**2 + within) / freedom)
+    t = np.maximum(np.abs(change) - allowed, 0.0) / (s * np.sqrt(spread))
+    best = int(np.argmax(t))
+    of_mean = np.concatenate([np.minimum(first, other) / n, np.full(len(drift), 0.5)])
+    return Comparison(
+        metric=metric,
+        cycles=cycles,
+        mean=mean,
+        change=float(change[best]),
+        explained=float(allowed[best]),
+        scatter=float((s * np.sqrt(spread))[best]),
+        freedom=freedom,
+        chance=probability(float(t[best]), freedom) * change.size * metrics,
+        moved=float((abs(change[best]) - allowed[best]) * mean * of_mean[best]),
+        here=_cycles_apart(n, best),
+    )
+
+
+def _cycles_apart(n: int, row: int) -> NDArray[np.bool_] | None:
+    """Cycles that a comparison sets against the others, (n,), by its number; None for the drift, which is the last one."""
+    if row >= 2 * n - 3:
+        return None
+    return np.arange(n) <= row if row < n - 1 else np.arange(n) == row - n + 2
+
+
+def _drift_weights(n: int) -> Signal:
+    """Weights that give the change from the first to the last cycle along a fitted straight line, (1, n).
+
+    Of two cycles that is their difference, which is compared anyway: then (0, 2).
+    """
+    along = np.linspace(-0.5, 0.5, n)
+    return (along / (along @ along))[None][: max(n - 2, 0)]
+
+
+def _means(x: Signal, first: NDArray[np.int64]) -> Signal:
+    """Means over the first cycles of every split and then over each cycle but the first and the last, (2 n - 3, ...)."""
+    sums = np.concatenate([np.cumsum(x, axis=0)[:-1], x[1:-1]])
+    return sums / first.reshape(-1, *(1,) * (x.ndim - 1))
+
+
+def _differences(x: Signal, first: NDArray[np.int64]) -> Signal:
+    """Means over the other cycles less those of `_means`."""
+    mean, n = _means(x, first), len(x)
+    a = first.reshape(-1, *(1,) * (x.ndim - 1))
+    difference: Signal = (x.sum(axis=0) - mean * a) / (n - a) - mean
+    return difference
+
+
+def probability(t: float, freedom: float) -> float:
+    """Probability that Student's t lies beyond t on either side, by Wallace's normal approximation (Biometrika 46, 1959).
+
+    >>> round(probability(2.228, 10), 3)
+    0.05
+    """
+    z = (8.0 * freedom + 1.0) / (8.0 * freedom + 3.0) * math.sqrt(freedom * math.log1p(t * t / freedom))
+    return math.erfc(z / math.sqrt(2.0))
+
+
+def _finding(found: Comparison) -> Finding:
+    """The finding: which cycles differ from which, by how much, and what of it the motion and the gaps explain."""
+    cycles, here, span = found.cycles, found.here, found.cycles
+    if here is None:
+        one, other = found.mean * (1.0 - 0.5 * found.change), found.mean * (1.0 + 0.5 * found.change)
+        said = f"drifts from {one:.3f} in cycle {cycles[0].cycle} to {other:.3f} in cycle {cycles[-1].cycle}"
+    else:
+        eta = np.array([getattr(c.metrics, found.metric) for c in cycles])
+        one, other = float(np.mean(eta[here])), float(np.mean(eta[~here]))
+        fewer = here if here.sum() <= (~here).sum() else ~here
+        span = [c for c, chosen in zip(cycles, fewer, strict=True) if chosen]
+        said = f"is {one:.3f} in {_named(cycles, here)} and {other:.3f} in {_named(cycles, ~here)}"
+    explained = f"; speed, gaps and zeros explain {found.explained:.1%} at most" if found.explained >= 0.0005 else ""
+    return Finding(
+        "efficiency_change",
+        f"{found.metric} {said}, a change of {abs(other - one) / max(one, other):.1%}{explained}",
+        f"kept as logged; look at {LOOK_AT[found.metric]}",
+        start=span[0].window.onset,
+        end=span[-1].window.cutoff,
+        count=len(span),
+    )
+
+
+LOOK_AT = {
+    "eta_trans": "force, torque and the transmission",
+    "eta_gen": "torque, Vdc, Idc, the load and the generator",
+    "eta_pto": "force, Vdc, Idc, the load and the machine",
+}
+"""What may have changed, by efficiency."""
+
+
+def _named(cycles: Sequence[CycleResult], here: NDArray[np.bool_]) -> str:
+    """Cycles by their numbers: one, a stretch, or all the others."""
+    numbers = [c.cycle for c, chosen in zip(cycles, here, strict=True) if chosen]
+    if len(numbers) == 1:
+        return f"cycle {numbers[0]}"
+    rows = np.flatnonzero(here)
+    return f"cycles {numbers[0]} to {numbers[-1]}" if rows[-1] - rows[0] == rows.size - 1 else "the others"

@@ -1,0 +1,257 @@
+"""A Monte Carlo of the sensors' errors (JCGM 101:2008): it confirms the budget, and gives the 95 % intervals.
+
+The sensors' limits are rectangular, and often one of them decides: then 95 % lie within 0.95 of the limit, where the
+GUM's factor of 1.96 standard uncertainties would give 1.13 of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Literal
+
+import msgspec
+import numpy as np
+
+from winchcascade.core.accuracy import Source
+from winchcascade.reduction.efficiency import ALL_METRICS, ALL_RATIOS, Metrics
+from winchcascade.reduction.uncertainty import (
+    R_DRUM,
+    SAMPLING,
+    Budget,
+    Stage,
+    budget,
+    counted,
+    run_sources,
+    sampling_limit,
+    stage_integrals,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from winchcascade.core.accuracy import Part
+    from winchcascade.core.run import Signal
+    from winchcascade.reduction.reduce import Reduction
+
+    Rows = NDArray[np.intp]
+    Errors = Mapping[tuple[str, Part], Signal]
+
+SEED = 20260
+"""Seed of the draws unless another is given, so that the same log gives the same interval."""
+
+DRAWS = 20_000
+"""Draws of all errors; the ends of an interval are then known to 0.5 % of its width, to 2 % where few cycles decide it."""
+
+BLOCK = 4096
+"""Draws that are made at a time."""
+
+MOST_CYCLES = 250
+"""Of more cycles an even selection is drawn for ratios: the sensors' errors act on all of them nearly alike."""
+
+LINEAR_WITHIN = 0.02
+"""Where the standard uncertainties of Monte Carlo and budget differ by more than this share, the Monte Carlo's is stated;
+with few draws by more than chance makes them differ."""
+
+SMALL = 0.1
+"""Errors that change no energy by more than this share act linearly to within a percent."""
+
+Method = Literal["gum", "monte_carlo"]
+
+
+class Interval(msgspec.Struct, frozen=True):
+    """Ends of a 95 % interval, in the unit of the metric."""
+
+    low: float
+    high: float
+
+
+class Uncertainty(msgspec.Struct, frozen=True):
+    """Uncertainty of the means of a reduction: the budget, the Monte Carlo and what is stated of them.
+
+    `standard` is what is stated: the budget's standard uncertainty where the Monte Carlo confirms it, else the Monte
+    Carlo's (`method`). `interval_95` holds the mean over cycles of this kind, sensors and repeatability together;
+    `interval_95_sensors` the mean of these very cycles, sensors alone.
+    """
+
+    budget: Budget
+    seed: int
+    draws: int
+    drawn: Metrics
+    standard: Metrics
+    method: Mapping[str, Method]
+    interval_95: Mapping[str, Interval]
+    interval_95_sensors: Mapping[str, Interval]
+
+
+def uncertainty(reduction: Reduction, *, seed: int = SEED, draws: int = DRAWS) -> Uncertainty:
+    """State the uncertainty of the means of a reduction: budget by the GUM, intervals by a Monte Carlo.
+
+    Each interval takes the sensors' errors and the mean's repeatability together; the latter is drawn from Student's
+    distribution, as few cycles tell it only roughly (JCGM 101, 6.4.9). A single cycle tells nothing of it, so its interval is
+    that of the sensors alone.
+
+    Parameters
+    ----------
+    seed, draws : of the Monte Carlo
+
+    Examples
+    --------
+    >>> from winchcascade.reduction.reduce import reduce
+    >>> from winchcascade.ingest.read import read_run
+    >>> found = uncertainty(reduce(read_run("fixtures/campaign/r36ohm.csv"), window=5.48))
+    >>> round(found.standard.eta_trans, 4), found.method["eta_trans"]
+    (0.0048, 'gum')
+    """
+    known = budget(reduction)
+    rng = np.random.default_rng(seed)
+    rows = {m: np.flatnonzero(mask) for m, mask in counted(reduction).items()}
+    spread = _spread(reduction, rows, known, rng, draws) if reduction.complete else {}
+    student = {1: np.zeros(draws)}
+    scratch = np.empty(draws)
+    drawn, whole, alone = {}, {}, {}
+    for metric, x in spread.items():
+        scatter = getattr(known.repeatability, metric) or 0.0
+        drawn[metric] = float(np.hypot(np.std(x), scatter))
+        n = len(rows[metric])
+        if n not in student:
+            student[n] = rng.standard_t(n - 1, draws)
+        np.multiply(student[n], scatter, out=scratch)
+        scratch += x
+        whole[metric] = _interval(scratch)
+        alone[metric] = _interval(x) if scatter else whole[metric]
+    within = max(LINEAR_WITHIN, 3.0 / np.sqrt(draws))
+    method: dict[str, Method] = {
+        m: "gum" if abs(u - getattr(known.mean, m)) <= within * u else "monte_carlo" for m, u in drawn.items()
+    }
+    stated = {m: getattr(known.mean, m) if way == "gum" else drawn[m] for m, way in method.items()}
+    return Uncertainty(known, seed, draws, Metrics(**drawn), Metrics(**stated), method, whole, alone)
+
+
+def stated_uncertainty(reduction: Reduction) -> tuple[Budget, Metrics]:
+    """Budget and stated standard uncertainties of the means, without a Monte Carlo where it could only confirm them."""
+    known = budget(reduction)
+    return known, known.mean if known.reach <= SMALL else uncertainty(reduction).standard
+
+
+def _interval(x: Signal) -> Interval:
+    """Interval that leaves 2.5 % of the draws on either side; puts the draws into another order."""
+    k = round(0.025 * x.size)
+    x.partition((k, x.size - 1 - k))
+    return Interval(float(x[k]), float(x[x.size - 1 - k]))
+
+
+def _spread(
+    reduction: Reduction, rows: Mapping[str, Rows], known: Budget, rng: np.random.Generator, draws: int
+) -> dict[str, Signal]:
+    """Means of the metrics for all draws, (draws,) each, made in blocks that stay in the processor's cache."""
+    stages = stage_integrals(reduction)
+    spread: dict[str, Signal] = {}
+    for start in range(0, draws, BLOCK):
+        part = slice(start, min(start + BLOCK, draws))
+        for metric, x in _draw(reduction, stages, rows, known, rng, part.stop - part.start).items():
+            spread.setdefault(metric, np.empty(draws))[part] = x
+    return spread
+
+
+def _draw(
+    reduction: Reduction,
+    stages: Mapping[str, Stage],
+    rows_of: Mapping[str, Rows],
+    known: Budget,
+    rng: np.random.Generator,
+    draws: int,
+) -> dict[str, Signal]:
+    """Means of the metrics for drawn sensor errors, (draws,) each; nothing for a metric without an accuracy."""
+    errors = {(s.channel, s.part): _errors(s, rng, draws) for s in run_sources(reduction.rig, stages)}
+    gaps = {name: _bridged(stage, rows_of[f"energy_{name}"], rng, draws) for name, stage in stages.items()}
+    limit = sampling_limit(stages)
+    wanted = [m for m in ALL_METRICS if getattr(known.mean, m) is not None]
+    spread = {}
+    for metric in wanted:
+        rows = rows_of[metric]
+        if metric in ALL_RATIOS:
+            spread[metric] = _ratio(metric, reduction, stages, rows, errors, gaps, limit)
+        elif metric.startswith("energy"):
+            name = metric.removeprefix("energy_")
+            spread[metric] = _energy(stages[name], rows, errors, limit) * gaps[name]
+        else:
+            name = metric.removeprefix("power_")
+            length = float(np.mean(stages[name].t[rows]))
+            equal = np.ptp(stages[name].t[rows]) <= 1e-9 * length
+            spread[metric] = (
+                spread[f"energy_{name}"] / length if equal else _power(stages[name], rows, errors, limit) * gaps[name]
+            )
+    return spread
+
+
+def _errors(source: Source, rng: np.random.Generator, draws: int) -> Signal:
+    if source.limit is None:
+        return source.u * rng.standard_normal(draws)
+    return rng.uniform(-source.limit, source.limit, draws)
+
+
+def _bridged(stage: Stage, rows: Rows, rng: np.random.Generator, draws: int) -> Signal | float:
+    """Factors on the mean energy of a stage by what bridged gaps may have changed."""
+    energy = abs(float(np.sum(stage.energy[rows])))
+    share = float(np.sqrt(np.sum(stage.bridged[rows] ** 2) / 3.0)) / energy if energy > 0 else 0.0
+    return 1.0 + share * rng.standard_normal(draws) if share > 0 else 1.0
+
+
+def _true(stage: Stage, errors: Errors, xy: float, x: float, y: float, t: float, sampled: float) -> Signal:
+    """Energy that channels without errors would have given, for each draw, up to the gains. [J]
+
+    `sampled` is its change with the relative error of the sampling.
+    """
+    zero_x = errors.get((stage.first, "zero"), 0.0)
+    zero_y = errors.get((stage.second or "", "zero"), 0.0)
+    joule: Signal = stage.scale * (xy - zero_x * y - zero_y * x + zero_x * zero_y * t) + np.zeros(1)
+    return joule + sampled * errors.get((SAMPLING, "gain"), 0.0)
+
+
+def _gain(stage: Stage, errors: Errors) -> Signal | float:
+    """What the gain errors make of a stage's energy, for each draw."""
+    gain: Signal | float = 1.0
+    for name in (stage.first, stage.second or "", R_DRUM if stage.by_radius else ""):
+        gain = gain * (1.0 + errors.get((name, "gain"), 0.0))
+    return gain
+
+
+def _parts(stage: Stage, limit: float) -> tuple[Signal, Signal, Signal, Signal, Signal]:
+    """Integrals of a stage, and what a relative error of the sampling changes of its energy, (k,) each."""
+    return stage.xy, stage.x, stage.y, stage.t, stage.sampled / limit if limit > 0.0 else stage.sampled
+
+
+def _energy(stage: Stage, rows: Rows, errors: Errors, limit: float) -> Signal:
+    """Mean energy for each draw: it needs the means of the integrals alone. [J]"""
+    xy, x, y, t, sampled = (float(np.mean(a[rows])) for a in _parts(stage, limit))
+    return _true(stage, errors, xy, x, y, t, sampled) / _gain(stage, errors)
+
+
+def _power(stage: Stage, rows: Rows, errors: Errors, limit: float) -> Signal:
+    """Mean of the cycles' mean powers for each draw, where windows differ in length. [W]"""
+    xy, x, y, t, sampled = (float(np.mean(a[rows] / stage.t[rows])) for a in _parts(stage, limit))
+    return _true(stage, errors, xy, x, y, t, sampled) / _gain(stage, errors)
+
+
+def _ratio(
+    metric: str,
+    reduction: Reduction,
+    stages: Mapping[str, Stage],
+    rows: Rows,
+    errors: Errors,
+    gaps: Mapping[str, Signal | float],
+    limit: float,
+) -> Signal:
+    """Mean of the cycles' ratios for each draw."""
+    names = [name.removeprefix("energy_") for name in ALL_RATIOS[metric]]
+    out, into = (stages[name] for name in names)
+    chosen = rows[np.linspace(0, len(rows) - 1, min(len(rows), MOST_CYCLES)).round().astype(int)]
+    total: Signal | float = 0.0
+    above, below = _parts(out, limit), _parts(into, limit)
+    for k in chosen.tolist():
+        up = _true(out, errors, *(float(part[k]) for part in above))
+        total = total + up / _true(into, errors, *(float(part[k]) for part in below))
+    mean = total / len(chosen) * (_gain(into, errors) / _gain(out, errors)) * (gaps[names[0]] / gaps[names[1]])
+    nominal = float(np.mean(out.energy[chosen] / into.energy[chosen]))
+    drawn: Signal = mean + (getattr(reduction.mean, metric) - nominal)
+    return drawn

@@ -1,0 +1,262 @@
+"""Find payout, hold and haul-in of every cycle from the smoothed line velocity.
+
+The velocity is cut into runs above +v_onset and below -v_onset. What the line travels in these runs, noise and creep below
+v_onset left out, gives turning points; between them lie the payouts and the haul-ins. A reversal that takes back little
+of a payout and is followed by more payout belongs to it; a jog that a rest parts from it does not.
+"""
+
+from __future__ import annotations
+
+from itertools import accumulate, pairwise
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from winchcascade.core.errors import OptionError
+from winchcascade.core.integrate import running
+from winchcascade.core.run import CLOCK
+from winchcascade.core.smooth import local_quadratic
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from winchcascade.core.rig_file import Thresholds
+    from winchcascade.core.run import Run, Signal
+
+    Index = NDArray[np.intp]
+
+NOISE = 1.5
+"""A run that peaks below this many times the onset speed is noise about the threshold, not a motion."""
+
+OVERTAKEN = 1.5
+"""A reversal is one inside a motion only if the motion then goes on by more than this many times the reversal."""
+
+
+REST = 2.0
+"""A jog, which travels less than `stroke_min`, is apart from a motion if a rest longer than this lies between them. [s]
+
+Shorter stops are a line that tightens or a crane that takes up its load: there the motion is under way.
+"""
+
+
+class Cycle(msgspec.Struct, frozen=True):
+    """Instants of one cycle on the log's clock [s].
+
+    `haul_in` is None where the log ends before it. `begins_inside` and `ends_inside` tell a payout that the log's first
+    or last sample cuts.
+    """
+
+    onset: float
+    payout_end: float
+    hold: tuple[float, float] | None
+    haul_in: tuple[float, float] | None
+    begins_inside: bool
+    ends_inside: bool
+
+
+class _Runs(msgspec.Struct, frozen=True):
+    """Stretches of samples on one side of the threshold, in order: [start, stop), travel [m], peak speed [m/s]."""
+
+    start: list[int]
+    stop: list[int]
+    travel: list[float]
+    peak: list[float]
+
+
+def smoothed_velocity(run: Run, thresholds: Thresholds) -> Signal:
+    """Smooth the line velocity as detection, windows and plateau use it. [m/s]"""
+    return local_quadratic(run.t, run.channels["velocity"], thresholds.smoothing)
+
+
+def detect(run: Run, v_smooth: Signal, thresholds: Thresholds) -> list[Cycle]:
+    """Find the cycles of a log, in order; an empty list if the line never pays out.
+
+    Parameters
+    ----------
+    v_smooth : (n,) line velocity, smoothed, payout positive [m/s]
+    """
+    gaps = long_gaps(run, thresholds.gap_max)
+    runs = _find_runs(run, v_smooth, thresholds.v_onset, gaps)
+    position = list(accumulate(runs.travel, initial=0.0))
+    turns = _without_reversals(_turning_points(position, thresholds.stroke_min), position, thresholds)
+    legs = list(pairwise(turns))
+    upward = [position[b] > position[a] for a, b in legs]
+    cycles = []
+    for k, (a, b) in enumerate(legs):
+        if upward[k]:
+            after = legs[k + 1] if k + 1 < len(legs) else None
+            cycles.append(_cycle(run.t, v_smooth, runs, (a, b), after, thresholds))
+    return _with_holds(cycles, float(run.t[-1]))
+
+
+def check_cycles(asked: tuple[int, int], cycles: Sequence[Cycle], log: str) -> None:
+    """Refuse to count a first and a last cycle of which a log has none; OptionError tells what it has."""
+    first, last = asked
+    if not 1 <= first <= min(last, len(cycles)):
+        raise OptionError(
+            f"{log}: cycles {first} to {last} are asked for, but it has {len(cycles)}; choose among those."
+        )
+
+
+def long_gaps(run: Run, longest: float) -> Signal:
+    """Gaps of the line velocity that are too long to know what moved inside, (k, 2) stamps [s]."""
+    known = [run.gaps[key] for key in (CLOCK, "velocity") if key in run.gaps]
+    gaps = np.concatenate(known) if known else np.empty((0, 2))
+    gaps = gaps[gaps[:, 1] - gaps[:, 0] > longest]
+    return gaps[np.argsort(gaps[:, 0])]
+
+
+def _find_runs(run: Run, v: Signal, v_onset: float, gaps: Signal) -> _Runs:
+    """Cut the velocity into runs; a long gap is a run of its own that travels what the displacement says."""
+    side = (v > v_onset).astype(np.int8) - (v < -v_onset).astype(np.int8)
+    first = np.searchsorted(run.t, gaps[:, 0], side="right")
+    last = np.searchsorted(run.t, gaps[:, 1], side="left")
+    for a, b in zip(first, last, strict=True):
+        side[a:b] = 0
+    edges = np.flatnonzero(np.diff(side)) + 1
+    start = np.sort(np.concatenate(([0], edges, last[last < v.size])))
+    start = start[np.append(True, np.diff(start) > 0)]
+    stop = np.append(start[1:], v.size)
+    moving = side[start] != 0
+    travel = np.diff(running(run.t, v.__getitem__, np.append(start, v.size - 1)))
+    peak = np.maximum(np.maximum.reduceat(v, start), -np.minimum.reduceat(v, start))
+    for a, b in zip(first, last, strict=True):
+        if 0 < b < v.size:  # what a straight line over the gap travels is not known, so it does not count
+            travel[np.searchsorted(start, b) - 1] -= 0.5 * (v[b - 1] + v[b]) * (run.t[b] - run.t[b - 1]) * (a == b)
+    start, stop, travel, peak = start[moving], stop[moving], travel[moving], peak[moving]
+    if gaps.size:
+        unseen = _moved_unseen(run, first, last)
+        order = np.argsort(np.concatenate((start, last - 0.5)), kind="stable")
+        start = np.concatenate((start, first))[order]
+        stop = np.concatenate((stop, last))[order]
+        travel = np.concatenate((travel, unseen))[order]
+        peak = np.concatenate((peak, np.zeros(unseen.size)))[order]
+    return _Runs(start.tolist(), stop.tolist(), travel.tolist(), peak.tolist())
+
+
+def _moved_unseen(run: Run, first: Index, last: Index) -> Signal:
+    """What the displacement moved from the last sample before each gap to the first one after it. [m]"""
+    displacement = run.channels.get("displacement")
+    if displacement is None:
+        return np.zeros(first.size)
+    top = displacement.size - 1
+    return displacement[np.minimum(last, top)] - displacement[np.clip(first - 1, 0, top)]
+
+
+def _turning_points(position: list[float], least: float) -> list[int]:
+    """Indices of alternating lows and highs of a position that differ by at least `least`, ends of motion included."""
+    low = high = 0
+    turns: list[int] = []
+    rising: bool | None = None
+    for k, x in enumerate(position):
+        if rising is not True and x < position[low]:
+            low = k
+        if rising is not False and x > position[high]:
+            high = k
+        if rising is not True and x - position[low] >= least:
+            turns.append(low)
+            rising, high = True, k
+        elif rising is not False and position[high] - x >= least:
+            turns.append(high)
+            rising, low = False, k
+    if rising is not None:
+        turns.append(high if rising else low)
+    return turns
+
+
+def _without_reversals(turns: list[int], position: list[float], thresholds: Thresholds) -> list[int]:
+    """Join the legs around a reversal that takes back little and is then overtaken."""
+    kept: list[int] = []
+    for turn in turns:
+        kept.append(turn)
+        while len(kept) >= 4:
+            a, b, c, d = (position[k] for k in kept[-4:])
+            before, back, onward = abs(b - a), abs(c - b), abs(d - c)
+            if back >= thresholds.reversal_max * before or onward < OVERTAKEN * back:
+                break
+            del kept[-3:-1]
+    return kept
+
+
+def _cycle(
+    t: Signal, v: Signal, runs: _Runs, leg: tuple[int, int], after: tuple[int, int] | None, thresholds: Thresholds
+) -> Cycle:
+    """Instants of the payout between two turning points and of the haul-in between the next two."""
+    first, last = _motion(t, runs, leg, thresholds, sign=1.0)
+    begin, end = runs.start[first], runs.stop[last]
+    haul_in = None
+    if after is not None:
+        down, up = _motion(t, runs, after, thresholds, sign=-1.0)
+        level = -thresholds.v_onset
+        haul_in = (crossing(t, v, runs.start[down], level), _motion_end(t, v, runs.stop[up], level))
+    return Cycle(
+        onset=crossing(t, v, begin, thresholds.v_onset),
+        payout_end=_motion_end(t, v, end, thresholds.v_onset),
+        hold=None,
+        haul_in=haul_in,
+        begins_inside=begin == 0,
+        ends_inside=end == v.size,
+    )
+
+
+def _motion(t: Signal, runs: _Runs, leg: tuple[int, int], thresholds: Thresholds, *, sign: float) -> tuple[int, int]:
+    """First and last run of a leg that are motions in its direction: not noise about the threshold, creep, or a jog apart."""
+    along = [k for k in range(*leg) if sign * runs.travel[k] > 0]
+    top = max(runs.peak[k] for k in along)
+    least = min(max(NOISE * thresholds.v_onset, thresholds.creep_max * top), top)
+    motions = [k for k in along if runs.peak[k] >= least]
+    lively = [k for k in range(motions[0], motions[-1] + 1) if runs.peak[k] >= least or runs.peak[k] == 0.0]
+    parts = [
+        part
+        for part in _parted_by_rests(t, runs, lively)
+        if _extent(runs, part) >= thresholds.stroke_min and not set(part).isdisjoint(motions)
+    ]
+    if parts:
+        motions = [k for k in motions if parts[0][0] <= k <= parts[-1][-1]]
+    return motions[0], motions[-1]
+
+
+def _parted_by_rests(t: Signal, runs: _Runs, lively: list[int]) -> list[list[int]]:
+    """Cut runs into stretches between which the line rests; what moves in a gap is unknown and no rest."""
+    parts = [lively[:1]]
+    for before, k in pairwise(lively):
+        if t[runs.start[k]] - t[runs.stop[before] - 1] > REST:
+            parts.append([])
+        parts[-1].append(k)
+    return parts
+
+
+def _extent(runs: _Runs, part: list[int]) -> float:
+    """Distance between the farthest places of a stretch of runs. [m]"""
+    position = list(accumulate((runs.travel[k] for k in part), initial=0.0))
+    return max(position) - min(position)
+
+
+def crossing(t: Signal, v: Signal, k: int, level: float) -> float:
+    """Instant between samples k - 1 and k at which v passes the level; the first or last stamp at an end. [s]"""
+    if k <= 0:
+        return float(t[0])
+    if k >= v.size:
+        return float(t[-1])
+    before, after = float(v[k - 1]), float(v[k])
+    share = (level - before) / (after - before) if after != before else 1.0
+    return float(t[k - 1] + min(max(share, 0.0), 1.0) * (t[k] - t[k - 1]))
+
+
+def _motion_end(t: Signal, v: Signal, k: int, level: float) -> float:
+    """Instant at which v leaves a motion before sample k; the last stamp before a gap in which it goes on unseen. [s]"""
+    unseen = 0 < k < v.size and (v[k - 1] - level) * (v[k] - level) > 0.0
+    return float(t[k - 1]) if unseen else crossing(t, v, k, level)
+
+
+def _with_holds(cycles: list[Cycle], end: float) -> list[Cycle]:
+    """Put the hold between payout and haul-in, or between payout and the log's end."""
+    held = []
+    for cycle in cycles:
+        until = cycle.haul_in[0] if cycle.haul_in is not None else end
+        hold = None if cycle.ends_inside else (cycle.payout_end, max(until, cycle.payout_end))
+        held.append(Cycle(cycle.onset, cycle.payout_end, hold, cycle.haul_in, cycle.begins_inside, cycle.ends_inside))
+    return held

@@ -1,0 +1,272 @@
+"""One run to its cycles: phases, windows, energies, efficiencies, repeatability and bins."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from winchcascade.core.errors import LogError, OptionError
+from winchcascade.core.jobs import side_by_side
+from winchcascade.core.rig_file import Rig
+from winchcascade.core.rig_toml import built_in
+from winchcascade.core.run import Finding
+from winchcascade.reduction.bins import TORQUE, Bin, bin_powers, engaged
+from winchcascade.reduction.checks.cross_checks import cross_checks
+from winchcascade.reduction.efficiency import Metrics, ensemble_mean, largest_deviation, metrics, total
+from winchcascade.reduction.efficiency_changes import changes_within
+from winchcascade.reduction.energies import STAGES, Energies, integrate_energies, stream
+from winchcascade.reduction.net_energy import NetSpan, find_net_spans, net_metrics
+from winchcascade.reduction.phase_summary import PhaseSummary, summarise, travel_and_top
+from winchcascade.reduction.phases import Cycle, check_cycles, detect, smoothed_velocity
+from winchcascade.reduction.windows import Plateau, Window, check_lengths, find_plateau, find_windows
+
+if TYPE_CHECKING:
+    from winchcascade.core.rig_file import WindowRule
+    from winchcascade.core.run import Run, Signal
+
+
+MOST_BINS = 20_000
+"""More bins of generator speed than this are a slip in a rig file."""
+
+
+class CycleResult(msgspec.Struct, frozen=True):
+    """One cycle: its instants, its window, what its phases were like, its metrics, and its span from onset to onset."""
+
+    cycle: int
+    complete: bool
+    phases: Cycle
+    window: Window
+    summary: PhaseSummary
+    metrics: Metrics
+    net: NetSpan
+
+
+class Reduction(msgspec.Struct, frozen=True):
+    """What a log says about the rig: every cycle, their mean and repeatability, and powers over generator speed.
+
+    `mean` and `max_deviation_percent` are over complete cycles; `total` sums their energies and gives ratios of sums. The
+    net energies of whole cycles are over those complete cycles that have them.
+    `quality` holds the findings of the log and of the reduction. `bridged` is, for each stage that has gaps, what bridging
+    them could have changed of each cycle's energy [J]; `sampled`, where the sampling is not clearly fine, is what every second
+    or third sample alone changes of it [J].
+    """
+
+    run: Run
+    rig: Rig
+    window: WindowRule
+    cycles: tuple[CycleResult, ...]
+    mean: Metrics
+    max_deviation_percent: Metrics
+    total: Metrics
+    bins: tuple[Bin, ...]
+    quality: tuple[Finding, ...]
+    bridged: Mapping[str, tuple[float, ...]] = msgspec.field(default_factory=dict)
+    sampled: Mapping[str, tuple[float, ...]] = msgspec.field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """One line instead of every number."""
+        return f"Reduction({self.run.name!r}, {len(self.complete)} of {len(self.cycles)} cycles complete)"
+
+    @property
+    def complete(self) -> tuple[CycleResult, ...]:
+        """The cycles that count."""
+        return tuple(c for c in self.cycles if c.complete)
+
+
+def window_rule(word: str | float) -> WindowRule:
+    """Read a window rule: `auto`, `payout` or a length in seconds; OptionError for anything else.
+
+    >>> window_rule("5.48")
+    5.48
+    """
+    if word == "auto" or word == "payout":
+        return word  # type: ignore[return-value]  # mypy does not narrow str to the literals by ==
+    try:
+        seconds = float(word)
+    except ValueError:
+        seconds = math.nan
+    if not (0.0 < seconds < math.inf):
+        raise OptionError(f"window {word!r}: expected auto, payout or a length in seconds above 0, such as 5.48.")
+    return seconds
+
+
+def reduce(
+    run: Run,
+    *,
+    rig: Rig | None = None,
+    window: str | float | None = None,
+    cycles: tuple[int, int] | None = None,
+) -> Reduction:
+    """Reduce a run: find its cycles and integrate each one's powers over its window (Sec. 3.2).
+
+    Parameters
+    ----------
+    rig : the rig that the run was measured on; the paper's by default
+    window : "auto", "payout" or a length [s]; by default the rig's rule
+    cycles : first and last cycle that count, numbered by payout; all by default
+
+    Raises
+    ------
+    OptionError : a window rule that is none, one longer than most payouts, or cycles of which the log has none
+
+    Examples
+    --------
+    >>> from winchcascade.ingest.read import read_run
+    >>> len(reduce(read_run("fixtures/campaign/r36ohm.csv"), window=5.48).cycles)
+    3
+    """
+    rig = rig or built_in()
+    rule = window_rule(rig.thresholds.window if window is None else window)
+    v_smooth = smoothed_velocity(run, rig.thresholds)
+    detected = detect(run, v_smooth, rig.thresholds)
+    first, found = _chosen(detected, cycles, run.name)
+    following = detected[first - 1 + len(found) :]
+    plateaus = [find_plateau(run.t, v_smooth, c, rig.thresholds) for c in found]
+    payouts = travel_and_top(run, v_smooth, found)
+    windows = find_windows(run, found, plateaus, payouts, rule, rig)
+    nets = find_net_spans(run, v_smooth, found, following[0].onset if following else None, payouts, rig.thresholds)
+    beyond = check_lengths(run, found, windows, payouts, rule, rig)
+    summaries, (energy, bins) = side_by_side(
+        lambda: summarise(run, v_smooth, found, plateaus, payouts, rig),
+        lambda: _energies_and_bins(run, v_smooth, found, plateaus, windows, nets, rule, rig),
+        samples=run.samples,
+    )
+    findings = [*_not_given(run, rig), *_too_few(cycles, first + len(found) - 1), *beyond]
+    checked = cross_checks(run, rig, v_smooth, found, plateaus, summaries, energy, rule)
+    findings += checked.findings
+    results = _results(run, found, first, summaries, energy, findings)
+    findings += changes_within(results, rig, energy.bridged, run)
+    complete = [r.metrics for r in results if r.complete]
+    whole = sum(r.window.cutoff - r.window.onset for r in results if r.complete)
+    return Reduction(
+        run=run,
+        rig=rig,
+        window=rule,
+        cycles=tuple(results),
+        mean=ensemble_mean(complete),
+        max_deviation_percent=largest_deviation(complete),
+        total=total(complete, whole, open_circuit=run.open_circuit),
+        bins=bins,
+        quality=(*run.findings, *findings),
+        bridged=energy.bridged,
+        sampled=checked.changes,
+    )
+
+
+def require_payouts(reduction: Reduction) -> None:
+    """Refuse a log in which the line never pays out: LogError."""
+    if not reduction.cycles:
+        limits = reduction.rig.thresholds
+        raise LogError(
+            f"{reduction.run.name}: no payout found; expected the line to pay out more than {limits.stroke_min:g} m at more "
+            f"than {limits.v_onset:g} m/s. Check name, unit and sign of the velocity column."
+        )
+
+
+def _chosen(cycles: list[Cycle], chosen: tuple[int, int] | None, log: str) -> tuple[int, list[Cycle]]:
+    """Number of the first cycle that counts, and the cycles that do."""
+    if chosen is None:
+        return 1, cycles
+    check_cycles(chosen, cycles, log)
+    first, last = chosen
+    return first, cycles[first - 1 : last]
+
+
+def _too_few(asked: tuple[int, int] | None, last: int) -> list[Finding]:
+    """A log that ends before the last cycle that is asked for."""
+    if asked is None or asked[1] <= last:
+        return []
+    message = f"the log ends with cycle {last}, and cycles {asked[0]} to {asked[1]} are asked for"
+    return [Finding("incomplete_cycle", message, f"cycles {asked[0]} to {last} count")]
+
+
+def _not_given(run: Run, rig: Rig) -> list[Finding]:
+    """Why a stage has no power although its channel is there."""
+    if "torque" not in run.channels or "power_mech" in run.channels or rig.r_drum is not None:
+        return []
+    message = f"torque alone gives no power: the rig {rig.name} has no drum radius (r_drum under [winch])"
+    return [Finding("missing_channel", message, "metrics that need it are null", "torque")]
+
+
+def _energies_and_bins(
+    run: Run,
+    v_smooth: Signal,
+    cycles: Sequence[Cycle],
+    plateaus: Sequence[Plateau | None],
+    windows: Sequence[Window],
+    nets: Sequence[NetSpan],
+    rule: WindowRule,
+    rig: Rig,
+) -> tuple[Energies, tuple[Bin, ...]]:
+    energy = integrate_energies(run, v_smooth, cycles, windows, nets, rule, rig)
+    counted = [(c, p) for c, p, w in zip(cycles, plateaus, energy.windows, strict=True) if w.fault is None]
+    return energy, _bins(run, counted, rig)
+
+
+def _results(
+    run: Run,
+    cycles: Sequence[Cycle],
+    first: int,
+    summaries: Sequence[PhaseSummary],
+    energy: Energies,
+    findings: list[Finding],
+) -> list[CycleResult]:
+    results = []
+    odd: dict[str, list[tuple[int, float]]] = {}
+    for k, (cycle, window, net, summary) in enumerate(zip(cycles, energy.windows, energy.nets, summaries, strict=True)):
+        joules = {name: None if column is None else column[k] for name, column in energy.joules.items()}
+        taken = {f"energy_{stage}": joules[stage] for stage in STAGES}
+        values, no_efficiency = metrics(taken, window.cutoff - window.onset, open_circuit=run.open_circuit)
+        of_cycle, net = net_metrics(joules, net)
+        for name, value in no_efficiency.items():
+            odd.setdefault(name, []).append((first + k, value))
+        if window.fault is not None:
+            findings.append(_incomplete(run, first + k, window, window.fault))
+        values = msgspec.structs.replace(values, **of_cycle)
+        results.append(CycleResult(first + k, window.fault is None, cycle, window, summary, values, net))
+    findings += [_no_efficiency(name, places) for name, places in odd.items()]
+    return results
+
+
+def _incomplete(run: Run, number: int, window: Window, fault: str) -> Finding:
+    return Finding(
+        "incomplete_cycle",
+        f"cycle {number} is incomplete: {fault}",
+        "listed, left out of the mean",
+        start=window.onset,
+        end=window.cutoff,
+        removed=int(np.searchsorted(run.t, window.cutoff) - np.searchsorted(run.t, window.onset)),
+    )
+
+
+def _no_efficiency(name: str, places: Sequence[tuple[int, float]]) -> Finding:
+    number, value = max(places, key=lambda place: abs(place[1] - 0.5))
+    return Finding(
+        "out_of_range",
+        f"{name} is no efficiency in {len(places)} cycle{'s' if len(places) > 1 else ''} ({value:.3f} in cycle {number}); "
+        f"check unit, gain and sign of what it is made of",
+        "not reported",
+        count=len(places),
+    )
+
+
+def _bins(run: Run, counted: Sequence[tuple[Cycle, Plateau | None]], rig: Rig) -> tuple[Bin, ...]:
+    """Bins over the payouts of the complete cycles; none where the speed of the generator is unknown."""
+    rpm_per_velocity = rig.rpm_per_velocity
+    if rpm_per_velocity is None:
+        return ()
+    speeds = run.channels["velocity"]
+    most = float(np.max(np.abs(speeds))) * rpm_per_velocity / rig.thresholds.rpm_bin
+    if most > MOST_BINS:
+        raise OptionError(
+            f"{run.name}: {most:.3g} bins of {rig.thresholds.rpm_bin:g} rpm; expected at most {MOST_BINS}. Check gear_ratio, "
+            f"r_drum and rpm_bin of the rig {rig.name}, and the unit of the velocity."
+        )
+    driven = engaged(run, [c for c, _ in counted], [p for _, p in counted], rig)
+    powers = {stage: stream(run.channels, stage, rig.r_drum) for stage in STAGES}
+    powers[TORQUE] = run.channels["torque"].__getitem__ if TORQUE in run.channels else None
+    return bin_powers(run.channels["velocity"], rpm_per_velocity, driven, powers, rig.thresholds.rpm_bin)

@@ -1,0 +1,237 @@
+"""The drum that the tether turns, and what takes force between the line and the torque sensor."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from winchcascade.core.errors import RigError
+from winchcascade.core.quantity import ATMOSPHERE, Quantity
+
+if TYPE_CHECKING:
+    from winchcascade.core.rig_file import Rig
+    from winchcascade.core.run import Signal
+
+
+class Winch(msgspec.Struct, frozen=True):
+    """Drum: radius [m], inertia [kg m2]; absent by default: friction, drag and layers of rope.
+
+    `friction` is a constant torque against the motion [N m], `drag` one in proportion to the drum's speed [N m s/rad].
+    `layering` is the relative change of the rope's effective radius for each metre that is paid out [1/m]: the encoder
+    turns with the drum, so the logged motion knows nothing of it, but the force does.
+    """
+
+    r_drum: float
+    inertia: float
+    friction: float = 0.0
+    drag: float = 0.0
+    layering: float = 0.0
+
+
+class Restoring(msgspec.Struct, frozen=True):
+    """Screw, piston and gas.
+
+    Screw: `lead` [m/rad], `lead_angle` and `half_angle` of the thread [rad], friction `mu` [1]. Piston: `area` [m2]. Gas at
+    zero payout: `pressure`, absolute [Pa], `volume` [m3]. Absent by default: `exponent` of a gas that heats when it is
+    compressed (1: isothermal) and cools back over `cooling` [s], and `seal_friction` of the piston [N].
+    """
+
+    lead: float
+    lead_angle: float
+    half_angle: float
+    mu: float
+    area: float
+    pressure: float
+    volume: float
+    exponent: float = 1.0
+    cooling: float = 6.0
+    seal_friction: float = 0.0
+
+    @property
+    def eta_forward(self) -> float:
+        """Efficiency of the screw while the line pays out: torque into thrust (Table 3). [1]"""
+        return _thread(self.half_angle, self.mu, math.tan(self.lead_angle))
+
+    @property
+    def eta_reverse(self) -> float:
+        """Efficiency of the screw while the line is hauled in: thrust into torque (Table 3). [1]"""
+        tangent, flank = math.tan(self.lead_angle), math.cos(self.half_angle)
+        return (flank - self.mu / tangent) / (flank + self.mu * tangent)
+
+
+def _thread(half_angle: float, mu: float, tangent: float) -> float:
+    """Efficiency of a screw that drives.
+
+    >>> round(_thread(math.radians(4.5), 0.04, math.tan(math.radians(5.0))), 3)
+    0.683
+    """
+    flank = math.cos(half_angle)
+    return (flank - mu * tangent) / (flank + mu / tangent)
+
+
+class Drivetrain(msgspec.Struct, frozen=True):
+    """One-way clutch, shaft spring, gear, and what turns on the fast shaft.
+
+    `gear` [1], mesh efficiency `eta_mesh` [1], viscous damper `b_rotor` [N m s/rad] and inertia `inertia_rotor` [kg m2] of the
+    fast shaft; `k_shaft` [N m/rad] and `c_shaft` [N m s/rad] of the slow one. Absent by default: `windage` in proportion to
+    speed squared [N m s2/rad2] and constant `friction` [N m] on the fast shaft, and `clutch_drag` [N m], with which the
+    overrunning clutch holds the drum back during haul-in and which the torque sensor sees.
+    """
+
+    gear: float
+    eta_mesh: float
+    b_rotor: float
+    k_shaft: float
+    c_shaft: float
+    inertia_rotor: float
+    windage: float = 0.0
+    friction: float = 0.0
+    clutch_drag: float = 0.0
+
+
+ROLLOFF_KNOTS = (0.0, 4.0, 5.0, 6.0, 7.0, 9.0, 11.0, 14.0, 20.0)
+"""Stator currents, rms, at which the back-EMF constant's roll-off is given, closest about the rated 5.16 A where it begins; a
+monotone cubic between them, constant beyond. [A]"""
+
+NO_ROLLOFF = (1.0,) * (len(ROLLOFF_KNOTS) - 1)
+"""All of the back-EMF constant is left at every current."""
+
+
+class Generator(msgspec.Struct, frozen=True):
+    """Machine of constant parameters: `pole_pairs`, back-EMF `k_e` line to line, rms [V/rpm], `r_s` [ohm] and `l_s` [H] of a
+    phase, and the drop of each of the two conducting diodes `v_diode` [V].
+
+    Absent by default: `rolloff`, what is left of k_e at the stator currents of `ROLLOFF_KNOTS` beyond the first [1].
+    """
+
+    pole_pairs: float
+    k_e: float
+    r_s: float
+    l_s: float
+    v_diode: float
+    rolloff: tuple[float, ...] = NO_ROLLOFF
+
+
+class DcLink(msgspec.Struct, frozen=True):
+    """Capacitor [F], and the resistance that bleeds it where no load is connected [ohm].
+
+    `load_change` is the relative deviation of a load from its nominal value, absent by default [1].
+    """
+
+    c_dc: float
+    r_bleed: float
+    load_change: float = 0.0
+
+
+class Sensors(msgspec.Struct, frozen=True):
+    """Errors of the sensors by channel, absent by default: relative `gain`, `zero` in SI units, and the time by which Vdc
+    and Idc are recorded late, `electrical_lag` [s].
+    """
+
+    gain: Mapping[str, float] = msgspec.field(default_factory=dict)
+    zero: Mapping[str, float] = msgspec.field(default_factory=dict)
+    electrical_lag: float = 0.0
+
+    def read(self, name: str, x: Signal) -> Signal:
+        """What a sensor reads of a channel, (n,) in its unit."""
+        reading: Signal = x * (1.0 + self.gain.get(name, 0.0)) + self.zero.get(name, 0.0)
+        return reading
+
+    def late(self, t: Signal) -> Signal:
+        """Times at which Vdc and Idc were what is recorded at some stamps, (n,) [s]."""
+        stamps: Signal = np.maximum(t - self.electrical_lag, t[0])
+        return stamps
+
+    def with_gain(self, name: str, error: float) -> Sensors:
+        """Sensors of which one reads a further share too much [1]; gains multiply, so that their order does not matter."""
+        if not error:
+            return self
+        gain = (1.0 + self.gain.get(name, 0.0)) * (1.0 + error) - 1.0
+        return msgspec.structs.replace(self, gain={**self.gain, name: gain})
+
+
+class Model(msgspec.Struct, frozen=True):
+    """A rig to be simulated: parts with numbers in SI units; laws that a rig file does not know are absent."""
+
+    winch: Winch
+    restoring: Restoring
+    drivetrain: Drivetrain
+    generator: Generator
+    dc_link: DcLink
+    sensors: Sensors = Sensors()
+
+
+def baseline(rig: Rig) -> Model:
+    """Fill the parts from a rig file: the model that a diagnosis starts from.
+
+    Raises
+    ------
+    RigError : the rig file lacks numbers that a part needs, all of them named, or the rig has no one-way clutch
+    """
+    missing: list[str] = []
+
+    def number(section: str, name: str) -> float:
+        value: Quantity | None = getattr(getattr(rig, section), name)
+        if value is None:
+            missing.append(f"{name} under [{section}]")
+            return math.nan
+        return value.value
+
+    model = Model(
+        winch=Winch(number("winch", "r_drum"), number("winch", "inertia")),
+        restoring=Restoring(
+            lead=number("restoring", "lead") / (2.0 * math.pi),
+            lead_angle=number("restoring", "lead_angle"),
+            half_angle=number("restoring", "half_angle"),
+            mu=number("restoring", "mu_screw"),
+            area=number("restoring", "area_piston"),
+            pressure=number("restoring", "p_precharge") + ATMOSPHERE,
+            volume=number("restoring", "volume_gas"),
+        ),
+        drivetrain=Drivetrain(
+            gear=number("drivetrain", "gear_ratio"),
+            eta_mesh=number("drivetrain", "eta_mesh"),
+            b_rotor=number("drivetrain", "b_rotor"),
+            k_shaft=number("drivetrain", "k_shaft"),
+            c_shaft=number("drivetrain", "c_shaft"),
+            inertia_rotor=number("drivetrain", "inertia_rotor"),
+        ),
+        generator=Generator(
+            pole_pairs=number("generator", "pole_pairs"),
+            k_e=number("generator", "k_e"),
+            r_s=number("generator", "r_s"),
+            l_s=number("generator", "l_s"),
+            v_diode=number("generator", "v_diode"),
+        ),
+        dc_link=DcLink(number("dc_link", "c_dc"), number("dc_link", "r_bleed")),
+    )
+    if missing:
+        raise RigError(
+            f"rig {rig.name}: no model can be made, as it lacks {', '.join(missing)}; add them to the rig file "
+            "(`winchcascade rig hsu2026` shows how)."
+        )
+    if rig.drivetrain.one_way_clutch is False:
+        raise RigError(
+            f"rig {rig.name}: no model can be made, as one_way_clutch under [drivetrain] is false, and the generator of the "
+            "model is driven in payout alone."
+        )
+    return model
+
+
+def possible(model: Model) -> Model:
+    """The nearest model that a rig can have: no friction that drives, no gear that gives more than it takes.
+
+    What moves a number from several sides, an effect and what is not known of the rig, may together pass such a limit.
+    """
+    mu, eta_mesh = model.restoring.mu, model.drivetrain.eta_mesh
+    if mu >= 0.0 and eta_mesh <= 1.0:
+        return model
+    return msgspec.structs.replace(
+        model,
+        restoring=msgspec.structs.replace(model.restoring, mu=max(mu, 0.0)),
+        drivetrain=msgspec.structs.replace(model.drivetrain, eta_mesh=min(eta_mesh, 1.0)),
+    )

@@ -1,0 +1,272 @@
+"""Which suspects could move a table's efficiencies to what is printed, which cannot, and how far off each would have to be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields
+from functools import partial
+from typing import TYPE_CHECKING, Literal
+
+import msgspec
+import numpy as np
+
+from winchcascade.core.jobs import Nobody, Watch
+from winchcascade.core.published_table import load_text
+from winchcascade.core.rig_file import Rig
+from winchcascade.diagnosis.suspects import freedom
+from winchcascade.rig.parts import baseline
+from winchcascade.tables.attainable_row import Cell, NotJudged, RowReach, bounds_of_row, windows_of
+from winchcascade.tables.effect_curves import ETAS, Bench, Curve, field_curves
+from winchcascade.tables.effect_search import Search, Values
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from winchcascade.core.published_table import Table
+    from winchcascade.core.run import Signal
+    from winchcascade.tables.effect_curves import Bounded, Catalogue
+    from winchcascade.tables.effect_search import Curves
+    from winchcascade.tables.plausible_payouts import Reduce
+
+
+Verdict = Literal["explains", "beyond_plausible", "no"]
+"""Whether one value of the effect brings all rows within reach: a plausible one, an implausible one, none."""
+
+MOST_SETS = 8
+"""Sets of effects that are named."""
+
+CANDIDATES = 12
+"""Sets of a size that are simulated."""
+
+LOOKED_AT = 40
+"""Sets of a size that are fitted on the curves, after a first look at all."""
+
+MENDED = 0.01
+"""A set that leaves more out of reach in all than this is not tried again with better values. [1]"""
+
+SEEDS = 8
+"""Sets of a size that the next size is grown from; singles all."""
+
+LARGEST = 3
+"""Effects of a set at most: more would explain anything."""
+
+
+class Ability(msgspec.Struct, frozen=True):
+    """What one effect alone can do about one efficiency.
+
+    `closed` is the share of what is out of reach that its best plausible value takes away, over all rows [1]. `needed` has, for
+    each row, the value nearest to absent that brings the row within reach, None where none does or where none is needed; empty
+    for an effect of several fields.
+    """
+
+    metric: str
+    verdict: Verdict
+    closed: float
+    needed: tuple[float | None, ...]
+
+
+class FieldRange(msgspec.Struct, frozen=True):
+    """What a field may be: its value where the effect is absent and the bounds of what is plausible, in its unit."""
+
+    name: str
+    unit: str
+    absent: float
+    low: float
+    high: float
+
+
+class Mover(msgspec.Struct, frozen=True):
+    """One suspect before a table: what it can do for each efficiency that is out of reach.
+
+    `best` has its best values over all rows and efficiencies, plausible or not; None for a suspect that moves nothing here.
+    """
+
+    effect: str
+    stage: str
+    fields: tuple[FieldRange, ...]
+    abilities: tuple[Ability, ...] = ()
+    best: Values | None = None
+
+    def ability(self, metric: str) -> Ability:
+        """What it can do for one efficiency."""
+        return next((one for one in self.abilities if one.metric == metric), Ability(metric, "no", 0.0, ()))
+
+
+class Explanation(msgspec.Struct, frozen=True):
+    """Suspects one by one, and the smallest sets that bring a whole table within reach at plausible values.
+
+    `sets` are of `size` effects, best fit first; where no set of up to `LARGEST` will do, there is none, and `closest` is what
+    comes nearest.
+    """
+
+    movers: tuple[Mover, ...]
+    sets: tuple[Values, ...] = ()
+    size: int = 0
+    closest: Values | None = None
+
+
+def explain(bench: Bench, suspects: Catalogue, tell: Callable[[str], None]) -> Explanation:
+    """Look at every suspect alone, then at sets of those that move something.
+
+    Parameters
+    ----------
+    tell : is told the name of each suspect when it is done
+    """
+    curves: dict[str, Sequence[Curve | None]] = {}
+    movers = []
+    for name, kind in suspects.items():
+        curves[name] = field_curves(bench, kind)
+        movers.append(_mover(bench, name, kind, curves[name]))
+        tell(name)
+    active = {name: suspects[name] for name in suspects if any(curve is not None for curve in curves[name])}
+    found = _smallest_sets(bench, active, curves)
+    return msgspec.structs.replace(found, movers=tuple(movers))
+
+
+def _mover(bench: Bench, name: str, kind: type[Bounded], curves: Sequence[Curve | None]) -> Mover:
+    if all(curve is None for curve in curves):
+        return Mover(name, kind.stage, _ranges(kind))
+    before = bench.excess_by_metric(bench.nominal)
+    search = Search(bench, {name: kind}, {name: curves})
+    abilities = tuple(_ability(search, k, float(before[k])) for k in _told_of(before))
+    best = search.told(search.polished(search.fit(wide=True), wide=True)) if before.any() else None
+    return Mover(name, kind.stage, _ranges(kind), abilities, best)
+
+
+def _told_of(before: Signal) -> list[int]:
+    """Places of the efficiencies whose causes are told: the stages that are out of reach, else the whole, their product."""
+    outside = [k for k in range(len(ETAS)) if before[k] > 0.0]
+    return [k for k in outside if ETAS[k] != "eta_pto"] or outside
+
+
+def _ranges(kind: type[Bounded]) -> tuple[FieldRange, ...]:
+    absent = freedom(kind).absent.tolist()
+    return tuple(
+        FieldRange(own.name, own.metadata["unit"], value, own.metadata["low"], own.metadata["high"])
+        for own, value in zip(fields(kind), absent, strict=True)
+    )
+
+
+def _ability(search: Search, k: int, before: float) -> Ability:
+    """What a suspect can do for one efficiency, the k-th of `ETAS`, of which `before` is out of reach in all rows."""
+    left = search.best_excess(k)
+    wide = left if left == 0.0 else search.best_excess(k, wide=True)
+    verdict: Verdict = "explains" if left == 0.0 else "beyond_plausible" if wide == 0.0 else "no"
+    curve, bench = search.single, search.bench
+    needed = () if curve is None else tuple(_needed(bench, curve, row, k) for row in range(len(bench.rows)))
+    return Ability(ETAS[k], verdict, max(1.0 - left / before, 0.0), needed)
+
+
+def _needed(bench: Bench, curve: Curve, row: int, k: int) -> float | None:
+    """Value of a field nearest to absent that brings one cell within reach."""
+    if not bench.excess(bench.nominal)[row, k] > 0.0:
+        return None
+    inside = bench.excess(bench.nominal * np.exp(curve.ratio))[:, row, k] == 0.0
+    return min(curve.x[inside].tolist(), key=lambda value: abs(value - curve.absent), default=None)
+
+
+def _smallest_sets(bench: Bench, suspects: Catalogue, curves: Curves) -> Explanation:
+    """The smallest sets that bring all cells within reach: ranked on the curves, the first ones simulated."""
+    if not bench.excess_by_metric(bench.nominal).any():
+        return Explanation(())
+    grown: list[tuple[str, ...]] = [(name,) for name in suspects]
+    closest: Values | None = None
+    for size in range(1, LARGEST + 1):
+        ranked = _ranked(bench, suspects, curves, grown)
+        told = [_told(search, x) for search, x in ranked[:CANDIDATES]]
+        closest = min((one for one in (*told, closest) if one is not None), key=lambda one: one.excess, default=None)
+        enough = sorted((one for one in told if one is not None and one.enough), key=lambda one: one.misfit)
+        if enough:
+            return Explanation((), tuple(enough[:MOST_SETS]), size)
+        seeds = [tuple(search.kinds) for search, _ in ranked[: None if size == 1 else SEEDS]]
+        grown = sorted({tuple(sorted((*names, other))) for names in seeds for other in suspects if other not in names})
+    return Explanation((), (), LARGEST, closest)
+
+
+def _ranked(
+    bench: Bench, suspects: Catalogue, curves: Curves, sets: Sequence[tuple[str, ...]]
+) -> list[tuple[Search, Signal]]:
+    """Sets with their values, first those that leave least out of reach on the curves, then those that fit best."""
+    searches = [Search(bench, {name: suspects[name] for name in names}, curves) for names in sets]
+    found: list[tuple[float, float, int, Search, Signal]] = []
+    for search in sorted(searches, key=Search.glimpse)[:LOOKED_AT]:
+        x = search.fit()
+        if search.on_curves(x) > 0.0:
+            x = search.fit(hinge=True)
+        found.append((search.on_curves(x), search.misfit_on_curves(x), len(found), search, x))
+    return [(search, x) for *_, search, x in sorted(found, key=lambda one: one[:3])]
+
+
+def _told(search: Search, x: Signal) -> Values | None:
+    """Simulate a set; if the curves promised too much, try to mend it."""
+    values = search.told(x)
+    if values is None or values.enough or values.excess > MENDED:
+        return values
+    return search.told(search.polished(x, hinge=True))
+
+
+class Reach(msgspec.Struct, frozen=True):
+    """What a rig can reach of a table, and which suspects could move it to what is printed.
+
+    `not_judged` holds rows that cannot be held against the rig, `notes` say what was assumed. `scatter` is the largest
+    deviation of a cycle's efficiency that counts [1].
+    """
+
+    rig: Rig
+    scatter: float
+    rows: tuple[RowReach, ...]
+    not_judged: tuple[NotJudged, ...]
+    notes: tuple[str, ...]
+    explanation: Explanation
+
+    @property
+    def outside(self) -> tuple[tuple[RowReach, Cell], ...]:
+        """The cells that the rig cannot reach."""
+        return tuple((row, cell) for row in self.rows for cell in row.cells if cell.outside)
+
+    @property
+    def ok(self) -> bool:
+        """Whether all that could be judged is within reach."""
+        return not self.outside
+
+
+def reach(
+    table: Table,
+    rig: Rig,
+    suspects: Catalogue,
+    reduce: Reduce,
+    *,
+    scatter: float,
+    watch: Watch | None = None,
+) -> Reach:
+    """Hold a published table against what a rig's constants allow, and name the suspects that could make up the difference.
+
+    Parameters
+    ----------
+    suspects : effects by name, as a catalogue lists them
+    reduce : turns a simulated log into metrics, by the rules of any log
+    scatter : largest deviation of a cycle's efficiency from the mean that the table prints or is taken to have [1]
+
+    Raises
+    ------
+    RigError : the rig file lacks numbers that a model needs
+    """
+    model = baseline(rig)
+    windows, notes = windows_of(table)
+    watch = watch or Nobody()
+    watch.begin(0, len(table.rows) + len(suspects))
+    tell = partial(watch.done, fault=None)
+
+    rows: list[RowReach] = []
+    not_judged: list[NotJudged] = []
+    for row in table.rows:
+        found = bounds_of_row(table, row, windows[row.load], rig, reduce, scatter)
+        if isinstance(found, NotJudged):
+            not_judged.append(found)
+        else:
+            rows.append(found)
+        tell(load_text(row.load))
+    explanation = Explanation(())
+    if any(cell.outside for judged in rows for cell in judged.cells):
+        explanation = explain(Bench(rows, model, reduce), suspects, tell)
+    return Reach(rig, scatter, tuple(rows), tuple(not_judged), notes, explanation)
