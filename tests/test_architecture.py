@@ -1,85 +1,73 @@
-"""The house: which room may import which."""
+"""The layers of the package: which package may import which, and which module prints."""
 
 import ast
+from collections import Counter
+from graphlib import TopologicalSorter
 from pathlib import Path
-
-import pytest
 
 PACKAGE = Path(__file__).parent.parent / "winchcascade"
 
-GROUND = {
-    "accuracy", "errors", "quantity", "channels", "run", "campaign", "rigfile", "rigtoml", "table", "tabletoml", "tomltext",
-    "tasks", "plaintext", "files", "integrate", "order", "smooth", "threads", "addresses",
-    "marks", "origin", "scratch", "signals", "store",
-}  # fmt: skip
-"""Open to every room."""
+LAYERS = (
+    {"core"},
+    {"ingest"},
+    {"reduction", "rig"},
+    {"diagnosis"},
+    {"tables", "blind"},
+    {"report"},
+    {"batch"},
+    {"cli"},
+)
+"""Packages from the lowest to the highest layer: a package imports itself and the layers below its own."""
 
-MAY_IMPORT = {
-    "ingest": set(),
-    "phases": set(),
-    "cascade": {"phases"},
-    "published": {"cascade"},
-    "rig": set(),
-    "effects": {"rig"},
-    "fit": {"rig", "phases"},
-    "gap": {"cascade", "fit"},
-    "diagnose": {"gap", "rig"},
-    "reach": {"published", "diagnose"},
-    "blind": {"ingest", "diagnose"},
-    "report": {"phases", "cascade", "published", "rig", "gap", "diagnose", "reach", "blind"},
-    "batch": {"ingest", "cascade", "diagnose", "report"},
-}
-"""Rooms and the rooms they may import directly; the right includes what the imported room may import."""
-
-MAY_IMPORT["commands"] = set(MAY_IMPORT)
-"""The commands may import every room, and none may import them."""
-
-DOORS = {"cli.py", "__main__.py", "__init__.py"}
-"""Files by which one enters the house: open to nobody inside, and each may import what it opens."""
-
-
-def rooms_open_to(room: str) -> set[str]:
-    reached, waiting = {room}, [room]
-    while waiting:
-        for other in MAY_IMPORT[waiting.pop()] - reached:
-            reached.add(other)
-            waiting.append(other)
-    return reached
-
-
-def imports(path: Path) -> set[str]:
-    """Rooms (or ground-floor files) of this package that a file imports, at the top or inside a function."""
-    found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        names = [node.module] if isinstance(node, ast.ImportFrom) and node.module else []
-        names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-        found |= {name.split(".")[1] for name in names if name.startswith("winchcascade.")}
-    return found
-
+ENTRY_POINTS = {"__init__.py", "__main__.py"}
+"""Modules of the top level: the public names and `python -m winchcascade`."""
 
 FILES = sorted(PACKAGE.rglob("*.py"))
+LAYER = {package: number for number, packages in enumerate(LAYERS) for package in packages}
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
-def test_a_file_imports_only_rooms_that_are_open_to_it(path: Path) -> None:
-    place = path.relative_to(PACKAGE).parts
-    if place[0] in DOORS:
-        return
-    room = place[0] if len(place) > 1 else None
-    allowed = GROUND | (rooms_open_to(room) if room else set())
-    assert imports(path) <= allowed
+def imported(path: Path) -> list[str]:
+    """Modules that a file imports, at the top or inside a function."""
+    found = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            found += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+        elif isinstance(node, ast.Import):
+            found += [alias.name for alias in node.names]
+    return [name for name in found if name.split(".")[0] == "winchcascade"]
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
-def test_every_file_stands_in_a_room_or_on_the_ground_floor(path: Path) -> None:
-    place = path.relative_to(PACKAGE).parts
-    top = DOORS | {f"{name}.py" for name in GROUND}
-    assert place[0] in top if len(place) == 1 else place[0] in MAY_IMPORT
+def test_every_module_is_in_a_package_of_the_layers() -> None:
+    places = [path.relative_to(PACKAGE).parts for path in FILES]
+    assert {place[0] for place in places if len(place) == 1} == ENTRY_POINTS
+    assert {place[0] for place in places if len(place) > 1} == set(LAYER)
 
 
-def test_only_the_command_line_prints_and_knows_typer() -> None:
+def test_a_package_imports_only_from_the_layers_below_its_own() -> None:
     for path in FILES:
-        if path.relative_to(PACKAGE).parts[0] not in ("cli.py", "commands"):
+        package, *rest = path.relative_to(PACKAGE).parts
+        if not rest:
+            continue
+        for name in imported(path):
+            other = name.split(".")[1] if "." in name else "the public names"
+            below = other in LAYER and LAYER[other] < LAYER[package]
+            assert other == package or below, f"{path.relative_to(PACKAGE)} imports {name}"
+
+
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    names = {".".join(("winchcascade", *path.relative_to(PACKAGE).with_suffix("").parts)): path for path in FILES}
+    graph = {name: {other for other in imported(path) if other in names} - {name} for name, path in names.items()}
+    TopologicalSorter(graph).prepare()
+
+
+def test_no_two_modules_share_a_name() -> None:
+    names = Counter(path.stem for path in FILES if path.stem != "__init__")
+    assert [name for name, times in names.items() if times > 1] == []
+
+
+def test_only_the_command_line_prints_and_uses_typer() -> None:
+    for path in FILES:
+        if path.relative_to(PACKAGE).parts[0] != "cli":
             source = path.read_text(encoding="utf-8")
             assert "typer" not in source, path
             calls = [n for n in ast.walk(ast.parse(source)) if isinstance(n, ast.Call)]

@@ -7,6 +7,8 @@
 
 from __future__ import annotations
 
+from winchcascade.core.version import __version__
+
 TYPE_CHECKING = False  # not from typing, whose import takes longer than all else before `main` answers an interrupt
 if TYPE_CHECKING:
     from typing import Any
@@ -20,11 +22,10 @@ if TYPE_CHECKING:
     from winchcascade.reduction.bins import Bin
     from winchcascade.reduction.efficiency import Metrics
     from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
-    from winchcascade.reduction.reduce import CycleResult, Reduction, reduce
+    from winchcascade.reduction.reduce import reduce
+    from winchcascade.reduction.reduction_result import CycleResult, Reduction
     from winchcascade.rig.parts import Model, baseline
     from winchcascade.rig.simulate import Simulation, simulate
-
-__version__ = "0.1.0"
 
 __all__ = [
     "Bin",
@@ -53,28 +54,28 @@ __all__ = [
 ]
 
 _HOME = {
-    "Bin": "cascade.bins",
-    "Calibration": "fit.calibrate",
-    "CycleResult": "cascade.reduce",
-    "Finding": "run",
-    "LogError": "errors",
-    "Metrics": "cascade.efficiency",
-    "Model": "rig.model",
-    "OptionError": "errors",
-    "Reduction": "cascade.reduce",
-    "Rig": "rigfile",
-    "RigError": "errors",
-    "Run": "run",
+    "Bin": "reduction.bins",
+    "Calibration": "diagnosis.calibrate",
+    "CycleResult": "reduction.reduction_result",
+    "Finding": "core.run",
+    "LogError": "core.errors",
+    "Metrics": "reduction.efficiency",
+    "Model": "rig.parts",
+    "OptionError": "core.errors",
+    "Reduction": "reduction.reduction_result",
+    "Rig": "core.rig_file",
+    "RigError": "core.errors",
+    "Run": "core.run",
     "Simulation": "rig.simulate",
-    "Uncertainty": "cascade.montecarlo",
-    "WinchcascadeError": "errors",
-    "baseline": "rig.model",
-    "calibrate": "fit.calibrate",
-    "load_rig": "rigtoml",
+    "Uncertainty": "reduction.montecarlo",
+    "WinchcascadeError": "core.errors",
+    "baseline": "rig.parts",
+    "calibrate": "diagnosis.calibrate",
+    "load_rig": "core.rig_toml",
     "read_run": "ingest.read",
-    "reduce": "cascade.reduce",
+    "reduce": "reduction.reduce",
     "simulate": "rig.simulate",
-    "uncertainty": "cascade.montecarlo",
+    "uncertainty": "reduction.montecarlo",
 }
 """Where each public name lives."""
 

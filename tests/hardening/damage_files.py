@@ -22,7 +22,8 @@ from scipy.io import savemat
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.errors import WinchcascadeError
 from winchcascade.ingest.read import read_run
-from winchcascade.reduction.reduce import Reduction, reduce
+from winchcascade.reduction.reduce import reduce
+from winchcascade.reduction.reduction_result import Reduction
 
 OTHER = {"r4p5ohm": "r9ohm", "r18ohm": "r27ohm", "r45ohm": "r36ohm"}
 """A log at another load, to stand beside each of the three."""

@@ -37,7 +37,8 @@ from winchcascade.core.table_toml import load_table
 from winchcascade.ingest.limits import SECONDS_SETTING
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.montecarlo import uncertainty
-from winchcascade.reduction.reduce import Reduction, reduce, require_payouts
+from winchcascade.reduction.reduce import reduce, require_payouts
+from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.audit_text import audit_text
 from winchcascade.report.check_text import check_text
 from winchcascade.report.records import reduction_json, reduction_record

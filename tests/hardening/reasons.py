@@ -16,7 +16,7 @@ from winchcascade.reduction.checks.lag import OF_THE_MACHINE, OF_THE_ROTOR, SAME
 from winchcascade.reduction.checks.zeros import KNOWN
 from winchcascade.reduction.efficiency_between_runs import _chances, _left_out, _rows
 from winchcascade.reduction.efficiency_changes import ALPHA, Comparison, compare_cycles
-from winchcascade.reduction.reduce import Reduction
+from winchcascade.reduction.reduction_result import Reduction
 
 
 class Reason(NamedTuple):

@@ -10,7 +10,8 @@ import numpy as np
 
 from winchcascade.core.campaign_file import Origin
 from winchcascade.ingest.read import read_run
-from winchcascade.reduction.reduce import Reduction, reduce
+from winchcascade.reduction.reduce import reduce
+from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.model_data import Comparison, compare_with_baseline
 
 if TYPE_CHECKING:

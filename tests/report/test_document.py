@@ -19,7 +19,8 @@ from winchcascade.core.run import CLOCK, SIMULATED_HEADERS
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.efficiency import Metrics
 from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
-from winchcascade.reduction.reduce import Reduction, reduce
+from winchcascade.reduction.reduce import reduce
+from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.document import best_and_worst, lost_share, make_report
 from winchcascade.report.report_model import Picture, Point, Report, Table
 

@@ -15,9 +15,11 @@ import pytest
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.efficiency import Metrics
 from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
-from winchcascade.reduction.reduce import Reduction, reduce
+from winchcascade.reduction.reduce import reduce
+from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report import cycle_figures, figures
 from winchcascade.report.style import COLOURS, house_style, svg_text
+from winchcascade.report.traces import PANELS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -97,7 +99,7 @@ def test_histories_draw_every_channel_with_its_peaks(results: dict[str, Result],
     reduction, _ = results[log]
     run, powers = reduction.run, figures.powers_of(reduction)
     figure = figures.time_histories(reduction, powers)
-    in_si = {name: factor for name, _, _, factor in figures.PANELS}
+    in_si = {name: factor for name, _, _, factor in PANELS}
     assert set(run.channels) <= set(in_si)
     for name, x in run.channels.items():
         y = np.asarray(line(figure, f"trace-{name}").get_ydata())

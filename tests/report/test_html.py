@@ -19,7 +19,8 @@ from winchcascade.core.files import check_replaceable
 from winchcascade.core.rig_toml import load_rig
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
-from winchcascade.reduction.reduce import Reduction, reduce
+from winchcascade.reduction.reduce import reduce
+from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report import figures
 from winchcascade.report.document import make_report
 from winchcascade.report.html import html_text, width, write_html

@@ -10,7 +10,8 @@ from compared import compared, reduced
 from winchcascade.core.rig_toml import load_rig, parse_rig
 from winchcascade.core.run import CLOCK
 from winchcascade.ingest.read import read_run
-from winchcascade.reduction.reduce import Reduction, reduce
+from winchcascade.reduction.reduce import reduce
+from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.model_data import LONGEST, SLOWEST, Comparison, LeftOut, compare, compare_with_baseline
 from winchcascade.rig.effects.catalogue import make_effect
 from winchcascade.rig.parts import baseline

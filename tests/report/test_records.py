@@ -9,7 +9,7 @@ import pytest
 
 from winchcascade import read_run, reduce
 from winchcascade.core.rig_toml import parse_rig
-from winchcascade.reduction.reduce import Reduction
+from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.records import reduction_json, reduction_record
 from winchcascade.report.rows import write_parquet
 

@@ -14,7 +14,8 @@ from winchcascade.ingest.read import read_run
 from winchcascade.reduction.efficiency import ALL_METRICS, METRICS, NET_METRICS, Metrics
 from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
 from winchcascade.reduction.net_energy import NetSpan
-from winchcascade.reduction.reduce import Reduction, reduce
+from winchcascade.reduction.reduce import reduce
+from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report import tables, uncertainty_tables
 from winchcascade.report.digits import MINUS
 from winchcascade.report.report_model import Table

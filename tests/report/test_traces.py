@@ -13,7 +13,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from winchcascade.ingest.read import read_run
-from winchcascade.reduction.reduce import Reduction, reduce
+from winchcascade.reduction.reduce import reduce
+from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.figures import powers_of
 from winchcascade.report.traces import MOST_SPANS, READ_OUT, clock_zero, envelope, readout
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import msgspec
 
-from winchcascade import __version__
+from winchcascade.core.version import __version__
 from winchcascade.report.moment import made_at
 from winchcascade.report.rows import table_rows, table_schema
 

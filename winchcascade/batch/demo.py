@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from winchcascade import __version__
 from winchcascade.core.errors import OutputError
 from winchcascade.core.files import check_replaceable, write_content
 from winchcascade.core.store import Digest, altered, digest_in, digest_of, inside, locked, with_digest
+from winchcascade.core.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

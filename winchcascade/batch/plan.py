@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from winchcascade import __version__
 from winchcascade.core.addresses import expand, is_remote, local_path
 from winchcascade.core.campaign_file import CAMPAIGN_FILE, Origin, load_campaign
 from winchcascade.core.errors import CampaignError, OptionError
 from winchcascade.core.files import readable
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import DEFAULT_RIG, load_rig
+from winchcascade.core.version import __version__
 
 if TYPE_CHECKING:
     from winchcascade.core.campaign_file import Campaign, CampaignRun

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 
-from winchcascade import __version__
 from winchcascade.batch.campaign_findings import findings_between, log_efficiency
 from winchcascade.batch.dataset import TABLES, write_dataset, write_workbook
 from winchcascade.batch.plan import Work
@@ -31,6 +30,7 @@ from winchcascade.core.store import (
     locked,
     with_digest,
 )
+from winchcascade.core.version import __version__
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce, require_payouts

@@ -1,1 +1,1 @@
-"""Trials with withheld answers: an independent twin of the rig, sealed envelopes, and scores."""
+"""Trials with withheld answers: an independent twin of the rig, sealed answers, and scores."""

@@ -10,13 +10,13 @@ from typing import Literal
 
 import msgspec
 
-from winchcascade import __version__
 from winchcascade.blind.cases import Answer
 from winchcascade.blind.recomputed_closure import Closure, closure_of
 from winchcascade.blind.sealed_answers import open_seal
 from winchcascade.blind.trial import DIAGNOSES, PREDICTIONS
 from winchcascade.core.errors import OptionError
 from winchcascade.core.store import Digest, digest_in, inside
+from winchcascade.core.version import __version__
 
 Verdict = Literal["no_gap", "explained", "partly_explained", "unexplained"]
 Outcome = Literal[

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from winchcascade import __version__
 from winchcascade.blind.cases import NAME, Answer
 from winchcascade.core.errors import OptionError
 from winchcascade.core.store import inside
+from winchcascade.core.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

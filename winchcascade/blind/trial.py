@@ -11,7 +11,6 @@ from typing import Any, Literal, Protocol, TypeVar
 
 import msgspec
 
-from winchcascade import __version__
 from winchcascade.blind.cases import Case, answer_of, make_campaign, plan_cases
 from winchcascade.blind.sealed_answers import SEALED, TRIAL, Envelope, Trial, open_seal, read_trial, seal, trial_bytes
 from winchcascade.blind.twin_numbers import LOADS
@@ -33,6 +32,7 @@ from winchcascade.core.store import (
     locked,
     with_digest,
 )
+from winchcascade.core.version import __version__
 
 DIAGNOSES, PREDICTIONS = "diagnoses", "predictions"
 """Folders of a trial beside its cases: a JSON for each case, and what the diagnosis predicted of its logs."""

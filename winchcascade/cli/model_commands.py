@@ -24,7 +24,7 @@ from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.jobs import one_thread_each
 
 if TYPE_CHECKING:
-    from winchcascade.reduction.reduce import Reduction
+    from winchcascade.reduction.reduction_result import Reduction
 
 
 def simulate_command(

@@ -22,7 +22,7 @@ from winchcascade.cli.outputs import check_outputs, given_command, show
 from winchcascade.cli.settings import check_load, settings_of
 
 if TYPE_CHECKING:
-    from winchcascade.reduction.reduce import Reduction
+    from winchcascade.reduction.reduction_result import Reduction
 
 
 def reduce_command(

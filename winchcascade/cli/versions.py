@@ -11,7 +11,7 @@ def versions() -> str:
     import platform
     from importlib.metadata import PackageNotFoundError, version
 
-    from winchcascade import __version__
+    from winchcascade.core.version import __version__
 
     lines = [f"winchcascade {__version__} (Python {platform.python_version()}, {platform.platform()})"]
     for package in MATTERING:

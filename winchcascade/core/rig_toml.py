@@ -19,7 +19,7 @@ from winchcascade.core.toml_text import toml_values
 
 BUILT_IN = ("hsu2026", "kitepower")
 DEFAULT_RIG = "hsu2026"
-_FOLDER = Path(__file__).parent / "rigfiles"
+_FOLDER = Path(__file__).parent.parent / "rigfiles"
 
 
 class _Number(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

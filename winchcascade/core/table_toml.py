@@ -30,7 +30,7 @@ from winchcascade.core.quantity import find_unit
 from winchcascade.core.toml_text import toml_values
 
 BUILT_IN = ("hsu2026-table2",)
-_FOLDER = Path(__file__).parent / "published"
+_FOLDER = Path(__file__).parent.parent / "published"
 
 
 def load_table(table: str | Path) -> Table:

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from winchcascade import __version__
 from winchcascade.core.errors import LogError, RigError
 from winchcascade.core.quantity import Quantity, Unit, find_unit
 from winchcascade.core.rig_toml import built_in_text, parse_rig
+from winchcascade.core.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
     from winchcascade.reduction.efficiency import Metrics
-    from winchcascade.reduction.reduce import CycleResult
+    from winchcascade.reduction.reduction_result import CycleResult
 
 ALPHA = 0.01
 """Probability of a false finding in one log, or between the logs of one campaign, all comparisons together. [1]"""

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from winchcascade.core.accuracy import Part
     from winchcascade.core.run import Signal
-    from winchcascade.reduction.reduce import Reduction
+    from winchcascade.reduction.reduction_result import Reduction
 
     Rows = NDArray[np.intp]
     Errors = Mapping[tuple[str, Part], Signal]

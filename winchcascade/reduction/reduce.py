@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -16,12 +16,13 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Finding
 from winchcascade.reduction.bins import TORQUE, Bin, bin_powers, engaged
 from winchcascade.reduction.checks.cross_checks import cross_checks
-from winchcascade.reduction.efficiency import Metrics, ensemble_mean, largest_deviation, metrics, total
+from winchcascade.reduction.efficiency import ensemble_mean, largest_deviation, metrics, total
 from winchcascade.reduction.efficiency_changes import changes_within
 from winchcascade.reduction.energies import STAGES, Energies, integrate_energies, stream
 from winchcascade.reduction.net_energy import NetSpan, find_net_spans, net_metrics
 from winchcascade.reduction.phase_summary import PhaseSummary, summarise, travel_and_top
 from winchcascade.reduction.phases import Cycle, check_cycles, detect, smoothed_velocity
+from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.reduction.windows import Plateau, Window, check_lengths, find_plateau, find_windows
 
 if TYPE_CHECKING:
@@ -31,50 +32,6 @@ if TYPE_CHECKING:
 
 MOST_BINS = 20_000
 """More bins of generator speed than this are a slip in a rig file."""
-
-
-class CycleResult(msgspec.Struct, frozen=True):
-    """One cycle: its instants, its window, what its phases were like, its metrics, and its span from onset to onset."""
-
-    cycle: int
-    complete: bool
-    phases: Cycle
-    window: Window
-    summary: PhaseSummary
-    metrics: Metrics
-    net: NetSpan
-
-
-class Reduction(msgspec.Struct, frozen=True):
-    """What a log says about the rig: every cycle, their mean and repeatability, and powers over generator speed.
-
-    `mean` and `max_deviation_percent` are over complete cycles; `total` sums their energies and gives ratios of sums. The
-    net energies of whole cycles are over those complete cycles that have them.
-    `quality` holds the findings of the log and of the reduction. `bridged` is, for each stage that has gaps, what bridging
-    them could have changed of each cycle's energy [J]; `sampled`, where the sampling is not clearly fine, is what every second
-    or third sample alone changes of it [J].
-    """
-
-    run: Run
-    rig: Rig
-    window: WindowRule
-    cycles: tuple[CycleResult, ...]
-    mean: Metrics
-    max_deviation_percent: Metrics
-    total: Metrics
-    bins: tuple[Bin, ...]
-    quality: tuple[Finding, ...]
-    bridged: Mapping[str, tuple[float, ...]] = msgspec.field(default_factory=dict)
-    sampled: Mapping[str, tuple[float, ...]] = msgspec.field(default_factory=dict)
-
-    def __repr__(self) -> str:
-        """One line instead of every number."""
-        return f"Reduction({self.run.name!r}, {len(self.complete)} of {len(self.cycles)} cycles complete)"
-
-    @property
-    def complete(self) -> tuple[CycleResult, ...]:
-        """The cycles that count."""
-        return tuple(c for c in self.cycles if c.complete)
 
 
 def window_rule(word: str | float) -> WindowRule:

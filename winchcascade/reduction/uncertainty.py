@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Signal
-    from winchcascade.reduction.reduce import Reduction
+    from winchcascade.reduction.reduction_result import Reduction
 
 R_DRUM = "r_drum"
 """Name of the drum radius among the sources: it has a tolerance where a rig file states one."""

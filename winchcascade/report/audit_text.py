@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from winchcascade import __version__
 from winchcascade.core.published_table import load_text
+from winchcascade.core.version import __version__
 from winchcascade.report.table_text import finite, indented, load_record, table_record, title_lines, wrapped
 from winchcascade.tables.row_audit import percent
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from winchcascade import __version__
 from winchcascade.core.campaign_file import origin_record, origin_words
 from winchcascade.core.plain_text import one_line
+from winchcascade.core.version import __version__
 from winchcascade.report.digits import number, places, significant
 from winchcascade.report.table_text import wrapped
 

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
-from winchcascade import __version__
 from winchcascade.core.campaign_file import Origin, banner, joint_origin, origin_from, origin_words
+from winchcascade.core.version import __version__
 from winchcascade.report import campaign_figures as figures
 from winchcascade.report import campaign_tables as tables
 from winchcascade.report.digits import percent, stated

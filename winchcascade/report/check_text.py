@@ -7,10 +7,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from winchcascade import __version__
 from winchcascade.core.campaign_file import joint_origin, origin_record, origin_words
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.published_table import load_text, unit_suffix
+from winchcascade.core.version import __version__
 from winchcascade.report.table_text import load_record, table_record, title_lines, wrapped
 
 if TYPE_CHECKING:

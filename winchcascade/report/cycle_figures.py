@@ -9,15 +9,15 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from winchcascade.reduction.efficiency import RATIOS
-from winchcascade.report.figures import DRAWN, ETA_TEX, PANELS, TEX, dots, readable
+from winchcascade.report.figures import DRAWN, ETA_TEX, TEX, dots, readable
 from winchcascade.report.style import COLOURS, WIDTH, label_panel
-from winchcascade.report.traces import envelope
+from winchcascade.report.traces import PANELS, envelope
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from winchcascade.core.run import Run, Signal
-    from winchcascade.reduction.reduce import CycleResult, Reduction
+    from winchcascade.reduction.reduction_result import CycleResult, Reduction
 
 TREND_FROM = 6
 """With fewer cycles than this the table shows a drift as well."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import platform
 from typing import TYPE_CHECKING
 
-from winchcascade import __version__
 from winchcascade.core.campaign_file import banner
+from winchcascade.core.version import __version__
 from winchcascade.diagnosis.gap_location import NAMES, STANDS_OUT
 from winchcascade.report import diagnosis_tables as tables
 from winchcascade.report.diagnosis_data import Sides, most_telling, sides

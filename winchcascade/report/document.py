@@ -8,8 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from winchcascade import __version__
 from winchcascade.core.campaign_file import banner, origin_words
+from winchcascade.core.version import __version__
 from winchcascade.reduction.efficiency import ALL_METRICS, METRICS, NOTHING
 from winchcascade.report import cycle_figures, figures, tables, uncertainty_tables
 from winchcascade.report.digits import number, percent, places, stated, uncertain
@@ -24,7 +24,7 @@ from winchcascade.report.wording import by_sensor, net_reasons, not_known
 if TYPE_CHECKING:
     from winchcascade.core.run import Signal
     from winchcascade.reduction.montecarlo import Uncertainty
-    from winchcascade.reduction.reduce import CycleResult, Reduction
+    from winchcascade.reduction.reduction_result import CycleResult, Reduction
 
 _NAMES = {
     "eta_trans": "line to shaft",

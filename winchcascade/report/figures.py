@@ -11,14 +11,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch, Rectangle
 from matplotlib.path import Path as Outline
 
-from winchcascade.core.quantity import KGF
 from winchcascade.reduction.bins import engaged
 from winchcascade.reduction.efficiency import ALL_METRICS, RATIOS
 from winchcascade.reduction.energies import STAGES, power
 from winchcascade.reduction.windows import Plateau
 from winchcascade.report.digits import significant
 from winchcascade.report.style import COLOURS, STAGE_STYLE, WIDTH, label_panel
-from winchcascade.report.traces import clock_zero, envelope, time_label
+from winchcascade.report.traces import PANELS, clock_zero, envelope, time_label
 from winchcascade.report.wording import by_sensor
 
 if TYPE_CHECKING:
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Signal
-    from winchcascade.reduction.reduce import CycleResult, Reduction
+    from winchcascade.reduction.reduction_result import CycleResult, Reduction
     from winchcascade.reduction.uncertainty import Budget
 
 DRAWN = 3000
@@ -37,17 +36,6 @@ SHADED_CYCLES = 60
 
 DOTS = 1200
 """Samples of each power that are drawn over the generator's speed at most; of more, an even selection."""
-
-PANELS = (
-    ("displacement", "Line displacement", "m", 1.0),
-    ("velocity", "Line velocity", "m/s", 1.0),
-    ("pressure", "Accumulator pressure, gauge", "kg/cm²", 1.0 / (KGF * 1e4)),
-    ("force", "Line force", "N", 1.0),
-    ("torque", "Torque behind the clutch", "N·m", 1.0),
-    ("vdc", "Voltage of the DC link", "V", 1.0),
-    ("idc", "Current of the DC link", "A", 1.0),
-)
-"""Channels that have a panel of their own: name, title, unit, and what turns SI units into it."""
 
 TEX = {"line": r"$P_\mathrm{line}$", "mech": r"$P_\mathrm{mech}$", "gen": r"$P_\mathrm{gen}$"}
 _ENERGY_TEX = {"line": r"$E_\mathrm{line}$", "mech": r"$E_\mathrm{mech}$", "gen": r"$E_\mathrm{gen}$"}

@@ -5,8 +5,8 @@ from __future__ import annotations
 import platform
 from typing import TYPE_CHECKING
 
-from winchcascade import __version__
 from winchcascade.core.campaign_file import banner
+from winchcascade.core.version import __version__
 from winchcascade.diagnosis.line.line_closure import SLOW
 from winchcascade.diagnosis.line.line_selection import DRAWS, FOLDS, MATERIAL
 from winchcascade.diagnosis.remainder import ROUGH

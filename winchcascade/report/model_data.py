@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
     from winchcascade.reduction.bins import Mask
-    from winchcascade.reduction.reduce import CycleResult, Reduction
+    from winchcascade.reduction.reduction_result import CycleResult, Reduction
     from winchcascade.rig.parts import Model
     from winchcascade.rig.simulate import Simulation
 

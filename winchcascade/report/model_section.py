@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from winchcascade.reduction.reduce import Reduction
+    from winchcascade.reduction.reduction_result import Reduction
     from winchcascade.report.report_model import Block
 
 TETHER = ("pressure_kgcm2", "force_n", "power_gen_w")

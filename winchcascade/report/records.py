@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from winchcascade import __version__
 from winchcascade.core.campaign_file import origin_record
 from winchcascade.core.files import write_content
 from winchcascade.core.quantity import KGF, si_unit
 from winchcascade.core.run import CHANNELS
+from winchcascade.core.version import __version__
 from winchcascade.reduction.efficiency import ALL_METRICS
 from winchcascade.reduction.energies import STAGES
 from winchcascade.reduction.montecarlo import uncertainty
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from winchcascade.reduction.efficiency import Metrics
     from winchcascade.reduction.montecarlo import Interval, Uncertainty
     from winchcascade.reduction.phase_summary import HaulInSummary, HoldSummary, PayoutSummary
-    from winchcascade.reduction.reduce import CycleResult, Reduction
+    from winchcascade.reduction.reduction_result import CycleResult, Reduction
     from winchcascade.reduction.uncertainty import Contribution
 
 SCHEMA = "winchcascade/reduction/1"

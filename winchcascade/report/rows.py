@@ -13,7 +13,7 @@ from winchcascade.reduction.energies import STAGES
 from winchcascade.report.records import FIELDS, SCHEMA, bin_record, cycle_record, finding_record
 
 if TYPE_CHECKING:
-    from winchcascade.reduction.reduce import Reduction
+    from winchcascade.reduction.reduction_result import Reduction
 
 
 def parquet_files(folder: Path, log: str) -> dict[str, Path]:

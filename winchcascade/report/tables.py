@@ -17,7 +17,7 @@ from winchcascade.report.wording import net_reasons
 if TYPE_CHECKING:
     from winchcascade.core.run import Finding
     from winchcascade.reduction.montecarlo import Uncertainty
-    from winchcascade.reduction.reduce import CycleResult, Reduction
+    from winchcascade.reduction.reduction_result import CycleResult, Reduction
 
 MOST_CYCLES = 60
 """Cycles that a table lists; of more the first and the last half of that."""

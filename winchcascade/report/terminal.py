@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from winchcascade.core.run import Finding
     from winchcascade.reduction.efficiency import Metrics
-    from winchcascade.reduction.reduce import CycleResult, Reduction
+    from winchcascade.reduction.reduction_result import CycleResult, Reduction
     from winchcascade.reduction.uncertainty import Budget
     from winchcascade.rig.simulate import Simulation
 

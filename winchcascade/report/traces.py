@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from winchcascade.core.quantity import KGF
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from winchcascade.core.run import Run, Signal
-    from winchcascade.reduction.reduce import CycleResult
+    from winchcascade.reduction.reduction_result import CycleResult
 
 READ_OUT = 4000
 """With more samples than this, the page's read-out knows the range of each trace in equal stretches of the log."""
@@ -21,6 +23,17 @@ STRETCHES = 1500
 
 MOST_SPANS = 300
 """Cycles that a reader may choose from at most."""
+
+PANELS = (
+    ("displacement", "Line displacement", "m", 1.0),
+    ("velocity", "Line velocity", "m/s", 1.0),
+    ("pressure", "Accumulator pressure, gauge", "kg/cm²", 1.0 / (KGF * 1e4)),
+    ("force", "Line force", "N", 1.0),
+    ("torque", "Torque behind the clutch", "N·m", 1.0),
+    ("vdc", "Voltage of the DC link", "V", 1.0),
+    ("idc", "Current of the DC link", "A", 1.0),
+)
+"""Channels that have a panel of their own: name, title, unit, and what turns SI units into it."""
 
 
 def envelope(x: Signal, most: int) -> NDArray[np.intp]:
@@ -66,8 +79,6 @@ def time_label(run: Run) -> str:
 def readout(run: Run, cycles: Sequence[CycleResult], powers: Mapping[str, Signal]) -> str:
     """Traces as JSON for the read-out of a page: samples, or of a long log the least and the largest of each stretch."""
     import msgspec
-
-    from winchcascade.report.figures import PANELS
 
     shown = [(title, unit, run.channels[name], f) for name, title, unit, f in PANELS if name in run.channels]
     shown += [(f"P_{stage}", "W", x, 1.0) for stage, x in powers.items()]

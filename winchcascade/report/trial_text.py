@@ -6,10 +6,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from winchcascade import __version__
 from winchcascade.blind.cases import ORIGIN
 from winchcascade.blind.sealed_answers import SEALED
 from winchcascade.core.campaign_file import Origin, banner, origin_words
+from winchcascade.core.version import __version__
 from winchcascade.report.campaign_text import altered_lines
 from winchcascade.report.publish import publish
 from winchcascade.report.report_model import Point, Report, Table, Tile

@@ -17,7 +17,7 @@ from winchcascade.report.wording import not_known, source_name
 if TYPE_CHECKING:
     from winchcascade.core.rig_file import Sensor
     from winchcascade.reduction.montecarlo import Uncertainty
-    from winchcascade.reduction.reduce import Reduction
+    from winchcascade.reduction.reduction_result import Reduction
     from winchcascade.reduction.uncertainty import Contribution
 
 

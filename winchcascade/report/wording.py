@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from winchcascade.core.accuracy import Source
-    from winchcascade.reduction.reduce import CycleResult
+    from winchcascade.reduction.reduction_result import CycleResult
     from winchcascade.reduction.uncertainty import Budget
 
 SENSORS = {

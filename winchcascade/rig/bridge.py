@@ -127,8 +127,6 @@ CLOSE = 1e-9
 MOST_STEPS = 60
 """Steps at most: where the bridge can carry no such current the bracket is halved until it is as short."""
 
-_SQRT2 = math.sqrt(2.0)
-
 
 @njit(cache=True, error_model="numpy")
 def dc_voltages(v_ll: Signal, i_dc: Signal, r_s: float, reactance: Signal, table: Signal) -> tuple[Signal, Signal]:

@@ -88,8 +88,6 @@ if TYPE_CHECKING:
     from winchcascade.core.run import Run, Signal
     from winchcascade.diagnosis.suspects import Suspects
 
-    Index = NDArray[np.intp]
-
 NUMBERS = {
     "drum_inertia": ("mass_extra", "kg"),
     "line_friction": ("force", "N"),

@@ -1,1 +1,1 @@
-""""""
+"""Readers of one file format each."""

@@ -1,1 +1,1 @@
-""""""
+"""Unmodelled effects that a rig may have, listed in `catalogue.py`."""

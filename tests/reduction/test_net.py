@@ -12,7 +12,8 @@ from winchcascade.core.run import Run
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.efficiency import NET_METRICS, Metrics
 from winchcascade.reduction.montecarlo import LINEAR_WITHIN, uncertainty
-from winchcascade.reduction.reduce import Reduction, reduce
+from winchcascade.reduction.reduce import reduce
+from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.uncertainty import budget
 from winchcascade.report.records import FIELDS, reduction_record
 

@@ -154,7 +154,7 @@ def test_the_catalogue_is_the_table_of_the_interface() -> None:
 
 
 def test_every_file_of_the_room_is_listed() -> None:
-    files = {path.stem for path in (ROOT / "winchcascade" / "effects").glob("*.py")} - {"__init__", "catalogue"}
+    files = {path.stem for path in (ROOT / "winchcascade" / "rig" / "effects").glob("*.py")} - {"__init__", "catalogue"}
     assert files == set(EFFECTS)
 
 
@@ -165,7 +165,7 @@ def test_the_table_of_channels_covers_the_catalogue() -> None:
 @every_effect
 def test_an_effect_stands_in_the_file_of_its_name(name: str) -> None:
     kind = EFFECTS[name]
-    assert kind.__module__ == f"winchcascade.effects.{name}"
+    assert kind.__module__ == f"winchcascade.rig.effects.{name}"
     assert kind.__name__ == "".join(word.capitalize() for word in name.split("_"))
 
 

@@ -16,7 +16,8 @@ from winchcascade.core.run import Run
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.efficiency import ALL_METRICS, METRICS
 from winchcascade.reduction.montecarlo import DRAWS, Interval, Uncertainty, uncertainty
-from winchcascade.reduction.reduce import Reduction, reduce
+from winchcascade.reduction.reduce import reduce
+from winchcascade.reduction.reduction_result import Reduction
 
 Signal = NDArray[np.float64]
 Channels = Mapping[str, Signal]

@@ -1,6 +1,6 @@
 """The manual shows what `audit --physics` prints of the paper's table.
 
-`python tests/reach/test_reach_docs.py` writes the present output into it.
+`python tests/tables/test_reach_docs.py` writes the present output into it.
 """
 
 import re

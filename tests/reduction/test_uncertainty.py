@@ -22,7 +22,8 @@ from winchcascade.core.run import Run
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.efficiency import METRICS
 from winchcascade.reduction.net_energy import PARTS
-from winchcascade.reduction.reduce import Reduction, reduce
+from winchcascade.reduction.reduce import reduce
+from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.uncertainty import Budget, budget, shares
 
 Signal = NDArray[np.float64]

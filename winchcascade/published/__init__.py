@@ -1,1 +1,0 @@
-"""Tables that others have printed: results checked against them, and the tables held against themselves."""

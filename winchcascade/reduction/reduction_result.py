@@ -1,0 +1,60 @@
+"""The result of a reduction: its cycles, their mean and repeatability, and powers over generator speed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import msgspec
+
+from winchcascade.core.rig_file import Rig, WindowRule
+from winchcascade.core.run import Finding, Run
+from winchcascade.reduction.bins import Bin
+from winchcascade.reduction.efficiency import Metrics
+from winchcascade.reduction.net_energy import NetSpan
+from winchcascade.reduction.phase_summary import PhaseSummary
+from winchcascade.reduction.phases import Cycle
+from winchcascade.reduction.windows import Window
+
+
+class CycleResult(msgspec.Struct, frozen=True):
+    """One cycle: its instants, its window, what its phases were like, its metrics, and its span from onset to onset."""
+
+    cycle: int
+    complete: bool
+    phases: Cycle
+    window: Window
+    summary: PhaseSummary
+    metrics: Metrics
+    net: NetSpan
+
+
+class Reduction(msgspec.Struct, frozen=True):
+    """What a log says about the rig: every cycle, their mean and repeatability, and powers over generator speed.
+
+    `mean` and `max_deviation_percent` are over complete cycles; `total` sums their energies and gives ratios of sums. The
+    net energies of whole cycles are over those complete cycles that have them.
+    `quality` holds the findings of the log and of the reduction. `bridged` is, for each stage that has gaps, what bridging
+    them could have changed of each cycle's energy [J]; `sampled`, where the sampling is not clearly fine, is what every second
+    or third sample alone changes of it [J].
+    """
+
+    run: Run
+    rig: Rig
+    window: WindowRule
+    cycles: tuple[CycleResult, ...]
+    mean: Metrics
+    max_deviation_percent: Metrics
+    total: Metrics
+    bins: tuple[Bin, ...]
+    quality: tuple[Finding, ...]
+    bridged: Mapping[str, tuple[float, ...]] = msgspec.field(default_factory=dict)
+    sampled: Mapping[str, tuple[float, ...]] = msgspec.field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """One line instead of every number."""
+        return f"Reduction({self.run.name!r}, {len(self.complete)} of {len(self.cycles)} cycles complete)"
+
+    @property
+    def complete(self) -> tuple[CycleResult, ...]:
+        """The cycles that count."""
+        return tuple(c for c in self.cycles if c.complete)
