@@ -16,7 +16,7 @@ from winchcascade import read_run, reduce
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.run import Finding, Run
 from winchcascade.reduction.efficiency_between_runs import LogEfficiency, logs_apart
-from winchcascade.reduction.efficiency_changes import probability
+from winchcascade.reduction.efficiency_changes import compare_cycles, probability
 from winchcascade.reduction.sensor_noise import energy_noise
 
 FIXTURES = Path(__file__).parents[2] / "fixtures" / "campaign"
@@ -84,6 +84,16 @@ def test_an_open_circuit_has_no_efficiency_that_could_change() -> None:
         run = read_run(FIXTURES / "open_circuit.csv", load=load)
         hurt = with_gain(run, "torque", [0.3 * x for x in STEP])
         assert [f for f in reduce(hurt).quality if f.kind == "efficiency_change"] == []
+
+
+def test_a_bridged_cycle_without_energy_is_compared() -> None:
+    run = log(1)
+    onset = reduce(run).cycles[-1].phases.onset
+    torque = np.where(run.t > onset - 1.0, 0.0, run.channels["torque"])
+    reduction = reduce(msgspec.structs.replace(run, channels={**run.channels, "torque": torque}))
+    assert min(cycle.metrics.energy_mech or 0.0 for cycle in reduction.cycles) == 0.0
+    bridged = {"mech": tuple(1.0 for _ in reduction.cycles)}
+    assert compare_cycles(reduction.cycles, reduction.rig, bridged, run)[0].metric == "eta_trans"
 
 
 def many_cycles(seed: int, scatter: float, cycles: int, step: float = 0.0) -> list[Finding]:

@@ -128,7 +128,7 @@ def _bridged_share(
     for energy in RATIOS[metric]:
         joules = bridged.get(energy.removeprefix("energy_"))
         if joules is not None:
-            share += [joules[k] / getattr(cycles[k].metrics, energy) for k in rows]
+            share += [joules[k] / max(getattr(cycles[k].metrics, energy), NOTHING) for k in rows]
     return share
 
 
