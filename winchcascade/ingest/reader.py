@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from winchcascade.ingest.source import Source, Table
 
 _OPENERS = {
-    "excel": ("winchcascade.ingest.open_log.excel", "open_excel"),
-    "mat": ("winchcascade.ingest.open_log.mat", "open_mat"),
-    "parquet": ("winchcascade.ingest.open_log.parquet", "open_parquet"),
-    "tdms": ("winchcascade.ingest.open_log.tdms", "open_tdms"),
+    "excel": ("winchcascade.ingest.formats.excel", "open_excel"),
+    "mat": ("winchcascade.ingest.formats.mat", "open_mat"),
+    "parquet": ("winchcascade.ingest.formats.parquet", "open_parquet"),
+    "tdms": ("winchcascade.ingest.formats.tdms", "open_tdms"),
 }
 
 _TOGETHER = {"tdms"}
