@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from winchcascade.core.published_table import load_text
 from winchcascade.core.version import __version__
-from winchcascade.report.table_text import finite, indented, load_record, table_record, title_lines, wrapped
+from winchcascade.report.table_text import finite, load_record, table_record, title_lines
+from winchcascade.report.text_table import indented, wrapped
 from winchcascade.tables.row_audit import percent
 
 if TYPE_CHECKING:

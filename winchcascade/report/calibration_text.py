@@ -9,7 +9,7 @@ from winchcascade.core.campaign_file import origin_record, origin_words
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.version import __version__
 from winchcascade.report.digits import number, places, significant
-from winchcascade.report.table_text import wrapped
+from winchcascade.report.text_table import wrapped
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

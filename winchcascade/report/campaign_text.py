@@ -12,7 +12,7 @@ from winchcascade.core.plain_text import one_line
 from winchcascade.report.campaign_tables import by_load, count_of, load_text, mixed_windows, window_text
 from winchcascade.report.digits import stated, uncertain
 from winchcascade.report.records import FIELDS
-from winchcascade.report.table_text import wrapped
+from winchcascade.report.text_table import wrapped
 
 MOST_RUNS = 20
 """Logs that are listed; of more the first and the last half of that."""

@@ -11,7 +11,8 @@ from winchcascade.core.campaign_file import joint_origin, origin_record, origin_
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.published_table import load_text, unit_suffix
 from winchcascade.core.version import __version__
-from winchcascade.report.table_text import load_record, table_record, title_lines, wrapped
+from winchcascade.report.table_text import load_record, table_record, title_lines
+from winchcascade.report.text_table import wrapped
 
 if TYPE_CHECKING:
     from winchcascade.tables.check import CellCheck, Check

@@ -6,7 +6,8 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from winchcascade.core.published_table import load_text, unit_suffix
-from winchcascade.report.table_text import load_record, wrapped
+from winchcascade.report.table_text import load_record
+from winchcascade.report.text_table import wrapped
 from winchcascade.tables.plausible_payouts import RAMPS, STARTED
 
 if TYPE_CHECKING:

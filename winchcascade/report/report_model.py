@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Callable, Iterable, Sequence
+from typing import Generic, Literal, TypeVar
 
 import msgspec
+
+from winchcascade.report.digits import number
+
+Cell = str | float | None
+"""Value of a cell: a number, a text that is formatted already, or None for what does not exist."""
+
+T = TypeVar("T")
 
 Tone = Literal["plain", "good", "warn"]
 
@@ -32,6 +40,69 @@ class Table(msgspec.Struct, frozen=True, tag="table"):
     def is_long(self, column: int) -> bool:
         """Whether a column holds sentences, which may be broken into lines."""
         return any(len(row[column]) > LONG for row in self.rows)
+
+
+class TableColumn(msgspec.Struct, Generic[T], frozen=True):
+    """Column of a table: its name, its unit, the decimals of its numbers, and the cell that it has for the item of a row.
+
+    `text` columns are aligned to the left, all others to the right.
+    """
+
+    name: str
+    unit: str = ""
+    decimals: int = 0
+    text: bool = False
+    of: Callable[[T], Cell] | None = None
+
+
+def rows_of(
+    columns: Sequence[TableColumn[T]], items: Sequence[T], *, most: int | None = None, more: str = "more"
+) -> list[tuple[Cell, ...]]:
+    """Cells of the columns for each item; of more than `most` items the first and the last half of that.
+
+    >>> rows_of([TableColumn("k", of=int), TableColumn("text", of=str)], range(9), most=2)
+    [(0, '0'), ('… 7 more', ''), (8, '8')]
+    """
+    rows = [
+        tuple(column.of(item) for column in columns if column.of is not None)
+        for item in (items if most is None or len(items) <= most else [*items[: most // 2], *items[-(most // 2) :]])
+    ]
+    if most is not None and len(items) > most:
+        rows.insert(most // 2, (f"… {len(items) - most} {more}", *[""] * (len(columns) - 1)))
+    return rows
+
+
+def make_table(
+    name: str,
+    caption: str,
+    columns: Sequence[TableColumn[T]],
+    rows: Iterable[Sequence[Cell]],
+    *,
+    below: Sequence[Sequence[Cell]] = (),
+    note: str = "",
+) -> Table:
+    """A table of cells under the names and units of its columns; texts of cells stay, numbers get the decimals of the column.
+
+    Parameters
+    ----------
+    below : rows that summarise the others
+    """
+    return Table(
+        id=name,
+        caption=caption,
+        head=tuple(column.name for column in columns),
+        units=tuple(column.unit for column in columns),
+        rows=tuple(
+            tuple(
+                cell if isinstance(cell, str) else number(cell, column.decimals)
+                for cell, column in zip(row, columns, strict=True)
+            )
+            for row in (*rows, *below)
+        ),
+        text_columns=tuple(k for k, column in enumerate(columns) if column.text),
+        summary=len(below),
+        note=note,
+    )
 
 
 class Picture(msgspec.Struct, frozen=True, tag="picture"):

@@ -1,34 +1,19 @@
-"""What texts and records of a published table share: its title, its loads, sentences in lines."""
+"""What texts and records of a published table share: its title and its loads."""
 
 from __future__ import annotations
 
 import math
-import textwrap
 from typing import TYPE_CHECKING, Any
 
-from winchcascade.core.plain_text import one_line
+from winchcascade.report.text_table import wrapped
 
 if TYPE_CHECKING:
     from winchcascade.core.published_table import Table
-
-_WIDTH = 100
 
 
 def title_lines(table: Table) -> list[str]:
     """Name, title and source of a table."""
     return wrapped(f"{table.name}: {table.title}") + wrapped(f"source: {table.source}")
-
-
-def wrapped(text: str, indent: str = "") -> list[str]:
-    """A sentence in lines of 100 columns at most."""
-    whole = one_line(text).replace(" %", "\N{NO-BREAK SPACE}%")  # a number and its percent sign stay on one line
-    lines = textwrap.wrap(whole, _WIDTH, initial_indent=indent, subsequent_indent=f"{indent}  ", break_on_hyphens=False)
-    return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
-
-
-def indented(text: str) -> list[str]:
-    """A sentence in lines two columns in."""
-    return wrapped(text, indent="  ")
 
 
 def table_record(table: Table) -> dict[str, Any]:
