@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
-from winchcascade.reduction.phases import detect, smoothed_velocity
-from winchcascade.reduction.windows import find_plateau
+from winchcascade.reduction.phases import detect, find_plateau, smoothed_velocity
 from winchcascade.rig.parts import Model, baseline
 from winchcascade.rig.simulate import simulate
 

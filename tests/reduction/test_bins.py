@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import CLOCK, Run
 from winchcascade.reduction.bins import bin_powers, engaged
-from winchcascade.reduction.phases import Cycle
-from winchcascade.reduction.windows import Plateau
+from winchcascade.reduction.phases import Cycle, Plateau
 
 Signal = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import CLOCK, Run
 from winchcascade.core.smooth import local_quadratic
-from winchcascade.reduction.energies import _doubt
-from winchcascade.reduction.gap_error import _weight, bridging_error, gaps_of, instant_error, windows_of
+from winchcascade.reduction.energies import gap_faults
+from winchcascade.reduction.gap_error import _weight, bridging_error, energy_error, gaps_of, instant_error, windows_of
 
 Signal = NDArray[np.float64]
 
@@ -120,19 +120,17 @@ def test_a_gap_far_from_an_instant_does_not_move_it() -> None:
 
 @pytest.mark.parametrize(("by", "told"), [(0.2, "bridging its gaps could change E_line by 6.7%"), (0.01, None)])
 def test_a_cutoff_that_a_gap_moves_is_worth_the_power_there(by: float, told: str | None) -> None:
-    channels = {"velocity": np.full(T.size, 0.5), "force": np.full(T.size, 1000.0)}
-    steady, faults = Run("log", T, channels, 25.0, T.size), dict[int, str]()
-    spans, gaps, joule = np.array([[1.0, 4.0], [5.0, 8.0]]), np.array([[20.0, 20.2]]), np.array([1500.0, 1500.0])
-    changed = _doubt(steady, gaps, spans, joule, np.array([by, 0.0]), "line", built_in(), faults)
+    spans, gaps = np.array([[1.0, 4.0], [5.0, 8.0]]), np.array([[20.0, 20.2]])
+    changed = energy_error(T, np.full(T.size, 500.0), gaps, spans, np.array([by, 0.0]))
+    faults = gap_faults("line", gaps, spans, changed / 1500.0, built_in().thresholds)
     assert changed == pytest.approx([by * 500.0, 0.0])
     assert faults == ({} if told is None else {0: told})
 
 
 def test_gaps_and_a_moved_cutoff_err_independently() -> None:
     watts = 500.0 + 200.0 * np.sin(T)
-    steady = Run("log", T, {"velocity": np.full(T.size, 0.5), "force": 2.0 * watts}, 25.0, T.size)
-    spans, gaps, joule = np.array([[1.0, 9.0]]), np.array([[2.0, 2.6], [5.0, 5.8]]), np.array([4000.0])
-    both = _doubt(steady, gaps, spans, joule, np.array([0.1]), "line", built_in(), {})
+    spans, gaps = np.array([[1.0, 9.0]]), np.array([[2.0, 2.6], [5.0, 5.8]])
+    both = energy_error(T, watts, gaps, spans, np.array([0.1]))
     alone = np.append(bridging_error(T, watts, gaps), 0.1 * np.interp(9.0, T, watts))
     assert both == pytest.approx([np.sqrt(np.sum(alone**2))])
 

@@ -21,8 +21,7 @@ from winchcascade.core.table_toml import load_table, parse_table
 from winchcascade.diagnosis.suspects import with_values
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.efficiency import METRICS
-from winchcascade.reduction.first import first_metrics
-from winchcascade.reduction.reduce import reduce
+from winchcascade.reduction.reduce import first_metrics, reduce
 from winchcascade.report.reach_text import reach_record, reach_text
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 from winchcascade.rig.parts import Model, baseline

@@ -141,7 +141,7 @@ def audit_command(
 def _reach(audit: Audit, rig: str | None) -> Reach:
     """What a rig can reach of a table, by the rules that reduce a log."""
     from winchcascade.core.rig_toml import DEFAULT_RIG, load_rig
-    from winchcascade.reduction.first import first_metrics
+    from winchcascade.reduction.reduce import first_metrics
     from winchcascade.report.progress import Progress
     from winchcascade.rig.effects.catalogue import EFFECTS
     from winchcascade.tables.attainable import reach

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from winchcascade.core.integrate import Stream
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
-    from winchcascade.reduction.phases import Cycle
-    from winchcascade.reduction.windows import Plateau
+    from winchcascade.reduction.phase_summary import PlateauSummary
+    from winchcascade.reduction.phases import Cycle, Plateau
 
     Mask = NDArray[np.bool_]
 
@@ -43,8 +43,8 @@ class Bin(msgspec.Struct, frozen=True):
     torque_standard_error: float | None = None
 
 
-def engaged(run: Run, cycles: Sequence[Cycle], plateaus: Sequence[Plateau | None], rig: Rig) -> Mask:
-    """Tell the samples of the payouts in which the clutch drives the generator, (n,).
+def engaged(run: Run, cycles: Sequence[Cycle], plateaus: Sequence[Plateau | PlateauSummary | None], rig: Rig) -> Mask:
+    """Find the samples of the payouts in which the clutch drives the generator, (n,).
 
     When the drum slows the rotor runs on alone and the torque behind the clutch is zero. So from an onset the clutch counts
     as engaged until the torque has risen, and from then on wherever there is torque; without a torque channel until

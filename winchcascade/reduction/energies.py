@@ -9,15 +9,15 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.integrate import integrals
-from winchcascade.reduction.gap_error import bridging_error, gaps_of, instant_error, windows_of
+from winchcascade.reduction.gap_error import energy_error, gaps_of, instant_error
 from winchcascade.reduction.net_energy import PARTS, SIGN, NetSpan, spans_of
 from winchcascade.reduction.windows import Window
 
 if TYPE_CHECKING:
     from winchcascade.core.integrate import Stream
-    from winchcascade.core.rig_file import Rig, WindowRule
-    from winchcascade.core.run import Run, Signal
-    from winchcascade.reduction.phases import Cycle
+    from winchcascade.core.rig_file import Thresholds
+    from winchcascade.core.run import Signal
+    from winchcascade.reduction.phased_run import PhasedRun
 
 
 STAGES = ("line", "mech", "gen")
@@ -82,26 +82,20 @@ class Energies(msgspec.Struct, frozen=True):
     bridged: dict[str, tuple[float, ...]]
 
 
-def integrate_energies(
-    run: Run,
-    v_smooth: Signal,
-    cycles: Sequence[Cycle],
-    windows: Sequence[Window],
-    nets: Sequence[NetSpan],
-    rule: WindowRule,
-    rig: Rig,
-) -> Energies:
+def integrate_energies(phased: PhasedRun, windows: Sequence[Window], nets: Sequence[NetSpan]) -> Energies:
     """Integrate each stage's power over each window and each whole cycle.
 
     Gaps that make an energy uncertain become the fault of the window, or the reason why a cycle has no net energies.
     """
-    spans = spans_of(windows, cycles, nets)
+    run, limits = phased.run, phased.rig.thresholds
+    spans = spans_of(windows, phased.cycles, nets)
     joules: dict[str, list[float] | None] = dict.fromkeys(PARTS)
     bridged: dict[str, tuple[float, ...]] = {}
-    faults: dict[bool, dict[int, str]] = {True: {}, False: {}}
-    moved = _cutoff_error(run, v_smooth, spans["window"], rule, rig)
+    faults: dict[str, dict[int, str]] = {span: {} for span in spans}
+    moved = dict.fromkeys(spans, np.zeros(len(windows)))  # at an onset the line hardly moves
+    moved["window"] = _cutoff_error(phased, spans["window"])
     for stage in STAGES:
-        watts = stream(run.channels, stage, rig.r_drum)
+        watts = stream(run.channels, stage, phased.rig.r_drum)
         if watts is None:
             continue
         parts = {name: span for name, (source, span) in PARTS.items() if source == stage}
@@ -109,55 +103,41 @@ def integrate_energies(
         gaps = gaps_of(run, sources(run.channels, stage))
         for (name, span), part in zip(parts.items(), np.split(joule, len(parts)), strict=True):
             joules[name] = (SIGN.get(name, 1.0) * part).tolist()
-            if len(gaps) and not (
-                stage == "gen" and run.open_circuit
-            ):  # no current flows, so that any of it is a large share
-                shift = moved if span == "window" else np.zeros(len(part))  # at an onset the line hardly moves
-                found = faults[span == "window"]
-                bridged[name] = tuple(_doubt(run, gaps, spans[span], part, shift, name, rig, found).tolist())
+            if len(gaps) and not (stage == "gen" and run.open_circuit):  # no current flows: any of it is a large share
+                changed = energy_error(run.t, watts(slice(None)), gaps, spans[span], moved[span])
+                bridged[name] = tuple(changed.tolist())
+                share = np.where(np.ptp(spans[span], axis=1) > 0.0, changed / np.maximum(np.abs(part), 1e-9), 0.0)
+                for k, fault in gap_faults(name, gaps, spans[span], share, limits).items():
+                    faults["window" if span == "window" else "cycle"].setdefault(k, fault)
     return Energies(
-        [Window(w.onset, w.cutoff, w.fault or faults[True].get(k)) for k, w in enumerate(windows)],
-        [NetSpan(n.begin, n.end, n.travel, n.reason or faults[False].get(k)) for k, n in enumerate(nets)],
+        [Window(w.onset, w.cutoff, w.fault or faults["window"].get(k)) for k, w in enumerate(windows)],
+        [NetSpan(n.begin, n.end, n.travel, n.reason or faults["cycle"].get(k)) for k, n in enumerate(nets)],
         joules,
         bridged,
     )
 
 
-def _cutoff_error(run: Run, v_smooth: Signal, spans: Signal, rule: WindowRule, rig: Rig) -> Signal:
-    """What gaps may move each cutoff, by moving the onset or the plateau that it hangs on, (k,) [s]."""
-    if rule == "payout":
+def _cutoff_error(phased: PhasedRun, spans: Signal) -> Signal:
+    """What gaps may move each cutoff, by moving the onset or the plateau that it depends on, (k,) [s]."""
+    if phased.rule == "payout":
         return np.zeros(len(spans))
-    return instant_error(run, v_smooth, spans[:, 0] if isinstance(rule, float) else spans[:, 1] - rig.thresholds.settle)
+    instants = spans[:, 0] if isinstance(phased.rule, float) else spans[:, 1] - phased.rig.thresholds.settle
+    return instant_error(phased.run, phased.v_smooth, instants)
 
 
-def _doubt(
-    run: Run,
-    gaps: Signal,
-    spans: Signal,
-    joule: Signal,
-    moved: Signal,
-    name: str,
-    rig: Rig,
-    faults: dict[int, str],
-) -> Signal:
-    """Name the spans in which a gap is too long, or in which bridging could change the energy by too much.
+def gap_faults(name: str, gaps: Signal, spans: Signal, share: Signal, limits: Thresholds) -> dict[int, str]:
+    """Faults of the spans in which a gap is too long, or in which bridging could change the energy by too much.
 
-    Returns what it could change of each energy, (k,) [J].
+    Parameters
+    ----------
+    name : of the energy in `PARTS`
+    share : of the energy in each span that bridging could change, (k,) [1]
     """
-    limits = rig.thresholds
-    stage, span = PARTS[name]
-    where = "its window" if span == "window" else "the cycle"
+    found: dict[int, str] = {}
+    where = "its window" if PARTS[name][1] == "window" else "the cycle"
     for begin, end in gaps[gaps[:, 1] - gaps[:, 0] > limits.gap_max]:
         for k in np.flatnonzero((spans[:, 0] < end) & (spans[:, 1] > begin)).tolist():
-            faults.setdefault(k, f"a gap of {end - begin:.2f} s lies in {where} (E_{name})")
-    watts = power(run.channels, stage, rig.r_drum)
-    assert watts is not None
-    square = (moved * np.interp(spans[:, 1], run.t, watts)) ** 2  # gaps err independently of each other
-    error = bridging_error(run.t, watts, gaps) ** 2
-    for which in windows_of(gaps, spans):
-        np.add.at(square, which[which >= 0], error[which >= 0])
-    changed: Signal = np.sqrt(square)
-    share = np.where(spans[:, 1] > spans[:, 0], changed / np.maximum(np.abs(joule), 1e-9), 0.0)
+            found.setdefault(k, f"a gap of {end - begin:.2f} s lies in {where} (E_{name})")
     for k in np.flatnonzero(share > limits.gap_energy_max).tolist():
-        faults.setdefault(k, f"bridging its gaps could change E_{name} by {min(share[k], 9.99):.1%}")
-    return changed
+        found.setdefault(k, f"bridging its gaps could change E_{name} by {min(share[k], 9.99):.1%}")
+    return found

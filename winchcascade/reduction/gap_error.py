@@ -60,6 +60,23 @@ def bridging_error(t: Signal, x: Signal, gaps: Signal) -> Signal:
     return error
 
 
+def energy_error(t: Signal, watts: Signal, gaps: Signal, spans: Signal, moved: Signal) -> Signal:
+    """What gaps could change of the energy in each span, (k,) [J]: by bridging, and by the moved end of the span.
+
+    Parameters
+    ----------
+    t, watts : (n,) stamps [s] and power [W]
+    gaps, spans : (g, 2) and (k, 2) in order of time [s]
+    moved : (k,) what gaps move the end of each span [s]
+    """
+    square = (moved * np.interp(spans[:, 1], t, watts)) ** 2  # gaps err independently of each other
+    error = bridging_error(t, watts, gaps) ** 2
+    for which in windows_of(gaps, spans):
+        np.add.at(square, which[which >= 0], error[which >= 0])
+    changed: Signal = np.sqrt(square)
+    return changed
+
+
 def _hidden(t: Signal, x: Signal, gaps: Signal) -> Signal:
     """Area between the line over each gap and the lines that go on from either side: to where they meet, else a jump."""
     width = np.maximum(gaps[:, 1] - gaps[:, 0], TOUCH)

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import integrals
 from winchcascade.reduction.efficiency import is_efficiency, ratio
+from winchcascade.reduction.phased_run import travel_in
 
 if TYPE_CHECKING:
-    from winchcascade.core.rig_file import Thresholds
     from winchcascade.core.run import Run, Signal
+    from winchcascade.reduction.phased_run import PhasedRun
     from winchcascade.reduction.phases import Cycle
     from winchcascade.reduction.windows import Window
 
@@ -51,31 +51,20 @@ class NetSpan(msgspec.Struct, frozen=True):
     reason: str | None = None
 
 
-def find_net_spans(
-    run: Run,
-    v_smooth: Signal,
-    cycles: Sequence[Cycle],
-    next_onset: float | None,
-    payouts: Sequence[tuple[float, float]],
-    thresholds: Thresholds,
-) -> list[NetSpan]:
+def find_net_spans(phased: PhasedRun) -> list[NetSpan]:
     """Find the span of each whole cycle, and why a cycle is not whole.
 
     The last cycle of a log ends with the log if its haul-in is complete and the line is at rest by then.
-
-    Parameters
-    ----------
-    next_onset : of the payout that follows the last of the cycles [s], None if there is none
-    payouts : travel [m] and top speed [m/s] of each payout
     """
-    log_end = float(run.t[-1])
-    ends = [*(c.onset for c in cycles[1:]), log_end if next_onset is None else next_onset][: len(cycles)]
-    spans = np.array([(c.onset, end) for c, end in zip(cycles, ends, strict=True)]).reshape(-1, 2)
-    moved = _travel(run, spans)
-    rests = next_onset is not None or _ends_at_rest(run, v_smooth, cycles, thresholds)
+    cycles, after = phased.cycles, phased.next_onset
+    ends = [*(c.onset for c in cycles[1:]), float(phased.run.t[-1]) if after is None else after][: len(cycles)]
+    moved = travel_in(
+        phased.run, np.array([(c.onset, end) for c, end in zip(cycles, ends, strict=True)]).reshape(-1, 2)
+    )
+    rests = after is not None or _ends_at_rest(phased)
     found = []
-    for k, (cycle, (stroke, _)) in enumerate(zip(cycles, payouts, strict=True)):
-        reason = _not_whole(run, cycle)
+    for k, (cycle, stroke) in enumerate(zip(cycles, phased.travel, strict=True)):
+        reason = _not_whole(phased.run, cycle)
         if reason is None and k == len(cycles) - 1 and not rests:
             reason = "the log ends before the line is at rest after the haul-in"
         if reason is None and abs(moved[k]) > NET_TRAVEL_MAX * abs(stroke):
@@ -84,21 +73,14 @@ def find_net_spans(
     return found
 
 
-def _travel(run: Run, spans: Signal) -> list[float]:
-    """Net travel of the line in each span, from the displacement, else the integral of the velocity. [m]"""
-    displacement = run.channels.get("displacement")
-    if displacement is None:
-        return [float(x) for x in integrals(run.t, run.channels["velocity"].__getitem__, spans)]
-    return [float(x) for x in np.diff(np.interp(spans, run.t, displacement), axis=1)[:, 0]]
-
-
-def _ends_at_rest(run: Run, v_smooth: Signal, cycles: Sequence[Cycle], thresholds: Thresholds) -> bool:
+def _ends_at_rest(phased: PhasedRun) -> bool:
     """Whether the last haul-in ends, and the line rests at the log's end for as long as the velocity is smoothed over."""
-    last = cycles[-1].haul_in if cycles else None
-    begin = float(run.t[-1]) - thresholds.smoothing
+    limits, t = phased.rig.thresholds, phased.run.t
+    last = phased.cycles[-1].haul_in if phased.cycles else None
+    begin = float(t[-1]) - limits.smoothing
     if last is None or last[1] > begin:
         return False
-    return bool(np.max(np.abs(v_smooth[np.searchsorted(run.t, begin) :])) <= thresholds.v_onset)
+    return bool(np.max(np.abs(phased.v_smooth[np.searchsorted(t, begin) :])) <= limits.v_onset)
 
 
 def _not_whole(run: Run, cycle: Cycle) -> str | None:

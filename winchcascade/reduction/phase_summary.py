@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from winchcascade.core.integrate import Stream
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
-    from winchcascade.reduction.phases import Cycle
-    from winchcascade.reduction.windows import Plateau
+    from winchcascade.reduction.phased_run import PhasedRun
+    from winchcascade.reduction.phases import Plateau
 
 
 class PlateauSummary(msgspec.Struct, frozen=True):
@@ -72,40 +72,16 @@ class PhaseSummary(msgspec.Struct, frozen=True):
 Span = tuple[float, float]
 
 
-def travel_and_top(run: Run, v_smooth: Signal, cycles: Sequence[Cycle]) -> list[tuple[float, float]]:
-    """Travel [m] and top speed [m/s] of each payout; travel from the displacement, else the integral of the velocity."""
-    windows = np.array([(c.onset, c.payout_end) for c in cycles]).reshape(-1, 2)
-    displacement = run.channels.get("displacement")
-    if displacement is None:
-        travel = integrals(run.t, run.channels["velocity"].__getitem__, windows)
-    else:
-        travel = np.diff(np.interp(windows, run.t, displacement), axis=1)[:, 0]
-    return list(zip(travel.tolist(), extremes(run.t, v_smooth, windows)[1].tolist(), strict=True))
-
-
-def summarise(
-    run: Run,
-    v_smooth: Signal,
-    cycles: Sequence[Cycle],
-    plateaus: Sequence[Plateau | None],
-    payouts: Sequence[tuple[float, float]],
-    rig: Rig,
-) -> list[PhaseSummary]:
-    """Summarise the phases of every cycle.
-
-    Parameters
-    ----------
-    v_smooth : (n,) line velocity, smoothed [m/s]
-    plateaus : of each cycle, None for one without
-    payouts : travel [m] and top speed [m/s] of each
-    """
-    flat = _plateaus(run, plateaus, rig)
+def summarise(phased: PhasedRun) -> list[PhaseSummary]:
+    """Summarise the phases of every cycle."""
+    run, rig, cycles = phased.run, phased.rig, phased.cycles
+    flat = _plateaus(run, phased.plateaus, rig)
     paid_out = [
         PayoutSummary(c.payout_end - c.onset, travel, top, p)
-        for c, (travel, top), p in zip(cycles, payouts, flat, strict=True)
+        for c, travel, top, p in zip(cycles, phased.travel, phased.speed_max, flat, strict=True)
     ]
     holds = _holds(run, [c.hold for c in cycles])
-    hauls = _haul_ins(run, v_smooth, [c.haul_in for c in cycles], rig)
+    hauls = _haul_ins(run, phased.v_smooth, [c.haul_in for c in cycles], rig)
     return [PhaseSummary(*phases) for phases in zip(paid_out, holds, hauls, strict=True)]
 
 

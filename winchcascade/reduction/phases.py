@@ -1,4 +1,4 @@
-"""Find payout, hold and haul-in of every cycle from the smoothed line velocity.
+"""Find payout, hold and haul-in of every cycle, and the plateau of its payout, from the smoothed line velocity.
 
 The velocity is cut into runs above +v_onset and below -v_onset. What the line travels in these runs, noise and creep below
 v_onset left out, gives turning points; between them lie the payouts and the haul-ins. A reversal that takes back little
@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.errors import OptionError
-from winchcascade.core.integrate import running
+from winchcascade.core.integrate import median, quantile, running
 from winchcascade.core.run import CLOCK
 from winchcascade.core.smooth import local_quadratic
 
@@ -55,6 +55,14 @@ class Cycle(msgspec.Struct, frozen=True):
     haul_in: tuple[float, float] | None
     begins_inside: bool
     ends_inside: bool
+
+
+class Plateau(msgspec.Struct, frozen=True):
+    """The quasi-steady part of a payout: speed [m/s], its beginning and the start of braking [s]."""
+
+    speed: float
+    begin: float
+    braking: float
 
 
 class _Runs(msgspec.Struct, frozen=True):
@@ -260,3 +268,38 @@ def _with_holds(cycles: list[Cycle], end: float) -> list[Cycle]:
         hold = None if cycle.ends_inside else (cycle.payout_end, max(until, cycle.payout_end))
         held.append(Cycle(cycle.onset, cycle.payout_end, hold, cycle.haul_in, cycle.begins_inside, cycle.ends_inside))
     return held
+
+
+def find_plateau(t: Signal, v_smooth: Signal, cycle: Cycle, thresholds: Thresholds) -> Plateau | None:
+    """Find the plateau of a payout: None where the speed never stays near its top for `plateau_hold`.
+
+    The plateau's speed is the median of the velocities above 90 % of their 99th percentile. It begins with the first
+    0.2 s throughout which the velocity is at or above 98 % of that; braking begins after the last sample that is.
+    """
+    first = int(np.searchsorted(t, cycle.onset, side="left"))
+    last = int(np.searchsorted(t, cycle.payout_end, side="right"))
+    v = v_smooth[first:last]
+    if v.size < 3:
+        return None
+    top = quantile(v, thresholds.plateau_quantile)
+    if not top > 0.0:  # a payout that nothing but a gap tells of
+        return None
+    speed = median(v[v >= thresholds.plateau_band * top])
+    level = thresholds.plateau_level * speed
+    high = np.zeros(v.size + 2, dtype=bool)
+    high[1:-1] = v >= level
+    edges = np.flatnonzero(high[1:] != high[:-1]) + first
+    stretches = [
+        (
+            crossing(t, v_smooth, int(a), level) if a > first else float(t[a]),
+            _stretch_end(t, v_smooth, int(b), level, last),
+        )
+        for a, b in zip(edges[::2], edges[1::2], strict=True)
+    ]
+    begin = next((a for a, b in stretches if b - a >= thresholds.plateau_hold), None)
+    return None if begin is None else Plateau(speed, begin, stretches[-1][1])
+
+
+def _stretch_end(t: Signal, v: Signal, k: int, level: float, last: int) -> float:
+    """Instant at which v falls below the level before sample k; the payout's end where it does not fall. [s]"""
+    return crossing(t, v, k, level) if k < last else float(t[min(k, t.size) - 1])

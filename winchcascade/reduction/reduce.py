@@ -10,24 +10,30 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.errors import LogError, OptionError
+from winchcascade.core.integrate import integrals
 from winchcascade.core.jobs import side_by_side
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Finding
 from winchcascade.reduction.bins import TORQUE, Bin, bin_powers, engaged
-from winchcascade.reduction.checks.cross_checks import cross_checks
-from winchcascade.reduction.efficiency import ensemble_mean, largest_deviation, metrics, total
+from winchcascade.reduction.checks.lag import lag_findings
+from winchcascade.reduction.checks.load import load_findings
+from winchcascade.reduction.checks.resolution import resolution_findings
+from winchcascade.reduction.checks.sampling import check_sampling
+from winchcascade.reduction.checks.zeros import zero_findings
+from winchcascade.reduction.efficiency import METRICS, ensemble_mean, largest_deviation, metrics, total
 from winchcascade.reduction.efficiency_changes import changes_within
 from winchcascade.reduction.energies import STAGES, Energies, integrate_energies, stream
 from winchcascade.reduction.net_energy import NetSpan, find_net_spans, net_metrics
-from winchcascade.reduction.phase_summary import PhaseSummary, summarise, travel_and_top
-from winchcascade.reduction.phases import Cycle, check_cycles, detect, smoothed_velocity
+from winchcascade.reduction.phase_summary import PhaseSummary, summarise
+from winchcascade.reduction.phased_run import find_phases
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
-from winchcascade.reduction.windows import Plateau, Window, check_lengths, find_plateau, find_windows
+from winchcascade.reduction.windows import Window, check_lengths, find_window, find_windows
 
 if TYPE_CHECKING:
     from winchcascade.core.rig_file import WindowRule
-    from winchcascade.core.run import Run, Signal
+    from winchcascade.core.run import Run
+    from winchcascade.reduction.phased_run import PhasedRun
 
 
 MOST_BINS = 20_000
@@ -77,32 +83,24 @@ def reduce(
     3
     """
     rig = rig or built_in()
-    rule = window_rule(rig.thresholds.window if window is None else window)
-    v_smooth = smoothed_velocity(run, rig.thresholds)
-    detected = detect(run, v_smooth, rig.thresholds)
-    first, found = _chosen(detected, cycles, run.name)
-    following = detected[first - 1 + len(found) :]
-    plateaus = [find_plateau(run.t, v_smooth, c, rig.thresholds) for c in found]
-    payouts = travel_and_top(run, v_smooth, found)
-    windows = find_windows(run, found, plateaus, payouts, rule, rig)
-    nets = find_net_spans(run, v_smooth, found, following[0].onset if following else None, payouts, rig.thresholds)
-    beyond = check_lengths(run, found, windows, payouts, rule, rig)
+    phased = find_phases(run, rig, window_rule(rig.thresholds.window if window is None else window), cycles)
+    windows, nets = find_windows(phased), find_net_spans(phased)
+    beyond = check_lengths(phased, windows)
     summaries, (energy, bins) = side_by_side(
-        lambda: summarise(run, v_smooth, found, plateaus, payouts, rig),
-        lambda: _energies_and_bins(run, v_smooth, found, plateaus, windows, nets, rule, rig),
-        samples=run.samples,
+        lambda: summarise(phased), lambda: _energies_and_bins(phased, windows, nets), samples=run.samples
     )
-    findings = [*_not_given(run, rig), *_too_few(cycles, first + len(found) - 1), *beyond]
-    checked = cross_checks(run, rig, v_smooth, found, plateaus, summaries, energy, rule)
-    findings += checked.findings
-    results = _results(run, found, first, summaries, energy, findings)
+    findings = [*_not_given(run, rig), *_too_few(cycles, phased), *beyond]
+    sampling = check_sampling(phased, energy)
+    findings += [*load_findings(phased, summaries), *lag_findings(phased), *zero_findings(phased), *sampling.findings]
+    findings += resolution_findings(phased, energy)
+    results = _results(phased, summaries, energy, findings)
     findings += changes_within(results, rig, energy.bridged, run)
     complete = [r.metrics for r in results if r.complete]
     whole = sum(r.window.cutoff - r.window.onset for r in results if r.complete)
     return Reduction(
         run=run,
         rig=rig,
-        window=rule,
+        window=phased.rule,
         cycles=tuple(results),
         mean=ensemble_mean(complete),
         max_deviation_percent=largest_deviation(complete),
@@ -110,8 +108,34 @@ def reduce(
         bins=bins,
         quality=(*run.findings, *findings),
         bridged=energy.bridged,
-        sampled=checked.changes,
+        sampled=sampling.changes,
     )
+
+
+def first_metrics(run: Run, rig: Rig, window: float | None = None) -> dict[str, float | None]:
+    """Metrics of the first payout of a clean log by the rules of `reduce` and no more: for thousands of simulations.
+
+    All are None where the log has no payout or where its window is not whole. A ratio above 1 is given as it is, as the error
+    of a model with effects is to be known.
+
+    Parameters
+    ----------
+    window : length [s]; by default the rig's rule
+    """
+    phased = find_phases(run, rig, window_rule(rig.thresholds.window if window is None else window))
+    if phased.cycles:
+        top, end = float(phased.v_smooth.max()), float(run.t[-1])
+        span = find_window(phased.cycles[0], phased.plateaus[0], top, end, phased.rule, rig.thresholds)
+        if span.fault is None:
+            ends = np.array([[span.onset, span.cutoff]])
+            streams = {stage: stream(run.channels, stage, rig.r_drum) for stage in STAGES}
+            energy = {
+                f"energy_{stage}": None if watts is None else float(integrals(run.t, watts, ends)[0])
+                for stage, watts in streams.items()
+            }
+            got, odd = metrics(energy, span.cutoff - span.onset, open_circuit=run.open_circuit)
+            return {name: odd.get(name, getattr(got, name)) for name in METRICS}
+    return dict.fromkeys(METRICS)
 
 
 def require_payouts(reduction: Reduction) -> None:
@@ -124,17 +148,9 @@ def require_payouts(reduction: Reduction) -> None:
         )
 
 
-def _chosen(cycles: list[Cycle], chosen: tuple[int, int] | None, log: str) -> tuple[int, list[Cycle]]:
-    """Number of the first cycle that counts, and the cycles that do."""
-    if chosen is None:
-        return 1, cycles
-    check_cycles(chosen, cycles, log)
-    first, last = chosen
-    return first, cycles[first - 1 : last]
-
-
-def _too_few(asked: tuple[int, int] | None, last: int) -> list[Finding]:
+def _too_few(asked: tuple[int, int] | None, phased: PhasedRun) -> list[Finding]:
     """A log that ends before the last cycle that is asked for."""
+    last = phased.first + len(phased.cycles) - 1
     if asked is None or asked[1] <= last:
         return []
     message = f"the log ends with cycle {last}, and cycles {asked[0]} to {asked[1]} are asked for"
@@ -150,41 +166,30 @@ def _not_given(run: Run, rig: Rig) -> list[Finding]:
 
 
 def _energies_and_bins(
-    run: Run,
-    v_smooth: Signal,
-    cycles: Sequence[Cycle],
-    plateaus: Sequence[Plateau | None],
-    windows: Sequence[Window],
-    nets: Sequence[NetSpan],
-    rule: WindowRule,
-    rig: Rig,
+    phased: PhasedRun, windows: Sequence[Window], nets: Sequence[NetSpan]
 ) -> tuple[Energies, tuple[Bin, ...]]:
-    energy = integrate_energies(run, v_smooth, cycles, windows, nets, rule, rig)
-    counted = [(c, p) for c, p, w in zip(cycles, plateaus, energy.windows, strict=True) if w.fault is None]
-    return energy, _bins(run, counted, rig)
+    energy = integrate_energies(phased, windows, nets)
+    return energy, _bins(phased, energy.windows)
 
 
 def _results(
-    run: Run,
-    cycles: Sequence[Cycle],
-    first: int,
-    summaries: Sequence[PhaseSummary],
-    energy: Energies,
-    findings: list[Finding],
+    phased: PhasedRun, summaries: Sequence[PhaseSummary], energy: Energies, findings: list[Finding]
 ) -> list[CycleResult]:
     results = []
     odd: dict[str, list[tuple[int, float]]] = {}
-    for k, (cycle, window, net, summary) in enumerate(zip(cycles, energy.windows, energy.nets, summaries, strict=True)):
+    of_cycles = zip(phased.cycles, energy.windows, energy.nets, summaries, strict=True)
+    for k, (cycle, window, net, summary) in enumerate(of_cycles):
+        number = phased.first + k
         joules = {name: None if column is None else column[k] for name, column in energy.joules.items()}
         taken = {f"energy_{stage}": joules[stage] for stage in STAGES}
-        values, no_efficiency = metrics(taken, window.cutoff - window.onset, open_circuit=run.open_circuit)
+        values, no_efficiency = metrics(taken, window.cutoff - window.onset, open_circuit=phased.run.open_circuit)
         of_cycle, net = net_metrics(joules, net)
         for name, value in no_efficiency.items():
-            odd.setdefault(name, []).append((first + k, value))
+            odd.setdefault(name, []).append((number, value))
         if window.fault is not None:
-            findings.append(_incomplete(run, first + k, window, window.fault))
+            findings.append(_incomplete(phased.run, number, window, window.fault))
         values = msgspec.structs.replace(values, **of_cycle)
-        results.append(CycleResult(first + k, window.fault is None, cycle, window, summary, values, net))
+        results.append(CycleResult(number, window.fault is None, cycle, window, summary, values, net))
     findings += [_no_efficiency(name, places) for name, places in odd.items()]
     return results
 
@@ -211,8 +216,9 @@ def _no_efficiency(name: str, places: Sequence[tuple[int, float]]) -> Finding:
     )
 
 
-def _bins(run: Run, counted: Sequence[tuple[Cycle, Plateau | None]], rig: Rig) -> tuple[Bin, ...]:
+def _bins(phased: PhasedRun, windows: Sequence[Window]) -> tuple[Bin, ...]:
     """Bins over the payouts of the complete cycles; none where the speed of the generator is unknown."""
+    run, rig = phased.run, phased.rig
     rpm_per_velocity = rig.rpm_per_velocity
     if rpm_per_velocity is None:
         return ()
@@ -223,7 +229,8 @@ def _bins(run: Run, counted: Sequence[tuple[Cycle, Plateau | None]], rig: Rig) -
             f"{run.name}: {most:.3g} bins of {rig.thresholds.rpm_bin:g} rpm; expected at most {MOST_BINS}. Check gear_ratio, "
             f"r_drum and rpm_bin of the rig {rig.name}, and the unit of the velocity."
         )
-    driven = engaged(run, [c for c, _ in counted], [p for _, p in counted], rig)
+    counted = [k for k, window in enumerate(windows) if window.fault is None]
+    driven = engaged(run, [phased.cycles[k] for k in counted], [phased.plateaus[k] for k in counted], rig)
     powers = {stage: stream(run.channels, stage, rig.r_drum) for stage in STAGES}
     powers[TORQUE] = run.channels["torque"].__getitem__ if TORQUE in run.channels else None
-    return bin_powers(run.channels["velocity"], rpm_per_velocity, driven, powers, rig.thresholds.rpm_bin)
+    return bin_powers(speeds, rpm_per_velocity, driven, powers, rig.thresholds.rpm_bin)

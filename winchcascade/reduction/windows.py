@@ -1,4 +1,4 @@
-"""Plateau, braking and the integration window of one payout."""
+"""The integration windows of the payouts."""
 
 from __future__ import annotations
 
@@ -10,26 +10,17 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.errors import OptionError
-from winchcascade.core.integrate import median, quantile
+from winchcascade.core.integrate import median
 from winchcascade.core.run import Finding
-from winchcascade.reduction.phases import crossing
 
 if TYPE_CHECKING:
-    from winchcascade.core.rig_file import Rig, Thresholds, WindowRule
-    from winchcascade.core.run import Run, Signal
-    from winchcascade.reduction.phases import Cycle
+    from winchcascade.core.rig_file import Thresholds, WindowRule
+    from winchcascade.reduction.phased_run import PhasedRun
+    from winchcascade.reduction.phases import Cycle, Plateau
 
 
 STEADY = 1.03
 """A payout cut by the log's end has reached its plateau if its top speed exceeds the plateau's by no more than this."""
-
-
-class Plateau(msgspec.Struct, frozen=True):
-    """The quasi-steady part of a payout: speed [m/s], its beginning and the start of braking [s]."""
-
-    speed: float
-    begin: float
-    braking: float
 
 
 class Window(msgspec.Struct, frozen=True):
@@ -38,41 +29,6 @@ class Window(msgspec.Struct, frozen=True):
     onset: float
     cutoff: float
     fault: str | None = None
-
-
-def find_plateau(t: Signal, v_smooth: Signal, cycle: Cycle, thresholds: Thresholds) -> Plateau | None:
-    """Find the plateau of a payout: None where the speed never stays near its top for `plateau_hold`.
-
-    The plateau's speed is the median of the velocities above 90 % of their 99th percentile. It begins with the first
-    0.2 s throughout which the velocity is at or above 98 % of that; braking begins after the last sample that is.
-    """
-    first = int(np.searchsorted(t, cycle.onset, side="left"))
-    last = int(np.searchsorted(t, cycle.payout_end, side="right"))
-    v = v_smooth[first:last]
-    if v.size < 3:
-        return None
-    top = quantile(v, thresholds.plateau_quantile)
-    if not top > 0.0:  # a payout that nothing but a gap tells of
-        return None
-    speed = median(v[v >= thresholds.plateau_band * top])
-    level = thresholds.plateau_level * speed
-    high = np.zeros(v.size + 2, dtype=bool)
-    high[1:-1] = v >= level
-    edges = np.flatnonzero(high[1:] != high[:-1]) + first
-    stretches = [
-        (
-            crossing(t, v_smooth, int(a), level) if a > first else float(t[a]),
-            _stretch_end(t, v_smooth, int(b), level, last),
-        )
-        for a, b in zip(edges[::2], edges[1::2], strict=True)
-    ]
-    begin = next((a for a, b in stretches if b - a >= thresholds.plateau_hold), None)
-    return None if begin is None else Plateau(speed, begin, stretches[-1][1])
-
-
-def _stretch_end(t: Signal, v: Signal, k: int, level: float, last: int) -> float:
-    """Instant at which v falls below the level before sample k; the payout's end where it does not fall. [s]"""
-    return crossing(t, v, k, level) if k < last else float(t[min(k, t.size) - 1])
 
 
 def find_window(
@@ -115,32 +71,19 @@ SHORTEST = 2.0
 """Sampling intervals that a window must last: its ends are interpolated, and fewer samples would be nothing but ends."""
 
 
-def find_windows(
-    run: Run,
-    cycles: Sequence[Cycle],
-    plateaus: Sequence[Plateau | None],
-    payouts: Sequence[tuple[float, float]],
-    rule: WindowRule,
-    rig: Rig,
-) -> list[Window]:
-    """Windows by the rule; where payouts should be alike, one that was aborted is told from the others.
-
-    `payouts` holds the travel [m] and the top speed [m/s] of each cycle's payout.
-    """
-    end = float(run.t[-1])
+def find_windows(phased: PhasedRun) -> list[Window]:
+    """Windows by the rule; where payouts should be alike, one that was aborted is distinguished from the others."""
+    end = float(phased.run.t[-1])
     windows = [
-        find_window(c, p, top, end, rule, rig.thresholds)
-        for c, p, (_, top) in zip(cycles, plateaus, payouts, strict=True)
+        _unless_short(find_window(c, p, top, end, phased.rule, phased.rig.thresholds), phased.run.fs)
+        for c, p, top in zip(phased.cycles, phased.plateaus, phased.speed_max, strict=True)
     ]
-    windows = [_unless_short(w, run.fs) for w in windows]
-    if rule == "payout":
+    if phased.rule == "payout":
         return windows
-    windows = _apart(windows)
-    usual = _usual_travel(cycles, payouts)
-    slack = _detection_slack(run, rig)
+    usual = _usual_travel(phased)
     return [
-        _unless_aborted(c, w, travel, usual, slack, rig)
-        for c, w, (travel, _) in zip(cycles, windows, payouts, strict=True)
+        _unless_aborted(phased, c, w, travel, usual)
+        for c, w, travel in zip(phased.cycles, _apart(windows), phased.travel, strict=True)
     ]
 
 
@@ -156,37 +99,32 @@ def _unless_short(window: Window, fs: float) -> Window:
     )
 
 
-def check_lengths(
-    run: Run,
-    cycles: Sequence[Cycle],
-    windows: Sequence[Window],
-    payouts: Sequence[tuple[float, float]],
-    rule: WindowRule,
-    rig: Rig,
-) -> list[Finding]:
+def check_lengths(phased: PhasedRun, windows: Sequence[Window]) -> list[Finding]:
     """Report payouts that end before a window of fixed length does.
 
     Raises
     ------
     OptionError : that is so for more than half of the payouts that are seen whole and not aborted
     """
-    if not isinstance(rule, float):
+    if not isinstance(phased.rule, float):
         return []
-    least = rig.thresholds.aborted_below * _usual_travel(cycles, payouts)
+    least = phased.rig.thresholds.aborted_below * _usual_travel(phased)
     whole = [
         (c.payout_end - c.onset, w.cutoff - c.payout_end, w)
-        for c, w, (travel, _) in zip(cycles, windows, payouts, strict=True)
+        for c, w, travel in zip(phased.cycles, windows, phased.travel, strict=True)
         if not c.begins_inside and not c.ends_inside and travel >= least
     ]
-    late = [(beyond, w) for _, beyond, w in whole if beyond > _detection_slack(run, rig)]
+    late = [(beyond, w) for _, beyond, w in whole if beyond > _detection_slack(phased)]
     if not late:
         return []
     lengths, most = [length for length, _, _ in whole], max(beyond for beyond, _ in late)
-    found = f"{len(late)} of {len(whole)} payouts end before their window of {rule:g} s does, by up to {most:.2f} s"
+    found = (
+        f"{len(late)} of {len(whole)} payouts end before their window of {phased.rule:g} s does, by up to {most:.2f} s"
+    )
     fits = math.floor(100.0 * min(lengths)) / 100.0
     if 2 * len(late) > len(whole):
         raise OptionError(
-            f"{run.name}: {found}, so that it holds hold or haul-in; the payouts last {min(lengths):.2f} to "
+            f"{phased.run.name}: {found}, so that it holds hold or haul-in; the payouts last {min(lengths):.2f} to "
             f"{max(lengths):.2f} s. Give a window of at most {fits:.2f} s, or the rule auto or payout."
         )
     return [
@@ -201,15 +139,15 @@ def check_lengths(
     ]
 
 
-def _usual_travel(cycles: Sequence[Cycle], payouts: Sequence[tuple[float, float]]) -> float:
+def _usual_travel(phased: PhasedRun) -> float:
     """Median travel of the payouts whose onset the log holds; 0 without any. [m]"""
-    whole = [travel for c, (travel, _) in zip(cycles, payouts, strict=True) if not c.begins_inside]
+    whole = [travel for c, travel in zip(phased.cycles, phased.travel, strict=True) if not c.begins_inside]
     return median(np.array(whole)) if whole else 0.0
 
 
-def _detection_slack(run: Run, rig: Rig) -> float:
+def _detection_slack(phased: PhasedRun) -> float:
     """By how much the end of a payout may be found too early: half the smoothing, or one sample of a slower log. [s]"""
-    return max(0.5 * rig.thresholds.smoothing, 1.0 / run.fs)
+    return max(0.5 * phased.rig.thresholds.smoothing, 1.0 / phased.run.fs)
 
 
 def _apart(windows: Sequence[Window]) -> list[Window]:
@@ -221,12 +159,12 @@ def _apart(windows: Sequence[Window]) -> list[Window]:
     ]
 
 
-def _unless_aborted(cycle: Cycle, window: Window, travel: float, usual: float, slack: float, rig: Rig) -> Window:
+def _unless_aborted(phased: PhasedRun, cycle: Cycle, window: Window, travel: float, usual: float) -> Window:
     if window.fault is not None or cycle.ends_inside:
         return window
     fault = None
-    if travel < rig.thresholds.aborted_below * usual:
+    if travel < phased.rig.thresholds.aborted_below * usual:
         fault = f"the payout is aborted after {travel:.2f} m, where others travel {usual:.2f} m"
-    elif window.cutoff > cycle.payout_end + slack:
+    elif window.cutoff > cycle.payout_end + _detection_slack(phased):
         fault = f"the payout ends {window.cutoff - cycle.payout_end:.2f} s before its window does"
     return Window(window.onset, window.cutoff, fault)

@@ -14,7 +14,6 @@ from matplotlib.path import Path as Outline
 from winchcascade.reduction.bins import engaged
 from winchcascade.reduction.efficiency import ALL_METRICS, RATIOS
 from winchcascade.reduction.energies import STAGES, power
-from winchcascade.reduction.windows import Plateau
 from winchcascade.report.digits import significant
 from winchcascade.report.style import COLOURS, STAGE_STYLE, WIDTH, label_panel
 from winchcascade.report.traces import PANELS, clock_zero, envelope, time_label
@@ -187,8 +186,7 @@ def _one_cycle(ax: Axes, reduction: Reduction, powers: dict[str, Signal]) -> Non
 def _over_speed(ax: Axes, reduction: Reduction, powers: dict[str, Signal]) -> None:
     run, rig, bins = reduction.run, reduction.rig, reduction.bins
     counted = reduction.complete
-    plateaus = [c.summary.payout.plateau for c in counted]
-    flat = [None if p is None else Plateau(p.speed, p.begin, p.braking) for p in plateaus]
+    flat = [c.summary.payout.plateau for c in counted]
     rows = np.flatnonzero(engaged(run, [c.phases for c in counted], flat, rig))
     rows = rows[:: max(1, -(-rows.size // DOTS))]
     factor = rig.rpm_per_velocity or 0.0

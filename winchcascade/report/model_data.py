@@ -10,7 +10,7 @@ import numpy as np
 
 from winchcascade.core.errors import RigError, WinchcascadeError
 from winchcascade.reduction.bins import engaged
-from winchcascade.reduction.windows import Plateau
+from winchcascade.reduction.phases import Plateau
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from winchcascade.core.run import Signal
-    from winchcascade.reduction.checks.phased_run import Phased
+    from winchcascade.reduction.phased_run import PhasedRun
 
 SAME_TIME = 0.1
 """Lag between channels that physics gives none, from which it is reported: energies change by more than 0.5 %. [s]"""
@@ -87,10 +87,10 @@ class _Lag(msgspec.Struct, frozen=True):
     rows: Signal
 
 
-Pairing = Callable[["Phased", int], "_Pair | None"]
+Pairing = Callable[["PhasedRun", int], "_Pair | None"]
 
 
-def lag_findings(phased: Phased) -> list[Finding]:
+def lag_findings(phased: PhasedRun) -> list[Finding]:
     """Report channels that were recorded late against each other; no channel is shifted."""
     cycles = [k for k in phased.chosen() if not phased.cycles[k].begins_inside]
     findings = []
@@ -103,7 +103,7 @@ def lag_findings(phased: Phased) -> list[Finding]:
     return findings
 
 
-def _compared(phased: Phased) -> Iterator[tuple[str, str, float, Pairing]]:
+def _compared(phased: PhasedRun) -> Iterator[tuple[str, str, float, Pairing]]:
     """Pairs of channels that a log has, and the lag that physics gives them at most [s]."""
     channels = phased.run.channels
     if "displacement" in channels:
@@ -117,7 +117,7 @@ def _compared(phased: Phased) -> Iterator[tuple[str, str, float, Pairing]]:
         yield "torque", "force", SAME_TIME, _line
 
 
-def _motion(phased: Phased, k: int) -> _Pair:
+def _motion(phased: PhasedRun, k: int) -> _Pair:
     """Displacement, and the integral of the velocity, whose zero makes it drift."""
     cycle, run = phased.cycles[k], phased.run
     rows = phased.rows(cycle.onset - BESIDE, cycle.payout_end + BESIDE)
@@ -126,14 +126,14 @@ def _motion(phased: Phased, k: int) -> _Pair:
     return _Pair(t, run.channels["displacement"][rows], travel, (t,))
 
 
-def _electrical(phased: Phased, k: int) -> _Pair:
+def _electrical(phased: PhasedRun, k: int) -> _Pair:
     """Vdc and Idc at a resistor."""
     cycle, run = phased.cycles[k], phased.run
     rows = phased.rows(cycle.onset - BESIDE, cycle.payout_end + BESIDE)
     return _Pair(run.t[rows], run.channels["vdc"][rows], run.channels["idc"][rows], ())
 
 
-def _shaft(phased: Phased, k: int) -> _Pair | None:
+def _shaft(phased: PhasedRun, k: int) -> _Pair | None:
     """Power of the shaft while the clutch drives, and the one that DC link, known losses and known storage need."""
     run, rig = phased.run, phased.rig
     mech = stream(run.channels, "mech", rig.r_drum)
@@ -153,13 +153,13 @@ def _shaft(phased: Phased, k: int) -> _Pair | None:
     return _Pair(t, mech(rows), needed, ())
 
 
-def _machine(phased: Phased, k: int) -> _Pair:
+def _machine(phased: PhasedRun, k: int) -> _Pair:
     """Velocity and Vdc while the clutch drives."""
     rows = phased.rows(phased.cycles[k].onset - BESIDE, _braking(phased, k))
     return _Pair(phased.run.t[rows], phased.v_smooth[rows], phased.run.channels["vdc"][rows], ())
 
 
-def _line(phased: Phased, k: int) -> _Pair:
+def _line(phased: PhasedRun, k: int) -> _Pair:
     """Torque and line force while the line pays out; the rest of the force grows with the displacement."""
     run = phased.run
     rows = phased.rows(phased.cycles[k].onset + SETTLED, _braking(phased, k))
@@ -168,7 +168,7 @@ def _line(phased: Phased, k: int) -> _Pair:
     return _Pair(t, run.channels["torque"][rows], run.channels["force"][rows], (along,))
 
 
-def _braking(phased: Phased, k: int) -> float:
+def _braking(phased: PhasedRun, k: int) -> float:
     plateau = phased.plateaus[k]
     return phased.cycles[k].payout_end if plateau is None else plateau.braking
 
@@ -261,7 +261,7 @@ def _standard_uncertainty(found: _Lag) -> float:
     return found.scale * math.sqrt(max((1.0 + following) / max(1.0 - following, 1e-3), 1.0) / y.size)
 
 
-def _finding(phased: Phased, x: str, y: str, found: list[tuple[int, _Lag]], limit: float) -> Finding:
+def _finding(phased: PhasedRun, x: str, y: str, found: list[tuple[int, _Lag]], limit: float) -> Finding:
     largest = max((lag for _, lag in found), key=lambda lag: abs(lag.seconds))
     u = max(_standard_uncertainty(largest), 0.001)
     late, early = (y, x) if largest.seconds > 0 else (x, y)

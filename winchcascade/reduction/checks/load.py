@@ -11,13 +11,15 @@ from typing import TYPE_CHECKING, TypeVar
 
 from winchcascade.core.accuracy import open_circuit_current
 from winchcascade.core.run import Finding
-from winchcascade.reduction.checks.phased_run import middle
+from winchcascade.reduction.phased_run import middle
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Signal
-    from winchcascade.reduction.checks.phased_run import Phased
-    from winchcascade.reduction.phase_summary import PlateauSummary
+    from winchcascade.reduction.phase_summary import PhaseSummary, PlateauSummary
+    from winchcascade.reduction.phased_run import PhasedRun
 
 Number = TypeVar("Number", float, "Signal")
 
@@ -47,11 +49,11 @@ class _Operating:
         self.v_dc, self.i_dc, self.plateau = v_dc, i_dc, plateau
 
 
-def load_findings(phased: Phased) -> list[Finding]:
+def load_findings(phased: PhasedRun, summaries: Sequence[PhaseSummary]) -> list[Finding]:
     """Report a load that Vdc / Idc contradicts, and electrical power that the torque contradicts."""
     if "vdc" not in phased.run.channels or "idc" not in phased.run.channels:
         return []
-    points = _operating_points(phased)
+    points = _operating_points(phased, summaries)
     if not points:
         return []
     if phased.run.open_circuit:
@@ -59,11 +61,11 @@ def load_findings(phased: Phased) -> list[Finding]:
     return [*_other_load(phased, points), *_other_power(phased, points)]
 
 
-def _operating_points(phased: Phased) -> list[_Operating]:
+def _operating_points(phased: PhasedRun, summaries: Sequence[PhaseSummary]) -> list[_Operating]:
     found = []
     v_dc, i_dc = (phased.run.channels[name] for name in ("vdc", "idc"))
     for k in phased.chosen():
-        plateau = phased.summaries[k].payout.plateau
+        plateau = summaries[k].payout.plateau
         if plateau is not None:
             rows = phased.rows(plateau.begin, plateau.braking)
             if rows.stop > rows.start:
@@ -71,7 +73,7 @@ def _operating_points(phased: Phased) -> list[_Operating]:
     return found
 
 
-def _delivering(phased: Phased, points: list[_Operating]) -> list[Finding]:
+def _delivering(phased: PhasedRun, points: list[_Operating]) -> list[Finding]:
     """An open circuit in which more current flows than bleed resistance and zero of the sensor account for."""
     current, _ = middle([p.i_dc for p in points])
     voltage, _ = middle([p.v_dc for p in points])
@@ -88,7 +90,7 @@ def _delivering(phased: Phased, points: list[_Operating]) -> list[Finding]:
     ]
 
 
-def _other_load(phased: Phased, points: list[_Operating]) -> list[Finding]:
+def _other_load(phased: PhasedRun, points: list[_Operating]) -> list[Finding]:
     """A stated load that Vdc / Idc contradicts."""
     load = phased.run.load
     if load is None or load <= 0.0:
@@ -122,7 +124,7 @@ def _off(ratio: float, u: float) -> bool:
     return (ratio >= 1.0 + MISMATCH or ratio <= 1.0 / (1.0 + MISMATCH)) and abs(ratio - 1.0) >= CERTAIN * u
 
 
-def _other_power(phased: Phased, points: list[_Operating]) -> list[Finding]:
+def _other_power(phased: PhasedRun, points: list[_Operating]) -> list[Finding]:
     """Electrical power that the torque contradicts: the shaft has to cover it and the losses of the rig."""
     usable = [p for p in points if p.plateau.power_mech is not None and p.plateau.power_mech > 0.0]
     if not usable:

@@ -18,8 +18,8 @@ from winchcascade.reduction.energies import STAGES, sources
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Signal
-    from winchcascade.reduction.checks.phased_run import Phased
     from winchcascade.reduction.energies import Energies
+    from winchcascade.reduction.phased_run import PhasedRun
     from winchcascade.reduction.windows import Window
 
 REPORTED = 0.005
@@ -50,7 +50,7 @@ STRAIGHT = 0.85
 """Share of the changes that follow an equal one, above which they are the slope of a straight ramp without noise. [1]"""
 
 
-def resolution_findings(phased: Phased, energies: Energies) -> list[Finding]:
+def resolution_findings(phased: PhasedRun, energies: Energies) -> list[Finding]:
     """Report channels whose step is coarse for an energy that is evaluated; no channel is changed.
 
     In open circuit Vdc and Idc enter no efficiency.
@@ -71,7 +71,7 @@ def resolution_findings(phased: Phased, energies: Energies) -> list[Finding]:
     return [f for name, level in levels.items() if (f := _coarse(phased, name, level)) is not None]
 
 
-def _level(phased: Phased, name: str, other: str, window: Window) -> float:
+def _level(phased: PhasedRun, name: str, other: str, window: Window) -> float:
     """Mean of a channel in a window, weighted by the other factor of its power: an error of the channel divided by it is the
     share of the energy that the error changes. [SI unit of the channel]
     """
@@ -83,7 +83,7 @@ def _level(phased: Phased, name: str, other: str, window: Window) -> float:
     return abs(float(x @ weight)) / max(float(np.abs(weight).sum()), NOTHING)
 
 
-def _coarse(phased: Phased, name: str, level: float) -> Finding | None:
+def _coarse(phased: PhasedRun, name: str, level: float) -> Finding | None:
     """The finding of one channel, None where its step is fine."""
     step = recorded_step(phased, name)
     if step == 0.0 or level <= ROUNDING * step:
@@ -102,7 +102,7 @@ def _coarse(phased: Phased, name: str, level: float) -> Finding | None:
     )
 
 
-def recorded_step(phased: Phased, name: str) -> float:
+def recorded_step(phased: PhasedRun, name: str) -> float:
     """Step in which a channel is recorded during the payouts, 0 where it has none. [SI unit of the channel]
 
     `smallest_step` of the ingest takes the smallest change of all. Here the step must explain nearly all changes, so that a
@@ -125,7 +125,7 @@ def recorded_step(phased: Phased, name: str) -> float:
     return 0.0 if alike > STRAIGHT * few.size else step
 
 
-def _changes(phased: Phased, name: str, k: int) -> Signal:
+def _changes(phased: PhasedRun, name: str, k: int) -> Signal:
     """Changes of a channel from sample to sample in a payout, without those that were bridged, (n,)."""
     run, cycle = phased.run, phased.cycles[k]
     rows = phased.rows(cycle.onset, cycle.payout_end)

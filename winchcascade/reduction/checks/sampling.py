@@ -17,20 +17,18 @@ from winchcascade.core.integrate import integrals, median, quantile
 from winchcascade.core.run import Finding
 from winchcascade.reduction.efficiency import NOTHING
 from winchcascade.reduction.energies import STAGES, sources, stream
-from winchcascade.reduction.phase_summary import travel_and_top
-from winchcascade.reduction.phases import detect, smoothed_velocity
-from winchcascade.reduction.windows import SHORTEST, find_plateau, find_windows
+from winchcascade.reduction.phased_run import find_phases
+from winchcascade.reduction.windows import SHORTEST, find_windows
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from winchcascade.core.rig_file import Rig, WindowRule
     from winchcascade.core.run import Run, Signal
     from winchcascade.reduction.energies import Energies
+    from winchcascade.reduction.phased_run import PhasedRun
     from winchcascade.reduction.phases import Cycle
-    from winchcascade.reduction.windows import Plateau
 
 THINNED = ((2, 0), (2, 1), (3, 0), (3, 1), (3, 2))
 """Steps and first samples of the thinned logs: every phase of every second and every third sample."""
@@ -81,28 +79,21 @@ class Sampling(msgspec.Struct, frozen=True):
     findings: tuple[Finding, ...]
 
 
-def check_sampling(
-    run: Run,
-    rig: Rig,
-    rule: WindowRule,
-    cycles: Sequence[Cycle],
-    plateaus: Sequence[Plateau | None],
-    energies: Energies,
-) -> Sampling:
+def check_sampling(phased: PhasedRun, energies: Energies) -> Sampling:
     """Repeat a reduction on thinned logs, unless the sampling is clearly fine.
 
     Parameters
     ----------
-    rule : of the windows
     energies : of the log as it is, with its windows
     """
+    run, rig, cycles = phased.run, phased.rig, phased.cycles
     whole = np.array([w.fault is None for w in energies.windows], dtype=bool)
-    held = _held_channels(run, rig, cycles, plateaus, energies) if whole.any() else ()
     if not whole.any():
-        return Sampling({}, _no_window(run, rig, energies))
-    if _clearly_fine(run, rig, cycles, plateaus):
+        return Sampling({}, _no_window(phased, energies))
+    held = _held_channels(phased, energies)
+    if _clearly_fine(phased):
         return Sampling({}, held)
-    changes = {s: c[:, whole] for s, c in thinned_changes(run, rig, rule, cycles, energies).items()}
+    changes = {s: c[:, whole] for s, c in thinned_changes(phased, energies).items()}
     if run.open_circuit:
         changes.pop("gen", None)  # no current flows, so that any of it is a large share
     if not changes:
@@ -137,11 +128,11 @@ def check_sampling(
     )
 
 
-def _no_window(run: Run, rig: Rig, energies: Energies) -> tuple[Finding, ...]:
+def _no_window(phased: PhasedRun, energies: Energies) -> tuple[Finding, ...]:
     """No window of a log is whole: that is due to the sampling where samples are farther apart than the smoothing is wide."""
-    windows = energies.windows
+    windows, run = energies.windows, phased.run
     short = [w for w in windows if (w.cutoff - w.onset) * run.fs < SHORTEST]
-    if not short or run.fs * rig.thresholds.smoothing >= 1.0:
+    if not short or run.fs * phased.rig.thresholds.smoothing >= 1.0:
         return ()
     return (
         Finding(
@@ -156,38 +147,57 @@ def _no_window(run: Run, rig: Rig, energies: Energies) -> tuple[Finding, ...]:
     )
 
 
-def _held_channels(
-    run: Run, rig: Rig, cycles: Sequence[Cycle], plateaus: Sequence[Plateau | None], energies: Energies
-) -> tuple[Finding, ...]:
+def _held_channels(phased: PhasedRun, energies: Energies) -> tuple[Finding, ...]:
     """Channels that keep their value for several samples while the line pays out, or that are straight between slower values.
 
     A held channel is late by half of the interval on average. A velocity that is straight begins a payout too early, by a
     quarter of it; of another channel the curvature of the ramp is lost.
     """
-    ramps = [(k, c, p) for k, (c, p) in enumerate(zip(cycles, plateaus, strict=True)) if p and not c.begins_inside]
+    run, both = phased.run, zip(phased.cycles, phased.plateaus, strict=True)
+    ramps = [(k, c, p) for k, (c, p) in enumerate(both) if p and not c.begins_inside]
     if not ramps:
         return ()
     k, cycle, plateau = ramps[len(ramps) // 2]
-    rows = slice(*np.searchsorted(run.t, (cycle.onset, plateau.braking)).tolist())
+    rows = phased.rows(cycle.onset, plateau.braking)
     found: list[Finding] = []
     for stage in STAGES:
-        watts, joules = stream(run.channels, stage, rig.r_drum), energies.joules[stage]
+        watts, joules = stream(run.channels, stage, phased.rig.r_drum), energies.joules[stage]
         if watts is None or joules is None or joules[k] <= NOTHING or (stage == "gen" and run.open_circuit):
             continue
         end = np.searchsorted(run.t, energies.windows[k].cutoff)
         power = float(watts(slice(max(int(end) - 1, 0), int(end) + 1)).mean())
         for name in sources(run.channels, stage):
-            x = run.channels[name][rows]
-            every = _update_interval(x)
-            late = 0.5 * (every - 1) / run.fs
-            finding = _held_finding
-            if every == 1 and (every := _straight_interval(x)) > 1:
-                h = every / run.fs
-                late = 0.25 * h if name == "velocity" else h * h / (12.0 * max(plateau.begin - cycle.onset, h))
-                finding = _straight_finding
-            if every > 1 and late * power / joules[k] >= REPORTED and name not in {f.channel for f in found}:
-                found.append(finding(name, every, late, run, cycle, late * power / joules[k]))
+            late, how = _recorded_late(run.channels[name][rows], name, run.fs, plateau.begin - cycle.onset)
+            share = late * power / joules[k]
+            if share >= REPORTED and name not in {f.channel for f in found}:
+                message = f"{name} is {how}; energies of {name} may err by {share:.1%}"
+                action = "reported and kept; log it with every sample"
+                found.append(Finding("coarse_sampling", message, action, name, cycle.onset, cycle.payout_end))
     return tuple(found)
+
+
+def _recorded_late(x: Signal, name: str, fs: float, ramp: float) -> tuple[float, str]:
+    """By how much a channel is late that changes more slowly than it is logged, 0 for one that does not, and how it does. [s]
+
+    Parameters
+    ----------
+    fs : sampling rate [Hz]
+    ramp : time from the onset to the plateau [s]
+    """
+    every = _update_interval(x)
+    if every > 1:
+        late = 0.5 * (every - 1) / fs
+        said = (
+            f"updated every {every} samples ({every / fs:.2g} s) and held in between, so that it is {late:.2g} s late"
+        )
+        return late, f"{said} on average"
+    every = _straight_interval(x)
+    h = every / fs
+    late = 0.25 * h if name == "velocity" else h * h / (12.0 * max(ramp, h))
+    return late if every > 1 else 0.0, (
+        f"straight between values that lie {every} samples ({h:.2g} s) apart, as if interpolated from a slower log, which has "
+        f"the effect of up to {late:.2g} s"
+    )
 
 
 def _update_interval(x: Signal) -> int:
@@ -223,38 +233,14 @@ def _straight_interval(x: Signal) -> int:
     return round(every) if every >= LEAST_INTERVAL and np.count_nonzero(uneven) <= (1.0 - HELD) * apart.size else 1
 
 
-def _straight_finding(name: str, every: int, late: float, run: Run, cycle: Cycle, share: float) -> Finding:
-    return Finding(
-        "coarse_sampling",
-        f"{name} is straight between values that lie {every} samples ({every / run.fs:.2g} s) apart, as if interpolated from a "
-        f"slower log, which has the effect of up to {late:.2g} s; energies of {name} may err by {share:.1%}",
-        "reported and kept; log it with every sample",
-        name,
-        cycle.onset,
-        cycle.payout_end,
-    )
-
-
-def _held_finding(name: str, every: int, late: float, run: Run, cycle: Cycle, share: float) -> Finding:
-    return Finding(
-        "coarse_sampling",
-        f"{name} is updated every {every} samples ({every / run.fs:.2g} s) and held in between, so that it is {late:.2g} s "
-        f"late on average; energies of {name} may err by {share:.1%}",
-        "reported and kept; log it with every sample",
-        name,
-        cycle.onset,
-        cycle.payout_end,
-    )
-
-
-def _clearly_fine(run: Run, rig: Rig, cycles: Sequence[Cycle], plateaus: Sequence[Plateau | None]) -> bool:
+def _clearly_fine(phased: PhasedRun) -> bool:
     """Whether enough samples lie within the smoothing width and within each ramp, or half of a payout without a plateau."""
     ramps = [
         0.5 * (c.payout_end - c.onset) if p is None else p.begin - c.onset
-        for c, p in zip(cycles, plateaus, strict=True)
+        for c, p in zip(phased.cycles, phased.plateaus, strict=True)
         if not c.begins_inside
     ]
-    return run.fs * min(rig.thresholds.smoothing, *ramps, rig.thresholds.smoothing) > FINE - 0.5
+    return phased.run.fs * min([phased.rig.thresholds.smoothing, *ramps]) > FINE - 0.5
 
 
 def _own_error(change: Signal, within: float) -> float:
@@ -283,14 +269,13 @@ def _own_error(change: Signal, within: float) -> float:
     return error
 
 
-def thinned_changes(
-    run: Run, rig: Rig, rule: WindowRule, cycles: Sequence[Cycle], energies: Energies
-) -> dict[str, Signal]:
+def thinned_changes(phased: PhasedRun, energies: Energies) -> dict[str, Signal]:
     """Relative change of each stage's energy in each cycle on each thinned log, (5, k); NaN where a cycle is not found."""
     known = {stage: np.array(found) for stage in STAGES if (found := energies.joules[stage]) is not None}
-    changes = {stage: np.full((len(THINNED), len(cycles)), np.nan) for stage in known}
+    changes = {stage: np.full((len(THINNED), len(phased.cycles)), np.nan) for stage in known}
     for row, (step, first) in enumerate(THINNED):
-        joules, cycle = _reduced(_thinned(run, step, first), rig, rule, cycles)
+        thinned = find_phases(_thinned(phased.run, step, first), phased.rig, phased.rule)
+        joules, cycle = _energies_of(thinned, phased.cycles)
         for stage, joule in joules.items():
             into = known[stage][cycle]
             changes[stage][row, cycle] = (joule - into) / np.maximum(np.abs(into), NOTHING)
@@ -308,20 +293,15 @@ def _thinned(run: Run, step: int, first: int) -> Run:
     )
 
 
-def _reduced(
-    run: Run, rig: Rig, rule: WindowRule, wanted: Sequence[Cycle]
-) -> tuple[Mapping[str, Signal], NDArray[np.intp]]:
+def _energies_of(thinned: PhasedRun, wanted: Sequence[Cycle]) -> tuple[Mapping[str, Signal], NDArray[np.intp]]:
     """Energies of the stages in those cycles of a thinned log that are cycles of the whole one, and which these are."""
-    v_smooth = smoothed_velocity(run, rig.thresholds)
-    found = detect(run, v_smooth, rig.thresholds)
-    plateaus = [find_plateau(run.t, v_smooth, c, rig.thresholds) for c in found]
-    windows = find_windows(run, found, plateaus, travel_and_top(run, v_smooth, found), rule, rig)
+    run, windows = thinned.run, find_windows(thinned)
     spans = np.array([(w.onset, w.cutoff) for w in windows]).reshape(-1, 2)
     middles = np.array([0.5 * (c.onset + c.payout_end) for c in wanted])
-    begin, end = (np.array([getattr(c, name) for c in found]) for name in ("onset", "payout_end"))
+    begin, end = np.array([(c.onset, c.payout_end) for c in thinned.cycles]).reshape(-1, 2).T
     at = np.searchsorted(begin, middles) - 1
     same = (at >= 0) & (middles <= end[np.maximum(at, 0)]) if begin.size else np.zeros(middles.size, dtype=bool)
     same[same] &= np.array([windows[k].fault is None for k in at[same]], dtype=bool)
-    watts = {stage: stream(run.channels, stage, rig.r_drum) for stage in STAGES}
+    watts = {stage: stream(run.channels, stage, thinned.rig.r_drum) for stage in STAGES}
     joules = {s: integrals(run.t, w, spans)[at[same]] for s, w in watts.items() if w is not None}
     return joules, np.flatnonzero(same)

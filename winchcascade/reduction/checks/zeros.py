@@ -15,7 +15,7 @@ from winchcascade.core.run import CHANNELS, Finding
 if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Signal
-    from winchcascade.reduction.checks.phased_run import Phased
+    from winchcascade.reduction.phased_run import PhasedRun
 
 TIME_CONSTANTS = 5.0
 """What decays is gone after so many time constants: 0.7 % of it remains."""
@@ -47,7 +47,7 @@ Rest = tuple[float, float, float]
 """Begin and end of a rest, and the end of the motion before it that turned the rotor. [s]"""
 
 
-def zero_findings(phased: Phased) -> list[Finding]:
+def zero_findings(phased: PhasedRun) -> list[Finding]:
     """Report zeros of torque, Idc, Vdc and force that are off by five standard uncertainties; no channel is changed.
 
     All rests are evaluated together, and each hold by itself, which shows a zero that stepped within the log. A rest before a
@@ -76,7 +76,7 @@ def _after(rests: list[Rest], wait: float) -> list[Span]:
     return [(max(a, last + wait), b) for a, b, last in rests]
 
 
-def _rests(phased: Phased) -> tuple[list[Rest], list[Rest]]:
+def _rests(phased: PhasedRun) -> tuple[list[Rest], list[Rest]]:
     """Rests before payouts, and holds after them.
 
     Before the first payout the log's beginning counts as that end, since nothing is known of the time before it. What
@@ -105,7 +105,7 @@ def _run_down(rig: Rig) -> float:
     return TIME_CONSTANTS * (inertia.value / drag.value if known and inertia and drag else RUN_DOWN)
 
 
-def _decay(phased: Phased) -> float | None:
+def _decay(phased: PhasedRun) -> float | None:
     """Time after which neither voltage nor current is left at the load; None without a load. [s]"""
     load, capacity = phased.run.load, phased.rig.dc_link.c_dc
     if load is None or not math.isfinite(load):
@@ -113,7 +113,7 @@ def _decay(phased: Phased) -> float | None:
     return _run_down(phased.rig) + TIME_CONSTANTS * load * (capacity.value if capacity else 0.0)
 
 
-def _zero(phased: Phased, channel: str, spans: list[Span]) -> list[Finding]:
+def _zero(phased: PhasedRun, channel: str, spans: list[Span]) -> list[Finding]:
     """The median of a channel where it should read nothing."""
     zero = _significant_zero(phased, channel, spans)
     if zero is None:
@@ -121,7 +121,7 @@ def _zero(phased: Phased, channel: str, spans: list[Span]) -> list[Finding]:
     return [_finding(channel, f"{channel} reads {_zero_text(phased, channel, zero)}", spans)]
 
 
-def _stepped(phased: Phased, channel: str, holds: list[Span]) -> list[Finding]:
+def _stepped(phased: PhasedRun, channel: str, holds: list[Span]) -> list[Finding]:
     """A zero that single holds show: it stepped or drifted within the log."""
     zeros = [_significant_zero(phased, channel, [span]) for span in holds]
     spans = [span for span, zero in zip(holds, zeros, strict=True) if zero is not None]
@@ -132,7 +132,7 @@ def _stepped(phased: Phased, channel: str, holds: list[Span]) -> list[Finding]:
     return [_finding(channel, held + _zero_text(phased, channel, most), spans)]
 
 
-def _significant_zero(phased: Phased, channel: str, spans: list[Span]) -> float | None:
+def _significant_zero(phased: PhasedRun, channel: str, spans: list[Span]) -> float | None:
     """Median of a channel in some spans, None where it is no more than its uncertainties. [SI unit of the channel]"""
     u_zero = phased.u_zero(channel)
     if channel not in phased.run.channels or not u_zero:
@@ -145,7 +145,7 @@ def _significant_zero(phased: Phased, channel: str, spans: list[Span]) -> float 
     return zero if abs(zero) >= CERTAIN * u_zero and abs(zero) >= CLEAR * u else None
 
 
-def _zero_text(phased: Phased, channel: str, zero: float) -> str:
+def _zero_text(phased: PhasedRun, channel: str, zero: float) -> str:
     unit = CHANNELS[channel].unit
     return (
         f"{zero:+.3g} {unit} at rest, after rotor and capacitor have run down; its zero is known to "
@@ -153,7 +153,7 @@ def _zero_text(phased: Phased, channel: str, zero: float) -> str:
     )
 
 
-def _computed(phased: Phased, spans: list[Span]) -> list[Finding]:
+def _computed(phased: PhasedRun, spans: list[Span]) -> list[Finding]:
     """An Idc that follows even the noise of Vdc at rest: it was computed from Vdc and an assumed load."""
     if "vdc" not in phased.run.channels or "idc" not in phased.run.channels:
         return []
@@ -181,14 +181,14 @@ def _computed(phased: Phased, spans: list[Span]) -> list[Finding]:
     ]
 
 
-def _samples(phased: Phased, channel: str, spans: list[Span]) -> Signal:
+def _samples(phased: PhasedRun, channel: str, spans: list[Span]) -> Signal:
     """Samples of a channel in some spans."""
     x = phased.run.channels[channel]
     parts = [x[phased.rows(a, b)] for a, b in spans if b > a]
     return np.concatenate(parts) if parts else np.empty(0)
 
 
-def _force(phased: Phased, spans: list[Span]) -> list[Finding]:
+def _force(phased: PhasedRun, spans: list[Span]) -> list[Finding]:
     """A line force at rest that the friction of the restoring module cannot explain."""
     u_zero = phased.u_zero("force")
     if "force" not in phased.run.channels or not u_zero:
@@ -219,7 +219,7 @@ def _force(phased: Phased, spans: list[Span]) -> list[Finding]:
     ]
 
 
-def _frictionless(phased: Phased, span: Span) -> float | None:
+def _frictionless(phased: PhasedRun, span: Span) -> float | None:
     """Line force that holds the gas without friction (Sec. 2.1.2); None without a model of the restoring module. [N]"""
     part, radius = phased.rig.restoring, phased.rig.r_drum
     if radius is None or None in (part.lead, part.area_piston, part.lead_angle, part.half_angle, part.mu_screw):
