@@ -7,9 +7,14 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from synthetic import SCENARIOS, SENSORS, make_log
 
-from winchcascade.ingest.checks.spikes import find_spikes
+from winchcascade.ingest.checks.spikes import find_bends, single_spikes
 
 Signal = NDArray[np.float64]
+
+
+def find_spikes(x: Signal) -> NDArray[np.intp]:
+    bends = find_bends(x)
+    return bends.logged(single_spikes(bends))
 
 
 def logged(name: str, channel: str) -> Signal:

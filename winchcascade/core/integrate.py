@@ -32,6 +32,22 @@ def median(x: Signal) -> float:
     return quantile(x, 0.5)
 
 
+def positive_median(x: Signal) -> float:
+    """Median of the values above zero, 0 where there is none: the usual interval of stamps, the usual size of changes."""
+    above = x[x > 0]
+    return median(above) if above.size else 0.0
+
+
+ENOUGH = 400_000
+"""Number of samples at the beginning of a log that show the resolution and the noise of a channel."""
+
+
+def smallest_step(x: Signal) -> float:
+    """Smallest change between neighbouring samples that is not 0: the resolution of a channel, in its unit."""
+    changes = np.abs(np.diff(x[:ENOUGH]))
+    return float(np.min(changes, initial=np.inf, where=changes > 0)) if np.any(changes > 0) else 0.0
+
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 

@@ -24,11 +24,8 @@ from winchcascade.ingest.repair import (
 )
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from winchcascade.core.run import Index, Mask, Signal
 
-    from winchcascade.core.run import Signal
-
-    Index = NDArray[np.intp]
 
 UNEVEN = 0.2
 """With more than this share of intervals off, the log is stamped unevenly, and only long intervals are gaps."""
@@ -181,7 +178,7 @@ def _rate(interval: float) -> float:
     return float(f"{1.0 / float(interval):.6g}")
 
 
-def _jitter(t: Signal, interval: Signal, jitters: NDArray[np.bool_], usual: float) -> Finding:
+def _jitter(t: Signal, interval: Signal, jitters: Mask, usual: float) -> Finding:
     at = np.flatnonzero(jitters)
     return Finding(
         "clock_jitter",

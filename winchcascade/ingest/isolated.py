@@ -157,7 +157,7 @@ class _Child:
             return Table(values, stamps=stamps, stamped=head.stamped, findings=head.findings)
 
         table = self._ask([{"wanted": [*wanted], "time": time}], receive)
-        return without_notes(table) if self._reader == "excel" else table
+        return without_notes(table) if self._reader == "excel" and time is not None else table
 
     def _head(self, answers: IO[bytes], kind: type[A]) -> A:
         """Read the line of an answer; what the reader refuses is raised."""

@@ -6,6 +6,7 @@ import math
 import os
 import signal
 import sys
+from functools import cache
 
 import msgspec
 
@@ -105,13 +106,9 @@ def end_after(seconds: float) -> None:
     faulthandler.dump_traceback_later(seconds + _AFTER, exit=True, file=_nowhere())
 
 
-_opened: list[int] = []
-
-
+@cache
 def _nowhere() -> int:
-    if not _opened:
-        _opened.append(os.open(os.devnull, os.O_WRONLY))
-    return _opened[0]
+    return os.open(os.devnull, os.O_WRONLY)
 
 
 def _pages(pid: int, place: int) -> int:

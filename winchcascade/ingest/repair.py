@@ -11,11 +11,8 @@ from winchcascade.core.integrate import median
 from winchcascade.core.run import Finding
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from winchcascade.core.run import Index, Mask, Signal
 
-    from winchcascade.core.run import Signal
-
-    Index = NDArray[np.intp]
 
 JITTER = 0.1
 """An interval that is off by more than this share of the usual one jitters."""
@@ -72,7 +69,7 @@ def with_all_stamps(stamps: Signal, findings: list[Finding], where: str) -> tupl
     return t[room], rows[room]
 
 
-def _crowded(stamps: Signal, good: Index) -> NDArray[np.bool_]:
+def _crowded(stamps: Signal, good: Index) -> Mask:
     """Rows without a stamp whose neighbours' stamps are too close for so many samples at the log's usual interval, (n,)."""
     between, apart = np.diff(good), np.diff(stamps[good])
     usual = median(apart[between == 1]) if np.any(between == 1) else 0.0

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
+from winchcascade.core.errors import LogError
 from winchcascade.ingest.cells import is_stamp
 
 if TYPE_CHECKING:
@@ -37,27 +40,49 @@ class Table(msgspec.Struct, frozen=True):
     findings: tuple[Finding, ...] = ()
 
 
-def _nothing() -> None:
-    """Close a source that holds nothing open."""
-
-
 def without_notes(table: Table) -> Table:
-    """Leave out rows that hold neither a stamp nor a number: notes, and names repeated where logs were joined."""
-    if table.stamps is None or not table.values:
+    """Leave out rows that hold neither a stamp nor a number: notes, lines of delimiters, and names repeated where logs were
+    joined.
+    """
+    stamps = table.stamps
+    columns = [*table.values.values(), *([stamps] if isinstance(stamps, np.ndarray) else [])]
+    if not columns:
         return table
-    if isinstance(table.stamps, np.ndarray):
-        blank = np.isnan(table.stamps)
-    else:
-        blank = np.array([not is_stamp(text) for text in table.stamps], dtype=bool)
-    for column in table.values.values():
+    blank = np.ones(len(columns[0]), dtype=bool)
+    for column in columns:
         if blank.any():
             blank &= np.isnan(column)
+    if stamps is not None and not isinstance(stamps, np.ndarray):
+        for k in np.flatnonzero(blank).tolist():
+            blank[k] = not is_stamp(stamps[k])
     if not blank.any():
         return table
     rows = np.flatnonzero(~blank)
-    stamps = table.stamps[rows] if isinstance(table.stamps, np.ndarray) else [table.stamps[k] for k in rows.tolist()]
     values = {k: column[rows] for k, column in table.values.items()}
+    if stamps is not None:
+        stamps = stamps[rows] if isinstance(stamps, np.ndarray) else [stamps[k] for k in rows.tolist()]
     return msgspec.structs.replace(table, values=values, stamps=stamps)
+
+
+@contextmanager
+def damage_reported(path: Path, form: str, remedy: str, *, called: str = "file") -> Iterator[None]:
+    """Turn whatever a parser raises on a damaged file into one LogError.
+
+    Parameters
+    ----------
+    form : what was expected, such as `TDMS file`
+    remedy : what to do with such a file
+    called : what the message calls the file
+    """
+    try:
+        yield
+    except (LogError, MemoryError, KeyboardInterrupt, SystemExit, GeneratorExit):
+        raise
+    except BaseException as fault:  # damage raises exceptions of nearly every kind; a panic of Rust is no Exception
+        raise LogError(
+            f"{path.name}: the {called} is damaged or breaks off ({type(fault).__name__}); a whole {form} was expected; "
+            f"{remedy}."
+        ) from fault
 
 
 class Source(msgspec.Struct, frozen=True):
@@ -79,5 +104,5 @@ class Source(msgspec.Struct, frozen=True):
     time_step: float | None = None
     time_start: float = 0.0
     properties: Mapping[str, str | float] = msgspec.field(default_factory=dict)
-    close: Callable[[], object] = _nothing
+    close: Callable[[], object] = lambda: None
     table: str | None = None

@@ -12,17 +12,14 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import median, quantile, running
+from winchcascade.core.integrate import ENOUGH, median, quantile, running, smallest_step
 from winchcascade.core.run import Finding
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
+    from winchcascade.core.run import Mask, Signal
 
-    from winchcascade.core.run import Signal
-
-    Mask = NDArray[np.bool_]
 
 BLOCK = 1.0
 """Least duration of a block: sensors' noise averages out, and a lag between the channels matters little. [s]"""
@@ -66,14 +63,8 @@ POWER = 0.02
 DRIVEN = 0.3
 """The shaft is driven above this share of its largest power, three samples in a thousand left out."""
 
-SOME = 400_000
-"""Of a longer log this many samples, spread over it, tell a ratio of powers."""
-
 AS_MOTION = 0.8
 """A zero above this share of the onset speed lets rest count as motion: noise and waves do what it lacks."""
-
-_ENOUGH = 400_000
-"""Samples at the beginning of a log that tell the steps of a channel and of the clock."""
 
 
 class Blocks(msgspec.Struct, frozen=True):
@@ -86,7 +77,7 @@ class Blocks(msgspec.Struct, frozen=True):
 
 def mean_speeds(t: Signal, v: Signal, displacement: Signal, v_onset: float) -> Blocks:
     """Average both channels over blocks without holes and gaps; an encoder's coarse steps make the blocks longer."""
-    usual = median(np.diff(t[:_ENOUGH]))
+    usual = median(np.diff(t[:ENOUGH]))
     seconds = max(BLOCK, STEPS * smallest_step(displacement) / v_onset)
     step = max(1, round(min(seconds / usual, float(t.size))))
     ends = np.arange(0, t.size, step)
@@ -101,13 +92,6 @@ def mean_speeds(t: Signal, v: Signal, displacement: Signal, v_onset: float) -> B
     travelled = np.diff(running(t, v.__getitem__, ends))
     length = length[whole]
     return Blocks(length, travelled[whole] / length, moved[whole] / length)
-
-
-def smallest_step(x: Signal) -> float:
-    """Smallest change between neighbouring samples that is one: the resolution of a channel, in its unit."""
-    some = np.abs(np.diff(x[:_ENOUGH]))
-    some = some[some > 0]
-    return float(np.min(some)) if some.size else 0.0
 
 
 def disagreements(t: Signal, v: Signal, displacement: Signal, v_onset: float) -> list[Finding]:
@@ -189,7 +173,7 @@ def power_disagrees(channels: Mapping[str, Signal], r_drum: float | None) -> lis
     """Tell a logged mechanical power that is another than torque, velocity and the drum's radius [m] give."""
     if r_drum is None or any(name not in channels for name in ("power_mech", "torque", "velocity")):
         return []
-    every = max(1, channels["velocity"].size // SOME)
+    every = max(1, channels["velocity"].size // ENOUGH)
     logged, torque, v = (channels[name][::every] for name in ("power_mech", "torque", "velocity"))
     by_torque = torque * v / r_drum
     known = np.isfinite(logged) & np.isfinite(by_torque)

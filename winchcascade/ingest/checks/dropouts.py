@@ -14,18 +14,13 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import median, quantile
-from winchcascade.ingest.checks.agreement import smallest_step
-from winchcascade.ingest.checks.glitches import BEYOND, FAR, LEAST_SHARE, LONGEST, NOISE, STILL, TEARS
+from winchcascade.core.integrate import median, positive_median, quantile, smallest_step
+from winchcascade.ingest.checks.glitches import BEYOND, FAR, LEAST_SHARE, LONGEST, NOISE, STILL, TEARS, travelled
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from winchcascade.core.run import Signal
+    from winchcascade.core.run import Index, Mask, Signal
     from winchcascade.ingest.checks.spikes import Bends
 
-    Index = NDArray[np.intp]
-    Mask = NDArray[np.bool_]
 
 HOLDS = 0.5
 """Another channel goes on if it departs, relative to its range, by less than this share of what the suspect departs."""
@@ -100,6 +95,20 @@ class _Level(msgspec.Struct, frozen=True):
     def span(self) -> float:
         return self.high - self.low
 
+    @property
+    def least(self) -> float:
+        """Smallest jump of a dropout."""
+        return max(LEAST_SHARE * self.span, NOISE * self.noise)
+
+
+class _Samples(msgspec.Struct, frozen=True):
+    """The finite samples of a channel, their places in the log, the stamps of the log and what the channel usually does."""
+
+    t: Signal
+    x: Signal
+    place: Index
+    usual: _Level
+
 
 def find_dropouts(
     t: Signal, channels: Mapping[str, Signal], bends: Mapping[str, Bends], *, open_circuit: bool
@@ -172,9 +181,8 @@ def _stretches(t: Signal, bends: Bends, level: dict[str, _Level], name: str) -> 
         return []
     values = _values(x, at)
     level[name] = usual = _level(x, values)
+    samples = _Samples(t, x, np.arange(x.size) if bends.place is None else bends.place, usual)
     steps = np.abs(np.diff(x))
-    resolution = smallest_step(x)
-    place = np.arange(x.size) if bends.place is None else bends.place
     found = []
     for value in values.tolist():
         same = np.flatnonzero(x == value)
@@ -182,20 +190,20 @@ def _stretches(t: Signal, bends: Bends, level: dict[str, _Level], name: str) -> 
         last = same[np.diff(same, append=x.size + 9) > 1] + 1
         into = x[np.maximum(first - 1, 0)] - value
         out = x[np.minimum(last, x.size - 1)] - value
-        big = np.maximum(np.abs(into), np.abs(out)) > max(LEAST_SHARE * usual.span, NOISE * usual.noise)
+        big = np.maximum(np.abs(into), np.abs(out)) > usual.least
         if not big.any():
             continue
         other = (x[1:] != value) & (x[:-1] != value) & (steps < FAR * usual.span)
         largest = float(np.max(steps, initial=0.0, where=other))
-        dropouts = [
-            _dropout(t, x, place, (a, b), (i, o), usual, largest)
-            for a, b, i, o in zip(*(part[big].tolist() for part in (first, last, into, out)), strict=True)
-        ]
+        dropouts = (
+            _dropout(samples, a, b, largest) for a, b in zip(first[big].tolist(), last[big].tolist(), strict=True)
+        )
         known = [d for d in dropouts if d is not None]
         few = len(known) < OFTEN
         found += [d for d in known if not (few and d.after - d.before == 2) or (d.far and same.size > 1)]
-    found = [d for d in found if d.far or d.jump > COARSE * resolution]
-    return found if any(d.far for d in found) else found + _uneven(t, x, place, at, usual)
+    least = COARSE * smallest_step(x)
+    found = [d for d in found if d.far or d.jump > least]
+    return found if any(d.far for d in found) else found + _uneven(samples, at)
 
 
 def _jumps(bends: Bends) -> Index:
@@ -220,78 +228,58 @@ def _values(x: Signal, at: Index) -> Signal:
     return ends[first[most]]
 
 
-def _equal_to_any(x: Signal, values: Signal) -> Mask:
-    equal = np.zeros(x.size, dtype=bool)
-    for value in values:
-        equal |= x == value
-    return equal
-
-
 def _level(x: Signal, without: Signal) -> _Level:
     """Range and usual curvature of a channel without some values; with them if a coarse channel has no others."""
-    every, begin = x[:: max(1, x.size // _LEVEL)], x[:_LEVEL]
-    spread, begin = (part[~_equal_to_any(part, without)] for part in (every, begin))
-    if spread.size == 0:
-        spread, begin = every, x[:_LEVEL]
+    spread, begin = x[:: max(1, x.size // _LEVEL)], x[:_LEVEL]
+    others = ~(spread[:, None] == without).any(axis=1)
+    if others.any():
+        spread, begin = spread[others], begin[~(begin[:, None] == without).any(axis=1)]
     spread = np.sort(spread)
     spread = spread[
         np.diff(spread, prepend=-np.inf) > 0
     ]  # each value once: a log may rest for hours and move for seconds
-    curved = np.abs(np.diff(begin, 2))
-    curved = curved[curved > 0]
-    return _Level(quantile(spread, 0.005), quantile(spread, 0.995), median(curved) if curved.size else 0.0)
+    return _Level(quantile(spread, 0.005), quantile(spread, 0.995), positive_median(np.abs(np.diff(begin, 2))))
 
 
-def _dropout(
-    t: Signal,
-    x: Signal,
-    place: Index,
-    stretch: tuple[int, int],
-    jumps: tuple[float, float],
-    usual: _Level,
-    largest: float,
-) -> Dropout | None:
+def _dropout(samples: _Samples, first: int, last: int, largest: float) -> Dropout | None:
     """A stretch of equal samples as a dropout: None where the channel moves into and out of it as it does elsewhere."""
-    (a, b), (into, out) = stretch, jumps
-    if into * out < 0.0:  # a step of a staircase
+    t, x, place, usual = samples.t, samples.x, samples.place, samples.usual
+    value = float(x[first])
+    ends = [float(x[k]) for k in (first - 1, last) if 0 <= k < x.size]
+    jumps = [abs(end - value) for end in ends]
+    if not ends or (
+        len(ends) == 2 and (ends[0] - value) * (ends[1] - value) < 0.0
+    ):  # the whole log, a step of a staircase
         return None
-    into, out = abs(into), abs(out)
-    value = float(x[a])
-    before, after = (int(place[a - 1]) if a else -1), (int(place[b]) if b < x.size else t.size)
-    if a == 0 and b == x.size:
-        return None
-    jump = out if a == 0 else into if b == x.size else min(into, out)
-    far = bool(value < usual.low - FAR * usual.span or value > usual.high + FAR * usual.span)
-    least = max(LEAST_SHARE * usual.span, NOISE * usual.noise)
-    if jump <= least and not far:
+    before, after = (int(place[first - 1]) if first else -1), (int(place[last]) if last < x.size else t.size)
+    far = value < usual.low - FAR * usual.span or value > usual.high + FAR * usual.span
+    if min(jumps) <= usual.least and not far:
         long = t[after - 1] - t[before + 1] >= LONGEST
-        if not long or max(into, out) < max(ONE_SIDED * usual.span, least):
+        if not long or max(jumps) < max(ONE_SIDED * usual.span, usual.least):
             return None
-    ends = (x[b], x[b]) if a == 0 else (x[a - 1], x[a - 1]) if b == x.size else (x[a - 1], x[b])
-    share = max(abs(value - end) / max(abs(end), LEAST_SHARE * usual.span, 1e-300) for end in ends)
-    return Dropout(before, after, value, jump, float(share), far, largest)
+    share = max(jump / max(abs(end), LEAST_SHARE * usual.span, 1e-300) for jump, end in zip(jumps, ends, strict=True))
+    return Dropout(before, after, value, min(jumps), share, far, largest)
 
 
-def _uneven(t: Signal, x: Signal, place: Index, at: Index, usual: _Level) -> list[Dropout]:
+def _uneven(samples: _Samples, at: Index) -> list[Dropout]:
     """Stretches between two jumps that hold no single value: noise about zero, values in another unit."""
+    t, x, place, usual = samples.t, samples.x, samples.place, samples.usual
     size = x[at + 1] - x[at]
-    large = np.abs(size) > max(LEAST_SHARE * usual.span, NOISE * usual.noise)
+    large = np.abs(size) > usual.least
     at, size = at[large], size[large]
-    pairs = np.flatnonzero(size[1:] * size[:-1] < 0.0)
     found = []
-    for k in pairs.tolist():
+    for k in np.flatnonzero(size[1:] * size[:-1] < 0.0).tolist():
         a, b = int(at[k]) + 1, int(at[k + 1]) + 1
         jump, larger = sorted((float(abs(size[k])), float(abs(size[k + 1]))))
         if larger < ONE_SIDED * usual.span or t[place[b - 1]] - t[place[a]] < LONGEST:
             continue
         if not 0.0 < np.ptp(x[a:b]) < HOLDS * larger:
             continue
-        share = min(abs(median(x[a:b]) - end) / max(abs(end), LEAST_SHARE * usual.span) for end in (x[a - 1], x[b]))
-        others = np.delete(np.abs(size), (k, k + 1))
-        before, after = int(place[a - 1]), int(place[b])
         value = median(x[a:b])
-        largest = float(others.max(initial=0.0))
-        found.append(Dropout(before, after, value, jump, float(share), far=False, usual=largest, even=False))
+        share = min(abs(value - end) / max(abs(end), LEAST_SHARE * usual.span) for end in (x[a - 1], x[b]))
+        largest = float(np.delete(np.abs(size), (k, k + 1)).max(initial=0.0))
+        ends = int(place[a - 1]), int(place[b])
+        found.append(Dropout(*ends, value, jump, float(share), far=False, usual=largest, even=False))
     return found
 
 
@@ -301,16 +289,16 @@ def _cannot_be(t: Signal, name: str, d: Dropout, channels: Mapping[str, Signal])
         return d.jump > BEYOND * d.usual > 0.0
     if name == "displacement":
         return d.jump > max(BEYOND * d.usual, TEARS * _fastest(t, d, channels))
-    displacement = channels.get("displacement")
-    if name != "velocity" or displacement is None or d.before < 0 or d.after >= t.size or d.jump < BEYOND * d.usual:
+    if (
+        name != "velocity"
+        or "displacement" not in channels
+        or d.before < 0
+        or d.after >= t.size
+        or d.jump < BEYOND * d.usual
+    ):
         return False
-    v, stamps = channels["velocity"], t[d.before : d.after + 1]
-    moved = displacement[d.after] - displacement[d.before]
-    part = v[d.before : d.after + 1]
-    good = np.isfinite(part)
-    with_it = np.trapezoid(part[good], stamps[good])
-    without = 0.5 * (part[0] + part[-1]) * (stamps[-1] - stamps[0])
-    return bool(abs(moved - without) < HOLDS * abs(moved - with_it))
+    moved, with_it, without = travelled(t, channels, d.before, d.after)
+    return abs(moved - without) < HOLDS * abs(moved - with_it)
 
 
 def _fastest(t: Signal, d: Dropout, channels: Mapping[str, Signal]) -> float:
@@ -336,7 +324,8 @@ def _contradicted(
         return False
     departs = {}
     together = False
-    side = float(np.sign(d.value - _edge(channels[name], d)))
+    ends = [float(channels[name][k]) for k in (d.before, d.after) if 0 <= k < channels[name].size]
+    side = float(np.sign(d.value - max(ends, key=lambda end: abs(end - d.value))))
     for other in WITNESSES[name]:
         if other not in channels or (open_circuit and other in ("vdc", "idc")):
             continue
@@ -356,12 +345,6 @@ def _contradicted(
             return False
     share = HOLDS if departs.keys() - {"velocity"} else ALONE
     return bool(departs) and max(departs.values()) < share * d.share
-
-
-def _edge(x: Signal, d: Dropout) -> float:
-    """Value of a channel beside a stretch, on the side of the larger jump."""
-    ends = [float(x[k]) for k in (d.before, d.after) if 0 <= k < x.size]
-    return max(ends, key=lambda end: abs(end - d.value))
 
 
 def _departure(y: Signal, d: Dropout, side: float, least: float, *, idle: bool) -> float | None:

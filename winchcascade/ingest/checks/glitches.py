@@ -16,11 +16,8 @@ from winchcascade.core.integrate import quantile
 from winchcascade.ingest.checks.spikes import AROUND, Bends
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from winchcascade.core.run import Index, Mask, Signal
 
-    from winchcascade.core.run import Signal
-
-    Index = NDArray[np.intp]
 
 LONGEST = 0.2
 """A glitch lasts no longer: five samples at 25 Hz. Stops of the crane and saturated sensors do. [s]"""
@@ -137,7 +134,8 @@ def find_pulses(bends: Bends, singles: Index, longest: int, limit: float) -> Pul
     if steps.size == 0:
         return Pulses((), steps, np.empty(0), moves)
     place = np.arange(x.size) if bends.place is None else bends.place
-    lost = _lost(bends, limit)
+    far = FAR * bends.span if bends.span > STILL * bends.noise else np.inf
+    lost = _Lost(bends.low - far, bends.high + far, limit)
     pulses: list[Pulse] = []
     free = -1
     for i, j in _pairs(x, steps, place, max(longest, FEWEST)):
@@ -147,7 +145,9 @@ def find_pulses(bends: Bends, singles: Index, longest: int, limit: float) -> Pul
             free = j + 1
     pulses += _ends(x, steps, place, lost)
     genuine = steps[~lost.wild(x[steps]) & ~lost.wild(x[steps + 1]) & (place[steps + 1] - place[steps] <= 2)]
-    return Pulses(_seldom(pulses, x.size), place[genuine], np.abs(x[genuine + 1] - x[genuine]), moves)
+    inside = sum(p.after - p.before - 1 for p in pulses if not p.wild)
+    seldom = tuple(p for p in pulses if p.wild or inside <= max(FEW, MOST * x.size))
+    return Pulses(seldom, place[genuine], np.abs(x[genuine + 1] - x[genuine]), moves)
 
 
 def _without(index: Index, others: Index) -> Index:
@@ -168,19 +168,14 @@ class _Lost(msgspec.Struct, frozen=True):
     high: float
     limit: float
 
-    def far(self, x: Signal) -> NDArray[np.bool_]:
+    def far(self, x: Signal) -> Mask:
         """Whether values are far beyond all that the channel does."""
-        far: NDArray[np.bool_] = (x < self.low) | (x > self.high)
+        far: Mask = (x < self.low) | (x > self.high)
         return far
 
-    def wild(self, x: Signal) -> NDArray[np.bool_]:
+    def wild(self, x: Signal) -> Mask:
         """Whether values are that, or beyond the sensor's range."""
         return self.far(x) | (np.abs(x) > self.limit)
-
-
-def _lost(bends: Bends, limit: float) -> _Lost:
-    far = FAR * bends.span if bends.span > STILL * bends.noise else np.inf
-    return _Lost(bends.low - far, bends.high + far, limit)
 
 
 def _pairs(x: Signal, steps: Index, place: Index, longest: int) -> list[tuple[int, int]]:
@@ -229,20 +224,17 @@ def _ends(x: Signal, steps: Index, place: Index, lost: _Lost) -> list[Pulse]:
     return ends
 
 
-def _seldom(pulses: Sequence[Pulse], samples: int) -> tuple[Pulse, ...]:
-    """All pulses where they are rare; where they are not, those alone that nothing measured can be."""
-    inside = sum(p.after - p.before - 1 for p in pulses if not p.wild)
-    return tuple(p for p in pulses if p.wild or inside <= max(FEW, MOST * samples))
-
-
 def follows(t: Signal, name: str, pulse: Pulse, channels: Mapping[str, Signal], pulses: Mapping[str, Pulses]) -> bool:
     """Whether another channel goes with a pulse of this one, so that the machine moved."""
     before, after = max(pulse.before, 0), min(pulse.after, t.size - 1)
-    if name == "velocity" and "displacement" in channels and _travels(t, before, after, channels):
-        return True
+    if name == "velocity" and "displacement" in channels:
+        moved, with_it, without = travelled(t, channels, before, after)
+        if abs(moved - with_it) < abs(moved - without):
+            return True
     around = slice(max(before - 1, 0), after + 2)
     return any(
-        _jumps(pulses[other], around) or _moves(channels[other][around], pulses[other].moves, returns=not pulse.wild)
+        np.any((pulses[other].at >= around.start) & (pulses[other].at < around.stop - 1))
+        or _moves(channels[other][around], pulses[other].moves, returns=not pulse.wild)
         for other in channels
         if other != name and not any(p.lost and p.before < after and before < p.after for p in pulses[other].found)
     )
@@ -260,20 +252,13 @@ def _torn(t: Signal, pulse: Pulse, channels: Mapping[str, Signal]) -> bool:
     return pulse.jump > TEARS * fastest * float(np.diff(t[around]).max())
 
 
-def _travels(t: Signal, before: int, after: int, channels: Mapping[str, Signal]) -> bool:
-    """Whether the line moved as a pulse of its velocity says, rather than as the line between its neighbours does."""
+def travelled(t: Signal, channels: Mapping[str, Signal], before: int, after: int) -> tuple[float, float, float]:
+    """Travel between two samples: by the displacement, by the velocity, and by the line between its two end samples. [m]"""
     v, stamps = channels["velocity"][before : after + 1], t[before : after + 1]
     moved = channels["displacement"][after] - channels["displacement"][before]
     good = np.isfinite(v)
     with_it = np.trapezoid(v[good], stamps[good])
-    without = 0.5 * (v[0] + v[-1]) * (stamps[-1] - stamps[0])
-    return bool(abs(moved - with_it) < abs(moved - without))
-
-
-def _jumps(channel: Pulses, around: slice) -> bool:
-    """Whether a channel makes a large jump in a stretch, wherever it leads."""
-    first, last = np.searchsorted(channel.at, (around.start, around.stop - 1))
-    return bool(last > first)
+    return float(moved), float(with_it), float(0.5 * (v[0] + v[-1]) * (stamps[-1] - stamps[0]))
 
 
 def _moves(x: Signal, moves: float, *, returns: bool) -> bool:

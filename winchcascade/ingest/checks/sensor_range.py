@@ -7,18 +7,13 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.core.quantity import find_unit
-from winchcascade.core.run import CHANNELS
+from winchcascade.ingest.checks.channel_findings import at, usual_unit
 from winchcascade.ingest.checks.stuck import repeats_of
-from winchcascade.ingest.checks.told import at
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from winchcascade.core.rig_file import Sensor
-    from winchcascade.core.run import Finding, Signal
+    from winchcascade.core.run import Finding, Index, Signal
 
-    Index = NDArray[np.intp]
 
 SATURATES = ("force", "torque", "power_mech", "vdc", "idc")
 """Channels whose largest value must scatter; a line may move at one speed, and rest at one place."""
@@ -62,9 +57,7 @@ def out_of_range(
     if bottom >= low and top <= high:
         return []
     limit, worst = (high, top) if top > high else (low, bottom)
-    unit = CHANNELS[name].unit
-    known = find_unit(unit)
-    factor = known.factor if known is not None else 1.0
+    unit, factor = usual_unit(name)
     what = f"samples lie outside the sensor's range, up to {worst / factor:.5g} {unit} where it ends at {limit / factor:.5g}"
     found = at(t, (x < low) | (x > high), "out_of_range", name, what)
     spikes = 0 if wild is None else int(np.count_nonzero((x[wild[0]] < low) | (x[wild[0]] > high)))
@@ -89,8 +82,6 @@ def saturated(t: Signal, name: str, x: Signal) -> list[Finding]:
     change = np.diff(x)[~(held[1:] | held[:-1])]
     if repeats_of(change[np.isfinite(change)]) > RARELY:
         return []
-    unit = CHANNELS[name].unit
-    known = find_unit(unit)
-    factor = known.factor if known is not None else 1.0
+    unit, factor = usual_unit(name)
     what = f"samples hold its largest value, {top / factor:.5g} {unit}, without noise: the sensor or its input is saturated"
     return [at(t, held, "out_of_range", name, what)]

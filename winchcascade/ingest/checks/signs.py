@@ -7,24 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from winchcascade.core.integrate import median
+from winchcascade.core.integrate import ENOUGH, median
 from winchcascade.core.run import Finding
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from winchcascade.core.run import Mask, Signal
 
-    from winchcascade.core.run import Signal
-
-    Mask = NDArray[np.bool_]
 
 FAST = 0.3
 """Samples faster than this share of the top speed tell payout from haul-in."""
 
 CLEAR = 1.2
 """A channel votes if it is this many times as large in one direction as in the other."""
-
-ENOUGH = 400_000
-"""Of a longer log this many samples, spread over it, tell the signs."""
 
 CERTAIN = 4.0
 """A channel follows the velocity if noise would do so once in ten thousand logs: so many standard deviations."""

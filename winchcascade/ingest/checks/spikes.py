@@ -10,14 +10,11 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import median, quantile
+from winchcascade.core.integrate import ENOUGH, positive_median, quantile
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from winchcascade.core.run import Index, Mask, Signal
 
-    from winchcascade.core.run import Signal
-
-    Index = NDArray[np.intp]
 
 LEAST_SHARE = 0.019
 """A spike is at least this share of the range in which the channel moves."""
@@ -41,9 +38,6 @@ NEAR = 6
 """Neighbours are at most so many samples away where the channel has holes."""
 
 _BLOCK = 1 << 16
-
-_ENOUGH = 400_000
-"""Samples at the beginning of a log that say how noisy a channel is."""
 
 _ROWS = _BLOCK // 8
 
@@ -85,26 +79,8 @@ def find_bends(x: Signal) -> Bends:
     if x.size < 4 * AROUND:
         return Bends(x, place, 0.0, 0.0, 0.0, np.empty(0, dtype=np.intp))
     low, high = _range(x)
-    noise = _usual_curvature(x)
+    noise = positive_median(np.abs(np.diff(x[:ENOUGH], 2)))
     return Bends(x, place, low, high, noise, _candidates(x, max(LEAST_SHARE * (high - low), NOISE * noise)))
-
-
-def find_spikes(x: Signal) -> Index:
-    """Find single samples far off their neighbours, which agree with each other, in a calm surrounding.
-
-    Parameters
-    ----------
-    x : (n,) a channel, NaN where it has holes; the samples next to a hole are compared across it
-
-    Examples
-    --------
-    >>> x = np.sin(np.arange(100) / 10)
-    >>> x[40] += 3
-    >>> find_spikes(x).tolist()
-    [40]
-    """
-    bends = find_bends(x)
-    return bends.logged(single_spikes(bends))
 
 
 def single_spikes(bends: Bends) -> Index:
@@ -135,13 +111,6 @@ def _range(x: Signal) -> tuple[float, float]:
     return quantile(some, 0.005), quantile(some, 0.995)
 
 
-def _usual_curvature(x: Signal) -> float:
-    """Median second difference where there is any: the noise of the channel."""
-    some = np.abs(np.diff(x[:_ENOUGH], 2))
-    some = some[some > 0]
-    return median(some) if some.size else 0.0
-
-
 def _candidates(x: Signal, least: float) -> Index:
     """Samples that lie off the middle of their two neighbours by at least `least`, block by block."""
     found = []
@@ -152,7 +121,7 @@ def _candidates(x: Signal, least: float) -> Index:
     return np.concatenate(found)
 
 
-def _stands_out(x: Signal, found: Index, least: float) -> NDArray[np.bool_]:
+def _stands_out(x: Signal, found: Index, least: float) -> Mask:
     """Whether each candidate exceeds the curvatures around it by far, on a line through its neighbours."""
     around = np.concatenate((np.arange(-AROUND, -1), np.arange(2, AROUND + 1)))
     line = np.concatenate((np.arange(-ALONG, -1), np.arange(1, ALONG)))

@@ -12,16 +12,11 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import median
-from winchcascade.ingest.checks.agreement import smallest_step
+from winchcascade.core.integrate import ENOUGH, median, smallest_step
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from winchcascade.core.run import Index, Mask, Signal
 
-    from winchcascade.core.run import Signal
-
-    Index = NDArray[np.intp]
-    Mask = NDArray[np.bool_]
 
 HELD = 0.3
 """A value must be held this long to be looked at. [s]"""
@@ -71,9 +66,6 @@ TURNS = 0.15
 LARGE = 0.3
 """and if this share of those are two of its steps or more: finer noise leaves it at one value or not, depending on where
 between two steps it lies."""
-
-_ENOUGH = 400_000
-"""Samples at the beginning of a log that say how its channels behave."""
 
 DRIVEN = ("torque", "power_mech", "vdc", "idc")
 
@@ -247,17 +239,17 @@ def _ptp(x: Signal) -> float:
 
 def _too_still(name: str, x: Signal, line: Motion, first: Index, last: Index) -> Mask:
     """Whether a noisy channel holds still for longer than chance allows, by its noise in the same kind of motion."""
-    free = np.ones(min(x.size, _ENOUGH) - 1, dtype=bool)
-    for a, b in zip(first[first < _ENOUGH].tolist(), last[first < _ENOUGH].tolist(), strict=True):
+    free = np.ones(min(x.size, ENOUGH) - 1, dtype=bool)
+    for a, b in zip(first[first < ENOUGH].tolist(), last[first < ENOUGH].tolist(), strict=True):
         free[max(a - 1, 0) : b] = False
-    change = np.diff(x[:_ENOUGH])
+    change = np.diff(x[:ENOUGH])
     free &= np.isfinite(change)
     whole = repeats_of(change[free])
     if whole == 1.0:
         return np.zeros(first.size, dtype=bool)
     chance = np.zeros(first.size)
     for where in (line.out, line.back, ~(line.out | line.back)):
-        inside = where[1:_ENOUGH]
+        inside = where[1:ENOUGH]
         here = change[free & inside]
         repeats = repeats_of(here) if here.size >= 50 else whole
         if 2 * here.size < np.count_nonzero(inside):  # it holds still most of the time

@@ -14,17 +14,14 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import median, quantile
+from winchcascade.core.integrate import median, quantile, smallest_step
 from winchcascade.core.run import Finding
-from winchcascade.ingest.checks.agreement import MOVING, smallest_step
+from winchcascade.ingest.checks.agreement import MOVING
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from winchcascade.core.rig_file import Thresholds
     from winchcascade.core.run import Signal
 
-    Index = NDArray[np.intp]
 
 BLOCKS = 200
 """Blocks of equal numbers of rows over which a factor is found, whatever the clock says."""

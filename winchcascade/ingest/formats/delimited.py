@@ -5,7 +5,7 @@ from __future__ import annotations
 import codecs
 import os
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -19,11 +19,9 @@ from winchcascade.core.run import Finding
 from winchcascade.ingest.cells import NOT_NUMBERS, is_cut, is_stamp, is_value, numbers, split_row
 from winchcascade.ingest.dialects import read_header
 from winchcascade.ingest.layout import Layout, find_encoding, find_layout
-from winchcascade.ingest.source import Source, Table
+from winchcascade.ingest.source import Source, Table, without_notes
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from winchcascade.core.run import Signal
 
 
@@ -191,7 +189,7 @@ class _Parser(msgspec.Struct):
     columns: dict[int, Signal] = msgspec.field(default_factory=dict)
     texts: list[str] = msgspec.field(default_factory=list)
     no_numbers: list[str] = msgspec.field(default_factory=lambda: list(NOT_NUMBERS))
-    ragged: list[int] = msgspec.field(default_factory=list)
+    ragged: int = 0
     cut: list[str] = msgspec.field(default_factory=list)
     stamped: bool = False
 
@@ -297,15 +295,12 @@ class _Parser(msgspec.Struct):
         )  # too much or too little, in columns that are not read
         remark = len(cells) > width and (self.layout.more or not any(cells[width:]))
         if len(cells) != width and not spare and not remark:
-            return self._left_out(cells)
+            if is_value(cells[0]) and len(cells) > 1:  # anything else is a remark, or a preamble where logs were joined
+                self.ragged += 1
+            return []
         cells = [cell.replace('"', "") for cell in (cells + [""] * width)[:width]]
         quote = '"{}"' if any(self.layout.delimiter in cell for cell in cells) else "{}"
         return [self.layout.delimiter.join(quote.format(cell) for cell in cells).encode("latin-1")]
-
-    def _left_out(self, cells: Sequence[str]) -> list[bytes]:
-        if is_value(cells[0]) and len(cells) > 1:  # anything else is a remark, or a preamble where logs were joined
-            self.ragged.append(len(cells))
-        return []
 
     def _by_cell(self, texts: pa.Table) -> pa.Table:
         """Numbers of a block in which some cells are none; their texts are known from then on."""
@@ -342,29 +337,15 @@ class _Parser(msgspec.Struct):
     def table(self, where: str) -> Table:
         """What was read, rows that hold nothing at all left out, with the findings of the reading."""
         values = {k: column[: self.rows] for k, column in self.columns.items()}
-        blank = self._blank(values)
-        if blank.any():
-            values = {k: column[~blank] for k, column in values.items()}
-            self.texts = [text for text, no in zip(self.texts, blank.tolist(), strict=False) if not no]
+        whole = without_notes(Table(values, stamps=self.texts if self.stamped else None))
         findings = self._findings(where)
-        stamps, stamped = self._stamps(values)
-        return Table({k: values[k] for k in self.wanted}, stamps, stamped, findings)
+        stamps, stamped = (whole.stamps, False) if self.stamped else self._stamps(whole.values)
+        return Table({k: whole.values[k] for k in self.wanted}, stamps, stamped, findings)
 
-    def _blank(self, values: dict[int, Signal]) -> NDArray[np.bool_]:
-        """Rows without a number or a stamp: lines of delimiters, or names repeated where logs were joined."""
-        blank = np.ones(self.rows, dtype=bool)
-        for column in values.values():
-            if blank.any():
-                blank &= np.isnan(column)
-        if self.stamped:
-            for k in np.flatnonzero(blank).tolist():
-                blank[k] = not is_stamp(self.texts[k])
-        return blank
-
-    def _stamps(self, values: dict[int, Signal]) -> tuple[Signal | list[str] | None, bool]:
-        """The time column, and whether it is in seconds; none if it is empty, or counts rows beside a stated interval."""
-        if self.time is None or self.stamped:
-            return (self.texts if self.stamped else None), False
+    def _stamps(self, values: Mapping[int, Signal]) -> tuple[Signal | None, bool]:
+        """The time column as numbers, and whether it is in seconds; none if it is empty, or counts rows beside an interval."""
+        if self.time is None:
+            return None, False
         stamps = values[self.time]
         first = stamps[:1000]
         empty = stamps.size == 0 or (np.isnan(first).all() and np.isnan(stamps).all())
@@ -380,7 +361,7 @@ class _Parser(msgspec.Struct):
 
     def _findings(self, where: str) -> tuple[Finding, ...]:
         found = []
-        odd, width = len(self.ragged), self.layout.width
+        odd, width = self.ragged, self.layout.width
         if odd > max(10, 0.5 * self.rows):
             raise LogError(
                 f"{where}: {odd} rows do not have {width} cells like the first one; expected one table with rows of equal "

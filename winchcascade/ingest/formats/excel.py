@@ -5,8 +5,8 @@ from __future__ import annotations
 import datetime as dt
 import re
 import zipfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import suppress
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -21,13 +21,11 @@ from winchcascade.core.errors import LogError
 from winchcascade.core.quantity import find_unit
 from winchcascade.ingest.cells import is_stamp
 from winchcascade.ingest.dialects import recognise
-from winchcascade.ingest.source import Header, Source, Table
+from winchcascade.ingest.source import Header, Source, Table, damage_reported
 from winchcascade.ingest.table_choice import FEWEST_ROWS, choose, moves
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from winchcascade.core.run import Signal
+    from winchcascade.core.run import Index, Signal
 
 
 Cell = int | float | str | bool | dt.time | dt.date | dt.datetime | dt.timedelta
@@ -153,7 +151,7 @@ def numbers(cells: Sequence[Cell]) -> Signal:
     return np.where(np.isfinite(read), read, grouped)
 
 
-def _beside(places: NDArray[np.intp], rows: NDArray[np.intp]) -> NDArray[np.intp]:
+def _beside(places: Index, rows: Index) -> Index:
     """Indices of the last of rising places before each row and of the first one after it, (k, 2)."""
     after = np.searchsorted(places, rows)
     return np.column_stack((np.maximum(after - 1, 0), np.minimum(after, places.size - 1)))
@@ -197,30 +195,12 @@ def open_excel(path: Path, *, table: str | None = None) -> Source:
     LogError
         the workbook is damaged or locked, no sheet holds a table, or several do and none is named
     """
-    with _told(path):
+    remedy = "open it in a spreadsheet program and save it again, or export the sheet as CSV"
+    with damage_reported(path, ".xlsx, .xls, .xlsb or .ods", remedy, called="workbook"):
         if zipfile.is_zipfile(path):
             _check_parts(path)
         sheet = _sheet(path, table)
     return Source(headers=sheet.layout.headers, load=partial(_load, sheet.rows), table=sheet.name)
-
-
-@contextmanager
-def _told(path: Path) -> Iterator[None]:
-    """Turn whatever the parser trips over into one sentence."""
-    try:
-        yield
-    except (LogError, MemoryError, KeyboardInterrupt, SystemExit):
-        raise
-    except PasswordError as fault:
-        raise LogError(
-            f"{path.name}: the workbook is locked with a password; one that opens without was expected; "
-            "save it without the password or export the sheet as CSV."
-        ) from fault
-    except BaseException as fault:  # a panic of the Rust reader is no Exception
-        raise LogError(
-            f"{path.name}: the workbook is damaged or breaks off ({type(fault).__name__}); a whole .xlsx, .xls, .xlsb "
-            "or .ods was expected; open it in a spreadsheet program and save it again, or export the sheet as CSV."
-        ) from fault
 
 
 def _check_parts(path: Path) -> None:
@@ -245,14 +225,17 @@ def _check_parts(path: Path) -> None:
 
 def _workbook(path: Path) -> CalamineWorkbook:
     """Open a workbook by its content: its name may end in anything."""
-    with path.open("rb") as file:
-        try:
+    try:
+        with path.open("rb") as file, suppress(CalamineError):
             return CalamineWorkbook.from_filelike(file)
-        except CalamineError as fault:
-            file.seek(0)
-            if _LOCKED in file.read():
-                raise PasswordError from fault
-    return CalamineWorkbook.from_path(path)  # an .xls with a password is recognised by its name alone
+        if _LOCKED not in path.read_bytes():
+            return CalamineWorkbook.from_path(path)  # an .xls with a password is recognised by its name alone
+    except PasswordError:
+        pass
+    raise LogError(
+        f"{path.name}: the workbook is locked with a password; one that opens without was expected; "
+        "save it without the password or export the sheet as CSV."
+    )
 
 
 class _Sheet(NamedTuple):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,12 +13,13 @@ import numpy as np
 
 from winchcascade.core.errors import LogError
 from winchcascade.ingest.dialects import recognise
-from winchcascade.ingest.source import Header, Source, Table
+from winchcascade.ingest.source import Header, Source, Table, damage_reported
 from winchcascade.ingest.table_choice import choose, refuse_sheet
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Signal
 
+    Column = Signal | list[str]
     Node = float | str | Signal | list["Node"] | dict[str, "Node"]
 
 DEPTH = 4
@@ -120,11 +120,6 @@ def _text_73(array: Any) -> Node:
     return rows[0] if len(rows) == 1 else [*rows]
 
 
-if TYPE_CHECKING:
-    from winchcascade.core.run import Signal
-
-    Column = Signal | list[str]
-
 NAMES = ("names", "labels", "channels", "headers", "varnames")
 RATES = ("fs", "sample_rate", "samplerate", "sampling_rate")
 STEPS = ("dt", "ts", "sample_time")
@@ -142,7 +137,7 @@ def open_mat(path: Path, *, table: str | None = None) -> Source:
     LogError
         the file is damaged, needs h5py that is not installed, or holds nothing like a column
     """
-    with _told(path):
+    with damage_reported(path, "MATLAB file", "copy or save it again"):
         tree = _with_elements(read_tree(path))
     runs = _runs(tree)
     name = choose(list(runs), table, path.name, "run") if runs else None
@@ -230,20 +225,6 @@ def _with_elements(tree: Mapping[str, Node]) -> dict[str, Node]:
         else:
             whole[name] = node
     return whole
-
-
-@contextmanager
-def _told(path: Path) -> Iterator[None]:
-    """Turn whatever the parsers trip over into one sentence."""
-    try:
-        yield
-    except (LogError, MemoryError):
-        raise
-    except Exception as fault:  # damage shows as nearly every exception there is
-        raise LogError(
-            f"{path.name}: the file is damaged or breaks off ({type(fault).__name__}); a whole MATLAB file was "
-            "expected; copy or save it again."
-        ) from fault
 
 
 def _texts(node: Node | None) -> list[str]:

@@ -14,9 +14,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from winchcascade.core.errors import LogError
 from winchcascade.ingest.dialects import letters_of
-from winchcascade.ingest.source import Header, Source, Table
+from winchcascade.ingest.source import Header, Source, Table, damage_reported
 from winchcascade.ingest.table_choice import refuse_sheet
 
 if TYPE_CHECKING:
@@ -88,19 +87,12 @@ def open_parquet(path: Path, *, table: str | None = None) -> Source:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """Open the file and turn whatever its reader trips over into one sentence."""
-    try:
+    """Open the file for as long as its columns are read."""
+    with damage_reported(path, "Parquet file", "copy or export it again"):
         # Texts as dictionaries: one long text in every row is one text, else a file of a kilobyte fills the memory.
         texts = [field.name for field in pq.read_schema(path) if _is_text(field.type)]
         with pq.ParquetFile(path, read_dictionary=texts) as file:
             yield file
-    except (LogError, MemoryError):
-        raise
-    except Exception as fault:  # damage shows as OSError, ValueError, KeyError and pyarrow's own
-        raise LogError(
-            f"{path.name}: the file is damaged or breaks off ({type(fault).__name__}); a whole Parquet file was "
-            "expected; copy or export it again."
-        ) from fault
 
 
 def _unit(metadata: dict[bytes, bytes]) -> str | None:
@@ -111,16 +103,12 @@ def _unit(metadata: dict[bytes, bytes]) -> str | None:
 
 def _properties(metadata: dict[bytes, bytes]) -> dict[str, str | float]:
     """Read what the schema says about the file, as numbers where they are."""
-    return {
-        key.decode("utf-8", "replace"): _property(text.decode("utf-8", "replace"))
-        for key, text in metadata.items()
-        if key not in NOT_PROPERTIES
+    texts = {
+        k.decode("utf-8", "replace"): v.decode("utf-8", "replace")
+        for k, v in metadata.items()
+        if k not in NOT_PROPERTIES
     }
-
-
-def _property(text: str) -> str | float:
-    number = _number(text)
-    return text if np.isnan(number) else number
+    return {key: text if np.isnan(number := _number(text)) else number for key, text in texts.items()}
 
 
 def _load(path: Path, wanted: Sequence[int], time: int | None) -> Table:
@@ -130,7 +118,7 @@ def _load(path: Path, wanted: Sequence[int], time: int | None) -> Table:
         if time is None:
             return Table(values)
         kind = file.schema_arrow[time].type
-        kind = _value_type(kind)
+        kind = kind.value_type if pa.types.is_dictionary(kind) else kind
         if pa.types.is_temporal(kind):
             return Table(values, stamps=_seconds(file, time), stamped=True)
         if _is_text(kind):
@@ -167,7 +155,8 @@ def _numbers(piece: Any) -> Signal:
     """Convert a piece of a column to numbers."""
     kind = piece.type
     if pa.types.is_dictionary(kind):
-        return np.concatenate([np.empty(0), *(_numbers_of_words(chunk) for chunk in piece.chunks)])
+        parts = [np.array([_number(word) for word in words])[rows] for words, rows in map(_words, piece.chunks)]
+        return np.concatenate([np.empty(0), *parts])
     if _is_text(kind):
         return np.array([_number(text or "") for text in piece.to_pylist()], dtype=np.float64)
     if pa.types.is_decimal(kind):
@@ -184,17 +173,6 @@ def _words(chunk: Any) -> tuple[list[str], Any]:
     """Take the texts of a dictionary, an empty one last, and which of them stands in each row: the last for a null."""
     words = [text or "" for text in chunk.dictionary.to_pylist()]
     return [*words, ""], pc.fill_null(chunk.indices.cast(pa.int64()), len(words)).to_numpy(zero_copy_only=False)
-
-
-def _numbers_of_words(chunk: Any) -> Signal:
-    words, rows = _words(chunk)
-    numbers: Signal = np.array([_number(word) for word in words])[rows]
-    return numbers
-
-
-def _value_type(kind: Any) -> Any:
-    """What a column holds, whether or not each value is kept once."""
-    return kind.value_type if pa.types.is_dictionary(kind) else kind
 
 
 def _is_text(kind: Any) -> bool:

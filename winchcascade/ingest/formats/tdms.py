@@ -19,7 +19,7 @@ from winchcascade.core.errors import LogError
 from winchcascade.core.run import Finding
 from winchcascade.ingest.align import Waveform, alike, at, common_stamps, overlap, shared
 from winchcascade.ingest.dialects import recognise
-from winchcascade.ingest.source import Header, Source, Table
+from winchcascade.ingest.source import Header, Source, Table, damage_reported
 from winchcascade.ingest.table_choice import choose, moves
 
 if TYPE_CHECKING:
@@ -202,23 +202,15 @@ class _Whole(io.BufferedReader):
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """Open the file and turn whatever its parser trips over into one sentence."""
-    log_manager.set_level(logging.CRITICAL)  # what the parser logs on stderr is said here by findings and errors
-    try:
-        # A stream, not a path: beside a path the parser would trust an index file that may be an old one.
-        with _Whole(path) as stream:
-            if stream.read(4) != b"TDSm":
-                raise ValueError("no TDMS segment at the start")
-            stream.seek(0)
-            with TdmsFile.open(stream) as tdms, np.errstate(all="ignore"):
-                yield tdms
-    except (LogError, MemoryError):
-        raise
-    except Exception as fault:  # the parser itself raises bare Exceptions
-        raise LogError(
-            f"{path.name}: the file is damaged or breaks off ({type(fault).__name__}); a whole TDMS file was expected; "
-            "copy it again or export it as CSV."
-        ) from fault
+    """Open the file for as long as its channels are read."""
+    log_manager.set_level(logging.CRITICAL)  # what the parser logs on stderr is reported by findings and errors
+    # A stream, not a path: beside a path the parser would trust an index file that may be an old one.
+    with damage_reported(path, "TDMS file", "copy it again or export it as CSV"), _Whole(path) as stream:
+        if stream.read(4) != b"TDSm":
+            raise ValueError("no TDMS segment at the start")
+        stream.seek(0)
+        with TdmsFile.open(stream) as tdms, np.errstate(all="ignore"):
+            yield tdms
 
 
 def _refuse_words(path: Path, columns: Sequence[Column]) -> None:

@@ -1,4 +1,4 @@
-"""Findings about samples of one channel."""
+"""Findings about samples of one channel, and the unit in which they give its values."""
 
 from __future__ import annotations
 
@@ -6,14 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from winchcascade.core.run import Finding
+from winchcascade.core.quantity import find_unit
+from winchcascade.core.run import CHANNELS, Finding
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from winchcascade.core.run import FindingKind, Signal
-
-    Mask = NDArray[np.bool_]
+    from winchcascade.core.run import FindingKind, Mask, Signal
 
 
 def at(t: Signal, bad: Mask, kind: FindingKind, channel: str, what: str, *, removed: bool = False) -> Finding:
@@ -32,7 +29,7 @@ def at(t: Signal, bad: Mask, kind: FindingKind, channel: str, what: str, *, remo
 
 
 def dead(t: Signal, name: str, action: str) -> Finding:
-    """A finding about a channel that tells nothing throughout."""
+    """A finding about a channel that holds one value throughout."""
     return Finding(
         "stuck",
         f"{name} holds one value through the whole log while the line moves",
@@ -43,3 +40,10 @@ def dead(t: Signal, name: str, action: str) -> Finding:
         t.size,
         t.size,
     )
+
+
+def usual_unit(name: str) -> tuple[str, float]:
+    """Unit in which the values of a channel are reported, and its factor to SI."""
+    unit = find_unit(CHANNELS[name].unit)
+    assert unit is not None
+    return CHANNELS[name].unit, unit.factor
