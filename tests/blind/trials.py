@@ -8,6 +8,7 @@ from typing import Any
 from winchcascade.blind.cases import Answer, Kind
 from winchcascade.blind.injected import PARTS
 from winchcascade.blind.sealed_answers import SEALED, TRIAL, Envelope, seal, trial_bytes
+from winchcascade.diagnosis.suspects import Suspects
 
 
 def answer(
@@ -52,7 +53,7 @@ def say(folder: Path, case: str, verdict: str, *causes: dict[str, Any], share: f
     (folder / "diagnoses" / f"{case}.json").write_text(json.dumps(record))
 
 
-def guess(campaign_toml: Path, *, suspects: Mapping[str, type], seed: int, predictions: Path | None) -> dict[str, Any]:
+def guess(campaign_toml: Path, *, suspects: Suspects, seed: int, predictions: Path | None) -> dict[str, Any]:
     """Diagnose without thought: the first suspect, and the log itself as the prediction; tells what it could see."""
     assert predictions is not None
     for when in ("before", "after"):
@@ -70,7 +71,7 @@ def guess(campaign_toml: Path, *, suspects: Mapping[str, type], seed: int, predi
 
 
 def fail_on_the_second(
-    campaign_toml: Path, *, suspects: Mapping[str, type], seed: int, predictions: Path | None
+    campaign_toml: Path, *, suspects: Suspects, seed: int, predictions: Path | None
 ) -> dict[str, Any]:
     """Diagnose no case but the first."""
     if campaign_toml.parent.name == "case-0002":
@@ -78,8 +79,6 @@ def fail_on_the_second(
     return guess(campaign_toml, suspects=suspects, seed=seed, predictions=predictions)
 
 
-def find_no_room(
-    campaign_toml: Path, *, suspects: Mapping[str, type], seed: int, predictions: Path | None
-) -> dict[str, Any]:
+def find_no_room(campaign_toml: Path, *, suspects: Suspects, seed: int, predictions: Path | None) -> dict[str, Any]:
     """Diagnose nothing, as on a full disk."""
     raise OSError(28, "No space left on device")

@@ -39,7 +39,7 @@ def campaign(effects: Mapping[str, Mapping[str, float]], seed: int = 0) -> list[
     """A campaign with some effects of the catalogue, by name and field."""
     model = baseline(built_in())
     for name, values in effects.items():
-        model = make_effect(name, values).bend(model)
+        model = make_effect(name, values).apply(model)
     rng = np.random.default_rng(seed)
     return [_logged(simulate(run, model).run, rng) for run in driven()]
 

@@ -29,7 +29,7 @@ def log_of(effect: str = "", load: float = 9.0) -> Fitted:
     model = baseline(built_in())
     values = {"ke_shift": {"k_e_change": -0.05}, "precharge": {"pressure_change": 0.05}}
     if effect:
-        model = make_effect(effect, values[effect]).bend(model)
+        model = make_effect(effect, values[effect]).apply(model)
     return Fitted([made_log(model, seed=4, load=load, cycles=2)], built_in())
 
 

@@ -92,7 +92,7 @@ def test_blocks_of_the_prediction_are_those_of_the_simulation(run: Run, load: fl
 
 def test_sensors_errors_show_in_their_channel(course: Course) -> None:
     clean = course.predict(MODEL)
-    sensors = MODEL.sensors.with_gain("force", 0.01)
+    sensors = msgspec.structs.replace(MODEL.sensors, gain={"force": 0.01})
     read = course.predict(msgspec.structs.replace(MODEL, sensors=sensors))
     assert read[:, 1] == pytest.approx(1.01 * clean[:, 1])
     assert np.array_equal(np.delete(read, 1, axis=1), np.delete(clean, 1, axis=1))

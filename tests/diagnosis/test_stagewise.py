@@ -61,7 +61,7 @@ def planted(name: str, seed: int = 0) -> tuple[StagePlace, ...]:
     model = baseline(built_in())
     values = {"torque_gain": {"gain_error": 0.03}, "": {}}.get(name) or PLANTED.get(name, ({}, ""))[0]
     if name:
-        model = make_effect(name, values).bend(model)
+        model = make_effect(name, values).apply(model)
     return stagewise(Fitted(campaign(dict.fromkeys(LOADS, model), seed), built_in()))
 
 
@@ -74,7 +74,7 @@ def test_what_is_wrong_in_a_stage_shows_in_that_stage_alone(name: str) -> None:
 
 
 def test_hot_copper_shows_in_both_stages_that_the_machine_is_part_of() -> None:
-    model = make_effect("copper_heating", {"r_s_change": 0.4}).bend(baseline(built_in()))
+    model = make_effect("copper_heating", {"r_s_change": 0.4}).apply(baseline(built_in()))
     found = arises(stagewise(Fitted(campaign(dict.fromkeys(LOADS, model), 1), built_in())))
     assert set(found.off) == {"gearbox", "generator"}
     assert found.sensor is None

@@ -27,8 +27,9 @@ from typing import Any, NamedTuple
 from pyarrow import parquet
 from seeds import ROOT, text
 
-from winchcascade.blind.injected import PARTS
 from winchcascade.blind.trial import diagnose
+from winchcascade.diagnosis.suspects import Suspects
+from winchcascade.rig.effects.catalogue import EFFECTS
 
 COPIES = 6
 """Logs of a batch: enough that some are done and some are not when it is disturbed."""
@@ -174,7 +175,7 @@ DISKS = {
 """Sizes of disks that are too small. [bytes]"""
 
 
-def guess(campaign_toml: Path, *, suspects: Mapping[str, type], seed: int, predictions: Path | None) -> dict[str, Any]:
+def guess(campaign_toml: Path, *, suspects: Suspects, seed: int, predictions: Path | None) -> dict[str, Any]:
     """Diagnose a campaign by a glance at its logs, with predictions of some size."""
     logs = sorted(campaign_toml.parent.glob("*.csv"))
     for log in logs:
@@ -434,7 +435,7 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=1, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.guess:
-        done = diagnose(given.guess, guess, PARTS_AS_SUSPECTS)
+        done = diagnose(given.guess, guess, EFFECTS)
         print(*done.faults.values(), sep="\n")
         return 1 if done.faults else 0
     rng = random.Random(given.seed)
@@ -449,9 +450,6 @@ def main() -> int:
             found += counts.faults
     print(f"seed {given.seed}")
     return 1 if found else 0
-
-
-PARTS_AS_SUSPECTS: dict[str, type] = dict.fromkeys(PARTS, int)
 
 
 def _disturbances(

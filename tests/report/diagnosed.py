@@ -44,7 +44,7 @@ def made_logs(effects: Planted, seconds: float = 75.0) -> list[Simulation]:
     rng = np.random.default_rng(7)
     model = baseline(load_rig("hsu2026"))
     for name, fields in effects.items():
-        model = make_effect(name, fields).bend(model)
+        model = make_effect(name, fields).apply(model)
     made = [simulate(_part(file, load, seconds), model) for file, load in LOGS.items()]
     return [msgspec.structs.replace(one, run=_noisy(one.run, rng)) for one in made]
 

@@ -12,7 +12,7 @@ from winchcascade.diagnosis.diagnose import Diagnosis, Remainder
 from winchcascade.diagnosis.diagnosis_record import as_json
 from winchcascade.diagnosis.next_run import Experiment
 from winchcascade.diagnosis.remainder import Alarm
-from winchcascade.report.diagnosis_names import PARAMETERS, meaning, parameter_words, quantity_words
+from winchcascade.report.diagnosis_names import display_of, parameter_words, quantity_words
 from winchcascade.report.diagnosis_text import diagnosis_lines, diagnosis_text
 from winchcascade.report.diagnosis_words import (
     alarm_meaning,
@@ -30,9 +30,8 @@ from winchcascade.report.diagnosis_words import (
     withheld_words,
     word_of,
 )
-from winchcascade.rig.effects.catalogue import EFFECTS, words
-
-REPORTED = [(effect, name) for effect, kind in EFFECTS.items() for name in kind.reports]
+from winchcascade.rig.effects.catalogue import EFFECTS
+from winchcascade.rig.effects.effect import Display
 
 
 def changed(of: Diagnosis, **changes: Any) -> Diagnosis:
@@ -43,20 +42,15 @@ def flat(text: str) -> str:
     return " ".join(text.split())
 
 
-@pytest.mark.parametrize(("effect", "name"), REPORTED)
-def test_every_number_of_the_catalogue_has_a_name_and_a_unit_of_its_own(effect: str, name: str) -> None:
-    how = PARAMETERS[f"{effect}.{name}"]
-    assert 0 < len(how.what) <= 28  # so that the table of causes fits a terminal
-    assert how.factor > 0.0
-
-
-def test_no_name_is_left_of_an_effect_that_is_gone() -> None:
-    assert set(PARAMETERS) == {f"{effect}.{name}" for effect, name in REPORTED}
-
-
 @pytest.mark.parametrize("effect", EFFECTS)
-def test_what_an_effect_means_is_what_its_docstring_says_first(effect: str) -> None:
-    assert meaning(EFFECTS[effect]) == words(EFFECTS[effect]).summary
+def test_every_number_of_the_catalogue_has_a_name_and_a_unit_of_its_own(effect: str) -> None:
+    shown = display_of(effect, EFFECTS[effect].parameter)
+    assert 0 < len(shown.what) <= 28  # so that the table of causes fits a terminal
+    assert shown.factor > 0.0
+
+
+def test_a_number_of_no_effect_of_the_catalogue_is_shown_by_its_own_name_and_unit() -> None:
+    assert display_of("draught", "at_10_m", "N") == Display("at 10 m", 1.0, "N", signed=False)
 
 
 @pytest.mark.parametrize(

@@ -138,7 +138,7 @@ def test_of_a_long_log_the_first_complete_cycles_are_compared(loaded: Reduction)
 
 
 def test_a_model_with_an_effect_is_compared_alike_and_told(loaded: Reduction) -> None:
-    model = make_effect("gear_mesh_loss", {"efficiency_change": -0.05}).bend(baseline(loaded.rig))
+    model = make_effect("gear_mesh_loss", {"efficiency_change": -0.05}).apply(baseline(loaded.rig))
     found = compare(loaded, model, changed="gear_mesh_loss")
     assert isinstance(found, Comparison)
     assert found.changed == "gear_mesh_loss"

@@ -179,7 +179,7 @@ def test_what_a_log_lacks_is_neither_drawn_nor_told(missing: str) -> None:
 
 def test_a_model_with_an_effect_says_so_in_every_caption() -> None:
     reduction = reduced("18 ohm")
-    model = make_effect("gear_mesh_loss", {"efficiency_change": -0.05}).bend(baseline(reduction.rig))
+    model = make_effect("gear_mesh_loss", {"efficiency_change": -0.05}).apply(baseline(reduction.rig))
     comparison = compare(reduction, model, changed="gear_mesh_loss")
     assert isinstance(comparison, Comparison)
     with house_style():

@@ -1,8 +1,11 @@
-"""Laws that hold for every effect of the catalogue; one more effect adds its tests by being listed."""
+"""Laws that hold for every effect of the catalogue; one more effect adds its tests by being listed.
+
+`PYTHONPATH=tests python tests/rig/test_effects.py` writes the declarations into docs/effects.md.
+"""
 
 import itertools
 import math
-from dataclasses import fields
+import textwrap
 from functools import cache
 from pathlib import Path
 
@@ -15,8 +18,8 @@ from hypothesis import strategies as st
 from winchcascade.core.errors import OptionError
 from winchcascade.core.rig_toml import built_in
 from winchcascade.ingest.read import read_run
-from winchcascade.rig.effects.catalogue import EFFECTS, Effect, describe, find_effect, make_effect, words
-from winchcascade.rig.effects.ke_rolloff import KeRolloff
+from winchcascade.rig.effects.catalogue import EFFECTS, describe, find_effect, make_effect
+from winchcascade.rig.effects.effect import ActiveEffect, Effect
 from winchcascade.rig.parts import ROLLOFF_KNOTS, Model, baseline
 from winchcascade.rig.simulate import READ, STEP, Simulation, simulate
 
@@ -106,14 +109,11 @@ LOADS = [("r45ohm.csv", 45.0), ("r18ohm.csv", 18.0), ("r4p5ohm.csv", 4.5), ("ope
 every_effect = pytest.mark.parametrize("name", EFFECTS)
 
 
-def half(kind: type[Effect]) -> Effect:
+def half(effect: Effect) -> ActiveEffect:
     """Make an effect half way from absent to its upper bound, or to the lower one where absent is the upper."""
-    values = {}
-    for field in fields(kind):
-        low, high = field.metadata["low"], field.metadata["high"]
-        assert isinstance(field.default, float)
-        values[field.name] = 0.5 * (field.default + (high if high > field.default else low))
-    return make_effect(next(name for name, one in EFFECTS.items() if one is kind), values)
+    ends = [field.high if field.high > field.absent else field.low for field in effect.fields]
+    half_way = (0.5 * (field.absent + end) for field, end in zip(effect.fields, ends, strict=True))
+    return ActiveEffect(effect, tuple(half_way))
 
 
 @cache
@@ -124,7 +124,7 @@ def model() -> Model:
 @cache
 def simulated(log: str, load: float, name: str | None) -> Simulation:
     run = read_run(ROOT / "fixtures" / "campaign" / log, load=load)
-    return simulate(run, half(EFFECTS[name]).bend(model()) if name else model())
+    return simulate(run, half(EFFECTS[name]).apply(model()) if name else model())
 
 
 def numbers(of: Model) -> dict[str, float]:
@@ -144,18 +144,9 @@ def numbers(of: Model) -> dict[str, float]:
 
 
 def test_the_catalogue_is_the_table_of_the_interface() -> None:
-    listed = [
-        (name, kind.stage, parameter, unit)
-        for name, kind in EFFECTS.items()
-        for parameter, unit in kind.reports.items()
-    ]
+    listed = [(name, effect.stage, effect.parameter, effect.unit) for name, effect in EFFECTS.items()]
     assert listed == [(name, stage, parameter, unit.replace("N m", "N.m").replace("m s", "m.s").replace("kg m", "kg.m"))
                       for name, stage, parameter, unit in CONTRACT]  # fmt: skip
-
-
-def test_every_file_of_the_room_is_listed() -> None:
-    files = {path.stem for path in (ROOT / "winchcascade" / "rig" / "effects").glob("*.py")} - {"__init__", "catalogue"}
-    assert files == set(EFFECTS)
 
 
 def test_the_table_of_channels_covers_the_catalogue() -> None:
@@ -163,48 +154,37 @@ def test_the_table_of_channels_covers_the_catalogue() -> None:
 
 
 @every_effect
-def test_an_effect_stands_in_the_file_of_its_name(name: str) -> None:
-    kind = EFFECTS[name]
-    assert kind.__module__ == f"winchcascade.rig.effects.{name}"
-    assert kind.__name__ == "".join(word.capitalize() for word in name.split("_"))
-
-
-@every_effect
-def test_a_docstring_has_its_three_parts(name: str) -> None:
-    said = words(EFFECTS[name])
-    assert all(len(part) > 10 for part in (said.summary, said.shows_as, said.taken_for, said.source))
-    assert all(channel in said.shows_as for channel in SHOWS[name][0])
+def test_a_declaration_has_its_texts(name: str) -> None:
+    effect = EFFECTS[name]
+    assert all(len(part) > 10 for part in (effect.summary, effect.shows_as, effect.taken_for, effect.source))
+    assert all(channel in effect.shows_as for channel in SHOWS[name][0])
 
 
 @every_effect
 def test_fields_have_unit_source_and_bounds_that_hold_the_absent_value(name: str) -> None:
-    kind = EFFECTS[name]
-    assert [field.name for field in fields(kind)] == list(kind.possible)
-    for field in fields(kind):
-        of, (least, most) = field.metadata, kind.possible[field.name]
-        assert of["unit"]
-        assert of["source"]
-        assert least <= of["low"] <= field.default <= of["high"] <= most
-        assert of["low"] < of["high"]
+    for field in EFFECTS[name].fields:
+        least, most = field.possible
+        assert field.unit
+        assert field.source
+        assert least <= field.low <= field.absent <= field.high <= most
+        assert field.low < field.high
 
 
 @every_effect
-def test_an_effect_reports_what_it_says(name: str) -> None:
-    kind = EFFECTS[name]
-    assert list(kind().reported()) == list(half(kind).reported()) == list(kind.reports)
-    assert all(math.isfinite(value) for value in half(kind).reported().values())
-    assert set(kind().reported().values()) <= {0.0, 1.0}
+def test_an_effect_reports_a_number(name: str) -> None:
+    assert math.isfinite(half(EFFECTS[name]).reported)
+    assert make_effect(name, {}).reported in (0.0, 1.0)
 
 
 @every_effect
 def test_an_effect_is_absent_at_its_defaults(name: str) -> None:
-    assert EFFECTS[name]().bend(model()) == model()
+    assert make_effect(name, {}).apply(model()) == model()
 
 
 @every_effect
-def test_a_bent_model_is_another_one_and_the_first_stays(name: str) -> None:
+def test_a_changed_model_is_another_one_and_the_first_stays(name: str) -> None:
     before = numbers(model())
-    assert half(EFFECTS[name]).bend(model()) != model()
+    assert half(EFFECTS[name]).apply(model()) != model()
     assert numbers(model()) == before
 
 
@@ -212,21 +192,22 @@ def test_a_bent_model_is_another_one_and_the_first_stays(name: str) -> None:
 def test_any_two_effects_compose_in_either_order(name: str) -> None:
     one = half(EFFECTS[name])
     for other in (half(kind) for kind in EFFECTS.values()):
-        there = numbers(other.bend(one.bend(model())))
-        assert numbers(one.bend(other.bend(model()))) == pytest.approx(there, rel=ROUNDING, abs=ROUNDING)
+        there = numbers(other.apply(one.apply(model())))
+        assert numbers(one.apply(other.apply(model()))) == pytest.approx(there, rel=ROUNDING, abs=ROUNDING)
 
 
 @every_effect
 def test_two_effects_of_one_kind_add_up_in_either_order(name: str) -> None:
-    kind = EFFECTS[name]
-    values = {field.name: getattr(half(kind), field.name) for field in fields(kind) if field.name != "cooling"}
+    effect = EFFECTS[name]
+    named = zip(effect.fields, half(effect).values, strict=True)
+    values = {field.name: value for field, value in named if field.name != "cooling"}
     # the cooling time of a gas is its own, not a change of one
-    absent = {field.name: field.default for field in fields(kind)}
+    absent = {field.name: field.absent for field in effect.fields}
     small = make_effect(name, {key: absent[key] + 0.3 * (value - absent[key]) for key, value in values.items()})
     large = make_effect(name, values)
-    there = numbers(small.bend(large.bend(model())))
-    assert numbers(large.bend(small.bend(model()))) == pytest.approx(there, rel=ROUNDING, abs=ROUNDING)
-    assert there != pytest.approx(numbers(large.bend(model())), rel=1e-6, abs=1e-9)
+    there = numbers(small.apply(large.apply(model())))
+    assert numbers(large.apply(small.apply(model()))) == pytest.approx(there, rel=ROUNDING, abs=ROUNDING)
+    assert there != pytest.approx(numbers(large.apply(model())), rel=1e-6, abs=1e-9)
 
 
 @every_effect
@@ -254,44 +235,38 @@ def test_half_the_step_gives_the_same(name: str) -> None:
     """At the heaviest load, where currents and their feedback are largest."""
     coarse = simulated("r4p5ohm.csv", 4.5, name).run.channels
     run = read_run(ROOT / "fixtures" / "campaign" / "r4p5ohm.csv", load=4.5)
-    fine = simulate(run, half(EFFECTS[name]).bend(model()), step=0.5 * STEP).run.channels
+    fine = simulate(run, half(EFFECTS[name]).apply(model()), step=0.5 * STEP).run.channels
     for channel in READ:
         assert np.abs(fine[channel] - coarse[channel]).max() < NOISE * np.abs(coarse[channel]).max(), channel
 
 
-def within(field: str) -> st.SearchStrategy[float]:
-    of = next(one.metadata for one in fields(KeRolloff) if one.name == field)
-    return st.floats(of["low"], of["high"])
-
-
-@given(st.tuples(*(within(field.name) for field in fields(KeRolloff))))
+@given(st.tuples(*(st.floats(field.low, field.high) for field in EFFECTS["ke_rolloff"].fields)))
 def test_a_rolloff_never_rises(lost: tuple[float, ...]) -> None:
-    effect = KeRolloff(*lost)
-    left = (1.0, *effect.bend(model()).generator.rolloff)
+    effect = ActiveEffect(EFFECTS["ke_rolloff"], lost)
+    left = (1.0, *effect.apply(model()).generator.rolloff)
     assert all(before >= after > 0.0 for before, after in itertools.pairwise(left))
     at_9, at_11 = (left[ROLLOFF_KNOTS.index(knot)] for knot in (9.0, 11.0))
-    assert at_11 <= effect.reported()["k_e_ratio_at_10_a"] <= at_9
+    assert at_11 <= effect.reported <= at_9
 
 
 def test_relative_changes_multiply_and_absolute_ones_add() -> None:
-    twice = make_effect("ke_shift", {"k_e_change": 0.1}).bend(
-        make_effect("ke_shift", {"k_e_change": 0.1}).bend(model())
+    twice = make_effect("ke_shift", {"k_e_change": 0.1}).apply(
+        make_effect("ke_shift", {"k_e_change": 0.1}).apply(model())
     )
     assert twice.generator.k_e == pytest.approx(1.21 * model().generator.k_e)
     gains = make_effect("torque_gain", {"gain_error": 0.1})
-    assert gains.bend(gains.bend(model())).sensors.gain["torque"] == pytest.approx(0.21)
+    assert gains.apply(gains.apply(model())).sensors.gain["torque"] == pytest.approx(0.21)
     drag = make_effect("rotor_viscous", {"b_extra": 1e-3})
-    assert drag.bend(drag.bend(model())).drivetrain.b_rotor == pytest.approx(model().drivetrain.b_rotor + 2e-3)
+    assert drag.apply(drag.apply(model())).drivetrain.b_rotor == pytest.approx(model().drivetrain.b_rotor + 2e-3)
 
 
 def test_rope_layers_are_given_for_ten_metres() -> None:
-    bent = make_effect("drum_layering", {"radius_change_per_10_m": -0.1}).bend(model())
-    assert bent.winch.layering == pytest.approx(-0.01)
+    layered = make_effect("drum_layering", {"radius_change_per_10_m": -0.1}).apply(model())
+    assert layered.winch.layering == pytest.approx(-0.01)
 
 
 def test_the_cooling_time_of_an_absent_effect_is_that_of_the_part() -> None:
-    cooling = next(field for field in fields(EFFECTS["gas_polytropic"]) if field.name == "cooling")
-    assert cooling.default == model().restoring.cooling
+    assert make_effect("gas_polytropic", {}).values[1] == model().restoring.cooling
 
 
 @pytest.mark.parametrize(
@@ -315,7 +290,7 @@ def test_what_cannot_be_made_is_refused_in_one_sentence(name: str, values: dict[
 
 
 def test_an_effect_is_found_by_its_name() -> None:
-    assert find_effect("ke_rolloff") is KeRolloff
+    assert find_effect("ke_rolloff") is EFFECTS["ke_rolloff"]
 
 
 def test_the_table_names_every_effect_in_a_hundred_columns() -> None:
@@ -326,19 +301,41 @@ def test_the_table_names_every_effect_in_a_hundred_columns() -> None:
 
 
 @every_effect
-def test_the_sheet_of_an_effect_tells_all_of_it(name: str) -> None:
-    text = " ".join(describe(name).split())
-    said = words(EFFECTS[name])
-    assert all(part in text for part in (said.summary, said.shows_as, said.taken_for, said.source))
-    for field in fields(EFFECTS[name]):
-        of = field.metadata
-        assert f"{field.name} [{of['unit']}]: {of['low']:g} to {of['high']:g}, absent {field.default:g}; " in text
-        assert of["source"] in text
+def test_the_sheet_of_an_effect_has_all_of_its_declaration(name: str) -> None:
+    text, effect = " ".join(describe(name).split()), EFFECTS[name]
+    assert all(part in text for part in (effect.summary, effect.shows_as, effect.taken_for, effect.source))
+    for field in effect.fields:
+        assert f"{field.name} [{field.unit}]: {field.low:g} to {field.high:g}, absent {field.absent:g}; " in text
+        assert field.source in text
 
 
-@every_effect
-def test_the_manual_says_how_every_effect_shows(name: str) -> None:
-    manual = " ".join((ROOT / "docs" / "effects.md").read_text(encoding="utf-8").split())
-    said = words(EFFECTS[name])
-    assert f"**`{name}`**" in manual
-    assert all(part in manual for part in (said.summary, said.shows_as, said.taken_for))
+PAGE = ROOT / "docs" / "effects.md"
+STAGES = {"generator": "Generator", "gearbox": "Gearbox", "transmission": "Transmission", "restoring": "Restoring module",
+          "sensor": "Sensors"}  # fmt: skip
+
+
+def paragraph(effect: Effect) -> str:
+    """An effect as the page describes it."""
+    text = (
+        f"**`{effect.name}`** {effect.summary} Shows as: {effect.shows_as} Easily taken for: {effect.taken_for} "
+        f"Reported as `{effect.parameter}` ({effect.unit})."
+    )
+    if len(effect.fields) > 1:
+        text += f" Fields: {', '.join(f'`{field.name}`' for field in effect.fields)}."
+    return textwrap.fill(text, 128, break_on_hyphens=False, break_long_words=False)
+
+
+def page() -> str:
+    """The page of the effects: its introduction as it is, the rest from the declarations."""
+    parts = [PAGE.read_text(encoding="utf-8").split("\n\n## ")[0]]
+    for stage, heading in STAGES.items():
+        parts += [f"## {heading}", *(paragraph(effect) for effect in EFFECTS.values() if effect.stage == stage)]
+    return "\n\n".join(parts) + "\n"
+
+
+def test_the_page_of_the_effects_is_made_of_their_declarations() -> None:
+    assert PAGE.read_text(encoding="utf-8") == page()
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

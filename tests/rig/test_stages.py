@@ -80,9 +80,7 @@ def test_stages_of_a_simulation_give_it_back(load: float) -> None:
         restoring=msgspec.structs.replace(MODEL.restoring, seal_friction=300.0, exponent=1.2),
         drivetrain=msgspec.structs.replace(MODEL.drivetrain, windage=1e-7, friction=0.05),
         generator=msgspec.structs.replace(MODEL.generator, rolloff=(1.0, 0.99, 0.97, 0.94, 0.9, 0.86, 0.8, 0.7)),
-        sensors=msgspec.structs.replace(
-            MODEL.sensors.with_gain("vdc", 0.02), zero={"force": 20.0}, electrical_lag=0.04
-        ),
+        sensors=msgspec.structs.replace(MODEL.sensors, gain={"vdc": 0.02}, zero={"force": 20.0}, electrical_lag=0.04),
     )
     run = simulate(motion_run(load=load), model).run
     on = plateaus(run)

@@ -13,7 +13,7 @@ import pytest
 from winchcascade import read_run
 from winchcascade.core.rig_toml import built_in
 from winchcascade.rig.bridge import bridge_state, bridge_table, bridge_turned
-from winchcascade.rig.effects.catalogue import EFFECTS
+from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 from winchcascade.rig.kernel import SHAFT, Constants, constants, run_shaft
 from winchcascade.rig.parts import Model, baseline
 from winchcascade.rig.simulate import Motion, motion_of
@@ -27,13 +27,13 @@ STEP, EVERY = 1e-3, 10
 AT_REST = 5.0
 """Below this speed friction alone decides. [rad/s]"""
 
-ROLLOFF = EFFECTS["ke_rolloff"]
+ROLLOFF = [field.name for field in EFFECTS["ke_rolloff"].fields]
 NOMINAL = baseline(built_in())
 
 
 def bent(model: Model, **fields: dict[str, float]) -> Model:
     for name, values in fields.items():
-        model = EFFECTS[name](**values).bend(model)
+        model = make_effect(name, values).apply(model)
     return model
 
 
@@ -69,9 +69,7 @@ def test_derivatives_are_the_limit_of_differences(model: Model, name: str, load:
     course = motion(name, load)
     numbers = constants(model, load)
     solution = solve(course.v, numbers)
-    ways = {
-        field: direction(numbers, constants(bent(model, ke_rolloff={field: 1e-4}), load)) for field in ROLLOFF.possible
-    }
+    ways = {field: direction(numbers, constants(bent(model, ke_rolloff={field: 1e-4}), load)) for field in ROLLOFF}
     tangent = tangent_of(course.v, STEP, numbers, bridge_table(), solution, EVERY, list(ways.values()))
     turning = solution[::EVERY, SHAFT.index("omega_gen")] > AT_REST
     for what in (*NUMBERS, *ways):

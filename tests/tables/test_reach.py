@@ -117,7 +117,7 @@ SIZE = 0.015
 
 
 def test_a_planted_loss_is_out_of_reach_and_among_those_that_could_be_why() -> None:
-    planted = make_effect("gear_mesh_loss", {"efficiency_change": -0.08}).bend(baseline(RIG))
+    planted = make_effect("gear_mesh_loss", {"efficiency_change": -0.08}).apply(baseline(RIG))
     found = judged(as_table(made_rows(planted)))
     assert all(cell.outside and cell.gap < 0.0 for cell in cells_of(found, "eta_gen"))
     movers = {mover.effect: mover for mover in found.explanation.movers}
@@ -134,8 +134,8 @@ def test_a_planted_loss_is_out_of_reach_and_among_those_that_could_be_why() -> N
 
 
 def test_two_planted_effects_need_a_pair() -> None:
-    model = make_effect("gear_mesh_loss", {"efficiency_change": -0.08}).bend(baseline(RIG))
-    model = make_effect("screw_friction", {"mu_change": -0.03}).bend(model)
+    model = make_effect("gear_mesh_loss", {"efficiency_change": -0.08}).apply(baseline(RIG))
+    model = make_effect("screw_friction", {"mu_change": -0.03}).apply(model)
     found = judged(as_table(made_rows(model))).explanation
     assert found.size == 2
     (best, *_) = [values for values in found.sets if set(values.fields) == {"gear_mesh_loss", "screw_friction"}]

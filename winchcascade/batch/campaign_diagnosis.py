@@ -21,13 +21,14 @@ from winchcascade.rig.simulate import simulate
 from winchcascade.rig.simulated_log import write_log
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from winchcascade.core.campaign_file import Campaign
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
     from winchcascade.diagnosis.line.line_closure import Judged
+    from winchcascade.diagnosis.suspects import Suspects
 
 
 HEADER = "Time (s),Cycle,Predicted mechanical power (W)"
@@ -49,7 +50,7 @@ def diagnose_logs(
     campaign: Campaign,
     runs: Sequence[Run],
     rig: Rig,
-    suspects: Mapping[str, type],
+    suspects: Suspects,
     loads: Sequence[float],
     seed: int,
     tell: Callable[[str], None],
@@ -116,7 +117,7 @@ def _fill(rows: Signal, path: Path) -> None:
 
 def diagnose_file(
     path: Path,
-    suspects: Mapping[str, type],
+    suspects: Suspects,
     *,
     seed: int = 0,
     tell: Callable[[str], None] = lambda _: None,
@@ -129,7 +130,7 @@ def diagnose_file(
 def diagnose_listed(
     campaign: Campaign,
     rig: Rig,
-    suspects: Mapping[str, type],
+    suspects: Suspects,
     *,
     loads: Sequence[float] = (),
     seed: int = 0,
@@ -168,7 +169,7 @@ def diagnose_listed(
 
 
 def diagnose_campaign(
-    campaign_toml: Path, *, suspects: Mapping[str, type], seed: int, predictions: Path | None
+    campaign_toml: Path, *, suspects: Suspects, seed: int, predictions: Path | None
 ) -> dict[str, Any]:
     """Diagnose a campaign for a trial: JSON as a dict, predictions into a folder if one is given."""
     found = diagnose_file(campaign_toml, suspects, seed=seed)
@@ -227,7 +228,7 @@ class Outcome(NamedTuple):
 
 def outcome(
     campaign: Campaign,
-    suspects: Mapping[str, type],
+    suspects: Suspects,
     *,
     rig: str | None = None,
     loads: Sequence[float] = (),

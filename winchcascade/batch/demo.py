@@ -13,7 +13,9 @@ from winchcascade.core.store import Digest, altered, digest_in, digest_of, insid
 from winchcascade.core.version import __version__
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable
+
+    from winchcascade.diagnosis.suspects import Suspects
 
 _PACKAGE = Path(__file__).parent.parent
 
@@ -52,7 +54,7 @@ KINDS = ("html", "pdf", "json")
 def diagnose_copy(
     campaign: Path,
     folder: Path,
-    suspects: Mapping[str, type],
+    suspects: Suspects,
     *,
     command: str = "",
     force: bool = False,

@@ -7,7 +7,7 @@ import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from tempfile import gettempdir
-from typing import Any, Literal, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar
 
 import msgspec
 
@@ -34,6 +34,9 @@ from winchcascade.core.store import (
 )
 from winchcascade.core.version import __version__
 
+if TYPE_CHECKING:
+    from winchcascade.diagnosis.suspects import Suspects
+
 DIAGNOSES, PREDICTIONS = "diagnoses", "predictions"
 """Folders of a trial beside its cases: a JSON for each case, and what the diagnosis predicted of its logs."""
 
@@ -45,7 +48,7 @@ class Diagnose(Protocol):
     """Whoever diagnoses a campaign: its logs in, the diagnosis out, as the nested records of its JSON."""
 
     def __call__(
-        self, campaign_toml: Path, *, suspects: Mapping[str, type], seed: int, predictions: Path | None
+        self, campaign_toml: Path, *, suspects: Suspects, seed: int, predictions: Path | None
     ) -> dict[str, Any]:
         """Diagnose one campaign and write what was predicted of its withheld logs into a folder."""
 
@@ -224,7 +227,7 @@ class _Order(msgspec.Struct, frozen=True):
     name: str
     key: str
     diagnose: Diagnose
-    suspects: Mapping[str, type]
+    suspects: Suspects
     seed: int
     folder: str | None = None
     files: Mapping[str, bytes] | None = None
@@ -251,7 +254,7 @@ class _Marked(msgspec.Struct):
 def diagnose(
     folder: Path,
     who: Diagnose,
-    suspects: Mapping[str, type],
+    suspects: Suspects,
     *,
     seed: int = 0,
     jobs: int = 1,
@@ -328,7 +331,7 @@ def _files(case: Path) -> dict[str, bytes]:
     return {name: path.read_bytes() for name, path in paths.items() if path.is_file()}
 
 
-def _key(case: Path, suspects: Mapping[str, type], seed: int) -> str:
+def _key(case: Path, suspects: Suspects, seed: int) -> str:
     """Digest of everything that a diagnosis depends on."""
     files = {name: digest_of(content) for name, content in _files(case).items()}
     return digest_of(repr((__version__, sorted(suspects), seed, files)).encode())

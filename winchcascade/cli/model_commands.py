@@ -75,7 +75,7 @@ def simulate_command(
         raise OptionError(f"{run.name}: its load is unknown; give --load-ohm OHM, inf for an open circuit.")
     model = baseline(settings.rig)
     for name, fields in _fields(effects or []).items():
-        model = make_effect(name, fields).bend(model)
+        model = make_effect(name, fields).apply(model)
     simulation = simulate(run, model)
     write_log(simulation, out, force=force)
     show(simulation_text(simulation, out))

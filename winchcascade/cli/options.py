@@ -24,9 +24,9 @@ def table_names(incomplete: str) -> list[str]:
 
 def effect_names(incomplete: str) -> list[tuple[str, str]]:
     """Effects that start like this, each with what is unmodelled without it."""
-    from winchcascade.rig.effects.catalogue import EFFECTS, words
+    from winchcascade.rig.effects.catalogue import EFFECTS
 
-    return [(name, words(kind).summary) for name, kind in EFFECTS.items() if name.startswith(incomplete)]
+    return [(name, effect.summary) for name, effect in EFFECTS.items() if name.startswith(incomplete)]
 
 
 def report_choices(incomplete: str) -> list[str]:

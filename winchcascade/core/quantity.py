@@ -6,7 +6,6 @@ Inside the program every number is in SI units; other units appear only where fi
 from __future__ import annotations
 
 import unicodedata
-from typing import Any
 
 import msgspec
 
@@ -180,17 +179,3 @@ class Quantity(msgspec.Struct, frozen=True):
     unit: str
     source: str = ""
     tolerance: float | None = None
-
-
-def unknown(absent: float, unit: str, *, low: float, high: float, source: str = "") -> Any:
-    """Declare a number that a fit may find, as the default of a dataclass field.
-
-    Parameters
-    ----------
-    absent : its value where the effect is absent
-    unit : of the number, as the table of units spells it
-    low, high : bounds of what is plausible
-    """
-    from dataclasses import field
-
-    return field(default=absent, metadata={"unit": unit, "low": low, "high": high, "source": source})

@@ -30,7 +30,7 @@ RIVALS = 2
 
 LAW = 0.01
 """No rig follows an effect's law exactly: how well what the effect does is known at best, a standard uncertainty as a share of
-it. Assumed; about what twins that bend by laws of their own scatter by."""
+it. Assumed; about what twins that follow laws of their own scatter by."""
 
 COVERED = 1.96
 """Standard deviations on either side of a 95 % interval."""
@@ -98,25 +98,20 @@ def probabilities(fits: dict[Names, Fit], scale: float) -> dict[Names, float]:
 
 def parameters_of(data: Fitted, suspects: Suspects, fit: Fit, name: str, scale: float) -> dict[str, Reported]:
     """What is reported of one cause, with 95 % intervals; fields at a bound count as known, and a law as far as `LAW` says."""
-    kind = suspects[name]
+    effect = suspects[name]
     place = _place(fit, name)
     values = fit.values[fit.names.index(name)]
     covariance = covariance_of(data, fit, scale)[place, place]
-    made, absent = with_values(kind, values).reported(), with_values(kind, freedom(kind).absent).reported()
-    found = {}
-    for reported, value in made.items():
-        gradient = np.zeros(values.size)
-        for k in range(values.size):
-            step = 1e-3 * float(fit.high[place][k] - fit.low[place][k])
-            step = -step if values[k] + step > fit.high[place][k] else step
-            moved = values.copy()
-            moved[k] += step
-            gradient[k] = (with_values(kind, moved).reported()[reported] - value) / step
-        u = math.hypot(
-            math.sqrt(max(float(gradient @ covariance @ gradient), 0.0)), LAW * abs(value - absent[reported])
-        )
-        found[reported] = Reported(value, value - COVERED * u, value + COVERED * u, kind.reports[reported])
-    return found
+    value, absent = (with_values(effect, x).reported for x in (values, freedom(effect).absent))
+    gradient = np.zeros(values.size)
+    for k in range(values.size):
+        step = 1e-3 * float(fit.high[place][k] - fit.low[place][k])
+        step = -step if values[k] + step > fit.high[place][k] else step
+        moved = values.copy()
+        moved[k] += step
+        gradient[k] = (with_values(effect, moved).reported - value) / step
+    u = math.hypot(math.sqrt(max(float(gradient @ covariance @ gradient), 0.0)), LAW * abs(value - absent))
+    return {effect.parameter: Reported(value, value - COVERED * u, value + COVERED * u, effect.unit)}
 
 
 def covariance_of(data: Fitted, fit: Fit, scale: float) -> Signal:

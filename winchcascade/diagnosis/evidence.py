@@ -9,13 +9,14 @@ import msgspec
 import numpy as np
 
 from winchcascade.diagnosis.solve import bounded_step, huber, joint_step, quadratic, weights
-from winchcascade.diagnosis.suspects import Suspect, Suspects, freedom, with_values
+from winchcascade.diagnosis.suspects import Suspects, freedom, with_values
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.misfit import Fitted
+    from winchcascade.rig.effects.effect import ActiveEffect
 
 STEP = 0.02
 """Share of a field's plausible range by which its derivative is taken."""
@@ -56,7 +57,7 @@ class Fit(msgspec.Struct, frozen=True):
             return 0.0
         return cost_of(self.curve / scale, self.slope / scale, np.concatenate(self.values), self.low, self.high)
 
-    def effects(self, suspects: Suspects) -> list[Suspect]:
+    def effects(self, suspects: Suspects) -> list[ActiveEffect]:
         """The suspects with the values that were found."""
         return [with_values(suspects[name], x) for name, x in zip(self.names, self.values, strict=True)]
 
@@ -66,7 +67,7 @@ def all_columns(
 ) -> dict[str, Signal]:
     """Whitened derivative of the prediction over fields of some suspects, each (M * 5, k), where those with `values` act."""
     made = {name: with_values(suspects[name], x) for name, x in values.items()}
-    variants: list[tuple[Signal, list[Suspect]]] = []
+    variants: list[tuple[Signal, list[ActiveEffect]]] = []
     steps: list[float] = []
     place: dict[str, slice] = {}
     for name in wanted:
@@ -185,7 +186,7 @@ SHARES = (1.0, 0.4, 0.15, 0.05)
 """Shares of a step that are tried until one brings the objective down."""
 
 
-def _made(suspects: Suspects, values: Mapping[str, Signal]) -> list[Suspect]:
+def _made(suspects: Suspects, values: Mapping[str, Signal]) -> list[ActiveEffect]:
     return [with_values(suspects[name], x) for name, x in values.items()]
 
 

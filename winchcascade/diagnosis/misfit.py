@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -13,9 +13,9 @@ import numpy as np
 from winchcascade.core.jobs import all_at_once
 from winchcascade.diagnosis.block_means import blocks_of
 from winchcascade.diagnosis.noise import Noise, noise_of, with_extra
-from winchcascade.diagnosis.nuisances import Nuisance, nuisances, shifted
+from winchcascade.diagnosis.nuisances import LOAD, Nuisance, nuisances, shifted
 from winchcascade.diagnosis.predict import CHANNELS, COARSE, Course
-from winchcascade.rig.parts import baseline, possible
+from winchcascade.rig.parts import baseline, changed, possible
 from winchcascade.rig.simulate import STEP
 
 if TYPE_CHECKING:
@@ -23,14 +23,8 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
+    from winchcascade.rig.effects.effect import ActiveEffect
     from winchcascade.rig.parts import Model
-
-
-class Bend(Protocol):
-    """Something that changes a model: an effect with its values."""
-
-    def bend(self, model: Model) -> Model:
-        """Return the model with this effect in it."""
 
 
 RHO = 0.2
@@ -87,8 +81,8 @@ class Fitted:
         self.whitener = np.concatenate([log.whitener * (k not in withheld) for k, log in enumerate(self.logs)])
         self.joined = np.concatenate([log.course.blocks.joined for log in self.logs])
 
-    def model(self, nu: Signal, effects: Sequence[Bend]) -> Model:
-        """The rig's model: its numbers and laws moved by nuisances in units of their tolerance, then bent by effects.
+    def model(self, nu: Signal, effects: Sequence[ActiveEffect]) -> Model:
+        """The rig's model: its numbers and laws moved by nuisances in units of their tolerance, then changed by effects.
 
         Loads and gains are as they are stated.
         """
@@ -98,21 +92,19 @@ class Fitted:
         model = baseline(shifted(self.rig, moves)) if moves else self.nominal
         for n, x in zip(self.nuisances, nu, strict=True):
             if n.kind == "law" and x:
-                model = _with_law(model, n.section, n.name, x * n.sd)
+                model = changed(model, n.path, "add", x * n.sd)
         for effect in effects:
-            model = effect.bend(model)
+            model = effect.apply(model)
         return possible(model)
 
-    def models(self, nu: Signal, effects: Sequence[Bend]) -> list[Model]:
+    def models(self, nu: Signal, effects: Sequence[ActiveEffect]) -> list[Model]:
         """The model of each log: that of the rig, gains and the log's load moved by nuisances too."""
         model = self.model(nu, effects)
-        sensors = model.sensors
         for n, x in zip(self.nuisances, nu, strict=True):
             if n.kind == "gain":
-                sensors = sensors.with_gain(n.name, x * n.sd)
-        model = msgspec.structs.replace(model, sensors=sensors)
+                model = changed(model, n.path, "compound", x * n.sd)
         loads = {n.load: x * n.sd for n, x in zip(self.nuisances, nu, strict=True) if n.kind == "load"}
-        return [_with_load(model, loads.get(log.load, 0.0)) for log in self.logs]
+        return [changed(model, LOAD, "compound", loads.get(log.load, 0.0)) for log in self.logs]
 
     def skew(self, nu: Signal) -> Signal:
         """How late each channel is read, (5,) [s]."""
@@ -122,7 +114,7 @@ class Fitted:
                 late[CHANNELS.index(n.name)] = x * n.sd
         return late
 
-    def predict(self, nu: Signal, effects: Sequence[Bend], logs: Iterable[int] | None = None) -> Signal:
+    def predict(self, nu: Signal, effects: Sequence[ActiveEffect], logs: Iterable[int] | None = None) -> Signal:
         """Blocks that the model gives, (M, 5), zeros of the sensors included; only some logs, where they are named."""
         models = self.models(nu, effects)
         which = range(len(self.logs)) if logs is None else sorted(logs)
@@ -153,11 +145,13 @@ class Fitted:
         white: Signal = out.reshape(-1, *residual.shape[2:])
         return white
 
-    def residual(self, nu: Signal, effects: Sequence[Bend]) -> Signal:
+    def residual(self, nu: Signal, effects: Sequence[ActiveEffect]) -> Signal:
         """Measured minus predicted blocks, whitened, (M * 5,)."""
         return self.whiten(self.measured - self.predict(nu, effects))
 
-    def nuisance_columns(self, nu: Signal, effects: Sequence[Bend], at: Signal, seen: Signal | None = None) -> Signal:
+    def nuisance_columns(
+        self, nu: Signal, effects: Sequence[ActiveEffect], at: Signal, seen: Signal | None = None
+    ) -> Signal:
         """Whitened derivative of the prediction over every nuisance in units of its tolerance, (M * 5, nuisances).
 
         Parameters
@@ -168,7 +162,7 @@ class Fitted:
         columns = self.tolerances(nu, effects, at)
         return self.whiten(columns if seen is None else columns * seen[:, :, None])
 
-    def tolerances(self, nu: Signal, effects: Sequence[Bend], at: Signal) -> Signal:
+    def tolerances(self, nu: Signal, effects: Sequence[ActiveEffect], at: Signal) -> Signal:
         """What one tolerance of each nuisance moves, (M, 5, nuisances), SI units; parameters as above."""
         columns = np.zeros((*at.shape, len(self.nuisances)))
         simulated = []
@@ -180,12 +174,12 @@ class Fitted:
                 columns[:, k, j] = at[:, k] * n.sd
             else:
                 simulated.append(j)
-        variants: list[tuple[Signal, Sequence[Bend]]] = [(nu + np.eye(nu.size)[j], effects) for j in simulated]
+        variants: list[tuple[Signal, Sequence[ActiveEffect]]] = [(nu + np.eye(nu.size)[j], effects) for j in simulated]
         columns[:, :, simulated] = self.differences(nu, effects, variants)
         return columns
 
     def differences(
-        self, nu: Signal, effects: Sequence[Bend], variants: Sequence[tuple[Signal, Sequence[Bend]]]
+        self, nu: Signal, effects: Sequence[ActiveEffect], variants: Sequence[tuple[Signal, Sequence[ActiveEffect]]]
     ) -> Signal:
         """What nuisances and effects near to some give beyond these, (M, 5, variants), SI units; the shaft to first order."""
         models, skew = self.models(nu, effects), self.skew(nu)
@@ -195,18 +189,6 @@ class Fitted:
             for k, log in enumerate(self.logs)
         ]
         return np.concatenate(all_at_once(jobs))
-
-
-def _with_law(model: Model, part: str, name: str, by: float) -> Model:
-    own = getattr(model, part)
-    return msgspec.structs.replace(model, **{part: msgspec.structs.replace(own, **{name: getattr(own, name) + by})})
-
-
-def _with_load(model: Model, deviation: float) -> Model:
-    if not deviation:
-        return model
-    change = (1.0 + model.dc_link.load_change) * (1.0 + deviation) - 1.0
-    return msgspec.structs.replace(model, dc_link=msgspec.structs.replace(model.dc_link, load_change=change))
 
 
 def _log(run: Run, rig: Rig, nominal: Model, cycles: tuple[int, int] | None) -> Log:

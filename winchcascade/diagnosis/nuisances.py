@@ -48,6 +48,10 @@ SKEW = 0.05
 standard uncertainty, assumed. The pressure changes too slowly to tell. [1]"""
 
 
+LOAD = "dc_link.load_change"
+"""Path in the model of the deviation of a load."""
+
+
 class Nuisance(msgspec.Struct, frozen=True):
     """One deviation that every fit allows within its tolerance `sd`, one standard uncertainty in `unit`.
 
@@ -63,6 +67,18 @@ class Nuisance(msgspec.Struct, frozen=True):
     section: str = ""
     load: float = math.nan
     log: int = -1
+
+    @property
+    def path(self) -> str:
+        """Section and name in the rig file, or the path in the model of what it moves; empty for a timing."""
+        return {
+            "rig": f"{self.section}.{self.name}",
+            "law": f"{self.section}.{self.name}",
+            "load": LOAD,
+            "gain": f"sensors.gain.{self.name}",
+            "timing": "",
+            "zero": f"sensors.zero.{self.name}",
+        }[self.kind]
 
     def __str__(self) -> str:
         """How a report calls it."""

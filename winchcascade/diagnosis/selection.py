@@ -11,6 +11,7 @@ import numpy as np
 from winchcascade.diagnosis.evidence import Fit, all_columns, cost_of, fit_set
 from winchcascade.diagnosis.solve import box_minimum, huber, quadratic, weights
 from winchcascade.diagnosis.suspects import Suspects, freedom
+from winchcascade.rig.effects.catalogue import EFFECTS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -39,9 +40,6 @@ odds of a hundred and fifty to one."""
 
 MANY, HOPELESS = 5, 2.0
 """So many causes that still leave blocks this far beyond their noise, in mean squares, will not be saved by one more."""
-
-CATALOGUE = 28
-"""Suspects of which one more is chosen: the catalogue's, also where a few of them alone are suspected."""
 
 FURTHER = 2
 """The closed form is trusted with so many causes beyond those of the fit about which it was expanded."""
@@ -89,8 +87,11 @@ class Linear(msgspec.Struct, frozen=True):
 
 
 def price(names: Names) -> float:
-    """What each further cause must bring beyond its own freedom: one of a catalogue of suspects, none as likely as any."""
-    return len(names) * math.log(CATALOGUE)
+    """Evidence that the causes must bring beyond their own freedom.
+
+    Each is one of the catalogue, and all are as likely; also where only a few of them are suspects.
+    """
+    return len(names) * math.log(len(EFFECTS))
 
 
 def scale_of(fit: Fit) -> float:

@@ -1,34 +1,20 @@
-"""A suspect with values: the numbers of an effect as a fit moves them."""
+"""Suspects as a fit sees them: effects by name, their free fields, and an effect with values."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import Field, fields
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
+from winchcascade.rig.effects.effect import ActiveEffect, Effect
+
 if TYPE_CHECKING:
     from winchcascade.core.run import Signal
-    from winchcascade.rig.parts import Model
 
-
-class Suspect(Protocol):
-    """An effect as the catalogue lists it: a frozen dataclass of fields that a fit may find."""
-
-    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
-    stage: ClassVar[str]
-    reports: ClassVar[dict[str, str]]
-
-    def bend(self, model: Model) -> Model:
-        """Return the model with this effect in it."""
-
-    def reported(self) -> dict[str, float]:
-        """What a diagnosis reports of it, in the units of `reports`."""
-
-
-Suspects = Mapping[str, type[Suspect]]
+Suspects = Mapping[str, Effect]
+"""Effects that a diagnosis may name, by their names."""
 
 
 class Freedom(msgspec.Struct, frozen=True):
@@ -40,14 +26,12 @@ class Freedom(msgspec.Struct, frozen=True):
     high: Signal
 
 
-def freedom(kind: type[Suspect]) -> Freedom:
+def freedom(effect: Effect) -> Freedom:
     """What a fit may move of a suspect."""
-    own = fields(kind)
-    low, high = (np.array([field.metadata[end] for field in own], dtype=np.float64) for end in ("low", "high"))
-    absent = np.array([field.default for field in own], dtype=np.float64)
-    return Freedom(tuple(field.name for field in own), absent, low, high)
+    columns = zip(*((field.absent, field.low, field.high) for field in effect.fields), strict=True)
+    return Freedom(tuple(field.name for field in effect.fields), *(np.array(x, dtype=np.float64) for x in columns))
 
 
-def with_values(kind: type[Suspect], values: Signal) -> Suspect:
+def with_values(effect: Effect, values: Signal) -> ActiveEffect:
     """A suspect with values, (k,), in the order of its fields."""
-    return kind(**dict(zip(freedom(kind).names, values.tolist(), strict=True)))
+    return ActiveEffect(effect, tuple(values.tolist()))

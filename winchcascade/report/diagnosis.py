@@ -14,7 +14,7 @@ from winchcascade.report.diagnosis_figures import error_figure, error_panels, hi
 from winchcascade.report.diagnosis_laws import numbers_figure, profile_figure
 from winchcascade.report.diagnosis_map import closure_bars, gap_map, stage_map, worst_first
 from winchcascade.report.diagnosis_method import METHOD
-from winchcascade.report.diagnosis_names import load_words, meaning, nuisance_words, parameter_words, phase_words, told
+from winchcascade.report.diagnosis_names import display_of, load_words, nuisance_words, parameter_words, phase_words
 from winchcascade.report.diagnosis_odds import odds_figure, threshold_words, thresholds
 from winchcascade.report.diagnosis_page import (
     Closed,
@@ -122,7 +122,7 @@ def _points(found: Diagnosis) -> list[Point]:
     if found.where is not None:
         points.append(Point("Where", f"{where_words(found)} {arises_words(found)}".rstrip()))
     points += cause_points(
-        [cause_sentence(c, meaning(found.suspects[c.effect]), parameter_words(c)) for c in found.causes]
+        [cause_sentence(c, found.suspects[c.effect].summary, parameter_words(c)) for c in found.causes]
     )
     points.append(Point("How sure", sure_words(found)))
     if found.closure is not None:
@@ -146,7 +146,7 @@ EXAMPLES = ("copper_heating", "gear_mesh_loss", "line_friction", "precharge")
 def _seen_words(found: Diagnosis) -> str:
     """How small some effects might have been and still be named."""
     known = [one for one in thresholds(found) if one.effect in EXAMPLES and one.value is not None]
-    parts = [f"{told(one.effect, one.name).what} {threshold_words(one)}" for one in known]
+    parts = [f"{display_of(one.effect, one.name).what} {threshold_words(one)}" for one in known]
     return (
         f"Alone it would have been named from: {', '.join(parts)}. All effects are in the table of thresholds."
         if parts

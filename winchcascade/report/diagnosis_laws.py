@@ -9,14 +9,15 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-from winchcascade.core.quantity import ATMOSPHERE
 from winchcascade.diagnosis.causes import covariance_of
 from winchcascade.diagnosis.suspects import freedom, with_values
 from winchcascade.report.diagnosis_data import stator_current
-from winchcascade.report.diagnosis_names import quantity_words, told
+from winchcascade.report.diagnosis_names import display_of, quantity_words
 from winchcascade.report.model_figures import legend_above
 from winchcascade.report.style import COLOURS, WIDTH
-from winchcascade.rig.parts import ROLLOFF_KNOTS
+from winchcascade.rig.effects.effect import Change
+from winchcascade.rig.effects.generator import share_of_k_e
+from winchcascade.rig.parts import ROLLOFF_KNOTS, number_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,43 +25,11 @@ if TYPE_CHECKING:
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.causes import Cause, Reported
     from winchcascade.diagnosis.diagnose import Diagnosis
+    from winchcascade.rig.effects.effect import Effect
 
 ROLLOFF = "ke_rolloff"
 DRAWS = 400
 """Draws of a law's fields for its band."""
-
-_RELATIVE: dict[str, tuple[str, str]] = {
-    "ke_shift": ("generator", "k_e"),
-    "copper_heating": ("generator", "r_s"),
-    "sync_inductance": ("generator", "l_s"),
-    "rotor_inertia": ("drivetrain", "inertia_rotor"),
-    "precharge": ("restoring", "p_precharge"),
-    "piston_area": ("restoring", "area_piston"),
-}
-_ABSOLUTE: dict[str, tuple[str, str]] = {
-    "diode_drop": ("generator", "v_diode"),
-    "gear_mesh_loss": ("drivetrain", "eta_mesh"),
-    "rotor_viscous": ("drivetrain", "b_rotor"),
-    "drum_inertia": ("winch", "inertia"),
-    "gas_volume": ("restoring", "volume_gas"),
-    "screw_friction": ("restoring", "mu_screw"),
-}
-_LAW: dict[str, tuple[str, str]] = {
-    "line_friction": ("winch", "friction"),
-    "seal_friction": ("restoring", "seal_friction"),
-    "rotor_friction": ("drivetrain", "friction"),
-    "clutch_drag": ("drivetrain", "clutch_drag"),
-}
-_SENSOR: dict[str, tuple[str, str]] = {
-    "torque_gain": ("gain", "torque"),
-    "force_gain": ("gain", "force"),
-    "voltage_gain": ("gain", "vdc"),
-    "current_gain": ("gain", "idc"),
-    "force_zero": ("zero", "force"),
-    "load_drift": ("load", ""),
-}
-"""Effects that change what is known to a tolerance: a number of the rig file (relative or absolute), a law of the model
-that the file does not state, a sensor, a load."""
 
 
 class Row(NamedTuple):
@@ -75,41 +44,25 @@ class Row(NamedTuple):
     tolerance: float
 
 
-def tolerance_of(found: Diagnosis, effect: str) -> float:
+def tolerance_of(found: Diagnosis, effect: Effect) -> float:
     """Standard uncertainty of the number that an effect changes, in the unit in which the effect is reported; 0 for none."""
-    rig = found.rig
-    sd: float
-    if effect in _RELATIVE | _ABSOLUTE | _LAW:
-        section, name = (_RELATIVE | _ABSOLUTE | _LAW)[effect]
-        sd = next((n.sd for n in found.data.nuisances if (n.section, n.name) == (section, name)), 0.0)
-        if effect not in _RELATIVE:
-            return sd
-        value: float = getattr(getattr(rig, section), name).value
-        return sd / abs(value + (ATMOSPHERE if effect == "precharge" else 0.0))
-    kind, name = _SENSOR.get(effect, ("", ""))
-    return max((n.sd for n in found.data.nuisances if n.kind == kind and (not name or n.name == name)), default=0.0)
+    law = effect.law
+    if not isinstance(law, Change):
+        return 0.0
+    known = [n.sd for n in found.data.nuisances if n.path == (law.known_as or law.path)]
+    nominal = number_of(found.data.nominal, law.path) if law.operation == "scale" else 1.0
+    return max(known, default=0.0) / abs(nominal)
 
 
 def rows_of(found: Diagnosis) -> list[Row]:
     """Every number of the named causes, in their order."""
     rows = []
     for cause in found.causes:
-        kind = found.suspects[cause.effect]
-        free = freedom(kind)
-        absent, low, high = (with_values(kind, x).reported() for x in (free.absent, free.low, free.high))
-        for name, value in cause.parameters.items():
-            ends = (low[name], high[name], absent[name])
-            rows.append(
-                Row(
-                    cause,
-                    name,
-                    value,
-                    absent[name],
-                    min(ends),
-                    max(ends),
-                    tolerance_of(found, cause.effect) if len(cause.parameters) == 1 else 0.0,
-                )
-            )
+        effect = found.suspects[cause.effect]
+        free = freedom(effect)
+        absent, low, high = (with_values(effect, x).reported for x in (free.absent, free.low, free.high))
+        ends, tolerance = (low, high, absent), tolerance_of(found, effect)
+        rows += [Row(cause, name, x, absent, min(ends), max(ends), tolerance) for name, x in cause.parameters.items()]
     return rows
 
 
@@ -125,7 +78,7 @@ def numbers_figure(found: Diagnosis) -> Figure | None:
         top = height - 0.3 - k * each
         ax = figure.add_axes((0.42, (top - 0.3) / height, 0.4, 0.24 / height))
         _number(ax, row)
-        how = told(row.cause.effect, row.name, row.found.unit)
+        how = display_of(row.cause.effect, row.name, row.found.unit)
         value, interval = quantity_words(row.cause.effect, row.name, row.found)
         middle = (top - 0.18) / height
         figure.text(0.01, middle + 0.075 / height, row.cause.effect, va="center", fontsize=8.0, fontweight="bold")
@@ -145,7 +98,7 @@ def numbers_figure(found: Diagnosis) -> Figure | None:
 
 
 def _number(ax: Axes, row: Row) -> None:
-    factor = told(row.cause.effect, row.name, row.found.unit).factor
+    factor = display_of(row.cause.effect, row.name, row.found.unit).factor
     low, high, absent = (x * factor for x in (row.low, row.high, row.absent))
     ax.axvspan(low, high, color=COLOURS["hold"], lw=0, zorder=0.1)
     if row.tolerance:
@@ -202,20 +155,11 @@ def profile_of(found: Diagnosis, seed: int = 0) -> Profile | None:
     stator, _ = stator_current(found)
     reached = float(np.max(stator, initial=ROLLOFF_KNOTS[1]))
     current = np.linspace(0.0, reached, 120)
-    lines = np.array([_left(found, x, current) for x in drawn])
+    lines = np.array([share_of_k_e(tuple(x.tolist()), current) for x in drawn])
     return Profile(
-        current, _left(found, best.values[k], current), np.quantile(lines, 0.025, axis=0),
+        current, share_of_k_e(tuple(best.values[k].tolist()), current), np.quantile(lines, 0.025, axis=0),
         np.quantile(lines, 0.975, axis=0), reached,
     )  # fmt: skip
-
-
-def _left(found: Diagnosis, values: Signal, current: Signal) -> Signal:
-    """Share that is left, a monotone cubic between the knots. [1]"""
-    from scipy.interpolate import PchipInterpolator
-
-    at_knots: tuple[float, ...] = getattr(with_values(found.suspects[ROLLOFF], values), "left_at_knots")  # noqa: B009
-    left: Signal = PchipInterpolator(ROLLOFF_KNOTS, (1.0, *at_knots))(current)
-    return left
 
 
 def profile_figure(found: Diagnosis) -> Figure | None:

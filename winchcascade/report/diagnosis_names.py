@@ -2,86 +2,41 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 import re
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from winchcascade.report.digits import number, places
+from winchcascade.rig.effects.catalogue import EFFECTS
+from winchcascade.rig.effects.effect import Display
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from winchcascade.diagnosis.causes import Cause, Reported
-    from winchcascade.diagnosis.suspects import Suspect
 
 
 PLENTY = 100.0
 """More standard deviations than this are not counted."""
 
 
-class Told(NamedTuple):
-    """How a number of an effect is told: what it is, what turns the reported unit into the shown one, and its sign."""
-
-    what: str
-    factor: float = 1.0
-    unit: str = ""
-    signed: bool = True
-
-
-PARAMETERS = {
-    "ke_rolloff.k_e_ratio_at_10_a": Told("back-EMF left at 10 A rms", 100.0, "%", False),
-    "ke_shift.k_e_change": Told("back-EMF constant", 100.0, "%"),
-    "copper_heating.r_s_change": Told("stator resistance", 100.0, "%"),
-    "sync_inductance.l_s_change": Told("phase inductance", 100.0, "%"),
-    "diode_drop.v_d_extra": Told("drop of each diode", 1.0, "V"),
-    "load_drift.r_load_change": Told("load resistance", 100.0, "%"),
-    "gear_mesh_loss.efficiency_change": Told("mesh efficiency", 100.0, "points"),
-    "rotor_viscous.b_extra": Told("fast shaft, drag over speed", 1e3, "mN·m·s/rad"),
-    "rotor_windage.c_extra": Told("fast shaft, drag over speed²", 1e6, "µN·m·s²/rad²"),
-    "rotor_friction.torque": Told("fast shaft, constant drag", 1.0, "N·m"),
-    "rotor_inertia.j_change": Told("fast shaft, inertia", 100.0, "%"),
-    "clutch_drag.torque": Told("clutch drag in haul-in", 1.0, "N·m", False),
-    "line_friction.torque": Told("friction of line and drum", 1.0, "N·m", False),
-    "line_drag.b": Told("drag of line and drum", 1.0, "N·m·s/rad", False),
-    "drum_inertia.j_extra": Told("inertia at the drum", 1.0, "kg·m²"),
-    "drum_layering.radius_change_per_10_m": Told("rope radius per 10 m", 100.0, "%"),
-    "gas_polytropic.n": Told("polytropic exponent", 1.0, "", False),
-    "gas_volume.volume_extra": Told("gas volume", 1e3, "L"),
-    "precharge.pressure_change": Told("precharge, absolute", 100.0, "%"),
-    "piston_area.area_change": Told("piston area", 100.0, "%"),
-    "seal_friction.force": Told("friction of the seals", 1.0, "N", False),
-    "screw_friction.mu_change": Told("friction of the screw", 1.0, ""),
-    "torque_gain.gain_error": Told("gain of the torque sensor", 100.0, "%"),
-    "force_zero.offset": Told("zero of the force cell", 1.0, "N"),
-    "force_gain.gain_error": Told("gain of the force cell", 100.0, "%"),
-    "voltage_gain.gain_error": Told("gain of Vdc", 100.0, "%"),
-    "current_gain.gain_error": Told("gain of Idc", 100.0, "%"),
-    "electrical_lag.lag": Told("delay of Vdc and Idc", 1e3, "ms", False),
-}
-"""Reported numbers by effect and name; signed ones are changes from the rig file's."""
-
 _PHASES = {"payout": "payout", "hold": "hold", "haul_in": "haul-in"}
 
 
-def told(effect: str, name: str, unit: str = "") -> Told:
-    """How a number is told; one of an effect from elsewhere by its own name and unit."""
-    return PARAMETERS.get(f"{effect}.{name}") or Told(name.replace("_", " "), 1.0, "" if unit == "1" else unit, False)
-
-
-def meaning(kind: type[Suspect]) -> str:
-    """What an effect leaves unmodelled: the first sentence of its docstring."""
-    text = inspect.cleandoc(kind.__doc__ or kind.__name__)
-    return " ".join(re.split(r"^(?:Shows as|Easily taken for|Source):", text, flags=re.MULTILINE)[0].split())
+def display_of(effect: str, name: str, unit: str = "") -> Display:
+    """How a number is shown; one of an effect from elsewhere by its own name and unit."""
+    if effect in EFFECTS:
+        return EFFECTS[effect].display
+    return Display(name.replace("_", " "), 1.0, "" if unit == "1" else unit, signed=False)
 
 
 def quantity_words(effect: str, name: str, found: Reported) -> tuple[str, str]:
     """A reported number with its unit, and its 95 % interval, with as many digits as the interval allows."""
-    return number_words(told(effect, name, found.unit), found, 5)
+    return number_words(display_of(effect, name, found.unit), found, 5)
 
 
-def number_words(how: Told, found: Reported, otherwise: int) -> tuple[str, str]:
-    """A number and its 95 % interval as they are told, with the digits that the interval allows, else with so many."""
+def number_words(how: Display, found: Reported, otherwise: int) -> tuple[str, str]:
+    """A number and its 95 % interval as they are shown, with the digits that the interval allows, else with so many."""
     u = (found.high - found.low) / 3.92 * how.factor
     size = max(abs(found.value * how.factor), 1e-12)
     decimals = places(u) if u > 0.0 else otherwise - 1 - math.floor(math.log10(size))
@@ -91,7 +46,7 @@ def number_words(how: Told, found: Reported, otherwise: int) -> tuple[str, str]:
     return f"{value} {how.unit}".rstrip(), f"{low} to {high} {how.unit}".rstrip()
 
 
-def without_unit(interval: str, how: Told) -> str:
+def without_unit(interval: str, how: Display) -> str:
     """An interval that stands beside a number with the unit."""
     return interval.removesuffix(how.unit).rstrip()
 
@@ -101,7 +56,7 @@ def parameter_words(cause: Cause) -> str:
     parts = []
     for name, found in cause.parameters.items():
         value, interval = quantity_words(cause.effect, name, found)
-        parts.append(f"{told(cause.effect, name).what} {value} (95 %: {interval})")
+        parts.append(f"{display_of(cause.effect, name).what} {value} (95 %: {interval})")
     return "; ".join(parts)
 
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator
 
 from winchcascade.diagnosis.suspects import freedom, with_values
-from winchcascade.report.diagnosis_names import probability_words, told
+from winchcascade.report.diagnosis_names import display_of, probability_words
 from winchcascade.report.digits import MINUS, number
 from winchcascade.report.style import COLOURS, WIDTH, label_panel
 
@@ -150,17 +150,16 @@ def thresholds(found: Diagnosis) -> list[Threshold]:
     their noise, and more evidence for it than for nothing.
     """
     rows = []
-    for name, kind in found.suspects.items():
+    for name, effect in found.suspects.items():
         share = _least_share(found.found.linear, name, found.found.scale)
-        absent = _reported(found, name, 0.0)
-        seen = {} if share is None else _reported(found, name, share)
-        rows += [Threshold(name, key, unit, absent[key], seen.get(key)) for key, unit in kind.reports.items()]
+        seen = None if share is None else _reported(found, name, share)
+        rows.append(Threshold(name, effect.parameter, effect.unit, _reported(found, name, 0.0), seen))
     return rows
 
 
 def threshold_words(one: Threshold) -> str:
     """The value from which an effect would have been named, with its unit."""
-    how = told(one.effect, one.name, one.unit)
+    how = display_of(one.effect, one.name, one.unit)
     if one.value is None:
         return "no plausible value"
     size = abs(one.value - one.absent) * how.factor
@@ -168,10 +167,10 @@ def threshold_words(one: Threshold) -> str:
     return f"{'+' if how.signed and one.value > 0.0 else ''}{text} {how.unit}".rstrip()
 
 
-def _reported(found: Diagnosis, name: str, share: float) -> dict[str, float]:
+def _reported(found: Diagnosis, name: str, share: float) -> float:
     free = freedom(found.suspects[name])
     end = _far_end(free.absent, free.low, free.high)
-    return with_values(found.suspects[name], free.absent + share * (end - free.absent)).reported()
+    return with_values(found.suspects[name], free.absent + share * (end - free.absent)).reported
 
 
 def _far_end(absent: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:

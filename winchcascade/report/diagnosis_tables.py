@@ -13,14 +13,13 @@ from winchcascade.diagnosis.remainder import PULLED, ROUGH, block_rms
 from winchcascade.report import diagnosis_page as page
 from winchcascade.report.diagnosis_map import signed, worst_first
 from winchcascade.report.diagnosis_names import (
+    display_of,
     load_words,
-    meaning,
     nuisance_words,
     phase_words,
     probability_words,
     quantity_words,
     share_words,
-    told,
     told_apart_words,
     without_unit,
 )
@@ -56,7 +55,7 @@ def causes_table(found: Diagnosis) -> Table | None:
     rows = []
     for cause in found.causes:
         for k, (name, value) in enumerate(cause.parameters.items()):
-            how = told(cause.effect, name, value.unit)
+            how = display_of(cause.effect, name, value.unit)
             text, interval = quantity_words(cause.effect, name, value)
             rivals = ", ".join(r.effect for r in cause.rivals) or "none"
             first = (cause.effect, cause.stage) if k == 0 else ("", "")
@@ -81,7 +80,7 @@ def meanings_table(found: Diagnosis) -> Table | None:
     names = dict.fromkeys([c.effect for c in found.causes] + [r.effect for c in found.causes for r in c.rivals])
     if not names:
         return None
-    rows = tuple((name, found.suspects[name].stage, meaning(found.suspects[name])) for name in names)
+    rows = tuple((name, found.suspects[name].stage, found.suspects[name].summary) for name in names)
     return Table(
         id="meanings", caption="What these effects are.", head=("Effect", "Stage", "What the rig file leaves out"),
         units=("", "", ""), rows=rows, text_columns=(0, 1, 2),
@@ -271,7 +270,7 @@ def suspects_table(found: Diagnosis) -> Table | None:
             continue
         gained = linear.evidence((*best, name), scale) - here if name not in best else 0.0
         rows.append(
-            (gained, (name, kind.stage, meaning(kind), _odds_words(gained) if name not in best else "in the fit"))
+            (gained, (name, kind.stage, kind.summary, _odds_words(gained) if name not in best else "in the fit"))
         )
     rows.sort(key=lambda row: -row[0])
     return Table(
@@ -305,7 +304,7 @@ def thresholds_table(found: Diagnosis) -> Table | None:
         return None
     rows = []
     for one in thresholds(found):
-        how = told(one.effect, one.name, one.unit)
+        how = display_of(one.effect, one.name, one.unit)
         rows.append((one.effect, found.suspects[one.effect].stage, how.what, threshold_words(one)))
     return Table(
         id="thresholds",

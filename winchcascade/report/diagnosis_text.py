@@ -9,10 +9,10 @@ from winchcascade.core.plain_text import one_line
 from winchcascade.diagnosis.gap_location import NAMES
 from winchcascade.report.diagnosis_lines import INDENT, WIDTH, entry, file_lines, plain
 from winchcascade.report.diagnosis_names import (
+    display_of,
     probability_words,
     quantity_words,
     share_words,
-    told,
     told_apart_words,
     without_unit,
 )
@@ -111,10 +111,10 @@ def _cause_rows(cause: Cause) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = []
     for k, (name, value) in enumerate(cause.parameters.items()):
         text, interval = quantity_words(cause.effect, name, value)
-        how = told(cause.effect, name, value.unit)
+        how = display_of(cause.effect, name, value.unit)
         first = (cause.effect, cause.stage) if k == 0 else ("", "")
         last = probability_words(cause.probability) if k == 0 else ""
-        rows.append((*first, told(cause.effect, name).what, text, without_unit(interval, how), last))
+        rows.append((*first, display_of(cause.effect, name).what, text, without_unit(interval, how), last))
     return rows
 
 

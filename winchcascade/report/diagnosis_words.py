@@ -127,17 +127,9 @@ def checked_words(found: Diagnosis) -> str:
 
 def sure_words(found: Diagnosis) -> str:
     """How sure the causes are, and what no effect of the catalogue is and looks like one of them."""
-    alike = [f"{UNLISTED[c.effect]} would look like {c.effect}" for c in found.causes if c.effect in UNLISTED]
-    text = "; ".join(alike)
-    return f"{_sure_words(found)} Not in the catalogue: {text}." if alike else _sure_words(found)
-
-
-UNLISTED = {
-    "ke_shift": "an encoder or a drum radius that is off (both count as exact)",
-    "precharge": "a gain of the pressure sensor beyond its tolerance",
-    "force_gain": "a loss in proportion to the force, as over a sheave,",
-}
-"""What no effect of the catalogue is, by the effect that it would be taken for."""
+    alike = [found.suspects[cause.effect] for cause in found.causes]
+    text = "; ".join(f"{effect.unlisted} would look like {effect.name}" for effect in alike if effect.unlisted)
+    return f"{_sure_words(found)} Not in the catalogue: {text}." if text else _sure_words(found)
 
 
 def _sure_words(found: Diagnosis) -> str:

@@ -10,7 +10,6 @@ from winchcascade.diagnosis.line.line_data import beside
 from winchcascade.diagnosis.line.line_gap import sentence
 from winchcascade.diagnosis.line.line_selection import DRAWS
 from winchcascade.report.diagnosis_names import (
-    Told,
     apart_words,
     number_words,
     phase_words,
@@ -19,6 +18,7 @@ from winchcascade.report.diagnosis_names import (
 )
 from winchcascade.report.diagnosis_words import FAR_ENOUGH, SURE
 from winchcascade.report.digits import number, significant
+from winchcascade.rig.effects.effect import Display
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,11 +29,11 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.remainder import Alarm
 
 PARAMETERS = {
-    "drum_inertia": Told("inertia, as a mass on the line", 1.0, "kg", False),
-    "line_friction": Told("constant friction", 1.0, "N", False),
-    "line_drag": Told("drag over speed", 1.0, "N·s/m", False),
-    "force_gain": Told("gain of the force cell", 100.0, "%"),
-    "force_zero": Told("zero of the force cell", 1.0, "N"),
+    "drum_inertia": Display("inertia, as a mass on the line", 1.0, "kg", signed=False),
+    "line_friction": Display("constant friction", 1.0, "N", signed=False),
+    "line_drag": Display("drag over speed", 1.0, "N·s/m", signed=False),
+    "force_gain": Display("gain of the force cell", 100.0, "%"),
+    "force_zero": Display("zero of the force cell", 1.0, "N"),
 }
 """How the number of each suspect is told, in units of the line."""
 

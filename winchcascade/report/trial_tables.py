@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from winchcascade.blind.score import NO_GAP, UNEXPLAINED, Count
-from winchcascade.report.diagnosis_names import told
+from winchcascade.report.diagnosis_names import display_of
 from winchcascade.report.digits import number, places, significant
 from winchcascade.report.report_model import Note, Table
 from winchcascade.report.trial_words import count_cells, hidden_words, said_words, share_text, taken_rows, totals
@@ -73,7 +73,7 @@ def parameters_table(score: Score) -> Table | None:
 
 def _parameter(p: ParameterScore) -> tuple[str, ...]:
     """Cells of a number: as a diagnosis tells it, with the digits that its interval allows."""
-    how = told(p.effect, p.parameter)
+    how = display_of(p.effect, p.parameter)
     what = f"{how.what}, {how.unit}" if how.unit else how.what
     if p.value is None or p.low is None or p.high is None:
         return (p.effect, what, significant(p.truth * how.factor), "–", "–", "no")

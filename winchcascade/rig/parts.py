@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Literal
 
 import msgspec
 import numpy as np
@@ -146,13 +146,6 @@ class Sensors(msgspec.Struct, frozen=True):
         stamps: Signal = np.maximum(t - self.electrical_lag, t[0])
         return stamps
 
-    def with_gain(self, name: str, error: float) -> Sensors:
-        """Sensors of which one reads a further share too much [1]; gains multiply, so that their order does not matter."""
-        if not error:
-            return self
-        gain = (1.0 + self.gain.get(name, 0.0)) * (1.0 + error) - 1.0
-        return msgspec.structs.replace(self, gain={**self.gain, name: gain})
-
 
 class Model(msgspec.Struct, frozen=True):
     """A rig to be simulated: parts with numbers in SI units; laws that a rig file does not know are absent."""
@@ -163,6 +156,35 @@ class Model(msgspec.Struct, frozen=True):
     generator: Generator
     dc_link: DcLink
     sensors: Sensors = Sensors()
+
+
+Operation = Literal["add", "scale", "compound"]
+"""How a number changes: by an amount, by a share of it, or, where it is itself a relative deviation, by a further share."""
+
+_CHANGED: Mapping[Operation, Callable[[float, float], float]] = {
+    "add": lambda number, by: number + by,
+    "scale": lambda number, by: number * (1.0 + by),
+    "compound": lambda number, by: (1.0 + number) * (1.0 + by) - 1.0,
+}
+
+
+def number_of(model: Model, path: str) -> float:
+    """A number of a model by its path: part and name, such as `generator.r_s`, and the channel of a sensor. SI units."""
+    part, name, *channel = path.split(".")
+    held = getattr(getattr(model, part), name)
+    number: float = held.get(channel[0], 0.0) if channel else held
+    return number
+
+
+def changed(model: Model, path: str, operation: Operation, by: float) -> Model:
+    """A model of which one number, by its path, is changed; changes of one kind may come in either order."""
+    if not by:
+        return model
+    number = _CHANGED[operation](number_of(model, path), by)
+    part, name, *channel = path.split(".")
+    own = getattr(model, part)
+    value = {**getattr(own, name), channel[0]: number} if channel else number
+    return msgspec.structs.replace(model, **{part: msgspec.structs.replace(own, **{name: value})})
 
 
 def baseline(rig: Rig) -> Model:

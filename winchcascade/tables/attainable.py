@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields
 from functools import partial
 from typing import TYPE_CHECKING, Literal
 
@@ -13,7 +12,6 @@ import numpy as np
 from winchcascade.core.jobs import Nobody, Watch
 from winchcascade.core.published_table import load_text
 from winchcascade.core.rig_file import Rig
-from winchcascade.diagnosis.suspects import freedom
 from winchcascade.rig.parts import baseline
 from winchcascade.tables.attainable_row import Cell, NotJudged, RowReach, bounds_of_row, windows_of
 from winchcascade.tables.effect_curves import ETAS, Bench, Curve, field_curves
@@ -24,7 +22,8 @@ if TYPE_CHECKING:
 
     from winchcascade.core.published_table import Table
     from winchcascade.core.run import Signal
-    from winchcascade.tables.effect_curves import Bounded, Catalogue
+    from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.rig.effects.effect import Effect
     from winchcascade.tables.effect_search import Curves
     from winchcascade.tables.plausible_payouts import Reduce
 
@@ -105,7 +104,7 @@ class Explanation(msgspec.Struct, frozen=True):
     closest: Values | None = None
 
 
-def explain(bench: Bench, suspects: Catalogue, tell: Callable[[str], None]) -> Explanation:
+def explain(bench: Bench, suspects: Suspects, tell: Callable[[str], None]) -> Explanation:
     """Look at every suspect alone, then at sets of those that move something.
 
     Parameters
@@ -123,7 +122,7 @@ def explain(bench: Bench, suspects: Catalogue, tell: Callable[[str], None]) -> E
     return msgspec.structs.replace(found, movers=tuple(movers))
 
 
-def _mover(bench: Bench, name: str, kind: type[Bounded], curves: Sequence[Curve | None]) -> Mover:
+def _mover(bench: Bench, name: str, kind: Effect, curves: Sequence[Curve | None]) -> Mover:
     if all(curve is None for curve in curves):
         return Mover(name, kind.stage, _ranges(kind))
     before = bench.excess_by_metric(bench.nominal)
@@ -139,12 +138,8 @@ def _told_of(before: Signal) -> list[int]:
     return [k for k in outside if ETAS[k] != "eta_pto"] or outside
 
 
-def _ranges(kind: type[Bounded]) -> tuple[FieldRange, ...]:
-    absent = freedom(kind).absent.tolist()
-    return tuple(
-        FieldRange(own.name, own.metadata["unit"], value, own.metadata["low"], own.metadata["high"])
-        for own, value in zip(fields(kind), absent, strict=True)
-    )
+def _ranges(kind: Effect) -> tuple[FieldRange, ...]:
+    return tuple(FieldRange(own.name, own.unit, own.absent, own.low, own.high) for own in kind.fields)
 
 
 def _ability(search: Search, k: int, before: float) -> Ability:
@@ -165,7 +160,7 @@ def _needed(bench: Bench, curve: Curve, row: int, k: int) -> float | None:
     return min(curve.x[inside].tolist(), key=lambda value: abs(value - curve.absent), default=None)
 
 
-def _smallest_sets(bench: Bench, suspects: Catalogue, curves: Curves) -> Explanation:
+def _smallest_sets(bench: Bench, suspects: Suspects, curves: Curves) -> Explanation:
     """The smallest sets that bring all cells within reach: ranked on the curves, the first ones simulated."""
     if not bench.excess_by_metric(bench.nominal).any():
         return Explanation(())
@@ -184,7 +179,7 @@ def _smallest_sets(bench: Bench, suspects: Catalogue, curves: Curves) -> Explana
 
 
 def _ranked(
-    bench: Bench, suspects: Catalogue, curves: Curves, sets: Sequence[tuple[str, ...]]
+    bench: Bench, suspects: Suspects, curves: Curves, sets: Sequence[tuple[str, ...]]
 ) -> list[tuple[Search, Signal]]:
     """Sets with their values, first those that leave least out of reach on the curves, then those that fit best."""
     searches = [Search(bench, {name: suspects[name] for name in names}, curves) for names in sets]
@@ -233,7 +228,7 @@ class Reach(msgspec.Struct, frozen=True):
 def reach(
     table: Table,
     rig: Rig,
-    suspects: Catalogue,
+    suspects: Suspects,
     reduce: Reduce,
     *,
     scatter: float,

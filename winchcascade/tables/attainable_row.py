@@ -16,7 +16,7 @@ import msgspec
 from winchcascade.core.published_table import Span, load_text
 from winchcascade.diagnosis.nuisances import nuisances, shifted
 from winchcascade.reduction.efficiency import RATIOS
-from winchcascade.rig.parts import baseline
+from winchcascade.rig.parts import baseline, changed
 from winchcascade.rig.simulate import simulate_along
 from winchcascade.tables.plausible_payouts import Payout, Point, Target, drive, measure, meet, payouts
 
@@ -265,17 +265,12 @@ def _standard_uncertainties(reduce: Reduce, rig: Rig, load: float, payout: Payou
 
 def _within_tolerance(rig: Rig, run: Run) -> Iterator[Model]:
     """The model with one number at a time off by one standard uncertainty; when channels are read moves no energy."""
-    nominal, replace = baseline(rig), msgspec.structs.replace
+    nominal = baseline(rig)
     for number in nuisances(rig, [run]):
         model = nominal
         if number.kind == "rig":
             model = baseline(shifted(rig, {(number.section, number.name): number.sd}))
-        elif number.kind == "load":
-            model = replace(nominal, dc_link=replace(nominal.dc_link, load_change=number.sd))
-        elif number.kind == "gain":
-            model = replace(nominal, sensors=nominal.sensors.with_gain(number.name, number.sd))
-        elif number.kind == "zero":
-            zero = {**nominal.sensors.zero, number.name: number.sd}
-            model = replace(nominal, sensors=replace(nominal.sensors, zero=zero))
+        elif number.kind in ("load", "gain", "zero"):
+            model = changed(nominal, number.path, "add", number.sd)
         if model != nominal:
             yield model

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.jobs import all_at_once
-from winchcascade.diagnosis.suspects import Freedom, Suspect, freedom, with_values
+from winchcascade.diagnosis.suspects import Freedom, freedom, with_values
 from winchcascade.reduction.efficiency import RATIOS
 from winchcascade.tables.plausible_payouts import Point, measure, meet
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Signal
+    from winchcascade.rig.effects.effect import ActiveEffect, Effect
     from winchcascade.rig.parts import Model
     from winchcascade.tables.attainable_row import RowReach
     from winchcascade.tables.plausible_payouts import Reduce
@@ -120,15 +121,6 @@ GRID = 400
 """Intervals that a curve is laid out on."""
 
 
-class Bounded(Suspect, Protocol):
-    """A suspect that also says outside of which range a field has no physical meaning."""
-
-    possible: ClassVar[dict[str, tuple[float, float]]]
-
-
-Catalogue = Mapping[str, type[Bounded]]
-
-
 class Curve(msgspec.Struct, frozen=True):
     """Efficiencies over one field, the others absent.
 
@@ -156,23 +148,23 @@ class Curve(msgspec.Struct, frozen=True):
         return rise
 
 
-def field_curves(bench: Bench, kind: type[Bounded]) -> list[Curve | None]:
+def field_curves(bench: Bench, kind: Effect) -> list[Curve | None]:
     """The curve of each field of a suspect, None for a field that alone moves nothing."""
     free = freedom(kind)
     return [_curve(bench, kind, free, k) for k in range(len(free.names))]
 
 
-def reach_of(kind: type[Bounded]) -> tuple[Signal, Signal]:
+def reach_of(kind: Effect) -> tuple[Signal, Signal]:
     """Lowest and highest values that are looked at, (k,) each: `BEYOND` what is plausible, within what is possible."""
     free = freedom(kind)
-    least, most = (np.array([kind.possible[name][end] for name in free.names]) for end in (0, 1))
+    least, most = (np.array([field.possible[end] for field in kind.fields]) for end in (0, 1))
     return (
         np.maximum(least, free.absent + BEYOND * (free.low - free.absent)),
         np.minimum(most, free.absent + BEYOND * (free.high - free.absent)),
     )
 
 
-def _curve(bench: Bench, kind: type[Bounded], free: Freedom, k: int) -> Curve | None:
+def _curve(bench: Bench, kind: Effect, free: Freedom, k: int) -> Curve | None:
     nodes = {float(free.absent[k]): np.zeros(bench.printed.shape)}
     for end in (free.low[k], free.high[k]):
         if end != free.absent[k]:
@@ -187,7 +179,7 @@ def _curve(bench: Bench, kind: type[Bounded], free: Freedom, k: int) -> Curve | 
     return Curve(x, ratio, float(free.absent[k]))
 
 
-def _side(bench: Bench, kind: type[Bounded], free: Freedom, k: int, end: float) -> dict[float, Signal]:
+def _side(bench: Bench, kind: Effect, free: Freedom, k: int, end: float) -> dict[float, Signal]:
     """Simulated nodes from absent to one end of what is plausible, and beyond it as long as that still may help."""
     found: dict[float, Signal] = {}
     helps, speeds = True, bench.speeds
@@ -216,7 +208,7 @@ def _side(bench: Bench, kind: type[Bounded], free: Freedom, k: int, end: float) 
     return found
 
 
-def bent(bench: Bench, effects: Sequence[Suspect], speeds: Signal) -> tuple[Signal, Signal] | None:
+def bent(bench: Bench, effects: Sequence[ActiveEffect], speeds: Signal) -> tuple[Signal, Signal] | None:
     """Efficiencies with some effects, (rows, 3), and the speeds of the line; None where no model comes of them.
 
     Parameters
@@ -225,6 +217,6 @@ def bent(bench: Bench, effects: Sequence[Suspect], speeds: Signal) -> tuple[Sign
     """
     model = bench.model
     for effect in effects:
-        model = effect.bend(model)
+        model = effect.apply(model)
     found = bench.efficiencies(model, speeds)
     return None if found is None or np.any(np.isnan(found[0]) & ~np.isnan(bench.printed)) else found

@@ -13,8 +13,9 @@ from winchcascade.tables.effect_curves import ETAS, Curve, bent, reach_of
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.suspects import Suspect
-    from winchcascade.tables.effect_curves import Bench, Catalogue
+    from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.rig.effects.effect import ActiveEffect
+    from winchcascade.tables.effect_curves import Bench
 
 Curves = Mapping[str, Sequence[Curve | None]]
 
@@ -62,7 +63,7 @@ class Search:
     On curves, the logarithms of the efficiencies' changes add up: exact for one field, near enough to start from for more.
     """
 
-    def __init__(self, bench: Bench, kinds: Catalogue, curves: Curves) -> None:
+    def __init__(self, bench: Bench, kinds: Suspects, curves: Curves) -> None:
         self.bench, self.kinds = bench, kinds
         free = [freedom(kind) for kind in kinds.values()]
         self.places = [(name, field) for name, own in zip(kinds, free, strict=True) for field in own.names]
@@ -146,9 +147,9 @@ class Search:
         """Sum of squares of printed minus simulated in standard uncertainties, on the curves."""
         return float(np.nansum(self.bench.misfit(self._eta(x)) ** 2))
 
-    def effects(self, x: Signal) -> list[Suspect]:
+    def effects(self, x: Signal) -> list[ActiveEffect]:
         """The suspects with values, (k,) in the order of their fields."""
-        ends = np.cumsum([len(freedom(kind).names) for kind in self.kinds.values()])[:-1]
+        ends = np.cumsum([len(kind.fields) for kind in self.kinds.values()])[:-1]
         return [with_values(kind, part) for kind, part in zip(self.kinds.values(), np.split(x, ends), strict=True)]
 
     def simulated(self, x: Signal) -> Signal | None:
@@ -192,7 +193,7 @@ class Search:
         known = {metric: gap[~np.isnan(gap)] for metric, gap in away.items()}
         return Values(
             fields=fields,
-            reported={name: effect.reported() for name, effect in made.items()},
+            reported={name: {one.effect.parameter: one.reported} for name, one in made.items()},
             left={metric: float(np.sqrt(np.mean(gap**2))) for metric, gap in known.items() if gap.size},
             excess=float(np.sum(bench.excess_by_metric(eta))),
             misfit=float(np.nansum(bench.misfit(eta) ** 2)),

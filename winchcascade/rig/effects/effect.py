@@ -1,0 +1,107 @@
+"""An effect as a declaration of what the baseline leaves out, and an effect with values that acts on a model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import msgspec
+
+from winchcascade.rig.parts import Model, Operation, changed
+
+Values = tuple[float, ...]
+"""Values of the fields of an effect, in their order."""
+
+
+class Field(msgspec.Struct, frozen=True):
+    """A number that a fit may find.
+
+    Bounds `low` to `high` are plausible, and a fit keeps to them. Outside of `possible`, which includes both ends, a value has
+    no physical meaning. At `absent` the effect is absent.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    possible: tuple[float, float]
+    source: str
+    absent: float = 0.0
+
+
+class Display(msgspec.Struct, frozen=True):
+    """How reports show a number: its description, the factor from its unit to the shown `unit`, and whether a plus is shown."""
+
+    what: str
+    factor: float = 1.0
+    unit: str = ""
+    signed: bool = True
+
+
+class Change(msgspec.Struct, frozen=True):
+    """How an effect changes one number of the model.
+
+    Parameters
+    ----------
+    path : part and number, `generator.r_s`; for a sensor also the channel, `sensors.gain.torque`
+    operation : `add`, `scale` for a relative change, `compound` for a relative deviation that the model holds as such
+    per : the number of the model changes by the field divided by this
+    known_as : section and name in the rig file, whose tolerance applies, where they differ from the path
+    """
+
+    path: str
+    operation: Operation
+    per: float = 1.0
+    known_as: str = ""
+
+
+class Effect(msgspec.Struct, frozen=True):
+    """Declaration of one effect.
+
+    Parameters
+    ----------
+    stage : where in the cascade it acts: generator, gearbox, transmission, restoring, sensor
+    summary : what the baseline leaves unmodelled
+    shows_as : channels, phases, speeds, loads and displacements at which it shows
+    taken_for : similar effects, and what distinguishes them
+    source : publication, or that its range is plausible only
+    fields : what a fit may find
+    parameter, unit : what a diagnosis reports; `relative` and `absolute` are changes of the number of the rig file
+    display : how reports show this parameter
+    law : change of one number by the first field, or a function where several numbers follow from the fields
+    reported_from : the reported parameter of the values; the first field by default
+    unlisted : what is not in the catalogue and looks the same
+    """
+
+    name: str
+    stage: str
+    summary: str
+    shows_as: str
+    taken_for: str
+    source: str
+    fields: tuple[Field, ...]
+    parameter: str
+    unit: str
+    display: Display
+    law: Change | Callable[[Model, Values], Model]
+    reported_from: Callable[[Values], float] | None = None
+    unlisted: str = ""
+
+
+class ActiveEffect(msgspec.Struct, frozen=True):
+    """An effect with a value for each of its fields."""
+
+    effect: Effect
+    values: Values
+
+    def apply(self, model: Model) -> Model:
+        """Return the model with this effect in it."""
+        law = self.effect.law
+        if isinstance(law, Change):
+            return changed(model, law.path, law.operation, self.values[0] / law.per)
+        return law(model, self.values)
+
+    @property
+    def reported(self) -> float:
+        """Parameter that a diagnosis reports, in the unit of the effect."""
+        reported_from = self.effect.reported_from
+        return self.values[0] if reported_from is None else reported_from(self.values)

@@ -1,0 +1,153 @@
+"""Effects of generator, rectifier and load."""
+
+from __future__ import annotations
+
+import operator
+from itertools import accumulate, pairwise
+from typing import TYPE_CHECKING
+
+from msgspec.structs import replace
+
+from winchcascade.rig.effects.effect import Change, Display, Effect, Field, Values
+from winchcascade.rig.parts import ROLLOFF_KNOTS
+
+if TYPE_CHECKING:
+    from winchcascade.core.run import Signal
+    from winchcascade.rig.parts import Model
+
+
+def share_at_knots(lost: Values) -> Values:
+    """Share of k_e that remains at the stator currents of `ROLLOFF_KNOTS` beyond the first; it never rises. [1]
+
+    >>> share_at_knots((0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5))
+    (1.0, 0.9, 0.9, 0.9, 0.9, 0.9, 0.9, 0.45)
+    """
+    return tuple(accumulate((1.0 - share for share in lost), operator.mul))
+
+
+def share_of_k_e(lost: Values, current: Signal | float) -> Signal:
+    """Share of k_e that remains at some stator currents [A rms], by a monotone cubic between the knots. [1]"""
+    from scipy.interpolate import PchipInterpolator
+
+    share: Signal = PchipInterpolator(ROLLOFF_KNOTS, (1.0, *share_at_knots(lost)))(current)
+    return share
+
+
+def _at_10_a(lost: Values) -> float:
+    return float(share_of_k_e(lost, 10.0))
+
+
+def _rolled_off(model: Model, lost: Values) -> Model:
+    rolloff = tuple(a * b for a, b in zip(model.generator.rolloff, share_at_knots(lost), strict=True))
+    return replace(model, generator=replace(model.generator, rolloff=rolloff))
+
+
+_MOST_LOST = (0.1, 0.1, 0.1, 0.1, 0.15, 0.15, 0.2, 0.3)
+"""Plausible share of k_e that is lost between two knots. [1]"""
+
+_FURTHER = ", of what is left; plausible range"
+_FIRST = "; plausible range, little below the rated 5.16 A (Sec. 5.1)"
+
+GENERATOR = (
+    Effect(
+        name="ke_rolloff",
+        stage="generator",
+        summary="Back-EMF constant falls with the stator current, by a law of unknown shape.",
+        shows_as="vdc, idc, torque and force below the baseline where the stator current is high, the more the smaller "
+        "the load resistance; in open circuit nothing.",
+        taken_for="a larger phase inductance (sync_inductance), which also needs speed; hot copper (copper_heating), "
+        "which costs more power than torque.",
+        source="Hsu et al. 2026, Sec. 5.1, Fig. 18e.",
+        fields=tuple(
+            Field(
+                f"lost_to_{end:g}_a",
+                "1",
+                0.0,
+                most,
+                (0.0, 0.9),
+                f"share lost between {begin:g} and {end:g} A rms{_FURTHER if begin else _FIRST}",
+            )
+            for (begin, end), most in zip(pairwise(ROLLOFF_KNOTS), _MOST_LOST, strict=True)
+        ),
+        parameter="k_e_ratio_at_10_a",
+        unit="1",
+        display=Display("back-EMF left at 10 A rms", 100.0, "%", signed=False),
+        law=_rolled_off,
+        reported_from=_at_10_a,
+    ),
+    Effect(
+        name="ke_shift",
+        stage="generator",
+        summary="Back-EMF constant differs at every current: magnets warm or out of tolerance.",
+        shows_as="vdc and idc off by nearly the same share at every load, in open circuit too, torque and force by "
+        "about twice that.",
+        taken_for="a gain error of Vdc (voltage_gain), which leaves torque and idc alone; roll-off (ke_rolloff), which "
+        "open circuit does not show.",
+        source="Hsu et al. 2026, Sec. 4.2, Fig. 12: 0.0620 V/rpm fitted, 0.0617 by the maker, within 10 %.",
+        fields=(Field("k_e_change", "1", -0.1, 0.1, (-0.9, 9.0), "Sec. 4.2, Fig. 12c: the maker's limits of 10 %"),),
+        parameter="k_e_change",
+        unit="relative",
+        display=Display("back-EMF constant", 100.0, "%"),
+        law=Change("generator.k_e", "scale"),
+        unlisted="an encoder or a drum radius that is off (both count as exact)",
+    ),
+    Effect(
+        name="copper_heating",
+        stage="generator",
+        summary="Stator resistance lies above its cold value, as the copper is warm.",
+        shows_as="vdc and idc below the baseline at small load resistance, torque and force by less; the loss grows "
+        "with current squared.",
+        taken_for="a diode drop beyond 0.7 V (diode_drop), whose loss grows with current; roll-off (ke_rolloff), which "
+        "lowers torque more.",
+        source="Hsu et al. 2026, Sec. 4.3.1: copper losses raised by temperature; copper gains 0.39 % per kelvin.",
+        fields=(Field("r_s_change", "1", 0.0, 0.6, (0.0, 9.0), "plausible range: copper 150 K above cold"),),
+        parameter="r_s_change",
+        unit="relative",
+        display=Display("stator resistance", 100.0, "%"),
+        law=Change("generator.r_s", "scale"),
+    ),
+    Effect(
+        name="sync_inductance",
+        stage="generator",
+        summary="Phase inductance differs from the maker's value.",
+        shows_as="vdc, idc, torque and force off where speed and current are both high: commutation takes longer.",
+        taken_for="roll-off (ke_rolloff), which needs current alone; hot copper (copper_heating), which needs no "
+        "speed.",
+        source="Hsu et al. 2026, Table 4 (constant Ld and Lq, Sec. 4.1.3).",
+        fields=(Field("l_s_change", "1", -0.3, 0.3, (-0.9, 9.0), "plausible range"),),
+        parameter="l_s_change",
+        unit="relative",
+        display=Display("phase inductance", 100.0, "%"),
+        law=Change("generator.l_s", "scale"),
+    ),
+    Effect(
+        name="diode_drop",
+        stage="generator",
+        summary="Each of the two conducting diodes drops more than 0.7 V.",
+        shows_as="vdc and idc low by a nearly constant voltage, which weighs most at low speed and small load "
+        "resistance, with a little less torque and force.",
+        taken_for="hot copper (copper_heating), whose drop grows with current; a smaller back-EMF constant (ke_shift), "
+        "whose drop grows with speed.",
+        source="Hsu et al. 2026, Eq. 8 (0.7 V) and Sec. 4.3.1 (conduction losses of the bridge).",
+        fields=(Field("v_d_extra", "V", 0.0, 1.5, (0.0, 100.0), "plausible range of silicon diodes with their leads"),),
+        parameter="v_d_extra",
+        unit="V",
+        display=Display("drop of each diode", 1.0, "V"),
+        law=Change("generator.v_diode", "add"),
+    ),
+    Effect(
+        name="load_drift",
+        stage="generator",
+        summary="Load resistance differs from its nominal value.",
+        shows_as="vdc and idc off in opposite directions, their ratio by the same share at every speed, and torque and "
+        "force with them; in open circuit nothing.",
+        taken_for="gain errors of Vdc or Idc (voltage_gain, current_gain), which change that ratio but not the torque.",
+        source="Hsu et al. 2026, Fig. 14d: the apparent resistance over speed; plausible range.",
+        fields=(Field("r_load_change", "1", -0.1, 0.1, (-0.9, 9.0), "plausible range: a warm resistor"),),
+        parameter="r_load_change",
+        unit="relative",
+        display=Display("load resistance", 100.0, "%"),
+        law=Change("dc_link.load_change", "compound"),
+    ),
+)
+"""Effects of the stage generator."""

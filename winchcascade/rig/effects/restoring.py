@@ -1,0 +1,130 @@
+"""Effects of screw, piston and gas."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from msgspec.structs import replace
+
+from winchcascade.rig.effects.effect import Change, Display, Effect, Field, Values
+
+if TYPE_CHECKING:
+    from winchcascade.rig.parts import Model
+
+
+def _heated(model: Model, values: Values) -> Model:
+    exponent, cooling = values
+    gas = model.restoring
+    return replace(model, restoring=replace(gas, exponent=gas.exponent + (exponent - 1.0), cooling=cooling))
+
+
+RESTORING = (
+    Effect(
+        name="gas_polytropic",
+        stage="restoring",
+        summary="Gas heats when it is compressed, cools when it expands, and takes seconds to come back to the ambient "
+        "temperature.",
+        shows_as="pressure and force above the baseline late in payout, falling back in hold, and below it late in "
+        "haul-in.",
+        taken_for="a smaller gas volume (gas_volume), whose pressure stays in hold; seals (seal_friction), which "
+        "pressure does not show.",
+        source="Hsu et al. 2026, Sec. 4.1.2: isothermal is assumed, 15 K at worst; adiabatic exponent of nitrogen 1.4.",
+        fields=(
+            Field("n", "1", 1.0, 1.4, (1.0, 1.67), "isothermal to adiabatic", 1.0),
+            Field(
+                "cooling",
+                "s",
+                1.0,
+                60.0,
+                (0.01, 10000.0),
+                "plausible range: time in which the heat is given back",
+                absent=6.0,
+            ),
+        ),
+        parameter="n",
+        unit="1",
+        display=Display("polytropic exponent", 1.0, "", signed=False),
+        law=_heated,
+    ),
+    Effect(
+        name="gas_volume",
+        stage="restoring",
+        summary="Effective gas volume differs from that of the accumulator.",
+        shows_as="pressure and force rise less or more with the displacement, in payout, hold and haul-in alike; at "
+        "zero payout they agree.",
+        taken_for="another precharge (precharge), which zero payout shows; another piston area (piston_area), whose "
+        "force differs at zero payout.",
+        source="Hsu et al. 2026, Table 3 (4 L) against the printed rise of 21 to 25 kg/cm2 (Sec. 4.1.2), which would "
+        "need about 6 L.",
+        fields=(Field("volume_extra", "m3", -0.001, 0.003, (-0.002, 1.0), "Table 3 against Secs. 3.1 and 4.1.2"),),
+        parameter="volume_extra",
+        unit="m3",
+        display=Display("gas volume", 1000.0, "L"),
+        law=Change("restoring.volume", "add", known_as="restoring.volume_gas"),
+    ),
+    Effect(
+        name="precharge",
+        stage="restoring",
+        summary="Precharge pressure of the gas differs.",
+        shows_as="pressure and force off by the same share of the absolute pressure at every displacement, in every "
+        "phase.",
+        taken_for="a zero error of the pressure sensor, which does not grow with displacement and leaves force alone; "
+        "another gas volume (gas_volume).",
+        source="Hsu et al. 2026: 20.5 kg/cm2 in Sec. 3.1, 21 kg/cm2 in Sec. 4.1.2, 21 bar in Table 3.",
+        fields=(Field("pressure_change", "1", -0.1, 0.1, (-0.9, 9.0), "Sec. 3.1 against Table 3, twice over"),),
+        parameter="pressure_change",
+        unit="relative",
+        display=Display("precharge, absolute", 100.0, "%"),
+        law=Change("restoring.pressure", "scale", known_as="restoring.p_precharge"),
+        unlisted="a gain of the pressure sensor beyond its tolerance",
+    ),
+    Effect(
+        name="piston_area",
+        stage="restoring",
+        summary="Effective piston area differs.",
+        shows_as="force off at every displacement, and pressure rises less or more with it; at zero payout the "
+        "pressure agrees.",
+        taken_for="another gas volume (gas_volume), whose force agrees at zero payout; screw friction "
+        "(screw_friction), which pressure does not show.",
+        source="Hsu et al. 2026, Table 3: 7850 mm2.",
+        fields=(
+            Field("area_change", "1", -0.3, 0.2, (-0.9, 2.0), "plausible range; Sec. 4.1.2 would need about -0.3"),
+        ),
+        parameter="area_change",
+        unit="relative",
+        display=Display("piston area", 100.0, "%"),
+        law=Change("restoring.area", "scale", known_as="restoring.area_piston"),
+    ),
+    Effect(
+        name="seal_friction",
+        stage="restoring",
+        summary="Constant friction of the piston seals.",
+        shows_as="force above the baseline in payout and below it in haul-in, by an amount that no pressure changes; "
+        "torque and pressure agree.",
+        taken_for="friction before the screw (line_friction), which weighs alike in payout and haul-in; screw friction "
+        "(screw_friction), which grows with pressure.",
+        source="Hsu et al. 2026, Sec. 4.2: seals are lumped into the screw; plausible range.",
+        fields=(Field("force", "N", 0.0, 1500.0, (0.0, 100000.0), "plausible range: a tenth of the gas thrust"),),
+        parameter="force",
+        unit="N",
+        display=Display("friction of the seals", 1.0, "N", signed=False),
+        law=Change("restoring.seal_friction", "add"),
+    ),
+    Effect(
+        name="screw_friction",
+        stage="restoring",
+        summary="Friction coefficient of the screw differs.",
+        shows_as="force off in payout and in haul-in, in opposite directions and in proportion to pressure; torque and "
+        "pressure agree.",
+        taken_for="seals (seal_friction) or friction at the drum (line_friction), whose amount no pressure changes.",
+        source="Hsu et al. 2026, Table 3 and Sec. 4.2: 0.04, calibrated; ball screws reach 0.01.",
+        fields=(
+            Field("mu_change", "1", -0.04, 0.04, (-0.04, 0.045), "plausible range: no friction to nearly self-locking"),
+        ),
+        parameter="mu_change",
+        unit="absolute",
+        display=Display("friction of the screw"),
+        law=Change("restoring.mu", "add", known_as="restoring.mu_screw"),
+    ),
+)
+"""Effects of the stage restoring."""

@@ -1,0 +1,92 @@
+"""Errors of sensors and of the logger."""
+
+from __future__ import annotations
+
+from winchcascade.rig.effects.effect import Change, Display, Effect, Field
+
+SENSOR = (
+    Effect(
+        name="torque_gain",
+        stage="sensor",
+        summary="Gain error of the torque sensor.",
+        shows_as="torque alone, by the same share at every speed and load.",
+        taken_for="another mesh efficiency (gear_mesh_loss), which the force shows too.",
+        source="Hsu et al. 2026, Table 1: 0.2 % of full scale; plausible range of a sensor not calibrated in place.",
+        fields=(Field("gain_error", "1", -0.1, 0.1, (-0.9, 9.0), "plausible range"),),
+        parameter="gain_error",
+        unit="relative",
+        display=Display("gain of the torque sensor", 100.0, "%"),
+        law=Change("sensors.gain.torque", "compound"),
+    ),
+    Effect(
+        name="force_zero",
+        stage="sensor",
+        summary="Zero error of the force cell.",
+        shows_as="force alone, by the same amount in every phase.",
+        taken_for="another precharge (precharge), which pressure shows; friction (line_friction), which turns round "
+        "with the motion.",
+        source="Hsu et al. 2026, Table 1: 0.2 % of 2000 kg are 39 N.",
+        fields=(Field("offset", "N", -150.0, 150.0, (-100000.0, 100000.0), "Table 1, four times over"),),
+        parameter="offset",
+        unit="N",
+        display=Display("zero of the force cell", 1.0, "N"),
+        law=Change("sensors.zero.force", "add"),
+    ),
+    Effect(
+        name="force_gain",
+        stage="sensor",
+        summary="Gain error of the force cell.",
+        shows_as="force alone, by the same share in every phase.",
+        taken_for="layers of rope (drum_layering), whose share grows with displacement; drag (line_drag), which turns "
+        "round with the motion.",
+        source="Hsu et al. 2026, Table 1: 0.2 % of full scale; plausible range of a cell not calibrated in place.",
+        fields=(Field("gain_error", "1", -0.1, 0.1, (-0.9, 9.0), "plausible range"),),
+        parameter="gain_error",
+        unit="relative",
+        display=Display("gain of the force cell", 100.0, "%"),
+        law=Change("sensors.gain.force", "compound"),
+        unlisted="a loss in proportion to the force, as over a sheave,",
+    ),
+    Effect(
+        name="voltage_gain",
+        stage="sensor",
+        summary="Gain error of the voltage Vdc.",
+        shows_as="vdc alone, by the same share at every speed and load, and with it the apparent load resistance.",
+        taken_for="another back-EMF constant (ke_shift), which torque and idc show; another load (load_drift), which "
+        "idc shows.",
+        source="Not published; Hsu et al. 2026 name no accuracy for Vdc. Plausible range.",
+        fields=(Field("gain_error", "1", -0.1, 0.1, (-0.9, 9.0), "plausible range"),),
+        parameter="gain_error",
+        unit="relative",
+        display=Display("gain of Vdc", 100.0, "%"),
+        law=Change("sensors.gain.vdc", "compound"),
+    ),
+    Effect(
+        name="current_gain",
+        stage="sensor",
+        summary="Gain error of the current Idc.",
+        shows_as="idc alone, by the same share at every speed and load, and with it the apparent load resistance.",
+        taken_for="another load (load_drift), which vdc and torque show.",
+        source="Not published; Hsu et al. 2026 name no accuracy for Idc. Plausible range.",
+        fields=(Field("gain_error", "1", -0.1, 0.1, (-0.9, 9.0), "plausible range"),),
+        parameter="gain_error",
+        unit="relative",
+        display=Display("gain of Idc", 100.0, "%"),
+        law=Change("sensors.gain.idc", "compound"),
+    ),
+    Effect(
+        name="electrical_lag",
+        stage="sensor",
+        summary="Vdc and Idc are recorded late, by a pure delay.",
+        shows_as="vdc and idc alone, while speed changes: low as it rises, high as it falls; the plateau agrees.",
+        taken_for="another capacitor of the DC link, which delays less the smaller the load; inertia (rotor_inertia), "
+        "which torque shows.",
+        source="Hsu et al. 2026, Sec. 2.2: all channels at 25 Hz; plausible range of several samples.",
+        fields=(Field("lag", "s", 0.0, 0.4, (0.0, 60.0), "plausible range: ten samples of 25 Hz"),),
+        parameter="lag",
+        unit="s",
+        display=Display("delay of Vdc and Idc", 1000.0, "ms", signed=False),
+        law=Change("sensors.electrical_lag", "add"),
+    ),
+)
+"""Effects of the stage sensor."""

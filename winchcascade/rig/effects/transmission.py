@@ -1,0 +1,77 @@
+"""Effects between line and torque sensor."""
+
+from __future__ import annotations
+
+from winchcascade.rig.effects.effect import Change, Display, Effect, Field
+
+SPAN = 10.0
+"""Payout over which the change of radius is given. [m]"""
+
+TRANSMISSION = (
+    Effect(
+        name="line_friction",
+        stage="transmission",
+        summary="Constant friction between line and torque sensor, against the motion.",
+        shows_as="force above the baseline in payout and below it in haul-in by the same amount; torque and pressure "
+        "agree.",
+        taken_for="seals or screw (seal_friction, screw_friction), which also show in force alone, but whose share in "
+        "haul-in differs and grows with pressure.",
+        source="Hsu et al. 2026, Sec. 4.2: chain and sprockets are lumped into other blocks; plausible range.",
+        fields=(
+            Field(
+                "torque", "N.m", 0.0, 20.0, (0.0, 1000.0), "plausible range: haul-in leaves about 14 N m at the drum"
+            ),
+        ),
+        parameter="torque",
+        unit="N.m, at the drum",
+        display=Display("friction of line and drum", 1.0, "N·m", signed=False),
+        law=Change("winch.friction", "add"),
+    ),
+    Effect(
+        name="line_drag",
+        stage="transmission",
+        summary="Drag between line and torque sensor in proportion to speed.",
+        shows_as="force above the baseline in payout and below it in haul-in, in proportion to the line's speed; "
+        "torque and pressure agree.",
+        taken_for="drag on the fast shaft (rotor_viscous), which torque shows and haul-in does not; constant friction "
+        "(line_friction).",
+        source="Hsu et al. 2026, Sec. 4.3.2 (drag of the drivetrain that grows with speed); plausible range.",
+        fields=(Field("b", "N.m.s/rad", 0.0, 3.0, (0.0, 1000.0), "plausible range: 20 N m at 0.9 m/s"),),
+        parameter="b",
+        unit="N.m.s/rad, at the drum",
+        display=Display("drag of line and drum", 1.0, "N·m·s/rad", signed=False),
+        law=Change("winch.drag", "add"),
+    ),
+    Effect(
+        name="drum_inertia",
+        stage="transmission",
+        summary="Inertia at the drum differs: rope on the drum, chain and sprockets.",
+        shows_as="force off while the line speeds up or brakes, in payout and haul-in; torque and pressure agree.",
+        taken_for="inertia of the fast shaft (rotor_inertia), which torque shows and haul-in does not.",
+        source="Hsu et al. 2026, Table 4: 0.3 kg m2.",
+        fields=(Field("j_extra", "kg.m2", -0.2, 1.0, (-0.29, 100.0), "plausible range around Table 4"),),
+        parameter="j_extra",
+        unit="kg.m2",
+        display=Display("inertia at the drum", 1.0, "kg·m²"),
+        law=Change("winch.inertia", "add"),
+    ),
+    Effect(
+        name="drum_layering",
+        stage="transmission",
+        summary="Effective radius of the rope changes linearly with the payout, from none at zero payout.",
+        shows_as="force alone, by a share that grows with the displacement, in payout, hold and haul-in alike.",
+        taken_for="a gain error of the force cell (force_gain), whose share is the same at every displacement; gas "
+        "(gas_volume), which pressure shows.",
+        source="Hsu et al. 2026, Secs. 2.1.1 and 2.2: a rope of 24 mm on a drum of radius 0.13 m, 12 turns in 10 m.",
+        fields=(
+            Field(
+                "radius_change_per_10_m", "1", -0.2, 0.2, (-0.8, 0.8), "plausible range: one layer of 24 mm within 10 m"
+            ),
+        ),
+        parameter="radius_change_per_10_m",
+        unit="relative",
+        display=Display("rope radius per 10 m", 100.0, "%"),
+        law=Change("winch.layering", "add", per=SPAN),
+    ),
+)
+"""Effects of the stage transmission."""
