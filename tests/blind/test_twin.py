@@ -23,7 +23,7 @@ from winchcascade.blind.twin_numbers import LOADS, SENSORS, Numbers
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.simulate import motion_of, simulate
 
-STRANGERS = ("rig", "effects", "gap", "cascade", "published", "phases", "report", "fit")
+STRANGERS = ("rig", "reduction", "diagnosis", "tables", "report", "batch")
 
 CODE = """
 import sys
@@ -31,7 +31,7 @@ import numpy as np
 from winchcascade.blind.cases import Case, answer_of
 from winchcascade.blind.trial import deal, diagnose
 from winchcascade.blind.twin import draw_twin, make_log
-from winchcascade.blind.hidden import Hidden
+from winchcascade.blind.injected import Hidden
 answer_of(Case(1, 1, "none", {}))
 print(" ".join(sys.modules))
 """
