@@ -119,9 +119,9 @@ def test_a_log_takes_its_origin_from_the_campaign_beside_it_into_record_and_page
     settings = settings_of(log, rig=None, load_ohm=None, window=None)
     reduction = reduce(read_run(log, load=4.5, origin=settings.origin), window=settings.window)
     found = uncertainty(reduction, draws=200)
-    data = reduction_record(reduction, found)["data"]
+    data = reduction_record(reduction, found).data
     assert data["measured"] is False
-    assert data["origin"].startswith("Rebuilt from Table 2")
+    assert str(data["origin"]).startswith("Rebuilt from Table 2")
     report = make_report(reduction, found)
     assert report.banner.startswith("Not measured: Rebuilt from Table 2")
     page = html_text(report)

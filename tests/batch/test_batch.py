@@ -26,7 +26,7 @@ from winchcascade.core.rig_toml import load_rig
 from winchcascade.core.scratch import scratch_file
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
-from winchcascade.report.records import reduction_record
+from winchcascade.report.records import reduction_json
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 LOGS = {"r36ohm.csv": (36.0, 5.48), "r9ohm.csv": (9.0, 5.96)}
@@ -141,7 +141,7 @@ def test_the_cycles_of_a_campaign_count(campaign: Path, out: Path) -> None:
     rig = load_rig("hsu2026")
     log = campaign / "r36ohm.csv"
     run = read_run(log, rig=rig, load=36.0, load_source="campaign.toml", about="Two loads")
-    expected = json.loads(json.dumps(reduction_record(reduce(run, rig=rig, window=5.48, cycles=(2, 3)))))
+    expected = json.loads(reduction_json(reduce(run, rig=rig, window=5.48, cycles=(2, 3))))
     assert {k: v for k, v in record.items() if k != "batch"} == expected
 
 

@@ -10,12 +10,12 @@ from synthetic import SCENARIOS, integral, make_log, motion, powers, signals, wr
 
 from winchcascade.core.run import Run
 from winchcascade.ingest.read import read_run
-from winchcascade.reduction.efficiency import NET_METRICS, Metrics
+from winchcascade.reduction.efficiency import FIELDS, NET_METRICS, Metrics
 from winchcascade.reduction.montecarlo import LINEAR_WITHIN, uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.uncertainty import budget
-from winchcascade.report.records import FIELDS, reduction_record
+from winchcascade.report.records import reduction_json
 
 R36 = Path(__file__).parents[2] / "fixtures" / "campaign" / "r36ohm.csv"
 LOG = read_run(R36, load=36.0)
@@ -206,7 +206,7 @@ def test_the_record_holds_the_net_energies_and_why_they_are_missing() -> None:
     last = WHOLE.cycles[-1].phases
     assert last.hold is not None
     found = reduce(cut(0.5 * sum(last.hold)), window=5.48)
-    record = reduction_record(found, uncertainty(found, draws=500))
+    record = msgspec.json.decode(reduction_json(found, uncertainty(found, draws=500)))
     fields = [FIELDS[name] for name in NET_METRICS]
     assert {"energy_payout_j", "energy_returned_j", "energy_net_j", "eta_net"} < set(fields)
     for part in ("mean", "standard_uncertainty", "interval_95"):

@@ -15,13 +15,12 @@ import pytest
 
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import run_batch
-from winchcascade.reduction.efficiency import METRICS
+from winchcascade.reduction.efficiency import FIELDS, METRICS
 from winchcascade.report.campaign import DRAWS, best_load, make_campaign_report
 from winchcascade.report.campaign_figures import over_load
 from winchcascade.report.campaign_tables import MOST_RUNS, by_load, load_text
 from winchcascade.report.campaign_text import campaign_text
 from winchcascade.report.html import html_text
-from winchcascade.report.records import FIELDS
 from winchcascade.report.report_model import Report, Table
 from winchcascade.report.style import house_style
 

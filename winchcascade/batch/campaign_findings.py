@@ -3,52 +3,52 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable
+
+from msgspec.structs import asdict
 
 from winchcascade.reduction.efficiency import RATIOS
 from winchcascade.reduction.efficiency_between_runs import Apart, LogEfficiency, logs_apart
 from winchcascade.reduction.efficiency_changes import LOOK_AT
+from winchcascade.report.records import FindingRecord, RunRecord
 
 
-def log_efficiency(name: str, record: Mapping[str, Any]) -> LogEfficiency | None:
+def log_efficiency(name: str, record: RunRecord) -> LogEfficiency | None:
     """Take the efficiencies of a log, their speed and power from the record of its reduction; None without a complete cycle.
 
     Errors of the gains are common to a campaign and do not count in the uncertainty.
     """
-    payouts = [cycle["phase_summary"]["payout"] for cycle in record["cycles"] if cycle["complete"]]
+    payouts = [cycle.phase_summary.payout for cycle in record.cycles if cycle.complete]
     if not payouts:
         return None
-    speeds = [
-        payout["plateau"]["speed_mps"] if payout["plateau"] else payout["travel_m"] / payout["duration_s"]
-        for payout in payouts
-    ]
-    log, parts = record["log"], record["uncertainty"]
-    own = [row["contribution"] for row in parts["budget"] if row.get("part") != "gain"] + [parts["repeatability"]]
+    speeds = [p.plateau.speed_mps if p.plateau else p.travel_m / p.duration_s for p in payouts]
+    log, parts = record.log, record.uncertainty
+    own = [asdict(row.contribution) for row in parts.budget if row.part != "gain"] + [asdict(parts.repeatability)]
+    mean = asdict(record.mean)
     return LogEfficiency(
         name=name,
-        kind=(record["rig"], record["window"] == "payout", bool(log["simulated"])),
-        load=math.inf if log["open_circuit"] else log["load_ohm"],
+        kind=(record.rig, record.window == "payout", bool(log.simulated)),
+        load=math.inf if log.open_circuit else log.load_ohm,
         speed=sum(speeds) / len(speeds),
-        power=record["mean"]["power_mech_w"],
-        eta={metric: record["mean"][metric] for metric in RATIOS},
+        power=record.mean.power_mech,
+        eta={metric: mean[metric] for metric in RATIOS},
         uncertainty={metric: math.hypot(*(part[metric] or 0.0 for part in own)) for metric in RATIOS},
     )
 
 
-def findings_between(logs: Iterable[LogEfficiency | None]) -> list[tuple[str, dict[str, Any]]]:
+def findings_between(logs: Iterable[LogEfficiency | None]) -> list[tuple[str, FindingRecord]]:
     """Names and findings of the logs whose efficiency lies far from the others, as records of a reduction's `quality`."""
     return [(apart.name, _finding(apart)) for apart in logs_apart([log for log in logs if log is not None])]
 
 
-def _finding(apart: Apart) -> dict[str, Any]:
+def _finding(apart: Apart) -> FindingRecord:
     message = f"{apart.metric} is {apart.value:.3f}, and the other logs predict {apart.expected:.3f}"
     if apart.allowed >= 0.0005:
         message += f"; its speed explains {apart.allowed:.3f} at most"
     if apart.or_else:
         message += f"; the fault may also lie in {', '.join(apart.or_else[:3])}"
     action = f"kept as logged; look at {LOOK_AT[apart.metric]}, and at the stated load"
-    return {
-        "kind": "efficiency_change", "channel": None, "start_s": None, "end_s": None, "count": 1, "action": action,
-        "message": message, "removed_share": 0.0,
-    }  # fmt: skip
+    return FindingRecord(
+        kind="efficiency_change", channel=None, start_s=None, end_s=None, count=1, action=action, message=message,
+        removed_share=0.0,
+    )  # fmt: skip

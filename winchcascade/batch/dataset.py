@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,8 @@ import msgspec
 
 from winchcascade.core.version import __version__
 from winchcascade.report.moment import made_at
-from winchcascade.report.rows import table_rows, table_schema
+from winchcascade.report.records import FindingRecord, RunRecord
+from winchcascade.report.rows import Row, table_rows, table_schema
 
 TABLES = ("runs", "cycles", "bins", "findings")
 SCHEMA = "winchcascade/dataset/1"
@@ -24,12 +25,12 @@ _SHEET_ROWS = 1_048_575
 """Rows of data that a sheet of Excel takes."""
 
 
-def write_dataset(results: Iterable[Path], folder: Path, *, between: Sequence[Mapping[str, Any]] = ()) -> None:
+def write_dataset(results: Iterable[Path], folder: Path, *, between: Sequence[tuple[str, FindingRecord]] = ()) -> None:
     """Write the tables of all results, JSON files of one log each, into a folder, which is made.
 
     Parameters
     ----------
-    between : findings that one log has beside the others, each with the `run` that has it
+    between : findings that one log has beside the others, each with the name of its log
     """
     import pyarrow as pa
     from pyarrow import parquet
@@ -38,7 +39,7 @@ def write_dataset(results: Iterable[Path], folder: Path, *, between: Sequence[Ma
     about = {"schema": SCHEMA, "version": __version__}
     schemas = {table: table_schema(table, about) for table in TABLES}
 
-    def flush(writer: Any, table: str, rows: list[dict[str, Any]]) -> None:
+    def flush(writer: Any, table: str, rows: list[Row]) -> None:
         writer.write_table(pa.Table.from_pylist(rows, schema=schemas[table]))
         rows.clear()
 
@@ -47,20 +48,17 @@ def write_dataset(results: Iterable[Path], folder: Path, *, between: Sequence[Ma
             table: stack.enter_context(parquet.ParquetWriter(folder / f"{table}.parquet", schemas[table]))
             for table in TABLES
         }
-        held: dict[str, list[dict[str, Any]]] = {table: [] for table in TABLES}
+        held: dict[str, list[Row]] = {table: [] for table in TABLES}
         for result in results:
-            record = msgspec.json.decode(result.read_bytes())
-            record["quality"] += [_without_run(finding) for finding in between if finding["run"] == result.stem]
+            record = msgspec.json.decode(result.read_bytes(), type=RunRecord)
+            more = tuple(finding for name, finding in between if name == result.stem)
+            record = msgspec.structs.replace(record, quality=record.quality + more)
             for table, rows in table_rows(result.stem, record).items():
                 held[table] += rows
                 if len(held[table]) >= _ROWS:
                     flush(writers[table], table, held[table])
         for table in TABLES:
             flush(writers[table], table, held[table])
-
-
-def _without_run(finding: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in finding.items() if name != "run"}
 
 
 def write_workbook(folder: Path, path: Path) -> None:

@@ -15,6 +15,7 @@ from winchcascade.core.campaign_file import CAMPAIGN_FILE
 from winchcascade.core.errors import LogError, OptionError, OutputError
 from winchcascade.core.jobs import run_here
 from winchcascade.core.store import Digest, altered, digest_in, inside
+from winchcascade.report.records import RunRecord
 
 
 class Results(msgspec.Struct, frozen=True):
@@ -124,9 +125,10 @@ def _of_campaign(target: Path, jobs: int) -> Results:
 def _together(records: dict[str, dict[str, Any]]) -> tuple[tuple[str, dict[str, Any]], ...]:
     """The records of a campaign, each with the findings that its log has beside the others."""
     try:
-        between = findings_between(log_efficiency(name, record) for name, record in records.items())
-    except (KeyError, TypeError, ValueError, ZeroDivisionError):  # no reductions of this tool, as `check` will say
+        logs = [log_efficiency(name, msgspec.convert(record, RunRecord)) for name, record in records.items()]
+        between = findings_between(logs)
+    except (msgspec.ValidationError, ValueError, ZeroDivisionError):  # no reductions of this tool, as `check` reports
         between = []
     for name, finding in between:
-        records[name]["quality"].append(finding)
+        records[name]["quality"].append(msgspec.structs.asdict(finding))
     return tuple(records.items())

@@ -35,7 +35,7 @@ from winchcascade.ingest.read import read_run
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce, require_payouts
 from winchcascade.report.campaign_tables import window_rules
-from winchcascade.report.records import reduction_record
+from winchcascade.report.records import FindingRecord, RunRecord, reduction_record
 
 if TYPE_CHECKING:
     from winchcascade.batch.plan import Plan
@@ -100,7 +100,7 @@ def reduce_log(order: Order) -> Made:
             from winchcascade.report.pdf import pdf_bytes
 
             files["pdf"] = pdf_bytes(report)
-    record: dict[str, Any] = reduction_record(reduction, found)
+    record = msgspec.structs.asdict(reduction_record(reduction, found))
     digests = {ending: digest_of(content) for ending, content in files.items()}
     made_by = {"key": work.key, "reports": list(order.reports), "files": digests}
     files["json"] = with_digest(record | account, "batch", made_by)
@@ -323,8 +323,8 @@ def _put_together(plan: Plan, batch: Batch, reports: Sequence[str], *, workbook:
     try:
         (out / "dataset").mkdir(exist_ok=True)
         with scratch_folder(out) as made:
-            summary = summary_record(plan, batch, state)
-            write_dataset(batch.results.values(), made / "dataset", between=summary["between_logs"])
+            summary, between = summary_record(plan, batch, state)
+            write_dataset(batch.results.values(), made / "dataset", between=between)
             if workbook:
                 write_workbook(made / "dataset", made / "campaign.xlsx")
             if reports:
@@ -362,18 +362,17 @@ def _said(out: Path) -> tuple[dict[str, Any], list[str]]:
     return {}, ["campaign.json"] if digest is Digest.WRONG else []
 
 
-_COPIED = ("mean", "standard_uncertainty", "interval_95", "max_deviation_percent")
-
-
-def summary_record(plan: Plan, batch: Batch, state: str) -> dict[str, Any]:
-    """A campaign in one record: each log with its means, or the sentence that says why it has none."""
+def summary_record(plan: Plan, batch: Batch, state: str) -> tuple[dict[str, Any], list[tuple[str, FindingRecord]]]:
+    """A campaign in one record: each log with its means, or the sentence that says why it has none; and the findings that
+    single logs have beside the others, each with the name of its log.
+    """
     runs: list[dict[str, Any]] = []
     efficiencies: list[LogEfficiency | None] = []
     for work in plan.work:
         if work.name in batch.faults:
             runs.append({"name": work.name, "log": readable(work.address), "fault": readable(batch.faults[work.name])})
             continue
-        record = msgspec.json.decode(batch.results[work.name].read_bytes())
+        record = msgspec.json.decode(batch.results[work.name].read_bytes(), type=RunRecord)
         efficiencies.append(log_efficiency(work.name, record))
         runs.append(
             {
@@ -381,29 +380,32 @@ def summary_record(plan: Plan, batch: Batch, state: str) -> dict[str, Any]:
                 "log": readable(work.address),
                 "fault": None,
                 "result": f"runs/{work.name}.json",
-                "table": record["log"]["table"],
-                "load_ohm": record["log"]["load_ohm"],
-                "open_circuit": record["log"]["open_circuit"],
-                "simulated": record["log"]["simulated"],
-                "data": record["data"],
-                "window": record["window"],
-                "rig": record["rig"],
-                "cycles": len(record["cycles"]),
-                "complete": sum(c["complete"] for c in record["cycles"]),
-                "findings": sorted({finding["kind"] for finding in record["quality"]}),
-                "finding_count": len(record["quality"]),
-                "removed_share": sum(finding["removed_share"] for finding in record["quality"]),
-                **{name: record[name] for name in _COPIED},
+                "table": record.log.table,
+                "load_ohm": record.log.load_ohm,
+                "open_circuit": record.log.open_circuit,
+                "simulated": record.log.simulated,
+                "data": record.data,
+                "window": record.window,
+                "rig": record.rig,
+                "cycles": len(record.cycles),
+                "complete": sum(c.complete for c in record.cycles),
+                "findings": sorted({finding.kind for finding in record.quality}),
+                "finding_count": len(record.quality),
+                "removed_share": sum(finding.removed_share for finding in record.quality),
+                "mean": msgspec.to_builtins(record.mean),
+                "standard_uncertainty": msgspec.to_builtins(record.standard_uncertainty),
+                "interval_95": record.interval_95,
+                "max_deviation_percent": msgspec.to_builtins(record.max_deviation_percent),
             }
         )
     between = findings_between(efficiencies)
     by_name = {run["name"]: run for run in runs}
     for name, finding in between:
-        by_name[name]["findings"] = sorted({*by_name[name]["findings"], finding["kind"]})
+        by_name[name]["findings"] = sorted({*by_name[name]["findings"], finding.kind})
         by_name[name]["finding_count"] += 1
     reduced = [run for run in runs if run["fault"] is None]
     rules = {rule: len(found) for rule, found in window_rules(reduced).items()}
-    return {
+    summary = {
         "schema": SCHEMA,
         "version": __version__,
         "title": readable(plan.title),
@@ -411,5 +413,6 @@ def summary_record(plan: Plan, batch: Batch, state: str) -> dict[str, Any]:
         "windows": {"rules": rules, "mixed": len(rules) > 1},
         "state": state,
         "runs": runs,
-        "between_logs": [{"run": name, **finding} for name, finding in between],
+        "between_logs": [{"run": name, **msgspec.structs.asdict(finding)} for name, finding in between],
     }
+    return summary, between

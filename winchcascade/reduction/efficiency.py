@@ -29,7 +29,14 @@ ALL_METRICS = METRICS + NET_METRICS
 ALL_RATIOS = RATIOS | NET_RATIOS
 
 
-class Metrics(msgspec.Struct, frozen=True):
+FIELDS = {
+    name: name + ("_j" if name.startswith("energy") else "_w" if name.startswith("power") else "")
+    for name in ALL_METRICS
+}
+"""The metrics of windows and of whole cycles as written files call them: with their unit."""
+
+
+class Metrics(msgspec.Struct, frozen=True, rename=FIELDS):
     """The nine metrics of a cycle or of many, and those of whole cycles; None for what a log cannot give."""
 
     energy_line: float | None = None

@@ -10,11 +10,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
+from winchcascade.reduction.efficiency import FIELDS
 from winchcascade.report.campaign_tables import Run, comparable, load_of, load_text
 from winchcascade.report.figures import readable
 from winchcascade.report.legend import columns_within, cut_apart, lines_within, text_width
 from winchcascade.report.model_figures import LINE, MARK_SIZE, load_style
-from winchcascade.report.records import FIELDS
 from winchcascade.report.style import COLOURS, LOAD_COLOURS, STAGE_STYLE, WIDTH, label_panel
 
 if TYPE_CHECKING:

@@ -8,9 +8,8 @@ from typing import Any
 
 from winchcascade.core.campaign_file import KINDS, origin_from
 from winchcascade.core.plain_text import one_line
-from winchcascade.reduction.efficiency import METRICS, NET_METRICS
+from winchcascade.reduction.efficiency import FIELDS, METRICS, NET_METRICS
 from winchcascade.report.digits import number, percent, places, stated, uncertain
-from winchcascade.report.records import FIELDS
 from winchcascade.report.report_model import Table
 from winchcascade.report.tables import DECIMALS, SYMBOL, UNIT, metrics_note
 

@@ -9,9 +9,9 @@ from typing import Any
 
 from winchcascade.core.campaign_file import origin_from, origin_words
 from winchcascade.core.plain_text import one_line
+from winchcascade.reduction.efficiency import FIELDS
 from winchcascade.report.campaign_tables import by_load, count_of, load_text, mixed_windows, window_text
 from winchcascade.report.digits import stated, uncertain
-from winchcascade.report.records import FIELDS
 from winchcascade.report.text_table import wrapped
 
 MOST_RUNS = 20

@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+import msgspec
+from msgspec import UNSET, UnsetType
 
 from winchcascade.core.campaign_file import origin_record
 from winchcascade.core.files import write_content
 from winchcascade.core.quantity import KGF, si_unit
 from winchcascade.core.run import CHANNELS
 from winchcascade.core.version import __version__
-from winchcascade.reduction.efficiency import ALL_METRICS
+from winchcascade.reduction.efficiency import FIELDS, Metrics
 from winchcascade.reduction.energies import STAGES
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.uncertainty import shares
@@ -20,162 +23,346 @@ from winchcascade.reduction.uncertainty import shares
 if TYPE_CHECKING:
     from winchcascade.core.run import Finding
     from winchcascade.reduction.bins import Bin
-    from winchcascade.reduction.efficiency import Metrics
     from winchcascade.reduction.montecarlo import Interval, Uncertainty
-    from winchcascade.reduction.phase_summary import HaulInSummary, HoldSummary, PayoutSummary
+    from winchcascade.reduction.phase_summary import PayoutSummary
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
     from winchcascade.reduction.uncertainty import Contribution
 
 SCHEMA = "winchcascade/reduction/1"
 _KGCM2 = KGF * 1e4
 
-FIELDS = {
-    name: name + ("_j" if name.startswith("energy") else "_w" if name.startswith("power") else "")
-    for name in ALL_METRICS
-}
-"""The metrics of windows and of whole cycles as written files call them: with their unit."""
+Interval95 = tuple[float, float]
+"""Ends of a 95 % interval, in the unit of its metric."""
+
+
+class LogRecord(msgspec.Struct, frozen=True):
+    """The log of a run: where it is, what it holds, and its load. `simulated` is null for a log that was not simulated."""
+
+    path: str
+    table: str | None
+    sha256: str
+    samples: int
+    fs_hz: float
+    load_ohm: float | None
+    load_source: str
+    open_circuit: bool
+    simulated: bool | None
+    about: str | None
+
+
+class FindingRecord(msgspec.Struct, frozen=True):
+    """One finding, with the share of the log's samples that it removed."""
+
+    kind: str
+    channel: str | None
+    start_s: float | None
+    end_s: float | None
+    count: int
+    action: str
+    message: str
+    removed_share: float
+
+
+class PhasesRecord(msgspec.Struct, frozen=True):
+    """Begin and end of each phase. [s]"""
+
+    payout: tuple[float, float]
+    hold: tuple[float, float] | None
+    haul_in: tuple[float, float] | None
+
+
+class PlateauRecord(msgspec.Struct, frozen=True):
+    """Time means over the plateau of a payout."""
+
+    begin_s: float
+    braking_s: float
+    speed_mps: float
+    force_n: float | None
+    torque_nm: float | None
+    power_line_w: float | None
+    power_mech_w: float | None
+    power_gen_w: float | None
+
+
+class PayoutRecord(msgspec.Struct, frozen=True):
+    """Summary of a payout."""
+
+    duration_s: float
+    travel_m: float
+    speed_max_mps: float
+    plateau: PlateauRecord | None
+
+
+class HoldRecord(msgspec.Struct, frozen=True):
+    """Summary of a hold."""
+
+    duration_s: float
+    force_n: float | None
+    torque_nm: float | None
+    pressure_kgcm2: float | None
+
+
+class HaulInRecord(msgspec.Struct, frozen=True):
+    """Summary of a haul-in."""
+
+    duration_s: float
+    speed_max_mps: float
+    force_n: float | None
+    force_min_n: float | None
+    energy_line_j: float | None
+
+
+class PhaseSummaryRecord(msgspec.Struct, frozen=True):
+    """Summaries of the phases of a cycle; null for a phase that the log does not hold."""
+
+    payout: PayoutRecord
+    hold: HoldRecord | None
+    haul_in: HaulInRecord | None
+
+
+class WindowRecord(msgspec.Struct, frozen=True):
+    """Integration window of a cycle."""
+
+    onset_s: float
+    cutoff_s: float
+    duration_s: float
+
+
+class NetSpanRecord(msgspec.Struct, frozen=True):
+    """Span of the net energies, from onset to next onset, and the reason why a cycle has none."""
+
+    begin_s: float
+    end_s: float
+    travel_m: float | None
+    reason: str | None
+
+
+class CycleRecord(msgspec.Struct, frozen=True):
+    """One cycle with its phases, their summary, its window, its metrics and their standard uncertainties."""
+
+    cycle: int
+    complete: bool
+    phases: PhasesRecord
+    phase_summary: PhaseSummaryRecord
+    window: WindowRecord
+    net_span: NetSpanRecord
+    energy_line_j: float | None
+    energy_mech_j: float | None
+    energy_gen_j: float | None
+    power_line_w: float | None
+    power_mech_w: float | None
+    power_gen_w: float | None
+    eta_trans: float | None
+    eta_gen: float | None
+    eta_pto: float | None
+    energy_payout_j: float | None
+    energy_returned_j: float | None
+    energy_net_j: float | None
+    energy_gen_cycle_j: float | None
+    eta_net: float | None
+    standard_uncertainty: Metrics
+
+
+class BudgetRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """One row of the budget: in the SI unit of the channel, or relative for a gain; shares are of the mean's variance.
+
+    The row of the bridged gaps has a contribution and a share alone.
+    """
+
+    source: str
+    part: str | UnsetType = UNSET
+    unit: str | UnsetType = UNSET
+    distribution: str | UnsetType = UNSET
+    limit: float | UnsetType | None = UNSET
+    standard_uncertainty: float | UnsetType = UNSET
+    origin: str | UnsetType | None = msgspec.field(name="from", default=UNSET)
+    contribution: Metrics
+    share: Metrics
+
+
+class UncertaintyRecord(msgspec.Struct, frozen=True):
+    """How the uncertainty of the means came about: its parts, the Monte Carlo, and the budget of the sensors."""
+
+    seed: int
+    draws: int
+    stated: dict[str, str | None]
+    sensors: Metrics
+    repeatability: Metrics
+    monte_carlo: Metrics
+    interval_95_sensors: dict[str, Interval95 | None]
+    degrees_of_freedom: Metrics
+    budget: tuple[BudgetRecord, ...]
+    taken_as_exact: tuple[str, ...]
+    without_accuracy: tuple[str, ...]
+    undetermined: tuple[str, ...]
+
+
+class BinRecord(msgspec.Struct, frozen=True):
+    """One bin of generator speed with mean powers and their standard errors."""
+
+    rpm_low: float
+    rpm_high: float
+    count: int
+    power_line_w: float | None
+    power_line_w_standard_error: float | None
+    power_mech_w: float | None
+    power_mech_w_standard_error: float | None
+    power_gen_w: float | None
+    power_gen_w_standard_error: float | None
+    torque_nm: float | None
+    torque_nm_standard_error: float | None
+
+
+class RunRecord(msgspec.Struct, frozen=True):
+    """The reduction of one log, schema `winchcascade/reduction/1`; numbers that do not exist are null."""
+
+    schema: str
+    version: str
+    data: dict[str, bool | str | None]
+    log: LogRecord
+    rig: str
+    window: str | float
+    quality: tuple[FindingRecord, ...]
+    cycles: tuple[CycleRecord, ...]
+    mean: Metrics
+    max_deviation_percent: Metrics
+    standard_uncertainty: Metrics
+    interval_95: dict[str, Interval95 | None]
+    uncertainty: UncertaintyRecord
+    total: Metrics
+    bins: tuple[BinRecord, ...]
 
 
 def reduction_json(reduction: Reduction, found: Uncertainty | None = None) -> bytes:
     """The reduction of one log as JSON, schema `winchcascade/reduction/1`, with its uncertainty, made here if not given."""
-    import msgspec
-
     return msgspec.json.format(msgspec.json.encode(reduction_record(reduction, found)), indent=1) + b"\n"
 
 
-def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> dict[str, Any]:
-    """The reduction of one log with its uncertainty as nested records; numbers that do not exist are None."""
+def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> RunRecord:
+    """The record of the reduction of one log with its uncertainty."""
     found = found or uncertainty(reduction)
     run = reduction.run
-    return {
-        "schema": SCHEMA,
-        "version": __version__,
-        "data": origin_record(run.origin),
-        "log": {
-            "path": run.path,
-            "table": run.table,
-            "sha256": run.sha256,
-            "samples": run.samples,
-            "fs_hz": run.fs,
-            "load_ohm": run.load if run.load is not None and math.isfinite(run.load) else None,
-            "load_source": run.load_source,
-            "open_circuit": run.open_circuit,
-            "simulated": True if run.simulated else None,
-            "about": run.about or None,
-        },
-        "rig": reduction.rig.name,
-        "window": reduction.window,
-        "quality": [finding_record(f, run.samples) for f in reduction.quality],
-        "cycles": [
-            {**cycle_record(c), "standard_uncertainty": metrics_record(u)}
-            for c, u in zip(reduction.cycles, found.budget.cycles, strict=True)
-        ],
-        "mean": metrics_record(reduction.mean),
-        "max_deviation_percent": metrics_record(reduction.max_deviation_percent),
-        "standard_uncertainty": metrics_record(found.standard),
-        "interval_95": interval_record(found.interval_95),
-        "uncertainty": uncertainty_record(found),
-        "total": metrics_record(reduction.total),
-        "bins": [bin_record(b) for b in reduction.bins],
-    }
+    return RunRecord(
+        schema=SCHEMA,
+        version=__version__,
+        data=origin_record(run.origin),
+        log=LogRecord(
+            path=run.path,
+            table=run.table,
+            sha256=run.sha256,
+            samples=run.samples,
+            fs_hz=run.fs,
+            load_ohm=run.load if run.load is not None and math.isfinite(run.load) else None,
+            load_source=run.load_source,
+            open_circuit=run.open_circuit,
+            simulated=True if run.simulated else None,
+            about=run.about or None,
+        ),
+        rig=reduction.rig.name,
+        window=reduction.window,
+        quality=tuple(finding_record(f, run.samples) for f in reduction.quality),
+        cycles=tuple(cycle_record(c, u) for c, u in zip(reduction.cycles, found.budget.cycles, strict=True)),
+        mean=reduction.mean,
+        max_deviation_percent=reduction.max_deviation_percent,
+        standard_uncertainty=found.standard,
+        interval_95=_intervals(found.interval_95),
+        uncertainty=_uncertainty(found),
+        total=reduction.total,
+        bins=tuple(bin_record(b) for b in reduction.bins),
+    )
 
 
-def metrics_record(metrics: Metrics) -> dict[str, float | None]:
-    """The metrics under the names of written files."""
-    return {field: getattr(metrics, name) for name, field in FIELDS.items()}
-
-
-def interval_record(intervals: Mapping[str, Interval]) -> dict[str, list[float] | None]:
+def _intervals(intervals: Mapping[str, Interval]) -> dict[str, Interval95 | None]:
     """95 % intervals under the names of written files, None for a metric that has none."""
     return {
-        field: None if (ends := intervals.get(name)) is None else [ends.low, ends.high]
+        field: None if (ends := intervals.get(name)) is None else (ends.low, ends.high)
         for name, field in FIELDS.items()
     }
 
 
-def uncertainty_record(found: Uncertainty) -> dict[str, Any]:
-    """How the uncertainty of the means came about: its parts, the Monte Carlo, and the budget of the sensors."""
+def _uncertainty(found: Uncertainty) -> UncertaintyRecord:
     known = found.budget
-    return {
-        "seed": found.seed,
-        "draws": found.draws,
-        "stated": {field: found.method.get(name) for name, field in FIELDS.items()},
-        "sensors": metrics_record(known.sensors),
-        "repeatability": metrics_record(known.repeatability),
-        "monte_carlo": metrics_record(found.drawn),
-        "interval_95_sensors": interval_record(found.interval_95_sensors),
-        "degrees_of_freedom": {
-            field: None if (n := getattr(known.freedom, name)) is None or math.isinf(n) else n
-            for name, field in FIELDS.items()
-        },
-        "budget": [_budget_row(row, known.mean) for row in known.rows],
-        "taken_as_exact": list(known.exact),
-        "without_accuracy": list(known.unknown),
-        "undetermined": [FIELDS[name] for name in known.undetermined],
-    }
+    freedom = msgspec.structs.asdict(known.freedom)
+    return UncertaintyRecord(
+        seed=found.seed,
+        draws=found.draws,
+        stated={field: found.method.get(name) for name, field in FIELDS.items()},
+        sensors=known.sensors,
+        repeatability=known.repeatability,
+        monte_carlo=found.drawn,
+        interval_95_sensors=_intervals(found.interval_95_sensors),
+        degrees_of_freedom=Metrics(**{m: None if n is None or math.isinf(n) else n for m, n in freedom.items()}),
+        budget=tuple(_budget_row(row, known.mean) for row in known.rows),
+        taken_as_exact=tuple(known.exact),
+        without_accuracy=tuple(known.unknown),
+        undetermined=tuple(FIELDS[name] for name in known.undetermined),
+    )
 
 
-def _budget_row(row: Contribution, mean: Metrics) -> dict[str, Any]:
-    """One row of the budget: in the SI unit of the channel, or relative for a gain; shares are of the mean's variance."""
-    source = row.source
-    about: dict[str, Any] = {"source": "bridged gaps"}
-    if source is not None:
-        unit = "1" if source.part == "gain" else si_unit(CHANNELS[source.channel].dimension)
-        about = {
-            "source": source.channel,
-            "part": source.part,
-            "unit": unit,
-            "distribution": source.shape,
-            "limit": source.limit,
-            "standard_uncertainty": source.u,
-            "from": source.origin,
-        }
-    return {**about, "contribution": metrics_record(row.of), "share": metrics_record(shares(row.of, mean))}
+def _budget_row(row: Contribution, mean: Metrics) -> BudgetRecord:
+    source, share = row.source, shares(row.of, mean)
+    if source is None:
+        return BudgetRecord(source="bridged gaps", contribution=row.of, share=share)
+    return BudgetRecord(
+        source=source.channel,
+        part=source.part,
+        unit="1" if source.part == "gain" else si_unit(CHANNELS[source.channel].dimension),
+        distribution=source.shape,
+        limit=source.limit,
+        standard_uncertainty=source.u,
+        origin=source.origin,
+        contribution=row.of,
+        share=share,
+    )
 
 
-def finding_record(finding: Finding, samples: int) -> dict[str, Any]:
-    """One finding, with the share of the log's samples that it removed."""
-    return {
-        "kind": finding.kind,
-        "channel": finding.channel,
-        "start_s": finding.start,
-        "end_s": finding.end,
-        "count": finding.count,
-        "action": finding.action,
-        "message": finding.message,
-        "removed_share": finding.removed / samples if samples else 0.0,
-    }
+def finding_record(finding: Finding, samples: int) -> FindingRecord:
+    """One finding of a log of so many samples."""
+    return FindingRecord(
+        kind=finding.kind,
+        channel=finding.channel,
+        start_s=finding.start,
+        end_s=finding.end,
+        count=finding.count,
+        action=finding.action,
+        message=finding.message,
+        removed_share=finding.removed / samples if samples else 0.0,
+    )
 
 
-def cycle_record(cycle: CycleResult) -> dict[str, Any]:
-    """One cycle with its phases, their summary, its window and its metrics."""
-    phases, window = cycle.phases, cycle.window
-    return {
-        "cycle": cycle.cycle,
-        "complete": cycle.complete,
-        "phases": {
-            "payout": [phases.onset, phases.payout_end],
-            "hold": None if phases.hold is None else list(phases.hold),
-            "haul_in": None if phases.haul_in is None else list(phases.haul_in),
-        },
-        "phase_summary": {
-            "payout": _payout(cycle.summary.payout),
-            "hold": _hold(cycle.summary.hold),
-            "haul_in": _haul_in(cycle.summary.haul_in),
-        },
-        "window": {
-            "onset_s": window.onset,
-            "cutoff_s": window.cutoff,
-            "duration_s": _seconds(window.cutoff - window.onset),
-        },
-        "net_span": {
-            "begin_s": cycle.net.begin,
-            "end_s": cycle.net.end,
-            "travel_m": cycle.net.travel,
-            "reason": cycle.net.reason,
-        },
-        **metrics_record(cycle.metrics),
-    }
+def cycle_record(cycle: CycleResult, standard_uncertainty: Metrics) -> CycleRecord:
+    """One cycle with the standard uncertainties of its metrics."""
+    phases, window, summary = cycle.phases, cycle.window, cycle.summary
+    hold, haul_in = summary.hold, summary.haul_in
+    return CycleRecord(
+        cycle=cycle.cycle,
+        complete=cycle.complete,
+        phases=PhasesRecord((phases.onset, phases.payout_end), phases.hold, phases.haul_in),
+        phase_summary=PhaseSummaryRecord(
+            payout=_payout(summary.payout),
+            hold=None
+            if hold is None
+            else HoldRecord(
+                duration_s=_seconds(hold.duration),
+                force_n=hold.force,
+                torque_nm=hold.torque,
+                pressure_kgcm2=None if hold.pressure is None else hold.pressure / _KGCM2,
+            ),
+            haul_in=None
+            if haul_in is None
+            else HaulInRecord(
+                duration_s=_seconds(haul_in.duration),
+                speed_max_mps=haul_in.speed_max,
+                force_n=haul_in.force,
+                force_min_n=haul_in.force_min,
+                energy_line_j=haul_in.energy_line,
+            ),
+        ),
+        window=WindowRecord(window.onset, window.cutoff, _seconds(window.cutoff - window.onset)),
+        net_span=NetSpanRecord(cycle.net.begin, cycle.net.end, cycle.net.travel, cycle.net.reason),
+        **{FIELDS[name]: value for name, value in msgspec.structs.asdict(cycle.metrics).items()},
+        standard_uncertainty=standard_uncertainty,
+    )
 
 
 def _seconds(duration: float) -> float:
@@ -183,57 +370,40 @@ def _seconds(duration: float) -> float:
     return round(duration, 9)
 
 
-def _payout(payout: PayoutSummary) -> dict[str, Any]:
+def _payout(payout: PayoutSummary) -> PayoutRecord:
     flat = payout.plateau
-    return {
-        "duration_s": _seconds(payout.duration),
-        "travel_m": payout.travel,
-        "speed_max_mps": payout.speed_max,
-        "plateau": None
+    return PayoutRecord(
+        duration_s=_seconds(payout.duration),
+        travel_m=payout.travel,
+        speed_max_mps=payout.speed_max,
+        plateau=None
         if flat is None
-        else {
-            "begin_s": flat.begin,
-            "braking_s": flat.braking,
-            "speed_mps": flat.speed,
-            "force_n": flat.force,
-            "torque_nm": flat.torque,
-            "power_line_w": flat.power_line,
-            "power_mech_w": flat.power_mech,
-            "power_gen_w": flat.power_gen,
-        },
-    }
+        else PlateauRecord(
+            begin_s=flat.begin,
+            braking_s=flat.braking,
+            speed_mps=flat.speed,
+            force_n=flat.force,
+            torque_nm=flat.torque,
+            power_line_w=flat.power_line,
+            power_mech_w=flat.power_mech,
+            power_gen_w=flat.power_gen,
+        ),
+    )
 
 
-def _hold(hold: HoldSummary | None) -> dict[str, Any] | None:
-    if hold is None:
-        return None
-    return {
-        "duration_s": _seconds(hold.duration),
-        "force_n": hold.force,
-        "torque_nm": hold.torque,
-        "pressure_kgcm2": None if hold.pressure is None else hold.pressure / _KGCM2,
-    }
-
-
-def _haul_in(haul_in: HaulInSummary | None) -> dict[str, Any] | None:
-    if haul_in is None:
-        return None
-    return {
-        "duration_s": _seconds(haul_in.duration),
-        "speed_max_mps": haul_in.speed_max,
-        "force_n": haul_in.force,
-        "force_min_n": haul_in.force_min,
-        "energy_line_j": haul_in.energy_line,
-    }
-
-
-def bin_record(item: Bin) -> dict[str, Any]:
-    """One bin of generator speed with mean powers and their standard errors."""
-    record: dict[str, Any] = {"rpm_low": item.rpm_low, "rpm_high": item.rpm_high, "count": item.count}
-    for stage in STAGES:
-        record[f"power_{stage}_w"] = item.power[stage]
-        record[f"power_{stage}_w_standard_error"] = item.standard_error[stage]
-    return record | {"torque_nm": item.torque, "torque_nm_standard_error": item.torque_standard_error}
+def bin_record(item: Bin) -> BinRecord:
+    """One bin of generator speed."""
+    powers = {f"power_{stage}_w": item.power[stage] for stage in STAGES}
+    errors = {f"power_{stage}_w_standard_error": item.standard_error[stage] for stage in STAGES}
+    return BinRecord(
+        rpm_low=item.rpm_low,
+        rpm_high=item.rpm_high,
+        count=item.count,
+        **powers,
+        **errors,
+        torque_nm=item.torque,
+        torque_nm_standard_error=item.torque_standard_error,
+    )
 
 
 def write_json(reduction: Reduction, found: Uncertainty, path: Path, *, force: bool = False) -> None:
