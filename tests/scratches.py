@@ -7,7 +7,7 @@ from pathlib import Path
 _MAKE = """
 import os, sys
 from pathlib import Path
-from winchcascade.scratch import scratch_file
+from winchcascade.core.scratch import scratch_file
 with scratch_file(Path(sys.argv[1])) as path:
     print(path.name)
     sys.stdout.flush()

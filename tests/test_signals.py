@@ -14,7 +14,7 @@ BEGIN = """
 import os, signal, sys, weakref
 from pathlib import Path
 from winchcascade.files import put_in_place
-from winchcascade.scratch import scratch_file, scratch_folder
+from winchcascade.core.scratch import scratch_file, scratch_folder
 from winchcascade.signals import end_on_signals, signals_held
 end_on_signals({signal.SIGINT: "one sentence."})
 here = Path(sys.argv[1])
