@@ -12,7 +12,7 @@ from winchcascade.reduction.energies import STAGES
 from winchcascade.report.digits import number, of_many, percent, places, stated, uncertain
 from winchcascade.report.report_model import Table
 from winchcascade.report.traces import clock_zero
-from winchcascade.report.wording import net_reasons
+from winchcascade.report.wording import label, net_reasons
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Finding
@@ -64,11 +64,6 @@ def _four(value: float | None, metric: str) -> str:
     if value is None or not math.isfinite(value) or abs(value) < 1e4:
         return stated(value, None, DECIMALS[metric])
     return number(value, 3 - math.floor(math.log10(abs(value))))
-
-
-def label(cycle: CycleResult) -> str:
-    """Number of a cycle, in brackets if it is incomplete."""
-    return f"{cycle.cycle}" if cycle.complete else f"({cycle.cycle})"
 
 
 def cycles_table(reduction: Reduction, found: Uncertainty) -> Table:

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
+
+from msgspec.structs import asdict
 
 from winchcascade.core.campaign_file import origin_words
 from winchcascade.core.plain_text import one_line
 from winchcascade.reduction.efficiency import METRICS, NET_METRICS
 from winchcascade.reduction.montecarlo import stated_uncertainty
-from winchcascade.report.wording import decisive, net_reasons, not_known
+from winchcascade.report.report_model import TableColumn
+from winchcascade.report.text_table import listing, plain_cell, wrapped
+from winchcascade.report.wording import decisive, label, net_reasons, not_known
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -25,19 +29,8 @@ if TYPE_CHECKING:
 _WIDTH = 80
 _MOST_CYCLES = 20
 _MOST_FINDINGS = 12
-_RESULTS = (
-    ("cycle", "window", "E_line", "E_mech", "E_gen", "eta_trans", "eta_gen", "eta_pto"),
-    ("", "s", "J", "J", "J", "", "", ""),
-)
-_NET = (
-    ("cycle", "E_payout", "E_returned", "E_net", "E_gen_cycle", "eta_net"),
-    ("", "J", "J", "J", "J", ""),
-)
 _MOST_REASONS = 3
-_PHASES = (
-    ("cycle", "onset", "payout", "hold", "haul-in", "travel", "plateau", "P_line", "P_mech", "P_gen"),
-    ("", "s", "s", "s", "s", "m", "m/s", "W", "W", "W"),
-)
+_MORE = "cycles more, all in --json and --parquet"
 
 
 def reduction_text(reduction: Reduction) -> str:
@@ -46,77 +39,96 @@ def reduction_text(reduction: Reduction) -> str:
     First those of the windows, then those of whole cycles. Mean powers are those of the window; a cycle in brackets is
     incomplete and not in the mean. At most 80 columns wide for a crane trial.
     """
-    cycles, (known, stated) = reduction.cycles, stated_uncertainty(reduction)
-    lines = [*_title(reduction), ""]
-    lines += [
-        *_table(_RESULTS, cycles, partial(_result_row, energy=_decimals(reduction)), _summary_rows(reduction, stated)),
-        "",
-    ]
-    lines += _net(reduction, stated)
-    lines += _table(_PHASES, cycles, _phase_row, [])
+    known, uncertainties = stated_uncertainty(reduction)
+    lines = [*_title(reduction), "", *_results(reduction, uncertainties), "", *_net(reduction, uncertainties), ""]
+    lines += listing(_PHASES, reduction.cycles, most=_MOST_CYCLES, more=_MORE, used=True)
     return "\n".join([*lines, "", *_uncertainty(known), *_findings(reduction)]) + "\n"
 
 
-def _table(
-    head: tuple[tuple[str, ...], ...],
-    cycles: Sequence[CycleResult],
-    row: Callable[[CycleResult], tuple[str, ...]],
-    below: Sequence[tuple[str, ...]],
-) -> list[str]:
-    """A table of cycles under a head of two lines; of many cycles the first and the last."""
-    few = len(cycles) <= _MOST_CYCLES
-    half = _MOST_CYCLES // 2
-    shown = cycles if few else [*cycles[:half], *cycles[-half:]]
-    lines = _aligned([*head, *(row(c) for c in shown), *below])
-    if not few:
-        lines.insert(len(head) + half, f"... {len(cycles) - _MOST_CYCLES} cycles more, all in --json and --parquet ...")
+def _metrics(m: Metrics, names: Iterable[str], energy: int, eta: int) -> list[str]:
+    """Texts of metrics, energies and efficiencies with so many decimals."""
+    values = asdict(m)
+    return [plain_cell(values[name], eta if name.startswith("eta") else energy) for name in names]
+
+
+def _metric(name: str, energy: int, cycle: CycleResult) -> str:
+    return _metrics(cycle.metrics, [name], energy, 3)[0]
+
+
+def _columns(reduction: Reduction, names: Sequence[str]) -> list[TableColumn[CycleResult]]:
+    """The number of a cycle, then its metrics."""
+    energy = _decimals(reduction)
+    return [
+        TableColumn("cycle", of=label),
+        *(
+            TableColumn(
+                name.replace("energy", "E"),
+                "" if name.startswith("eta") else "J",
+                of=partial(_metric, name, energy),
+            )
+            for name in names
+        ),
+    ]
+
+
+def _results(reduction: Reduction, uncertainties: Metrics) -> list[str]:
+    """Energies and efficiencies of the windows."""
+    energy, complete, names = _decimals(reduction), len(reduction.complete), (*METRICS[:3], *METRICS[6:])
+    columns = _columns(reduction, names)
+    columns.insert(1, TableColumn("window", "s", 2, of=lambda c: c.window.cutoff - c.window.onset))
+    below = []
+    if not complete:
+        below.append(["no mean: no complete cycle", *[""] * (len(columns) - 1)])
+    if complete:
+        below.append([f"mean of {complete}", "", *_metrics(reduction.mean, names, energy, 3)])
+    if complete > 1:
+        below.append(["largest dev. %", "", *_metrics(reduction.max_deviation_percent, names, 2, 2)])
+    if any(value is not None for value in asdict(uncertainties).values()):
+        below.append(["std. uncertainty", "", *_metrics(uncertainties, names, energy, 4)])
+    if complete > 1 and reduction.window == "payout":  # windows differ in length, so sums show what a mean does not
+        below.append(["all together", "", *_metrics(reduction.total, names, energy, 3)])
+    return listing(columns, reduction.cycles, most=_MOST_CYCLES, more=_MORE, below=below, used=True)
+
+
+def _net(reduction: Reduction, uncertainties: Metrics) -> list[str]:
+    """Energies of whole cycles, from onset to next onset, and why some cycles have none."""
+    energy, lines = _decimals(reduction), []
+    counted = [c for c in reduction.complete if c.metrics.energy_net is not None]
+    if any(c.metrics.energy_net is not None for c in reduction.cycles):
+        below = []
+        if counted:
+            below.append([f"mean of {len(counted)}", *_metrics(reduction.mean, NET_METRICS, energy, 3)])
+        if len(counted) > 1:
+            below.append(["largest dev. %", *_metrics(reduction.max_deviation_percent, NET_METRICS, 2, 2)])
+        if uncertainties.energy_net is not None:
+            below.append(["std. uncertainty", *_metrics(uncertainties, NET_METRICS, energy, 4)])
+        columns = _columns(reduction, NET_METRICS)
+        lines = listing(columns, reduction.cycles, most=_MOST_CYCLES, more=_MORE, below=below, used=True)
+    reasons = net_reasons(reduction.cycles)
+    for sentence in reasons[:_MOST_REASONS]:
+        lines += wrapped(f"no net energy, {sentence}", width=_WIDTH)
+    if len(reasons) > _MOST_REASONS:
+        lines.append(f"  ... {len(reasons) - _MOST_REASONS} more reasons, all in --json")
     return lines
 
 
-def _summary_rows(reduction: Reduction, stated: Metrics) -> list[tuple[str, ...]]:
-    complete = len(reduction.complete)
-    rows = []
-    if not complete:
-        rows.append(("no mean: no complete cycle", *[""] * (len(_RESULTS[0]) - 1)))
-    if complete:
-        rows.append(_metrics_row(f"mean of {complete}", "", reduction.mean, energy=_decimals(reduction), eta=3))
-    if complete > 1:
-        rows.append(_metrics_row("largest dev. %", "", reduction.max_deviation_percent, energy=2, eta=2))
-    if any(getattr(stated, m) is not None for m in METRICS):
-        rows.append(_metrics_row("std. uncertainty", "", stated, energy=_decimals(reduction), eta=4))
-    if complete > 1 and reduction.window == "payout":  # windows differ in length, so sums tell what a mean does not
-        rows.append(_metrics_row("all together", "", reduction.total, energy=_decimals(reduction), eta=3))
-    return rows
-
-
-def _net(reduction: Reduction, stated: Metrics) -> list[str]:
-    """Energies of whole cycles, from onset to next onset, and why some cycles have none."""
-    import textwrap
-
-    digits, lines = _decimals(reduction), []
-    counted = [c for c in reduction.complete if c.metrics.energy_net is not None]
-    if any(c.metrics.energy_net is not None for c in reduction.cycles):
-        row = partial(_net_row, energy=digits)
-        below = [row(f"mean of {len(counted)}", reduction.mean, eta=3)] if counted else []
-        below += [row("largest dev. %", reduction.max_deviation_percent, energy=2, eta=2)] if len(counted) > 1 else []
-        below += [row("std. uncertainty", stated, eta=4)] if stated.energy_net is not None else []
-        lines += [*_table(_NET, reduction.cycles, lambda c: row(_label(c), c.metrics, eta=3), below)]
-    reasons = net_reasons(reduction.cycles)
-    for sentence in reasons[:_MOST_REASONS]:
-        lines += textwrap.wrap(f"no net energy, {sentence}", _WIDTH, subsequent_indent="  ", break_on_hyphens=False)
-    lines += (
-        [f"  ... {len(reasons) - _MOST_REASONS} more reasons, all in --json"] if len(reasons) > _MOST_REASONS else []
-    )
-    return [*lines, ""]
-
-
-def _net_row(name: str, m: Metrics, *, energy: int, eta: int) -> tuple[str, ...]:
-    return (name, *(_number(getattr(m, n), eta if n == "eta_net" else energy) for n in NET_METRICS))
+_PHASES: tuple[TableColumn[CycleResult], ...] = (
+    TableColumn("cycle", of=label),
+    TableColumn("onset", "s", 2, of=lambda c: c.window.onset),
+    TableColumn("payout", "s", 2, of=lambda c: c.summary.payout.duration),
+    TableColumn("hold", "s", 2, of=lambda c: None if c.summary.hold is None else c.summary.hold.duration),
+    TableColumn("haul-in", "s", 2, of=lambda c: None if c.summary.haul_in is None else c.summary.haul_in.duration),
+    TableColumn("travel", "m", 2, of=lambda c: c.summary.payout.travel),
+    TableColumn(
+        "plateau", "m/s", 3, of=lambda c: None if (plateau := c.summary.payout.plateau) is None else plateau.speed
+    ),
+    TableColumn("P_line", "W", of=lambda c: c.metrics.power_line),
+    TableColumn("P_mech", "W", of=lambda c: c.metrics.power_mech),
+    TableColumn("P_gen", "W", of=lambda c: c.metrics.power_gen),
+)
 
 
 def _title(reduction: Reduction) -> list[str]:
-    import textwrap
-
     run, rig = reduction.run, reduction.rig
     seconds = float(run.t[-1] - run.t[0])
     table = "" if run.table is None else f", table {one_line(run.table)!r}"
@@ -126,7 +138,7 @@ def _title(reduction: Reduction) -> list[str]:
     parts = [_load(reduction), f"rig {one_line(rig.name)}{drum}", f"window {window}"]
     lines = [first, "; ".join(part for part in parts if part)]
     lines += [f"campaign: {one_line(run.about)}"] if run.about else []
-    lines += textwrap.wrap(f"data: {one_line(origin_words([run.origin]))}", _WIDTH, subsequent_indent="  ")
+    lines += wrapped(f"data: {origin_words([run.origin])}", width=_WIDTH)
     lines += [f"rig note: {one_line(rig.note)}"] if rig.note else []
     return lines
 
@@ -144,10 +156,6 @@ def _duration(seconds: float) -> str:
     return f"{seconds / 60:.1f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
 
 
-def _label(cycle: CycleResult) -> str:
-    return f"{cycle.cycle}" if cycle.complete else f"({cycle.cycle})"
-
-
 def _decimals(reduction: Reduction) -> int:
     """Decimals of the energies: none for hundreds of joules and more, else as many as give three digits."""
     joules = [abs(e) for m in METRICS[:3] if (e := getattr(reduction.mean, m)) is not None]
@@ -155,64 +163,19 @@ def _decimals(reduction: Reduction) -> int:
     return 0 if largest >= 100 or largest == 0 else min(2 - math.floor(math.log10(largest)), 9)
 
 
-def _result_row(cycle: CycleResult, *, energy: int) -> tuple[str, ...]:
-    window = f"{cycle.window.cutoff - cycle.window.onset:.2f}"
-    return _metrics_row(_label(cycle), window, cycle.metrics, energy=energy, eta=3)
-
-
-def _metrics_row(name: str, window: str, m: Metrics, *, energy: int, eta: int) -> tuple[str, ...]:
-    return (
-        name,
-        window,
-        *(_number(value, energy) for value in (m.energy_line, m.energy_mech, m.energy_gen)),
-        *(_number(value, eta) for value in (m.eta_trans, m.eta_gen, m.eta_pto)),
-    )
-
-
-def _phase_row(cycle: CycleResult) -> tuple[str, ...]:
-    payout, hold, haul_in = cycle.summary.payout, cycle.summary.hold, cycle.summary.haul_in
-    return (
-        _label(cycle),
-        f"{cycle.window.onset:.2f}",
-        f"{payout.duration:.2f}",
-        _number(None if hold is None else hold.duration, 2),
-        _number(None if haul_in is None else haul_in.duration, 2),
-        f"{payout.travel:.2f}",
-        _number(None if payout.plateau is None else payout.plateau.speed, 3),
-        *(_number(p, 0) for p in (cycle.metrics.power_line, cycle.metrics.power_mech, cycle.metrics.power_gen)),
-    )
-
-
-def _number(value: float | None, digits: int) -> str:
-    return "-" if value is None else f"{value:.{digits}f}"
-
-
-def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Columns under each other, numbers to the right; a column without any entry is left out."""
-    used = [k for k in range(len(rows[0])) if k == 0 or any(row[k] not in ("", "-") for row in rows[2:])]
-    width = {k: max(len(row[k]) for row in rows) for k in used}
-    return [
-        "  ".join(row[k].ljust(width[k]) if k == 0 else row[k].rjust(width[k]) for k in used).rstrip() for row in rows
-    ]
-
-
 def _uncertainty(known: Budget) -> list[str]:
     """What decides the uncertainty of the efficiencies, and what is not known of it."""
-    import textwrap
-
     sentences = [*decisive(known), *not_known(known)]
-    return textwrap.wrap(f"uncertainty: {'; '.join(sentences)}", _WIDTH, subsequent_indent="  ") if sentences else []
+    return wrapped(f"uncertainty: {'; '.join(sentences)}", width=_WIDTH) if sentences else []
 
 
 def _findings(reduction: Reduction) -> list[str]:
-    import textwrap
-
     quality, samples = reduction.quality, reduction.run.samples
     if not quality:
         return ["findings: none"]
     lines = [f"findings: {len(quality)}"]
     for finding in quality[:_MOST_FINDINGS]:
-        lines += textwrap.wrap(_finding(finding, samples), _WIDTH, initial_indent="  ", subsequent_indent="    ")
+        lines += wrapped(_finding(finding, samples), "  ", width=_WIDTH)
     if len(quality) > _MOST_FINDINGS:
         lines.append(f"  ... {len(quality) - _MOST_FINDINGS} more, all in --json")
     return lines

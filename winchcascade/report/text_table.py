@@ -80,12 +80,12 @@ def listing(
     return lines
 
 
-def wrapped(text: str, indent: str = "") -> list[str]:
-    """A sentence in lines of 100 columns at most."""
+def wrapped(text: str, indent: str = "", width: int = WIDTH) -> list[str]:
+    """A sentence in lines of so many characters at most."""
     import textwrap
 
     whole = one_line(text).replace(" %", "\N{NO-BREAK SPACE}%")  # a number and its percent sign stay on one line
-    lines = textwrap.wrap(whole, WIDTH, initial_indent=indent, subsequent_indent=f"{indent}  ", break_on_hyphens=False)
+    lines = textwrap.wrap(whole, width, initial_indent=indent, subsequent_indent=f"{indent}  ", break_on_hyphens=False)
     return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
 
 

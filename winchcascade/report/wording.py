@@ -58,6 +58,11 @@ def decisive(known: Budget) -> list[str]:
     return [f"most of the variance: {', '.join(sentences)}"] if sentences else []
 
 
+def label(cycle: CycleResult) -> str:
+    """Number of a cycle, in brackets if it is incomplete."""
+    return f"{cycle.cycle}" if cycle.complete else f"({cycle.cycle})"
+
+
 LISTED_CYCLES = 6
 """Numbers of cycles that a sentence lists."""
 
