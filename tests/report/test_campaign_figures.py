@@ -10,14 +10,13 @@ from matplotlib.transforms import Bbox
 from test_campaign_report import run
 
 from winchcascade.report.campaign_figures import load_names, look_alike, over_load, over_speed, repeated
-from winchcascade.report.legend import SHORT, columns_within, cut_apart
 from winchcascade.report.model_account import Account
 from winchcascade.report.model_bars import budget_bars
 from winchcascade.report.model_budget import GROUPS, Budget
 from winchcascade.report.model_curves import Curve
 from winchcascade.report.model_figures import by_load, panels
 from winchcascade.report.model_section import Named, row_names
-from winchcascade.report.style import house_style
+from winchcascade.report.style import SHORT, columns_within, cut_apart, house_style
 
 EDGE = 1.0
 """What a text may stick out of a figure. [px]"""

@@ -17,7 +17,7 @@ from winchcascade.reduction.efficiency import Metrics
 from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report import cycle_figures, figures
+from winchcascade.report import figures
 from winchcascade.report.style import COLOURS, house_style, svg_text
 from winchcascade.report.traces import PANELS
 
@@ -62,7 +62,7 @@ def drawn(result: Result) -> Iterator[tuple[str, "Figure"]]:
         "flow": figures.energy_flow(reduction),
         "histories": figures.time_histories(reduction, powers),
         "streams": figures.power_streams(reduction, powers),
-        "overlaid": cycle_figures.overlaid(reduction, powers, None, None),
+        "overlaid": figures.overlaid(reduction, powers, None, None),
         "budget": figures.uncertainty_bars(found.budget),
     }
     yield from ((name, figure) for name, figure in every.items() if figure is not None)
@@ -188,7 +188,7 @@ def test_energies_that_do_not_fall_have_no_flow_diagram(clean: Result, mean: Met
 
 def test_overlaid_cycles_begin_a_second_before_their_onset_and_name_best_and_worst(clean: Result) -> None:
     reduction, _ = clean
-    figure = cycle_figures.overlaid(reduction, figures.powers_of(reduction), 3, 1)
+    figure = figures.overlaid(reduction, figures.powers_of(reduction), 3, 1)
     assert figure is not None
     step = 1.0 / reduction.run.fs
     for ax in (ax for ax in figure.axes if ax.get_visible()):
@@ -202,11 +202,11 @@ def test_overlaid_cycles_begin_a_second_before_their_onset_and_name_best_and_wor
 def test_of_many_cycles_an_even_selection_is_laid_over_with_best_and_worst(clean: Result) -> None:
     reduction, _ = clean
     cycles = tuple(msgspec.structs.replace(reduction.cycles[k % 3], cycle=k + 1) for k in range(300))
-    figure = cycle_figures.overlaid(msgspec.structs.replace(reduction, cycles=cycles), {}, 2, 299)
+    figure = figures.overlaid(msgspec.structs.replace(reduction, cycles=cycles), {}, 2, 299)
     assert figure is not None
     labels = [str(trace.get_label()) for trace in figure.axes[0].lines]
     assert labels.count("best, cycle 2") == labels.count("worst, cycle 299") == 1
-    assert labels.count("other cycles") in range(cycle_figures.OVERLAID - 2, cycle_figures.OVERLAID + 1)
+    assert labels.count("other cycles") in range(figures.OVERLAID - 2, figures.OVERLAID + 1)
 
 
 def test_bars_of_the_uncertainty_fill_the_axis(clean: Result) -> None:
@@ -226,9 +226,9 @@ def test_bars_of_the_uncertainty_fill_the_axis(clean: Result) -> None:
 def test_a_drift_is_drawn_over_the_cycles_where_there_are_many(clean: Result) -> None:
     reduction, _ = clean
     cycles = tuple(msgspec.structs.replace(reduction.cycles[k % 3], cycle=k + 1) for k in range(9))
-    figure = cycle_figures.trend(msgspec.structs.replace(reduction, cycles=cycles))
+    figure = figures.trend(msgspec.structs.replace(reduction, cycles=cycles))
     assert figure is not None
-    assert cycle_figures.trend(reduction) is None
+    assert figures.trend(reduction) is None
     dots = {
         str(trace.get_label()): trace for ax in figure.axes for trace in ax.lines if trace.get_linestyle() == "None"
     }

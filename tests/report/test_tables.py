@@ -16,7 +16,7 @@ from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
 from winchcascade.reduction.net_energy import NetSpan
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report import tables, uncertainty_tables
+from winchcascade.report import tables
 from winchcascade.report.digits import MINUS
 from winchcascade.report.report_model import Table
 
@@ -90,10 +90,10 @@ def all_tables(result: Result) -> Iterator[Table]:
     yield tables.payouts_table(reduction)
     yield tables.holds_table(reduction)
     for table in (
-        uncertainty_tables.uncertainty_table(reduction, found),
-        uncertainty_tables.repeatability_table(reduction, found), uncertainty_tables.budget_table(found),
+        tables.uncertainty_table(reduction, found),
+        tables.repeatability_table(reduction, found), tables.budget_table(found),
         tables.bins_table(reduction),
-        tables.findings_table(reduction), uncertainty_tables.sensors_table(reduction),
+        tables.findings_table(reduction), tables.sensors_table(reduction),
     ):  # fmt: skip
         if table is not None:
             yield table
@@ -180,7 +180,7 @@ def test_cycles_in_brackets_are_those_that_the_mean_leaves_out(results: dict[str
     ):
         assert {row[0] for row in table.rows if row[0].startswith("(")} == incomplete
     assert "in brackets is incomplete" in tables.cycles_table(reduction, found).caption
-    repeated = uncertainty_tables.repeatability_table(reduction, found)
+    repeated = tables.repeatability_table(reduction, found)
     assert repeated is not None
     assert not {cell.strip("()") for cell in columns(repeated)["in cycle"]} & {c.strip("()") for c in incomplete}
 
@@ -210,7 +210,7 @@ def test_sixty_cycles_are_all_listed(many: Result) -> None:
 
 @pytest.mark.parametrize("log", LOGS)
 def test_shares_of_the_budget_add_up_to_the_whole(results: dict[str, Result], log: str) -> None:
-    table = uncertainty_tables.budget_table(results[log][1])
+    table = tables.budget_table(results[log][1])
     if not results[log][0].complete:
         assert table is None
         return
@@ -225,7 +225,7 @@ def test_shares_of_the_budget_add_up_to_the_whole(results: dict[str, Result], lo
 
 def test_the_repeatability_states_the_scatter_of_the_complete_cycles(clean: Result) -> None:
     reduction, found = clean
-    table = uncertainty_tables.repeatability_table(reduction, found)
+    table = tables.repeatability_table(reduction, found)
     assert table is not None
     named = columns(table)
     assert named["Metric"] == [*SYMBOLS.values(), *NET_SYMBOLS.values()]
@@ -266,12 +266,12 @@ def test_the_table_of_whole_cycles_states_net_energies_and_why_they_are_missing(
 def test_a_single_complete_cycle_has_no_repeatability(clean: Result) -> None:
     reduction, _ = clean
     one = msgspec.structs.replace(reduction, cycles=reduction.cycles[:1])
-    assert uncertainty_tables.repeatability_table(one, uncertainty(one, draws=200)) is None
+    assert tables.repeatability_table(one, uncertainty(one, draws=200)) is None
 
 
 def test_the_uncertainty_table_states_both_parts_and_both_intervals(clean: Result) -> None:
     reduction, found = clean
-    table = uncertainty_tables.uncertainty_table(reduction, found)
+    table = tables.uncertainty_table(reduction, found)
     assert table is not None
     named = columns(table)
     for k, metric in enumerate(ALL_METRICS):
@@ -292,13 +292,13 @@ def test_without_accuracies_only_the_repeatability_is_stated() -> None:
     rig = parse_rig('name = "bare"\n[winch]\nr_drum = { value = 0.13, unit = "m" }\n', "bare.toml")
     reduction = reduce(read_run(FIXTURES / "campaign" / "r36ohm.csv", rig=rig), rig=rig, window=5.48)
     found = uncertainty(reduction, draws=200)
-    assert uncertainty_tables.uncertainty_table(reduction, found) is None
-    table = uncertainty_tables.repeatability_table(reduction, found)
+    assert tables.uncertainty_table(reduction, found) is None
+    table = tables.repeatability_table(reduction, found)
     assert table is not None
     assert "–" not in columns(table)["s/√N"]
-    assert "for lack of an accuracy of force, idc, torque, vdc" in uncertainty_tables.unknown_words(found)
-    assert uncertainty_tables.budget_table(found) is None
-    assert uncertainty_tables.sensors_table(reduction) is None
+    assert "for lack of an accuracy of force, idc, torque, vdc" in tables.unknown_words(found)
+    assert tables.budget_table(found) is None
+    assert tables.sensors_table(reduction) is None
 
 
 @pytest.mark.parametrize("log", LOGS)
@@ -385,7 +385,7 @@ def test_sensors_are_listed_as_the_rig_file_states_them(clean: Result) -> None:
         'accuracy = 0.05\nsource = "sheet 3"\ninstrument = "cell"\n',
         "mine.toml",
     )
-    table = uncertainty_tables.sensors_table(msgspec.structs.replace(clean[0], rig=rig))
+    table = tables.sensors_table(msgspec.structs.replace(clean[0], rig=rig))
     assert table is not None
     (force,) = (row for row in table.rows if row[0] == "force")
     assert force == ("force", "cell", f"{MINUS}5 to 20 kN", "0.2 % of full scale and 0.05 kN", "sheet 3")

@@ -13,9 +13,18 @@ from matplotlib.ticker import FixedLocator, NullLocator
 from winchcascade.reduction.efficiency import FIELDS
 from winchcascade.report.campaign_tables import Run, comparable, load_of, load_text
 from winchcascade.report.figures import readable
-from winchcascade.report.legend import columns_within, cut_apart, lines_within, text_width
 from winchcascade.report.model_figures import LINE, MARK_SIZE, load_style
-from winchcascade.report.style import COLOURS, LOAD_COLOURS, STAGE_STYLE, WIDTH, label_panel
+from winchcascade.report.style import (
+    COLOURS,
+    LOAD_COLOURS,
+    STAGE_STYLE,
+    WIDTH,
+    columns_within,
+    cut_apart,
+    label_panel,
+    lines_within,
+    text_width,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

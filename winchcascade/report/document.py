@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from winchcascade.core.campaign_file import banner, origin_words
 from winchcascade.core.version import __version__
 from winchcascade.reduction.efficiency import ALL_METRICS, METRICS, NOTHING
-from winchcascade.report import cycle_figures, figures, tables, uncertainty_tables
+from winchcascade.report import figures, tables
 from winchcascade.report.digits import number, percent, places, stated, uncertain
 from winchcascade.report.model_section import Modelled, modelled, run_section
 from winchcascade.report.publish import publish
@@ -290,16 +290,16 @@ def _cycles(reduction: Reduction, powers: dict[str, Signal]) -> Section:
     told = "Cycles on a common clock that starts at each onset: where the curves part, the cycles did not repeat."
     if many == 1:
         told = "The cycle on a clock that starts at its onset."
-    some = f" {cycle_figures.OVERLAID} of {many} cycles, evenly chosen." if many > cycle_figures.OVERLAID else ""
+    some = f" {figures.OVERLAID} of {many} cycles, evenly chosen." if many > figures.OVERLAID else ""
     return section(
         "cycles-and-phases", "Cycles and phases",
         picture(
-            cycle_figures.overlaid(reduction, powers, best, worst), "overlaid",
+            figures.overlaid(reduction, powers, best, worst), "overlaid",
             f"{told} Dashed: end of the window.{by}{some}",
             "Line plots of the cycles laid over each other.",
         ),
         picture(
-            cycle_figures.trend(reduction), "trend", "Complete cycles one after the other: a slope would be a drift.",
+            figures.trend(reduction), "trend", "Complete cycles one after the other: a slope would be a drift.",
             "Dots of the efficiencies and energies over the number of the cycle; the values are in the tables.",
         ),
         tables.payouts_table(reduction),
@@ -308,11 +308,11 @@ def _cycles(reduction: Reduction, powers: dict[str, Signal]) -> Section:
 
 
 def _repeatability(reduction: Reduction, found: Uncertainty) -> Section:
-    unknown = uncertainty_tables.unknown_words(found)
+    unknown = tables.unknown_words(found)
     return section(
         "uncertainty", "Repeatability and uncertainty",
-        uncertainty_tables.repeatability_table(reduction, found),
-        uncertainty_tables.uncertainty_table(reduction, found) if reduction.complete else None,
+        tables.repeatability_table(reduction, found),
+        tables.uncertainty_table(reduction, found) if reduction.complete else None,
         Note(unknown) if unknown else None,
         picture(
             figures.uncertainty_bars(found.budget), "budget",
@@ -320,8 +320,8 @@ def _repeatability(reduction: Reduction, found: Uncertainty) -> Section:
             "of the cycles (repeatability).",
             "Bars of the shares of the variance; the numbers are in the uncertainty budget.",
         ),
-        uncertainty_tables.budget_table(found, reduction.rig.source),
-        uncertainty_tables.sensors_table(reduction),
+        tables.budget_table(found, reduction.rig.source),
+        tables.sensors_table(reduction),
     )  # fmt: skip
 
 

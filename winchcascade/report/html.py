@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from winchcascade.core.files import write_content
-from winchcascade.report.cleaning import cleaned
+from winchcascade.report.publish import cleaned, template_folder
 from winchcascade.report.style import COLOURS
-from winchcascade.report.templates import template_folder
 
 if TYPE_CHECKING:
     from winchcascade.report.report_model import Report, Table

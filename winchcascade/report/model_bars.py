@@ -9,9 +9,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from winchcascade.report.digits import significant
-from winchcascade.report.legend import text_width
 from winchcascade.report.model_budget import GROUPS, NOTHING
-from winchcascade.report.style import COLOURS, WIDTH
+from winchcascade.report.style import COLOURS, WIDTH, text_width
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -10,9 +10,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from winchcascade.report.figures import dots, readable
-from winchcascade.report.legend import columns_within, lines_within
 from winchcascade.report.model_curves import HAUL_IN, SHOWN
-from winchcascade.report.style import COLOURS, LOAD_COLOURS, WIDTH, label_panel
+from winchcascade.report.style import COLOURS, LOAD_COLOURS, WIDTH, columns_within, label_panel, lines_within
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -11,14 +11,13 @@ import numpy as np
 from winchcascade.core.quantity import KGF
 from winchcascade.report import model_figures as figures
 from winchcascade.report import model_text as text
-from winchcascade.report.legend import cut_apart
 from winchcascade.report.model_account import Account, account_of
 from winchcascade.report.model_bars import budget_bars
 from winchcascade.report.model_curves import speed_columns, speed_width
 from winchcascade.report.model_data import Comparison, compare_with_baseline
 from winchcascade.report.model_open import back_emf_figure, damper_sweep
 from winchcascade.report.report_model import Note, Picture, Section
-from winchcascade.report.style import svg_text
+from winchcascade.report.style import cut_apart, svg_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

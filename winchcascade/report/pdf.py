@@ -8,9 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from winchcascade.core.files import write_content
-from winchcascade.report.cleaning import cleaned
-from winchcascade.report.moment import made_at
-from winchcascade.report.templates import template_folder
+from winchcascade.report.publish import cleaned, made_at, template_folder
 
 if TYPE_CHECKING:
     from winchcascade.report.report_model import Report
