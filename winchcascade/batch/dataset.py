@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 
 from winchcascade.core.version import __version__
-from winchcascade.report.publish import made_at
+from winchcascade.report.page_setup import made_at
 from winchcascade.report.records import FindingRecord, RunRecord
 from winchcascade.report.rows import Row, table_rows, table_schema
 

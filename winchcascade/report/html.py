@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from winchcascade.core.files import write_content
-from winchcascade.report.publish import cleaned, template_folder
+from winchcascade.report.page_setup import cleaned, template_folder
 from winchcascade.report.style import COLOURS
 
 if TYPE_CHECKING:

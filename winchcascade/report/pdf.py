@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from winchcascade.core.files import write_content
-from winchcascade.report.publish import cleaned, made_at, template_folder
+from winchcascade.report.page_setup import cleaned, made_at, template_folder
 
 if TYPE_CHECKING:
     from winchcascade.report.report_model import Report

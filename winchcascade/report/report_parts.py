@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from winchcascade.core.campaign_file import Origin, origin_words
-from winchcascade.report.publish import made_at
+from winchcascade.report.page_setup import made_at
 from winchcascade.report.report_model import Block, Picture, Point, Section, Table
 from winchcascade.report.style import svg_text
 
