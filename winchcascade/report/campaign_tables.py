@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any
+
+from msgspec.structs import replace
 
 from winchcascade.core.campaign_file import KINDS, origin_from
 from winchcascade.core.plain_text import one_line
 from winchcascade.reduction.efficiency import FIELDS, METRICS, NET_METRICS
 from winchcascade.report.digits import number, percent, places, stated, uncertain
-from winchcascade.report.report_model import Table
+from winchcascade.report.report_model import Cell, Table, TableColumn, make_table, rows_of
 from winchcascade.report.tables import DECIMALS, SYMBOL, UNIT, metrics_note
 
 Run = Mapping[str, Any]
@@ -75,40 +78,46 @@ def comparable(runs: Sequence[Run]) -> list[list[int]]:
     return list(found.values())
 
 
+_LOG: TableColumn[Run] = TableColumn("Log", text=True, of=lambda run: run["name"])
+_LOAD: TableColumn[Run] = TableColumn("Load", "Ω", of=lambda run: load_text(run))
+_WINDOW: TableColumn[Run] = TableColumn("Window", "s", of=lambda run: window_text(run))
+
+
+def _given(runs: Sequence[Run], metrics: Iterable[str], part: str = "mean") -> list[str]:
+    """Metrics that any of the runs has."""
+    return [m for m in metrics if any(run[part][FIELDS[m]] is not None for run in runs)]
+
+
+def _metric_columns(metrics: Iterable[str]) -> list[TableColumn[Run]]:
+    """Means of metrics with their standard uncertainties."""
+    return [TableColumn(SYMBOL[m], UNIT[m], of=partial(_with_uncertainty, m)) for m in metrics]
+
+
+def _rows(columns: Sequence[TableColumn[Run]], runs: Sequence[Run]) -> list[tuple[Cell, ...]]:
+    return rows_of(columns, runs, most=MOST_RUNS, more="more, in the dataset")
+
+
 def energies_table(runs: Sequence[Run]) -> Table:
     """Mean energies and powers of every run with their standard uncertainties (the layout of Table 2)."""
-    metrics = [f"{kind}_{stage}" for stage in ("line", "mech", "gen") for kind in ("energy", "power")]
-    given = [m for m in metrics if any(run["mean"][FIELDS[m]] is not None for run in runs)]
-
-    def row(run: Run) -> tuple[str, ...]:
-        values = (_with_uncertainty(run, m, 0) for m in given)
-        return (run["name"], load_text(run), window_text(run), f"{run['complete']}", *values)
-
-    return Table(
-        id="energies",
-        caption="Mean energies over the integration window and mean powers in it, ± standard uncertainty.",
-        head=("Log", "Load", "Window", "Cycles", *(SYMBOL[m] for m in given)),
-        units=("", "Ω", "s", "", *(UNIT[m] for m in given)),
-        rows=tuple(_thinned(runs, row)),
-        links=_links(runs),
-        note=metrics_note(given).strip(),
-    )
+    given = _given(runs, [f"{kind}_{stage}" for stage in ("line", "mech", "gen") for kind in ("energy", "power")])
+    cycles: TableColumn[Run] = TableColumn("Cycles", of=lambda run: run["complete"])
+    columns = [_LOG, _LOAD, _WINDOW, cycles, *_metric_columns(given)]
+    caption = "Mean energies over the integration window and mean powers in it, ± standard uncertainty."
+    table = make_table("energies", caption, columns, _rows(columns, runs), note=metrics_note(given).strip())
+    return replace(table, links=_links(runs))
 
 
 def efficiencies_table(runs: Sequence[Run]) -> Table:
     """Mean efficiencies of every run with their standard uncertainties and 95 % intervals."""
-    given = [m for m in METRICS[6:] if any(run["mean"][FIELDS[m]] is not None for run in runs)]
-
-    def row(run: Run) -> tuple[str, ...]:
-        cells = [(_with_uncertainty(run, m, 3), _interval(run, m)) for m in given]
-        return (run["name"], load_text(run), window_text(run), *(text for pair in cells for text in pair))
-
-    return Table(
-        id="efficiencies",
-        caption="Efficiencies: means of the cycles' ratios, ± standard uncertainty, and 95 % intervals.",
-        head=("Log", "Load", "Window", *(text for m in given for text in (SYMBOL[m], "95 % interval"))),
-        units=("", "Ω", "s", *("" for _ in given for _ in range(2))),
-        rows=tuple(_thinned(runs, row)),
+    given = _given(runs, METRICS[6:])
+    columns = [_LOG, _LOAD, _WINDOW]
+    for m, column in zip(given, _metric_columns(given), strict=True):
+        columns += [column, TableColumn("95 % interval", of=partial(_interval, m))]
+    return make_table(
+        "efficiencies",
+        "Efficiencies: means of the cycles' ratios, ± standard uncertainty, and 95 % intervals.",
+        columns,
+        _rows(columns, runs),
         note=metrics_note(given)
         + "Errors of the sensors are common to all runs with the same sensors, so differences between loads are better "
         "known than each value.",
@@ -117,20 +126,16 @@ def efficiencies_table(runs: Sequence[Run]) -> Table:
 
 def net_table(runs: Sequence[Run]) -> Table | None:
     """Net energies of whole cycles of every run, means with their standard uncertainties; None where no run has any."""
-    given = [m for m in NET_METRICS if any(run["mean"][FIELDS[m]] is not None for run in runs)]
+    given = _given(runs, NET_METRICS)
     if not given:
         return None
-
-    def row(run: Run) -> tuple[str, ...]:
-        return (run["name"], load_text(run), *(_with_uncertainty(run, m, DECIMALS[m]) for m in given))
-
-    return Table(
-        id="net",
-        caption="Whole cycles: line energy of the payout, line energy returned in haul-in, and net line energy from onset to "
+    columns = [_LOG, _LOAD, *_metric_columns(given)]
+    return make_table(
+        "net",
+        "Whole cycles: line energy of the payout, line energy returned in haul-in, and net line energy from onset to "
         "next onset, ± standard uncertainty.",
-        head=("Log", "Load", *(SYMBOL[m] for m in given)),
-        units=("", "Ω", *(UNIT[m] for m in given)),
-        rows=tuple(_thinned(runs, row)),
+        columns,
+        _rows(columns, runs),
         note="These energies do not depend on the integration window. "
         + ("η_net = E_gen, cycle / E_net. " if "eta_net" in given else "")
         + "The report of each log states why it has none; in open circuit they are not evaluated.",
@@ -140,98 +145,67 @@ def net_table(runs: Sequence[Run]) -> Table | None:
 def repeatability_table(runs: Sequence[Run]) -> Table | None:
     """Largest deviation of any cycle from the mean, for every run; None where no run has two cycles."""
     several = [run for run in runs if run["complete"] > 1]
-    given = [m for m in METRICS if any(run["max_deviation_percent"][FIELDS[m]] is not None for run in several)]
+    given = _given(several, METRICS, "max_deviation_percent")
     if not given:
         return None
-
-    def row(run: Run) -> tuple[str, ...]:
-        deviations = (number(run["max_deviation_percent"][FIELDS[m]], 2) for m in given)
-        return (run["name"], load_text(run), f"{run['complete']}", *deviations)
-
-    return Table(
-        id="repeatability",
-        caption="Repeatability: largest deviation of any cycle from the mean of its run, in percent of the mean.",
-        head=("Log", "Load", "Cycles", *(SYMBOL[m] for m in given)),
-        units=("", "Ω", "", *("%" for _ in given)),
-        rows=tuple(_thinned(several, row)),
-    )
+    columns = [_LOG, _LOAD, TableColumn("Cycles", of=lambda run: run["complete"])]
+    columns += [TableColumn(SYMBOL[m], "%", 2, of=partial(_deviation, m)) for m in given]
+    caption = "Repeatability: largest deviation of any cycle from the mean of its run, in percent of the mean."
+    return make_table("repeatability", caption, columns, _rows(columns, several))
 
 
 def logs_table(runs: Sequence[Run]) -> Table:
     """Every log: its cycles, and what was found wrong with it."""
+    columns: list[TableColumn[Run]] = [
+        _LOG,
+        _LOAD,
+        _WINDOW,
+        TableColumn("Data", text=True, of=lambda run: KINDS[origin_from(run).measured]),
+        TableColumn("Complete cycles", of=lambda run: f"{run['complete']} of {run['cycles']}"),
+        TableColumn("Data lost", "%", of=lambda run: percent(run["removed_share"], 2)),
+        TableColumn("Findings", text=True, of=_findings),
+    ]
+    caption = "Logs: complete cycles, share of the samples that findings took out, number and kinds of findings."
+    return replace(make_table("logs", caption, columns, _rows(columns, runs)), links=_links(runs))
 
-    def row(run: Run) -> tuple[str, ...]:
-        kinds = ", ".join(kind.replace("_", " ") for kind in run["findings"])
-        found = f"{count_of(run)}: {kinds}" if kinds else "none"
-        return (
-            run["name"],
-            load_text(run),
-            window_text(run),
-            KINDS[origin_from(run).measured],
-            f"{run['complete']} of {run['cycles']}",
-            percent(run["removed_share"], 2),
-            found,
-        )
 
-    return Table(
-        id="logs",
-        caption="Logs: complete cycles, share of the samples that findings took out, number and kinds of findings.",
-        head=("Log", "Load", "Window", "Data", "Complete cycles", "Data lost", "Findings"),
-        units=("", "Ω", "s", "", "", "%", ""),
-        rows=tuple(_thinned(runs, row)),
-        text_columns=(0, 3, 6),
-        links=_links(runs),
-    )
+def _findings(run: Run) -> str:
+    kinds = ", ".join(kind.replace("_", " ") for kind in run["findings"])
+    return f"{count_of(run)}: {kinds}" if kinds else "none"
 
 
 def between_table(found: Sequence[Run]) -> Table | None:
     """Findings that a log has beside the others; None if there is none."""
-    if not found:
-        return None
-    return Table(
-        id="between",
-        caption="Logs that lie apart from the others. The data are kept; the operator decides.",
-        head=("Log", "Finding", "What to do"),
-        units=("", "", ""),
-        rows=tuple(
-            (one["run"], f"{one['kind'].replace('_', ' ')}: {one['message']}", one["action"])
-            for one in found[:MOST_RUNS]
-        ),
-        text_columns=(0, 1, 2),
-    )
+    columns: list[TableColumn[Run]] = [
+        TableColumn("Log", text=True, of=lambda one: one["run"]),
+        TableColumn("Finding", text=True, of=lambda one: f"{one['kind'].replace('_', ' ')}: {one['message']}"),
+        TableColumn("What to do", text=True, of=lambda one: one["action"]),
+    ]
+    caption = "Logs that lie apart from the others. The data are kept; the operator decides."
+    return make_table("between", caption, columns, rows_of(columns, found[:MOST_RUNS])) if found else None
 
 
 def faults_table(failed: Sequence[Run]) -> Table | None:
     """Logs that could not be used, each with its sentence; None if there is none."""
-    if not failed:
-        return None
-    return Table(
-        id="faults",
-        caption="Logs that could not be used.",
-        head=("Log", "Why"),
-        units=("", ""),
-        rows=tuple((run["name"], run["fault"]) for run in failed[:MOST_RUNS]),
-        text_columns=(0, 1),
-    )
+    columns = [_LOG, TableColumn("Why", text=True, of=lambda run: run["fault"])]
+    caption = "Logs that could not be used."
+    return make_table("faults", caption, columns, rows_of(columns, failed[:MOST_RUNS])) if failed else None
 
 
-def _with_uncertainty(run: Run, metric: str, otherwise: int) -> str:
+def _with_uncertainty(metric: str, run: Run) -> str:
     value, u = run["mean"][FIELDS[metric]], run["standard_uncertainty"][FIELDS[metric]]
-    text = stated(value, u, otherwise)
+    text = stated(value, u, DECIMALS[metric])
     return text if value is None or not u else f"{text} ± {uncertain(u)}"
 
 
-def _interval(run: Run, metric: str) -> str:
+def _deviation(metric: str, run: Run) -> float | None:
+    value: float | None = run["max_deviation_percent"][FIELDS[metric]]
+    return value
+
+
+def _interval(metric: str, run: Run) -> str:
     ends, u = run["interval_95"][FIELDS[metric]], run["standard_uncertainty"][FIELDS[metric]]
     return "–" if ends is None or not u else f"{number(ends[0], places(u))} to {number(ends[1], places(u))}"
-
-
-def _thinned(runs: Sequence[Run], row: Callable[[Run], tuple[str, ...]]) -> list[tuple[str, ...]]:
-    if len(runs) <= MOST_RUNS:
-        return [row(run) for run in runs]
-    half = MOST_RUNS // 2
-    first, last = [row(run) for run in runs[:half]], [row(run) for run in runs[-half:]]
-    return [*first, (f"… {len(runs) - MOST_RUNS} more, in the dataset", *[""] * (len(first[0]) - 1)), *last]
 
 
 def _links(runs: Sequence[Run]) -> tuple[str, ...]:
