@@ -41,7 +41,7 @@ def test_the_trial_says_what_the_text_says() -> None:
     assert all("explained" in part for part in told)
 
 
-def test_the_signature_is_that_of_the_docstring() -> None:
+def test_the_signature_is_that_of_the_declaration() -> None:
     lines = [line.split() for line in shown(PAGE)["python signature.py"].splitlines()]
     assert {name for name, change, _ in lines if float(change) > 0.0} == {"pressure"}
 

@@ -117,7 +117,7 @@ def test_cycles_that_a_log_has_not_are_refused() -> None:
 
 
 def test_a_further_cause_is_priced_as_one_of_the_whole_catalogue() -> None:
-    assert price(("ke_shift", "diode_drop")) == pytest.approx(2.0 * math.log(28.0))
+    assert price(("ke_shift", "diode_drop")) == pytest.approx(2.0 * math.log(len(EFFECTS)))
 
 
 def test_the_same_seed_gives_the_same_answer_to_the_digit() -> None:

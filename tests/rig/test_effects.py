@@ -1,6 +1,6 @@
 """Laws that hold for every effect of the catalogue; one more effect adds its tests by being listed.
 
-`PYTHONPATH=tests python tests/rig/test_effects.py` writes the declarations into docs/effects.md.
+`python tests/rig/test_effects.py` writes the declarations into docs/effects.md.
 """
 
 import itertools

@@ -1,0 +1,47 @@
+"""An effect that changes one number needs its declaration only: commands, diagnosis and reports take all from there."""
+
+import pytest
+from diagnosed import SUSPECTS, made_logs
+
+from winchcascade.core.rig_toml import load_rig
+from winchcascade.diagnosis.diagnose import diagnose
+from winchcascade.report.diagnosis_laws import rows_of, tolerance_of
+from winchcascade.report.diagnosis_tables import causes_table, meanings_table
+from winchcascade.report.diagnosis_text import diagnosis_text
+from winchcascade.rig.effects.catalogue import EFFECTS, describe
+from winchcascade.rig.effects.effect import Change, Display, Effect, Field
+
+PRESSURE_ZERO = Effect(
+    name="pressure_zero",
+    stage="sensor",
+    summary="Zero error of the pressure sensor.",
+    shows_as="pressure alone, by the same amount in every phase.",
+    taken_for="another precharge (precharge), which force shows too.",
+    source="Plausible range.",
+    fields=(Field("offset", "Pa", -1e5, 1e5, (-1e7, 1e7), "plausible range"),),
+    parameter="offset",
+    unit="Pa",
+    display=Display("zero of the pressure sensor", 1e-3, "kPa"),
+    law=Change("sensors.zero.pressure", "add"),
+)
+
+
+def test_an_effect_that_is_only_declared_is_described_diagnosed_and_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(EFFECTS, "pressure_zero", PRESSURE_ZERO)
+    assert "pressure_zero    sensor       Zero error of the pressure sensor.   offset (Pa)" in describe().splitlines()
+    assert describe("pressure_zero").startswith("pressure_zero (sensor): Zero error of the pressure sensor.")
+    runs = [one.run for one in made_logs({"pressure_zero": {"offset": 40e3}})]
+    found = diagnose(runs, load_rig("hsu2026"), {name: EFFECTS[name] for name in (*SUSPECTS, "pressure_zero")})
+    (cause,) = found.causes
+    assert cause.effect == "pressure_zero"
+    assert cause.parameters["offset"].low < 40e3 < cause.parameters["offset"].high
+    table, meanings = causes_table(found), meanings_table(found)
+    assert table is not None
+    assert meanings is not None
+    assert table.rows[0][:3] == ("pressure_zero", "sensor", "zero of the pressure sensor")
+    assert str(table.rows[0][3]).startswith("+")
+    assert str(table.rows[0][3]).endswith("kPa")
+    assert meanings.rows[0] == ("pressure_zero", "sensor", "Zero error of the pressure sensor.")
+    assert "zero of the pressure sensor" in " ".join(diagnosis_text(found).split())
+    assert tolerance_of(found, PRESSURE_ZERO) > 0.0
+    assert [row.name for row in rows_of(found)] == ["offset"]
