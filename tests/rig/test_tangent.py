@@ -16,7 +16,7 @@ from winchcascade.rig.bridge import bridge_state, bridge_table, bridge_turned
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 from winchcascade.rig.kernel import SHAFT, Constants, constants, run_shaft
 from winchcascade.rig.parts import Model, baseline
-from winchcascade.rig.simulate import Motion, motion_of
+from winchcascade.rig.simulate import LineMotion, motion_of
 from winchcascade.rig.tangent import MOST_WAYS, NUMBERS, direction, tangent_of
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ WORN = bent(
 )
 
 
-def motion(name: str, load: float) -> Motion:
+def motion(name: str, load: float) -> LineMotion:
     run = read_run(CAMPAIGN / name, load=load)
     first = run.t < run.t[0] + 60.0
     cut = {key: x[first] for key, x in run.channels.items()}

@@ -10,7 +10,7 @@ import numpy as np
 
 from winchcascade.rig.bridge import bridge_table
 from winchcascade.rig.kernel import LINE, SHAFT, constants, run_line, run_shaft
-from winchcascade.rig.simulate import Motion, motion_of
+from winchcascade.rig.simulate import LineMotion, motion_of
 from winchcascade.rig.tangent import MOST_WAYS, Tangent, direction, tangent_of
 
 if TYPE_CHECKING:
@@ -200,9 +200,9 @@ MOST_KEPT = 16
 """So many solutions of a log are kept, the oldest goes first."""
 
 
-def _thinned(motion: Motion, every: int) -> Motion:
+def _thinned(motion: LineMotion, every: int) -> LineMotion:
     t, x, v, a = (column[::every].copy() for column in (motion.t, motion.x, motion.v, motion.a))
-    return Motion(t, x, v, a, motion.step * every)
+    return LineMotion(t, x, v, a, motion.step * every)
 
 
 def _averaging(run: Run, blocks: Blocks, grid: Signal) -> csr_array:

@@ -1,4 +1,4 @@
-"""The drum that the tether turns, and what takes force between the line and the torque sensor."""
+"""The parts of a rig with their numbers, and the model that they make together."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from winchcascade.core.run import Signal
 
 
-class Winch(msgspec.Struct, frozen=True):
+class WinchModel(msgspec.Struct, frozen=True):
     """Drum: radius [m], inertia [kg m2]; absent by default: friction, drag and layers of rope.
 
     `friction` is a constant torque against the motion [N m], `drag` one in proportion to the drum's speed [N m s/rad].
@@ -32,7 +32,7 @@ class Winch(msgspec.Struct, frozen=True):
     layering: float = 0.0
 
 
-class Restoring(msgspec.Struct, frozen=True):
+class RestoringModel(msgspec.Struct, frozen=True):
     """Screw, piston and gas.
 
     Screw: `lead` [m/rad], `lead_angle` and `half_angle` of the thread [rad], friction `mu` [1]. Piston: `area` [m2]. Gas at
@@ -73,7 +73,7 @@ def _thread(half_angle: float, mu: float, tangent: float) -> float:
     return (flank - mu * tangent) / (flank + mu / tangent)
 
 
-class Drivetrain(msgspec.Struct, frozen=True):
+class DrivetrainModel(msgspec.Struct, frozen=True):
     """One-way clutch, shaft spring, gear, and what turns on the fast shaft.
 
     `gear` [1], mesh efficiency `eta_mesh` [1], viscous damper `b_rotor` [N m s/rad] and inertia `inertia_rotor` [kg m2] of the
@@ -101,7 +101,7 @@ NO_ROLLOFF = (1.0,) * (len(ROLLOFF_KNOTS) - 1)
 """All of the back-EMF constant is left at every current."""
 
 
-class Generator(msgspec.Struct, frozen=True):
+class GeneratorModel(msgspec.Struct, frozen=True):
     """Machine of constant parameters: `pole_pairs`, back-EMF `k_e` line to line, rms [V/rpm], `r_s` [ohm] and `l_s` [H] of a
     phase, and the drop of each of the two conducting diodes `v_diode` [V].
 
@@ -116,7 +116,7 @@ class Generator(msgspec.Struct, frozen=True):
     rolloff: tuple[float, ...] = NO_ROLLOFF
 
 
-class DcLink(msgspec.Struct, frozen=True):
+class DcLinkModel(msgspec.Struct, frozen=True):
     """Capacitor [F], and the resistance that bleeds it where no load is connected [ohm].
 
     `load_change` is the relative deviation of a load from its nominal value, absent by default [1].
@@ -150,11 +150,11 @@ class Sensors(msgspec.Struct, frozen=True):
 class Model(msgspec.Struct, frozen=True):
     """A rig to be simulated: parts with numbers in SI units; laws that a rig file does not know are absent."""
 
-    winch: Winch
-    restoring: Restoring
-    drivetrain: Drivetrain
-    generator: Generator
-    dc_link: DcLink
+    winch: WinchModel
+    restoring: RestoringModel
+    drivetrain: DrivetrainModel
+    generator: GeneratorModel
+    dc_link: DcLinkModel
     sensors: Sensors = Sensors()
 
 
@@ -204,8 +204,8 @@ def baseline(rig: Rig) -> Model:
         return value.value
 
     model = Model(
-        winch=Winch(number("winch", "r_drum"), number("winch", "inertia")),
-        restoring=Restoring(
+        winch=WinchModel(number("winch", "r_drum"), number("winch", "inertia")),
+        restoring=RestoringModel(
             lead=number("restoring", "lead") / (2.0 * math.pi),
             lead_angle=number("restoring", "lead_angle"),
             half_angle=number("restoring", "half_angle"),
@@ -214,7 +214,7 @@ def baseline(rig: Rig) -> Model:
             pressure=number("restoring", "p_precharge") + ATMOSPHERE,
             volume=number("restoring", "volume_gas"),
         ),
-        drivetrain=Drivetrain(
+        drivetrain=DrivetrainModel(
             gear=number("drivetrain", "gear_ratio"),
             eta_mesh=number("drivetrain", "eta_mesh"),
             b_rotor=number("drivetrain", "b_rotor"),
@@ -222,14 +222,14 @@ def baseline(rig: Rig) -> Model:
             c_shaft=number("drivetrain", "c_shaft"),
             inertia_rotor=number("drivetrain", "inertia_rotor"),
         ),
-        generator=Generator(
+        generator=GeneratorModel(
             pole_pairs=number("generator", "pole_pairs"),
             k_e=number("generator", "k_e"),
             r_s=number("generator", "r_s"),
             l_s=number("generator", "l_s"),
             v_diode=number("generator", "v_diode"),
         ),
-        dc_link=DcLink(number("dc_link", "c_dc"), number("dc_link", "r_bleed")),
+        dc_link=DcLinkModel(number("dc_link", "c_dc"), number("dc_link", "r_bleed")),
     )
     if missing:
         raise RigError(

@@ -24,7 +24,7 @@ SAMPLES = 11
 """Samples that the local quadratic spans: noise of an encoder is taken out, and braking keeps its edges (9 to 13 serve)."""
 
 
-class Motion(msgspec.Struct, frozen=True):
+class LineMotion(msgspec.Struct, frozen=True):
     """A line motion at even steps: times, displacement, velocity and acceleration, (n,) each, payout positive. SI units."""
 
     t: Signal
@@ -34,7 +34,7 @@ class Motion(msgspec.Struct, frozen=True):
     step: float
 
 
-def motion_of(run: Run, step: float) -> Motion:
+def motion_of(run: Run, step: float) -> LineMotion:
     """Take the motion of a log: its velocity, smoothed over `SAMPLES` samples, and the displacement that it integrates to.
 
     The displacement begins where the log's does (0 without that channel), and follows its drift, so that gas and force
@@ -58,7 +58,7 @@ DRIFT = 2.0
 """Width over which the difference of displacement and integrated velocity is taken for drift, not for noise. [s]"""
 
 
-def even_motion(t: Signal, v: Signal, step: float) -> Motion:
+def even_motion(t: Signal, v: Signal, step: float) -> LineMotion:
     """Lay a velocity onto even steps by a monotone cubic, with its slope and its integral.
 
     Parameters
@@ -72,7 +72,7 @@ def even_motion(t: Signal, v: Signal, step: float) -> Motion:
     curve = PchipInterpolator(t, v)
     speed, slope = curve(even), curve.derivative()(even)
     x = np.concatenate(([0.0], np.cumsum(0.5 * step * (speed[1:] + speed[:-1]))))
-    return Motion(even, x, speed, slope, step)
+    return LineMotion(even, x, speed, slope, step)
 
 
 STORED = ("gas", "drum", "shaft", "rotor", "capacitor")
@@ -94,7 +94,7 @@ LEDGER = ("line", *STORED, *LOST, "dc")
 line and torque sensor, clutch, shaft, gear mesh, on the fast shaft, in copper and diodes; what the DC link delivers."""
 
 
-def energies(model: Model, motion: Motion, load: float, out: Signal) -> dict[str, Signal]:
+def energies(model: Model, motion: LineMotion, load: float, out: Signal) -> dict[str, Signal]:
     """Book the energy of a solution from its beginning to each step, (n,) each [J].
 
     The line's energy is that of the true line speed, which layers of rope change; the other entries add up to it.
@@ -165,7 +165,7 @@ class Simulation(msgspec.Struct, frozen=True):
     i_s: Signal
     torque_em: Signal
     model: Model
-    motion: Motion
+    motion: LineMotion
     solution: Signal
 
     @property
@@ -191,7 +191,7 @@ def simulate(run: Run, model: Model, *, step: float = STEP) -> Simulation:
     return simulate_along(run, model, motion_of(run, step))
 
 
-def simulate_along(run: Run, model: Model, motion: Motion) -> Simulation:
+def simulate_along(run: Run, model: Model, motion: LineMotion) -> Simulation:
     """Simulate the rig along a motion that is ready made, at the load and stamps of a log; refuses as `simulate` does."""
     _check_model(model)
     _check_travel(run.name, model, motion)
@@ -214,7 +214,7 @@ def _check_model(model: Model) -> None:
             )
 
 
-def _check_travel(name: str, model: Model, motion: Motion) -> None:
+def _check_travel(name: str, model: Model, motion: LineMotion) -> None:
     """Refuse a motion that leaves the gas no volume, or the rope no radius on the drum: LogError."""
     gas, winch = model.restoring, model.winch
     push = gas.area * gas.lead / winch.r_drum
@@ -237,7 +237,7 @@ def _load(run: Run) -> float:
     return math.inf if run.load is None else run.load
 
 
-def solve(model: Model, motion: Motion, load: float) -> Signal:
+def solve(model: Model, motion: LineMotion, load: float) -> Signal:
     """Step a model along a motion, (n, 12): the columns of `kernel.COLUMNS` at every step."""
     out = np.empty((motion.t.size, len(COLUMNS)))
     numbers = constants(model, load)
@@ -246,7 +246,7 @@ def solve(model: Model, motion: Motion, load: float) -> Signal:
     return out
 
 
-def at_stamps(run: Run, model: Model, motion: Motion, out: Signal) -> Simulation:
+def at_stamps(run: Run, model: Model, motion: LineMotion, out: Signal) -> Simulation:
     """Read a solution at the stamps of a log, as its sensors would."""
 
     rows, late = _between(motion, run.t, out), None
@@ -283,7 +283,7 @@ def at_stamps(run: Run, model: Model, motion: Motion, out: Signal) -> Simulation
     )
 
 
-def _between(motion: Motion, t: Signal, out: Signal) -> Signal:
+def _between(motion: LineMotion, t: Signal, out: Signal) -> Signal:
     """Rows of a solution at some instants, between two steps by a straight line, (k, columns)."""
     place = np.clip((t - motion.t[0]) / motion.step, 0.0, motion.t.size - 1.0)
     before = np.minimum(place.astype(np.intp), motion.t.size - 2)

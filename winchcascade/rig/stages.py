@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from winchcascade.core.run import Run, Signal
     from winchcascade.rig.parts import Model
-    from winchcascade.rig.simulate import Motion
+    from winchcascade.rig.simulate import LineMotion
 
 Stage = Literal["restoring", "transmission", "gearbox", "generator", "load"]
 
@@ -67,7 +67,7 @@ class Along(msgspec.Struct, frozen=True):
     `engaged` (n,) tells the stamps at which the clutch carries torque while the line pays out.
     """
 
-    motion: Motion
+    motion: LineMotion
     x: Signal
     v: Signal
     a: Signal
@@ -88,7 +88,7 @@ class _Drive(msgspec.Struct, frozen=True):
     i_bridge: Signal
 
 
-def along(run: Run, motion: Motion, clutch: Signal) -> Along:
+def along(run: Run, motion: LineMotion, clutch: Signal) -> Along:
     """Lay a motion onto a log's stamps.
 
     Parameters
@@ -176,7 +176,7 @@ def _currents(run: Run, model: Model, seen: Mapping[str, Signal]) -> tuple[Signa
     return load, load + model.dc_link.c_dc * np.gradient(smooth, run.t)
 
 
-def _pressure(run: Run, model: Model, motion: Motion) -> Signal:
+def _pressure(run: Run, model: Model, motion: LineMotion) -> Signal:
     """Gauge pressure of the gas along the motion, (n,) at the stamps [Pa]."""
     numbers = constants(model, math.inf if run.load is None else run.load)
     line = np.empty((motion.t.size, len(LINE)))

@@ -12,7 +12,7 @@ import numpy as np
 
 from winchcascade.core.errors import WinchcascadeError
 from winchcascade.core.run import Run
-from winchcascade.rig.simulate import Motion, motion_of, simulate_along
+from winchcascade.rig.simulate import LineMotion, motion_of, simulate_along
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Signal
@@ -91,7 +91,7 @@ def payouts(window: float | None, v_onset: float) -> tuple[Payout, ...]:
     return (*fresh, *(Payout(ramp, "smooth", STARTED, window, v_onset) for ramp in ramps))
 
 
-def drive(payout: Payout, speed: float, load: float) -> tuple[Run, Motion]:
+def drive(payout: Payout, speed: float, load: float) -> tuple[Run, LineMotion]:
     """A log of one payout (rest, ramp, plateau past the end of the window, braking) and the motion that drives a model."""
     u = np.linspace(0.0, 1.0, 101)
     onset = float(np.interp(payout.v_onset / speed, _rise(payout, u), u))
@@ -116,7 +116,7 @@ class _Unit(msgspec.Struct, frozen=True):
     t: Signal
     x: Signal
     v: Signal
-    motion: Motion
+    motion: LineMotion
 
 
 @lru_cache(maxsize=256)
