@@ -1,4 +1,4 @@
-"""The command line as a user meets it: in a process of its own."""
+"""The command line as a user meets it: called in this process, and in one of its own where that is what is tested."""
 
 import json
 import os
@@ -10,6 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
+from calls import call
 
 from winchcascade import __version__
 from winchcascade.cli.entry import main
@@ -17,9 +18,25 @@ from winchcascade.cli.versions import MATTERING, versions
 from winchcascade.core.rig_toml import built_in_text
 
 
+LONGEST = 600
+"""A command that has not ended after this never will. [s]"""
+
+
 def winchcascade(
     *arguments: str | Path, cwd: Path | None = None, **environment: str
 ) -> subprocess.CompletedProcess[str]:
+    """Call the command line in this process, which saves the time that a process takes to start."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in environment.items():
+            patch.setenv(name, value)
+        if cwd is not None:
+            patch.chdir(cwd)
+        called = call(*arguments, patience=LONGEST)
+    return subprocess.CompletedProcess([*map(str, arguments)], called.code, called.out, called.err)
+
+
+def started(*arguments: str | Path, cwd: Path | None = None, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Start the command line in a process of its own."""
     return subprocess.run(
         [sys.executable, "-m", "winchcascade", *map(str, arguments)],
         capture_output=True, text=True, encoding="utf-8", cwd=cwd, env=os.environ | environment, check=False,

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from test_cli import winchcascade
+from test_cli import started
 
 FIXTURES = Path(__file__).parent.parent / "fixtures" / "campaign"
 LOG = str(FIXTURES / "r18ohm.csv")
@@ -96,7 +96,7 @@ def _made(call: Call, campaign: Path, place: Path) -> Files:
     printed = ""
     for command in COMMANDS[call.name]:
         words = [word.format(campaign=campaign, jobs=call.jobs) for word in command]
-        done = winchcascade(*words, cwd=place, **environment)
+        done = started(*words, cwd=place, **environment)
         assert done.returncode == (TABLE_IS_WRONG if call.name == "audit" else 0), done.stderr
         printed += done.stdout
     found = {str(path.relative_to(place)): path.read_bytes() for path in sorted(place.rglob("*")) if path.is_file()}

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from test_cli import one_sentence, winchcascade
+from test_cli import one_sentence
+from test_cli import started as winchcascade
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
 COPIES = 24
