@@ -17,7 +17,6 @@ from winchcascade.cli.entry import main
 from winchcascade.cli.versions import MATTERING, versions
 from winchcascade.core.rig_toml import built_in_text
 
-
 LONGEST = 600
 """A command that has not ended after this never will. [s]"""
 

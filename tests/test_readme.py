@@ -1,20 +1,22 @@
 """The README and the page of commands show what is printed: each block is run, and its output must be the one shown.
 
-`python tests/test_readme.py` writes the present output into the blocks.
+`PYTHONPATH=tests/hardening python tests/test_readme.py` writes the present output into the blocks.
 """
 
 import doctest
-import os
 import re
 import shlex
 import shutil
-import subprocess
-import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
+from calls import call
 
 ROOT = Path(__file__).parent.parent
+LONGEST = 1200
+"""A command that has not ended after this never will. [s]"""
+
 PAGES = {"README": ROOT / "README.md", "commands": ROOT / "docs" / "commands.md"}
 BLOCK = re.compile(r"```(console|sh)\n(?:\$ )?(winchcascade [^\n]*)\n(.*?)```", re.DOTALL)
 """A block of one command: what a `console` prints is shown, what an `sh` prints is not."""
@@ -24,20 +26,40 @@ def blocks(page: str) -> list[tuple[str, str, str]]:
     return BLOCK.findall(PAGES[page].read_text(encoding="utf-8"))
 
 
+LONG = re.compile(r"winchcascade (diagnose|blind deal) |--reports all")
+"""Commands that take more than ten seconds of a processor: they are run with the slow tests."""
+
+WITHOUT_REPORTS = {"winchcascade batch fixtures/campaign --out results": " --reports none"}
+"""Options for a call whose results a later command needs, but not its reports, which a long command writes."""
+
+DEMO = ROOT / "tests" / "reference" / "outputs" / "demo" / "demo.txt"
+"""What `demo` prints, which a slow test compares with what is stored."""
+
+
 def output(command: str, place: Path) -> str:
-    """What a command prints, refusals included, run in a folder that holds the fixtures."""
-    environment = os.environ | {"PYTHONIOENCODING": "utf-8"}
-    done = subprocess.run(
-        [sys.executable, "-m", "winchcascade", *shlex.split(command)[1:]],
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, cwd=place, env=environment, encoding="utf-8", check=False,
-    )  # fmt: skip
-    return done.stdout
+    """What a command prints, refusals included, called in a folder that holds the fixtures."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(place)
+        patch.setenv("COLUMNS", "80")
+        called = call(*shlex.split(command + WITHOUT_REPORTS.get(command, ""))[1:], patience=LONGEST)
+    return called.err + called.out
 
 
-def follow(page: str, place: Path) -> dict[str, str]:
-    """Follow a page in an empty folder, command after command; what each printed."""
-    shutil.copytree(ROOT / "fixtures", place / "fixtures")
-    return {command: output(command, place) for _, command, _ in blocks(page)}
+def follow(commands: Iterable[str], place: Path) -> dict[str, str]:
+    """Follow a page in a folder that holds the fixtures, command after command; what each printed."""
+    return {command: output(command, place) for command in commands}
+
+
+def commands(page: str, *, long: bool) -> list[str]:
+    """Commands of a page but `demo`: those that take long, or the others."""
+    given = [command for _, command, _ in blocks(page) if not command.startswith("winchcascade demo")]
+    return [command for command in given if bool(LONG.search(command)) == long]
+
+
+def named_files(printed: Iterable[str]) -> list[str]:
+    """Files that commands are told to write."""
+    words = [word for line in printed for word in shlex.split(line) if word.endswith((".html", ".pdf"))]
+    return words + [file for line in printed for file in re.findall(r"--(?:json|write|out) ([\w.]+)", line)]
 
 
 @pytest.fixture(scope="module", params=PAGES)
@@ -47,33 +69,61 @@ def page(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture(scope="module")
 def place(page: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("a reader")
+    folder = tmp_path_factory.mktemp("a reader")
+    shutil.copytree(ROOT / "fixtures", folder / "fixtures")
+    return folder
 
 
 @pytest.fixture(scope="module")
 def printed(page: str, place: Path) -> dict[str, str]:
-    return follow(page, place)
+    return follow(commands(page, long=False), place)
 
 
-def test_every_command_prints_what_is_shown(page: str, printed: dict[str, str]) -> None:
-    shown = {command: text for kind, command, text in blocks(page) if kind == "console"}
-    assert len(shown) >= 3
+@pytest.fixture(scope="module")
+def printed_long(page: str, place: Path) -> dict[str, str]:
+    return follow(commands(page, long=True), place)
+
+
+def is_shown(page: str, printed: dict[str, str]) -> None:
+    """What commands printed is what the page shows of them."""
+    shown = {command: text for kind, command, text in blocks(page) if kind == "console" and command in printed}
+    assert shown
     assert {command: printed[command] for command in shown} == shown
 
 
-def test_a_command_writes_the_files_that_it_names(page: str, place: Path, printed: dict[str, str]) -> None:
-    named = [word for line in printed for word in shlex.split(line) if word.endswith((".html", ".pdf"))]
-    named += [file for line in printed for file in re.findall(r"--(?:json|write|out) ([\w.]+)", line)]
-    assert len(named) >= 3
+def are_written(place: Path, printed: dict[str, str]) -> None:
+    """The files that commands name are there."""
+    named = named_files(printed)
+    assert named
     for name in named:
         assert (place / name).is_dir() or (place / name).stat().st_size > 1000
 
 
+def test_every_command_prints_what_is_shown(page: str, place: Path, printed: dict[str, str]) -> None:
+    is_shown(page, printed)
+    are_written(place, printed)
+
+
+@pytest.mark.slow
+def test_every_long_command_prints_what_is_shown(page: str, place: Path, printed_long: dict[str, str]) -> None:
+    is_shown(page, printed_long)
+    are_written(place, printed_long)
+
+
+def test_the_demo_prints_what_is_shown() -> None:
+    ((_, command, shown),) = (block for block in blocks("commands") if block[1].startswith("winchcascade demo"))
+    assert command == "winchcascade demo --out trial"
+    stored = DEMO.read_text(encoding="utf-8").split("\n--- files of demo\n")[0]
+    assert stored.partition("\n") == (
+        "$ winchcascade demo --out demo --jobs 1",
+        "\n",
+        shown.replace("trial/", "demo/").rstrip("\n"),
+    )
+
+
 def test_the_pages_show_every_command() -> None:
     shown = {command.split()[1] for page in PAGES for _, command, _ in blocks(page)}
-    listed = subprocess.run(
-        [sys.executable, "-m", "winchcascade", "--help"], capture_output=True, text=True, check=True
-    ).stdout
+    listed = output("winchcascade --help", ROOT)
     assert set(re.findall(r"^[│ ]+([a-z]+) {2,}", listed, re.MULTILINE)) == shown
 
 
@@ -98,7 +148,8 @@ if __name__ == "__main__":
 
     for name, path in PAGES.items():
         with tempfile.TemporaryDirectory() as folder:
-            found = follow(name, Path(folder))
+            shutil.copytree(ROOT / "fixtures", Path(folder, "fixtures"))
+            found = follow([command for _, command, _ in blocks(name)], Path(folder))
         text = path.read_text(encoding="utf-8")
         for kind, command, shown in blocks(name):
             if kind == "console":
