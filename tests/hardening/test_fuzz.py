@@ -28,7 +28,9 @@ from winchcascade.ingest.read import read_run
 from winchcascade.report.audit_text import audit_text
 from winchcascade.tables.audit import audit
 
-FEW = 100
+FEW = 40
+"""A wheel of all kinds and a few more."""
+
 MANY = 300
 
 

@@ -243,7 +243,7 @@ def outcome(path: Path) -> str:
     return "" if rises and finite else "unchecked"
 
 
-@pytest.mark.parametrize("first", range(0, 400, 50))
+@pytest.mark.parametrize("first", [0, 50, *(pytest.param(k, marks=pytest.mark.slow) for k in range(100, 400, 50))])
 def test_a_spoilt_file_gives_a_run_or_one_sentence(first: int, tmp_path: Path) -> None:
     for seed in range(first, first + 50):
         path = write(tmp_path, spoilt(seed))

@@ -53,9 +53,10 @@ def random_table(rng: np.random.Generator) -> Table:
     return Table("random", "random", "none", columns, tuple(rows), cycles, printed)
 
 
-def test_no_table_of_true_cycles_is_accused() -> None:
+@pytest.mark.parametrize("tables", [300, pytest.param(1000, marks=pytest.mark.slow)])
+def test_no_table_of_true_cycles_is_accused(tables: int) -> None:
     rng = np.random.default_rng(2026)
-    for _ in range(1000):
+    for _ in range(tables):
         table = random_table(rng)
         assert all(is_feasible(table.spans(row), repeatability(table).bounds) for row in table.rows), table
 
@@ -141,10 +142,11 @@ def with_another_digit(table: Table, rng: np.random.Generator) -> tuple[Table, R
     return msgspec.structs.replace(table, rows=(*table.rows[:k], changed, *table.rows[k + 1 :])), changed
 
 
-def test_a_changed_digit_is_found_where_another_solver_finds_no_consistent_values() -> None:
+@pytest.mark.parametrize("tables", [60, pytest.param(250, marks=pytest.mark.slow)])
+def test_a_changed_digit_is_found_where_another_solver_finds_no_consistent_values(tables: int) -> None:
     rng = np.random.default_rng(11)
     found = there = clean = 0
-    for _ in range(250):
+    for _ in range(tables):
         table, row = with_another_digit(random_table(rng), rng)
         if min(row.cells.values()) == 0.0:
             continue
@@ -156,15 +158,16 @@ def test_a_changed_digit_is_found_where_another_solver_finds_no_consistent_value
         elif apart > APART:
             there += 1
             found += not feasible
-    assert there > 100
-    assert clean > 10
+    assert there > 0.4 * tables
+    assert clean > 0.04 * tables
     assert found >= 0.95 * there
 
 
-def test_what_is_found_names_the_changed_cell_among_the_repairs() -> None:
+@pytest.mark.parametrize("tables", [15, pytest.param(40, marks=pytest.mark.slow)])
+def test_what_is_found_names_the_changed_cell_among_the_repairs(tables: int) -> None:
     rng = np.random.default_rng(5)
     told = 0
-    for _ in range(40):
+    for _ in range(tables):
         true = random_table(rng)
         table, row = with_another_digit(true, rng)
         original = true.row(row.load)
@@ -177,7 +180,7 @@ def test_what_is_found_names_the_changed_cell_among_the_repairs() -> None:
         (repair,) = [r for item in items for r in item.repairs if r.metric == metric]
         assert repair.low <= original.cells[metric] * (1 + 1e-12)
         assert repair.high >= original.cells[metric] * (1 - 1e-12)
-    assert told > 20
+    assert told > 0.5 * tables
 
 
 @pytest.mark.parametrize("cycles", range(1, 8))
