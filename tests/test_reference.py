@@ -10,9 +10,13 @@ from groups import GROUPS, SLOW
 RECORD = Path(__file__).parent / "reference" / "record.py"
 
 
-@pytest.mark.parametrize(
-    "group", [pytest.param(group, marks=pytest.mark.slow) if group in SLOW else group for group in GROUPS]
-)
+def marks(group: str) -> list[pytest.MarkDecorator]:
+    """Each group on whichever worker is free, long ones with the slow tests."""
+    alone = pytest.mark.xdist_group(f"reference {group}")
+    return [alone, pytest.mark.slow] if group in SLOW else [alone]
+
+
+@pytest.mark.parametrize("group", [pytest.param(group, marks=marks(group)) for group in GROUPS])
 def test_every_output_is_the_stored_one(group: str) -> None:
     done = subprocess.run(
         [sys.executable, RECORD, "--check", "--only", group], capture_output=True, encoding="utf-8", check=False

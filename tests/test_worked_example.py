@@ -5,11 +5,12 @@
 
 import re
 import shutil
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
 from pages import CONSOLE, ROOT
-from test_readme import output
+from test_readme import blocks, output
 
 PAGE = ROOT / "docs" / "worked_example.md"
 BLOCKS = CONSOLE.findall(PAGE.read_text(encoding="utf-8"))
@@ -18,16 +19,34 @@ OUTSIDE = {"5.1", "5.16", "7", "11", "5", "8", "2", "9"}
 """Numbers that the text brings along: of the paper, and of the roll-off that it tries."""
 
 
-def follow(place: Path) -> dict[str, str]:
+DIAGNOSE, PHYSICS = "winchcascade diagnose fixtures/campaign", "winchcascade audit hsu2026-table2 --physics"
+"""Long commands that other slow tests call: their output is compared with what those hold it against."""
+
+
+def follow(place: Path, commands: Iterable[str]) -> dict[str, str]:
     """Follow the page in a folder that holds the fixtures; what each command printed."""
     shutil.copytree(ROOT / "fixtures", place / "fixtures")
-    return {command: output(command, place) for command, _ in BLOCKS}
+    return {command: output(command, place) for command in commands}
 
 
 @pytest.mark.slow
 def test_the_commands_print_what_is_shown(tmp_path: Path) -> None:
     assert len(BLOCKS) == 8
-    assert follow(tmp_path / "a reader") == dict(BLOCKS)
+    shown = {command: text for command, text in BLOCKS if command not in (DIAGNOSE, PHYSICS)}
+    assert len(shown) == 6
+    assert follow(tmp_path / "a reader", shown) == shown
+
+
+def test_the_whole_diagnosis_is_that_of_the_readme_without_its_files() -> None:
+    ((_, _, shown),) = (block for block in blocks("README") if block[1].startswith(f"{DIAGNOSE} --html "))
+    text, _, files = shown.partition("\nfiles ")
+    assert files
+    assert dict(BLOCKS)[DIAGNOSE] == f"{text}\n"
+
+
+def test_the_audit_with_physics_is_the_stored_one() -> None:
+    stored = (ROOT / "tests" / "reference" / "outputs" / "physics" / "audit.txt").read_text(encoding="utf-8")
+    assert stored.startswith(f"$ {PHYSICS} --json audit.json\n{dict(BLOCKS)[PHYSICS]}--- exit code 1\n")
 
 
 def test_every_number_of_the_text_was_printed() -> None:
@@ -44,6 +63,6 @@ if __name__ == "__main__":
     import tempfile
 
     with tempfile.TemporaryDirectory() as folder:
-        outputs = follow(Path(folder) / "reader")
+        outputs = follow(Path(folder) / "reader", dict(BLOCKS))
     text = CONSOLE.sub(lambda m: f"```console\n$ {m[1]}\n{outputs[m[1]]}```", PAGE.read_text(encoding="utf-8"))
     PAGE.write_text(text, encoding="utf-8")
