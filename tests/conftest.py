@@ -19,12 +19,6 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # begun in the background
 ROOT = Path(__file__).parent.parent
 
 
-def pytest_itemcollected(item: pytest.Item) -> None:
-    """Keep the tests of a file on one worker (`--dist loadgroup`), but for those that name a group of their own."""
-    if item.get_closest_marker("xdist_group") is None:
-        item.add_marker(pytest.mark.xdist_group(item.nodeid.partition("::")[0]))
-
-
 @pytest.fixture(autouse=True)
 def _own_signals() -> Iterator[None]:
     """A command that a test calls in this process ends it at a signal; the tests after it get their interrupts."""

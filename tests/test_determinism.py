@@ -68,13 +68,9 @@ TABLE_IS_WRONG = 1
 
 
 def each(names: list[str]) -> pytest.MarkDecorator:
-    """One test for each name, slow where it is long; the tests of a long one share what they made on a worker of their own."""
-    marked = [pytest.param(name, marks=_marks(name)) if name in LONG else name for name in names]
+    """One test for each name, slow where it is long."""
+    marked = [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in names]
     return pytest.mark.parametrize("name", marked)
-
-
-def _marks(name: str) -> list[pytest.MarkDecorator]:
-    return [pytest.mark.slow, pytest.mark.xdist_group(f"determinism {name}")]
 
 
 @pytest.fixture(scope="module")

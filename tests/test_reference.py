@@ -10,18 +10,24 @@ from groups import GROUPS, SLOW
 RECORD = Path(__file__).parent / "reference" / "record.py"
 
 
-def marks(group: str) -> list[pytest.MarkDecorator]:
-    """Each group on whichever worker is free, long ones with the slow tests."""
-    alone = pytest.mark.xdist_group(f"reference {group}")
-    return [alone, pytest.mark.slow] if group in SLOW else [alone]
+APART = ("reports", "blind", "demo")
+"""Long groups in a file of their own (`test_reference_reports.py`), as a worker takes a whole file."""
 
 
-@pytest.mark.parametrize("group", [pytest.param(group, marks=marks(group)) for group in GROUPS])
-def test_every_output_is_the_stored_one(group: str) -> None:
+def require_stored(group: str) -> None:
+    """The present outputs of a group are the stored ones."""
     done = subprocess.run(
         [sys.executable, RECORD, "--check", "--only", group], capture_output=True, encoding="utf-8", check=False
     )
     assert done.returncode == 0, f"\n{done.stdout}{done.stderr}"
+
+
+@pytest.mark.parametrize(
+    "group",
+    [pytest.param(g, marks=pytest.mark.slow) if g in SLOW else g for g in GROUPS if g not in APART],
+)
+def test_every_output_is_the_stored_one(group: str) -> None:
+    require_stored(group)
 
 
 def test_every_stored_output_belongs_to_a_group() -> None:
