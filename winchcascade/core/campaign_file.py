@@ -9,12 +9,13 @@ from collections.abc import Collection, Mapping, Sequence
 from itertools import combinations
 from os.path import isfile, realpath  # unlike that of Path, isfile gives no error for a name that no file can have
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 
 from winchcascade.core.errors import CampaignError
-from winchcascade.core.toml_text import toml_values
+from winchcascade.core.quantity import is_load
+from winchcascade.core.toml_text import Expected, check_keys, entries, toml_values
 
 KINDS = {True: "measured", False: "not measured", None: "not stated"}
 """What is said of whether data are measured."""
@@ -144,11 +145,9 @@ def load_campaign(path: Path) -> Campaign:
     except UnicodeDecodeError as fault:
         raise CampaignError(f"{path}: not a valid TOML file: {fault}.") from None
     raw = toml_values(text, str(path), CampaignError)
-    for key in raw:
-        if key not in ("title", "rig", "measured", "origin", "run"):
-            raise CampaignError(
-                f"{path}: {key} is no entry of a campaign; expected title, rig, measured, origin and [[run]] tables."
-            )
+    known = ("title", "rig", "measured", "origin", "run")
+    words = "no entry of a campaign; expected title, rig, measured, origin and [[run]] tables"
+    check_keys(raw, known, f"{path}: ", words, CampaignError)
     runs = raw.get("run")
     if not isinstance(runs, list) or not runs or not all(isinstance(run, dict) for run in runs):
         raise CampaignError(f"{path}: no runs; expected a [[run]] table with file and load_ohm for each log.")
@@ -233,33 +232,49 @@ def campaign_beside(log: Path, sheet: str | None = None) -> tuple[Campaign, Camp
     return (campaign, listed[0]) if listed else None
 
 
+class _Stated(msgspec.Struct, frozen=True):
+    """What a campaign, or an entry of it, states of its data."""
+
+    measured: Annotated[bool | None, Expected("true or false. Leave it out if it is unknown")] = None
+    origin: Annotated[str | None, Expected("one sentence in quotes on where the logs come from")] = None
+
+
+class _RunEntry(msgspec.Struct, frozen=True):
+    """A [[run]] table."""
+
+    file: Annotated[
+        str, Expected('the name of a log, such as file = "r36ohm.csv"', lambda name: name and "\0" not in name)
+    ]
+    sheet: Annotated[
+        str | int | None,
+        Expected("the name or the number of a table in the file", lambda name: str(name).strip()),
+    ] = None
+    withheld: Annotated[bool, Expected("true or false")] = False
+    load_ohm: Annotated[
+        float | None,
+        Expected("a number of ohms above 0, or inf for an open circuit", is_load),
+    ] = None
+    window_s: Annotated[float | None, Expected("a length in seconds above 0", lambda length: 0.0 < length < 1e9)] = None
+    cycles: Annotated[
+        Cycles | None,
+        Expected("first and last, such as [1, 20]", lambda ends: 1 <= ends[0] <= ends[1]),
+    ] = None
+
+
 def _run(raw: dict[str, Any], number: int, path: Path, common: Origin) -> CampaignRun:
     place = f"{path}: run {number}"
-    for key in raw:
-        if key not in ("file", "sheet", "load_ohm", "window_s", "cycles", "withheld", "measured", "origin"):
-            raise CampaignError(
-                f"{place}: {key} is no entry of a run; expected file, sheet, load_ohm, window_s, cycles, withheld, measured or "
-                "origin."
-            )
-    file = raw.get("file")
-    if not isinstance(file, str) or not file or "\0" in file:
-        raise CampaignError(f'{place}: file is {file!r}; expected the name of a log, such as file = "r36ohm.csv".')
-    sheet = raw.get("sheet")
-    if sheet is not None and (isinstance(sheet, bool) or not isinstance(sheet, str | int) or not str(sheet).strip()):
-        raise CampaignError(f"{place}: sheet is {sheet!r}; expected the name or the number of a table in the file.")
-    withheld = raw.get("withheld", False)
-    if not isinstance(withheld, bool):
-        raise CampaignError(f"{place}: withheld is {withheld!r}; expected true or false.")
+    known = ("file", "sheet", "load_ohm", "window_s", "cycles", "withheld", "measured", "origin")
+    words = f"no entry of a run; expected {', '.join(known[:-1])} or {known[-1]}"
+    check_keys(raw, known, f"{place}: ", words, CampaignError)
+    found = entries(raw, _RunEntry, place, CampaignError)
     return CampaignRun(
-        file=path.parent / file,
-        load=_above_zero(
-            raw, "load_ohm", place, "a number of ohms above 0, or inf for an open circuit", 1e12, or_inf=True
-        ),
-        window=_above_zero(raw, "window_s", place, "a length in seconds above 0", 1e9),
-        cycles=_cycles(raw.get("cycles"), place),
-        withheld=withheld,
+        file=path.parent / found.file,
+        load=found.load_ohm,
+        window=found.window_s,
+        cycles=found.cycles,
+        withheld=found.withheld,
         origin=_origin(raw, place, common),
-        sheet=None if sheet is None else str(sheet),
+        sheet=None if found.sheet is None else str(found.sheet),
     )
 
 
@@ -268,38 +283,7 @@ def _origin(raw: dict[str, Any], place: str, common: Origin) -> Origin:
 
     The campaign's sentence is about data of the campaign's kind: an entry of the other kind does not take it over.
     """
-    measured, sentence = raw.get("measured", common.measured), raw.get("origin")
-    if not isinstance(measured, bool | None):
-        raise CampaignError(
-            f"{place}: measured is {measured!r}; expected true or false. Leave it out if it is unknown."
-        )
-    if not isinstance(sentence, str | None):
-        raise CampaignError(
-            f"{place}: origin is {sentence!r}; expected one sentence in quotes on where the logs come from."
-        )
-    if sentence is None:
-        sentence = common.sentence if measured == common.measured else ""
-    return Origin(measured, " ".join(sentence.split()))
-
-
-def _above_zero(
-    raw: dict[str, Any], key: str, place: str, expected: str, below: float, *, or_inf: bool = False
-) -> float | None:
-    value = raw.get(key)
-    if value is None:
-        return None
-    if (
-        isinstance(value, bool)
-        or not isinstance(value, int | float)
-        or not (0 < value < below or (or_inf and value == math.inf))
-    ):
-        raise CampaignError(f"{place}: {key} is {value!r}; expected {expected}.")
-    return float(value)
-
-
-def _cycles(value: object, place: str) -> tuple[int, int] | None:
-    if value is None:
-        return None
-    if isinstance(value, list) and len(value) == 2 and all(type(n) is int for n in value) and 1 <= value[0] <= value[1]:
-        return value[0], value[1]
-    raise CampaignError(f"{place}: cycles is {value!r}; expected first and last, such as [1, 20].")
+    stated = entries(raw, _Stated, place, CampaignError)
+    measured = common.measured if stated.measured is None else stated.measured
+    inherited = common.sentence if measured == common.measured else ""
+    return Origin(measured, " ".join((inherited if stated.origin is None else stated.origin).split()))

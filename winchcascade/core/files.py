@@ -86,7 +86,7 @@ def _is_own_json(path: Path) -> bool:
     return re.fullmatch(_SCHEMA, schema.encode("utf-8", "replace")) is not None
 
 
-def write_whole(path: Path, write: Callable[[Path], None], *, force: bool = False) -> None:
+def write_whole(path: Path, write: Callable[[Path], object], *, force: bool = False) -> None:
     """Write a file through a temporary one beside it and rename it into place.
 
     Parameters
@@ -160,11 +160,7 @@ def readable(name: str) -> str:
 def write_content(path: Path, content: bytes | str, *, force: bool = False) -> None:
     """Write bytes, or a text as UTF-8, into a file; whole or not at all. Raises as `write_whole`."""
     data = content.encode() if isinstance(content, str) else content
-    write_whole(path, lambda part: _fill(part, data), force=force)
-
-
-def _fill(path: Path, data: bytes) -> None:
-    path.write_bytes(data)
+    write_whole(path, lambda part: part.write_bytes(data), force=force)
 
 
 def check_replaceable(path: Path, *, force: bool) -> None:

@@ -10,6 +10,8 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
+import msgspec
+
 from winchcascade.core.errors import OptionError, OutputError, WinchcascadeError
 from winchcascade.core.scratch import clear_own
 from winchcascade.core.signals import end_on_signals, interrupts_blocked, signals_held
@@ -86,22 +88,20 @@ CONNECT = 10.0
 """A scheduler that has not answered after this cannot be reached. [s]"""
 
 
-class Outcome(Generic[Done]):
+class Outcome(msgspec.Struct, Generic[Done], frozen=True):
     """What became of one job: its place in the sequence, and its value or the sentence that says why there is none.
 
     `rejected` distinguishes an input that cannot be used from a lack of space or memory, after which the same job may work.
     """
 
-    __slots__ = ("fault", "place", "rejected", "value")
-
-    def __init__(
-        self, place: int, value: Done | None = None, fault: str | None = None, *, rejected: bool = False
-    ) -> None:
-        self.place, self.value, self.fault, self.rejected = place, value, fault, rejected
+    place: int
+    value: Done | None = None
+    fault: str | None = None
+    rejected: bool = False
 
 
 class Watch(Protocol):
-    """Who is told how a piece of work goes on."""
+    """Callbacks that report the progress of a piece of work."""
 
     def begin(self, kept: int, todo: int) -> None:
         """So many parts of it are done already, so many are to be done."""
@@ -149,8 +149,7 @@ def run_here(work: Callable[[Job], Done], jobs: Sequence[Job], *, workers: int) 
             yield _tried(work, place, job)
         return
     lost: list[int] = []
-    size = _chunk(len(jobs), workers)
-    chunks = [range(k, min(k + size, len(jobs))) for k in range(0, len(jobs), size)]
+    chunks = _chunks(len(jobs), workers)
     while chunks:
         chunks, broken = yield from _pooled(work, jobs, chunks, workers)
         lost += broken
@@ -158,9 +157,10 @@ def run_here(work: Callable[[Job], Done], jobs: Sequence[Job], *, workers: int) 
         yield from _alone(work, jobs, place)
 
 
-def _chunk(jobs: int, workers: int) -> int:
+def _chunks(jobs: int, workers: int) -> list[range]:
     """Jobs that go to a process at a time: few enough that no process ends long after the others."""
-    return max(1, min(8, jobs // (8 * workers)))
+    size = max(1, min(8, jobs // (8 * workers)))
+    return [range(k, min(k + size, jobs)) for k in range(0, jobs, size)]
 
 
 def _tried(work: Callable[[Job], Done], place: int, job: Job) -> Outcome[Done]:
@@ -238,7 +238,9 @@ def _pooled(
             _abandon(pool)
             raise
         finally:
-            _close(pool)
+            pool.shutdown(
+                cancel_futures=True
+            )  # Python's own end may come upon a pool that is half closed, and complain
     if ended:  # and whoever handles the signal let it pass
         raise KeyboardInterrupt
     return [], []
@@ -262,11 +264,6 @@ def _abandon(pool: ProcessPoolExecutor) -> None:
     results: Any = pool._result_queue
     if results is not None:
         results._writer.close()
-
-
-def _close(pool: ProcessPoolExecutor) -> None:
-    """End a pool and wait for it: Python's own end may otherwise come upon it half closed, and complain."""
-    pool.shutdown(cancel_futures=True)
 
 
 def run_there(work: Callable[[Job], Done], jobs: Sequence[Job], *, scheduler: str) -> Iterator[Outcome[Done]]:
@@ -294,8 +291,7 @@ def run_there(work: Callable[[Job], Done], jobs: Sequence[Job], *, scheduler: st
             "such as tcp://10.0.0.1:8786."
         ) from None
     with client:
-        size = _chunk(len(jobs), max(1, len(client.scheduler_info()["workers"])))
-        chunks = [range(k, min(k + size, len(jobs))) for k in range(0, len(jobs), size)]
+        chunks = _chunks(len(jobs), max(1, len(client.scheduler_info()["workers"])))
         futures = [client.submit(_several, work, list(c), [jobs[k] for k in c], pure=False) for c in chunks]
         held = dict(zip((f.key for f in futures), chunks, strict=True))
         for future in as_completed(futures, loop=client.loop):  # type: ignore[no-untyped-call]

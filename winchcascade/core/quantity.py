@@ -163,6 +163,15 @@ def find_unit(text: str) -> Unit | None:
     return UNITS.get(plain) or _FOLDED_CASE.get(plain.casefold())
 
 
+def is_load(ohm: float) -> bool:
+    """Whether a number is a load: above 0, of a size that exists, or inf for an open circuit. [ohm]
+
+    >>> is_load(36.0), is_load(float("inf")), is_load(0.0)
+    (True, True, False)
+    """
+    return 0.0 < ohm < 1e12 or ohm == float("inf")
+
+
 def si_unit(dimension: str) -> str:
     """SI unit of a dimension, as a text.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping, Sequence
 from functools import cache
 from os.path import isfile  # unlike that of Path no error for a name that no file can have
 from pathlib import Path
@@ -15,7 +16,7 @@ from winchcascade.core.errors import RigError
 from winchcascade.core.quantity import Quantity, find_unit
 from winchcascade.core.rig_file import Column, DcLink, Drivetrain, Generator, Restoring, Rig, Sensor, Thresholds, Winch
 from winchcascade.core.run import CHANNELS
-from winchcascade.core.toml_text import toml_values
+from winchcascade.core.toml_text import check_keys, read_toml, toml_values
 
 BUILT_IN = ("hsu2026", "kitepower")
 DEFAULT_RIG = "hsu2026"
@@ -59,13 +60,7 @@ def load_rig(rig: str | Path) -> Rig:
             f"rig {str(rig)!r}: no such file and no built-in rig of that name; give a rig file or one of "
             f"{', '.join(BUILT_IN)} (`winchcascade rig hsu2026 > rig.toml` writes one to start from)."
         )
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as fault:
-        raise RigError(f"{path}: the rig file cannot be read ({fault.strerror}); check its permissions.") from None
-    except UnicodeDecodeError as fault:
-        raise RigError(f"{path}: the rig file is no UTF-8 text ({fault}); save it as UTF-8.") from None
-    return parse_rig(text, str(path))
+    return parse_rig(read_toml(path, "rig file", RigError), str(path))
 
 
 def parse_rig(text: str, where: str) -> Rig:
@@ -140,26 +135,19 @@ HUGE = 1e12
 
 def _rig(raw: dict[str, Any], where: str) -> Rig:
     known = {"name", "title", "source", "note", "sensors", "columns", "log", "thresholds", *_SECTIONS}
-    for key in raw:
-        if key not in known:
-            raise RigError(f"{where}: {key} is no entry of a rig file; expected {', '.join(sorted(known))}.")
+    _check_keys(raw, sorted(known), f"{where}: ")
     if not isinstance(raw.get("name"), str) or not raw["name"]:
         raise RigError(f'{where}: the entry name is missing; add name = "my rig".')
     for key in ("title", "source", "note"):
         _convert(raw.get(key, ""), str, where, key)
-    sections = {
-        key: cls(**{name: _entry(value, where, key, name, cls) for name, value in _table(raw, key, where).items()})
-        for key, cls in _SECTIONS.items()
-    }
+    sections = {}
+    for key, cls in _SECTIONS.items():
+        values = _table(raw, key, where)
+        _check_keys(values, cls.__struct_fields__, f"{where}: [{key}] ")
+        sections[key] = cls(**{name: _entry(value, where, f"[{key}] {name}", name) for name, value in values.items()})
     log = _table(raw, "log", where)
-    rate = log.pop("sample_rate_hz", None)
-    if log:
-        raise RigError(f"{where}: [log] {next(iter(log))} is no entry of a rig file; expected sample_rate_hz.")
-    rate = (
-        None
-        if rate is None
-        else _finite(_convert(rate, float, where, "[log] sample_rate_hz"), where, "[log] sample_rate_hz")
-    )
+    _check_keys(log, ("sample_rate_hz",), f"{where}: [log] ")
+    rate = _number(log["sample_rate_hz"], where, "[log] sample_rate_hz") if log else None
     if rate is not None and rate <= 0:
         raise RigError(f"{where}: [log] sample_rate_hz is {rate:g}; expected a number above 0.")
     return Rig(
@@ -193,20 +181,25 @@ def _convert(value: object, kind: Any, where: str, place: str) -> Any:
         raise RigError(f"{where}: {place}{inner}: {what[:1].lower()}{what[1:]}.") from None
 
 
+def _check_keys(raw: Mapping[str, object], known: Sequence[str], place: str) -> None:
+    check_keys(raw, known, place, f"no entry of a rig file; expected {', '.join(known)}", RigError)
+
+
+def _number(value: object, where: str, place: str) -> float:
+    return _finite(_convert(value, float, where, place), where, place)
+
+
 def _finite(value: float, where: str, place: str) -> float:
     if not math.isfinite(value):
         raise RigError(f"{where}: {place} is {value}; expected a finite number.")
     return value
 
 
-def _entry(value: object, where: str, section: str, name: str, cls: type[Any]) -> Any:
-    place = f"[{section}] {name}"
-    if name not in cls.__struct_fields__:
-        raise RigError(f"{where}: {place} is no entry of a rig file; expected {', '.join(cls.__struct_fields__)}.")
+def _entry(value: object, where: str, place: str, name: str) -> Quantity | bool | float:
     if name == "one_way_clutch":
-        return _convert(value, bool, where, place)
+        return bool(_convert(value, bool, where, place))
     if name == "load_tolerance_percent":
-        return _finite(_convert(value, float, where, place), where, place)
+        return _number(value, where, place)
     return _quantity(value, where, place, name)
 
 
@@ -300,17 +293,15 @@ def _columns(raw: dict[str, Any], where: str) -> dict[str, Column]:
 
 def _thresholds(raw: dict[str, Any], where: str) -> Thresholds:
     values: dict[str, Any] = {}
+    _check_keys(raw, Thresholds.__struct_fields__, f"{where}: [thresholds] ")
     for name, value in raw.items():
         place = f"[thresholds] {name}"
-        if name not in Thresholds.__struct_fields__:
-            known = ", ".join(Thresholds.__struct_fields__)
-            raise RigError(f"{where}: {place} is no entry of a rig file; expected {known}.")
         if name == "window":
             values[name] = _window(value, where, place)
         elif name in _DIMENSIONS and isinstance(value, dict):
             values[name] = _quantity(value, where, place, name).value
         else:
-            values[name] = _finite(_convert(value, float, where, place), where, place)
+            values[name] = _number(value, where, place)
             _check_sign(values[name], where, place, name)
     return Thresholds(**values)
 

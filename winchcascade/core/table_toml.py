@@ -7,7 +7,9 @@ import re
 from collections.abc import Callable, Mapping
 from os.path import isfile  # unlike that of Path no error for a name that no file can have
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
+
+import msgspec
 
 from winchcascade.core.published_table import (
     DEVIATIONS,
@@ -26,8 +28,8 @@ from winchcascade.core.published_table import (
     load_text,
     same_load,
 )
-from winchcascade.core.quantity import find_unit
-from winchcascade.core.toml_text import toml_values
+from winchcascade.core.quantity import find_unit, is_load
+from winchcascade.core.toml_text import Expected, check_keys, entries, entry, read_toml, toml_values
 
 BUILT_IN = ("hsu2026-table2",)
 _FOLDER = Path(__file__).parent.parent / "published"
@@ -47,12 +49,7 @@ def load_table(table: str | Path) -> Table:
                 f"{' or '.join(BUILT_IN)}."
             )
         path = _FOLDER / f"{table}.toml"
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as fault:
-        raise TableError(f"{path}: the table cannot be read ({fault.strerror}); check its permissions.") from None
-    except UnicodeDecodeError as fault:
-        raise TableError(f"{path}: the table is no UTF-8 text ({fault}); save it as UTF-8.") from None
+    text = read_toml(path, "table", TableError)
     return parse_table(text, str(path), name=path.stem)
 
 
@@ -62,14 +59,14 @@ def parse_table(text: str, where: str, *, name: str = "table") -> Table:
     _known(raw, {"title", "source", "cycles", "columns", "row", "claim", *(f"{d}_percent" for d in DEVIATIONS)}, where)
     columns = _columns(raw.get("columns"), where)
     rows, total = _rows(_tables(raw, "row", where), columns, where, _lines(text, "row"))
-    marks = _lines(text, "claim")
+    marks, caption = _lines(text, "claim"), entries(raw, _Caption, where, TableError)
     return Table(
         name=name,
-        title=_text(raw, "title", where),
-        source=_text(raw, "source", where),
+        title=caption.title,
+        source=caption.source,
         columns=columns,
         rows=rows,
-        cycles=_cycles(raw.get("cycles"), where),
+        cycles=caption.cycles,
         deviations={d: _deviation(raw, f"{d}_percent", where) for d in DEVIATIONS if f"{d}_percent" in raw},
         total=total,
         claims=tuple(
@@ -80,16 +77,31 @@ def parse_table(text: str, where: str, *, name: str = "table") -> Table:
 
 
 def _known(raw: Mapping[str, Any], known: set[str], place: str) -> None:
-    for key in raw:
-        if key not in known:
-            raise TableError(f"{place}: {key} is no entry here; expected {', '.join(sorted(known))}.")
+    check_keys(raw, known, f"{place}: ", f"no entry here; expected {', '.join(sorted(known))}", TableError)
 
 
-def _text(raw: Mapping[str, Any], key: str, place: str) -> str:
-    value = raw.get(key)
-    if not isinstance(value, str) or not value.strip():
-        raise TableError(f'{place}: {key} is {value!r}; expected a text, such as {key} = "...".')
-    return value
+class _Caption(msgspec.Struct, frozen=True):
+    """What a table is, and the number of cycles that its means are over."""
+
+    title: Annotated[str, Expected('a text, such as title = "..."', str.strip)]
+    source: Annotated[str, Expected('a text, such as source = "..."', str.strip)]
+    cycles: Annotated[
+        int | None,
+        Expected("the number of cycles that the means are over, such as 3", lambda n: 1 <= n < 10**9),
+    ] = None
+
+
+class _Quotation(msgspec.Struct, frozen=True):
+    """What a text claims, and the place in it."""
+
+    says: Annotated[str, Expected('a text, such as says = "..."', str.strip)]
+    where: Annotated[str, Expected('a text, such as where = "..."', str.strip)]
+
+
+_Load = Annotated[float, Expected("ohms above 0, or inf for an open circuit", is_load)]
+_Decimals = Annotated[
+    int, Expected("how many are printed, such as 3, or -1 for values rounded to tens", lambda n: -9 <= n <= 12)
+]
 
 
 def _number(raw: Mapping[str, Any], key: str, place: str) -> float:
@@ -104,26 +116,14 @@ def _number(raw: Mapping[str, Any], key: str, place: str) -> float:
 
 
 def _ohms(raw: Mapping[str, Any], key: str, place: str) -> float:
-    return _ohm(raw.get(key), key, place)
-
-
-def _ohm(value: object, key: str, place: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not (0 < value < 1e12 or value == math.inf):
-        raise TableError(f"{place}: {key} is {value!r}; expected ohms above 0, or inf for an open circuit.")
-    return float(value)
+    ohm: float = entry(raw.get(key), key, _Load, place, TableError)
+    return ohm
 
 
 def _tables(raw: Mapping[str, Any], key: str, where: str) -> list[dict[str, Any]]:
-    value = raw.get(key, [])
-    if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
-        raise TableError(f"{where}: {key} is {value!r}; expected [[{key}]] tables.")
-    return value
-
-
-def _cycles(value: object, where: str) -> int | None:
-    if value is None or (type(value) is int and 1 <= value < 10**9):
-        return value
-    raise TableError(f"{where}: cycles is {value!r}; expected the number of cycles that the means are over, such as 3.")
+    kind = Annotated[list[dict[str, Any]], Expected(f"[[{key}]] tables")]
+    tables: list[dict[str, Any]] = entry(raw.get(key, []), key, kind, where, TableError)
+    return tables
 
 
 def _deviation(raw: Mapping[str, Any], key: str, where: str) -> tuple[float, Column]:
@@ -147,12 +147,10 @@ def _unit(raw: object, dimension: str, place: str) -> tuple[str, float]:
     return raw, factor
 
 
-def _decimals(raw: object, place: str) -> int:
-    if type(raw) is not int or not -9 <= raw <= 12:
-        raise TableError(
-            f"{place}: decimals is {raw!r}; expected how many are printed, such as 3, or -1 for values rounded to tens."
-        )
-    return raw
+def _column(raw: Mapping[str, Any], dimension: str, place: str) -> Column:
+    """Unit and decimals of the numbers of a column, or of the number of a claim."""
+    unit, factor = _unit(raw.get("unit"), dimension, place)
+    return Column(unit, entry(raw.get("decimals"), "decimals", _Decimals, place, TableError), factor)
 
 
 def _columns(raw: object, where: str) -> dict[str, Column]:
@@ -162,15 +160,14 @@ def _columns(raw: object, where: str) -> dict[str, Column]:
         )
     _known(raw, {"load_ohm", *DIMENSIONS}, f"{where}: [columns]")
     columns = {}
-    for name, entry in raw.items():
+    for name, cell in raw.items():
         place = f"{where}: [columns] {name}"
-        if not isinstance(entry, dict):
-            raise TableError(f'{place} is {entry!r}; expected {{ unit = "...", decimals = ... }}.')
-        _known(entry, {"unit", "decimals"}, place)
-        unit, factor = _unit(entry.get("unit"), DIMENSIONS.get(name, "resistance"), place)
-        if name == "load_ohm" and factor != 1.0:
-            raise TableError(f"{place}: the unit is {unit!r}; expected ohm, as the name says.")
-        columns[name] = Column(unit, _decimals(entry.get("decimals"), place), factor)
+        if not isinstance(cell, dict):
+            raise TableError(f'{place} is {cell!r}; expected {{ unit = "...", decimals = ... }}.')
+        _known(cell, {"unit", "decimals"}, place)
+        columns[name] = _column(cell, DIMENSIONS.get(name, "resistance"), place)
+        if name == "load_ohm" and columns[name].factor != 1.0:
+            raise TableError(f"{place}: the unit is {columns[name].unit!r}; expected ohm, as the name says.")
     return columns
 
 
@@ -179,40 +176,40 @@ def _rows(
 ) -> tuple[tuple[Row, ...], Row | None]:
     rows: list[Row] = []
     total = None
-    for number, entry in enumerate(raw, 1):
+    for number, cells in enumerate(raw, 1):
         place = f"{where}: row {number}"
-        _known(entry, {"load_ohm", "total", *DIMENSIONS}, place)
+        _known(cells, {"load_ohm", "total", *DIMENSIONS}, place)
         marks = lines[number - 1] if len(lines) == len(raw) else {}
-        if entry.get("total", False) is not False:
+        if cells.get("total", False) is not False:
             if total is not None:
                 raise TableError(f"{place}: a second row has total = true; expected one row of sums.")
-            total = _total(entry, columns, place, marks)
+            total = _total(cells, columns, place, marks)
             continue
-        load = _ohms(entry, "load_ohm", place)
+        load = _ohms(cells, "load_ohm", place)
         if any(same_load(row.load, load) for row in rows):
             raise TableError(f"{place}: {load_text(load)} has a row already; expected one row for each load.")
-        rows.append(Row(load, _cells(entry, columns, place), marks))
+        rows.append(Row(load, _cells(cells, columns, place), marks))
     if not rows:
         raise TableError(f"{where}: no rows; expected a [[row]] table with load_ohm and its cells for each load.")
     return tuple(rows), total
 
 
-def _total(entry: dict[str, Any], columns: Mapping[str, Column], place: str, marks: dict[str, int]) -> Row:
-    odd = [key for key in entry if key != "total" and DIMENSIONS.get(key) != "energy"]
-    if entry["total"] is not True or odd:
-        found = f"total = {entry['total']!r}" if entry["total"] is not True else odd[0]
+def _total(row: dict[str, Any], columns: Mapping[str, Column], place: str, marks: dict[str, int]) -> Row:
+    odd = [key for key in row if key != "total" and DIMENSIONS.get(key) != "energy"]
+    if row["total"] is not True or odd:
+        found = f"total = {row['total']!r}" if row["total"] is not True else odd[0]
         raise TableError(f"{place}: {found} in a row of sums; expected total = true and energies alone.")
-    return Row(math.nan, _cells(entry, columns, place), marks)
+    return Row(math.nan, _cells(row, columns, place), marks)
 
 
-def _cells(entry: dict[str, Any], columns: Mapping[str, Column], place: str) -> dict[str, float]:
+def _cells(row: dict[str, Any], columns: Mapping[str, Column], place: str) -> dict[str, float]:
     cells = {}
     for metric in DIMENSIONS:
-        if metric not in entry:
+        if metric not in row:
             continue
         if metric not in columns:
             raise TableError(f"{place}: {metric} has no entry under [columns]; add its unit and decimals there.")
-        cells[metric] = _rounded(_number(entry, metric, place), columns[metric].decimals, metric, place)
+        cells[metric] = _rounded(_number(row, metric, place), columns[metric].decimals, metric, place)
     if not cells:
         raise TableError(f"{place}: no cells; expected some of {', '.join(DIMENSIONS)}.")
     return cells
@@ -237,7 +234,8 @@ def _claim(raw: dict[str, Any], place: str, line: int | None) -> Claim:
 
 def _words(raw: dict[str, Any], known: set[str], place: str) -> tuple[str, str]:
     _known(raw, {"says", "where", *known}, place)
-    return _text(raw, "says", place), _text(raw, "where", place)
+    quoted = entries(raw, _Quotation, place, TableError)
+    return quoted.says, quoted.where
 
 
 def _metric(raw: dict[str, Any], key: str, place: str, known: tuple[str, ...] = tuple(DIMENSIONS)) -> str:
@@ -254,8 +252,7 @@ def _metrics(raw: dict[str, Any], place: str) -> tuple[str, ...]:
 
 
 def _claimed(raw: dict[str, Any], key: str, dimension: str, place: str) -> tuple[float, Column]:
-    unit, factor = _unit(raw.get("unit"), dimension, place)
-    column = Column(unit, _decimals(raw.get("decimals"), place), factor)
+    column = _column(raw, dimension, place)
     return _rounded(_number(raw, key, place), column.decimals, key, place), column
 
 
@@ -295,9 +292,8 @@ def _largest_claim(raw: dict[str, Any], place: str, line: int | None) -> Largest
     says, where = _words(raw, {"metric", "largest_at_ohm"}, place)
     value = raw["largest_at_ohm"]
     loads = value if isinstance(value, list) and value else [value]
-    return LargestClaim(
-        says, where, _metrics(raw, place), tuple(_ohm(load, "largest_at_ohm", place) for load in loads), line
-    )
+    largest = tuple(_ohms({"largest_at_ohm": load}, "largest_at_ohm", place) for load in loads)
+    return LargestClaim(says, where, _metrics(raw, place), largest, line)
 
 
 def _rises_claim(raw: dict[str, Any], place: str, line: int | None) -> RisesClaim:

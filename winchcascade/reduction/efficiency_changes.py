@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 import numpy as np
@@ -73,6 +73,19 @@ class Comparison(msgspec.Struct, frozen=True):
         return self.chance <= ALPHA and self.moved >= MOVES
 
 
+class _Known(NamedTuple):
+    """What may change an efficiency without a fault, all relative. [1]
+
+    `gaps` is what bridged gaps may have changed of that of each cycle, (k,); `zeros` the share of the zeros in what is read;
+    `power_share` the change of the share of the loss over that of the power.
+    """
+
+    gaps: Signal
+    zeros: float
+    power_share: float
+    repeats: float
+
+
 def changes_within(
     cycles: Sequence[CycleResult], rig: Rig, bridged: Mapping[str, tuple[float, ...]], run: Run
 ) -> list[Finding]:
@@ -107,10 +120,10 @@ def compare_cycles(
     for metric in tested:
         rows = given[metric]
         here = [cycles[k] for k in rows]
-        gaps = _bridged_share(metric, cycles, rows, bridged)
-        found = _largest_change(
-            metric, here, gaps, _zeros(here, rig), power_share, _repeats(metric, noise), len(tested)
+        known = _Known(
+            _bridged_share(metric, cycles, rows, bridged), _zeros(here, rig), power_share, _repeats(metric, noise)
         )
+        found = _largest_change(metric, here, known, len(tested))
         compared += [] if found is None else [found]
     return compared
 
@@ -149,15 +162,7 @@ def _repeats(metric: str, noise: Mapping[str, float]) -> float:
     return math.hypot(REPEATS, *(noise.get(energy.removeprefix("energy_"), 0.0) for energy in RATIOS[metric]))
 
 
-def _largest_change(
-    metric: str,
-    cycles: Sequence[CycleResult],
-    gaps: Signal,
-    zeros: float,
-    power_share: float,
-    repeats: float,
-    metrics: int,
-) -> Comparison | None:
+def _largest_change(metric: str, cycles: Sequence[CycleResult], known: _Known, metrics: int) -> Comparison | None:
     """The most significant change of an efficiency over the cycles; None where the efficiency is not positive."""
     eta = np.array([getattr(c.metrics, metric) for c in cycles])
     mean, n = float(np.mean(eta)), len(cycles)
@@ -174,11 +179,12 @@ def _largest_change(
     spread = np.concatenate([1.0 / first + 1.0 / other, np.sum(drift**2, axis=1)])
     differs = np.abs(np.concatenate([_differences(size, first), drift @ size]))
     differs = np.maximum(differs[:, :2].min(axis=1), differs[:, 2:].min(axis=1))  # of energies and of powers
+    gaps = known.gaps
     bridged = _means(gaps, first) + (gaps.sum() - _means(gaps, first) * first) / other
-    allowed = power_share * (1.0 - mean + zeros) * differs + np.concatenate([bridged, np.abs(drift) @ gaps])
+    allowed = known.power_share * (1.0 - mean + known.zeros) * differs + np.concatenate([bridged, np.abs(drift) @ gaps])
     within = np.maximum(n * float(np.var(eta / mean)) - change**2 / spread, 0.0)
     freedom = PRIOR + n - 2
-    s = np.sqrt((PRIOR * repeats**2 + within) / freedom)
+    s = np.sqrt((PRIOR * known.repeats**2 + within) / freedom)
     t = np.maximum(np.abs(change) - allowed, 0.0) / (s * np.sqrt(spread))
     best = int(np.argmax(t))
     of_mean = np.concatenate([np.minimum(first, other) / n, np.full(len(drift), 0.5)])

@@ -165,22 +165,19 @@ def _draw(
     errors = {(s.channel, s.part): _errors(s, rng, draws) for s in run_sources(reduction.rig, stages)}
     gaps = {name: _bridged(stage, rows_of[f"energy_{name}"], rng, draws) for name, stage in stages.items()}
     limit = sampling_limit(stages)
-    wanted = [m for m in ALL_METRICS if getattr(known.mean, m) is not None]
+    drawn = {name: _drawn(stage, errors, gaps[name], limit, draws) for name, stage in stages.items()}
     spread = {}
-    for metric in wanted:
+    for metric in ALL_METRICS:
         rows = rows_of[metric]
+        if getattr(known.mean, metric) is None:
+            continue
         if metric in ALL_RATIOS:
-            spread[metric] = _ratio(metric, reduction, stages, rows, errors, gaps, limit)
-        elif metric.startswith("energy"):
-            name = metric.removeprefix("energy_")
-            spread[metric] = _energy(stages[name], rows, errors, limit) * gaps[name]
+            out, into = (drawn[name.removeprefix("energy_")] for name in ALL_RATIOS[metric])
+            spread[metric] = _ratio(out, into, rows, getattr(reduction.mean, metric))
         else:
-            name = metric.removeprefix("power_")
-            length = float(np.mean(stages[name].t[rows]))
-            equal = np.ptp(stages[name].t[rows]) <= 1e-9 * length
-            spread[metric] = (
-                spread[f"energy_{name}"] / length if equal else _power(stages[name], rows, errors, limit) * gaps[name]
-            )
+            kind, name = metric.split("_", 1)
+            per = stages[name].t[rows] if kind == "power" else np.ones(rows.size)
+            spread[metric] = drawn[name].mean(drawn[name].parts[rows] / per[:, None])
     return spread
 
 
@@ -197,61 +194,44 @@ def _bridged(stage: Stage, rows: Rows, rng: np.random.Generator, draws: int) -> 
     return 1.0 + share * rng.standard_normal(draws) if share > 0 else 1.0
 
 
-def _true(stage: Stage, errors: Errors, xy: float, x: float, y: float, t: float, sampled: float) -> Signal:
-    """Energy that channels without errors would have given, for each draw, up to the gains. [J]
+class _Drawn(msgspec.Struct, frozen=True):
+    """Energies of a stage for drawn errors: `parts`, (k, 5), times `weights`, (5, draws), times `factor`. [J]
 
-    `sampled` is its change with the relative error of the sampling.
+    The parts are the integrals of the stage, and what a relative error of the sampling changes of its energy. The weights are
+    made of the zeros, the factor of the gains and of the gaps.
     """
-    zero_x = errors.get((stage.first, "zero"), 0.0)
-    zero_y = errors.get((stage.second or "", "zero"), 0.0)
-    joule: Signal = stage.scale * (xy - zero_x * y - zero_y * x + zero_x * zero_y * t) + np.zeros(1)
-    return joule + sampled * errors.get((SAMPLING, "gain"), 0.0)
+
+    stage: Stage
+    parts: Signal
+    weights: Signal
+    factor: Signal | float
+
+    def mean(self, parts: Signal) -> Signal:
+        """Mean over rows of `parts` for each draw, (draws,): it needs the means of the integrals alone."""
+        drawn: Signal = parts.mean(axis=0) @ self.weights * self.factor
+        return drawn
 
 
-def _gain(stage: Stage, errors: Errors) -> Signal | float:
-    """What the gain errors make of a stage's energy, for each draw."""
-    gain: Signal | float = 1.0
+def _drawn(stage: Stage, errors: Errors, gaps: Signal | float, limit: float, draws: int) -> _Drawn:
+    """Energies that channels without errors would have given, (1 + gain) x + zero being read of x."""
+    zero_x, zero_y = (errors.get((name or "", "zero"), 0.0) for name in (stage.first, stage.second))
+    sampled = stage.sampled / limit if limit > 0.0 else stage.sampled
+    weights = np.empty((5, draws))
+    for row, weight in enumerate((1.0, -zero_y, -zero_x, zero_x * zero_y)):
+        weights[row] = stage.scale * weight
+    weights[4] = errors.get((SAMPLING, "gain"), 0.0)
     for name in (stage.first, stage.second or "", R_DRUM if stage.by_radius else ""):
-        gain = gain * (1.0 + errors.get((name, "gain"), 0.0))
-    return gain
+        gaps = gaps / (1.0 + errors.get((name, "gain"), 0.0))
+    return _Drawn(stage, np.column_stack((stage.xy, stage.x, stage.y, stage.t, sampled)), weights, gaps)
 
 
-def _parts(stage: Stage, limit: float) -> tuple[Signal, Signal, Signal, Signal, Signal]:
-    """Integrals of a stage, and what a relative error of the sampling changes of its energy, (k,) each."""
-    return stage.xy, stage.x, stage.y, stage.t, stage.sampled / limit if limit > 0.0 else stage.sampled
-
-
-def _energy(stage: Stage, rows: Rows, errors: Errors, limit: float) -> Signal:
-    """Mean energy for each draw: it needs the means of the integrals alone. [J]"""
-    xy, x, y, t, sampled = (float(np.mean(a[rows])) for a in _parts(stage, limit))
-    return _true(stage, errors, xy, x, y, t, sampled) / _gain(stage, errors)
-
-
-def _power(stage: Stage, rows: Rows, errors: Errors, limit: float) -> Signal:
-    """Mean of the cycles' mean powers for each draw, where windows differ in length. [W]"""
-    xy, x, y, t, sampled = (float(np.mean(a[rows] / stage.t[rows])) for a in _parts(stage, limit))
-    return _true(stage, errors, xy, x, y, t, sampled) / _gain(stage, errors)
-
-
-def _ratio(
-    metric: str,
-    reduction: Reduction,
-    stages: Mapping[str, Stage],
-    rows: Rows,
-    errors: Errors,
-    gaps: Mapping[str, Signal | float],
-    limit: float,
-) -> Signal:
-    """Mean of the cycles' ratios for each draw."""
-    names = [name.removeprefix("energy_") for name in ALL_RATIOS[metric]]
-    out, into = (stages[name] for name in names)
+def _ratio(out: _Drawn, into: _Drawn, rows: Rows, mean: float) -> Signal:
+    """Mean of the ratios of the cycles for each draw, about their reduced mean."""
     chosen = rows[np.linspace(0, len(rows) - 1, min(len(rows), MOST_CYCLES)).round().astype(int)]
-    total: Signal | float = 0.0
-    above, below = _parts(out, limit), _parts(into, limit)
+    total = np.zeros(out.weights.shape[1])
     for k in chosen.tolist():
-        up = _true(out, errors, *(float(part[k]) for part in above))
-        total = total + up / _true(into, errors, *(float(part[k]) for part in below))
-    mean = total / len(chosen) * (_gain(into, errors) / _gain(out, errors)) * (gaps[names[0]] / gaps[names[1]])
-    nominal = float(np.mean(out.energy[chosen] / into.energy[chosen]))
-    drawn: Signal = mean + (getattr(reduction.mean, metric) - nominal)
+        total += (out.parts[k] @ out.weights) / (into.parts[k] @ into.weights)
+    mean_drawn = total / len(chosen) * (out.factor / into.factor)
+    nominal = float(np.mean(out.stage.energy[chosen] / into.stage.energy[chosen]))
+    drawn: Signal = mean_drawn + (mean - nominal)
     return drawn

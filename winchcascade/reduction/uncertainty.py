@@ -163,23 +163,14 @@ def budget(reduction: Reduction) -> Budget:
     rows = []
     square = {m: np.zeros(len(reduction.cycles)) for m in stated}
     mean_square = dict.fromkeys(stated, 0.0)
-    for source in known:
-        slope = _sensitivities(source, stages, stated)
-        of = {m: source.u * float(np.mean(s[rows_of[m]])) for m, s in slope.items() if m in given}
-        rows.append(Contribution(source, Metrics(**{m: abs(value) for m, value in of.items()})))
-        for m, s in slope.items():
-            square[m] += (source.u * s) ** 2
-            mean_square[m] += of.get(m, 0.0) ** 2
+    changes: list[tuple[Source | None, dict[str, Signal]]] = [(s, _changes(s, stages, stated)) for s in known]
     if any(stage.bridged.any() for stage in stages.values()):
-        gaps = _bridging(stages, stated)
-        of = {
-            m: math.sqrt(float(np.sum(b[rows_of[m]] ** 2))) / int(rows_of[m].sum())
-            for m, b in gaps.items()
-            if m in given
-        }
-        rows.append(Contribution(None, Metrics(**of)))
-        for m, b in gaps.items():
-            square[m] += b**2
+        changes.append((None, _bridging(stages, stated)))
+    for source, changed in changes:
+        of = {m: _of_mean(x[rows_of[m]], shared=source is not None) for m, x in changed.items() if m in given}
+        rows.append(Contribution(source, Metrics(**of)))
+        for m, x in changed.items():
+            square[m] += x**2
             mean_square[m] += of.get(m, 0.0) ** 2
     sensors = {m: math.sqrt(mean_square[m]) for m in stated if m in given}
     scatter = _repeatability([c.metrics for c in reduction.complete], given)
@@ -278,10 +269,15 @@ def _without_accuracy(stages: Mapping[str, Stage], known: Sequence[Source]) -> t
     return tuple(sorted(_channels(stages) - {s.channel for s in known} - set(TAKEN_AS_EXACT)))
 
 
-def _sensitivities(source: Source, stages: Mapping[str, Stage], metrics: Sequence[str]) -> dict[str, Signal]:
-    """Change of each metric of each cycle with a source, (k,) each, at errors of nothing."""
-    slopes = {name: _energy_slope(source, stage) for name, stage in stages.items()}
-    return _of_metrics(slopes, stages, metrics, independent=False)
+def _of_mean(changed: Signal, *, shared: bool) -> float:
+    """Change of a mean by those of its cycles: an error that all share moves them together, others average out."""
+    return abs(float(np.mean(changed))) if shared else math.sqrt(float(np.sum(changed**2))) / changed.size
+
+
+def _changes(source: Source, stages: Mapping[str, Stage], metrics: Sequence[str]) -> dict[str, Signal]:
+    """Change of each metric of each cycle with one standard uncertainty of a source, (k,) each."""
+    joules = {name: source.u * _energy_slope(source, stage) for name, stage in stages.items()}
+    return _of_metrics(joules, stages, metrics, independent=False)
 
 
 def _energy_slope(source: Source, stage: Stage) -> Signal:
