@@ -15,7 +15,7 @@ from winchcascade.core.accuracy import CERTAIN, zero_uncertainty
 from winchcascade.reduction.checks.lag import OF_THE_MACHINE, OF_THE_ROTOR, SAME_TIME
 from winchcascade.reduction.checks.zeros import KNOWN
 from winchcascade.reduction.efficiency_between_runs import _chances, _left_out, _rows
-from winchcascade.reduction.efficiency_changes import ALPHA, Comparison, compare_cycles
+from winchcascade.reduction.efficiency_changes import ALPHA, CycleComparison, compare_cycles
 from winchcascade.reduction.reduction_result import Reduction
 
 
@@ -116,7 +116,7 @@ def gain_reason(found: Reduction) -> Reason | None:
     )
 
 
-def _by_chance(compared: Comparison, metrics: int) -> float:
+def _by_chance(compared: CycleComparison, metrics: int) -> float:
     """Change that chance alone exceeds with the probability `ALPHA`, all comparisons of a log together. [1]"""
     n = len(compared.cycles)
     comparisons = (2 * n - 3 + (n > 2)) * metrics

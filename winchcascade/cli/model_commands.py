@@ -19,7 +19,7 @@ from winchcascade.cli.options import (
     rig_names,
 )
 from winchcascade.cli.outputs import check_outputs, show, write_json
-from winchcascade.cli.settings import check_load, settings_of
+from winchcascade.cli.settings import check_load, read_with, settings_of
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.jobs import one_thread_each
 
@@ -47,7 +47,6 @@ def simulate_command(
     force: ForceOption = False,
 ) -> None:
     """Simulate the rig along a line motion, and write the log that its sensors would have written."""
-    from winchcascade.ingest.read import read_run
     from winchcascade.report.terminal import simulation_text
     from winchcascade.rig.effects.catalogue import make_effect
     from winchcascade.rig.parts import baseline
@@ -62,15 +61,7 @@ def simulate_command(
     check_load(load_ohm)
     check_outputs({"--out": out}, [source, rig], force=force)
     settings = settings_of(source, rig=rig, load_ohm=load_ohm, window=None, sheet=sheet)
-    run = read_run(
-        source,
-        rig=settings.rig,
-        load=settings.load,
-        load_source=settings.load_source,
-        about=settings.about,
-        origin=settings.origin,
-        table=settings.sheet,
-    )
+    run = read_with(source, settings)
     if run.load is None:
         raise OptionError(f"{run.name}: its load is unknown; give --load-ohm OHM, inf for an open circuit.")
     model = baseline(settings.rig)
@@ -115,7 +106,6 @@ def calibrate_command(
     from winchcascade.core.files import write_content
     from winchcascade.diagnosis.calibrate import calibrate
     from winchcascade.diagnosis.rig_text import calibrated_text
-    from winchcascade.ingest.read import read_run
     from winchcascade.reduction.reduce import reduce
     from winchcascade.report.calibration_text import calibration_record, calibration_text
 
@@ -123,15 +113,7 @@ def calibrate_command(
     settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=None, sheet=sheet)
     inputs: list[str | Path] = [log, log.parent / "campaign.toml", settings.rig.path]
     check_outputs({"--json": json, "--write": write}, inputs, force=force)
-    run = read_run(
-        log,
-        rig=settings.rig,
-        load=settings.load,
-        load_source=settings.load_source,
-        about=settings.about,
-        origin=settings.origin,
-        table=settings.sheet,
-    )
+    run = read_with(log, settings)
     payouts = _steady_payouts(reduce(run, rig=settings.rig, window=settings.window, cycles=settings.cycles))
     calibration = calibrate(run, settings.rig, payouts, cycles=settings.cycles)
     if write is not None:

@@ -19,7 +19,7 @@ from winchcascade.cli.options import (
     WindowOption,
 )
 from winchcascade.cli.outputs import check_outputs, given_command, show
-from winchcascade.cli.settings import check_load, settings_of
+from winchcascade.cli.settings import check_load, read_with, settings_of
 
 if TYPE_CHECKING:
     from winchcascade.reduction.reduction_result import Reduction
@@ -45,7 +45,6 @@ def reduce_command(
 
     What the options leave open is taken from a campaign.toml in the log's folder, if it lists the log.
     """
-    from winchcascade.ingest.read import read_run
     from winchcascade.reduction.reduce import reduce, require_payouts, window_rule
     from winchcascade.report.terminal import reduction_text
 
@@ -55,15 +54,7 @@ def reduce_command(
     results = {"--json": json, "--html": html, "--pdf": pdf, "--parquet": parquet}
     check_outputs(results, [log, log.parent / "campaign.toml", rig], force=force)
     settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=window, sheet=sheet)
-    run = read_run(
-        log,
-        rig=settings.rig,
-        load=settings.load,
-        load_source=settings.load_source,
-        about=settings.about,
-        origin=settings.origin,
-        table=settings.sheet,
-    )
+    run = read_with(log, settings)
     reduction = reduce(run, rig=settings.rig, window=settings.window, cycles=settings.cycles)
     require_payouts(reduction)
     if parquet is not None:

@@ -10,6 +10,7 @@ from winchcascade.core.errors import CampaignError, OptionError
 
 if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
+    from winchcascade.core.run import Run
 
 
 class Settings(NamedTuple):
@@ -60,6 +61,21 @@ def settings_of(
         if load_ohm is None:
             load_ohm, source = run.load, campaign.path.name
     return Settings(load_rig(rig or DEFAULT_RIG), load_ohm, source, rule, cycles, about, origin, sheet)
+
+
+def read_with(log: Path, settings: Settings) -> Run:
+    """Read a log by its settings. Raises LogError as `read_run`."""
+    from winchcascade.ingest.read import read_run
+
+    return read_run(
+        log,
+        rig=settings.rig,
+        load=settings.load,
+        load_source=settings.load_source,
+        about=settings.about,
+        origin=settings.origin,
+        table=settings.sheet,
+    )
 
 
 def check_load(load_ohm: float | None) -> None:

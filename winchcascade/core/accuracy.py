@@ -24,7 +24,7 @@ CERTAIN = 5.0
 """An offset is significant from so many standard uncertainties of the sensor's zero."""
 
 
-class Source(msgspec.Struct, frozen=True):
+class ErrorSource(msgspec.Struct, frozen=True):
     """One source of uncertainty, the same over a whole run: zero [SI unit of the channel] or gain [1] of what is read.
 
     `u` is its standard uncertainty; `limit` the half width of a rectangular distribution, None for a normal one.
@@ -42,7 +42,7 @@ class Source(msgspec.Struct, frozen=True):
         return "normal" if self.limit is None else "rectangular"
 
 
-def error_sources(channel: str, sensor: Sensor) -> tuple[Source, ...]:
+def error_sources(channel: str, sensor: Sensor) -> tuple[ErrorSource, ...]:
     """Errors that a sensor's stated accuracy allows, in SI units; empty where none is stated.
 
     Accuracies are limits of rectangular distributions. One in shares of the full scale (or absolute, with a known range)
@@ -60,8 +60,10 @@ def error_sources(channel: str, sensor: Sensor) -> tuple[Source, ...]:
     gain = (0.5 * absolute / full_scale if full_scale > 0 else 0.0) + (sensor.accuracy_reading or 0.0)
     parts: tuple[tuple[Part, float, float | None], ...] = (("zero", zero, sensor.u_zero), ("gain", gain, sensor.u_gain))
     if zero or gain:
-        return tuple(Source(channel, p, limit / math.sqrt(3.0), limit, sensor.source) for p, limit, _ in parts if limit)
-    return tuple(Source(channel, p, u, None, sensor.source) for p, _, u in parts if u)
+        return tuple(
+            ErrorSource(channel, p, limit / math.sqrt(3.0), limit, sensor.source) for p, limit, _ in parts if limit
+        )
+    return tuple(ErrorSource(channel, p, u, None, sensor.source) for p, _, u in parts if u)
 
 
 def zero_uncertainty(sensor: Sensor | None) -> float:

@@ -144,13 +144,8 @@ def _given(cycles: Sequence[Metrics], name: str) -> list[float] | None:
 
 def _column(cycles: Sequence[Metrics], name: str) -> list[float] | None:
     """One metric of all cycles, None unless every cycle gives it."""
-    column: list[float] = []
-    for cycle in cycles:
-        value = getattr(cycle, name)
-        if value is None:
-            return None
-        column.append(value)
-    return column or None
+    given = _given(cycles, name)
+    return given if given is not None and len(given) == len(cycles) else None
 
 
 def _sum(column: list[float] | None) -> float | None:

@@ -47,7 +47,7 @@ MOVES = 0.0025
 the tool was used on, states efficiencies to 0.003 to 0.005."""
 
 
-class Comparison(msgspec.Struct, frozen=True):
+class CycleComparison(msgspec.Struct, frozen=True):
     """The most significant change of one efficiency over the cycles of a log.
 
     `change` is relative to the mean, `explained` what speed, gaps and zeros explain of it, `scatter` the standard deviation of
@@ -102,7 +102,7 @@ def changes_within(
 
 def compare_cycles(
     cycles: Sequence[CycleResult], rig: Rig, bridged: Mapping[str, tuple[float, ...]], run: Run
-) -> list[Comparison]:
+) -> list[CycleComparison]:
     """Compare the cycles of a log by each efficiency, parameters as of `changes_within`.
 
     Every split into first and last cycles is compared, every cycle with the others, and a straight line is fitted to all.
@@ -162,7 +162,7 @@ def _repeats(metric: str, noise: Mapping[str, float]) -> float:
     return math.hypot(REPEATS, *(noise.get(energy.removeprefix("energy_"), 0.0) for energy in RATIOS[metric]))
 
 
-def _largest_change(metric: str, cycles: Sequence[CycleResult], known: _Known, metrics: int) -> Comparison | None:
+def _largest_change(metric: str, cycles: Sequence[CycleResult], known: _Known, metrics: int) -> CycleComparison | None:
     """The most significant change of an efficiency over the cycles; None where the efficiency is not positive."""
     eta = np.array([getattr(c.metrics, metric) for c in cycles])
     mean, n = float(np.mean(eta)), len(cycles)
@@ -188,7 +188,7 @@ def _largest_change(metric: str, cycles: Sequence[CycleResult], known: _Known, m
     t = np.maximum(np.abs(change) - allowed, 0.0) / (s * np.sqrt(spread))
     best = int(np.argmax(t))
     of_mean = np.concatenate([np.minimum(first, other) / n, np.full(len(drift), 0.5)])
-    return Comparison(
+    return CycleComparison(
         metric=metric,
         cycles=cycles,
         mean=mean,
@@ -242,7 +242,7 @@ def probability(t: float, freedom: float) -> float:
     return math.erfc(z / math.sqrt(2.0))
 
 
-def _finding(found: Comparison) -> Finding:
+def _finding(found: CycleComparison) -> Finding:
     """The finding: which cycles differ from which, by how much, and what of it the motion and the gaps explain."""
     cycles, here, span = found.cycles, found.here, found.cycles
     if here is None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 import msgspec
 import numpy as np
 
-from winchcascade.core.accuracy import Source
+from winchcascade.core.accuracy import ErrorSource
 from winchcascade.reduction.efficiency import ALL_METRICS, ALL_RATIOS, Metrics
 from winchcascade.reduction.uncertainty import (
     R_DRUM,
@@ -181,7 +181,7 @@ def _draw(
     return spread
 
 
-def _errors(source: Source, rng: np.random.Generator, draws: int) -> Signal:
+def _errors(source: ErrorSource, rng: np.random.Generator, draws: int) -> Signal:
     if source.limit is None:
         return source.u * rng.standard_normal(draws)
     return rng.uniform(-source.limit, source.limit, draws)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, TypeVar
 
 import msgspec
 import numpy as np
@@ -71,6 +71,8 @@ class PhaseSummary(msgspec.Struct, frozen=True):
 
 Span = tuple[float, float]
 
+Summary = TypeVar("Summary")
+
 
 def summarise(phased: PhasedRun) -> list[PhaseSummary]:
     """Summarise the phases of every cycle."""
@@ -85,10 +87,14 @@ def summarise(phased: PhasedRun) -> list[PhaseSummary]:
     return [PhaseSummary(*phases) for phases in zip(paid_out, holds, hauls, strict=True)]
 
 
-def _present(spans: Sequence[Span | None]) -> tuple[list[int], Signal]:
-    """The cycles that have a phase, and its begin and end, (k, 2) [s]."""
-    present = [k for k, span in enumerate(spans) if span is not None]
-    return present, np.array([span for span in spans if span is not None]).reshape(-1, 2)
+def _windows(spans: Sequence[Span | None]) -> Signal:
+    """Begin and end of a phase of the cycles that have it, (k, 2) [s]."""
+    return np.array([span for span in spans if span is not None]).reshape(-1, 2)
+
+
+def _of_cycles(spans: Sequence[Span | None], summaries: Iterator[Summary]) -> list[Summary | None]:
+    """Summaries of a phase at the places of the cycles that have it, None at the others."""
+    return [None if span is None else next(summaries) for span in spans]
 
 
 def _means(run: Run, signals: Sequence[Stream | None], windows: Signal) -> list[list[float | None]]:
@@ -108,28 +114,26 @@ def _channel(run: Run, name: str) -> Stream | None:
 
 
 def _plateaus(run: Run, plateaus: Sequence[Plateau | None], rig: Rig) -> list[PlateauSummary | None]:
-    present, windows = _present([None if p is None else (p.begin, max(p.braking, p.begin)) for p in plateaus])
+    spans = [None if p is None else (p.begin, max(p.braking, p.begin)) for p in plateaus]
+    windows, known = _windows(spans), [p.speed for p in plateaus if p is not None]
     signals = [_channel(run, name) for name in ("velocity", "force", "torque")]
     signals += [stream(run.channels, stage, rig.r_drum) for stage in STAGES]
-    summaries: list[PlateauSummary | None] = [None] * len(plateaus)
-    for k, (begin, end), speed, *rest in zip(present, windows.tolist(), *_means(run, signals, windows), strict=True):
-        plateau = plateaus[k]
-        assert plateau is not None
-        summaries[k] = PlateauSummary(begin, end, plateau.speed if speed is None else speed, *rest)
-    return summaries
+    rows = zip(windows.tolist(), known, *_means(run, signals, windows), strict=True)
+    return _of_cycles(
+        spans,
+        (PlateauSummary(a, b, flat if speed is None else speed, *rest) for (a, b), flat, speed, *rest in rows),
+    )
 
 
 def _holds(run: Run, spans: Sequence[Span | None]) -> list[HoldSummary | None]:
-    present, windows = _present(spans)
+    windows = _windows(spans)
     columns = _means(run, [_channel(run, name) for name in ("force", "torque", "pressure")], windows)
-    holds: list[HoldSummary | None] = [None] * len(spans)
-    for k, (begin, end), *rest in zip(present, windows.tolist(), *columns, strict=True):
-        holds[k] = HoldSummary(end - begin, *rest)
-    return holds
+    rows = zip(windows.tolist(), *columns, strict=True)
+    return _of_cycles(spans, (HoldSummary(end - begin, *rest) for (begin, end), *rest in rows))
 
 
 def _haul_ins(run: Run, v_smooth: Signal, spans: Sequence[Span | None], rig: Rig) -> list[HaulInSummary | None]:
-    present, windows = _present(spans)
+    windows = _windows(spans)
     top = -extremes(run.t, v_smooth, windows)[0]
     force, line = run.channels.get("force"), stream(run.channels, "line", rig.r_drum)
     nothing: list[float | None] = [None] * len(windows)
@@ -138,7 +142,5 @@ def _haul_ins(run: Run, v_smooth: Signal, spans: Sequence[Span | None], rig: Rig
         nothing if force is None else extremes(run.t, force, windows)[0].tolist(),
         nothing if line is None else integrals(run.t, line, windows).tolist(),
     ]
-    hauls: list[HaulInSummary | None] = [None] * len(spans)
-    for k, (begin, end), speed, *rest in zip(present, windows.tolist(), top.tolist(), *columns, strict=True):
-        hauls[k] = HaulInSummary(end - begin, speed, *rest)
-    return hauls
+    rows = zip(windows.tolist(), top.tolist(), *columns, strict=True)
+    return _of_cycles(spans, (HaulInSummary(end - begin, speed, *rest) for (begin, end), speed, *rest in rows))

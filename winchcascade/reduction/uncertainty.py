@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.core.accuracy import Source, error_sources
+from winchcascade.core.accuracy import ErrorSource, error_sources
 from winchcascade.core.integrate import integrals
 from winchcascade.core.quantity import Quantity
 from winchcascade.reduction.efficiency import ALL_METRICS, ALL_RATIOS, NOTHING, Metrics
@@ -51,7 +51,7 @@ class Contribution(msgspec.Struct, frozen=True):
     The row without a source is what straight lines over gaps may have missed, by the intact data beside them.
     """
 
-    source: Source | None
+    source: ErrorSource | None
     of: Metrics
 
 
@@ -163,7 +163,7 @@ def budget(reduction: Reduction) -> Budget:
     rows = []
     square = {m: np.zeros(len(reduction.cycles)) for m in stated}
     mean_square = dict.fromkeys(stated, 0.0)
-    changes: list[tuple[Source | None, dict[str, Signal]]] = [(s, _changes(s, stages, stated)) for s in known]
+    changes: list[tuple[ErrorSource | None, dict[str, Signal]]] = [(s, _changes(s, stages, stated)) for s in known]
     if any(stage.bridged.any() for stage in stages.values()):
         changes.append((None, _bridging(stages, stated)))
     for source, changed in changes:
@@ -193,7 +193,7 @@ def budget(reduction: Reduction) -> Budget:
 
 
 def _reach(
-    known: Sequence[Source], stages: Mapping[str, Stage], complete: NDArray[np.bool_]
+    known: Sequence[ErrorSource], stages: Mapping[str, Stage], complete: NDArray[np.bool_]
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Largest share of each stage's energy, in any cycle, that all errors together could change, and that gains could."""
     reach, gains = dict.fromkeys(stages, 0.0), dict.fromkeys(stages, 0.0)
@@ -223,19 +223,19 @@ def shares(part: Metrics, whole: Metrics) -> Metrics:
     return Metrics(**{m: (a / b) ** 2 for m, (a, b) in pairs.items() if a is not None and b})
 
 
-def run_sources(rig: Rig, stages: Mapping[str, Stage]) -> list[Source]:
+def run_sources(rig: Rig, stages: Mapping[str, Stage]) -> list[ErrorSource]:
     """Every source of uncertainty of the stages of a run: sensors of their channels, drum radius, and coarse sampling."""
-    found: list[Source] = []
+    found: list[ErrorSource] = []
     for channel in sorted(_channels(stages)):
         if channel in rig.sensors:
             found += error_sources(channel, rig.sensors[channel])
     radius: Quantity | None = rig.winch.r_drum
     if any(s.by_radius for s in stages.values()) and radius is not None and radius.tolerance:
-        found.append(Source(R_DRUM, "gain", radius.tolerance / radius.value, None, radius.source))
+        found.append(ErrorSource(R_DRUM, "gain", radius.tolerance / radius.value, None, radius.source))
     limit = sampling_limit(stages)
     if limit > 0.0:
         found.append(
-            Source(SAMPLING, "gain", limit / math.sqrt(3.0), limit, "reduction of every second and third sample")
+            ErrorSource(SAMPLING, "gain", limit / math.sqrt(3.0), limit, "reduction of every second and third sample")
         )
     return found
 
@@ -265,7 +265,7 @@ def _channels(stages: Mapping[str, Stage]) -> set[str]:
     return {name for s in stages.values() for name in (s.first, s.second) if name is not None}
 
 
-def _without_accuracy(stages: Mapping[str, Stage], known: Sequence[Source]) -> tuple[str, ...]:
+def _without_accuracy(stages: Mapping[str, Stage], known: Sequence[ErrorSource]) -> tuple[str, ...]:
     return tuple(sorted(_channels(stages) - {s.channel for s in known} - set(TAKEN_AS_EXACT)))
 
 
@@ -274,13 +274,13 @@ def _of_mean(changed: Signal, *, shared: bool) -> float:
     return abs(float(np.mean(changed))) if shared else math.sqrt(float(np.sum(changed**2))) / changed.size
 
 
-def _changes(source: Source, stages: Mapping[str, Stage], metrics: Sequence[str]) -> dict[str, Signal]:
+def _changes(source: ErrorSource, stages: Mapping[str, Stage], metrics: Sequence[str]) -> dict[str, Signal]:
     """Change of each metric of each cycle with one standard uncertainty of a source, (k,) each."""
     joules = {name: source.u * _energy_slope(source, stage) for name, stage in stages.items()}
     return _of_metrics(joules, stages, metrics, independent=False)
 
 
-def _energy_slope(source: Source, stage: Stage) -> Signal:
+def _energy_slope(source: ErrorSource, stage: Stage) -> Signal:
     """Change of a stage's energy with a source, (k,): what is read too high has to be taken off."""
     if source.channel == R_DRUM:
         return -stage.energy if stage.by_radius else np.zeros_like(stage.xy)

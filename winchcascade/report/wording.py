@@ -10,7 +10,7 @@ from winchcascade.reduction.uncertainty import R_DRUM, SAMPLING, shares
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from winchcascade.core.accuracy import Source
+    from winchcascade.core.accuracy import ErrorSource
     from winchcascade.reduction.reduction_result import CycleResult
     from winchcascade.reduction.uncertainty import Budget
 
@@ -27,7 +27,7 @@ SENSORS = {
 """What a source of uncertainty is called in a sentence."""
 
 
-def source_name(source: Source | None) -> str:
+def source_name(source: ErrorSource | None) -> str:
     """Name a source of uncertainty: the sensor and what of it errs."""
     if source is None:
         return "bridged gaps"
