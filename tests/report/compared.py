@@ -12,7 +12,7 @@ from winchcascade.core.campaign_file import Origin
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.model_data import Comparison, compare_with_baseline
+from winchcascade.report.model_data import ModelComparison, compare_with_baseline
 
 if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
@@ -35,14 +35,14 @@ def reduced(name: str, *, about: str = "", rig: Rig | None = None) -> Reduction:
     return reduce(run, rig=rig, window=window)
 
 
-def compared(reduction: Reduction) -> Comparison:
+def compared(reduction: Reduction) -> ModelComparison:
     """A log that can be simulated, beside its simulation."""
     found = compare_with_baseline(reduction)
-    assert isinstance(found, Comparison)
+    assert isinstance(found, ModelComparison)
     return found
 
 
-def before_braking(comparison: Comparison) -> list[int]:
+def before_braking(comparison: ModelComparison) -> list[int]:
     """Samples between onset and braking with torque, or before there is any, one by one."""
     run, torque = comparison.run, comparison.run.channels["torque"]
     found = []

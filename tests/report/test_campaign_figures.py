@@ -10,19 +10,16 @@ from matplotlib.transforms import Bbox
 from test_campaign_report import run
 
 from winchcascade.report.campaign_figures import load_names, look_alike, over_load, over_speed, repeated
-from winchcascade.report.model_account import Account
-from winchcascade.report.model_bars import budget_bars
-from winchcascade.report.model_budget import GROUPS, Budget
-from winchcascade.report.model_curves import Curve
-from winchcascade.report.model_figures import by_load, panels
+from winchcascade.report.model_account import GROUPS, Account, ComparedCurve, LossBudget
+from winchcascade.report.model_figures import budget_bars, by_load, panels
 from winchcascade.report.model_section import Named, row_names
 from winchcascade.report.style import SHORT, columns_within, cut_apart, house_style
 
 EDGE = 1.0
 """What a text may stick out of a figure. [px]"""
 
-BUDGET = Budget(1000.0, dict.fromkeys(GROUPS, 0.0) | {"dc": 700.0, "stored": 300.0}, 0.0, {"line": 1000.0})
-CURVE = Curve((0.0, 1.0, 2.0), (0.0, 1.0, 2.0), (0.0, 1.1, 2.1))
+BUDGET = LossBudget(1000.0, dict.fromkeys(GROUPS, 0.0) | {"dc": 700.0, "stored": 300.0}, 0.0, {"line": 1000.0})
+CURVE = ComparedCurve((0.0, 1.0, 2.0), (0.0, 1.0, 2.0), (0.0, 1.1, 2.1))
 
 LOADS: dict[str, list[float | None]] = {
     "twice": [30.0, 30.0, 15.0, 15.0, 8.0],
@@ -66,7 +63,7 @@ def speed_figure(runs: list[dict[str, Any]]) -> Figure:
 
 def model_figure(runs: list[dict[str, Any]], gear: float | None = None) -> Figure:
     curves = [{"torque_nm": CURVE}] * len(runs)
-    figure = panels(by_load(load_names(runs), curves), ["torque_nm"], word="log", rated=None, columns=2, gear=gear)
+    figure = panels(by_load(load_names(runs), curves), ["torque_nm"], word="log", rated=None, gear=gear)
     assert figure is not None
     return figure
 

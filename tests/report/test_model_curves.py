@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 from compared import KGCM2, LOGS, before_braking, binned, compared, reduced
 
-from winchcascade.report.model_account import DAMPERS, Account, account_of
-from winchcascade.report.model_budget import GROUPS
-from winchcascade.report.model_curves import HAUL_IN, LEAST, SHOWN
-from winchcascade.report.model_data import Comparison
+from winchcascade.report.model_account import DAMPERS, GROUPS, HAUL_IN, LEAST, SHOWN, Account, account_of
+from winchcascade.report.model_data import ModelComparison
 from winchcascade.rig.simulate import LEDGER
 
 KEPT = 5.1e-5
@@ -27,18 +25,18 @@ BY_SAMPLES = 5e-4
 
 
 @pytest.fixture(scope="module")
-def comparisons() -> dict[str, Comparison]:
+def comparisons() -> dict[str, ModelComparison]:
     return {name: compared(reduced(name)) for name in LOGS}
 
 
 @pytest.fixture(scope="module")
-def accounts(comparisons: dict[str, Comparison]) -> dict[str, Account]:
+def accounts(comparisons: dict[str, ModelComparison]) -> dict[str, Account]:
     return {name: account_of(c) for name, c in comparisons.items()}
 
 
 # ----------------------------------------------------------------------------------------------------------- the curves
 def test_curves_over_speed_are_means_of_the_samples_before_braking(
-    comparisons: dict[str, Comparison], accounts: dict[str, Account]
+    comparisons: dict[str, ModelComparison], accounts: dict[str, Account]
 ) -> None:
     c, curves = comparisons["18 ohm"], accounts["18 ohm"].curves
     rows = before_braking(c)
@@ -57,7 +55,7 @@ def test_curves_over_speed_are_means_of_the_samples_before_braking(
 
 
 def test_efficiency_and_apparent_resistance_are_ratios_of_the_means_of_a_bin(
-    comparisons: dict[str, Comparison], accounts: dict[str, Account]
+    comparisons: dict[str, ModelComparison], accounts: dict[str, Account]
 ) -> None:
     c, curves = comparisons["18 ohm"], accounts["18 ohm"].curves
     rows = before_braking(c)
@@ -76,7 +74,7 @@ def test_efficiency_and_apparent_resistance_are_ratios_of_the_means_of_a_bin(
 
 
 def test_pressure_and_force_are_means_over_displacement_and_velocity(
-    comparisons: dict[str, Comparison], accounts: dict[str, Account]
+    comparisons: dict[str, ModelComparison], accounts: dict[str, Account]
 ) -> None:
     c, curves = comparisons["18 ohm"], accounts["18 ohm"].curves
     out = np.flatnonzero(c.payout).tolist()
@@ -104,7 +102,7 @@ def test_in_open_circuit_nothing_that_needs_a_current_is_told(accounts: dict[str
 
 
 def test_differences_are_log_minus_simulation_over_the_payouts(
-    comparisons: dict[str, Comparison], accounts: dict[str, Account]
+    comparisons: dict[str, ModelComparison], accounts: dict[str, Account]
 ) -> None:
     c, found = comparisons["18 ohm"], accounts["18 ohm"].differences
     t = c.run.t
@@ -126,7 +124,7 @@ def test_what_is_kept_is_small_and_comes_back_from_json(accounts: dict[str, Acco
 
 # ----------------------------------------------------------------------------------------------------- the open circuit
 def test_the_sweep_holds_the_rigs_own_damper_and_more_damper_takes_more_force(
-    comparisons: dict[str, Comparison], accounts: dict[str, Account]
+    comparisons: dict[str, ModelComparison], accounts: dict[str, Account]
 ) -> None:
     c, sweep = comparisons["open circuit"], accounts["open circuit"].sweep
     assert sweep is not None
@@ -173,7 +171,7 @@ def test_the_loss_budget_sums_to_the_lines_energy(accounts: dict[str, Account], 
     assert min(budget.shares.values()) > -1e-9
 
 
-def energy(c: Comparison, watt: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
+def energy(c: ModelComparison, watt: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
     """Mean energy over the windows from the samples, their ends between samples. [J]"""
     t, joules = c.run.t, []
     for cycle in c.cycles:
@@ -184,7 +182,7 @@ def energy(c: Comparison, watt: np.ndarray[tuple[int], np.dtype[np.float64]]) ->
 
 
 def test_the_parts_of_the_budget_are_the_powers_of_the_simulation(
-    comparisons: dict[str, Comparison], accounts: dict[str, Account]
+    comparisons: dict[str, ModelComparison], accounts: dict[str, Account]
 ) -> None:
     c, budget = comparisons["18 ohm"], accounts["18 ohm"].budget
     assert budget is not None
@@ -203,7 +201,9 @@ def test_the_parts_of_the_budget_are_the_powers_of_the_simulation(
     assert budget.log["mech"] == pytest.approx(energy(c, c.run.channels["torque"] * v / 0.13), rel=2 * BY_SAMPLES)
 
 
-def test_inertia_is_what_turns_at_the_cutoff(comparisons: dict[str, Comparison], accounts: dict[str, Account]) -> None:
+def test_inertia_is_what_turns_at_the_cutoff(
+    comparisons: dict[str, ModelComparison], accounts: dict[str, Account]
+) -> None:
     c, budget = comparisons["18 ohm"], accounts["18 ohm"].budget
     assert budget is not None
     t = c.run.t

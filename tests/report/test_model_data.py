@@ -12,7 +12,7 @@ from winchcascade.core.run import CLOCK
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.model_data import LONGEST, SLOWEST, Comparison, LeftOut, compare, compare_with_baseline
+from winchcascade.report.model_data import LONGEST, SLOWEST, LeftOut, ModelComparison, compare, compare_with_baseline
 from winchcascade.rig.effects.catalogue import make_effect
 from winchcascade.rig.parts import baseline
 
@@ -140,7 +140,7 @@ def test_of_a_long_log_the_first_complete_cycles_are_compared(loaded: Reduction)
 def test_a_model_with_an_effect_is_compared_alike_and_told(loaded: Reduction) -> None:
     model = make_effect("gear_mesh_loss", {"efficiency_change": -0.05}).apply(baseline(loaded.rig))
     found = compare(loaded, model, changed="gear_mesh_loss")
-    assert isinstance(found, Comparison)
+    assert isinstance(found, ModelComparison)
     assert found.changed == "gear_mesh_loss"
     plain = compared(loaded)
     assert plain.changed == ""

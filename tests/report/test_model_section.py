@@ -22,11 +22,9 @@ from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.report import model_figures as figures
 from winchcascade.report.campaign import make_campaign_report
 from winchcascade.report.document import make_report
-from winchcascade.report.model_account import account_of
-from winchcascade.report.model_bars import budget_bars
-from winchcascade.report.model_budget import GROUPS
-from winchcascade.report.model_data import Comparison, compare
-from winchcascade.report.model_open import back_emf, damper_sweep
+from winchcascade.report.model_account import GROUPS, Regression, account_of
+from winchcascade.report.model_data import ModelComparison, compare
+from winchcascade.report.model_figures import back_emf_figure, budget_bars, damper_sweep
 from winchcascade.report.model_section import (
     GENERATOR,
     LOSSES,
@@ -181,7 +179,7 @@ def test_a_model_with_an_effect_says_so_in_every_caption() -> None:
     reduction = reduced("18 ohm")
     model = make_effect("gear_mesh_loss", {"efficiency_change": -0.05}).apply(baseline(reduction.rig))
     comparison = compare(reduction, model, changed="gear_mesh_loss")
-    assert isinstance(comparison, Comparison)
+    assert isinstance(comparison, ModelComparison)
     with house_style():
         section = run_section(Modelled(comparison, account_of(comparison)))
     assert all("with gear_mesh_loss" in caption for caption in captions(section).values())
@@ -197,7 +195,7 @@ def test_the_section_stands_in_the_report_of_a_log() -> None:
 # ----------------------------------------------------------------------------------------------------------- the figures
 def test_log_is_a_line_and_simulation_markers_of_another_colour(found: dict[str, Modelled], style: None) -> None:
     curves = found["18 ohm"].account.curves
-    figure = figures.panels([figures.Drawn("", curves)], GENERATOR, word="measured", rated=2000.0, columns=2)
+    figure = figures.panels([figures.Drawn("", curves)], GENERATOR, word="measured", rated=2000.0)
     assert figure is not None
     for name, ax in zip(GENERATOR, figure.axes, strict=True):
         lines = [line for line in ax.lines if len(np.asarray(line.get_xdata())) == len(curves[name].x)]
@@ -217,7 +215,7 @@ def test_every_load_has_a_colour_and_a_marker_of_its_own(found: dict[str, Modell
     names = [f"{k} Ω" for k in range(7)]
     drawn = figures.by_load(names, [found["18 ohm"].account.curves] * 7)
     assert len({d.log for d in drawn}) == len({d.mark for d in drawn}) == 7
-    figure = figures.panels(drawn, TETHER, word="log", rated=2000.0, columns=2)
+    figure = figures.panels(drawn, TETHER, word="log", rated=2000.0)
     assert figure is not None
     texts = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
     assert texts == ["log", "simulated", "over rated speed", *names]
@@ -227,7 +225,7 @@ def test_every_load_has_a_colour_and_a_marker_of_its_own(found: dict[str, Modell
 
 def test_the_drum_turns_slower_than_the_generator_by_the_gear(found: dict[str, Modelled], style: None) -> None:
     drawn = [figures.Drawn("", found["18 ohm"].account.curves)]
-    figure = figures.panels(drawn, GENERATOR[:1], word="log", rated=2000.0, columns=1, gear=50.0)
+    figure = figures.panels(drawn, GENERATOR[:1], word="log", rated=2000.0, gear=50.0)
     assert figure is not None
     figure.draw_without_rendering()
     (ax,) = figure.axes
@@ -237,7 +235,7 @@ def test_the_drum_turns_slower_than_the_generator_by_the_gear(found: dict[str, M
 
 
 def test_without_a_curve_there_is_no_figure(style: None) -> None:
-    assert figures.panels([figures.Drawn("", {})], LOSSES, word="log", rated=None, columns=2) is None
+    assert figures.panels([figures.Drawn("", {})], LOSSES, word="log", rated=None) is None
 
 
 def test_bars_end_at_a_hundred_percent_and_the_points_are_shares_of_the_log(
@@ -273,11 +271,11 @@ def test_the_sweep_names_every_damper(found: dict[str, Modelled], style: None) -
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("Generator speed (rpm)", "Line force (N)")
 
 
-def test_the_back_emf_is_drawn_from_plain_arrays(style: None) -> None:
+def test_the_back_emf_is_drawn_with_its_slope_and_that_of_the_rig_file(style: None) -> None:
     rpm = np.linspace(1000.0, 3000.0, 20)
-    figure = back_emf(
-        rpm, 0.0875 * rpm, 0.062 * rpm, slope=0.062, low=0.0619, high=0.0621, r2=0.998, reference=0.0617, word="measured"
-    )  # fmt: skip
+    v_ll, v_dc = tuple((0.062 * rpm).tolist()), tuple((0.0875 * rpm).tolist())
+    fit = Regression(tuple(rpm.tolist()), v_ll, v_dc, 0.062, 0.0619, 0.0621, 0.998, rpm.size, 0.0617)
+    figure = back_emf_figure(fit, word="measured")
     right = figure.axes[1]
     slopes = [
         np.diff(np.asarray(line.get_ydata()))[0] / np.diff(np.asarray(line.get_xdata()))[0] for line in right.lines[:2]

@@ -28,7 +28,7 @@ from winchcascade.report.diagnosis_data import (
 )
 from winchcascade.report.diagnosis_map import AFTER, BEFORE, entries
 from winchcascade.report.diagnosis_names import load_words
-from winchcascade.report.model_curves import COMPARED
+from winchcascade.report.model_account import COMPARED
 from winchcascade.report.model_figures import legend_above, shade_over_speed
 from winchcascade.report.style import COLOURS, LOAD_COLOURS, WIDTH, label_panel
 

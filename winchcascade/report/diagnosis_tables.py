@@ -26,7 +26,7 @@ from winchcascade.report.diagnosis_names import (
 from winchcascade.report.diagnosis_odds import threshold_words, thresholds
 from winchcascade.report.diagnosis_words import alarm_meaning, files_of, interval_words
 from winchcascade.report.digits import number, significant, uncertain
-from winchcascade.report.model_curves import COMPARED
+from winchcascade.report.model_account import COMPARED
 from winchcascade.report.report_model import Table
 
 if TYPE_CHECKING:

@@ -33,7 +33,7 @@ from winchcascade.report.diagnosis_words import (
     where_words,
 )
 from winchcascade.report.digits import significant
-from winchcascade.report.model_curves import COMPARED
+from winchcascade.report.model_account import COMPARED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -1,29 +1,302 @@
-"""What is kept of a comparison with a simulation: curves, differences, budget and what an open circuit tells."""
+"""What is kept of a comparison with a simulation: curves, differences, loss budget, and what an open circuit shows."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.errors import LogError
-from winchcascade.report.model_budget import Budget, budget_of
-from winchcascade.report.model_curves import (
-    Curve,
-    Difference,
-    curves_of,
-    differences_of,
-    kept,
-    least_of,
-    means,
-    speed_width,
-)
+from winchcascade.core.quantity import KGF
+from winchcascade.reduction.energies import power
 from winchcascade.report.model_data import before_braking
 
 if TYPE_CHECKING:
-    from winchcascade.report.model_data import Comparison
+    from collections.abc import Mapping
 
+    from winchcascade.core.run import Signal
+    from winchcascade.reduction.bins import Mask
+    from winchcascade.report.model_data import ModelComparison
+
+LEAST = 3
+"""Bins of fewer samples are left out, or of fewer than there are cycles."""
+
+FAINT = 0.02
+"""Nor is anything divided by a mean below this share of the largest one: a ratio of two noises says nothing."""
+
+MOST_BINS = 40
+"""Bins of displacement and of velocity, about at most."""
+
+MOST_SPEED_BINS = 200
+"""Bins of generator speed: where those of the rig file are more, they are made wider."""
+
+_KGCM2 = KGF * 1e4
+SPEED = "Generator speed (rpm)"
+
+
+class Shown(NamedTuple):
+    """How a quantity is shown: its title, its unit, the label of what it is drawn over, and a symbol for a bare axis."""
+
+    title: str
+    unit: str
+    over: str = SPEED
+    symbol: str = ""
+
+
+SHOWN = {
+    "pressure_kgcm2": Shown("Gas pressure, gauge", "kg/cm²", "Line displacement (m)"),
+    "force_n": Shown("Line force", "N", "Line velocity (m/s)"),
+    "power_gen_w": Shown("Power at the DC link", "W"),
+    "torque_nm": Shown("Torque behind the clutch", "N·m"),
+    "vdc_v": Shown("Voltage of the DC link", "V"),
+    "idc_a": Shown("Current of the DC link", "A"),
+    "resistance_ohm": Shown("Apparent resistance", "Ω"),
+    "loss_w": Shown("Electrical-side loss", "W"),
+    "eta_gen": Shown("Electrical-stage efficiency", "1", symbol=r"$\eta_\mathrm{gen}$"),
+}
+"""Curves by their name in written files, in the order of the paper's Figs 13 to 17."""
+
+HAUL_IN = "pressure_haul_in_kgcm2"
+"""ComparedCurve of the pressure while the line is hauled in, drawn beside that of the payouts."""
+
+_LOADED = ("power_gen_w", "torque_nm", "idc_a", "resistance_ohm", "loss_w", "eta_gen")
+"""Curves without a meaning in open circuit, where only the bleed carries a current."""
+
+COMPARED = {
+    "torque": ("N·m", 1.0),
+    "vdc": ("V", 1.0),
+    "idc": ("A", 1.0),
+    "pressure": ("kg/cm²", 1.0 / _KGCM2),
+    "force": ("N", 1.0),
+}
+"""Channels whose differences are reported: unit, and the factor that turns SI units into it."""
+
+
+class ComparedCurve(msgspec.Struct, frozen=True):
+    """Means of log and simulation over the same samples, bin by bin.
+
+    `x` are the middles of the bins of generator speed, and means of displacement and velocity.
+    """
+
+    x: tuple[float, ...]
+    log: tuple[float, ...]
+    simulated: tuple[float, ...]
+
+
+class Difference(msgspec.Struct, frozen=True):
+    """Log minus simulation of one channel over the payouts: mean and root mean square, in the unit of `COMPARED`."""
+
+    bias: float
+    rms: float
+
+
+# ------------------------------------------------------------------------------------------------------------ the bins
+def means(x: Signal, width: float, *columns: Signal, least: int) -> tuple[Signal, ...]:
+    """Average columns in bins of x, and give the middles of the bins before them; bins of few samples are left out.
+
+    >>> import numpy as np
+    >>> [c.tolist() for c in means(np.array([1.0, 2.0, 12.0]), 10.0, np.array([3.0, 5.0, 9.0]), least=2)]
+    [[5.0], [4.0]]
+    """
+    if x.size == 0:
+        return tuple(np.empty(0) for _ in range(1 + len(columns)))
+    number = np.floor(x / width).astype(np.int64)
+    low = int(number.min())
+    count = np.bincount(number - low)
+    full = np.flatnonzero(count >= max(least, 1))
+    middles: Signal = (full + low).astype(np.float64) * width + 0.5 * width
+    return (middles, *(np.bincount(number - low, weights=y)[full] / count[full] for y in columns))
+
+
+def least_of(comparison: ModelComparison) -> int:
+    """Samples that a bin must have: as many as there are cycles, `LEAST` at most."""
+    return min(LEAST, len(comparison.cycles))
+
+
+def speed_width(comparison: ModelComparison) -> float:
+    """Width of the bins of generator speed: that of the rig file, unless it makes too many. [rpm]"""
+    rpm = comparison.rpm[comparison.driven]
+    return max(comparison.rig.thresholds.rpm_bin, round_width(float(np.ptp(rpm)) if rpm.size else 0.0, MOST_SPEED_BINS))
+
+
+def round_width(extent: float, most: int = MOST_BINS) -> float:
+    """Width of bins of which no more than so many cover an extent: 1, 2 or 5 times a power of ten.
+
+    >>> round_width(10.0), round_width(2.2)
+    (0.5, 0.1)
+    """
+    raw = max(extent, 1e-9) / most
+    power_of_ten = 10.0 ** np.floor(np.log10(raw))
+    return next(float(round(k * power_of_ten, 12)) for k in (1, 2, 5, 10) if k * power_of_ten >= raw * (1 - 1e-9))
+
+
+def ratio(above: Signal, below: Signal) -> Signal:
+    """One column of means over another, not a number where the lower is faint, (n,)."""
+    strong = below > FAINT * np.max(below, initial=0.0)
+    found: Signal = np.divide(above, below, out=np.full(below.size, np.nan), where=strong)
+    return found
+
+
+# ---------------------------------------------------------------------------------------------------------- the curves
+def curves_of(comparison: ModelComparison) -> dict[str, ComparedCurve]:
+    """Make the curves of Figs 13 to 17 that a log has the channels for; in open circuit those that mean something there."""
+    found = _tether_curves(comparison) | _speed_curves(comparison)
+    left_out = _LOADED if comparison.run.open_circuit else ()
+    return {name: curve for name, curve in found.items() if curve.x and name not in left_out}
+
+
+def _tether_curves(comparison: ModelComparison) -> dict[str, ComparedCurve]:
+    """Pressure over displacement, out and back, and force over velocity (Fig. 13a, b)."""
+    run, model = comparison.run.channels, comparison.simulation.run.channels
+    least = least_of(comparison)
+    found: dict[str, ComparedCurve] = {}
+    if "pressure" in run and "displacement" in run:
+        x = run["displacement"]
+        width = round_width(float(np.ptp(x)))
+        for name, rows in (("pressure_kgcm2", comparison.payout), (HAUL_IN, comparison.haul_in)):
+            pair = (y["pressure"][rows] / _KGCM2 for y in (run, model))
+            found[name] = _curve(*means(x[rows], width, x[rows], *pair, least=least)[1:])
+    if "force" in run:
+        rows = comparison.driven | comparison.haul_in
+        v = run["velocity"]
+        pair = (y["force"][rows] for y in (run, model))
+        found["force_n"] = _curve(*means(v[rows], round_width(float(np.ptp(v))), v[rows], *pair, least=least)[1:])
+    return found
+
+
+def _speed_curves(comparison: ModelComparison) -> dict[str, ComparedCurve]:
+    """What is drawn over generator speed while the clutch is engaged (Figs 13c and 14 to 17)."""
+    if comparison.rig.rpm_per_velocity is None:
+        return {}
+    rows = comparison.driven
+    rpm, width = comparison.rpm[rows], speed_width(comparison)
+    run = speed_columns(comparison.run.channels, comparison.rig.r_drum, rows)
+    model = speed_columns(comparison.simulation.run.channels, comparison.rig.r_drum, rows)
+    columns = [column for name in run for column in (run[name], model[name])]
+    middles, *columns = means(rpm, width, *columns, least=least_of(comparison))
+    both = {name: (log, simulated) for name, log, simulated in zip(run, columns[::2], columns[1::2], strict=True)}
+    for name, above, below in (("resistance_ohm", "vdc_v", "idc_a"), ("eta_gen", "power_gen_w", "power_mech_w")):
+        if above in both and below in both:
+            both[name] = (ratio(both[above][0], both[below][0]), ratio(both[above][1], both[below][1]))
+    return {name: _curve(middles, *pair) for name, pair in both.items() if name in SHOWN}
+
+
+def speed_columns(channels: Mapping[str, Signal], r_drum: float | None, rows: Mask) -> dict[str, Signal]:
+    """Channels and powers that are averaged over generator speed, with the loss P_mech - P_gen (Eq. 11)."""
+    names = {"torque_nm": "torque", "vdc_v": "vdc", "idc_a": "idc"}
+    found = {name: channels[channel][rows] for name, channel in names.items() if channel in channels}
+    for name, stage in (("power_mech_w", "mech"), ("power_gen_w", "gen")):
+        watts = power(channels, stage, r_drum)
+        if watts is not None:
+            found[name] = watts[rows]
+    if "power_mech_w" in found and "power_gen_w" in found:
+        found["loss_w"] = found["power_mech_w"] - found["power_gen_w"]
+    return found
+
+
+def _curve(x: Signal, log: Signal, simulated: Signal) -> ComparedCurve:
+    whole = np.isfinite(log) & np.isfinite(simulated)
+    return ComparedCurve(kept(x[whole]), kept(log[whole]), kept(simulated[whole]))
+
+
+def kept(x: Signal) -> tuple[float, ...]:
+    """Numbers to five significant digits, as they are kept with a result."""
+    return tuple(float(f"{value:.5g}") for value in x.tolist())
+
+
+# --------------------------------------------------------------------------------------------------------- differences
+def differences_of(comparison: ModelComparison) -> dict[str, Difference]:
+    """Log minus simulation over the payouts, channel by channel; torque and Idc not in open circuit."""
+    run, model, rows = comparison.run.channels, comparison.simulation.run.channels, comparison.payout
+    left_out = ("torque", "idc") if comparison.run.open_circuit else ()
+    found = {}
+    for name, (_, factor) in COMPARED.items():
+        if name in run and name not in left_out and rows.any():
+            apart = (run[name][rows] - model[name][rows]) * factor
+            found[name] = Difference(float(np.mean(apart)), float(np.sqrt(np.mean(apart**2))))
+    return found
+
+
+# ---------------------------------------------------------------------------------------------------------- the budget
+class Group(NamedTuple):
+    """Entries of `rig.ledger.LEDGER` that are shown together: `behind` the torque sensor, seen from the line, or before it."""
+
+    name: str
+    behind: tuple[str, ...] = ()
+    before: tuple[str, ...] = ()
+
+
+GROUPS = {
+    "dc": Group("DC link", ("dc",)),
+    "diodes": Group("diodes", ("diodes",)),
+    "copper": Group("copper", ("copper",)),
+    "damper": Group("damper", ("damper",)),
+    "windage": Group("windage", ("windage",)),
+    "friction": Group("friction", ("friction",)),
+    "mesh": Group("mesh", ("mesh",)),
+    "clutch": Group("clutch", ("clutch",)),
+    "shaft": Group("shaft", ("shaft", "shaft_loss")),
+    "capacitor": Group("capacitor", ("capacitor",)),
+    "inertia": Group("inertia", ("rotor",), ("drum",)),
+    "line": Group("line losses", (), ("line_loss",)),
+    "seal": Group("seal", (), ("seal",)),
+    "screw": Group("screw", (), ("screw",)),
+    "stored": Group("stored gas", (), ("gas",)),
+}
+"""Where the line's energy goes, from the DC link back to the line. Inertia is of rotor and drum, shaft of spring and damping,
+line losses arise between line and torque sensor."""
+
+ALWAYS = ("stored", "screw", "line", "inertia", "mesh", "damper", "copper", "diodes", "dc")
+"""Groups that a table shows in any case, from the line to the DC link; others only where there is something in them."""
+
+NOTHING = 5e-4
+"""A share of the line's energy below this is nothing to be named. [1]"""
+
+
+class LossBudget(msgspec.Struct, frozen=True):
+    """Means over the windows of the compared cycles [J]: of the simulated line, and of each of `GROUPS`.
+
+    `drum` is what of the inertia belongs to the drum. `log` holds the energies that the log gives, by stage: line, mech, gen.
+    """
+
+    line: float
+    groups: dict[str, float]
+    drum: float
+    log: dict[str, float]
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Each group over the line's energy. [1]"""
+        return {name: joule / self.line for name, joule in self.groups.items()}
+
+    @property
+    def mech(self) -> float:
+        """Simulated share of the line's energy that reaches the torque sensor. [1]"""
+        behind = [name for name, group in GROUPS.items() if group.behind]
+        return (sum(self.groups[name] for name in behind) - self.drum) / self.line
+
+
+def budget_of(comparison: ModelComparison) -> LossBudget | None:
+    """Book the energy of the simulation between onset and cutoff of each compared cycle, as a mean over the cycles."""
+    booked, t, open_circuit = comparison.simulation.energy, comparison.run.t, comparison.run.open_circuit
+    ends = np.array([(c.window.onset, c.window.cutoff) for c in comparison.cycles]).T
+    joule = {name: float(np.mean(np.diff(np.interp(ends, t, x), axis=0))) for name, x in booked.items()}
+    if joule["line"] <= 0.0:
+        return None
+    log = {
+        stage: [getattr(c.metrics, f"energy_{stage}") for c in comparison.cycles]
+        for stage in (("line",) if open_circuit else ("line", "mech", "gen"))
+    }
+    return LossBudget(
+        line=joule["line"],
+        groups={name: sum(joule[entry] for entry in (*g.behind, *g.before)) for name, g in GROUPS.items()},
+        drum=joule["drum"],
+        log={stage: float(np.mean(values)) for stage, values in log.items() if None not in values},
+    )
+
+
+# ----------------------------------------------------------------------------------------------------- an open circuit
 MOST_POINTS = 150
 """Samples of a regression that are kept to be drawn; of more an even selection."""
 
@@ -58,6 +331,39 @@ class Regression(msgspec.Struct, frozen=True):
     reference: float
 
 
+def sweep_of(comparison: ModelComparison) -> Sweep | None:
+    """Simulate an open circuit with other dampers on the fast shaft (Fig. 11); None without a force or a damper."""
+    from winchcascade.rig.simulate import simulate
+
+    run, model, rows = comparison.run, comparison.simulation.model, comparison.driven
+    nominal = model.drivetrain.b_rotor
+    if "force" not in run.channels or nominal == 0.0 or not rows.any():
+        return None
+    forces = [run.channels["force"][rows]]
+    for factor in DAMPERS:
+        shaft = msgspec.structs.replace(model.drivetrain, b_rotor=factor * nominal)
+        changed = msgspec.structs.replace(model, drivetrain=shaft)
+        found = comparison.simulation if factor == 1.0 else simulate(run, changed)
+        forces.append(found.run.channels["force"][rows])
+    rpm, log, *simulated = means(comparison.rpm[rows], speed_width(comparison), *forces, least=least_of(comparison))
+    return Sweep(kept(rpm), kept(log), DAMPERS, tuple(kept(x) for x in simulated), nominal)
+
+
+def regression_of(comparison: ModelComparison) -> Regression | None:
+    """Fit the back-EMF constant of an open circuit above 1000 rpm (Fig. 12); None where the log does not carry it."""
+    from winchcascade.diagnosis.calibrate import back_emf_of
+
+    model = comparison.simulation.model
+    try:
+        fit = back_emf_of(comparison.run, comparison.rig, before_braking(comparison.cycles))
+    except LogError:
+        return None
+    even = np.linspace(0, fit.rpm.size - 1, min(fit.rpm.size, MOST_POINTS)).round().astype(np.intp)
+    rpm, v_ll, v_dc = (kept(x[even]) for x in (fit.rpm, fit.v_ll, fit.vdc))
+    return Regression(rpm, v_ll, v_dc, fit.k_e, fit.low, fit.high, fit.r2, fit.rpm.size, model.generator.k_e)
+
+
+# --------------------------------------------------------------------------------------------------------- the account
 class Account(msgspec.Struct, frozen=True, omit_defaults=True):
     """All that the figures across logs need of one comparison; `why` says why there is none.
 
@@ -74,14 +380,14 @@ class Account(msgspec.Struct, frozen=True, omit_defaults=True):
     total: int = 0
     rated: float | None = None
     gear: float | None = None
-    curves: dict[str, Curve] = {}
+    curves: dict[str, ComparedCurve] = {}
     differences: dict[str, Difference] = {}
-    budget: Budget | None = None
+    budget: LossBudget | None = None
     sweep: Sweep | None = None
     regression: Regression | None = None
 
 
-def account_of(comparison: Comparison) -> Account:
+def account_of(comparison: ModelComparison) -> Account:
     """Put together what is kept of a comparison."""
     run, rig = comparison.run, comparison.rig
     rated, gear = rig.generator.speed_rated, rig.drivetrain.gear_ratio
@@ -100,35 +406,3 @@ def account_of(comparison: Comparison) -> Account:
         sweep=sweep_of(comparison) if run.open_circuit else None,
         regression=regression_of(comparison) if run.open_circuit else None,
     )
-
-
-def sweep_of(comparison: Comparison) -> Sweep | None:
-    """Simulate an open circuit with other dampers on the fast shaft (Fig. 11); None without a force or a damper."""
-    from winchcascade.rig.simulate import simulate
-
-    run, model, rows = comparison.run, comparison.simulation.model, comparison.driven
-    nominal = model.drivetrain.b_rotor
-    if "force" not in run.channels or nominal == 0.0 or not rows.any():
-        return None
-    forces = [run.channels["force"][rows]]
-    for factor in DAMPERS:
-        shaft = msgspec.structs.replace(model.drivetrain, b_rotor=factor * nominal)
-        changed = msgspec.structs.replace(model, drivetrain=shaft)
-        found = comparison.simulation if factor == 1.0 else simulate(run, changed)
-        forces.append(found.run.channels["force"][rows])
-    rpm, log, *simulated = means(comparison.rpm[rows], speed_width(comparison), *forces, least=least_of(comparison))
-    return Sweep(kept(rpm), kept(log), DAMPERS, tuple(kept(x) for x in simulated), nominal)
-
-
-def regression_of(comparison: Comparison) -> Regression | None:
-    """Fit the back-EMF constant of an open circuit above 1000 rpm (Fig. 12); None where the log does not carry it."""
-    from winchcascade.diagnosis.calibrate import back_emf_of
-
-    model = comparison.simulation.model
-    try:
-        fit = back_emf_of(comparison.run, comparison.rig, before_braking(comparison.cycles))
-    except LogError:
-        return None
-    even = np.linspace(0, fit.rpm.size - 1, min(fit.rpm.size, MOST_POINTS)).round().astype(np.intp)
-    rpm, v_ll, v_dc = (kept(x[even]) for x in (fit.rpm, fit.v_ll, fit.vdc))
-    return Regression(rpm, v_ll, v_dc, fit.k_e, fit.low, fit.high, fit.r2, fit.rpm.size, model.generator.k_e)

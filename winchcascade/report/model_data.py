@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
-from winchcascade.core.errors import RigError, WinchcascadeError
+from winchcascade.core.errors import WinchcascadeError
 from winchcascade.reduction.bins import engaged
-from winchcascade.reduction.phases import Plateau
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,7 +17,7 @@ if TYPE_CHECKING:
     from winchcascade.core.run import Run, Signal
     from winchcascade.reduction.bins import Mask
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
-    from winchcascade.rig.parts import Model
+    from winchcascade.rig.parts import MissingNumber, Model
     from winchcascade.rig.simulate import Simulation
 
 LONGEST = 200.0
@@ -41,7 +39,7 @@ class LeftOut(msgspec.Struct, frozen=True):
     why: str
 
 
-class Comparison(msgspec.Struct, frozen=True):
+class ModelComparison(msgspec.Struct, frozen=True):
     """A log and its simulation at the same stamps.
 
     `run` is the log, or of a long one the part that was simulated; `cycles` are the complete cycles in it, out of `total`.
@@ -67,30 +65,28 @@ class Comparison(msgspec.Struct, frozen=True):
         return found
 
 
-def compare_with_baseline(reduction: Reduction) -> Comparison | LeftOut:
+def compare_with_baseline(reduction: Reduction) -> ModelComparison | LeftOut:
     """Simulate a log with the numbers of its rig file, without any effect, and lay both side by side."""
-    from winchcascade.rig.parts import baseline
+    from winchcascade.rig.parts import NoModel, model_of
 
     if "velocity" not in reduction.run.channels:
         return LeftOut("the log has no line velocity, which drives a simulation.")
-    try:
-        model = baseline(reduction.rig)
-    except RigError as fault:
-        return LeftOut(_lacking(reduction.rig, str(fault)))
+    model = model_of(reduction.rig)
+    if isinstance(model, NoModel):
+        return LeftOut(_lacking(reduction.rig, model.missing))
     return compare(reduction, model)
 
 
-def _lacking(rig: Rig, fault: str) -> str:
+def _lacking(rig: Rig, missing: Sequence[MissingNumber]) -> str:
     """What a rig file lacks for a model, in one short sentence: few numbers by name, many by section."""
-    numbers = re.findall(r"(\w+) under \[(\w+)\]", fault)
-    sections = list(dict.fromkeys(section for _, section in numbers))
-    what = ", ".join(f"{name} under [{section}]" for name, section in numbers)
-    if len(numbers) > 4:
-        what = f"{len(numbers)} numbers under " + ", ".join(f"[{section}]" for section in sections)
+    what = ", ".join(map(str, missing))
+    if len(missing) > 4:
+        sections = dict.fromkeys(f"[{number.section}]" for number in missing)
+        what = f"{len(missing)} numbers under {', '.join(sections)}"
     return f"the rig file of {rig.name} lacks what a model needs: {what} (`winchcascade rig hsu2026` shows them)."
 
 
-def compare(reduction: Reduction, model: Model, *, changed: str = "") -> Comparison | LeftOut:
+def compare(reduction: Reduction, model: Model, *, changed: str = "") -> ModelComparison | LeftOut:
     """Simulate any model along the line motion of a log, and lay both side by side.
 
     Parameters
@@ -112,7 +108,7 @@ def compare(reduction: Reduction, model: Model, *, changed: str = "") -> Compari
     if not all(np.isfinite(x).all() for x in simulation.run.channels.values()):
         return LeftOut("along this motion the model gives no finite numbers; check unit and scale of the velocity.")
     whole = ~_bridged(run)
-    return Comparison(
+    return ModelComparison(
         run=run,
         rig=reduction.rig,
         cycles=cycles,
@@ -163,9 +159,8 @@ def _end(cycle: CycleResult) -> float:
 
 def _driven(run: Run, cycles: Sequence[CycleResult], rig: Rig) -> Mask:
     """Samples in which the clutch drives the generator, before the drum brakes and the rotor begins to run on alone, (n,)."""
-    found = [c.summary.payout.plateau for c in cycles]
-    flat = [None if p is None else Plateau(p.speed, p.begin, p.braking) for p in found]
-    return engaged(run, [c.phases for c in cycles], flat, rig) & _within(run.t, before_braking(cycles))
+    plateaus = [c.summary.payout.plateau for c in cycles]
+    return engaged(run, [c.phases for c in cycles], plateaus, rig) & _within(run.t, before_braking(cycles))
 
 
 def before_braking(cycles: Sequence[CycleResult]) -> list[tuple[float, float]]:

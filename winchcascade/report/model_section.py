@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -10,14 +11,21 @@ import numpy as np
 
 from winchcascade.core.quantity import KGF
 from winchcascade.report import model_figures as figures
-from winchcascade.report import model_text as text
-from winchcascade.report.model_account import Account, account_of
-from winchcascade.report.model_bars import budget_bars
-from winchcascade.report.model_curves import speed_columns, speed_width
-from winchcascade.report.model_data import Comparison, compare_with_baseline
-from winchcascade.report.model_open import back_emf_figure, damper_sweep
-from winchcascade.report.report_model import Note, Picture, Section
-from winchcascade.report.style import cut_apart, svg_text
+from winchcascade.report.digits import number
+from winchcascade.report.model_account import (
+    ALWAYS,
+    COMPARED,
+    GROUPS,
+    NOTHING,
+    Account,
+    account_of,
+    speed_columns,
+    speed_width,
+)
+from winchcascade.report.model_data import ModelComparison, compare_with_baseline
+from winchcascade.report.report_model import Note, Picture, Section, Table
+from winchcascade.report.report_parts import picture, section
+from winchcascade.report.style import cut_apart
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,6 +34,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from winchcascade.reduction.reduction_result import Reduction
+    from winchcascade.report.model_account import LossBudget, Regression, Sweep
     from winchcascade.report.report_model import Block
 
 TETHER = ("pressure_kgcm2", "force_n", "power_gen_w")
@@ -36,20 +45,20 @@ CLOUD = 500
 """Samples of a log that are drawn in each panel at most; of more, an even selection."""
 
 MOST_REASONS = 3
-"""Logs of a campaign whose reason for not being simulated is told."""
+"""Logs of a campaign whose reason for not being simulated is named."""
 
 
 class Modelled(NamedTuple):
     """A comparison with what is kept of it; without one the account says why."""
 
-    comparison: Comparison | None
+    comparison: ModelComparison | None
     account: Account
 
 
 def modelled(reduction: Reduction) -> Modelled:
     """Compare a log with the model that its rig file gives."""
     found = compare_with_baseline(reduction)
-    if isinstance(found, Comparison):
+    if isinstance(found, ModelComparison):
         return Modelled(found, account_of(found))
     return Modelled(None, Account(why=found.why, word=reduction.run.origin.word))
 
@@ -59,41 +68,50 @@ def run_section(found: Modelled) -> Section:
     """Lay one log beside its simulation; where there is none, say why. To be called in the house style."""
     account, comparison = found.account, found.comparison
     if comparison is None:
-        return Section("model", text.heading(account.word), (Note(f"Left out: {account.why}"),))
-    part = text.part_note(account)
-    blocks: list[Block | None] = [Note(f"{text.aim(account.word)} {part}".rstrip())]
-    blocks += _run_pictures(comparison, account)
-    blocks.append(text.differences_table([account], [()], ()))
-    blocks += _open_circuit(account)
-    if account.budget is not None:
-        bars = budget_bars([_load(comparison)], [account.budget], word=account.word)
-        blocks.append(_picture(bars, "model-budget", text.budget_caption([account])))
-        blocks.append(text.one_budget_table(account.budget))
-    return Section("model", text.heading(account.word), tuple(b for b in blocks if b is not None))
-
-
-def _run_pictures(comparison: Comparison, account: Account) -> list[Block | None]:
-    """Figs 13, 14, 16 and 17 of one log."""
-    drawn = [figures.Drawn("", account.curves)]
-    dots = clouds(comparison)
-    means = text.one_log(account)
-    speed = text.speed_words(account, speed_width(comparison))
-
-    def made(names: Sequence[str], name: str, more: str = "") -> Picture | None:
-        figure = figures.panels(drawn, names, word=account.word, rated=account.rated, columns=2, clouds=dots)
-        caption = text.shown_words(figures.given_names(drawn, names)) if figure is not None else ""
-        return _picture(figure, name, f"{caption} {means}{more}")
-
-    if account.open_circuit:
-        return [made((*TETHER, "vdc_v"), "model-tether", f" {speed} {text.OPEN_CIRCUIT}")]
-    return [
-        made(TETHER, "model-tether", f" {speed}"),
-        made(GENERATOR, "model-generator"),
-        made(LOSSES, "model-losses"),
+        return Section("model", _words(account.word).heading, (Note(f"Left out: {account.why}"),))
+    note = _aim(account.word)
+    if account.cycles < account.total:
+        note += f" Of the {account.total} complete cycles the first {account.cycles} are simulated and compared."
+    blocks = [
+        Note(note),
+        *_run_pictures(comparison, account),
+        _differences_table([account], [()], ()),
+        *_open_circuit(account),
     ]
+    if account.budget is not None:
+        load = "open circuit" if math.isinf(comparison.run.load or math.inf) else f"{comparison.run.load:g} Ω"
+        bars = figures.budget_bars([load], [account.budget], word=account.word)
+        blocks.append(_picture(bars, "model-budget", _budget_caption([account])))
+        blocks.append(_one_budget_table(account.budget))
+    return section("model", _words(account.word).heading, *blocks)
 
 
-def clouds(comparison: Comparison) -> figures.Clouds:
+def _run_pictures(comparison: ModelComparison, account: Account) -> list[Picture | None]:
+    """Figs 13, 14, 16 and 17 of one log."""
+    means, speed = _one_log(account), _speed_words(account, speed_width(comparison))
+    shown = [
+        (TETHER, "model-tether", f"{means} {speed}"),
+        (GENERATOR, "model-generator", means),
+        (LOSSES, "model-losses", means),
+    ]
+    if account.open_circuit:
+        shown = [((*TETHER, "vdc_v"), "model-tether", f"{means} {speed} {_OPEN_CIRCUIT}")]
+    drawn, dots = [figures.Drawn("", account.curves)], clouds(comparison)
+    return [
+        _panels(
+            figures.panels(drawn, names, word=account.word, rated=account.rated, clouds=dots),
+            figures.given_names(drawn, names), name, words,
+        )
+        for names, name, words in shown
+    ]  # fmt: skip
+
+
+def _panels(figure: Figure | None, given: Sequence[str], name: str, words: str) -> Picture | None:
+    """Picture of some panels, whose caption begins with what they show."""
+    return None if figure is None else _picture(figure, name, f"{shown_words(given)} {words}")
+
+
+def clouds(comparison: ModelComparison) -> figures.Clouds:
     """Samples of the log that stand behind its curves, in the units of the curves; an even selection of many."""
     run = comparison.run.channels
     found: figures.Clouds = {}
@@ -118,32 +136,28 @@ def _even(rows: NDArray[np.intp]) -> NDArray[np.intp]:
     return rows[:: max(1, -(-rows.size // CLOUD))]
 
 
-def _load(comparison: Comparison) -> str:
-    load = comparison.run.load
-    return "open circuit" if load is None or np.isinf(load) else f"{load:g} Ω"
-
-
 def _open_circuit(account: Account) -> list[Block | None]:
     """The damper's sweep and the back-EMF's regression, where the log is an open circuit."""
     blocks: list[Block | None] = []
     if account.sweep is not None:
-        figure = damper_sweep(account.sweep, word=account.word, rated=account.rated)
-        blocks.append(_picture(figure, "model-damper", text.sweep_caption(account, account.sweep)))
+        figure = figures.damper_sweep(account.sweep, word=account.word, rated=account.rated)
+        blocks.append(_picture(figure, "model-damper", _sweep_caption(account, account.sweep)))
     if account.regression is not None:
-        figure = back_emf_figure(account.regression, word=account.word)
-        blocks.append(_picture(figure, "model-emf", text.regression_caption(account, account.regression)))
+        figure = figures.back_emf_figure(account.regression, word=account.word)
+        blocks.append(_picture(figure, "model-emf", _regression_caption(account, account.regression)))
     return blocks
 
 
-def _picture(figure: Figure | None, name: str, caption: str) -> Picture | None:
-    if figure is None:
-        return None
-    alt = {
-        "model-budget": "Stacked bars of the simulated loss budget; the energies are in the table.",
-        "model-damper": "Curves of the line force over generator speed, one for each damper.",
-        "model-emf": "Dots of voltages over generator speed with a line through zero; its slope is in the caption.",
-    }.get(name, "Lines of the log and markers of the simulation; the mean differences are in the table.")
-    return Picture(name, caption, alt, svg_text(figure, name))
+_ALTS = {
+    "model-budget": "Stacked bars of the simulated loss budget; the energies are in the table.",
+    "model-damper": "Curves of the line force over generator speed, one for each damper.",
+    "model-emf": "Dots of voltages over generator speed with a line through zero; its slope is in the caption.",
+}
+
+
+def _picture(figure: Figure, name: str, caption: str) -> Picture | None:
+    alt = _ALTS.get(name, "Lines of the log and markers of the simulation; the mean differences are in the table.")
+    return picture(figure, name, caption, alt)
 
 
 # -------------------------------------------------------------------------------------------------------- of a campaign
@@ -178,19 +192,17 @@ def campaign_section(logs: Sequence[Named], word: str) -> Section | None:
     left_out = [log for log in logs if log.account.why]
     blocks: list[Block | None] = [Note(_reasons(left_out, alone=not given))] if left_out else []
     if given:
-        blocks.append(Note(text.aim(word)))
-        blocks += _campaign_pictures(given)
-        blocks += _campaign_tables(given)
-    return Section("model", text.heading(word), tuple(b for b in blocks if b is not None)) if blocks else None
+        blocks += [Note(_aim(word)), *_campaign_pictures(given), *_campaign_tables(given)]
+    return section("model", _words(word).heading, *blocks) if blocks else None
 
 
 def _reasons(left_out: Sequence[Named], *, alone: bool) -> str:
     whys = list(dict.fromkeys(log.account.why for log in left_out))
     if alone and len(whys) == 1:
         return f"Left out: {whys[0]}"
-    told = [f"{log.name}: {log.account.why.rstrip('.')}" for log in left_out[:MOST_REASONS]]
+    named = [f"{log.name}: {log.account.why.rstrip('.')}" for log in left_out[:MOST_REASONS]]
     more = f"; and {len(left_out) - MOST_REASONS} more" if len(left_out) > MOST_REASONS else ""
-    return f"Not simulated: {'; '.join(told)}{more}."
+    return f"Not simulated: {'; '.join(named)}{more}."
 
 
 def _campaign_pictures(given: Sequence[Named]) -> list[Block | None]:
@@ -198,21 +210,21 @@ def _campaign_pictures(given: Sequence[Named]) -> list[Block | None]:
     drawn = figures.by_load([log.load for log in given], [a.curves for a in accounts])
     rated = next((a.rated for a in accounts if a.rated is not None), None)
     gear = next((a.gear for a in accounts if a.gear is not None), None)
-    means = text.all_logs(accounts)
     opened = next((a for a in accounts if a.open_circuit), None)
-
-    def made(names: Sequence[str], name: str, more: str = "", above: float | None = None) -> Picture | None:
-        figure = figures.panels(drawn, names, word=accounts[0].word, rated=rated, columns=2, gear=above)
-        caption = text.shown_words(figures.given_names(drawn, names)) if figure is not None else ""
-        return _picture(figure, name, f"{caption} {means}{more}")
-
-    left_out = f" {text.OPEN_CIRCUIT}" if opened is not None else ""
+    means = _all_logs(accounts)
+    shown = (
+        (TETHER, "model-tether", f"{means} {_speed_words(accounts[0])}", None),
+        (GENERATOR[:1], "model-torque", means if opened is None else f"{means} {_OPEN_CIRCUIT}", gear),
+        (GENERATOR[1:], "model-generator", means, None),
+        (LOSSES, "model-losses", means, None),
+    )
     blocks: list[Block | None] = [
-        made(TETHER, "model-tether", f" {text.speed_words(accounts[0])}"),
-        made(GENERATOR[:1], "model-torque", left_out, gear),
-        made(GENERATOR[1:], "model-generator"),
-        made(LOSSES, "model-losses"),
-    ]
+        _panels(
+            figures.panels(drawn, names, word=accounts[0].word, rated=rated, gear=above),
+            figures.given_names(drawn, names), name, words,
+        )
+        for names, name, words, above in shown
+    ]  # fmt: skip
     return blocks + (_open_circuit(opened) if opened is not None else [])
 
 
@@ -224,11 +236,248 @@ def _campaign_tables(given: Sequence[Named]) -> list[Block | None]:
         if log.account.budget is not None
     ]
     blocks: list[Block | None] = [
-        text.differences_table(accounts, [(log.name, log.load) for log in given], ("Log", "Load"))
+        _differences_table(accounts, [(log.name, log.load) for log in given], ("Log", "Load"))
     ]
     if booked:
         names, budgets = zip(*booked, strict=True)
-        bars = budget_bars(["\n".join(name) for name in names], budgets, word=accounts[0].word)
-        blocks.append(_picture(bars, "model-budget", text.budget_caption(accounts)))
-        blocks.append(text.budget_table([", ".join(name) for name in names], budgets))
+        bars = figures.budget_bars(["\n".join(name) for name in names], budgets, word=accounts[0].word)
+        blocks.append(_picture(bars, "model-budget", _budget_caption(accounts)))
+        blocks.append(_budget_table([", ".join(name) for name in names], budgets))
     return blocks
+
+
+# -------------------------------------------------------------------------------------------------------- the captions
+_SYMBOL = {"torque": "τ", "vdc": "Vdc", "idc": "Idc", "pressure": "p", "force": "F"}
+_CALLED = {
+    "torque": "τ: torque behind the clutch",
+    "vdc": "Vdc, Idc: voltage and current of the DC link",
+    "pressure": "p: gas pressure, gauge",
+    "force": "F: line force",
+}
+_DECIMALS = {"torque": 2, "vdc": 2, "idc": 3, "pressure": 3, "force": 1}
+_FINE = 2000.0
+"""With less energy of the line than this a budget has a decimal. [J]"""
+
+_WORDS = {
+    "pressure_kgcm2": "gas pressure over displacement (haul-ins dashed)",
+    "force_n": "line force over line velocity (haul-ins left of zero)",
+    "power_gen_w": "power at the DC link over generator speed",
+    "torque_nm": "torque behind the clutch over generator speed",
+    "vdc_v": "voltage of the DC link over generator speed",
+    "idc_a": "current of the DC link over generator speed",
+    "resistance_ohm": "apparent resistance Vdc / Idc over generator speed",
+    "loss_w": "electrical-side loss P_mech − P_gen over generator speed (Eq. 11 of Hsu et al. 2026)",
+    "eta_gen": "efficiency of the electrical stage over generator speed, mean P_gen over mean P_mech of each bin (Eq. 6)",
+}
+"""What each panel shows, by the name of its curve."""
+
+_OPEN_CIRCUIT = (
+    "In open circuit only the bleed carries a current: torque, Idc and what follows from them mean nothing there and are left "
+    "out."
+)
+
+
+class _Words(NamedTuple):
+    """What measured logs, and others, are called: in the heading, by their motion, lines and samples, and in a table."""
+
+    heading: str
+    logged: str
+    lines: str
+    samples: str
+    table: str
+
+
+_MEASURED = _Words("Measured and simulated", "measured", "measured", "measured samples", "Measured")
+_LOGGED = _Words("Log and simulation", "logged", "as logged", "samples of the log", "Log")
+
+
+def _words(word: str) -> _Words:
+    return _MEASURED if word == "measured" else _LOGGED
+
+
+def shown_words(names: Sequence[str]) -> str:
+    """What the panels of a figure show, in their order.
+
+    >>> shown_words(["vdc_v", "torque_nm"])
+    'Voltage of the DC link (a), torque behind the clutch (b) over generator speed.'
+    """
+    over = " over generator speed"
+    words = [_WORDS[name] for name in names]
+    if all(w.endswith(over) for w in words):
+        words = [w.removesuffix(over) for w in words]
+    else:
+        over = ""
+    if len(names) > 1:
+        words = [f"{w} ({letter})" for letter, w in zip("abcdefgh", words, strict=False)]
+    text = ", ".join(words) + over
+    return f"{text[0].upper()}{text[1:]}."
+
+
+def _simulated_with(accounts: Sequence[Account]) -> str:
+    """With which rig the simulations were made, and what was added to it."""
+    rigs = ", ".join(dict.fromkeys(account.rig for account in accounts))
+    changed = ", ".join(dict.fromkeys(account.changed for account in accounts if account.changed))
+    return f"rig {rigs} along the logged line motion, {f'with {changed}' if changed else 'as in its rig file'}"
+
+
+def _aim(word: str) -> str:
+    """What the section is for."""
+    return (
+        f"The {_words(word).logged} motion of the line drives a model of the rig with the numbers of its rig file. "
+        "Where markers leave the lines, rig and model differ: by how much stands in the table of differences, and a diagnosis "
+        "looks for the cause."
+    )
+
+
+def _one_log(account: Account) -> str:
+    """What dots, lines and markers of a figure of one log are."""
+    return (
+        f"Dots: {_words(account.word).samples}; solid lines: their means; markers: means of the simulation over the same "
+        f"samples ({_simulated_with([account])})."
+    )
+
+
+def _all_logs(accounts: Sequence[Account]) -> str:
+    """What lines and markers of a figure of several logs are; all of them are called alike."""
+    return (
+        f"Solid lines: {_words(accounts[0].word).lines}; markers: simulated ({_simulated_with(accounts)}); both are "
+        "means in bins over the same samples."
+    )
+
+
+def _speed_words(account: Account, width: float | None = None) -> str:
+    """What the generator's speed is, and in which bins means are taken."""
+    gear = "" if account.gear is None else f" times {account.gear:g}"
+    bins = "" if width is None else f"; bins of {width:g} rpm"
+    return f"Generator speed: that of the drum{gear}, from each onset to the start of braking{bins}."
+
+
+def _sweep_caption(account: Account, sweep: Sweep) -> str:
+    """What the sweep of the damper shows."""
+    factors = ", ".join(f"{factor:g}" for factor in sweep.factors[:-1])
+    return (
+        f"Line force in open circuit over generator speed, means in bins. Thick line: {_words(account.word).lines}; markers: "
+        f"simulated ({_simulated_with([account])}) with the viscous damper of the fast shaft at {factors} and "
+        f"{sweep.factors[-1]:g} times the {sweep.nominal:.3g} N·m·s/rad of the rig file."
+    )
+
+
+def _regression_caption(account: Account, fit: Regression) -> str:
+    """What was fitted to the open circuit, with its interval."""
+    return (
+        f"Open circuit above 1000 rpm: voltage of the DC link, {_words(account.word).lines}, and the back-EMF that it asks "
+        f"for. The line through zero has a slope of {fit.slope:.5f} V/rpm, 95 %: {fit.low:.5f} to {fit.high:.5f}, "
+        f"R² = {fit.r2:.4f}, from {fit.points} samples; the rig {account.rig} has {fit.reference:.4f} V/rpm."
+    )
+
+
+def _budget_caption(accounts: Sequence[Account]) -> str:
+    """What the stacked bars and the points on them are."""
+    caption = (
+        f"Simulated loss budget ({_simulated_with(accounts)}): where the energy of the simulated line goes within the "
+        "integration window, as a mean over the cycles; beside each bar that energy. The stroke across a bar "
+        "is what reaches the torque sensor"
+    )
+    logged = {stage for a in accounts if a.budget is not None for stage in a.budget.log}
+    reached = " and ".join(what for stage, what in (("mech", "shaft"), ("gen", "DC link")) if stage in logged)
+    if reached:
+        caption += f"; points below it: shares of the {_words(accounts[0].word).logged} energy of the line that reach {reached}"
+    caption += ". Inertia is that of rotor and drum"
+    if any(a.open_circuit for a in accounts):
+        caption += "; in open circuit the DC link feeds its bleed alone"
+    return caption + "."
+
+
+# ---------------------------------------------------------------------------------------------------------- the tables
+def _differences_table(
+    accounts: Sequence[Account], firsts: Sequence[tuple[str, ...]], head: tuple[str, ...]
+) -> Table | None:
+    """Log minus simulation over the payouts, a row for each log; None where no channel can be compared.
+
+    Parameters
+    ----------
+    firsts : first cells of each row, under the names of `head`, before the number of cycles
+    """
+    names = [name for name in COMPARED if any(name in account.differences for account in accounts)]
+    if not names:
+        return None
+    note = "".join(f"{_CALLED[name]}. " for name in names if name in _CALLED)
+    note += "A bias below zero: the simulation lies above the log."
+    if any(account.open_circuit for account in accounts):
+        note += " In open circuit torque and Idc are not compared."
+    if any(account.cycles < account.total for account in accounts):
+        note += " Of a long log the first complete cycles are compared."
+    return Table(
+        id="differences",
+        caption=f"{_words(accounts[0].word).table} − simulated over the payouts: mean (bias) and root mean square (rms).",
+        head=(*head, "Cycles", *(f"{_SYMBOL[name]} {what}" for name in names for what in ("bias", "rms"))),
+        units=(*("" for _ in head), "", *(COMPARED[name][0] for name in names for _ in range(2))),
+        rows=tuple((*first, f"{a.cycles}", *_differences(a, names)) for first, a in zip(firsts, accounts, strict=True)),
+        text_columns=tuple(range(len(head))),
+        note=note,
+    )
+
+
+def _differences(account: Account, names: Sequence[str]) -> list[str]:
+    found = [(account.differences.get(name), _DECIMALS[name]) for name in names]
+    return [number(x, k) for d, k in found for x in ((d.bias, d.rms) if d is not None else (None, None))]
+
+
+def _named(budgets: Sequence[LossBudget]) -> list[str]:
+    """Groups that a table names, from the line to the DC link: the usual ones, and others in which there is something."""
+    return [g for g in reversed(GROUPS) if g in ALWAYS or any(abs(b.shares[g]) >= NOTHING for b in budgets)]
+
+
+_PARTS = {
+    "stored": "stored gas: held by the accumulator when the window ends",
+    "screw": "screw: friction of the ball screw",
+    "line": "line losses: between line and torque sensor",
+    "inertia": "inertia: rotor and drum still turning",
+    "capacitor": "capacitor: charge of the DC link",
+    "shaft": "shaft: its spring and damping",
+    "mesh": "mesh: gear teeth",
+    "damper": "damper: viscous drag of the fast shaft",
+    "copper": "copper: resistance of the stator",
+    "diodes": "diodes: drop of the bridge",
+    "dc": "DC link: delivered",
+}
+"""What the parts of a budget are."""
+
+
+def _parts_note(groups: Sequence[str]) -> str:
+    text = "; ".join(_PARTS[g] for g in groups if g in _PARTS)
+    return f"{text[:1].upper()}{text[1:]}."
+
+
+def _budget_table(names: Sequence[str], budgets: Sequence[LossBudget]) -> Table:
+    """Loss budget of several logs, a row for each, mean energies of their windows."""
+    groups = _named(budgets)
+
+    def row(name: str, b: LossBudget) -> tuple[str, ...]:
+        decimals = 1 if b.line < _FINE else 0
+        return (name, number(b.line, decimals), *(number(b.groups[g], decimals) for g in groups))
+
+    return Table(
+        id="loss-budget",
+        caption="Simulated loss budget: energy of the line in the window and where it goes, means over the cycles.",
+        head=("Load", "total", *(GROUPS[g].name for g in groups)),
+        units=("", *("J" for _ in range(1 + len(groups)))),
+        rows=tuple(row(name, b) for name, b in zip(names, budgets, strict=True)),
+        note=_parts_note(groups),
+    )
+
+
+def _one_budget_table(budget: LossBudget) -> Table:
+    """Loss budget of one log, a row for each part, in joules and in percent of the line's energy."""
+    groups = _named([budget])
+    decimals = 1 if budget.line < _FINE else 0
+    rows = [(GROUPS[g].name, number(budget.groups[g], decimals), number(100 * budget.shares[g], 2)) for g in groups]
+    return Table(
+        id="loss-budget",
+        caption="Simulated loss budget, from the line to the DC link: energies in the window, means over the cycles.",
+        head=("Part", "Energy", "Share of the line's"),
+        units=("", "J", "%"),
+        rows=(*rows, ("from the line", number(budget.line, decimals), number(100 * sum(budget.shares.values()), 2))),
+        summary=1,
+        note=_parts_note(groups),
+    )

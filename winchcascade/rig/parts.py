@@ -187,6 +187,24 @@ def changed(model: Model, path: str, operation: Operation, by: float) -> Model:
     return msgspec.structs.replace(model, **{part: msgspec.structs.replace(own, **{name: value})})
 
 
+class MissingNumber(msgspec.Struct, frozen=True):
+    """A number of a model that a rig file lacks."""
+
+    section: str
+    name: str
+
+    def __str__(self) -> str:
+        """Name and section, as in a sentence."""
+        return f"{self.name} under [{self.section}]"
+
+
+class NoModel(msgspec.Struct, frozen=True):
+    """Why no model can be made from a rig file, in one sentence, and the numbers that the file lacks."""
+
+    why: str
+    missing: tuple[MissingNumber, ...] = ()
+
+
 def baseline(rig: Rig) -> Model:
     """Fill the parts from a rig file: the model that a diagnosis starts from.
 
@@ -194,12 +212,20 @@ def baseline(rig: Rig) -> Model:
     ------
     RigError : the rig file lacks numbers that a part needs, all of them named, or the rig has no one-way clutch
     """
-    missing: list[str] = []
+    found = model_of(rig)
+    if isinstance(found, NoModel):
+        raise RigError(found.why)
+    return found
+
+
+def model_of(rig: Rig) -> Model | NoModel:
+    """Fill the parts from a rig file, as `baseline` does, or report why that is not possible."""
+    missing: list[MissingNumber] = []
 
     def number(section: str, name: str) -> float:
         value: Quantity | None = getattr(getattr(rig, section), name)
         if value is None:
-            missing.append(f"{name} under [{section}]")
+            missing.append(MissingNumber(section, name))
             return math.nan
         return value.value
 
@@ -232,12 +258,13 @@ def baseline(rig: Rig) -> Model:
         dc_link=DcLinkModel(number("dc_link", "c_dc"), number("dc_link", "r_bleed")),
     )
     if missing:
-        raise RigError(
-            f"rig {rig.name}: no model can be made, as it lacks {', '.join(missing)}; add them to the rig file "
-            "(`winchcascade rig hsu2026` shows how)."
+        return NoModel(
+            f"rig {rig.name}: no model can be made, as it lacks {', '.join(map(str, missing))}; add them to the rig file "
+            "(`winchcascade rig hsu2026` shows how).",
+            tuple(missing),
         )
     if rig.drivetrain.one_way_clutch is False:
-        raise RigError(
+        return NoModel(
             f"rig {rig.name}: no model can be made, as one_way_clutch under [drivetrain] is false, and the generator of the "
             "model is driven in payout alone."
         )
