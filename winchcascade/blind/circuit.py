@@ -8,7 +8,7 @@ a straight line and the step goes on from there in the new state.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -25,7 +25,26 @@ PEAK = math.sqrt(2.0 / 3.0)
 
 _THIRD = 0.5 * math.sqrt(3.0)
 _EVENTS = 12
-"""Openings and closings in one step; more there are not."""
+"""Maximum number of openings and closings in one step."""
+
+
+class Source(NamedTuple):
+    """The phases behind the bridge, and what they feed into, as they are at the start of a step.
+
+    Parameters
+    ----------
+    angle, turn : electrical angle, and its speed [rad, rad/s]
+    amplitude : peak of the back-EMF of a phase [V]
+    v_total : voltage of the DC link and of two diodes [V]
+    r_s, l_s : of a phase [ohm, H]
+    """
+
+    angle: float
+    turn: float
+    amplitude: float
+    v_total: float
+    r_s: float
+    l_s: float
 
 
 @njit(cache=True)
@@ -49,18 +68,16 @@ def _star(emf: Signal, on: Switches, v_total: float) -> float:
 
 
 @njit(cache=True)
-def _advance(
-    i: Signal, on: Switches, emf: Signal, v_total: float, r_s: float, l_s: float, h: float, out: Signal
-) -> None:
+def _advance(i: Signal, on: Switches, emf: Signal, source: Source, h: float, out: Signal) -> None:
     """Currents after a time h in one state of the diodes."""
-    star = _star(emf, on, v_total)
-    fade = 0.5 * r_s * h / l_s
+    star = _star(emf, on, source.v_total)
+    fade = 0.5 * source.r_s * h / source.l_s
     for k in range(3):
         if on[k] == 0:
             out[k] = 0.0
         else:
-            drive = emf[k] + star - (v_total if on[k] > 0 else 0.0)
-            out[k] = (i[k] * (1.0 - fade) + h / l_s * drive) / (1.0 + fade)
+            drive = emf[k] + star - (source.v_total if on[k] > 0 else 0.0)
+            out[k] = (i[k] * (1.0 - fade) + h / source.l_s * drive) / (1.0 + fade)
 
 
 @njit(cache=True)
@@ -126,19 +143,13 @@ def _open(i: Signal, on: Switches, phase: int) -> None:
 
 
 @njit(cache=True)
-def bridge_step(
-    i: Signal, on: Switches, angle: float, turn: float, amplitude: float, v_total: float, r_s: float, l_s: float,
-    dt: float, work: Signal,
-) -> tuple[float, float, float]:  # fmt: skip
+def bridge_step(i: Signal, on: Switches, source: Source, dt: float, work: Signal) -> tuple[float, float, float]:
     """Step the phases and the bridge by a time dt; `i` and `on` are changed in place.
 
     Parameters
     ----------
     i : (3,) currents out of the phases [A]
     on : (3,) 1 at the upper rail, -1 at the lower, 0 where no diode conducts
-    angle, turn : electrical angle at the start, and its speed [rad, rad/s]
-    amplitude : peak of a phase's back-EMF [V]
-    v_total : voltage of the DC link and of two diodes [V]
     work : (4, 3) scratch
 
     Returns
@@ -146,14 +157,17 @@ def bridge_step(
     charge into the DC link [C], energy out of the back-EMFs [J], integral of the sum of squared currents [A2 s]
     """
     before, half, after, then = work[0], work[1], work[2], work[3]
+    angle, turn, amplitude, v_total = source.angle, source.turn, source.amplitude, source.v_total
     charge = energy = square = 0.0
     left = dt
     for _ in range(_EVENTS):
         if left <= 0.0:
             break
         _emf(amplitude, angle + turn * left, after)
-        if on[0] == 0 and on[1] == 0 and on[2] == 0:
+        idle = on[0] == 0 or on[1] == 0 or on[2] == 0
+        if idle:
             _emf(amplitude, angle, before)
+        if on[0] == 0 and on[1] == 0 and on[2] == 0:
             high, low, share = _wake(before, after, v_total)
             angle += turn * share * left
             left -= share * left
@@ -162,12 +176,9 @@ def bridge_step(
             on[high], on[low] = 1, -1
             continue
         _emf(amplitude, angle + 0.5 * turn * left, half)
-        _advance(i, on, half, v_total, r_s, l_s, left, then)
+        _advance(i, on, half, source, left, then)
         opens, share = _opening(i, then, on)
-        closes, rail, soon = -1, 0, 1.0
-        if on[0] == 0 or on[1] == 0 or on[2] == 0:
-            _emf(amplitude, angle, before)
-            closes, rail, soon = _closing(before, after, on, v_total)
+        closes, rail, soon = _closing(before, after, on, v_total) if idle else (-1, 0, 1.0)
         if closes >= 0 and (opens < 0 or soon < share):
             opens, share = -1, soon
         else:
@@ -175,7 +186,7 @@ def bridge_step(
         h = share * left
         if share < 1.0:
             _emf(amplitude, angle + 0.5 * turn * h, half)
-            _advance(i, on, half, v_total, r_s, l_s, h, then)
+            _advance(i, on, half, source, h, then)
         for k in range(3):
             middle = 0.5 * (i[k] + then[k])
             energy += h * half[k] * middle

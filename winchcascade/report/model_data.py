@@ -73,7 +73,7 @@ def compare_with_baseline(reduction: Reduction) -> ModelComparison | LeftOut:
         return LeftOut("the log has no line velocity, which drives a simulation.")
     model = model_of(reduction.rig)
     if isinstance(model, NoModel):
-        return LeftOut(_lacking(reduction.rig, model.missing))
+        return LeftOut(_lacking(reduction.rig, model.missing) if model.missing else model.why)
     return compare(reduction, model)
 
 
