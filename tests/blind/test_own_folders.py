@@ -20,7 +20,7 @@ from trials import guess
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import run_batch
 from winchcascade.blind.sealed_answers import SEALED, TRIAL, seal, trial_bytes
-from winchcascade.blind.trial import deal, diagnose
+from winchcascade.blind.trial import DiagnosisMethod, deal, diagnose
 from winchcascade.core.errors import WinchcascadeError
 from winchcascade.core.store import LOCK, digest_of
 from winchcascade.rig.effects.catalogue import EFFECTS
@@ -75,7 +75,7 @@ def dealt(out: Path, *, force: bool = False, seed: int = 7) -> None:
 
 
 def diagnosed(out: Path, *, force: bool = False) -> None:
-    diagnose(out, guess, EFFECTS, force=force)
+    diagnose(out, DiagnosisMethod(guess, EFFECTS), force=force)
 
 
 def scored(out: Path) -> None:
@@ -178,7 +178,7 @@ def test_a_users_file_among_predictions_is_not_removed(folders: Path, tmp_path: 
     trial = shutil.copytree(folders / "trial", tmp_path / "trial")
     notes = trial / "predictions" / "case-0001" / "notes.txt"
     notes.write_text("mine")
-    done = diagnose(trial, guess, EFFECTS, seed=1)
+    done = diagnose(trial, DiagnosisMethod(guess, EFFECTS, seed=1))
     assert "notes.txt: was not written by winchcascade" in done.faults["case-0001"]
     assert notes.read_text() == "mine"
 
@@ -188,9 +188,11 @@ def test_a_case_whose_campaign_names_a_log_elsewhere_is_rejected(folders: Path, 
     path = trial / "case-0001" / "campaign.toml"
     for name in (str(tmp_path / "log.csv"), "../../log.csv"):
         path.write_text(f'[[run]]\nfile = "{name}"\nload_ohm = 9.0\n')
-        assert "is not in the folder of the case" in diagnose(trial, guess, EFFECTS).faults["case-0001"]
+        assert (
+            "is not in the folder of the case" in diagnose(trial, DiagnosisMethod(guess, EFFECTS)).faults["case-0001"]
+        )
     path.write_text('rig = "/etc/rig.toml"\n[[run]]\nfile = "r9ohm.csv"\nload_ohm = 9.0\n')
-    assert "names the rig file /etc/rig.toml" in diagnose(trial, guess, EFFECTS).faults["case-0001"]
+    assert "names the rig file /etc/rig.toml" in diagnose(trial, DiagnosisMethod(guess, EFFECTS)).faults["case-0001"]
 
 
 def test_the_command_rejects_a_forged_name_with_one_sentence(folders: Path, tmp_path: Path) -> None:

@@ -12,9 +12,10 @@ from winchcascade.blind.cases import plan_cases
 from winchcascade.blind.injected import OUTSIDERS, PARTS
 from winchcascade.blind.score import score
 from winchcascade.blind.sealed_answers import SEALED
-from winchcascade.blind.trial import deal, diagnose
+from winchcascade.blind.trial import DiagnosisMethod, deal, diagnose
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.errors import OptionError, OutputError
+from winchcascade.core.jobs import Workers
 from winchcascade.rig.effects.catalogue import EFFECTS
 
 CASES, SEED = 2, 20260
@@ -112,7 +113,7 @@ def test_a_trial_with_changed_answers_is_not_dealt_on(trial: Path) -> None:
 
 def test_a_diagnosis_sees_the_logs_of_its_case_and_nothing_else(trial: Path) -> None:
     (trial / SEALED).unlink()  # it stays sealed: diagnose does without it
-    assert diagnose(trial, guess, EFFECTS, seed=3).faults == {}
+    assert diagnose(trial, DiagnosisMethod(guess, EFFECTS, seed=3)).faults == {}
     record = json.loads((trial / "diagnoses" / "case-0002.json").read_text())
     logs = ["campaign.toml", "open_circuit.csv", *(f"r{r}ohm.csv" for r in ("18", "27", "36", "45", "4p5", "9"))]
     ahead = [f"predictions/{when}/r36ohm.csv" for when in ("after", "before")]
@@ -124,30 +125,30 @@ def test_a_diagnosis_sees_the_logs_of_its_case_and_nothing_else(trial: Path) -> 
 
 def test_what_is_diagnosed_is_kept_as_long_as_suspects_and_logs_are_the_same(trial: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
-        diagnose(trial, guess, EFFECTS, watch=Interrupt(1))
-    assert diagnose(trial, guess, EFFECTS).kept == 1
-    assert diagnose(trial, guess, EFFECTS).kept == 2
+        diagnose(trial, DiagnosisMethod(guess, EFFECTS), watch=Interrupt(1))
+    assert diagnose(trial, DiagnosisMethod(guess, EFFECTS)).kept == 1
+    assert diagnose(trial, DiagnosisMethod(guess, EFFECTS)).kept == 2
     fewer = {name: EFFECTS[name] for name in list(PARTS)[1:]}
-    assert diagnose(trial, guess, fewer).kept == 0
+    assert diagnose(trial, DiagnosisMethod(guess, fewer)).kept == 0
     with (trial / "case-0001" / "r9ohm.csv").open("a") as log:
         log.write("999.0,0.0,0.0,20.0,200.0,0.0,0.0,0.0\n")
-    assert diagnose(trial, guess, fewer).kept == 1
-    assert diagnose(trial, guess, fewer, force=True).kept == 0
+    assert diagnose(trial, DiagnosisMethod(guess, fewer)).kept == 1
+    assert diagnose(trial, DiagnosisMethod(guess, fewer), force=True).kept == 0
 
 
 @pytest.mark.parametrize("name", ["diagnoses/case-0001.json", "predictions/case-0001/after/r36ohm.csv"])
 def test_an_altered_diagnosis_is_made_again_and_named(trial: Path, name: str) -> None:
-    diagnose(trial, guess, EFFECTS)
+    diagnose(trial, DiagnosisMethod(guess, EFFECTS))
     before = content(trial)
     (trial / name).write_bytes((trial / name).read_bytes().replace(b"0.9", b"0.8"))
     assert content(trial) != before
-    done = diagnose(trial, guess, EFFECTS)
+    done = diagnose(trial, DiagnosisMethod(guess, EFFECTS))
     assert (done.kept, done.altered) == (1, ("case-0001",))
     assert content(trial) == before
 
 
 def test_an_altered_diagnosis_is_not_scored(trial: Path) -> None:
-    diagnose(trial, guess, EFFECTS)
+    diagnose(trial, DiagnosisMethod(guess, EFFECTS))
     path = trial / "diagnoses" / "case-0002.json"
     path.write_bytes(path.read_bytes().replace(b'"verdict": "explained"', b'"verdict": "no_gap"'))
     with pytest.raises(OptionError, match=r"case-0002\.json: was altered after it was made"):
@@ -155,25 +156,25 @@ def test_an_altered_diagnosis_is_not_scored(trial: Path) -> None:
 
 
 def test_a_diagnosis_without_a_digest_is_made_again(trial: Path) -> None:
-    diagnose(trial, guess, EFFECTS)
+    diagnose(trial, DiagnosisMethod(guess, EFFECTS))
     path = trial / "diagnoses" / "case-0001.json"
     record = json.loads(path.read_bytes())
     del record["trial"]["sha256"], record["trial"]["files"]
     path.write_text(json.dumps(record))
-    done = diagnose(trial, guess, EFFECTS)
+    done = diagnose(trial, DiagnosisMethod(guess, EFFECTS))
     assert (done.kept, done.altered) == (1, ())
 
 
 def test_a_diagnosis_that_fails_for_lack_of_room_leaves_the_one_that_is_there(trial: Path) -> None:
-    diagnose(trial, guess, EFFECTS)
+    diagnose(trial, DiagnosisMethod(guess, EFFECTS))
     before = content(trial)
-    done = diagnose(trial, find_no_room, EFFECTS, force=True)
+    done = diagnose(trial, DiagnosisMethod(find_no_room, EFFECTS), force=True)
     assert list(done.faults) == ["case-0001", "case-0002"]
     assert content(trial) == before
 
 
 def test_a_case_that_cannot_be_diagnosed_does_not_stop_the_others(trial: Path) -> None:
-    done = diagnose(trial, fail_on_the_second, EFFECTS)
+    done = diagnose(trial, DiagnosisMethod(fail_on_the_second, EFFECTS))
     assert list(done.faults) == ["case-0002"]
     assert "too hard" in done.faults["case-0002"]
     assert [p.name for p in (trial / "diagnoses").iterdir()] == ["case-0001.json"]
@@ -182,15 +183,15 @@ def test_a_case_that_cannot_be_diagnosed_does_not_stop_the_others(trial: Path) -
 def test_a_trial_that_is_not_dealt_to_its_end_is_not_diagnosed(trial: Path) -> None:
     shutil.rmtree(trial / "case-0001")
     with pytest.raises(OptionError, match="1 of 2 cases are missing, the first case-0001"):
-        diagnose(trial, guess, EFFECTS)
+        diagnose(trial, DiagnosisMethod(guess, EFFECTS))
 
 
 @pytest.mark.slow
 def test_processes_deal_and_diagnose_the_same_bytes(dealt: Path, tmp_path: Path) -> None:
     out = tmp_path / "two"
-    assert deal(out, CASES, SEED, jobs=2).faults == {}
+    assert deal(out, CASES, SEED, workers=Workers(2)).faults == {}
     assert content(out) == content(dealt)
-    assert diagnose(out, guess, EFFECTS, jobs=2).faults == {}
+    assert diagnose(out, DiagnosisMethod(guess, EFFECTS), workers=Workers(2)).faults == {}
 
 
 @pytest.mark.slow
@@ -200,7 +201,10 @@ def test_a_cluster_deals_and_diagnoses_the_same_bytes(dealt: Path, tmp_path: Pat
 
     out = tmp_path / "there"
     with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:  # type: ignore[no-untyped-call]
-        assert deal(out, CASES, SEED, scheduler=cluster.scheduler_address).faults == {}
+        assert deal(out, CASES, SEED, workers=Workers(scheduler=cluster.scheduler_address)).faults == {}
         assert content(out) == content(dealt)
-        assert diagnose(out, guess, EFFECTS, scheduler=cluster.scheduler_address).faults == {}
+        assert (
+            diagnose(out, DiagnosisMethod(guess, EFFECTS), workers=Workers(scheduler=cluster.scheduler_address)).faults
+            == {}
+        )
     assert (out / "predictions" / "case-0001" / "after" / "r36ohm.csv").is_file()

@@ -8,7 +8,8 @@ from trials import answer, cause, say, sealed_trial
 from winchcascade.blind.cases import Kind
 from winchcascade.blind.score import Score, score
 from winchcascade.report.report_model import Table
-from winchcascade.report.trial_text import make_trial_report, trial_text, write_trial_reports
+from winchcascade.report.trial_report import make_trial_report, write_trial_reports
+from winchcascade.report.trial_text import trial_text
 
 
 @pytest.fixture

@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 from pyarrow import parquet
 from seeds import ROOT, text
 
-from winchcascade.blind.trial import diagnose
+from winchcascade.blind.trial import DiagnosisMethod, diagnose
 from winchcascade.diagnosis.suspects import Suspects
 from winchcascade.rig.effects.catalogue import EFFECTS
 
@@ -435,7 +435,7 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=1, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.guess:
-        done = diagnose(given.guess, guess, EFFECTS)
+        done = diagnose(given.guess, DiagnosisMethod(guess, EFFECTS))
         print(*done.faults.values(), sep="\n")
         return 1 if done.faults else 0
     rng = random.Random(given.seed)

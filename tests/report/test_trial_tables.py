@@ -2,7 +2,7 @@
 
 from winchcascade.blind.score import ParameterScore
 from winchcascade.report.digits import MINUS
-from winchcascade.report.trial_tables import _parameter
+from winchcascade.report.trial_report import _parameter
 
 
 def test_a_number_is_told_as_a_diagnosis_tells_it() -> None:

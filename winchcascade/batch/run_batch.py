@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
@@ -16,18 +16,24 @@ from winchcascade.core.addresses import fingerprint, local_copy
 from winchcascade.core.campaign_file import joint_origin, origin_from, origin_record
 from winchcascade.core.errors import OutputError
 from winchcascade.core.files import check_replaceable, put_in_place, readable, write_set
-from winchcascade.core.jobs import Nobody, Outcome, Watch, run_here, run_there
+from winchcascade.core.jobs import (
+    Nobody,
+    Watch,
+    Workers,
+)
 from winchcascade.core.scratch import clear, scratch_folder
 from winchcascade.core.store import (
-    LOCK,
     Digest,
+    State,
     altered,
     check_links,
     digest_in,
     digest_of,
-    foreign,
     inside,
     locked,
+    make_folder,
+    make_one,
+    marked,
     with_digest,
 )
 from winchcascade.core.version import __version__
@@ -195,7 +201,7 @@ def run_batch(
     OptionError : the scheduler cannot be reached
     """
     watch = watch or Nobody()
-    _make_folder(out, force=force)
+    make_folder(out, ours=(out / "runs").is_dir(), what="a batch", force=force)
     with locked(out, watch.waiting):
         runs = _clean_folder(out)
         states = {work.name: state_of(work, runs, reports) for work in plan.work}
@@ -204,16 +210,14 @@ def run_batch(
         watch.begin(len(plan.work) - len(todo), len(todo))
         faults: dict[str, str] = {}
         folder = None if scheduler is not None else str(runs)
-        orders = [Order(work, tuple(reports), folder, command) for work in todo]
-        for outcome in _outcomes(orders, jobs, scheduler):
-            work = todo[outcome.place]
+        orders = {work.name: Order(work, tuple(reports), folder, command) for work in todo}
+        for name, outcome in Workers(jobs, scheduler).run(reduce_log, orders, watch):
             if outcome.value is None:
-                faults[work.name] = outcome.fault or ""
-                if outcome.rejected and not _is_of(work, runs):
-                    _forget(work.name, runs)
+                faults[name] = outcome.fault or ""
+                if outcome.rejected and not _is_of(orders[name].work, runs):
+                    _forget(name, runs)
             else:
                 write_made(outcome.value, runs)
-            watch.done(work.name, outcome.fault)
         batch = Batch(
             folder=out,
             results={work.name: runs / f"{work.name}.json" for work in plan.work if work.name not in faults},
@@ -224,30 +228,11 @@ def run_batch(
         return _put_together(plan, batch, reports, workbook=workbook, command=command)
 
 
-def _outcomes(orders: list[Order], jobs: int, scheduler: str | None) -> Iterator[Outcome[Made]]:
-    if scheduler is not None:
-        return run_there(reduce_log, orders, scheduler=scheduler)
-    return run_here(reduce_log, orders, workers=jobs)
-
-
-def _make_folder(out: Path, *, force: bool) -> None:
-    """Make the folder of the results, or refuse one that holds something else; one with a lock is of a call that has begun."""
-    if not force and not (out / "runs").is_dir() and not (out / LOCK).exists() and foreign(out):
-        raise OutputError(f"{out}: is not empty and no folder of a batch; give --out a new folder or add --force.")
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as fault:
-        raise OutputError(f"{out}: the folder cannot be made ({fault.strerror}); choose another.") from None
-
-
 def _clean_folder(out: Path) -> Path:
     """Make the folder of the results of single logs, and remove what killed calls left."""
     check_links(out, ["runs", "dataset", *CAMPAIGN_FILES, *DATASET])
     runs = out / "runs"
-    try:
-        runs.mkdir(exist_ok=True)
-    except OSError as fault:
-        raise OutputError(f"{runs}: the folder cannot be made ({fault.strerror}); choose another.") from None
+    make_one(runs, "another")
     for place in (out, runs, out / "dataset"):
         clear(place)
     return runs
@@ -261,22 +246,11 @@ def _check_own(out: Path, todo: Sequence[Work], *, force: bool) -> None:
             check_replaceable(path, force=force)
 
 
-def state_of(work: Work, runs: Path, reports: Sequence[str]) -> Literal["kept", "altered", "other"]:
-    """Whether an earlier call made all of a log's files from the same content with the same options.
-
-    `altered`: it did, but what is there now does not match its digest. A result of version 0.1.0 has no digest
-    and is made again.
-    """
-    try:
-        content = inside(runs, f"{work.name}.json").read_bytes()
-        kept = _KEPT.decode(content)
-    except OSError:
-        return "other"
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-        return "altered"
-    digest = digest_in(content)
-    if digest is not Digest.RIGHT:
-        return "altered" if digest is Digest.WRONG else "other"
+def state_of(work: Work, runs: Path, reports: Sequence[str]) -> State:
+    """Whether an earlier call made all of a log's files from the same content with the same options."""
+    kept = marked(inside(runs, f"{work.name}.json"), _Kept)
+    if not isinstance(kept, _Kept):
+        return kept
     if kept.batch.key != work.key or not set(reports) <= set(kept.batch.reports):
         return "other"
     if not all((runs / f"{work.name}.{ending}").is_file() for ending in reports):

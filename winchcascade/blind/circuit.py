@@ -28,7 +28,7 @@ _EVENTS = 12
 """Maximum number of openings and closings in one step."""
 
 
-class Source(NamedTuple):
+class BridgeSource(NamedTuple):
     """The phases behind the bridge, and what they feed into, as they are at the start of a step.
 
     Parameters
@@ -68,7 +68,7 @@ def _star(emf: Signal, on: Switches, v_total: float) -> float:
 
 
 @njit(cache=True)
-def _advance(i: Signal, on: Switches, emf: Signal, source: Source, h: float, out: Signal) -> None:
+def _advance(i: Signal, on: Switches, emf: Signal, source: BridgeSource, h: float, out: Signal) -> None:
     """Currents after a time h in one state of the diodes."""
     star = _star(emf, on, source.v_total)
     fade = 0.5 * source.r_s * h / source.l_s
@@ -143,7 +143,7 @@ def _open(i: Signal, on: Switches, phase: int) -> None:
 
 
 @njit(cache=True)
-def bridge_step(i: Signal, on: Switches, source: Source, dt: float, work: Signal) -> tuple[float, float, float]:
+def bridge_step(i: Signal, on: Switches, source: BridgeSource, dt: float, work: Signal) -> tuple[float, float, float]:
     """Step the phases and the bridge by a time dt; `i` and `on` are changed in place.
 
     Parameters

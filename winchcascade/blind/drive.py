@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numba import njit
 
-from winchcascade.blind.circuit import PEAK, Source, bridge_step
+from winchcascade.blind.circuit import PEAK, BridgeSource, bridge_step
 from winchcascade.blind.twin_numbers import BELL, KNEE, LINE
 
 if TYPE_CHECKING:
@@ -157,7 +157,7 @@ def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int, out: Signal
             if awake and omega > 0.0:
                 left = weakened(math.sqrt(mean_square), d.law, d.knee, d.width, d.power)
                 amplitude = PEAK * d.k_e * left * omega * rpm
-                source = Source(angle, turn, amplitude, v_dc + 2.0 * d.v_diode, d.r_s, d.l_s)
+                source = BridgeSource(angle, turn, amplitude, v_dc + 2.0 * d.v_diode, d.r_s, d.l_s)
                 charge, energy, square = bridge_step(i, on, source, dt, work)
             mean_square += (square / 3.0 - dt * mean_square) / _FADE
             angle = (angle + turn * dt) % (2.0 * math.pi)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 
-class Part(msgspec.Struct, frozen=True):
+class InjectedEffect(msgspec.Struct, frozen=True):
     """An effect that may be hidden: the parameter that a diagnosis reports of it, its unit, and its size at full strength.
 
     A size of either sign is drawn where `either` is true. `stage` is where in the cascade it acts.
@@ -28,35 +28,35 @@ class Part(msgspec.Struct, frozen=True):
     either: bool = False
 
 
-PARTS: dict[str, Part] = {
-    "ke_rolloff": Part("generator", "k_e_ratio_at_10_a", "1", 0.13),
-    "ke_shift": Part("generator", "k_e_change", "1", 0.03, either=True),
-    "copper_heating": Part("generator", "r_s_change", "1", 0.35),
-    "sync_inductance": Part("generator", "l_s_change", "1", 0.15, either=True),
-    "diode_drop": Part("generator", "v_d_extra", "V", 0.7),
-    "load_drift": Part("generator", "r_load_change", "1", 0.035, either=True),
-    "gear_mesh_loss": Part("gearbox", "efficiency_change", "1", -0.05),
-    "rotor_viscous": Part("gearbox", "b_extra", "N.m.s/rad", 6e-4),
-    "rotor_windage": Part("gearbox", "c_extra", "N.m.s2/rad2", 2.2e-6),
-    "rotor_friction": Part("gearbox", "torque", "N.m", 0.2),
-    "rotor_inertia": Part("gearbox", "j_change", "1", 2.5),
-    "clutch_drag": Part("gearbox", "torque", "N.m", 3.0),
-    "line_friction": Part("transmission", "torque", "N.m", 7.0),
-    "line_drag": Part("transmission", "b", "N.m.s/rad", 0.9),
-    "drum_inertia": Part("transmission", "j_extra", "kg.m2", 0.6),
-    "drum_layering": Part("transmission", "radius_change_per_10_m", "1", 0.05, either=True),
-    "gas_polytropic": Part("restoring", "n", "1", 0.22),
-    "gas_volume": Part("restoring", "volume_extra", "m3", 7e-4),
-    "precharge": Part("restoring", "pressure_change", "1", -0.06, either=True),
-    "piston_area": Part("restoring", "area_change", "1", -0.07, either=True),
-    "seal_friction": Part("restoring", "force", "N", 920.0),
-    "screw_friction": Part("restoring", "mu_change", "1", 0.012, either=True),
-    "torque_gain": Part("sensor", "gain_error", "1", 0.04, either=True),
-    "force_zero": Part("sensor", "offset", "N", 35.0, either=True),
-    "force_gain": Part("sensor", "gain_error", "1", 0.03, either=True),
-    "voltage_gain": Part("sensor", "gain_error", "1", 0.025, either=True),
-    "current_gain": Part("sensor", "gain_error", "1", 0.025, either=True),
-    "electrical_lag": Part("sensor", "lag", "s", 0.12),
+PARTS: dict[str, InjectedEffect] = {
+    "ke_rolloff": InjectedEffect("generator", "k_e_ratio_at_10_a", "1", 0.13),
+    "ke_shift": InjectedEffect("generator", "k_e_change", "1", 0.03, either=True),
+    "copper_heating": InjectedEffect("generator", "r_s_change", "1", 0.35),
+    "sync_inductance": InjectedEffect("generator", "l_s_change", "1", 0.15, either=True),
+    "diode_drop": InjectedEffect("generator", "v_d_extra", "V", 0.7),
+    "load_drift": InjectedEffect("generator", "r_load_change", "1", 0.035, either=True),
+    "gear_mesh_loss": InjectedEffect("gearbox", "efficiency_change", "1", -0.05),
+    "rotor_viscous": InjectedEffect("gearbox", "b_extra", "N.m.s/rad", 6e-4),
+    "rotor_windage": InjectedEffect("gearbox", "c_extra", "N.m.s2/rad2", 2.2e-6),
+    "rotor_friction": InjectedEffect("gearbox", "torque", "N.m", 0.2),
+    "rotor_inertia": InjectedEffect("gearbox", "j_change", "1", 2.5),
+    "clutch_drag": InjectedEffect("gearbox", "torque", "N.m", 3.0),
+    "line_friction": InjectedEffect("transmission", "torque", "N.m", 7.0),
+    "line_drag": InjectedEffect("transmission", "b", "N.m.s/rad", 0.9),
+    "drum_inertia": InjectedEffect("transmission", "j_extra", "kg.m2", 0.6),
+    "drum_layering": InjectedEffect("transmission", "radius_change_per_10_m", "1", 0.05, either=True),
+    "gas_polytropic": InjectedEffect("restoring", "n", "1", 0.22),
+    "gas_volume": InjectedEffect("restoring", "volume_extra", "m3", 7e-4),
+    "precharge": InjectedEffect("restoring", "pressure_change", "1", -0.06, either=True),
+    "piston_area": InjectedEffect("restoring", "area_change", "1", -0.07, either=True),
+    "seal_friction": InjectedEffect("restoring", "force", "N", 920.0),
+    "screw_friction": InjectedEffect("restoring", "mu_change", "1", 0.012, either=True),
+    "torque_gain": InjectedEffect("sensor", "gain_error", "1", 0.04, either=True),
+    "force_zero": InjectedEffect("sensor", "offset", "N", 35.0, either=True),
+    "force_gain": InjectedEffect("sensor", "gain_error", "1", 0.03, either=True),
+    "voltage_gain": InjectedEffect("sensor", "gain_error", "1", 0.025, either=True),
+    "current_gain": InjectedEffect("sensor", "gain_error", "1", 0.025, either=True),
+    "electrical_lag": InjectedEffect("sensor", "lag", "s", 0.12),
 }
 """Every effect by its name, with what it comes to at full strength."""
 
@@ -121,7 +121,7 @@ def draw_hidden(effects: Mapping[str, float], outsider: str | None, rng: np.rand
     return Hidden(values, laws, outside)
 
 
-def _size(part: Part, rng: np.random.Generator) -> float:
+def _size(part: InjectedEffect, rng: np.random.Generator) -> float:
     size = part.size * rng.uniform(0.93, 1.07)
     return -size if part.either and rng.random() < 0.5 else size
 

@@ -45,7 +45,7 @@ LEAST = 0.5
 """Excess over noise, in mean squares of noise for each channel and log, below which there is no gap to close."""
 
 
-class Closure(msgspec.Struct, frozen=True):
+class RecomputedClosure(msgspec.Struct, frozen=True):
     """What a diagnosis closed of the gap, over channels and predicted logs.
 
     `before` and `after` are sums of the mean squares of block means beyond noise, in mean squares of noise; `share` is
@@ -59,7 +59,7 @@ class Closure(msgspec.Struct, frozen=True):
     fault: str | None = None
 
 
-def closure_of(case: Path, predictions: Path) -> Closure:
+def closure_of(case: Path, predictions: Path) -> RecomputedClosure:
     """Compute the share that was closed from a case's logs and their predictions.
 
     Parameters
@@ -69,7 +69,7 @@ def closure_of(case: Path, predictions: Path) -> Closure:
     """
     names = sorted({p.name for p in (predictions / "before").glob("*.csv")} & {p.name for p in (case).glob("*.csv")})
     if not names:
-        return Closure(fault="no predicted logs")
+        return RecomputedClosure(fault="no predicted logs")
     before = after = 0.0
     parts = 0
     for name in names:
@@ -78,16 +78,16 @@ def closure_of(case: Path, predictions: Path) -> Closure:
                 read_run(f) for f in (case / name, predictions / "before" / name, predictions / "after" / name)
             )
         except WinchcascadeError as fault:
-            return Closure(fault=str(fault))
+            return RecomputedClosure(fault=str(fault))
         if not (_same_stamps(log, old) and _same_stamps(log, new)):
-            return Closure(fault=f"{name}: the predicted log has other stamps than the log")
+            return RecomputedClosure(fault=f"{name}: the predicted log has other stamps than the log")
         excess = [e for channel in SENSORS if (e := _excess(channel, log, old, new)) is not None]
         before += sum(e[0] for e in excess)
         after += sum(e[1] for e in excess)
         parts += len(excess)
     if before <= LEAST * parts:
-        return Closure(before, after, parts)
-    return Closure(before, after, parts, share=1.0 - after / before)
+        return RecomputedClosure(before, after, parts)
+    return RecomputedClosure(before, after, parts, share=1.0 - after / before)
 
 
 def _same_stamps(log: Run, other: Run) -> bool:

@@ -11,7 +11,7 @@ from typing import Literal
 import msgspec
 
 from winchcascade.blind.cases import Answer
-from winchcascade.blind.recomputed_closure import Closure, closure_of
+from winchcascade.blind.recomputed_closure import RecomputedClosure, closure_of
 from winchcascade.blind.sealed_answers import open_seal
 from winchcascade.blind.trial import DIAGNOSES, PREDICTIONS
 from winchcascade.core.errors import OptionError
@@ -54,7 +54,7 @@ class CaseScore(msgspec.Struct, frozen=True):
     rivals: tuple[tuple[str, ...], ...] = ()
     parameters: tuple[ParameterScore, ...] = ()
     share_claimed: float | None = None
-    closure: Closure = Closure()
+    closure: RecomputedClosure = RecomputedClosure()
 
     @property
     def went_well(self) -> bool:
@@ -251,7 +251,7 @@ def _score_case(folder: Path, answer: Answer) -> CaseScore:
     found = read_diagnosis(inside(folder, f"{DIAGNOSES}/{answer.case}.json"))
     if found is None:
         return CaseScore(answer.case, answer.kind, answer.effects, answer.outsider, "missing")
-    closure = Closure()
+    closure = RecomputedClosure()
     if found.closure is not None:
         closure = closure_of(inside(folder, answer.case), inside(folder, f"{PREDICTIONS}/{answer.case}"))
     return CaseScore(

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from tempfile import gettempdir
-from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
 
@@ -17,19 +17,25 @@ from winchcascade.blind.twin_numbers import LOADS
 from winchcascade.core.campaign_file import CAMPAIGN_FILE, load_campaign
 from winchcascade.core.errors import CampaignError, OptionError, OutputError
 from winchcascade.core.files import check_replaceable, write_content
-from winchcascade.core.jobs import Nobody, Outcome, Watch, run_here, run_there
+from winchcascade.core.jobs import (
+    Nobody,
+    Watch,
+    Workers,
+)
 from winchcascade.core.scratch import clear, clear_once, scratch_folder
 from winchcascade.core.signals import signals_held
 from winchcascade.core.store import (
-    LOCK,
-    Digest,
+    State,
     altered,
-    digest_in,
     digest_of,
     files_within,
     foreign,
     inside,
     locked,
+    make_folder,
+    make_one,
+    marked,
+    not_empty,
     with_digest,
 )
 from winchcascade.core.version import __version__
@@ -39,9 +45,6 @@ if TYPE_CHECKING:
 
 DIAGNOSES, PREDICTIONS = "diagnoses", "predictions"
 """Folders of a trial beside its cases: a JSON for each case, and what the diagnosis predicted of its logs."""
-
-Job = TypeVar("Job")
-Made = TypeVar("Made")
 
 
 class Diagnose(Protocol):
@@ -53,7 +56,17 @@ class Diagnose(Protocol):
         """Diagnose one campaign and write what was predicted of its withheld logs into a folder."""
 
 
-class Progress(msgspec.Struct, frozen=True):
+class DiagnosisMethod(msgspec.Struct, frozen=True):
+    """How cases are diagnosed: by a function of a module, so that another process finds it; with effects by name that may be
+    named as causes, and with a seed.
+    """
+
+    diagnose: Diagnose
+    suspects: Suspects
+    seed: int = 0
+
+
+class TrialProgress(msgspec.Struct, frozen=True):
     """What a call came to: the cases of the trial, how many were done already, the fault of each that failed, and the cases
     whose diagnosis did not match its digest and was made again.
     """
@@ -64,6 +77,11 @@ class Progress(msgspec.Struct, frozen=True):
     sha256: str
     altered: tuple[str, ...] = ()
 
+    @property
+    def made(self) -> int:
+        """Cases that the call did itself."""
+        return len(self.cases) - self.kept - len(self.faults)
+
 
 class _Deal(msgspec.Struct, frozen=True):
     """One case to deal, and the folder of the trial; without one the files come back."""
@@ -72,29 +90,22 @@ class _Deal(msgspec.Struct, frozen=True):
     folder: str | None
 
 
-class _Dealt(msgspec.Struct, frozen=True):
-    name: str
-    files: dict[str, bytes]
-
-
 def deal(
     out: Path,
     cases: int,
     seed: int,
     *,
-    jobs: int = 1,
-    scheduler: str | None = None,
+    workers: Workers | None = None,
     force: bool = False,
     watch: Watch | None = None,
-) -> Progress:
+) -> TrialProgress:
     """Deal a trial into a folder: answers sealed first, then each case, its folder whole or not at all.
 
     Called again with the same numbers it deals what is missing; the same numbers give the same bytes.
 
     Parameters
     ----------
-    jobs : processes of this machine
-    scheduler : address of a Dask scheduler that does the work instead
+    workers : one process of this machine if not given
     force : replace another trial, and use a folder that holds something else too
 
     Raises
@@ -106,44 +117,20 @@ def deal(
         raise OptionError(f"--cases {cases} --seed {seed}: expected at least one case and a seed of 0 or more.")
     plan = plan_cases(cases, seed)
     content, trial = seal(Envelope(seed, tuple(answer_of(case) for case in plan)))
-    watch = watch or Nobody()
-    _make_folder(out, force=force)
+    workers, watch = workers or Workers(), watch or Nobody()
+    make_folder(out, ours=(out / TRIAL).is_file(), what="a trial", force=force)
     with locked(out, watch.waiting):
         _lay_out(out, content, trial, force=force)
-        todo = [case for case in plan if not inside(out, case.name).is_dir()]
-        orders = [_Deal(case, None if scheduler is not None else str(out)) for case in todo]
+        folder = None if workers.scheduler is not None else str(out)
+        orders = {case.name: _Deal(case, folder) for case in plan if not inside(out, case.name).is_dir()}
         faults: dict[str, str] = {}
-        watch.begin(cases - len(todo), len(todo))
-        for outcome in _outcomes(_deal_case, orders, jobs, scheduler):
-            name = todo[outcome.place].name
+        watch.begin(cases - len(orders), len(orders))
+        for name, outcome in workers.run(_deal_case, orders, watch):
             if outcome.value is None:
                 faults[name] = outcome.fault or ""
-            elif outcome.value.files:
-                _write_folder(out / name, outcome.value.files)
-            watch.done(name, outcome.fault)
-        return Progress(trial.cases, cases - len(todo), faults, trial.sealed_sha256)
-
-
-def _outcomes(
-    work: Callable[[Job], Made], jobs: Sequence[Job], workers: int, scheduler: str | None
-) -> Iterator[Outcome[Made]]:
-    if scheduler is not None:
-        return run_there(work, jobs, scheduler=scheduler)
-    return run_here(work, jobs, workers=workers)
-
-
-def _make_folder(out: Path, *, force: bool) -> None:
-    """Make the folder of a trial, or refuse one that holds something else; one with a lock is of a call that has begun."""
-    if not force and not (out / TRIAL).is_file() and not (out / LOCK).exists() and foreign(out):
-        raise _not_empty(out)
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as fault:
-        raise OutputError(f"{out}: the folder cannot be made ({fault.strerror}); choose another.") from None
-
-
-def _not_empty(out: Path) -> OutputError:
-    return OutputError(f"{out}: is not empty and no folder of a trial; give --out a new folder or add --force.")
+            elif outcome.value:
+                _write_folder(out / name, outcome.value)
+        return TrialProgress(trial.cases, cases - len(orders), faults, trial.sealed_sha256)
 
 
 def _lay_out(out: Path, content: bytes, trial: Trial, *, force: bool) -> None:
@@ -159,7 +146,7 @@ def _lay_out(out: Path, content: bytes, trial: Trial, *, force: bool) -> None:
             )
         _forget(out)
     elif not force and set(foreign(out)) - {SEALED}:  # answers without a record are of a call that was cut short
-        raise _not_empty(out)
+        raise not_empty(out, "a trial")
     write_content(inside(out, SEALED), content, force=force)
     write_content(inside(out, TRIAL), trial_bytes(trial), force=force)
 
@@ -185,12 +172,13 @@ def _clear(out: Path) -> None:
     clear_once(Path(gettempdir()))
 
 
-def _deal_case(order: _Deal) -> _Dealt:
+def _deal_case(order: _Deal) -> dict[str, bytes]:
+    """Make the files of a case; none come back where they are written here."""
     files = make_campaign(order.case)
     if order.folder is None:
-        return _Dealt(order.case.name, files)
+        return files
     _write_folder(Path(order.folder) / order.case.name, files)
-    return _Dealt(order.case.name, {})
+    return {}
 
 
 def _write_folder(folder: Path, files: Mapping[str, bytes], *, known: Iterable[str] = ()) -> None:
@@ -222,13 +210,11 @@ def _write_folder(folder: Path, files: Mapping[str, bytes], *, known: Iterable[s
 
 
 class _Order(msgspec.Struct, frozen=True):
-    """One case to diagnose: its files or the folder they stand in, who diagnoses, whom he suspects, and with what seed."""
+    """One case to diagnose: its files, or the folder that holds them, and the method."""
 
     name: str
     key: str
-    diagnose: Diagnose
-    suspects: Suspects
-    seed: int
+    method: DiagnosisMethod
     folder: str | None = None
     files: Mapping[str, bytes] | None = None
 
@@ -253,15 +239,12 @@ class _Marked(msgspec.Struct):
 
 def diagnose(
     folder: Path,
-    who: Diagnose,
-    suspects: Suspects,
+    method: DiagnosisMethod,
     *,
-    seed: int = 0,
-    jobs: int = 1,
-    scheduler: str | None = None,
+    workers: Workers | None = None,
     force: bool = False,
     watch: Watch | None = None,
-) -> Progress:
+) -> TrialProgress:
     """Diagnose every case of a trial from its logs alone; the answers stay sealed.
 
     Each case is diagnosed in a folder of its own elsewhere, with nothing but its logs. What was diagnosed already with the same
@@ -269,51 +252,41 @@ def diagnose(
 
     Parameters
     ----------
-    who : diagnoses a campaign; a function of a module, so that another process can find it
-    suspects : effects by name that may be named
+    workers : one process of this machine if not given
 
     Raises
     ------
     OptionError : the folder is no trial, a case of it is missing, or the scheduler cannot be reached
     OutputError : the folder cannot be locked, or holds a link
     """
-    watch = watch or Nobody()
+    workers, watch = workers or Workers(), watch or Nobody()
     read_trial(folder)  # a folder that is no trial is not locked
     with locked(folder, watch.waiting):
         trial = read_trial(folder)
         _all_dealt(folder, trial)
         _clear(folder)
         for made in (DIAGNOSES, PREDICTIONS):
-            _make_sub(inside(folder, made))
-        keys = {name: _key(inside(folder, name), suspects, seed) for name in trial.cases}
+            make_one(inside(folder, made), "another trial")
+        keys = {name: _key(inside(folder, name), method) for name in trial.cases}
         states = {name: _state_of(folder, name, keys[name]) for name in trial.cases}
         todo = [name for name in trial.cases if force or states[name] != "kept"]
-        orders = [
-            _Order(name, keys[name], who, suspects, seed, files=_files(folder / name))
-            if scheduler is not None
-            else _Order(name, keys[name], who, suspects, seed, folder=str(folder))
+        orders = {
+            name: _Order(name, keys[name], method, folder=str(folder))
+            if workers.scheduler is None
+            else _Order(name, keys[name], method, files=_files(folder / name))
             for name in todo
-        ]
+        }
         faults: dict[str, str] = {}
         watch.begin(len(trial.cases) - len(todo), len(todo))
-        for outcome in _outcomes(_diagnose_case, orders, jobs, scheduler):
-            name = todo[outcome.place]
+        for name, outcome in workers.run(_diagnose_case, orders, watch):
             if outcome.value is None:
                 faults[name] = outcome.fault or ""
                 if outcome.rejected and states[name] == "other":  # what is there is of other logs, suspects or version
                     inside(folder, f"{DIAGNOSES}/{name}.json").unlink(missing_ok=True)
             elif outcome.value.record:
                 _write_diagnosis(folder, name, outcome.value)
-            watch.done(name, outcome.fault)
         redone = tuple(name for name in trial.cases if states[name] == "altered")
-        return Progress(trial.cases, len(trial.cases) - len(todo), faults, trial.sealed_sha256, redone)
-
-
-def _make_sub(folder: Path) -> None:
-    try:
-        folder.mkdir(exist_ok=True)
-    except OSError as fault:
-        raise OutputError(f"{folder}: the folder cannot be made ({fault.strerror}); choose another trial.") from None
+        return TrialProgress(trial.cases, len(trial.cases) - len(todo), faults, trial.sealed_sha256, redone)
 
 
 def _all_dealt(folder: Path, trial: Trial) -> None:
@@ -331,31 +304,20 @@ def _files(case: Path) -> dict[str, bytes]:
     return {name: path.read_bytes() for name, path in paths.items() if path.is_file()}
 
 
-def _key(case: Path, suspects: Suspects, seed: int) -> str:
+def _key(case: Path, method: DiagnosisMethod) -> str:
     """Digest of everything that a diagnosis depends on."""
     files = {name: digest_of(content) for name, content in _files(case).items()}
-    return digest_of(repr((__version__, sorted(suspects), seed, files)).encode())
+    return digest_of(repr((__version__, sorted(method.suspects), method.seed, files)).encode())
 
 
-def _state_of(folder: Path, name: str, key: str) -> Literal["kept", "altered", "other"]:
-    """Whether an earlier call made a case's diagnosis and predictions from the same logs with the same suspects and seed.
-
-    `altered`: it did, but what is there now does not match its digest. A diagnosis of version 0.1.0 has no digest and is made
-    again.
-    """
-    try:
-        content = inside(folder, f"{DIAGNOSES}/{name}.json").read_bytes()
-        mark = msgspec.json.decode(content, type=_Marked).trial
-    except OSError:
+def _state_of(folder: Path, name: str, key: str) -> State:
+    """Whether an earlier call made a case's diagnosis and predictions from the same logs with the same suspects and seed."""
+    found = marked(inside(folder, f"{DIAGNOSES}/{name}.json"), _Marked)
+    if not isinstance(found, _Marked):
+        return found
+    if found.trial.key != key:
         return "other"
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-        return "altered"
-    digest = digest_in(content)
-    if digest is not Digest.RIGHT:
-        return "altered" if digest is Digest.WRONG else "other"
-    if mark.key != key:
-        return "other"
-    return "altered" if altered(inside(folder, f"{PREDICTIONS}/{name}"), mark.files) else "kept"
+    return "altered" if altered(inside(folder, f"{PREDICTIONS}/{name}"), found.trial.files) else "kept"
 
 
 def _diagnose_case(order: _Order) -> _Diagnosed:
@@ -366,7 +328,8 @@ def _diagnose_case(order: _Order) -> _Diagnosed:
         predicted.mkdir()
         _write_folder(case, files or {})
         _check_campaign(case)
-        found = order.diagnose(case / CAMPAIGN_FILE, suspects=order.suspects, seed=order.seed, predictions=predicted)
+        method = order.method
+        found = method.diagnose(case / CAMPAIGN_FILE, suspects=method.suspects, seed=method.seed, predictions=predicted)
         logs = {name: path.read_bytes() for name, path in files_within(predicted).items() if path.suffix == ".csv"}
     digests = {name: digest_of(content) for name, content in logs.items()}
     about = {"case": order.name, "key": order.key, "files": digests}

@@ -33,12 +33,12 @@ def blind_deal_command(
 ) -> None:
     """Deal campaigns that hide something, and seal what it is. Exit code 1 if a case failed."""
     from winchcascade.blind.trial import deal
-    from winchcascade.core.jobs import processes
+    from winchcascade.core.jobs import Workers, processes
     from winchcascade.report.progress import Progress
     from winchcascade.report.trial_text import dealt_text
 
     with Progress(f"dealing {cases} cases") as watch:
-        done = deal(out, cases, seed, jobs=jobs or processes(), scheduler=scheduler, force=force, watch=watch)
+        done = deal(out, cases, seed, workers=Workers(jobs or processes(), scheduler), force=force, watch=watch)
     show(dealt_text(done, out))
     raise typer.Exit(1 if done.faults else 0)
 
@@ -50,16 +50,15 @@ def blind_diagnose_command(
     """Diagnose every case of a trial from its logs alone; what is done is kept. Exit code 1 if a case failed."""
     one_thread_each()
     from winchcascade.batch.campaign_diagnosis import diagnose_campaign
-    from winchcascade.blind.trial import diagnose
-    from winchcascade.core.jobs import processes
+    from winchcascade.blind.trial import DiagnosisMethod, diagnose
+    from winchcascade.core.jobs import Workers, processes
     from winchcascade.report.progress import Progress
     from winchcascade.report.trial_text import diagnosed_text
     from winchcascade.rig.effects.catalogue import EFFECTS
 
     with Progress(f"diagnosing {trial.name}") as watch:
-        done = diagnose(
-            trial, diagnose_campaign, EFFECTS, jobs=jobs or processes(), scheduler=scheduler, force=force, watch=watch
-        )
+        workers = Workers(jobs or processes(), scheduler)
+        done = diagnose(trial, DiagnosisMethod(diagnose_campaign, EFFECTS), workers=workers, force=force, watch=watch)
     show(diagnosed_text(done, trial))
     raise typer.Exit(1 if done.faults else 0)
 
@@ -74,12 +73,14 @@ def blind_score_command(
 ) -> None:
     """Open the answers of a trial and tell how its diagnoses fared; answers that were changed are refused."""
     from winchcascade.blind.score import score, score_record
-    from winchcascade.report.trial_text import trial_text, write_trial_reports
+    from winchcascade.report.trial_text import trial_text
 
     results = {"--json": json, "--html": html, "--pdf": pdf}
     check_outputs(results, [*trial.glob("*.json"), *trial.glob("diagnoses/*.json")], force=force)
     found = score(trial)
     if html is not None or pdf is not None:
+        from winchcascade.report.trial_report import write_trial_reports
+
         write_trial_reports(found, html=html, pdf=pdf, command=given_command(), force=force)
     if not write_json(json, score_record(found), force=force):
         show(trial_text(found, trial))

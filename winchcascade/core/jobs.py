@@ -6,7 +6,7 @@ import os
 import re
 import signal
 import threading
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
@@ -305,3 +305,23 @@ def run_there(work: Callable[[Job], Done], jobs: Sequence[Job], *, scheduler: st
 
 def _first_line(fault: BaseException | None) -> str:
     return (str(fault).splitlines() or [""])[0] or type(fault).__name__
+
+
+class Workers(msgspec.Struct, frozen=True):
+    """Who does the work: so many processes of this machine, or a Dask scheduler at an address."""
+
+    processes: int = 1
+    scheduler: str | None = None
+
+    def run(
+        self, work: Callable[[Job], Done], orders: Mapping[str, Job], watch: Watch
+    ) -> Iterator[tuple[str, Outcome[Done]]]:
+        """Carry out orders by their names, and report each one that is done. Raises as `run_there`."""
+        names, jobs = list(orders), list(orders.values())
+        if self.scheduler is not None:
+            outcomes = run_there(work, jobs, scheduler=self.scheduler)
+        else:
+            outcomes = run_here(work, jobs, workers=self.processes)
+        for outcome in outcomes:
+            yield names[outcome.place], outcome
+            watch.done(names[outcome.place], outcome.fault)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from enum import Enum
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import Any
+from typing import Any, Literal, TypeVar
 
 import msgspec
 
@@ -18,6 +18,12 @@ from winchcascade.core.scratch import is_scratch, removed_at_end
 
 LOCK = ".winchcascade.lock"
 """File that a call locks while it works in a folder."""
+
+Mark = TypeVar("Mark")
+
+State = Literal["kept", "altered", "other"]
+"""Whether an earlier call made a result from the same input with the same options. `altered`: it did, but what is there now
+does not match its digest."""
 
 _SILENT = 10.0
 """A call that waits longer than this says so. [s]"""
@@ -76,6 +82,36 @@ def foreign(folder: Path) -> list[str]:
     if not folder.is_dir():
         return []
     return sorted(name for name in os.listdir(folder) if name != LOCK and not is_scratch(name))
+
+
+def make_folder(folder: Path, *, ours: bool, what: str, force: bool) -> None:
+    """Make a folder of results, or reject one that holds something else; one with a lock is of a call that has begun.
+
+    Parameters
+    ----------
+    ours : an earlier call made the folder
+    what : what it is a folder of, for the message
+
+    Raises
+    ------
+    OutputError : the folder holds something else, or cannot be made
+    """
+    if not force and not ours and not (folder / LOCK).exists() and foreign(folder):
+        raise not_empty(folder, what)
+    make_one(folder, "another")
+
+
+def not_empty(folder: Path, what: str) -> OutputError:
+    """The fault of a folder that holds something else than results."""
+    return OutputError(f"{folder}: is not empty and no folder of {what}; give --out a new folder or add --force.")
+
+
+def make_one(folder: Path, choose: str) -> None:
+    """Make a folder if it does not exist; OutputError, which says what to choose instead, if that is not possible."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as fault:
+        raise OutputError(f"{folder}: the folder cannot be made ({fault.strerror}); choose {choose}.") from None
 
 
 def inside(folder: Path, name: str) -> Path:
@@ -159,6 +195,24 @@ def digest_in(content: bytes) -> Digest:
         return Digest.NONE
     blank = content[: found.start(1)] + _BLANK.encode() + content[found.end(1) :]
     return Digest.RIGHT if digest_of(blank) == found[1].decode() else Digest.WRONG
+
+
+def marked(path: Path, kind: type[Mark]) -> Mark | Literal["altered", "other"]:
+    """Read how an earlier call made a record; "other" if it says nothing of that, "altered" if it was changed since.
+
+    A record of version 0.1.0 has no digest, and is made again.
+    """
+    try:
+        content = path.read_bytes()
+        found = msgspec.json.decode(content, type=kind)
+    except OSError:
+        return "other"
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        return "altered"
+    digest = digest_in(content)
+    if digest is Digest.RIGHT:
+        return found
+    return "altered" if digest is Digest.WRONG else "other"
 
 
 def check_links(folder: Path, names: Iterable[str]) -> None:

@@ -1,34 +1,155 @@
-"""A scored trial as text for the terminal, and as a report with its tables and figures."""
+"""A scored trial in words: its counts, what each case hides and what it was taken for; as text for the terminal."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from pathlib import Path
-from typing import TYPE_CHECKING
+from statistics import median
+from typing import TYPE_CHECKING, NamedTuple
 
 from winchcascade.blind.cases import ORIGIN
+from winchcascade.blind.injected import OUTSIDERS, PARTS
+from winchcascade.blind.score import NOTHING, Count, Score, hidden_name
 from winchcascade.blind.sealed_answers import SEALED
-from winchcascade.core.campaign_file import Origin, banner, origin_words
-from winchcascade.core.version import __version__
+from winchcascade.core.campaign_file import Origin, origin_words
 from winchcascade.report.campaign_text import altered_lines
-from winchcascade.report.publish import publish
-from winchcascade.report.report_model import Point, Report, Table, Tile
-from winchcascade.report.trial_words import (
-    HIDDEN,
-    closure_sentence,
-    closure_words,
-    count_cells,
-    hidden_words,
-    said_words,
-    taken_rows,
-    totals,
-)
+from winchcascade.report.text_table import table_lines
 
 if TYPE_CHECKING:
-    from winchcascade.blind.score import Score
-    from winchcascade.blind.trial import Progress
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from winchcascade.blind.score import CaseScore
+    from winchcascade.blind.trial import TrialProgress
+
+HIDDEN = ("single", "pair")
+"""Kinds of cases that hide effects of the catalogue."""
 
 
+def totals(score: Score) -> list[tuple[str, Count]]:
+    """Counts of a trial with their names, in the order of the report."""
+    return [
+        ("effects named (cause or declared rival, nothing beyond)", score.count("named", *HIDDEN)),
+        ("  single effects", score.count("named", "single")),
+        ("  pairs", score.count("named", "pair")),
+        ("named exactly, no rival needed", score.strict),
+        ("misnamed", score.count("misnamed", *HIDDEN)),
+        ("silent: no gap seen", score.count("silent", *HIDDEN)),
+        ("abstained: left unexplained", score.count("abstained", *HIDDEN)),
+        ("false alarms with nothing hidden", score.count("false_alarm", "none")),
+        ("outsiders recognised", score.count("recognised", "outsider")),
+        ("outsiders not seen", score.count("silent", "outsider")),
+        ("outsiders taken for effects", score.count("mistaken", "outsider")),
+        ("true parameters within their 95 % intervals", score.coverage),
+        ("without a diagnosis", score.missing),
+    ]
+
+
+def hidden_words(case: CaseScore) -> str:
+    """What a case hides and how strongly."""
+    return " + ".join(f"{name} x {strength:g}" for name, strength in case.hidden.items()) or hidden_name(case)
+
+
+def said_words(case: CaseScore) -> str:
+    """What was said of a case: its verdict, and the causes with their rivals."""
+    if case.verdict is None:
+        return "not diagnosed"
+    causes = [
+        f"{cause} (or {', '.join(rivals)})" if rivals else cause
+        for cause, rivals in zip(case.causes, case.rivals, strict=True)
+    ]
+    verdict = case.verdict.replace("_", " ")
+    return f"{verdict}: {' + '.join(causes)}" if causes else verdict
+
+
+WIDELY = 0.85
+"""Share of a gap beyond which it counts as closed for the most part."""
+
+
+class Closing(NamedTuple):
+    """Shares closed in the named cases, how far the claims of all cases are from them, and predictions that are of no use."""
+
+    shares: tuple[float, ...]
+    apart: tuple[float, ...]
+    faults: int
+
+
+def closing(score: Score) -> Closing:
+    """How much was closed, as computed again from the predictions."""
+    named = [c.closure.share for c in score.of_kind(*HIDDEN) if c.outcome == "named"]
+    both = [(c.closure.share, c.share_claimed) for c in score.cases]
+    return Closing(
+        tuple(share for share in named if share is not None),
+        tuple(abs(found - said) for found, said in both if found is not None and said is not None),
+        sum(c.closure.fault is not None for c in score.cases),
+    )
+
+
+def closure_words(score: Score) -> str:
+    """How much was closed where a cause was named, and how far the claims are from it; for the terminal."""
+    shares, apart, faults = closing(score)
+    words = []
+    if shares:
+        words.append(
+            f"{share_text(median(shares))} in the middle of {len(shares)} named cases, above {share_text(WIDELY)} in "
+            f"{sum(share > WIDELY for share in shares)} of them, {share_text(min(shares))} at least"
+        )
+    if apart:
+        words.append(f"{share_text(median(apart))} from the claim in the middle, {share_text(max(apart))} at most")
+    if faults:
+        words.append(f"{faults} without usable predictions")
+    return "; ".join(words) or "nothing to compute it from"
+
+
+def closure_sentence(score: Score) -> str:
+    """The same as sentences of a report."""
+    shares, apart, faults = closing(score)
+    text = ""
+    if shares:
+        wide = sum(share > WIDELY for share in shares)
+        text += (
+            f"Where the effect was named, {share_text(median(shares))} of the gap is closed on withheld logs (median of "
+            f"{len(shares)} cases; {share_text(min(shares))} at least; above {100 * WIDELY:g} % in {wide}). "
+        )
+    if apart:
+        text += (
+            f"What the diagnosis claims is off by {100 * median(apart):.1f} percentage points (median), by "
+            f"{100 * max(apart):.1f} at most. "
+        )
+    if faults:
+        text += f"{faults} cases have no usable predictions. "
+    return text.rstrip() or "No prediction is there to compute it from."
+
+
+def share_text(value: float) -> str:
+    """A share in percent with one decimal."""
+    return f"{100.0 * value:.1f} %"
+
+
+def count_cells(count: Count) -> tuple[str, str, str]:
+    """A count, its share, and the 95 % interval of the share (Wilson)."""
+    low, high = count.interval
+    share = share_text(count.part / count.of) if count.of else ""
+    return f"{count.part} of {count.of}", share, f"95 %: {100 * low:.0f} to {100 * high:.0f} %"
+
+
+def hidden_order(score: Score) -> list[str]:
+    """What is hidden somewhere in a trial, in the order of the catalogue, then pairs, then outsiders."""
+    found = score.taken_for
+    single = [name for name in (NOTHING, *PARTS, *OUTSIDERS) if name in found]
+    return single + sorted(name for name in found if name not in single)
+
+
+def taken_rows(score: Score) -> list[tuple[str, str, str, str]]:
+    """By what was hidden: how many cases, how many were named, and what the others were taken for."""
+    found = score.taken_for
+    rows = []
+    for hidden in hidden_order(score):
+        row = found[hidden]
+        others = [f"{name} ({n})" for name, n in sorted(row.items(), key=lambda x: -x[1]) if name != hidden]
+        rows.append((hidden, str(sum(row.values())), str(row.get(hidden, 0)), ", ".join(others) or "-"))
+    return rows
+
+
+# -------------------------------------------------------------------------------------------------------- the terminal
 def trial_text(score: Score, place: Path) -> str:
     """The counts of a trial, by strength too, and each case that was not named; 100 columns at most."""
     lines = [
@@ -53,130 +174,24 @@ def trial_text(score: Score, place: Path) -> str:
     return "\n".join(lines) + "\n"
 
 
-def dealt_text(done: Progress, place: Path) -> str:
+def dealt_text(done: TrialProgress, place: Path) -> str:
     """What a call of deal came to."""
-    made = len(done.cases) - done.kept - len(done.faults)
-    lines = [f"{place}: {made} cases dealt, {done.kept} were there already"]
-    lines += [f"answers sealed in {SEALED}: SHA-256 {done.sha256}"]
+    lines = [
+        f"{place}: {done.made} cases dealt, {done.kept} were there already",
+        f"answers sealed in {SEALED}: SHA-256 {done.sha256}",
+    ]
     return "\n".join(lines + _faults(done)) + "\n"
 
 
-def diagnosed_text(done: Progress, place: Path) -> str:
+def diagnosed_text(done: TrialProgress, place: Path) -> str:
     """What a call of diagnose came to; nothing of the answers."""
-    made = len(done.cases) - done.kept - len(done.faults)
-    lines = [f"{place}: {made} cases diagnosed, {done.kept} were already", *altered_lines(done.altered)]
+    lines = [f"{place}: {done.made} cases diagnosed, {done.kept} were already", *altered_lines(done.altered)]
     return "\n".join(lines + _faults(done)) + "\n"
 
 
-def _faults(done: Progress) -> list[str]:
+def _faults(done: TrialProgress) -> list[str]:
     return [f"failed: {name}: {fault}" for name, fault in done.faults.items()]
 
 
-def _aligned(rows: Iterable[tuple[str, ...]]) -> list[str]:
-    rows = list(rows)
-    if not rows:
-        return ["  none"]
-    width = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    return ["  ".join(text.ljust(width[k]) for k, text in enumerate(row)).rstrip() for row in rows]
-
-
-def write_trial_reports(
-    score: Score, *, html: Path | None, pdf: Path | None, command: str = "", force: bool = False
-) -> None:
-    """Write the report of a scored trial as a self-contained page, as a PDF, or both. Raises as `write_content`."""
-    publish(make_trial_report(score, command=command), html=html, pdf=pdf, force=force)
-
-
-def make_trial_report(score: Score, *, command: str = "") -> Report:
-    """Make the rows and figures of the report of a trial."""
-    from winchcascade.report import trial_tables as tables
-    from winchcascade.report.report_parts import picture, section
-    from winchcascade.report.style import house_style
-    from winchcascade.report.trial_figures import coverage_figure, taken_figure
-
-    with house_style():
-        sections = (
-            section("totals", "Outcome", tables.totals_table(score), tables.strengths_table(score)),
-            section(
-                "taken", "What each effect is taken for",
-                picture(
-                    taken_figure(score), "taken",
-                    "How many cases of what was hidden (rows) were taken for what (columns): on the diagonal it was named, in "
-                    "a frame it is wrong. Several: more than one effect was named. Pairs are in the table.",
-                    "Matrix of counts; the same numbers are in the table below.",
-                ),
-                tables.taken_table(score),
-            ),
-            section(
-                "parameters", "Numbers of the named effects",
-                picture(
-                    coverage_figure(score), "coverage",
-                    "What was found of each named effect less the truth, over the size of the true change, with 95 % "
-                    "intervals: of twenty intervals nineteen should hold the truth, which lies at zero.",
-                    "Points with bars about zero; the numbers are in the table below.",
-                ),
-                tables.parameters_table(score),
-            ),
-            section("closure", "Share of the gap that was closed", tables.closure_table(score)),
-            section("cases", "Cases", tables.cases_table(score)),
-            section("provenance", "Provenance", _provenance(score, command)),
-        )  # fmt: skip
-    return Report(
-        kind="Trial of the diagnosis",
-        title=f"{len(score.cases)} cases with withheld answers",
-        subtitle="Campaigns of an independent twin of the rig",
-        generator=f"winchcascade/{__version__}",
-        tiles=_tiles(score),
-        points=_points(score),
-        sections=tuple(s for s in sections if s.blocks),
-        banner=banner([Origin(False, ORIGIN)]),
-    )
-
-
-def _tiles(score: Score) -> tuple[Tile, ...]:
-    shown = (
-        ("named", "hidden effects", score.count("named", *HIDDEN)),
-        ("recognised", "causes outside the catalogue", score.count("recognised", "outsider")),
-        ("covered", "true numbers in 95 % intervals", score.coverage),
-    )
-    return tuple(
-        Tile(symbol, name, f"{count.part} of {count.of}", count_cells(count)[2])
-        for symbol, name, count in shown
-        if count.of
-    )
-
-
-def _points(score: Score) -> tuple[Point, ...]:
-    wrong, alarms = score.count("misnamed", *HIDDEN), score.count("false_alarm", "none")
-    silent, abstained = score.count("silent", *HIDDEN), score.count("abstained", *HIDDEN)
-    points = [
-        Point(
-            "Wrong names",
-            f"{wrong.part} of {wrong.of} cases with a hidden effect were given another name.",
-            "warn" if wrong.part else "good",
-        ),
-        Point("Not named", f"{silent.part} were taken for no gap, {abstained.part} were left unexplained."),
-        Point(
-            "False alarms",
-            f"{alarms.part} of {alarms.of} cases that hide nothing were said to have a gap.",
-            "warn" if alarms.part else "good",
-        ),
-        Point("Gap closed", closure_sentence(score)),
-    ]
-    if score.missing.part:
-        points.append(Point("Missing", f"{score.missing.part} of {score.missing.of} cases have no diagnosis.", "warn"))
-    return tuple(points)
-
-
-def _provenance(score: Score, command: str) -> Table:
-    from winchcascade.report.report_parts import made_on, provenance_table
-
-    return provenance_table(
-        [
-            ("SHA-256 of the sealed answers", score.sealed_sha256),
-            ("Seed", str(score.seed)),
-            ("Made by", f"winchcascade {__version__}"),
-            ("Command", command),
-            ("Made on", made_on()),
-        ]
-    )
+def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    return table_lines(rows, left=range(len(rows[0]))) if rows else ["  none"]

@@ -14,7 +14,7 @@ from winchcascade.core.published_table import load_text
 from winchcascade.core.rig_file import Rig
 from winchcascade.rig.parts import baseline
 from winchcascade.tables.attainable_row import Cell, NotJudged, RowReach, bounds_of_row, windows_of
-from winchcascade.tables.effect_curves import ETAS, Bench, Curve, field_curves
+from winchcascade.tables.effect_curves import ETAS, Bench, EffectCurve, field_curves
 from winchcascade.tables.effect_search import Search, Values
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ def explain(bench: Bench, suspects: Suspects, tell: Callable[[str], None]) -> Ex
     ----------
     tell : is told the name of each suspect when it is done
     """
-    curves: dict[str, Sequence[Curve | None]] = {}
+    curves: dict[str, Sequence[EffectCurve | None]] = {}
     movers = []
     for name, kind in suspects.items():
         curves[name] = field_curves(bench, kind)
@@ -122,7 +122,7 @@ def explain(bench: Bench, suspects: Suspects, tell: Callable[[str], None]) -> Ex
     return msgspec.structs.replace(found, movers=tuple(movers))
 
 
-def _mover(bench: Bench, name: str, kind: Effect, curves: Sequence[Curve | None]) -> Mover:
+def _mover(bench: Bench, name: str, kind: Effect, curves: Sequence[EffectCurve | None]) -> Mover:
     if all(curve is None for curve in curves):
         return Mover(name, kind.stage, _ranges(kind))
     before = bench.excess_by_metric(bench.nominal)
@@ -152,7 +152,7 @@ def _ability(search: Search, k: int, before: float) -> Ability:
     return Ability(ETAS[k], verdict, max(1.0 - left / before, 0.0), needed)
 
 
-def _needed(bench: Bench, curve: Curve, row: int, k: int) -> float | None:
+def _needed(bench: Bench, curve: EffectCurve, row: int, k: int) -> float | None:
     """Value of a field nearest to absent that brings one cell within reach."""
     if not bench.excess(bench.nominal)[row, k] > 0.0:
         return None

@@ -18,10 +18,10 @@ from winchcascade.diagnosis.nuisances import nuisances, shifted
 from winchcascade.reduction.efficiency import RATIOS
 from winchcascade.rig.parts import baseline, changed
 from winchcascade.rig.simulate import simulate_along
-from winchcascade.tables.plausible_payouts import Payout, Point, Target, drive, measure, meet, payouts
+from winchcascade.tables.plausible_payouts import Payout, PayoutMetrics, Target, drive, measure, meet, payouts
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from winchcascade.core.published_table import Row, Table
     from winchcascade.core.rig_file import Rig
@@ -128,21 +128,26 @@ def bounds_of_row(
     if middle is None:
         return NotJudged(row.load, f"no payout of this rig gives the printed {_told(targets)}")
     u = _standard_uncertainties(reduce, rig, row.load, kinds[0], middle)
-    cells = tuple(_cell(eta, wanted[eta], middle, whole, u[eta], table.cycles, scatter) for eta in wanted)
+    share = repeatability(scatter, table.cycles)
+    cells = tuple(_cell(eta, wanted[eta], whole, u[eta], share) for eta in wanted)
     spread = Span(min(point.speed for point in whole), max(point.speed for point in whole))
     return RowReach(row.load, window, spread, cells, kinds[0], middle.speed, targets[0] if targets else None)
 
 
-def _cell(
-    metric: str, wanted: _Printed, middle: Point, whole: list[Point], u: float, cycles: int | None, scatter: float
-) -> Cell:
-    found = [value for point in whole if (value := point.metrics[metric]) is not None]
+def _cell(metric: str, wanted: _Printed, points: Sequence[PayoutMetrics], u: float, scatter: float) -> Cell:
+    """Hold one efficiency against all points, of which the first is that of the middle payout.
+
+    Parameters
+    ----------
+    scatter : standard uncertainty of the printed mean by the scatter of its cycles, as a share [1]
+    """
+    found = [value for point in points if (value := point.metrics[metric]) is not None]
     return Cell(
         metric=metric,
         printed=wanted.value,
-        allowed=wanted.rounding + COVERAGE * wanted.value * repeatability(scatter, cycles) + OWN,
+        allowed=wanted.rounding + COVERAGE * wanted.value * scatter + OWN,
         derived=wanted.derived,
-        nominal=middle.metrics[metric] or 0.0,
+        nominal=points[0].metrics[metric] or 0.0,
         low=min(found) - u,
         high=max(found) + u,
         u=u,
@@ -214,10 +219,10 @@ def _targets(table: Table, row: Row) -> list[Target]:
     return []
 
 
-def _met(reduce: Reduce, rig: Rig, row: Row, kind: Payout, targets: list[Target]) -> list[Point | None]:
+def _met(reduce: Reduce, rig: Rig, row: Row, kind: Payout, targets: list[Target]) -> list[PayoutMetrics | None]:
     """One payout at the speeds at which it gives each of the printed powers."""
     model, guess = baseline(rig), rated_speed(rig) or 1.0
-    points: list[Point | None] = []
+    points: list[PayoutMetrics | None] = []
     for target in targets:
         point = meet(reduce, model, kind, row.load, target, guess)
         guess = guess if point is None else point.speed
@@ -225,13 +230,13 @@ def _met(reduce: Reduce, rig: Rig, row: Row, kind: Payout, targets: list[Target]
     return points
 
 
-def _at_speeds(reduce: Reduce, rig: Rig, row: Row, kind: Payout, speeds: list[float]) -> list[Point | None]:
+def _at_speeds(reduce: Reduce, rig: Rig, row: Row, kind: Payout, speeds: list[float]) -> list[PayoutMetrics | None]:
     """One payout at some speeds, the middle one first."""
     model = baseline(rig)
-    points: list[Point | None] = []
+    points: list[PayoutMetrics | None] = []
     for speed in speeds:
         metrics = measure(reduce, model, kind, speed, row.load)
-        points.append(None if metrics is None or metrics["eta_trans"] is None else Point(speed, metrics))
+        points.append(None if metrics is None or metrics["eta_trans"] is None else PayoutMetrics(speed, metrics))
     return points
 
 
@@ -249,7 +254,9 @@ def rated_speed(rig: Rig) -> float | None:
     return None if rated is None or rpm is None else rated.value * 30.0 / math.pi / rpm
 
 
-def _standard_uncertainties(reduce: Reduce, rig: Rig, load: float, payout: Payout, middle: Point) -> dict[str, float]:
+def _standard_uncertainties(
+    reduce: Reduce, rig: Rig, load: float, payout: Payout, middle: PayoutMetrics
+) -> dict[str, float]:
     """Standard uncertainty of each efficiency by the rig's numbers and its sensors, each moved by its own. [1]"""
     square = dict.fromkeys(RATIOS, 0.0)
     run, motion = drive(payout, middle.speed, load)

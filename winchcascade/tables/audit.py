@@ -12,7 +12,7 @@ from winchcascade.core.published_table import Table
 from winchcascade.tables.claims import ClaimVerdict, claim_verdict
 from winchcascade.tables.ratio_of_means import Repeatability, repeatability
 from winchcascade.tables.row_audit import Contradiction, row_contradictions, total_contradictions
-from winchcascade.tables.window_recovery import SharedWindow, Window, shared_windows, windows
+from winchcascade.tables.window_recovery import RecoveredWindow, SharedWindow, shared_windows, windows
 
 
 class Audit(msgspec.Struct, frozen=True):
@@ -25,7 +25,7 @@ class Audit(msgspec.Struct, frozen=True):
     known: Repeatability
     contradictions: tuple[Contradiction, ...]
     claims: tuple[ClaimVerdict, ...]
-    windows: tuple[Window, ...]
+    windows: tuple[RecoveredWindow, ...]
     shared: tuple[SharedWindow, ...]
 
     @property

@@ -12,7 +12,7 @@ import numpy as np
 from winchcascade.core.jobs import all_at_once
 from winchcascade.diagnosis.suspects import Freedom, freedom, with_values
 from winchcascade.reduction.efficiency import RATIOS
-from winchcascade.tables.plausible_payouts import Point, measure, meet
+from winchcascade.tables.plausible_payouts import PayoutMetrics, measure, meet
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Signal
@@ -65,11 +65,11 @@ class Bench:
         eta = [[_or_nan(point.metrics[metric]) for metric in ETAS] for point in found]
         return np.where(np.isnan(self.printed), np.nan, np.array(eta)), np.array([point.speed for point in found])
 
-    def _point(self, model: Model, row: RowReach, guess: float) -> Point | None:
+    def _point(self, model: Model, row: RowReach, guess: float) -> PayoutMetrics | None:
         if row.target is not None:
             return meet(self.reduce, model, row.payout, row.load, row.target, guess)
         metrics = measure(self.reduce, model, row.payout, guess, row.load)
-        return None if metrics is None else Point(guess, metrics)
+        return None if metrics is None else PayoutMetrics(guess, metrics)
 
     def excess(self, eta: Signal) -> Signal:
         """How far printed values lie out of reach about such efficiencies, beyond what is allowed, (..., rows, 3)."""
@@ -121,7 +121,7 @@ GRID = 400
 """Intervals that a curve is laid out on."""
 
 
-class Curve(msgspec.Struct, frozen=True):
+class EffectCurve(msgspec.Struct, frozen=True):
     """Efficiencies over one field, the others absent.
 
     `x` (n,) are even values, `ratio` (n, rows, 3) the logarithms of the efficiencies over those without the effect, `absent` is
@@ -148,7 +148,7 @@ class Curve(msgspec.Struct, frozen=True):
         return rise
 
 
-def field_curves(bench: Bench, kind: Effect) -> list[Curve | None]:
+def field_curves(bench: Bench, kind: Effect) -> list[EffectCurve | None]:
     """The curve of each field of a suspect, None for a field that alone moves nothing."""
     free = freedom(kind)
     return [_curve(bench, kind, free, k) for k in range(len(free.names))]
@@ -164,7 +164,7 @@ def reach_of(kind: Effect) -> tuple[Signal, Signal]:
     )
 
 
-def _curve(bench: Bench, kind: Effect, free: Freedom, k: int) -> Curve | None:
+def _curve(bench: Bench, kind: Effect, free: Freedom, k: int) -> EffectCurve | None:
     nodes = {float(free.absent[k]): np.zeros(bench.printed.shape)}
     for end in (free.low[k], free.high[k]):
         if end != free.absent[k]:
@@ -176,7 +176,7 @@ def _curve(bench: Bench, kind: Effect, free: Freedom, k: int) -> Curve | None:
     at = np.array(sorted(nodes))
     x = np.linspace(at[0], at[-1], GRID + 1)
     ratio = PchipInterpolator(at, np.array([nodes[value] for value in at.tolist()]))(x)
-    return Curve(x, ratio, float(free.absent[k]))
+    return EffectCurve(x, ratio, float(free.absent[k]))
 
 
 def _side(bench: Bench, kind: Effect, free: Freedom, k: int, end: float) -> dict[float, Signal]:

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.diagnosis.suspects import freedom, with_values
-from winchcascade.tables.effect_curves import ETAS, Curve, bent, reach_of
+from winchcascade.tables.effect_curves import ETAS, EffectCurve, bent, reach_of
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Signal
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from winchcascade.rig.effects.effect import ActiveEffect
     from winchcascade.tables.effect_curves import Bench
 
-Curves = Mapping[str, Sequence[Curve | None]]
+Curves = Mapping[str, Sequence[EffectCurve | None]]
 
 SOFT = 1e-3
 """Weight, in a search for what brings all rows within reach, of lying close to the printed values themselves. [1]"""
@@ -79,7 +79,7 @@ class Search:
         self.speeds = bench.speeds
 
     @property
-    def single(self) -> Curve | None:
+    def single(self) -> EffectCurve | None:
         """The one curve of a suspect of one field, which is exact; None for more."""
         return self.curves[0] if len(self.curves) == 1 else None
 

@@ -70,7 +70,7 @@ class Payout(msgspec.Struct, frozen=True):
     v_onset: float
 
 
-class Point(msgspec.Struct, frozen=True):
+class PayoutMetrics(msgspec.Struct, frozen=True):
     """What a model gives out along a payout of some plateau speed [m/s]: the nine metrics, SI units."""
 
     speed: float
@@ -141,7 +141,9 @@ def measure(
         return None
 
 
-def meet(reduce: Reduce, model: Model, payout: Payout, load: float, target: Target, guess: float) -> Point | None:
+def meet(
+    reduce: Reduce, model: Model, payout: Payout, load: float, target: Target, guess: float
+) -> PayoutMetrics | None:
     """Find the plateau speed at which a payout gives a printed power or energy; None where none does.
 
     Parameters
@@ -157,7 +159,7 @@ def meet(reduce: Reduce, model: Model, payout: Payout, load: float, target: Targ
         if value is None or value <= 0.0:
             speed, before = 2.0 * speed, None
         else:
-            here = Point(speed, found)
+            here = PayoutMetrics(speed, found)
             miss, slope = math.log(target.value / value), SLOPE
             if abs(miss) < CLOSE:
                 return here
@@ -173,7 +175,7 @@ def meet(reduce: Reduce, model: Model, payout: Payout, load: float, target: Targ
     return None
 
 
-def _between(one: Point, other: Point, further: float) -> Point:
+def _between(one: PayoutMetrics, other: PayoutMetrics, further: float) -> PayoutMetrics:
     """A point so much further than from the one to the other; efficiencies bend too little over that to matter."""
     metrics = {
         name: None
@@ -181,4 +183,4 @@ def _between(one: Point, other: Point, further: float) -> Point:
         else value + further * (value - (one.metrics[name] or 0.0))
         for name, value in other.metrics.items()
     }
-    return Point(other.speed + further * (other.speed - one.speed), metrics)
+    return PayoutMetrics(other.speed + further * (other.speed - one.speed), metrics)

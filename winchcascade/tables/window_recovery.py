@@ -11,8 +11,8 @@ from winchcascade.core.published_table import Span, Table
 from winchcascade.tables.row_audit import window
 
 
-class Window(msgspec.Struct, frozen=True):
-    """Window of one row, as the interval that its energies and powers leave; None where they leave none. [s]"""
+class RecoveredWindow(msgspec.Struct, frozen=True):
+    """RecoveredWindow of one row, as the interval that its energies and powers leave; None where they leave none. [s]"""
 
     load: float
     span: Span | None
@@ -26,16 +26,16 @@ class SharedWindow(msgspec.Struct, frozen=True):
     shortest: float
 
 
-def windows(table: Table) -> tuple[Window, ...]:
-    """Window of every row that prints an energy and a power of the same stage (E = P t)."""
+def windows(table: Table) -> tuple[RecoveredWindow, ...]:
+    """RecoveredWindow of every row that prints an energy and a power of the same stage (E = P t)."""
     return tuple(
-        Window(row.load, window(table.spans(row)))
+        RecoveredWindow(row.load, window(table.spans(row)))
         for row in table.rows
         if any(f"energy_{s}" in row.cells and f"power_{s}" in row.cells for s in ("line", "mech", "gen"))
     )
 
 
-def shared_windows(found: Sequence[Window]) -> tuple[SharedWindow, ...]:
+def shared_windows(found: Sequence[RecoveredWindow]) -> tuple[SharedWindow, ...]:
     """Fewest windows that all rows can have, from the shortest to the longest.
 
     Rows are taken by the upper end of their interval; each group takes all that reach below the first one's.

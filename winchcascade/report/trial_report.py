@@ -1,0 +1,335 @@
+"""The report of a scored trial: its tables, and figures of what was taken for what and how far numbers are from the truth."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from winchcascade.blind.cases import ORIGIN
+from winchcascade.blind.score import NO_GAP, NOTHING, UNEXPLAINED, Count, hidden_name, taken_as
+from winchcascade.core.campaign_file import Origin, banner
+from winchcascade.core.version import __version__
+from winchcascade.report.diagnosis_names import display_of
+from winchcascade.report.digits import MINUS, number, places, significant
+from winchcascade.report.model_figures import legend_above
+from winchcascade.report.publish import publish
+from winchcascade.report.report_model import Note, Point, Report, Table, Tile
+from winchcascade.report.report_parts import made_on, picture, provenance_table, section
+from winchcascade.report.style import COLOURS, WIDTH, house_style
+from winchcascade.report.trial_text import (
+    HIDDEN,
+    closure_sentence,
+    count_cells,
+    hidden_order,
+    hidden_words,
+    said_words,
+    share_text,
+    taken_rows,
+    totals,
+)
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from winchcascade.blind.score import CaseScore, ParameterScore, Score
+
+
+def write_trial_reports(
+    score: Score, *, html: Path | None, pdf: Path | None, command: str = "", force: bool = False
+) -> None:
+    """Write the report of a scored trial as a self-contained page, as a PDF, or both. Raises as `write_content`."""
+    publish(make_trial_report(score, command=command), html=html, pdf=pdf, force=force)
+
+
+def make_trial_report(score: Score, *, command: str = "") -> Report:
+    """Make the rows and figures of the report of a trial."""
+    with house_style():
+        sections = (
+            section("totals", "Outcome", totals_table(score), strengths_table(score)),
+            section(
+                "taken", "What each effect is taken for",
+                picture(
+                    taken_figure(score), "taken",
+                    "How many cases of what was hidden (rows) were taken for what (columns): on the diagonal it was named, in "
+                    "a frame it is wrong. Several: more than one effect was named. Pairs are in the table.",
+                    "Matrix of counts; the same numbers are in the table below.",
+                ),
+                taken_table(score),
+            ),
+            section(
+                "parameters", "Numbers of the named effects",
+                picture(
+                    coverage_figure(score), "coverage",
+                    "What was found of each named effect less the truth, over the size of the true change, with 95 % "
+                    "intervals: of twenty intervals nineteen should hold the truth, which lies at zero.",
+                    "Points with bars about zero; the numbers are in the table below.",
+                ),
+                parameters_table(score),
+            ),
+            section("closure", "Share of the gap that was closed", closure_table(score)),
+            section("cases", "Cases", cases_table(score)),
+            section("provenance", "Provenance", _provenance(score, command)),
+        )  # fmt: skip
+    return Report(
+        kind="Trial of the diagnosis",
+        title=f"{len(score.cases)} cases with withheld answers",
+        subtitle="Campaigns of an independent twin of the rig",
+        generator=f"winchcascade/{__version__}",
+        tiles=_tiles(score),
+        points=_points(score),
+        sections=tuple(s for s in sections if s.blocks),
+        banner=banner([Origin(False, ORIGIN)]),
+    )
+
+
+def _tiles(score: Score) -> tuple[Tile, ...]:
+    shown = (
+        ("named", "hidden effects", score.count("named", *HIDDEN)),
+        ("recognised", "causes outside the catalogue", score.count("recognised", "outsider")),
+        ("covered", "true numbers in 95 % intervals", score.coverage),
+    )
+    return tuple(
+        Tile(symbol, name, f"{count.part} of {count.of}", count_cells(count)[2])
+        for symbol, name, count in shown
+        if count.of
+    )
+
+
+def _points(score: Score) -> tuple[Point, ...]:
+    wrong, alarms = score.count("misnamed", *HIDDEN), score.count("false_alarm", "none")
+    silent, abstained = score.count("silent", *HIDDEN), score.count("abstained", *HIDDEN)
+    points = [
+        Point(
+            "Wrong names",
+            f"{wrong.part} of {wrong.of} cases with a hidden effect were given another name.",
+            "warn" if wrong.part else "good",
+        ),
+        Point("Not named", f"{silent.part} were taken for no gap, {abstained.part} were left unexplained."),
+        Point(
+            "False alarms",
+            f"{alarms.part} of {alarms.of} cases that hide nothing were said to have a gap.",
+            "warn" if alarms.part else "good",
+        ),
+        Point("Gap closed", closure_sentence(score)),
+    ]
+    if score.missing.part:
+        points.append(Point("Missing", f"{score.missing.part} of {score.missing.of} cases have no diagnosis.", "warn"))
+    return tuple(points)
+
+
+def _provenance(score: Score, command: str) -> Table:
+    return provenance_table(
+        [
+            ("SHA-256 of the sealed answers", score.sealed_sha256),
+            ("Seed", str(score.seed)),
+            ("Made by", f"winchcascade {__version__}"),
+            ("Command", command),
+            ("Made on", made_on()),
+        ]
+    )
+
+
+# ---------------------------------------------------------------------------------------------------------- the tables
+def totals_table(score: Score) -> Table:
+    """What came of all cases."""
+    rows = [(name.strip(), *_cells(count)) for name, count in totals(score) if count.of]
+    return Table(
+        id="totals",
+        caption="What came of the cases.",
+        head=("Outcome", "Cases", "Share", "95 % interval"),
+        units=("", "", "", "Wilson"),
+        rows=tuple(rows),
+        note="Misnamed: another effect was named; silent: no gap was seen; abstained: a gap was seen and left unexplained. "
+        "Outsiders hide something that is not in the catalogue: they are recognised if their gap is not called explained.",
+    )
+
+
+def strengths_table(score: Score) -> Table | None:
+    """Single effects that were named, by strength; None without any."""
+    rows = tuple((f"{strength:g}", *_cells(count)) for strength, count in score.strengths.items())
+    if not rows:
+        return None
+    return Table(
+        id="strengths",
+        caption="Single effects named, by the strength of the effect.",
+        head=("Strength", "Named", "Share", "95 % interval"),
+        units=("of full", "", "", "Wilson"),
+        rows=rows,
+        note="Full strength is the size at which an effect was chosen to stand clearly out of what is not known of the rig.",
+    )
+
+
+def taken_table(score: Score) -> Table:
+    """What each hidden effect was taken for."""
+    return Table(
+        id="taken",
+        caption="What was hidden, how often, how often it was named, and what it was taken for otherwise.",
+        head=("Hidden", "Cases", "Named", "Otherwise taken for"),
+        units=("", "", "", "(cases)"),
+        rows=tuple((*cells, "–" if others == "-" else others) for *cells, others in taken_rows(score)),
+        text_columns=(0, 3),
+        note=f"“{NO_GAP}” is right where nothing is hidden, “{UNEXPLAINED}” where the cause is outside the catalogue.",
+    )
+
+
+def parameters_table(score: Score) -> Table | None:
+    """Numbers of the named effects beside the truth; None without any."""
+    rows = [(case.case, *_parameter(p)) for case in score.cases for p in case.parameters]
+    if not rows:
+        return None
+    return Table(
+        id="parameters",
+        caption="Numbers of the effects that were named, beside the truth.",
+        head=("Case", "Effect", "What changes", "Truth", "Found", "95 % interval", "Holds the truth"),
+        units=("",) * 7,
+        rows=tuple(rows),
+        text_columns=(0, 1, 2, 6),
+    )
+
+
+def _parameter(p: ParameterScore) -> tuple[str, ...]:
+    """Cells of a number: as a diagnosis tells it, with the digits that its interval allows."""
+    how = display_of(p.effect, p.parameter)
+    what = f"{how.what}, {how.unit}" if how.unit else how.what
+    if p.value is None or p.low is None or p.high is None:
+        return (p.effect, what, significant(p.truth * how.factor), "–", "–", "no")
+    u = (p.high - p.low) / 3.92 * how.factor
+    truth, value, low, high = (
+        number(x * how.factor, places(u)) if u > 0.0 else significant(x * how.factor)
+        for x in (p.truth, p.value, p.low, p.high)
+    )
+    return (p.effect, what, truth, value, f"{low} to {high}", "yes" if p.covered else "no")
+
+
+def _cells(count: Count) -> tuple[str, str, str]:
+    """Cells of a count under a head that says that the interval is one of 95 %."""
+    part, share, interval = count_cells(count)
+    return part, share, interval.removeprefix("95 %: ")
+
+
+def _hidden(case: CaseScore) -> str:
+    return hidden_words(case).replace(" x ", " × ")
+
+
+def closure_table(score: Score) -> Table | Note:
+    """How much each diagnosis closed, as claimed and as computed again."""
+    rows = []
+    for case in score.cases:
+        if case.share_claimed is None and case.closure.share is None:
+            continue
+        claimed = "–" if case.share_claimed is None else share_text(case.share_claimed)
+        found = case.closure.fault or ("–" if case.closure.share is None else share_text(case.closure.share))
+        rows.append((case.case, _hidden(case), claimed, found))
+    if not rows:
+        return Note("No diagnosis claims to have closed anything.")
+    return Table(
+        id="closure",
+        caption="Share of the explainable gap that was closed on withheld logs: as claimed, and from the predicted logs.",
+        head=("Case", "Hidden", "Claimed", "Computed again"),
+        units=("",) * 4,
+        rows=tuple(rows),
+        text_columns=(0, 1),
+        note="Computed from means over blocks of 0.4 s while the line moves, the zeros of the sensors sought alike before and "
+        "after; the noise is that of the blocks themselves.",
+    )
+
+
+def cases_table(score: Score) -> Table:
+    """Every case."""
+    rows = [(c.case, _hidden(c), c.outcome.replace("_", " "), said_words(c)) for c in score.cases]
+    return Table(
+        id="cases",
+        caption="Every case: what was hidden, what came of it, and what was said.",
+        head=("Case", "Hidden", "Outcome", "Said"),
+        units=("",) * 4,
+        rows=tuple(rows),
+        text_columns=(0, 1, 2, 3),
+    )
+
+
+# --------------------------------------------------------------------------------------------------------- the figures
+SEVERAL = "several"
+"""Column of the cases that were taken for more than one effect."""
+
+
+def taken_figure(score: Score) -> Figure | None:
+    """Draw a matrix of counts: what was hidden over what it was taken for; pairs are left to the table."""
+    cases = score.of_kind("single", "none", "outsider")
+    if not cases:
+        return None
+    rows, columns = _rows(score, cases), _columns(score, cases)
+    counts, wrong = np.zeros((2, len(rows), len(columns)), dtype=int)
+    for case in cases:
+        place = rows.index(hidden_name(case)), columns.index(_column(case))
+        counts[place] += 1
+        wrong[place] += not case.went_well
+    height = 1.5 + 0.145 * len(rows)
+    figure = Figure((WIDTH, height))
+    ax = figure.subplots()
+    figure.subplots_adjust(left=0.2, right=0.985, top=1 - 1.35 / height, bottom=0.1 / height)
+    for i, j in zip(*np.nonzero(counts), strict=True):
+        colour = COLOURS["mech" if wrong[i, j] else "gen"]
+        ax.scatter(j, i, s=52, marker="s", color=colour, alpha=0.35, linewidths=0)
+        if wrong[i, j]:
+            ax.scatter(j, i, s=52, marker="s", facecolors="none", edgecolors=colour, linewidths=1.0)
+        ax.text(j, i, str(counts[i, j]), ha="center", va="center", fontsize=6.5, color=COLOURS["ink"])
+    ax.set_xticks(range(len(columns)), columns, rotation=90, fontsize=6.5)
+    ax.set_yticks(range(len(rows)), rows, fontsize=6.5)
+    ax.xaxis.tick_top()
+    ax.set_xlim(-0.6, len(columns) - 0.4)
+    ax.set_ylim(len(rows) - 0.4, -0.6)
+    return figure
+
+
+def _rows(score: Score, cases: tuple[CaseScore, ...]) -> list[str]:
+    hidden = {hidden_name(case) for case in cases}
+    return [name for name in hidden_order(score) if name in hidden]
+
+
+def _columns(score: Score, cases: tuple[CaseScore, ...]) -> list[str]:
+    """Columns in the order of the rows, so that what is named stands on the diagonal."""
+    taken = {_column(case) for case in cases}
+    rows = [NO_GAP if name == NOTHING else name for name in _rows(score, cases)]
+    named = [name for name in rows if name in taken]
+    last = [name for name in (SEVERAL, UNEXPLAINED) if name in taken]
+    return [*named, *sorted(taken - set(named) - set(last)), *last]
+
+
+def _column(case: CaseScore) -> str:
+    taken = taken_as(case)
+    return SEVERAL if " + " in taken else taken
+
+
+def coverage_figure(score: Score) -> Figure | None:
+    """Draw each diagnosed parameter with its interval, less the truth, over the size of the true change."""
+    found = []
+    for case in score.cases:
+        for p in case.parameters:
+            if p.value is None or p.low is None or p.high is None:
+                continue
+            absent = 1.0 if p.parameter in ("n", "k_e_ratio_at_10_a") else 0.0
+            size = abs(p.truth - absent)
+            found.append((p.effect, p.covered, [(v - p.truth) / size for v in (p.value, p.low, p.high)]))
+    if not found:
+        return None
+    found.sort(key=lambda row: row[0])
+    figure = Figure((WIDTH, 2.6))
+    ax = figure.subplots()
+    figure.subplots_adjust(left=0.09, right=0.985, top=0.91, bottom=0.36)
+    for k, (_, covered, (value, low, high)) in enumerate(found):
+        colour = COLOURS["gen" if covered else "mech"]
+        ax.plot([k, k], [low, high], color=colour, linewidth=1.1)
+        ax.plot([k], [value], marker="o" if covered else "x", markersize=2.6, color=colour)
+    ax.axhline(0.0, color=COLOURS["soft"], linewidth=0.6)
+    kinds = (("gen", "o", "interval holds the truth"), ("mech", "x", "does not"))
+    legend_above(
+        figure, [(Line2D([], [], color=COLOURS[c], lw=1.1, marker=m, markersize=3.5), text) for c, m, text in kinds]
+    )
+    names = [row[0] for row in found]
+    firsts = [k for k, name in enumerate(names) if k == 0 or names[k - 1] != name]
+    ax.set_xticks(firsts, [names[k] for k in firsts], rotation=90, fontsize=6.0)
+    ax.set_ylabel(f"(found {MINUS} true) / size (1)")
+    return figure
