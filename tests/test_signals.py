@@ -13,9 +13,9 @@ pytestmark = pytest.mark.skipif(os.name == "nt", reason="ends processes as POSIX
 BEGIN = """
 import os, signal, sys, weakref
 from pathlib import Path
-from winchcascade.files import put_in_place
+from winchcascade.core.files import put_in_place
 from winchcascade.core.scratch import scratch_file, scratch_folder
-from winchcascade.signals import end_on_signals, signals_held
+from winchcascade.core.signals import end_on_signals, signals_held
 end_on_signals({signal.SIGINT: "one sentence."})
 here = Path(sys.argv[1])
 def wait():

@@ -9,7 +9,7 @@ from winchcascade.core.campaign_file import origin_record, origin_words
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.version import __version__
 from winchcascade.report.digits import number, places, significant
-from winchcascade.report.text_table import wrapped
+from winchcascade.report.text_table import table_lines, wrapped
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -49,7 +49,7 @@ def calibration_text(calibration: Calibration, written: Path | None = None) -> s
         f"rig {one_line(calibration.rig.name)}"
     )
     lines += wrapped(f"data: {one_line(origin_words([run.origin]))}")
-    lines += ["", *_columns([_HEAD, *(_row(n) for n in calibration.numbers)]), ""]
+    lines += ["", *table_lines([_HEAD, *(_row(n) for n in calibration.numbers)], left=(0, 4, 5)), ""]
     lines += [*wrapped(_regression(calibration)), *wrapped(_eq8(regression, calibration))]
     lines += wrapped(f"cannot be told apart here: {'; '.join(calibration.together) or 'nothing'}")
     lines += wrapped(f"against rig {one_line(calibration.rig.name)}: {_comparison(calibration)}")
@@ -112,17 +112,6 @@ def _row(n: Number) -> tuple[str, ...]:
     found, low, high = (number(x, decimals) for x in (n.value, n.low, n.high))
     before = number(n.before, decimals) if math.isfinite(n.before) else "-"
     return (n.name, before, found, f"{low} to {high}", n.unit, n.how)
-
-
-def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Columns under each other, numbers to the right."""
-    width = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    return [
-        "  ".join(
-            text.rjust(width[k]) if k in (1, 2, 3) else text.ljust(width[k]) for k, text in enumerate(row)
-        ).rstrip()
-        for row in rows
-    ]
 
 
 def _regression(calibration: Calibration) -> str:
