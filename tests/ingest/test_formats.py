@@ -32,7 +32,7 @@ from winchcascade.ingest.formats.mat import open_mat
 from winchcascade.ingest.formats.parquet import open_parquet
 from winchcascade.ingest.formats.tdms import open_tdms
 from winchcascade.ingest.open_log import is_mat_v4, open_log
-from winchcascade.ingest.source import Source, Table
+from winchcascade.ingest.source import LogSource, LogTable
 
 H = 0.04
 T = H * np.arange(500)
@@ -47,11 +47,11 @@ LAST_DIGIT = 1e-15
 """openpyxl writes 16 digits of a number."""
 
 
-def names(source: Source) -> list[str]:
+def names(source: LogSource) -> list[str]:
     return [header.name for header in source.headers]
 
 
-def units(source: Source) -> list[str | None]:
+def units(source: LogSource) -> list[str | None]:
     return [header.unit for header in source.headers]
 
 
@@ -765,7 +765,7 @@ def _old_excel(path: Path) -> Path:
     return path
 
 
-FORMATS: dict[str, tuple[Callable[[Path], Path], Callable[[Path], Source]]] = {
+FORMATS: dict[str, tuple[Callable[[Path], Path], Callable[[Path], LogSource]]] = {
     "tdms": (_tdms, open_tdms),
     "mat": (_mat, open_mat),
     "mat4": (_mat4, open_mat),
@@ -777,7 +777,7 @@ FORMATS: dict[str, tuple[Callable[[Path], Path], Callable[[Path], Source]]] = {
 }
 
 
-def read_all(path: Path, opener: Callable[[Path], Source]) -> tuple[Source, Table]:
+def read_all(path: Path, opener: Callable[[Path], LogSource]) -> tuple[LogSource, LogTable]:
     source = opener(path)
     return source, source.load(range(len(source.headers)), None)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from winchcascade.core.integrate import median
+from winchcascade.core.integrate import positive_median
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Signal
@@ -54,8 +54,7 @@ def clock_of_digits(stamps: Signal) -> Signal | None:
 
 def _runs_on(interval: Signal, turns: Signal) -> bool:
     """Whether minutes end within the log, each a usual interval before the next one begins."""
-    ahead = interval[interval > 0]
-    usual = median(ahead) if ahead.size else 0.0
+    usual = positive_median(interval)
     over = interval[turns]
     return bool(0 < usual < _LONGEST and over.size and np.all(np.abs(over - usual) < _NEAR * usual))
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -111,7 +110,8 @@ def read_header(header: Header) -> _Read:
         return _Read(_BRACKETS.sub(" ", name), unit, None if unit else header.unit.strip())
     bare = _BRACKETS.sub(" ", name).strip()
     inside = [bracket.group(1).strip() for bracket in _BRACKETS.finditer(name)]
-    splits = [(bare, end) for end in inside] + [(n[: m.start()], n[m.end() :]) for n, m in _before_units(name, bare)]
+    splits = [(bare, end) for end in inside]
+    splits += [(n[: m.start()], n[m.end() :]) for n in dict.fromkeys((name, bare)) for m in _BEFORE_UNIT.finditer(n)]
     for start, end in splits:
         unit = find_unit(end)
         if unit is not None and any(DIMENSION[c] == unit.dimension for c in _candidates(start)):
@@ -127,13 +127,6 @@ def _unit_of_none(splits: list[tuple[str, str]]) -> Unit | None:
         if unit is not None and unit.dimension not in _MEASURED and _candidates(start):
             return unit
     return None
-
-
-def _before_units(*names: str) -> Iterator[tuple[str, re.Match[str]]]:
-    """Each place in a name, with or without its brackets, where a unit may begin."""
-    for name in dict.fromkeys(names):
-        for between in _BEFORE_UNIT.finditer(name):
-            yield name, between
 
 
 def _candidates(name: str) -> tuple[str, ...]:
@@ -167,13 +160,6 @@ def recognise(header: Header) -> str | None:
     found = _candidates(read.name)
     if read.unit is not None:
         found = tuple(c for c in found if DIMENSION[c] == read.unit.dimension)
-    elif len(found) > 1:
-        found = _by_case(read.name, found)
+    elif len(found) > 1 and read.name.strip() == "T":  # without a unit t is the time, T a torque
+        found = ("torque",)
     return found[0] if found else None
-
-
-def _by_case(name: str, found: tuple[str, ...]) -> tuple[str, ...]:
-    """A lone letter without a unit: t is the time, T a torque; v stays a velocity; a tension is a force."""
-    if name.strip() == "T":
-        return ("torque",)
-    return found

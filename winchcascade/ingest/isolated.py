@@ -30,7 +30,8 @@ from winchcascade.ingest.limits import (
     limits_for,
     resident,
 )
-from winchcascade.ingest.source import Header, Source, Table, without_notes
+from winchcascade.ingest.reader import Order
+from winchcascade.ingest.source import Header, LogSource, LogTable, without_notes
 
 A = TypeVar("A")
 
@@ -69,7 +70,7 @@ _OUT_OF_MEMORY = ("memory allocation of", "bad_alloc", "MemoryError")
 """What compiled readers and Python write as their last words when memory runs out."""
 
 
-def open_isolated(reader: str, path: Path, *, table: str | None = None) -> Source:
+def open_isolated(reader: str, path: Path, *, table: str | None = None) -> LogSource:
     """Open a file by a reader that runs in a process of its own.
 
     Parameters
@@ -83,7 +84,7 @@ def open_isolated(reader: str, path: Path, *, table: str | None = None) -> Sourc
     child = _Child(reader, path)
     try:
         opened = child.open(table)
-        return Source(
+        return LogSource(
             headers=tuple(Header(name, unit) for name, unit in opened.headers),
             load=child.load,
             time_step=opened.time_step,
@@ -136,25 +137,20 @@ class _Child:
 
     def open(self, table: str | None) -> _Opened:
         """Open the file and describe it."""
-        order = {
-            "reader": self._reader,
-            "path": str(self._path),
-            "table": table,
-            "memory": self._limits.memory,
-            "seconds": self._limits.seconds,
-            "numbers": self._limits.numbers,
-            "parent": os.getpid(),
-        }
-        return self._ask([sys.path, order], lambda answers: self._head(answers, _Opened))
+        limits = self._limits
+        order = Order(
+            self._reader, str(self._path), table, limits.memory, limits.seconds, limits.numbers, parent=os.getpid()
+        )
+        return self._ask([sys.path, msgspec.structs.asdict(order)], lambda answers: self._head(answers, _Opened))
 
-    def load(self, wanted: Sequence[int], time: int | None) -> Table:
+    def load(self, wanted: Sequence[int], time: int | None) -> LogTable:
         """Load columns."""
 
-        def receive(answers: IO[bytes]) -> Table:
+        def receive(answers: IO[bytes]) -> LogTable:
             values = {i: self._column(answers, self._head(answers, _Column).rows or 0) for i in wanted}
             head = self._head(answers, _Column)
             stamps = head.texts if head.rows is None else self._column(answers, head.rows)
-            return Table(values, stamps=stamps, stamped=head.stamped, findings=head.findings)
+            return LogTable(values, stamps=stamps, stamped=head.stamped, findings=head.findings)
 
         table = self._ask([{"wanted": [*wanted], "time": time}], receive)
         return without_notes(table) if self._reader == "excel" and time is not None else table

@@ -114,7 +114,8 @@ def find_layout(lines: Sequence[str], where: str) -> Layout:
             break  # blanks also stand inside of stamps and names
         found = _first_data(lines[:_MANY_LINES], delimiter)
         if found is not None:
-            score = _good(found[1]) - found[0] / (10 * _MANY_LINES)
+            values = sum(bool(cell) and is_value(cell) for row in found[1] for cell in row)
+            score = values / len(found[1]) - found[0] / (10 * _MANY_LINES)
             if best is None or score > best[0]:
                 best = (score, delimiter, *found)
     if best is None:
@@ -135,13 +136,6 @@ def find_layout(lines: Sequence[str], where: str) -> Layout:
     )
 
 
-def _is_data(cells: Sequence[str]) -> bool:
-    """Whether a row holds data: a number or a stamp in most cells that are not empty, and in more than one."""
-    full = [c for c in cells if c]
-    numbers = sum(map(looks_like_a_number, full))
-    return numbers >= 1 and len(full) >= 2 and sum(map(is_value, full)) >= 0.6 * len(full)
-
-
 def _first_data(lines: Sequence[str], delimiter: str) -> tuple[int, list[list[str]]] | None:
     """First line of data under a delimiter and the rows from there; None without two such rows in a row."""
     if delimiter != " " and not any(delimiter in line for line in lines):
@@ -150,7 +144,9 @@ def _first_data(lines: Sequence[str], delimiter: str) -> tuple[int, list[list[st
 
     @cache  # most logs show their table in the first lines
     def data(k: int) -> bool:
-        return len(rows[k]) > 1 and _is_data(rows[k])
+        """Whether a row holds a number or a stamp in most cells that are not empty, and in more than one."""
+        full = [cell for cell in rows[k] if cell]
+        return len(full) >= 2 and any(map(looks_like_a_number, full)) and sum(map(is_value, full)) >= 0.6 * len(full)
 
     for k, row in enumerate(rows):
         if not data(k) or _channels(row) > 1:
@@ -167,11 +163,6 @@ def _width(rows: Sequence[Sequence[str]]) -> int:
     """How many cells most rows have."""
     lengths = [len(row) for row in rows]
     return max(lengths, key=lengths.count, default=0)
-
-
-def _good(rows: Sequence[Sequence[str]]) -> float:
-    """How many cells of a row hold a value, on average."""
-    return sum(bool(cell) and is_value(cell) for row in rows for cell in row) / len(rows)
 
 
 def _channels(cells: Sequence[str]) -> int:

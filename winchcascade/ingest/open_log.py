@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Literal
 from winchcascade.core.errors import LogError
 
 if TYPE_CHECKING:
-    from winchcascade.ingest.source import Source
+    from winchcascade.ingest.source import LogSource
 
 
-def open_log(path: Path, table: str | None = None) -> Source:
+def open_log(path: Path, table: str | None = None) -> LogSource:
     """Open a log by what its first bytes say, whatever its name ends in.
 
     Parameters
@@ -35,7 +35,7 @@ def open_log(path: Path, table: str | None = None) -> Source:
     return _reader(head, path.name, table)(path)
 
 
-def _reader(head: bytes, where: str, table: str | None) -> Callable[[Path], Source]:
+def _reader(head: bytes, where: str, table: str | None) -> Callable[[Path], LogSource]:
     """Choose the reader; each is imported only when it is needed."""
     isolated = _isolated_reader(head)
     if isolated is not None:

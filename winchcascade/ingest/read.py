@@ -31,7 +31,7 @@ from winchcascade.ingest.open_log import open_log
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Signal
-    from winchcascade.ingest.source import Source, Table
+    from winchcascade.ingest.source import LogSource, LogTable
 
 OVERFLOW = 1e30
 """Instruments write 9.9e37 where they have no reading (SCPI); nothing measured comes near."""
@@ -110,7 +110,11 @@ def _read(path: Path, rig: Rig, load: float | None, load_source: str, about: str
         source.close()
     digest = _Digest(path)
     samples = len(next(iter(table.values.values())))
-    _check_length(samples, path.name)
+    if samples < _FEWEST:
+        rows = f"{samples} row{'' if samples == 1 else 's'}"
+        raise LogError(
+            f"{path.name}: the log has {rows} of data; expected at least {_FEWEST} samples of a crane trial."
+        )
     clock, time_findings = _clock(source, table, found, rig, samples, path.name)
     channels = _channels(table, found, clock)
     if load is None:
@@ -119,7 +123,10 @@ def _read(path: Path, rig: Rig, load: float | None, load_source: str, about: str
     checked = check(
         clock.t, channels, rig, simulated=found.simulated, open_circuit=load is not None and load == float("inf")
     )
-    _check_motion(checked.channels, path.name)
+    if "velocity" not in checked.channels:
+        raise LogError(
+            f"{path.name}: neither velocity nor displacement holds a number; expected the motion of the line."
+        )
     lost = np.concatenate((np.interp(clock.gaps, clock.t, checked.t), checked.clock))
     gaps = dict(checked.gaps) | ({CLOCK: lost[np.argsort(lost[:, 0])]} if lost.size else {})
     findings = (*found.findings, *time_findings, *table.findings, *clock.findings, *checked.findings)
@@ -153,7 +160,7 @@ def _with_origin(run: Run, stated: Origin) -> Run:
     return msgspec.structs.replace(run, origin=SIMULATED, findings=(conflict, *run.findings))
 
 
-def _loaded(source: Source, rig: Rig, where: str) -> tuple[Assignment, Table]:
+def _loaded(source: LogSource, rig: Rig, where: str) -> tuple[Assignment, LogTable]:
     """The channels, with the clock that a column names or else the one that stands in a column without a name."""
     found = assign(source.headers, rig, where)
     wanted = [match.index for match in found.channels.values()]
@@ -224,7 +231,7 @@ class _Digest:
 
 
 def _clock(
-    source: Source, table: Table, found: Assignment, rig: Rig, samples: int, where: str
+    source: LogSource, table: LogTable, found: Assignment, rig: Rig, samples: int, where: str
 ) -> tuple[Clock, list[Finding]]:
     """Stamps from the time column, else from the increment that the file or the rig file states."""
     findings: list[Finding] = []
@@ -261,7 +268,7 @@ def _clock(
 _TIME_UNITS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
 
 
-def _assumed_time(stamps: Signal, table: Table, found: Assignment) -> tuple[float, Finding]:
+def _assumed_time(stamps: Signal, table: LogTable, found: Assignment) -> tuple[float, Finding]:
     """Unit of a time column that names none: the one with which the velocity gives the displacement, else by its steps."""
     step = np.diff(stamps[np.isfinite(stamps)])
     usual = median(step) if step.size else 0.0
@@ -279,7 +286,7 @@ def _assumed_time(stamps: Signal, table: Table, found: Assignment) -> tuple[floa
     return _TIME_UNITS[unit], Finding("unit_assumed", f"{column}; taken as {unit}, {why}", "assumed")
 
 
-def _channels(table: Table, found: Assignment, clock: Clock) -> dict[str, Signal]:
+def _channels(table: LogTable, found: Assignment, clock: Clock) -> dict[str, Signal]:
     """Columns in SI units, in the rows that the clock kept."""
     channels = {}
     for name, match in found.channels.items():
@@ -298,7 +305,7 @@ def _channels(table: Table, found: Assignment, clock: Clock) -> dict[str, Signal
     return channels
 
 
-def _load(source: Source) -> tuple[float | None, str, list[Finding]]:
+def _load(source: LogSource) -> tuple[float | None, str, list[Finding]]:
     """The load by a property of the file, never from Vdc over Idc [ohm]; a property that gives none is a finding."""
     findings = []
     for key, value in source.properties.items():
@@ -308,15 +315,12 @@ def _load(source: Source) -> tuple[float | None, str, list[Finding]]:
             ohm = _ohm(value, named.group() if named else "ohm")
             if ohm is not None:
                 return ohm, f"property {key} of the file", []
-            findings.append(_unreadable(key, value))
+            message = (
+                f"property {key[:60]} of the file is {str(value)[:60]!r}; expected one resistance such as 9 ohm, or inf"
+            )
+            action = "not used: the load counts as unknown; give it by --load-ohm or a campaign.toml"
+            findings.append(Finding("load_mismatch", message, action))
     return None, "unknown", findings
-
-
-def _unreadable(key: str, value: str | float) -> Finding:
-    message = f"property {key[:60]} of the file is {str(value)[:60]!r}; expected one resistance such as 9 ohm, or inf"
-    return Finding(
-        "load_mismatch", message, "not used: the load counts as unknown; give it by --load-ohm or a campaign.toml"
-    )
 
 
 _LOAD_KEYS = {"load", "rload", "loadresistance", "loadresistor", "resistiveload", "rl"}
@@ -361,14 +365,3 @@ def _ohm(value: str | float, unit: str) -> float | None:
         return None
     ohm = float(number.replace(",", ".")) * _PREFIX[prefix.group(1)]
     return ohm if 0.0 < ohm < math.inf else None
-
-
-def _check_length(samples: int, where: str) -> None:
-    if samples < _FEWEST:
-        rows = f"{samples} row{'' if samples == 1 else 's'}"
-        raise LogError(f"{where}: the log has {rows} of data; expected at least {_FEWEST} samples of a crane trial.")
-
-
-def _check_motion(channels: dict[str, Signal], where: str) -> None:
-    if "velocity" not in channels:
-        raise LogError(f"{where}: neither velocity nor displacement holds a number; expected the motion of the line.")

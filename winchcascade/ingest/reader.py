@@ -8,10 +8,10 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 import msgspec
 import numpy as np
@@ -21,7 +21,7 @@ from winchcascade.ingest.limits import MB, MEMORY_SETTING, end_after, limit_this
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Signal
-    from winchcascade.ingest.source import Source, Table
+    from winchcascade.ingest.source import LogSource, LogTable
 
 _OPENERS = {
     "excel": ("winchcascade.ingest.formats.excel", "open_excel"),
@@ -37,6 +37,18 @@ _TEXT = 64
 """What a text takes beyond its characters. [bytes]"""
 
 
+class Order(msgspec.Struct, frozen=True):
+    """The first request: the file, its reader, and the limits of this process, as `limits.Limits` has them."""
+
+    reader: str
+    path: str
+    table: str | None
+    memory: int
+    seconds: float
+    numbers: int
+    parent: int
+
+
 def main() -> None:
     """Serve one file until the requests end."""
     answers = os.fdopen(os.dup(1), "wb")
@@ -44,8 +56,8 @@ def main() -> None:
     requests = sys.stdin.buffer
     opening = requests.readline()
     if opening:
-        order = json.loads(opening)
-        limit_this_process(order["memory"], order["parent"])
+        order = msgspec.convert(json.loads(opening), Order)
+        limit_this_process(order.memory, order.parent)
         try:
             _serve(order, requests, answers)
         except MemoryError:
@@ -55,11 +67,11 @@ def main() -> None:
         answers.flush()
 
 
-def _serve(order: dict[str, Any], requests: BinaryIO, answers: BinaryIO) -> None:
-    end_after(order["seconds"])
-    path = Path(order["path"])
-    module, opener = _OPENERS[order["reader"]]
-    source: Source = getattr(import_module(module), opener)(path, table=order["table"])
+def _serve(order: Order, requests: BinaryIO, answers: BinaryIO) -> None:
+    end_after(order.seconds)
+    path = Path(order.path)
+    module, opener = _OPENERS[order.reader]
+    source: LogSource = getattr(import_module(module), opener)(path, table=order.table)
     _say(
         answers,
         {
@@ -71,10 +83,10 @@ def _serve(order: dict[str, Any], requests: BinaryIO, answers: BinaryIO) -> None
         },
     )
     for line in requests:
-        end_after(order["seconds"])
+        end_after(order.seconds)
         wanted, time = (asked := json.loads(line))["wanted"], asked["time"]
-        whole = source.load(wanted, time) if order["reader"] in _TOGETHER else None
-        for head, column in _columns(source, wanted, time, whole, _Budget(path.name, order["numbers"])):
+        whole = source.load(wanted, time) if order.reader in _TOGETHER else None
+        for head, column in _columns(source, wanted, time, whole, _Budget(path.name, order.numbers)):
             _say(answers, head)
             if column is not None:
                 answers.write(column.data)
@@ -82,8 +94,8 @@ def _serve(order: dict[str, Any], requests: BinaryIO, answers: BinaryIO) -> None
 
 
 def _columns(
-    source: Source, wanted: Sequence[int], time: int | None, whole: Table | None, budget: _Budget
-) -> Iterator[tuple[dict[str, Any], Signal | None]]:
+    source: LogSource, wanted: Sequence[int], time: int | None, whole: LogTable | None, budget: _Budget
+) -> Iterator[tuple[Mapping[str, object], Signal | None]]:
     """Yield the wanted columns one by one, of the whole table or as each is read, and the time column."""
     for k, i in enumerate(wanted):
         column = np.ascontiguousarray((whole or source.load([i], None)).values[i], dtype=np.float64)
@@ -119,7 +131,7 @@ class _Budget:
             )
 
 
-def _say(answers: BinaryIO, what: dict[str, Any]) -> None:
+def _say(answers: BinaryIO, what: Mapping[str, object]) -> None:
     content = json.dumps(what, default=lambda number: number.item())  # numpy's own numbers
     answers.write(content.encode("ascii") + b"\n")
     answers.flush()

@@ -24,7 +24,7 @@ class Header(msgspec.Struct, frozen=True):
     unit: str | None = None
 
 
-class Table(msgspec.Struct, frozen=True):
+class LogTable(msgspec.Struct, frozen=True):
     """The wanted columns of a file, all of one length n.
 
     Parameters
@@ -40,7 +40,7 @@ class Table(msgspec.Struct, frozen=True):
     findings: tuple[Finding, ...] = ()
 
 
-def without_notes(table: Table) -> Table:
+def without_notes(table: LogTable) -> LogTable:
     """Leave out rows that hold neither a stamp nor a number: notes, lines of delimiters, and names repeated where logs were
     joined.
     """
@@ -85,7 +85,7 @@ def damage_reported(path: Path, form: str, remedy: str, *, called: str = "file")
         ) from fault
 
 
-class Source(msgspec.Struct, frozen=True):
+class LogSource(msgspec.Struct, frozen=True):
     """An opened log: its headers, and a way to load the wanted columns.
 
     Parameters
@@ -100,7 +100,7 @@ class Source(msgspec.Struct, frozen=True):
     """
 
     headers: Sequence[Header]
-    load: Callable[[Sequence[int], int | None], Table]
+    load: Callable[[Sequence[int], int | None], LogTable]
     time_step: float | None = None
     time_start: float = 0.0
     properties: Mapping[str, str | float] = msgspec.field(default_factory=dict)

@@ -67,7 +67,7 @@ AS_MOTION = 0.8
 """A zero above this share of the onset speed lets rest count as motion: noise and waves do what it lacks."""
 
 
-class Blocks(msgspec.Struct, frozen=True):
+class SpeedBlocks(msgspec.Struct, frozen=True):
     """Durations [s] of blocks, mean velocity and mean speed by the displacement in each [m/s], (k,) each."""
 
     seconds: Signal
@@ -75,7 +75,7 @@ class Blocks(msgspec.Struct, frozen=True):
     by_displacement: Signal
 
 
-def mean_speeds(t: Signal, v: Signal, displacement: Signal, v_onset: float) -> Blocks:
+def mean_speeds(t: Signal, v: Signal, displacement: Signal, v_onset: float) -> SpeedBlocks:
     """Average both channels over blocks without holes and gaps; an encoder's coarse steps make the blocks longer."""
     usual = median(np.diff(t[:ENOUGH]))
     seconds = max(BLOCK, STEPS * smallest_step(displacement) / v_onset)
@@ -91,7 +91,7 @@ def mean_speeds(t: Signal, v: Signal, displacement: Signal, v_onset: float) -> B
         v[holes] = 0.0
     travelled = np.diff(running(t, v.__getitem__, ends))
     length = length[whole]
-    return Blocks(length, travelled[whole] / length, moved[whole] / length)
+    return SpeedBlocks(length, travelled[whole] / length, moved[whole] / length)
 
 
 def disagreements(t: Signal, v: Signal, displacement: Signal, v_onset: float) -> list[Finding]:
@@ -125,7 +125,7 @@ def _middle(x: Signal) -> tuple[float, float]:
     return middle, 1.4826 * median(np.abs(x - middle)) * float(np.sqrt(0.5 * np.pi / x.size))
 
 
-def _gain(blocks: Blocks, moving: Mask, zero: float, step: float) -> float | None:
+def _gain(blocks: SpeedBlocks, moving: Mask, zero: float, step: float) -> float | None:
     """Travel by the velocity over travel by the displacement; None if that is 1 as far as it can be known. [1]"""
     along = moving & ((blocks.v - zero) * blocks.by_displacement > 0)
     seconds = blocks.seconds[along]

@@ -129,7 +129,8 @@ def _stands_out(x: Signal, found: Index, least: float) -> Mask:
     for start in range(0, found.size, _ROWS):
         k = found[start : start + _ROWS]
         centre = _within(k[:, None] + around, 1, x.size - 2)
-        calm = APART * _upper_quartile(np.abs(x[centre - 1] - 2 * x[centre] + x[centre + 1]))
+        place = int(0.75 * (centre.shape[1] - 1))  # the upper quartile of the curvatures around
+        calm = APART * np.partition(np.abs(x[centre - 1] - 2 * x[centre] + x[centre + 1]), place, axis=1)[:, place]
         along = _within(k[:, None] + line, 0, x.size - 2)
         slope = _middle(x[along + 1] - x[along])
         off = np.abs(x[k] - 0.5 * (x[k - 1] + x[k + 1]))
@@ -146,12 +147,6 @@ def _within(place: Index, first: int, last: int) -> Index:
     place = np.where(place < first, place + 2 * AROUND + 1, place)
     within: Index = np.where(place > last, place - 2 * AROUND - 1, place)
     return within
-
-
-def _upper_quartile(rows: Signal) -> Signal:
-    place = int(0.75 * (rows.shape[1] - 1))
-    quartile: Signal = np.partition(rows, place, axis=1)[:, place]
-    return quartile
 
 
 def _middle(rows: Signal) -> Signal:

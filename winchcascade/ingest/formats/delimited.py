@@ -19,7 +19,7 @@ from winchcascade.core.run import Finding
 from winchcascade.ingest.cells import NOT_NUMBERS, is_cut, is_stamp, is_value, numbers, split_row
 from winchcascade.ingest.dialects import read_header
 from winchcascade.ingest.layout import Layout, find_encoding, find_layout
-from winchcascade.ingest.source import Source, Table, without_notes
+from winchcascade.ingest.source import LogSource, LogTable, without_notes
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Signal
@@ -124,7 +124,7 @@ _MOST_MARKS = 200
 """Texts for "no number" that are handed to Arrow; a file with more of them is read cell by cell."""
 
 
-def open_delimited(path: Path) -> Source:
+def open_delimited(path: Path) -> LogSource:
     """Open a delimited text log.
 
     Raises
@@ -152,7 +152,7 @@ def open_delimited(path: Path) -> Source:
         from winchcascade.ingest.stamps import waveform
 
         step, start = waveform(layout.properties)
-    return Source(
+    return LogSource(
         headers=layout.headers,
         load=lambda wanted, time: _load(path, encoding, layout, step, wanted, time),
         time_step=step,
@@ -163,7 +163,7 @@ def open_delimited(path: Path) -> Source:
 
 def _load(
     path: Path, encoding: str, layout: Layout, step: float | None, wanted: Sequence[int], time: int | None
-) -> Table:
+) -> LogTable:
     """Read the wanted columns, block by block."""
     parser = _Parser(layout, encoding if encoding[:3] != "utf" else "utf-8", step, wanted, time)
     blocks = text_blocks(path, encoding, layout.first)
@@ -334,13 +334,13 @@ class _Parser(msgspec.Struct):
             self.texts += self._decoded(table, self.time)
         self.rows = need
 
-    def table(self, where: str) -> Table:
+    def table(self, where: str) -> LogTable:
         """What was read, rows that hold nothing at all left out, with the findings of the reading."""
         values = {k: column[: self.rows] for k, column in self.columns.items()}
-        whole = without_notes(Table(values, stamps=self.texts if self.stamped else None))
+        whole = without_notes(LogTable(values, stamps=self.texts if self.stamped else None))
         findings = self._findings(where)
         stamps, stamped = (whole.stamps, False) if self.stamped else self._stamps(whole.values)
-        return Table({k: whole.values[k] for k in self.wanted}, stamps, stamped, findings)
+        return LogTable({k: whole.values[k] for k in self.wanted}, stamps, stamped, findings)
 
     def _stamps(self, values: Mapping[int, Signal]) -> tuple[Signal | None, bool]:
         """The time column as numbers, and whether it is in seconds; none if it is empty, or counts rows beside an interval."""

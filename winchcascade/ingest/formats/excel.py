@@ -21,7 +21,7 @@ from winchcascade.core.errors import LogError
 from winchcascade.core.quantity import find_unit
 from winchcascade.ingest.cells import is_stamp
 from winchcascade.ingest.dialects import recognise
-from winchcascade.ingest.source import Header, Source, Table, damage_reported
+from winchcascade.ingest.source import Header, LogSource, LogTable, damage_reported
 from winchcascade.ingest.table_choice import FEWEST_ROWS, choose, moves
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
 _GROUPS = re.compile(r"[+-]?[1-9]\d{0,2}(?:(?:,\d{3})+|(?:\.\d{3})+)")
 
 
-class Layout(msgspec.Struct, frozen=True):
+class SheetLayout(msgspec.Struct, frozen=True):
     """Where the table of a sheet lies: its names, their units, its first row, how many names stand over data.
 
     A column of data without a name to the left of the first name, the index of a data frame, comes last.
@@ -52,9 +52,9 @@ class Layout(msgspec.Struct, frozen=True):
     share: int
 
 
-def find_table(rows: Sequence[Row]) -> Layout | None:
+def find_table(rows: Sequence[Row]) -> SheetLayout | None:
     """Find the row of names by its content: right above data, with the most names that stand over numbers or stamps."""
-    best: Layout | None = None
+    best: SheetLayout | None = None
     for k in range(min(len(rows), ROWS_SEARCHED)):
         units = k + 1 < len(rows) and _is_units(rows[k + 1])
         first = next((n for n in range(k + 1 + units, len(rows)) if any(cell != "" for cell in rows[n])), len(rows))
@@ -63,7 +63,7 @@ def find_table(rows: Sequence[Row]) -> Layout | None:
         if share > (best.share if best else 0) and any(_is_datum(cell) for cell in rows[first]):
             columns += _index(rows[k], rows[first : first + ROWS_LOOKED_AT], columns[0])
             headers = tuple(Header(str(rows[k][j]).strip(), _unit(rows[k + 1][j]) if units else None) for j in columns)
-            best = Layout(columns, headers, first, share)
+            best = SheetLayout(columns, headers, first, share)
     return best
 
 
@@ -183,7 +183,7 @@ _LOCKED = "EncryptedPackage".encode("utf-16-le")
 _PIECE = 1 << 20
 
 
-def open_excel(path: Path, *, table: str | None = None) -> Source:
+def open_excel(path: Path, *, table: str | None = None) -> LogSource:
     """Open the sheet that holds a log, hidden ones included.
 
     Parameters
@@ -200,7 +200,7 @@ def open_excel(path: Path, *, table: str | None = None) -> Source:
         if zipfile.is_zipfile(path):
             _check_parts(path)
         sheet = _sheet(path, table)
-    return Source(headers=sheet.layout.headers, load=partial(_load, sheet.rows), table=sheet.name)
+    return LogSource(headers=sheet.layout.headers, load=partial(_load, sheet.rows), table=sheet.name)
 
 
 def _check_parts(path: Path) -> None:
@@ -242,7 +242,7 @@ class _Sheet(NamedTuple):
     """A sheet with a table: the cells of its named columns below the names."""
 
     name: str
-    layout: Layout
+    layout: SheetLayout
     rows: list[Row]
 
     @property
@@ -287,18 +287,18 @@ def _read_sheet(book: CalamineWorkbook, name: str) -> _Sheet | None:
     return _Sheet(name, layout, without_empty_end(list(named), layout.headers))
 
 
-def _load(rows: Sequence[Row], wanted: Sequence[int], time: int | None) -> Table:
+def _load(rows: Sequence[Row], wanted: Sequence[int], time: int | None) -> LogTable:
     """Hand over the wanted columns as numbers and the time column as what it holds."""
     values = {i: numbers([row[i] for row in rows]) for i in wanted}
     if time is None:
-        return Table(values)
+        return LogTable(values)
     cells = [row[time] for row in rows]
     if any(isinstance(cell, dt.date | dt.time | dt.timedelta) for cell in cells):
         t = np.array([seconds(cell) for cell in cells])
-        return Table(values, stamps=t - t[np.isfinite(t)][0], stamped=True)
+        return LogTable(values, stamps=t - t[np.isfinite(t)][0], stamped=True)
     if _stamped(cells):
-        return Table(values, stamps=[str(cell) for cell in cells])
-    return Table(values, stamps=numbers(cells))
+        return LogTable(values, stamps=[str(cell) for cell in cells])
+    return LogTable(values, stamps=numbers(cells))
 
 
 def _stamped(cells: Sequence[Cell]) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 
 from winchcascade.core.errors import LogError
 from winchcascade.ingest.dialects import recognise
-from winchcascade.ingest.source import Header, Source, Table, damage_reported
+from winchcascade.ingest.source import Header, LogSource, LogTable, damage_reported
 from winchcascade.ingest.table_choice import choose, refuse_sheet
 
 if TYPE_CHECKING:
@@ -26,11 +26,6 @@ DEPTH = 4
 """Deepest nesting that is followed: an HDF5 file may hold itself."""
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-
-
-def read_tree(path: Path) -> dict[str, Node]:
-    """Read the variables of a file by name; whatever its parser raises, damage raises."""
-    return _read_73(path) if _is_hdf5(path) else _read_72(path)
 
 
 def _is_hdf5(path: Path) -> bool:
@@ -125,7 +120,7 @@ RATES = ("fs", "sample_rate", "samplerate", "sampling_rate")
 STEPS = ("dt", "ts", "sample_time")
 
 
-def open_mat(path: Path, *, table: str | None = None) -> Source:
+def open_mat(path: Path, *, table: str | None = None) -> LogSource:
     """Open a MATLAB file: vectors of one length, structs of them, or a matrix with a list of names.
 
     Parameters
@@ -138,7 +133,7 @@ def open_mat(path: Path, *, table: str | None = None) -> Source:
         the file is damaged, needs h5py that is not installed, or holds nothing like a column
     """
     with damage_reported(path, "MATLAB file", "copy or save it again"):
-        tree = _with_elements(read_tree(path))
+        tree = _with_elements(_read_73(path) if _is_hdf5(path) else _read_72(path))
     runs = _runs(tree)
     name = choose(list(runs), table, path.name, "run") if runs else None
     if name is None:
@@ -153,10 +148,15 @@ def open_mat(path: Path, *, table: str | None = None) -> Source:
         )
     units = _units(tree, list(columns))
     properties = _properties(tree)
-    return Source(
+    steps = (
+        1.0 / value if name.casefold() in RATES else value
+        for name, value in properties.items()
+        if isinstance(value, float) and 0.0 < value < np.inf and name.casefold() in (*RATES, *STEPS)
+    )
+    return LogSource(
         headers=tuple(Header(name, units.get(name) or units.get(name.rpartition(".")[2])) for name in columns),
         load=partial(_load, list(columns.values())),
-        time_step=_time_step(properties),
+        time_step=next(steps, None),
         properties=properties,
         table=name,
     )
@@ -298,17 +298,9 @@ def _properties(tree: Mapping[str, Node]) -> dict[str, str | float]:
     return properties
 
 
-def _time_step(properties: Mapping[str, str | float]) -> float | None:
-    """Find the sampling interval among the properties, from a rate or a step. [s]"""
-    for name, value in properties.items():
-        if isinstance(value, float) and 0.0 < value < np.inf and name.casefold() in (*RATES, *STEPS):
-            return 1.0 / value if name.casefold() in RATES else value
-    return None
-
-
-def _load(columns: Sequence[Column], wanted: Sequence[int], time: int | None) -> Table:
+def _load(columns: Sequence[Column], wanted: Sequence[int], time: int | None) -> LogTable:
     """Hand over the wanted columns, texts as NaN, and the time column as it is."""
     values = {
         i: column if isinstance(column := columns[i], np.ndarray) else np.full(len(column), np.nan) for i in wanted
     }
-    return Table(values, stamps=None if time is None else columns[time])
+    return LogTable(values, stamps=None if time is None else columns[time])

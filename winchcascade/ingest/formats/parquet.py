@@ -15,7 +15,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from winchcascade.ingest.dialects import letters_of
-from winchcascade.ingest.source import Header, Source, Table, damage_reported
+from winchcascade.ingest.source import Header, LogSource, LogTable, damage_reported
 from winchcascade.ingest.table_choice import refuse_sheet
 
 if TYPE_CHECKING:
@@ -39,14 +39,14 @@ def nameless(header: Header) -> bool:
     return _NO_NAME.fullmatch(letters_of(header.name)) is not None
 
 
-def index_clock(source: Source, wanted: Sequence[int]) -> tuple[int, Table] | None:
+def index_clock(source: LogSource, wanted: Sequence[int]) -> tuple[int, LogTable] | None:
     """Find the one column without a name that is a clock, and the wanted columns beside it; None for none or several."""
     columns = [k for k, header in enumerate(source.headers) if nameless(header) and k not in wanted]
     found = [(k, table) for k in columns if _is_clock(table := source.load(wanted, k))]
     return found[0] if len(found) == 1 else None
 
 
-def _is_clock(table: Table) -> bool:
+def _is_clock(table: LogTable) -> bool:
     """Whether a column holds stamps, or numbers that rise throughout; whole numbers are no clock, as they count rows."""
     stamps = table.stamps
     if stamps is None:
@@ -69,7 +69,7 @@ NOT_PROPERTIES = (b"pandas", b"ARROW:schema")
 _TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 
-def open_parquet(path: Path, *, table: str | None = None) -> Source:
+def open_parquet(path: Path, *, table: str | None = None) -> LogSource:
     """Open the columns of a Parquet file.
 
     Raises
@@ -82,17 +82,14 @@ def open_parquet(path: Path, *, table: str | None = None) -> Source:
         schema = file.schema_arrow
         headers = tuple(Header(field.name, _unit(field.metadata or {})) for field in schema)
         properties = _properties(schema.metadata or {})
-    return Source(headers=headers, load=partial(_load, path), properties=properties)
+    return LogSource(headers=headers, load=partial(_load, path), properties=properties)
 
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
     """Open the file for as long as its columns are read."""
-    with damage_reported(path, "Parquet file", "copy or export it again"):
-        # Texts as dictionaries: one long text in every row is one text, else a file of a kilobyte fills the memory.
-        texts = [field.name for field in pq.read_schema(path) if _is_text(field.type)]
-        with pq.ParquetFile(path, read_dictionary=texts) as file:
-            yield file
+    with damage_reported(path, "Parquet file", "copy or export it again"), pq.ParquetFile(path) as file:
+        yield file
 
 
 def _unit(metadata: dict[bytes, bytes]) -> str | None:
@@ -111,23 +108,23 @@ def _properties(metadata: dict[bytes, bytes]) -> dict[str, str | float]:
     return {key: text if np.isnan(number := _number(text)) else number for key, text in texts.items()}
 
 
-def _load(path: Path, wanted: Sequence[int], time: int | None) -> Table:
+def _load(path: Path, wanted: Sequence[int], time: int | None) -> LogTable:
     """Read the wanted columns into numbers and the time column into what it holds."""
     with _opened(path) as file:
         values = {i: _column(file, i) for i in wanted}
         if time is None:
-            return Table(values)
+            return LogTable(values)
         kind = file.schema_arrow[time].type
         kind = kind.value_type if pa.types.is_dictionary(kind) else kind
         if pa.types.is_temporal(kind):
-            return Table(values, stamps=_seconds(file, time), stamped=True)
+            return LogTable(values, stamps=_seconds(file, time), stamped=True)
         if _is_text(kind):
-            return Table(values, stamps=_texts(file, time))
-        return Table(values, stamps=_column(file, time))
+            return LogTable(values, stamps=[text or "" for piece in _pieces(file, time) for text in piece.to_pylist()])
+        return LogTable(values, stamps=_column(file, time))
 
 
 def _pieces(file: Any, i: int) -> Iterator[Any]:
-    """Yield one column row group by row group, of dictionaries those of texts alone."""
+    """Yield one column row group by row group, no dictionaries."""
     names = file.schema_arrow.names
     for k in range(file.num_row_groups):
         table = file.read_row_group(k, columns=[names[i]])
@@ -135,8 +132,7 @@ def _pieces(file: Any, i: int) -> Iterator[Any]:
         column = [table.column(j) for j, name in enumerate(table.column_names) if name == names[i]][
             names[:i].count(names[i])
         ]
-        whole = pa.types.is_dictionary(column.type) and not _is_text(column.type.value_type)
-        yield column.cast(column.type.value_type) if whole else column
+        yield column.cast(column.type.value_type) if pa.types.is_dictionary(column.type) else column
 
 
 def _column(file: Any, i: int) -> Signal:
@@ -154,9 +150,6 @@ def _column(file: Any, i: int) -> Signal:
 def _numbers(piece: Any) -> Signal:
     """Convert a piece of a column to numbers."""
     kind = piece.type
-    if pa.types.is_dictionary(kind):
-        parts = [np.array([_number(word) for word in words])[rows] for words, rows in map(_words, piece.chunks)]
-        return np.concatenate([np.empty(0), *parts])
     if _is_text(kind):
         return np.array([_number(text or "") for text in piece.to_pylist()], dtype=np.float64)
     if pa.types.is_decimal(kind):
@@ -169,12 +162,6 @@ def _numbers(piece: Any) -> Signal:
     return numbers
 
 
-def _words(chunk: Any) -> tuple[list[str], Any]:
-    """Take the texts of a dictionary, an empty one last, and which of them stands in each row: the last for a null."""
-    words = [text or "" for text in chunk.dictionary.to_pylist()]
-    return [*words, ""], pc.fill_null(chunk.indices.cast(pa.int64()), len(words)).to_numpy(zero_copy_only=False)
-
-
 def _is_text(kind: Any) -> bool:
     return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_string_view(kind))
 
@@ -185,15 +172,6 @@ def _number(text: str) -> float:
         return float(text)
     except ValueError:
         return float("nan")
-
-
-def _texts(file: Any, i: int) -> list[str]:
-    texts: list[str] = []
-    for piece in _pieces(file, i):
-        for chunk in piece.chunks:
-            words, rows = _words(chunk.dictionary_encode())
-            texts += [words[k] for k in rows.tolist()]
-    return texts
 
 
 def _seconds(file: Any, i: int) -> Signal:

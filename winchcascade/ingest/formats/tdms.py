@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import logging
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -19,7 +18,7 @@ from winchcascade.core.errors import LogError
 from winchcascade.core.run import Finding
 from winchcascade.ingest.align import Waveform, alike, at, common_stamps, overlap, shared
 from winchcascade.ingest.dialects import recognise
-from winchcascade.ingest.source import Header, Source, Table, damage_reported
+from winchcascade.ingest.source import Header, LogSource, LogTable, damage_reported
 from winchcascade.ingest.table_choice import choose, moves
 
 if TYPE_CHECKING:
@@ -37,7 +36,7 @@ AS_LONG = 0.01
 NUMERIC, STAMPS = "biuf", "M"
 
 
-class Column(msgspec.Struct, frozen=True):
+class TdmsChannel(msgspec.Struct, frozen=True):
     """One channel as its metadata describe it; the clock is None for a channel that is no waveform of numbers."""
 
     header: Header
@@ -71,19 +70,18 @@ def one_log(
             continue
         obstacle = _obstacle(taken, channels)
         if obstacle is None:
-            names = {c.name for c in taken}
-            taken = taken + [c for c in channels if c.name not in names]
+            known = {c.name for c in taken}
+            taken = taken + [c for c in channels if c.name not in known]
         else:
             left.setdefault(obstacle, []).append(group.name)
             others += [group.name] if moves(Header(c.name) for c in channels if _is_numeric(c)) else []
     several = [ranked[0].name, *others] if others and moves(Header(c.name) for c in taken if _is_numeric(c)) else []
-    return taken, tuple(_not_read(ranked[0].name, names, why) for why, names in left.items()), several
-
-
-def _not_read(first: str, names: Sequence[str], why: str) -> Finding:
-    count = len(names)
-    message = f"{count} group{'s' * (count > 1)} beside {first!r} {why}: {', '.join(map(repr, names[:12]))}"
-    return Finding("unknown_column", message + (", ..." if count > 12 else ""), "not read", count=count)
+    findings = []
+    for why, names in left.items():
+        listed = ", ".join(map(repr, names[:12])) + (", ..." if len(names) > 12 else "")
+        message = f"{len(names)} group{'s' * (len(names) > 1)} beside {ranked[0].name!r} {why}: {listed}"
+        findings.append(Finding("unknown_column", message, "not read", count=len(names)))
+    return taken, tuple(findings), several
 
 
 def _filled(group: Any, cut_off: bool) -> list[Any]:
@@ -114,15 +112,17 @@ def _same(one: Any, other: Any) -> bool:
     return len(one) == len(other) and np.array_equal(one.read_data(), other.read_data())
 
 
-def _data(columns: Sequence[Column]) -> list[Column]:
+def _data(columns: Sequence[TdmsChannel]) -> list[TdmsChannel]:
     return [c for c in columns if c.kind in NUMERIC and recognise(c.header) != "time"]
 
 
-def describe(channels: Sequence[Any]) -> list[Column]:
+def describe(channels: Sequence[Any]) -> list[TdmsChannel]:
     """Describe channels, their clocks counted from the earliest start time among them."""
     earliest = min((start for c in channels if (start := _start_time(c)) is not None), default=None)
     return [
-        Column(Header(c.name, _unit(c.properties)), c.group_name, c.name, len(c), c.dtype.kind, _waveform(c, earliest))
+        TdmsChannel(
+            Header(c.name, _unit(c.properties)), c.group_name, c.name, len(c), c.dtype.kind, _waveform(c, earliest)
+        )
         for c in channels
     ]
 
@@ -152,7 +152,7 @@ def _finite(value: Any) -> float:
     return float(value) if isinstance(value, int | float | np.number) and np.isfinite(value) else 0.0
 
 
-def open_tdms(path: Path, *, table: str | None = None) -> Source:
+def open_tdms(path: Path, *, table: str | None = None) -> LogSource:
     """Open the group with the most numeric channels, and those that hold other channels of the same log.
 
     Parameters
@@ -172,12 +172,20 @@ def open_tdms(path: Path, *, table: str | None = None) -> Source:
         if first is None and others:
             first = choose(others, None, path.name, "group")
         columns = describe(channels)
-        _refuse_words(path, columns)
+        if not any(column.kind in NUMERIC for column in columns):
+            raise LogError(
+                f"{path.name}: no group holds a channel of numbers; at least one was expected; export the log again with "
+                "its samples."
+            )
         groups = dict.fromkeys(column.group for column in reversed(columns))
         properties = _properties([tdms.properties, *(tdms[group].properties for group in groups)])
-        findings = _truncation(tdms) + not_read
+        message, action = (
+            "the file breaks off inside its last segment",
+            "read up to the last sample that every channel has",
+        )
+        findings = ((Finding("truncated", message, action),) if cut_off else ()) + not_read
     clock = shared(column.clock for column in columns)
-    return Source(
+    return LogSource(
         headers=tuple(column.header for column in columns),
         load=partial(_load, path, columns, clock, findings),
         time_step=clock.step if clock else None,
@@ -187,38 +195,17 @@ def open_tdms(path: Path, *, table: str | None = None) -> Source:
     )
 
 
-class _Whole(io.BufferedReader):
-    """A file that is never asked for more bytes than it has: the parser believes every length that it reads."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(io.FileIO(path))
-        self._size = path.stat().st_size
-
-    def read(self, size: int | None = -1, /) -> bytes:
-        """Read so many bytes, at most those that are left."""
-        left = max(0, self._size - self.tell())
-        return super().read(left if size is None or size < 0 else min(size, left))
-
-
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
     """Open the file for as long as its channels are read."""
     log_manager.set_level(logging.CRITICAL)  # what the parser logs on stderr is reported by findings and errors
     # A stream, not a path: beside a path the parser would trust an index file that may be an old one.
-    with damage_reported(path, "TDMS file", "copy it again or export it as CSV"), _Whole(path) as stream:
+    with damage_reported(path, "TDMS file", "copy it again or export it as CSV"), path.open("rb") as stream:
         if stream.read(4) != b"TDSm":
             raise ValueError("no TDMS segment at the start")
         stream.seek(0)
         with TdmsFile.open(stream) as tdms, np.errstate(all="ignore"):
             yield tdms
-
-
-def _refuse_words(path: Path, columns: Sequence[Column]) -> None:
-    if not any(column.kind in NUMERIC for column in columns):
-        raise LogError(
-            f"{path.name}: no group holds a channel of numbers; at least one was expected; export the log again with "
-            "its samples."
-        )
 
 
 def _refuse_lies(path: Path, tdms: Any) -> None:
@@ -245,21 +232,14 @@ def _properties(levels: Sequence[Mapping[str, Any]]) -> dict[str, str | float]:
     }
 
 
-def _truncation(tdms: Any) -> tuple[Finding, ...]:
-    if not tdms.file_status.incomplete_final_segment:
-        return ()
-    message = "the file breaks off inside its last segment"
-    return (Finding("truncated", message, "read up to the last sample that every channel has"),)
-
-
 def _load(
     path: Path,
-    columns: Sequence[Column],
+    columns: Sequence[TdmsChannel],
     usual: Waveform | None,
     findings: tuple[Finding, ...],
     wanted: Sequence[int],
     time: int | None,
-) -> Table:
+) -> LogTable:
     """Read the wanted channels: on one clock, or row by row where a time channel or nothing has the stamps."""
     raw = _samples(path, columns, wanted if time is None else [*wanted, time])
     own = [columns[i].clock for i in wanted]
@@ -273,10 +253,10 @@ def _load(
     values = {i: at(t, _numbers(raw[i]), clocks[i], reference.step) for i in wanted}
     told = reference == usual and t[0] == reference.start
     # These stamps are seconds, whatever the unit of a column of stamps: `stamped` says so.
-    return Table(values, stamps=None if told else t, stamped=time is not None, findings=findings + cut)
+    return LogTable(values, stamps=None if told else t, stamped=time is not None, findings=findings + cut)
 
 
-def _samples(path: Path, columns: Sequence[Column], needed: Sequence[int]) -> dict[int, Any]:
+def _samples(path: Path, columns: Sequence[TdmsChannel], needed: Sequence[int]) -> dict[int, Any]:
     """Read the samples of channels as they are stored.
 
     Raises
@@ -295,7 +275,9 @@ def _samples(path: Path, columns: Sequence[Column], needed: Sequence[int]) -> di
     return raw
 
 
-def _by_rows(raw: Mapping[int, Any], wanted: Sequence[int], time: int | None, findings: tuple[Finding, ...]) -> Table:
+def _by_rows(
+    raw: Mapping[int, Any], wanted: Sequence[int], time: int | None, findings: tuple[Finding, ...]
+) -> LogTable:
     """Put the channels side by side, as far as the shortest goes."""
     rows = min(map(len, raw.values()), default=0)
     lost = max(map(len, raw.values()), default=0) - rows
@@ -304,12 +286,12 @@ def _by_rows(raw: Mapping[int, Any], wanted: Sequence[int], time: int | None, fi
         findings += (Finding("dropped_samples", message, "left out", count=lost, removed=lost),)
     values = {i: _numbers(raw[i][:rows]) for i in wanted}
     if time is None:
-        return Table(values, findings=findings)
+        return LogTable(values, findings=findings)
     stamps = raw[time][:rows]
     if stamps.dtype.kind == "M":
         seconds: Signal = (stamps - stamps[0]) / np.timedelta64(1, "s")
-        return Table(values, stamps=seconds, stamped=True, findings=findings)
-    return Table(
+        return LogTable(values, stamps=seconds, stamped=True, findings=findings)
+    return LogTable(
         values, stamps=[*map(str, stamps)] if stamps.dtype.kind == "O" else _numbers(stamps), findings=findings
     )
 
