@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 WHOLE = 0.01
 """A shift that is this close to a whole number of samples is one. [samples]"""
 
-TRIM_TOLD = 1.0
+TRIM_REPORTED = 1.0
 """Longest stretch that may be cut from the ends without a finding. [s]"""
 
 
@@ -37,13 +37,13 @@ def shared(clocks: Iterable[Waveform | None]) -> Waveform | None:
 
 
 def alike(clocks: Sequence[Waveform]) -> bool:
-    """Tell clocks that tick together: their steps are the same and they start less than a step apart."""
+    """Whether clocks tick together: their steps are the same and they start less than a step apart."""
     steps, starts = [clock.step for clock in clocks], [clock.start for clock in clocks]
     return max(steps) - min(steps) <= WHOLE * min(steps) and max(starts) - min(starts) <= min(steps)
 
 
 def overlap(some: Sequence[tuple[Waveform, int]], others: Sequence[tuple[Waveform, int]]) -> bool:
-    """Tell whether two sets of waveforms, each with its number of samples, were sampled at the same time."""
+    """Whether two sets of waveforms, each with its number of samples, were sampled at the same time."""
     begin = max(min(clock.start for clock, _ in tracks) for tracks in (some, others))
     end = min(max(clock.start + clock.step * (n - 1) for clock, n in tracks) for tracks in (some, others))
     return begin <= end
@@ -52,7 +52,7 @@ def overlap(some: Sequence[tuple[Waveform, int]], others: Sequence[tuple[Wavefor
 def common_stamps(
     path: Path, reference: Waveform, tracks: Sequence[tuple[Waveform, int]]
 ) -> tuple[Signal, tuple[Finding, ...]]:
-    """Find the stamps of the reference clock at which every channel was sampled, and tell what lies outside. [s]
+    """Find the stamps of the reference clock at which every channel was sampled, and report what lies outside. [s]
 
     Raises
     ------
@@ -75,7 +75,7 @@ def common_stamps(
         )
     t = reference.start + reference.step * np.arange(int(first), int(last) + 1, dtype=np.float64)
     trimmed = max(ends) - min(begins) - (t[-1] - t[0])
-    if trimmed <= TRIM_TOLD:
+    if trimmed <= TRIM_REPORTED:
         return t, ()
     lost = round(trimmed / reference.step)
     message = (

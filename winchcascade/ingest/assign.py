@@ -29,7 +29,7 @@ class Match(msgspec.Struct, frozen=True):
 class Assignment(msgspec.Struct, frozen=True):
     """Which header is which channel; `time` is None for a log without a time column.
 
-    `time_unit_known` and `time_named` tell whether the time column names a unit, and whether it has a name itself.
+    `time_unit_known`: the time column names a unit. `time_named`: it has a name itself.
     """
 
     channels: Mapping[str, Match]
@@ -75,7 +75,11 @@ def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None
             taken[channel] = index
     if dates:
         taken.setdefault("time", dates[0])
-    _check_usable(taken, headers, where)
+    if "velocity" not in taken and "displacement" not in taken:
+        raise LogError(
+            f"{where}: no column for the line velocity or displacement; the log has "
+            f"{listed([h.name.strip() for h in headers])}. Name the columns in a rig file under [columns]."
+        )
     found = _assignment(taken, headers, rig, [headers[k].name.strip() for k in sorted(unknown)], simulated, where)
     absent = _absent(headers, rig, named, taken)
     return msgspec.structs.replace(found, findings=(*found.findings, *absent), time_named=clock is None)
@@ -131,16 +135,6 @@ def _better(headers: Sequence[Header], old: int, new: int, channel: str, where: 
             f"rig file under [columns]."
         )
     return (old, new) if better[0] else (new, old)
-
-
-def _check_usable(taken: Mapping[str, int], headers: Sequence[Header], where: str) -> None:
-    if "velocity" in taken or "displacement" in taken:
-        return
-    found = listed([h.name.strip() for h in headers])
-    raise LogError(
-        f"{where}: no column for the line velocity or displacement; the log has {found}. Name the columns in a rig file "
-        f"under [columns]."
-    )
 
 
 def listed(names: Sequence[str], most: int = 12) -> str:

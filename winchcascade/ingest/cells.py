@@ -23,7 +23,7 @@ _NEAR = 0.5
 """The interval over the end of a minute is off the usual one by less than this share; one that is not leaves a doubt."""
 
 
-@np.errstate(invalid="ignore")  # what is left of an infinite stamp
+@np.errstate(invalid="ignore")  # the remainder of an infinite stamp
 def clock_of_digits(stamps: Signal) -> Signal | None:
     """Seconds since the first stamp, if the stamps are certain to be HHMMSS or YYYYMMDDHHMMSS; else None. [s]
 

@@ -59,7 +59,7 @@ def even_clock(n: int, step: float, start: float = 0.0) -> Clock:
 
 
 def require_rising(t: Signal, where: str) -> None:
-    """Refuse stamps that no number tells apart, as a wrong one among them or a start aeons ago leaves them; LogError."""
+    """Reject stamps that floating-point numbers cannot distinguish, after a wrong stamp or a start aeons ago; LogError."""
     if t.size > 1 and not np.diff(t).min() > NO_TIME:
         raise LogError(
             f"{where}: stamps from {t.min():.6g} to {t.max():.6g} s lie too far from zero to be told apart; expected stamps "

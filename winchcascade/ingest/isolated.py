@@ -1,4 +1,4 @@
-"""Files whose readers can be led astray are read in a process of their own, within limits of memory and time."""
+"""Formats whose readers a damaged file can mislead are read in a process of their own, with limits of memory and time."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def open_isolated(reader: str, path: Path, *, table: str | None = None) -> LogSo
 
 
 class _Opened(msgspec.Struct, frozen=True):
-    """What the process says of the file that it has opened."""
+    """Description of the opened file, as the process sends it."""
 
     headers: list[tuple[str, str | None]]
     time_step: float | None
@@ -124,6 +124,7 @@ class _Child:
         self._path, self._size, self._reader = path, path.stat().st_size, reader
         self._limits: Limits = limits_for(self._size)
         self._seconds = 0.0
+        self._format = _FORMATS[reader]
         # Without the interpreter's own settings, which a log has no business with; the path of modules is sent.
         self._process = subprocess.Popen(
             [_interpreter(), "-I", "-c", _START],
@@ -212,10 +213,6 @@ class _Child:
                 f"variable {SECONDS_SETTING}."
             )
 
-    @property
-    def _format(self) -> _Format:
-        return _FORMATS[self._reader]
-
     def _too_large(self) -> LogError:
         return LogError(
             f"{self._path.name}: takes more than {self._limits.memory / MB:.0f} MB of memory to read; less was expected of "
@@ -243,7 +240,7 @@ class _Child:
 
 
 class _Starved(Exception):
-    """The process has said that it met the end of its memory."""
+    """The process has reported that its memory is used up."""
 
 
 def _interpreter() -> str:

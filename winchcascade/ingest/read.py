@@ -1,4 +1,4 @@
-"""The door: a file of any known format becomes a checked Run, or one sentence says why not."""
+"""Read a file of any known format as a checked Run; a file that cannot be used raises LogError with the reason."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def read_run(
 
     Parameters
     ----------
-    path : CSV of any dialect, LabVIEW's .lvm, TDMS, MATLAB .mat, Parquet or Excel; told apart by content
+    path : CSV of any dialect, LabVIEW's .lvm, TDMS, MATLAB .mat, Parquet or Excel; the content decides which
     rig : the rig whose sensors and columns are expected; the paper's by default
     load : resistance at the DC link, inf for an open circuit; by default what the file says of itself, else None [ohm]
     table : name or number of the sheet of a workbook, of the run in a MATLAB file or of the TDMS group; needed where several
@@ -176,7 +176,7 @@ def _loaded(source: LogSource, rig: Rig, where: str) -> tuple[Assignment, LogTab
 class _Seen:
     """A file as it was before it was read, to find out whether the digest is of the bytes that were parsed.
 
-    Stamps tell that, as long as the last change lies further back than the steps in which a file system counts time; of a file
+    Stamps show that, as long as the last change lies further back than the steps in which a file system counts time; of a file
     that was changed just now the digest is taken before it is read, too.
     """
 
@@ -220,7 +220,7 @@ class _Digest:
         self._thread.start()
 
     def _run(self) -> None:
-        self._value = _sha256(self._path)  # `value` tells a fault: a thread has nobody to tell
+        self._value = _sha256(self._path)  # `value` raises the error, because a thread has no caller
 
     def value(self) -> str:
         """Wait for the digest and give it in hexadecimal; LogError if the file has gone since it was read."""

@@ -102,16 +102,16 @@ def _columns(
         budget.spend(column.nbytes, left=len(wanted) - k - 1 + (time is not None))
         yield {"rows": len(column)}, column
     table = whole or source.load([], time)
-    told = {"stamped": table.stamped, "findings": [msgspec.structs.asdict(finding) for finding in table.findings]}
+    described = {"stamped": table.stamped, "findings": [msgspec.structs.asdict(finding) for finding in table.findings]}
     if isinstance(table.stamps, np.ndarray):
         stamps = np.ascontiguousarray(table.stamps, dtype=np.float64)
         budget.spend(stamps.nbytes)
-        yield {"rows": len(stamps), **told}, stamps
+        yield {"rows": len(stamps), **described}, stamps
     elif table.stamps is not None:
         budget.spend(sum(map(len, table.stamps)) + _TEXT * len(table.stamps))
-        yield {"texts": list(table.stamps), **told}, None
+        yield {"texts": list(table.stamps), **described}, None
     else:
-        yield told, None
+        yield described, None
 
 
 class _Budget:

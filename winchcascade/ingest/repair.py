@@ -49,8 +49,8 @@ def with_all_stamps(stamps: Signal, findings: list[Finding], where: str) -> tupl
         return stamps, np.arange(stamps.size)
     rows = np.arange(good[0], good[-1] + 1)
     t = np.interp(rows, good, stamps[good])
-    room = ~_crowded(stamps, good)[rows]
-    lost, outside, crowded = stamps.size - good.size, stamps.size - rows.size, int(np.count_nonzero(~room))
+    kept = ~_crowded(stamps, good)[rows]
+    lost, outside, crowded = stamps.size - good.size, stamps.size - rows.size, int(np.count_nonzero(~kept))
     at = t[np.isin(rows, good, invert=True)]
     done = ["filled between their neighbours"] if lost > outside + crowded else []
     done += [f"{outside} rows at the ends left out"] if outside else []
@@ -66,7 +66,7 @@ def with_all_stamps(stamps: Signal, findings: list[Finding], where: str) -> tupl
             removed=outside + crowded,
         )
     )
-    return t[room], rows[room]
+    return t[kept], rows[kept]
 
 
 def _crowded(stamps: Signal, good: Index) -> Mask:
@@ -169,7 +169,7 @@ def forward(t: Signal, rows: Index, usual: float, findings: list[Finding], where
 
 
 def _put_right(t: Signal, rows: Index, k: int, usual: float) -> tuple[Signal, Index, str, int]:
-    """Repair the backward step from sample k - 1 to k; tell what was done and how many samples that cost."""
+    """Repair the backward step from sample k - 1 to k; also what was done and how many samples that cost."""
     ahead = int(np.searchsorted(t[:k], t[k], side="left"))
     later = np.flatnonzero(t[k:] > t[k - 1])
     behind = k + int(later[0]) if later.size else t.size

@@ -1,4 +1,4 @@
-"""Whether channels that tell of one thing agree: velocity and displacement, mechanical power and torque.
+"""Whether channels that depend on one quantity agree: velocity and displacement, mechanical power and torque.
 
 Velocity and displacement are averaged over blocks of a second or more: the integral of the one and the change of the
 other, by their duration. Where the displacement rests the velocity's zero shows, where both move its gain. A displacement
@@ -31,7 +31,7 @@ MOVING = 2.0
 """A block moves above this many times the onset speed, and rests below once that speed."""
 
 FEWEST = 5
-"""Fewer blocks tell nothing."""
+"""Smallest number of blocks that shows a deviation."""
 
 GAIN = 0.01
 """A gain that is off by less does not matter: energies are off by as much, and drums and wheels are known no better. [1]"""
@@ -40,7 +40,7 @@ ZERO = 1 / 6
 """A zero below this share of the onset speed does not matter: 0.005 m/s, 0.6 % of a payout at 0.86 m/s. [1]"""
 
 CERTAIN = 4.0
-"""What is told lies so many standard uncertainties off."""
+"""A deviation is reported from this many standard uncertainties on."""
 
 STRAY = 5.0
 """A block that lies so many standard deviations off the others is left out,"""
@@ -95,7 +95,7 @@ def mean_speeds(t: Signal, v: Signal, displacement: Signal, v_onset: float) -> S
 
 
 def disagreements(t: Signal, v: Signal, displacement: Signal, v_onset: float) -> list[Finding]:
-    """Tell a zero or a gain of the velocity that the displacement contradicts; neither channel is changed.
+    """Report a zero or a gain of the velocity that the displacement contradicts; neither channel is changed.
 
     Parameters
     ----------
@@ -170,7 +170,7 @@ def _gain_finding(gain: float) -> Finding:
 
 
 def power_disagrees(channels: Mapping[str, Signal], r_drum: float | None) -> list[Finding]:
-    """Tell a logged mechanical power that is another than torque, velocity and the drum's radius [m] give."""
+    """Report a logged mechanical power that differs from what torque, velocity and the drum's radius [m] give."""
     if r_drum is None or any(name not in channels for name in ("power_mech", "torque", "velocity")):
         return []
     every = max(1, channels["velocity"].size // ENOUGH)

@@ -53,7 +53,7 @@ COARSE = 3.0
 """A jump of fewer steps of the channel's own resolution is none of a fault."""
 
 _LEVEL = 20_000
-"""Samples that tell the range and the noise of a channel."""
+"""Number of samples that show the range and the noise of a channel."""
 
 WITNESSES = {
     "force": ("torque", "power_mech", "vdc", "idc", "velocity"),

@@ -1,7 +1,7 @@
 """Glitches: a few consecutive samples that jump away from both neighbours and jump back, which no machine does.
 
-One channel says what jumps away and back (`find_pulses`); the others say whether the machine moved (`follows`); and the
-jumps that are left, as of a torque when the clutch engages, say what the channel itself can do (`without_usual_jumps`).
+One channel shows what jumps away and back (`find_pulses`); the others show whether the machine moved (`follows`); and the
+remaining jumps, as of a torque when the clutch engages, show what the channel itself can do (`without_usual_jumps`).
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ FAR = 5.0
 """What stands so many times the channel's range off is no measurement, whatever the other channels do."""
 
 STILL = 20.0
-"""A channel whose range is not so many times its usual curvature holds noise alone, whose range tells nothing."""
+"""A channel whose range is not so many times its usual curvature holds noise alone, whose range means nothing."""
 
 MOST = 0.01
 """A channel that jumps away and back in a larger share of its samples does so by itself: pulses, a chopper."""
@@ -83,7 +83,7 @@ class Pulse(msgspec.Struct, frozen=True):
 
 
 class Pulses(msgspec.Struct, frozen=True):
-    """What jumps away and back in one channel, every large jump as its first sample and its size, and what tells whether
+    """What jumps away and back in one channel, every large jump as its first sample and its size, and what shows whether
     the channel moves: more than `moves` off a straight line."""
 
     found: tuple[Pulse, ...]

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 FAST = 0.3
-"""Samples faster than this share of the top speed tell payout from haul-in."""
+"""Samples faster than this share of the top speed distinguish payout from haul-in."""
 
 CLEAR = 1.2
 """A channel votes if it is this many times as large in one direction as in the other."""
@@ -31,7 +31,7 @@ VACUUM = -1.05e5
 
 
 def upright(channels: dict[str, Signal]) -> list[Finding]:
-    """Turn channels that are logged with the opposite sign, in place of the old ones; tell which.
+    """Turn channels that are logged with the opposite sign, in place of the old ones; the findings name them.
 
     Line force, torque and voltage are larger in payout, and the pressure rises with it: what most of them say decides the
     sign of the velocity. The displacement follows the velocity; forces, torques and powers are positive in payout.
@@ -70,7 +70,7 @@ def _fast(v: Signal) -> Mask:
 def _paid_out_negative(some: Mapping[str, Signal], v: Signal) -> bool:
     """Whether the channels say that the line pays out where its velocity is negative.
 
-    The line force tells only if both directions were logged; torque and voltage also by their absence.
+    The line force votes only if both directions were logged; torque and voltage also by their absence.
     """
     up, down = _fast(v), _fast(-v)
     votes = 0

@@ -100,7 +100,7 @@ def find_stuck(name: str, x: Signal, line: LineMotion, channels: Mapping[str, Si
     ----------
     name : channel, which says what it depends on
     x : (n,) its values, finite or NaN
-    channels : the other channels of the log: displacement and torque tell whether a velocity is stuck
+    channels : the other channels of the log: displacement and torque show whether a velocity is stuck
     """
     first, last = _held(x, line.t)
     if first.size == 0:

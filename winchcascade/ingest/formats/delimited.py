@@ -95,7 +95,7 @@ def _chunks(path: Path, encoding: str) -> Iterator[memoryview]:
             left -= size
             data = memoryview(buffer)[:size]
             if data[0] == 0 and not any(buffer[:size].strip(b"\0")):
-                data = data[:1]  # one tells as much as the megabytes that a logger reserved and never wrote
+                data = data[:1]  # one byte suffices for the megabytes that a logger reserved and never wrote
             if decoder is not None:
                 data = memoryview(decoder.decode(data).encode())
             old_mac = old_mac or (_last_line_end(data) == 0 and b"\r" in data[:_NEAR].tobytes())
@@ -205,7 +205,7 @@ class _Parser(msgspec.Struct):
         return [*self.wanted, *([] if self.time is None else [self.time])]
 
     def expect(self, rows: int) -> None:
-        """Make room for as many rows; what is not used costs no memory until it is written."""
+        """Reserve memory for as many rows; unused memory costs nothing until it is written."""
         for k, column in self.columns.items():
             if rows > column.size:
                 grown = np.empty(rows)
@@ -308,8 +308,8 @@ class _Parser(msgspec.Struct):
         for k in self._numeric():
             values, strange = numbers(self._decoded(texts, k), self.layout.decimal)
             columns[f"c{k}"] = pa.Array.from_buffers(pa.float64(), values.size, [None, pa.py_buffer(values)])
-            room = max(0, _MOST_MARKS - len(self.no_numbers))
-            self.no_numbers += [s for s in strange if s not in self.no_numbers][:room]
+            free = max(0, _MOST_MARKS - len(self.no_numbers))
+            self.no_numbers += [s for s in strange if s not in self.no_numbers][:free]
         if self.stamped:
             columns[f"c{self.time}"] = texts.column(f"c{self.time}")
         return pa.table(columns)

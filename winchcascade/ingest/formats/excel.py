@@ -25,7 +25,7 @@ from winchcascade.ingest.source import Header, LogSource, LogTable, damage_repor
 from winchcascade.ingest.table_choice import FEWEST_ROWS, choose, moves
 
 if TYPE_CHECKING:
-    from winchcascade.core.run import Index, Signal
+    from winchcascade.core.run import Signal
 
 
 Cell = int | float | str | bool | dt.time | dt.date | dt.datetime | dt.timedelta
@@ -33,7 +33,7 @@ Row = Sequence[Cell]
 
 ROWS_SEARCHED = 200
 ROWS_LOOKED_AT = 20
-"""Rows at the top in which the names may stand, and rows below them that tell numbers from prose."""
+"""Rows at the top in which the names may stand, and rows below them that distinguish numbers from prose."""
 
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
 
@@ -61,24 +61,21 @@ def find_table(rows: Sequence[Row]) -> SheetLayout | None:
         columns = tuple(j for j, cell in enumerate(rows[k]) if is_name(cell))
         share = sum(_holds_data(rows[first : first + ROWS_LOOKED_AT], j) for j in columns)
         if share > (best.share if best else 0) and any(_is_datum(cell) for cell in rows[first]):
-            columns += _index(rows[k], rows[first : first + ROWS_LOOKED_AT], columns[0])
+            index = columns[0] - 1  # the index of a data frame has data and no name
+            if index >= 0 and rows[k][index] == "" and _holds_data(rows[first : first + ROWS_LOOKED_AT], index):
+                columns += (index,)
             headers = tuple(Header(str(rows[k][j]).strip(), _unit(rows[k + 1][j]) if units else None) for j in columns)
             best = SheetLayout(columns, headers, first, share)
     return best
 
 
-def _index(names: Row, rows: Sequence[Row], named: int) -> tuple[int, ...]:
-    """The column right before the first named one, if it has data and no name."""
-    return (named - 1,) if named > 0 and names[named - 1] == "" and _holds_data(rows, named - 1) else ()
-
-
 def is_name(cell: Cell) -> bool:
-    """Tell a text that is no number."""
+    """Whether a cell is a text that is no number."""
     return isinstance(cell, str) and bool(cell.strip()) and _NUMBER.fullmatch(cell.strip()) is None
 
 
 def _is_units(row: Row) -> bool:
-    """Tell a row of units: nothing but texts, at least half of them known units."""
+    """Whether a row holds units: nothing but texts, at least half of them known units."""
     filled = [cell for cell in row if cell != ""]
     texts = [cell for cell in filled if isinstance(cell, str)]
     known = sum(find_unit(_unit(text) or "") is not None for text in texts)
@@ -93,13 +90,13 @@ def _unit(cell: Cell) -> str | None:
 
 
 def _holds_data(rows: Sequence[Row], j: int) -> bool:
-    """Tell a column of numbers or stamps: at least half of what is filled below the name, and something is."""
+    """Whether a column holds numbers or stamps: at least half of what is filled below the name, and something is."""
     filled = [row[j] for row in rows if row[j] != ""]
     return 0 < len(filled) <= 2 * sum(_is_datum(cell) for cell in filled)
 
 
 def _is_datum(cell: Cell) -> bool:
-    """Tell a number or a stamp, also one written as text such as 2026-03-01 10:00:00,040."""
+    """Whether a cell is a number or a stamp, also one written as text such as 2026-03-01 10:00:00,040."""
     if not isinstance(cell, str):
         return True
     return cell.strip() != "" and (not is_name(cell) or re.search(r"\d[:/.\-]\d", cell) is not None)
@@ -142,19 +139,17 @@ def numbers(cells: Sequence[Cell]) -> Signal:
     certain = np.flatnonzero(np.isfinite(read) & ~two)
     if two.any() and certain.size:
         rows = np.flatnonzero(two)
-        apart = np.min(np.abs(rows[:, None] - certain[_beside(certain, rows)]), axis=1)
+        after = np.searchsorted(certain, rows)
+        beside = np.column_stack(
+            (np.maximum(after - 1, 0), np.minimum(after, certain.size - 1))
+        )  # the certain cells around
+        apart = np.min(np.abs(rows[:, None] - certain[beside]), axis=1)
         near = rows[apart == apart.min()]  # farther ones may have gone anywhere since
         expected = np.interp(near, certain, read[certain])
         nearer = np.abs(grouped[near] - expected) < np.abs(read[near] - expected)
         if 2 * np.count_nonzero(nearer) > near.size:
             read[rows] = grouped[rows]
     return np.where(np.isfinite(read), read, grouped)
-
-
-def _beside(places: Index, rows: Index) -> Index:
-    """Indices of the last of rising places before each row and of the first one after it, (k, 2)."""
-    after = np.searchsorted(places, rows)
-    return np.column_stack((np.maximum(after - 1, 0), np.minimum(after, places.size - 1)))
 
 
 def _thousands(cell: Cell) -> float:

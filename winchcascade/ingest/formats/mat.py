@@ -171,7 +171,10 @@ def _runs(tree: Mapping[str, Node]) -> dict[str, dict[str, Node]]:
     seen: list[dict[str, Column]] = []
     for prefix, scope in _scopes(tree):
         columns = {name: column for name, node in scope.items() if (column := _column(name, node)) is not None}
-        if columns and any(_is_copy(columns, one) for one in seen):
+        if columns and any(
+            columns.keys() == one.keys() and all(np.array_equal(columns[name], one[name]) for name in columns)
+            for one in seen
+        ):
             continue  # a copy is no other run: an HDF5 file may hold itself
         seen.append(columns)
         names = next((texts for texts in map(_texts, _named(scope, NAMES)) if texts), [])
@@ -190,10 +193,6 @@ def _runs(tree: Mapping[str, Node]) -> dict[str, dict[str, Node]]:
     labels = list(found.values())
     keys = {label if labels.count(label) == 1 else f"{label} ({key[2]} rows)": key for key, label in found.items()}
     return {label: _without(tree, "", key, list(found)) for label, key in keys.items()}
-
-
-def _is_copy(columns: Mapping[str, Column], other: Mapping[str, Column]) -> bool:
-    return columns.keys() == other.keys() and all(np.array_equal(columns[name], other[name]) for name in columns)
 
 
 def _without(

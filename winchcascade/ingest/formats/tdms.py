@@ -93,7 +93,7 @@ def _is_numeric(channel: Any) -> bool:
 
 
 def _obstacle(taken: Sequence[Any], channels: Sequence[Any]) -> str | None:
-    """Say why a group cannot be read beside the channels already taken; None where it can."""
+    """Describe why a group cannot be read beside the channels already taken; None where it can."""
     known = {c.name: c for c in taken}
     twins = [(known[c.name], c) for c in channels if c.name in known]
     if len(twins) == len(channels) or not all(_same(*pair) for pair in twins):
@@ -251,9 +251,9 @@ def _load(
     clocks = {i: columns[i].clock or reference for i in wanted}
     t, cut = common_stamps(path, reference, [(clocks[i], len(raw[i])) for i in wanted])
     values = {i: at(t, _numbers(raw[i]), clocks[i], reference.step) for i in wanted}
-    told = reference == usual and t[0] == reference.start
+    as_stated = reference == usual and t[0] == reference.start
     # These stamps are seconds, whatever the unit of a column of stamps: `stamped` says so.
-    return LogTable(values, stamps=None if told else t, stamped=time is not None, findings=findings + cut)
+    return LogTable(values, stamps=None if as_stated else t, stamped=time is not None, findings=findings + cut)
 
 
 def _samples(path: Path, columns: Sequence[TdmsChannel], needed: Sequence[int]) -> dict[int, Any]:
