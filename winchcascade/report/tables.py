@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING
+
+from msgspec.structs import asdict, replace
 
 from winchcascade.core.quantity import KGF, find_unit, si_unit
 from winchcascade.core.run import CHANNELS
@@ -12,7 +15,7 @@ from winchcascade.reduction.efficiency import ALL_METRICS, METRICS, NET_METRICS,
 from winchcascade.reduction.energies import STAGES
 from winchcascade.reduction.uncertainty import R_DRUM, shares
 from winchcascade.report.digits import MINUS, number, of_many, percent, places, significant, stated, uncertain
-from winchcascade.report.report_model import Table
+from winchcascade.report.report_model import Cell, Table, TableColumn, make_table, rows_of
 from winchcascade.report.traces import clock_zero
 from winchcascade.report.wording import label, net_reasons, not_known, source_name
 
@@ -75,19 +78,22 @@ def cycles_table(reduction: Reduction, found: Uncertainty) -> Table:
     """Energies, mean powers and efficiencies of every cycle, their mean, its uncertainty and the largest deviation."""
     given = [m for m in METRICS if any(getattr(c.metrics, m) is not None for c in reduction.cycles)]
     n = len(reduction.complete)
-    rows, below = _rows_of_cycles(reduction, found, given, n, lambda c: c.window.cutoff - c.window.onset)
     more = "; the mean's uncertainty adds the repeatability" if n > 1 else ""
     incomplete = "" if n == len(reduction.cycles) else " A cycle in brackets is incomplete and not in the mean."
-    return Table(
-        id="cycles",
-        caption="Cycles: energies E over the integration window, mean powers P in it, efficiencies η." + incomplete,
-        head=("Cycle", "Window", *(SYMBOL[m] for m in given)),
-        units=("", "s", *(UNIT[m] for m in given)),
-        rows=rows,
-        summary=below,
+    columns = [
+        TableColumn("Window", "s", 2, of=lambda c: c.window.cutoff - c.window.onset),
+        *_metric_columns(reduction, found, given),
+    ]
+    columns.insert(0, TableColumn("Cycle", text=True, of=label))
+    return make_table(
+        "cycles",
+        "Cycles: energies E over the integration window, mean powers P in it, efficiencies η." + incomplete,
+        columns,
+        _cycle_rows(columns, reduction.cycles),
+        below=_means(reduction, found, given, n),
         note=metrics_note(given)
         + (f"Digits of a cycle are those that the sensors' errors allow{more}." if found.method else ""),
-    )  # fmt: skip
+    )
 
 
 def net_table(reduction: Reduction, found: Uncertainty) -> Table | None:
@@ -96,36 +102,39 @@ def net_table(reduction: Reduction, found: Uncertainty) -> Table | None:
     if not given:
         return None
     n = sum(c.metrics.energy_net is not None for c in reduction.complete)
-    rows, below = _rows_of_cycles(reduction, found, given, n, lambda c: c.net.end - c.net.begin)
     reasons = net_reasons(reduction.cycles)
     missing = f"Without net energies: {'; '.join(reasons[:MOST_REASONS])}. " if reasons else ""
     ratio = "; η_net = E_gen, cycle / E_net" if "eta_net" in given else ""
-    return Table(
-        id="net",
-        caption="Whole cycles: line energy of the payout, line energy returned in haul-in, and net line energy from onset to "
+    columns = [
+        TableColumn("Cycle", text=True, of=label),
+        TableColumn("Onset to onset", "s", 2, of=lambda c: c.net.end - c.net.begin),
+        *_metric_columns(reduction, found, given),
+    ]
+    return make_table(
+        "net",
+        "Whole cycles: line energy of the payout, line energy returned in haul-in, and net line energy from onset to "
         "next onset.",
-        head=("Cycle", "Onset to onset", *(SYMBOL[m] for m in given)),
-        units=("", "s", *(UNIT[m] for m in given)),
-        rows=rows,
-        summary=below,
+        columns,
+        _cycle_rows(columns, reduction.cycles),
+        below=_means(reduction, found, given, n),
         note=f"{missing}These energies do not depend on the integration window{ratio}. The zero of the force cell cancels in "
         "E_net, its gain does not.",
     )
 
 
-def _rows_of_cycles(
-    reduction: Reduction, found: Uncertainty, given: Sequence[str], n: int, length: Callable[[CycleResult], float]
-) -> tuple[tuple[tuple[str, ...], ...], int]:
-    """Rows of some metrics of every cycle, then their mean over n cycles with its uncertainty; and how many those are."""
+def _metric_columns(reduction: Reduction, found: Uncertainty, given: Sequence[str]) -> list[TableColumn[CycleResult]]:
+    """Columns of metrics with the digits that the uncertainty of each cycle allows."""
     of = {c.cycle: u for c, u in zip(reduction.cycles, found.budget.cycles, strict=True)}
 
-    def row(c: CycleResult) -> tuple[str, ...]:
-        values = []
-        for m in given:
-            value, u = getattr(c.metrics, m), getattr(of[c.cycle], m)
-            values.append(of_many(value, u, DECIMALS[m]) if u else _four(value, m))
-        return (label(c), number(length(c), 2), *values)
+    def text(metric: str, c: CycleResult) -> str:
+        value, u = getattr(c.metrics, metric), getattr(of[c.cycle], metric)
+        return of_many(value, u, DECIMALS[metric]) if u else _four(value, metric)
 
+    return [TableColumn(SYMBOL[m], UNIT[m], of=partial(text, m)) for m in given]
+
+
+def _means(reduction: Reduction, found: Uncertainty, given: Sequence[str], n: int) -> list[tuple[str, ...]]:
+    """Rows below those of the cycles: the mean over n cycles, its uncertainty and the largest deviation."""
     below: list[tuple[str, ...]] = []
     if n and given:
         below.append((f"mean of {n}", "", *(mean_text(reduction, found, m) for m in given)))
@@ -136,7 +145,7 @@ def _rows_of_cycles(
     if n > 1 and given:
         deviation = reduction.max_deviation_percent
         below.append(("largest deviation (%)", "", *(number(getattr(deviation, m), 2) for m in given)))
-    return (*_thinned(reduction.cycles, row, 2 + len(given)), *below), len(below)
+    return below
 
 
 def metrics_note(given: Sequence[str]) -> str:
@@ -153,45 +162,36 @@ def end_text(found: Uncertainty, metric: str, end: str) -> str:
     return "–" if interval is None or not u else number(getattr(interval, end), places(u))
 
 
-def _thinned(
-    cycles: Sequence[CycleResult], row: Callable[[CycleResult], tuple[str, ...]], columns: int
-) -> list[tuple[str, ...]]:
+def _cycle_rows(columns: Sequence[TableColumn[CycleResult]], cycles: Sequence[CycleResult]) -> list[tuple[Cell, ...]]:
     """Rows of the cycles, of many the first and the last ones."""
-    if len(cycles) <= MOST_CYCLES:
-        return [row(c) for c in cycles]
-    half = MOST_CYCLES // 2
-    gap = (f"… {len(cycles) - MOST_CYCLES} more", *[""] * (columns - 1))
-    return [*(row(c) for c in cycles[:half]), gap, *(row(c) for c in cycles[-half:])]
+    return rows_of(columns, cycles, most=MOST_CYCLES)
+
+
+def _plateau(name: str, cycle: CycleResult) -> float | None:
+    flat = cycle.summary.payout.plateau
+    return None if flat is None else asdict(flat)[name]
 
 
 def payouts_table(reduction: Reduction) -> Table:
     """Payout of every cycle: instants, travel, and time means over its plateau."""
     zero = clock_zero(reduction.run)
-
-    def row(c: CycleResult) -> tuple[str, ...]:
-        p = c.summary.payout
-        flat = p.plateau
-        means = (
-            [None] * 6
-            if flat is None
-            else [flat.speed, flat.force, flat.torque, flat.power_line, flat.power_mech, flat.power_gen]
-        )
-        return (
-            label(c), number(c.phases.onset - zero, 2), number(p.duration, 2), number(p.travel, 2), number(p.speed_max, 2),
-            *(number(x, d) for x, d in zip(means, (3, 0, 1, 0, 0, 0), strict=True)),
-        )  # fmt: skip
-
-    return _without_empty(
-        Table(
-            id="payouts",
-            caption="Payouts, with time means over the plateau.",
-            head=("Cycle", "Onset", "Payout", "Travel", "v_max", "v_plateau", "F", "τ", "P_line", "P_mech", "P_gen"),
-            units=("", "s", "s", "m", "m/s", "m/s", "N", "N·m", "W", "W", "W"),
-            rows=tuple(_thinned(reduction.cycles, row, 11)),
-            note=f"Onset: when the payout begins{_since(zero)}. v: line velocity; F: line force; τ: torque behind the clutch. "
-            "Plateau: the stretch of steady speed.",
-        )
+    columns: list[TableColumn[CycleResult]] = [
+        TableColumn("Cycle", text=True, of=label),
+        TableColumn("Onset", "s", 2, of=lambda c: c.phases.onset - zero),
+        TableColumn("Payout", "s", 2, of=lambda c: c.summary.payout.duration),
+        TableColumn("Travel", "m", 2, of=lambda c: c.summary.payout.travel),
+        TableColumn("v_max", "m/s", 2, of=lambda c: c.summary.payout.speed_max),
+        TableColumn("v_plateau", "m/s", 3, of=partial(_plateau, "speed")),
+        TableColumn("F", "N", of=partial(_plateau, "force")),
+        TableColumn("τ", "N·m", 1, of=partial(_plateau, "torque")),
+        *(TableColumn(SYMBOL[f"power_{s}"], "W", of=partial(_plateau, f"power_{s}")) for s in STAGES),
+    ]
+    note = (
+        f"Onset: when the payout begins{_since(zero)}. v: line velocity; F: line force; τ: torque behind the clutch. "
+        "Plateau: the stretch of steady speed."
     )
+    caption = "Payouts, with time means over the plateau."
+    return _without_empty(make_table("payouts", caption, columns, _cycle_rows(columns, reduction.cycles), note=note))
 
 
 def _since(zero: float) -> str:
@@ -199,28 +199,43 @@ def _since(zero: float) -> str:
     return f", counted from {zero:.2f} s on the log's clock" if zero else ""
 
 
+def _hold(name: str, cycle: CycleResult) -> float | None:
+    hold = cycle.summary.hold
+    return None if hold is None else asdict(hold)[name]
+
+
+def _pressure(cycle: CycleResult) -> float | None:
+    pressure = _hold("pressure", cycle)
+    return None if pressure is None else pressure / _KGCM2
+
+
+def _haul_in(name: str, cycle: CycleResult) -> float | None:
+    haul_in = cycle.summary.haul_in
+    return None if haul_in is None else asdict(haul_in)[name]
+
+
+_HOLD_COLUMNS: tuple[TableColumn[CycleResult], ...] = (
+    TableColumn("Cycle", text=True, of=label),
+    TableColumn("Hold", "s", 2, of=partial(_hold, "duration")),
+    TableColumn("F_hold", "N", of=partial(_hold, "force")),
+    TableColumn("τ_hold", "N·m", 1, of=partial(_hold, "torque")),
+    TableColumn("p_hold", "kg/cm²", 2, of=_pressure),
+    TableColumn("Haul-in", "s", 2, of=partial(_haul_in, "duration")),
+    TableColumn("v_max", "m/s", 2, of=partial(_haul_in, "speed_max")),
+    TableColumn("F_mean", "N", of=partial(_haul_in, "force")),
+    TableColumn("F_min", "N", of=partial(_haul_in, "force_min")),
+    TableColumn("E_line", "J", of=partial(_haul_in, "energy_line")),
+)
+
+
 def holds_table(reduction: Reduction) -> Table:
     """Hold and haul-in of every cycle."""
-
-    def row(c: CycleResult) -> tuple[str, ...]:
-        hold, haul = c.summary.hold, c.summary.haul_in
-        pressure = None if hold is None or hold.pressure is None else hold.pressure / _KGCM2
-        held = (None, None, None) if hold is None else (hold.duration, hold.force, hold.torque)
-        hauled = (
-            (None,) * 5
-            if haul is None
-            else (haul.duration, haul.speed_max, haul.force, haul.force_min, haul.energy_line)
-        )
-        values = zip((*held, pressure, *hauled), (2, 0, 1, 2, 2, 2, 0, 0, 0), strict=True)
-        return (label(c), *(number(x, d) for x, d in values))
-
     return _without_empty(
-        Table(
-            id="holds",
-            caption="Holds and haul-ins: time means; the energy of a haul-in is returned to the line and negative.",
-            head=("Cycle", "Hold", "F_hold", "τ_hold", "p_hold", "Haul-in", "v_max", "F_mean", "F_min", "E_line"),
-            units=("", "s", "N", "N·m", "kg/cm²", "s", "m/s", "N", "N", "J"),
-            rows=tuple(_thinned(reduction.cycles, row, 10)),
+        make_table(
+            "holds",
+            "Holds and haul-ins: time means; the energy of a haul-in is returned to the line and negative.",
+            _HOLD_COLUMNS,
+            _cycle_rows(_HOLD_COLUMNS, reduction.cycles),
             note="F: line force; τ: torque behind the clutch; p: accumulator pressure, gauge; v: line speed of the haul-in.",
         )
     )
@@ -256,38 +271,32 @@ def findings_table(reduction: Reduction) -> Table | None:
     if not quality:
         return None
     zero = clock_zero(reduction.run)
-    rows = [_finding(f, samples, zero) for f in quality[:MOST_FINDINGS]]
+    columns: list[TableColumn[Finding]] = [
+        TableColumn("Finding", text=True, of=lambda f: f.kind.replace("_", " ")),
+        TableColumn("Channel", text=True, of=lambda f: f.channel or ""),
+        TableColumn("From", "s", 2, of=lambda f: None if f.start is None else f.start - zero),
+        TableColumn("To", "s", 2, of=lambda f: None if f.end is None else f.end - zero),
+        TableColumn("Data lost", "%", of=lambda f: percent(f.removed / samples if samples else 0.0, 2)),
+        TableColumn("What was found", text=True, of=lambda f: f.message),
+        TableColumn("What was done", text=True, of=lambda f: f.action),
+    ]
+    rows = rows_of(columns, quality[:MOST_FINDINGS])
     if len(quality) > MOST_FINDINGS:
         rows.append((f"… {len(quality) - MOST_FINDINGS} more", *[""] * 6))
-    return Table(
-        id="findings",
-        caption="Findings: what is wrong with the log, and what was done about it.",
-        head=("Finding", "Channel", "From", "To", "Data lost", "What was found", "What was done"),
-        units=("", "", "s", "s", "%", "", ""),
-        rows=tuple(rows),
-        text_columns=(0, 1, 5, 6),
-        note=f"Times are{_since(zero).lstrip(',')}." if zero else "",
-    )
-
-
-def _finding(f: Finding, samples: int, zero: float) -> tuple[str, ...]:
-    lost = percent(f.removed / samples if samples else 0.0, 2)
-    start, end = (number(None if t is None else t - zero, 2) for t in (f.start, f.end))
-    return (f.kind.replace("_", " "), f.channel or "", start, end, lost, f.message, f.action)
+    note = f"Times are{_since(zero).lstrip(',')}." if zero else ""
+    caption = "Findings: what is wrong with the log, and what was done about it."
+    return make_table("findings", caption, columns, rows, note=note)
 
 
 def _without_empty(table: Table) -> Table:
     """A table without the columns that hold nothing but dashes."""
     used = [k for k in range(len(table.head)) if k == 0 or any(row[k] not in ("", "–") for row in table.rows)]
-    return Table(
-        id=table.id,
-        caption=table.caption,
+    return replace(
+        table,
         head=tuple(table.head[k] for k in used),
         units=tuple(table.units[k] for k in used),
         rows=tuple(tuple(row[k] for k in used) for row in table.rows),
         text_columns=tuple(n for n, k in enumerate(used) if k in table.text_columns),
-        summary=table.summary,
-        note=table.note,
     )
 
 
