@@ -22,6 +22,15 @@ LAYERS = (
 ENTRY_POINTS = {"__init__.py", "__main__.py"}
 """Modules of the top level: the public names and `python -m winchcascade`."""
 
+PATTERNS = {
+    "check_text": "characters that XML forbids",
+    "cleaning": "characters that no report shows",
+    "style": "SVG of Matplotlib",
+    "html": "symbols of physics",
+    "pdf": "names of fonts",
+}
+"""Modules of `report` that may search texts by a pattern, and which texts."""
+
 FILES = sorted(PACKAGE.rglob("*.py"))
 LAYER = {package: number for number, packages in enumerate(LAYERS) for package in packages}
 
@@ -72,3 +81,12 @@ def test_only_the_command_line_prints_and_uses_typer() -> None:
             assert "typer" not in source, path
             calls = [n for n in ast.walk(ast.parse(source)) if isinstance(n, ast.Call)]
             assert not any(isinstance(c.func, ast.Name) and c.func.id == "print" for c in calls), path
+
+
+def test_no_report_reads_the_package_s_own_sentences_by_a_pattern() -> None:
+    """Results come as data, of which `report` alone makes sentences; patterns are for texts that others wrote."""
+    for path in sorted((PACKAGE / "report").glob("*.py")):
+        if path.stem not in PATTERNS:
+            nodes = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+            names = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
+            assert "re" not in names, f"{path.name}: read a field of the result in place of its sentence"

@@ -12,11 +12,13 @@ from openlog import made_log
 
 from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.block_means import PHASES
-from winchcascade.diagnosis.gap_location import SHARED, STANDS_OUT, _sentence, arises, locate
+from winchcascade.diagnosis.diagnosis_result import Arises, Where
+from winchcascade.diagnosis.gap_location import SHARED, STANDS_OUT, arises, locate
 from winchcascade.diagnosis.gap_map import ZERO_REACH, Place, compare, weigh, without_zeros, zero_of, zeros_of
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.stagewise import StagePlace
+from winchcascade.report.diagnosis_words import where_sentence
 from winchcascade.rig.effects.catalogue import make_effect
 from winchcascade.rig.parts import baseline
 
@@ -129,7 +131,7 @@ def place(channel: str, z: float, phase: str = "payout", load: float | None = 9.
 def where(*places: Place, stage: str | None = None, effect: str = "") -> tuple[str, str]:
     data = log_of(effect)
     found = locate(data, left(data), places, stage)
-    return found.stage, found.channel
+    return found.stage, found.worst.channel
 
 
 def test_a_gap_is_laid_to_the_last_stage_whose_output_stands_out() -> None:
@@ -157,19 +159,25 @@ def test_a_sensor_is_no_stage_and_shows_where_the_cascade_ends() -> None:
 def test_a_lower_back_emf_is_told_with_its_region_and_size() -> None:
     data = log_of("ke_shift")
     places = mapped(data)
-    found = locate(data, left(data), places, arises="by itself.")
-    assert (found.stage, found.phase, found.load, found.arises) == ("generator", "payout", 9.0, "by itself.")
-    assert found.channel in ("vdc", "idc")
+    found = locate(data, left(data), places, own=Arises((), None))
+    assert (found.stage, found.worst.phase, found.worst.load, found.arises) == (
+        "generator",
+        "payout",
+        9.0,
+        Arises((), None),
+    )
+    assert found.worst.channel in ("vdc", "idc")
     assert 0.0 < found.rpm[0] < found.rpm[1]
     speed = built_in().rpm_per_velocity
     assert speed is not None
     assert found.rpm[1] == pytest.approx(0.95 * speed, rel=0.05)
     assert found.i_dc[0] < found.i_dc[1]
-    assert f"The gap lies in the generator stage: {'Vdc' if found.channel == 'vdc' else 'Idc'} is over-predicted" in (
-        found.sentence
+    assert (
+        f"The gap lies in the generator stage: {'Vdc' if found.worst.channel == 'vdc' else 'Idc'} is over-predicted"
+        in (where_sentence(found))
     )
-    assert f"during payout between {found.rpm[0]:.0f} and {found.rpm[1]:.0f} rpm and " in found.sentence
-    assert "A DC, most clearly at 9 ohm, by up to " in found.sentence
+    assert f"during payout between {found.rpm[0]:.0f} and {found.rpm[1]:.0f} rpm and " in where_sentence(found)
+    assert "A DC, most clearly at 9 ohm, by up to " in where_sentence(found)
 
 
 def test_the_region_is_that_of_the_blocks_that_stand_out() -> None:
@@ -182,26 +190,26 @@ def test_the_region_is_that_of_the_blocks_that_stand_out() -> None:
     found = locate(data, left(data), mapped(data))
     speed = built_in().rpm_per_velocity
     assert speed is not None
-    assert found.channel == "vdc"
+    assert found.worst.channel == "vdc"
     assert found.rpm[0] == pytest.approx(0.6 * speed, rel=0.12)  # a block averages over 0.44 s
     assert found.rpm[1] == pytest.approx(0.95 * speed, rel=0.05)
-    assert float(found.sentence.rsplit("by up to ", 1)[1].split()[0]) == pytest.approx(8.0, abs=0.6)
+    assert float(where_sentence(found).rsplit("by up to ", 1)[1].split()[0]) == pytest.approx(8.0, abs=0.6)
 
 
 def test_at_rest_or_without_current_no_region_is_told() -> None:
     data = log_of("precharge", load=math.inf)
     found = locate(data, left(data), [place("pressure", 9.0, "hold", math.inf)])
-    assert found.sentence.startswith(
+    assert where_sentence(found).startswith(
         "The gap lies in the restoring stage: pressure is under-predicted during hold, most "
     )
-    assert "clearly in open circuit, by up to " in found.sentence
+    assert "clearly in open circuit, by up to " in where_sentence(found)
     found = locate(data, left(data), [place("pressure", 9.0, "payout", math.inf)])
-    assert " rpm, most clearly in open circuit" in found.sentence
+    assert " rpm, most clearly in open circuit" in where_sentence(found)
 
 
 @pytest.mark.parametrize(("most", "told"), [(0.4, False), (0.6, True)])
 def test_a_current_of_less_than_half_an_ampere_is_no_region(most: float, told: bool) -> None:
-    sentence = _sentence("generator", place("vdc", 9.0), (100.0, 900.0), (-0.1, most), 2.0)
+    sentence = where_sentence(Where("generator", place("vdc", 9.0), (100.0, 900.0), (-0.1, most), 2.0))
     assert (" A DC" in sentence) == told
     assert "between 100 and 900 rpm" in sentence
 

@@ -12,9 +12,11 @@ from planted import LOGS, campaign
 from winchcascade.batch.campaign_diagnosis import diagnose_campaign, diagnose_file
 from winchcascade.core.errors import CampaignError, LogError, OptionError
 from winchcascade.core.rig_toml import built_in
-from winchcascade.diagnosis.diagnose import Diagnosis, diagnose, withheld_numbers
-from winchcascade.diagnosis.diagnosis_record import as_json
+from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose, withheld_numbers
+from winchcascade.diagnosis.diagnosis_result import Spot
 from winchcascade.diagnosis.selection import price
+from winchcascade.report.diagnosis_record import as_json
+from winchcascade.report.diagnosis_words import about_text, where_sentence
 from winchcascade.rig.effects.catalogue import EFFECTS
 
 PLANTED = {
@@ -26,7 +28,7 @@ PLANTED = {
 
 
 @cache
-def diagnosed(*names: str) -> Diagnosis:
+def diagnosed(*names: str) -> ModelDiagnosis:
     return diagnose(campaign({name: PLANTED[name] for name in names}), built_in(), EFFECTS)
 
 
@@ -61,8 +63,8 @@ def test_the_stage_of_a_gap_is_that_of_its_cause() -> None:
     where = diagnosed("copper_heating").where
     assert where is not None
     assert where.stage == "generator"
-    assert where.channel in ("vdc", "idc")
-    assert "Vdc is over-predicted" in where.sentence or "Idc is over-predicted" in where.sentence
+    assert where.worst.channel in ("vdc", "idc")
+    assert "Vdc is over-predicted" in where_sentence(where) or "Idc is over-predicted" in where_sentence(where)
 
 
 def test_what_no_suspect_explains_is_not_given_the_nearest_name() -> None:
@@ -82,7 +84,8 @@ def test_what_no_suspect_explains_is_not_given_the_nearest_name() -> None:
     assert found.verdict in ("unexplained", "partly_explained")
     assert len(found.causes) <= 2
     assert found.remainder is not None
-    assert "pressure" in found.remainder.where
+    assert found.remainder.worst is not None
+    assert "pressure" in about_text(found.remainder.worst)
 
 
 def test_an_eccentric_drum_is_no_noise() -> None:
@@ -102,7 +105,7 @@ def test_an_eccentric_drum_is_no_noise() -> None:
     assert found.verdict == "unexplained"
     assert found.remainder is not None
     worst = found.remainder.alarms[0]
-    assert (worst.kind, worst.where) == ("ripple", "torque during payout")
+    assert (worst.kind, worst.about) == ("ripple", Spot("torque", "payout"))
 
 
 def test_logs_without_a_channel_of_the_model_are_refused_and_not_called_sound() -> None:

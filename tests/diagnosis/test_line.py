@@ -11,15 +11,16 @@ import pytest
 from test_cli import one_sentence, winchcascade
 from winchlog import RIG, planted
 
-from winchcascade.batch.campaign_diagnosis import outcome
+from winchcascade.batch.campaign_diagnosis import diagnose_by_rig, write_predictions
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.errors import CampaignError, LogError, OptionError, RigError
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis, diagnose_line
-from winchcascade.diagnosis.line.line_record import as_json
 from winchcascade.ingest.read import read_run
-from winchcascade.report.line_diagnosis import make_line_report
-from winchcascade.report.line_text import line_text
+from winchcascade.report.diagnosis import make_diagnosis_report
+from winchcascade.report.diagnosis_record import as_json
+from winchcascade.report.diagnosis_text import diagnosis_text
+from winchcascade.report.diagnosis_words import differs_text
 from winchcascade.rig.effects.catalogue import EFFECTS
 
 PLANTED = {
@@ -73,9 +74,9 @@ def test_what_was_planted_together_is_named_together(names: tuple[str, ...], see
     found = diagnosed(seed, **TOGETHER[names])
     assert effects(found) == set(names)
     assert found.verdict == "explained"
-    assert found.judged is not None
-    assert found.judged.closed > 0.9
-    assert found.judged.low <= found.judged.closed <= found.judged.high
+    assert found.closure is not None
+    assert found.closure.share > 0.9
+    assert found.closure.low <= found.closure.share <= found.closure.high
 
 
 @pytest.mark.parametrize("noise", [0.0, 200.0, 3000.0])
@@ -90,11 +91,11 @@ def test_nothing_is_named_where_only_noise_is(seed: int, noise: float) -> None:
 def test_a_gap_within_noise_counts_as_explained_when_only_noise_is_left() -> None:
     found = diagnosed(0, mass=5000.0, drag=300.0, noise=4000.0)
     assert effects(found) == {"drum_inertia", "line_drag"}
-    assert found.judged is not None
-    assert found.judged.closed < 0.5
-    assert found.judged.beyond_noise > 0.9
+    assert found.closure is not None
+    assert found.closure.share < 0.5
+    assert found.closure.beyond_noise > 0.9
     assert found.verdict == "explained"
-    assert "no more than noise" in flat(line_text(found))
+    assert "no more than noise" in flat(diagnosis_text(found))
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -102,15 +103,16 @@ def test_a_power_that_no_suspect_takes_is_told_as_a_structure_that_is_left(seed:
     found = diagnosed(seed, mass=3000.0, other=1500.0)
     assert found.verdict in ("partly_explained", "unexplained")
     assert len(found.causes) <= 2
-    assert {alarm.kind for alarm in found.left.alarms} == {"slow", "structure"}
-    assert "something else acts too" in flat(line_text(found))
+    assert found.remainder is not None
+    assert {alarm.kind for alarm in found.remainder.alarms} == {"slow", "structure"}
+    assert "something else acts too" in flat(diagnosis_text(found))
 
 
 def test_one_cycle_alone_is_cut_into_pieces() -> None:
     found = diagnose_line([planted(1, cycles=1, mass=3000.0, drag=300.0)], RIG, EFFECTS)
     assert effects(found) == {"drum_inertia", "line_drag"}
     assert found.moments.folds == 8
-    assert "each of 8 stretches by a fit without it" in flat(line_text(found))
+    assert "each of 8 stretches by a fit without it" in flat(diagnosis_text(found))
 
 
 def test_the_slope_is_over_few_samples_where_the_velocity_has_no_noise_and_over_more_where_it_has() -> None:
@@ -130,8 +132,8 @@ def test_rivals_are_named_where_cycles_do_not_tell_two_suspects_apart() -> None:
     found = diagnose_line([run], RIG, EFFECTS)
     drag = next(cause for cause in found.causes if cause.effect == "line_drag")
     assert [rival.effect for rival in drag.rivals] == ["line_friction"]
-    assert "power_mech during" in drag.rivals[0].told_apart_by
-    assert "or line_friction for line_drag" in flat(line_text(found))
+    assert "power_mech during" in differs_text(drag.rivals[0].differs)
+    assert "or line_friction for line_drag" in flat(diagnosis_text(found))
     assert found.experiment is not None
     assert found.experiment.separates == ("line_drag", "line_friction")
 
@@ -243,7 +245,7 @@ def campaign(tmp_path: Path) -> Path:
 
 
 def test_a_campaign_of_one_log_is_split_by_cycles(campaign: Path) -> None:
-    record = outcome(load_campaign(campaign), EFFECTS).record
+    record = as_json(diagnose_by_rig(load_campaign(campaign), EFFECTS))
     assert record["schema"] == "winchcascade/diagnosis/1"
     assert [cause["effect"] for cause in record["causes"]] == ["drum_inertia", "line_drag"]
     where = record["where"]
@@ -262,8 +264,8 @@ def test_a_campaign_of_one_log_is_split_by_cycles(campaign: Path) -> None:
 
 
 def test_predictions_are_the_power_at_the_logs_stamps(campaign: Path) -> None:
-    found = outcome(load_campaign(campaign), EFFECTS)
-    written = found.write_predictions(campaign / "out", False)
+    found = diagnose_by_rig(load_campaign(campaign), EFFECTS)
+    written = write_predictions(found, campaign / "out")
     assert [str(path.relative_to(campaign / "out")) for path in written] == ["before/log.csv", "after/log.csv"]
     rows = {path.parent.name: np.loadtxt(path, delimiter=",", skiprows=1) for path in written}
     run = read_run(campaign / "log.csv", rig=RIG)
@@ -271,9 +273,9 @@ def test_predictions_are_the_power_at_the_logs_stamps(campaign: Path) -> None:
     measured = run.channels["power_mech"][at]
     assert np.array_equal(np.unique(rows["after"][:, 1]), np.arange(6.0, 11.0))
     before, after = (float(np.sqrt(np.mean((measured - rows[side][:, 2]) ** 2))) for side in ("before", "after"))
-    power = found.record["closure"]["channels"]["power_mech"]
+    power = as_json(found)["closure"]["channels"]["power_mech"]
     assert (before, after) == pytest.approx((power["before"], power["after"]), rel=1e-4)
-    found.write_predictions(campaign / "out", False)  # its own files are replaced
+    write_predictions(found, campaign / "out")  # its own files are replaced
 
 
 def test_the_command_writes_all_that_it_offers(campaign: Path) -> None:
@@ -295,14 +297,14 @@ def test_the_command_writes_all_that_it_offers(campaign: Path) -> None:
 
 def test_a_load_cannot_be_withheld_of_a_rig_without_one(campaign: Path) -> None:
     with pytest.raises(OptionError, match=r"--withhold 18: rig kitepower has no load; withhold cycles instead"):
-        outcome(load_campaign(campaign), EFFECTS, loads=[18.0])
+        diagnose_by_rig(load_campaign(campaign), EFFECTS, loads=[18.0])
 
 
 def test_a_log_of_the_other_sign_is_turned_at_the_door_and_told(campaign: Path) -> None:
     write_log(planted(0, mass=500.0, drag=370.0), campaign / "log.csv", sign=-1.0)
-    found = outcome(load_campaign(campaign), EFFECTS)
-    assert "line_drag" in [cause["effect"] for cause in found.record["causes"]]
-    assert "power_mech has the opposite sign" in flat(found.text([]))
+    found = diagnose_by_rig(load_campaign(campaign), EFFECTS)
+    assert "line_drag" in [cause.effect for cause in found.causes]
+    assert "power_mech has the opposite sign" in flat(diagnosis_text(found))
 
 
 def test_a_rig_that_lacks_a_number_and_logs_no_power_is_told_what_it_lacks(campaign: Path) -> None:
@@ -313,7 +315,7 @@ def test_a_rig_that_lacks_a_number_and_logs_no_power_is_told_what_it_lacks(campa
     (campaign / "log.csv").write_text("\n".join(short) + "\n", encoding="utf-8")
     (campaign / "campaign.toml").write_text(CAMPAIGN.replace('"kitepower"', '"rig.toml"'), encoding="utf-8")
     with pytest.raises(RigError, match="rig half: no model can be made"):
-        outcome(load_campaign(campaign), EFFECTS)
+        diagnose_by_rig(load_campaign(campaign), EFFECTS)
 
 
 def flat(text: str) -> str:
@@ -325,11 +327,11 @@ def flat(text: str) -> str:
 )
 def test_every_verdict_has_its_page_and_its_report(numbers: dict[str, float]) -> None:
     found = diagnosed(0, **numbers)
-    text = line_text(found, [Path("d.json")])
+    text = diagnosis_text(found, [Path("d.json")])
     assert all(len(line) <= 100 for line in text.splitlines())
     assert text.endswith("files      d.json\n")
     assert "nan" not in text
-    report = make_line_report(found, command="winchcascade diagnose")
+    report = make_diagnosis_report(found, command="winchcascade diagnose")
     assert all(point.text for point in report.points)
     assert {section.id for section in report.sections} >= {"where", "which", "method", "provenance"}
 
@@ -353,8 +355,8 @@ def test_the_measured_winch_has_inertia_and_drag(
     found = diagnose_line([run, run], RIG, EFFECTS, cycles=[fitted, judged], withheld=[1])
     assert [cause.effect for cause in found.causes] == ["drum_inertia", "line_drag"]
     assert all(cause.probability > 0.95 and not cause.rivals for cause in found.causes)
-    assert found.judged is not None
-    assert found.judged.closed >= 0.85
+    assert found.closure is not None
+    assert found.closure.share >= 0.85
     mass, drag = (next(iter(cause.parameters.values())) for cause in found.causes)
     assert mass.low < 4950.0 < mass.high
     assert drag.value == pytest.approx(360.0, rel=0.1)
@@ -366,10 +368,10 @@ def test_the_measured_winch_has_inertia_and_drag(
 def test_measured_logs_without_a_withheld_part_name_the_same(shared: Path, name: str) -> None:
     found = diagnose_line([measured(shared, name)], RIG, EFFECTS)
     assert [cause.effect for cause in found.causes] == ["drum_inertia", "line_drag"]
-    assert found.judged is not None
-    assert found.judged.left_out_in_turn
-    assert found.judged.closed > 0.85
-    assert math.isfinite(found.judged.power.noise)
+    assert found.closure is not None
+    assert found.closure.left_out_in_turn
+    assert found.closure.share > 0.85
+    assert math.isfinite(found.closure.power.noise)
 
 
 def test_a_measured_power_with_its_sign_turned_is_turned_back(shared: Path, tmp_path: Path) -> None:

@@ -15,12 +15,14 @@ from rigs import stage_outputs
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
-from winchcascade.diagnosis.gap_location import STANDS_OUT, Arises, arises
+from winchcascade.diagnosis.diagnosis_result import Arises
+from winchcascade.diagnosis.gap_location import STANDS_OUT, arises
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.noise import NOISELESS
 from winchcascade.diagnosis.nuisances import SECTIONS
 from winchcascade.diagnosis.stagewise import TOUCHED, StagePlace, _noise, stagewise
 from winchcascade.ingest.read import read_run
+from winchcascade.report.diagnosis_words import arises_sentence
 from winchcascade.rig.effects.catalogue import make_effect
 from winchcascade.rig.parts import Model, baseline
 from winchcascade.rig.stages import STAGES
@@ -70,7 +72,7 @@ def test_what_is_wrong_in_a_stage_shows_in_that_stage_alone(name: str) -> None:
     found = arises(planted(name))
     assert found.off == (PLANTED[name][1],)
     assert found.sensor is None
-    assert f"Given its own logged inputs, the {found.off[0]} stage alone is off: " in found.sentence
+    assert f"Given its own logged inputs, the {found.off[0]} stage alone is off: " in arises_sentence(found)
 
 
 def test_hot_copper_shows_in_both_stages_that_the_machine_is_part_of() -> None:
@@ -86,7 +88,7 @@ def test_a_torque_sensor_that_reads_high_shows_in_both_stages_that_end_with_it_a
     assert set(found.off) == {"transmission", "gearbox"}
     assert (found.stage, found.sensor) == ("sensor", "torque")
     assert found.gain == pytest.approx(0.03, abs=0.006)
-    assert "a gain error of about +3 % in the torque sensor alone" in found.sentence
+    assert "a gain error of about +3 % in the torque sensor alone" in arises_sentence(found)
     assert all(place.bias > 0.0 for place in places if abs(place.z) > STANDS_OUT)
 
 
@@ -161,7 +163,7 @@ def test_numbers_of_a_section_move_no_stage_but_those_that_are_said_to_be_touche
 
 # ------------------------------------------------------------------------------------------------------------- in words
 def test_no_stage_off_is_told_as_such() -> None:
-    assert Arises((), None).sentence == (
+    assert arises_sentence(Arises((), None)) == (
         "Given its own logged inputs, no stage alone is off by more than 4 standard uncertainties."
     )
 
@@ -170,13 +172,15 @@ def test_several_stages_are_told_the_worst_first() -> None:
     places = list(planted("precharge")) + list(planted("gear_mesh_loss"))
     found = arises(places)
     assert found.off == tuple(sorted(found.off, key=lambda s: -max(abs(p.z) for p in places if p.stage == s)))
-    assert f"the {found.off[0]} and {found.off[1]} stages are off, the {found.off[0]} most: " in found.sentence
+    assert f"the {found.off[0]} and {found.off[1]} stages are off, the {found.off[0]} most: " in arises_sentence(found)
 
 
 def test_load_and_bridge_are_one_module_of_the_catalogue() -> None:
     found = arises(planted("load_drift"))
     assert found.stage == "generator"
-    assert "the load stage alone is off: Idc is over-predicted during payout, most clearly at " in found.sentence
+    assert "the load stage alone is off: Idc is over-predicted during payout, most clearly at " in arises_sentence(
+        found
+    )
 
 
 # --------------------------------------------------------------------------------------------------- an independent rig

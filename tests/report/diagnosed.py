@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.rig_toml import load_rig
-from winchcascade.diagnosis.diagnose import Diagnosis, diagnose
+from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.ingest.read import read_run
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 from winchcascade.rig.parts import baseline
@@ -72,7 +72,7 @@ def write_campaign(folder: Path, effects: Planted, *, more: str = "", seconds: f
 
 
 @cache
-def diagnosed(name: str) -> Diagnosis:
+def diagnosed(name: str) -> ModelDiagnosis:
     """The diagnosis of one of `PLANTED`, with few suspects."""
     suspects = {suspect: EFFECTS[suspect] for suspect in SUSPECTS}
     runs = [one.run for one in made_logs(PLANTED[name])]

@@ -8,7 +8,7 @@ import pytest
 from diagnosed import PLANTED, SUSPECTS, diagnosed, made_logs
 
 from winchcascade.core.rig_toml import load_rig
-from winchcascade.diagnosis.diagnose import Diagnosis, diagnose
+from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.gap_location import STANDS_OUT
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.report.diagnosis_data import (
@@ -25,7 +25,16 @@ from winchcascade.report.diagnosis_data import (
     sides,
     stator_current,
 )
-from winchcascade.report.diagnosis_figures import error_figure, error_panels, history, over_speed_figure
+from winchcascade.report.diagnosis_figures import (
+    closure_bars,
+    error_figure,
+    error_panels,
+    gap_map,
+    history,
+    over_speed_figure,
+    signed,
+    stage_map,
+)
 from winchcascade.report.diagnosis_laws import (
     numbers_figure,
     profile_figure,
@@ -33,7 +42,6 @@ from winchcascade.report.diagnosis_laws import (
     rows_of,
     tolerance_of,
 )
-from winchcascade.report.diagnosis_map import closure_bars, gap_map, signed, stage_map
 from winchcascade.report.diagnosis_odds import effect_odds, odds_figure, set_odds, thresholds
 from winchcascade.report.style import house_style
 from winchcascade.rig.effects.catalogue import EFFECTS
@@ -277,5 +285,5 @@ def test_what_is_said_of_the_smallest_effect_holds_in_logs(times: float, named: 
     (least,) = (one.value for one in thresholds(diagnosed("nothing")) if one.effect == "copper_heating")
     assert least is not None
     runs = [one.run for one in made_logs({"copper_heating": {"r_s_change": times * least}})]
-    found: Diagnosis = diagnose(runs, load_rig("hsu2026"), {suspect: EFFECTS[suspect] for suspect in SUSPECTS})
+    found: ModelDiagnosis = diagnose(runs, load_rig("hsu2026"), {suspect: EFFECTS[suspect] for suspect in SUSPECTS})
     assert [cause.effect for cause in found.causes] == (["copper_heating"] if named else [])

@@ -1,6 +1,7 @@
 """The report of a diagnosis: one page for whoever decides, then the evidence, for every verdict, as page and as PDF."""
 
 import io
+import math
 import re
 from functools import cache
 
@@ -9,7 +10,7 @@ import pytest
 from diagnosed import diagnosed
 from pypdf import PdfReader
 
-from winchcascade.diagnosis.causes import Rival
+from winchcascade.diagnosis.diagnosis_result import Alternative, Spot
 from winchcascade.report.diagnosis import make_diagnosis_report
 from winchcascade.report.digits import MINUS
 from winchcascade.report.html import html_text
@@ -156,7 +157,7 @@ def test_a_nuisance_of_the_rig_is_told_in_the_unit_of_its_file() -> None:
 
 def test_rivals_stand_in_the_tables_with_what_tells_them_apart() -> None:
     found = diagnosed("copper")
-    rival = Rival("line_drag", 0.3, "torque during payout at open circuit, where they differ by 1.9 sigma")
+    rival = Alternative("line_drag", 0.3, Spot("torque", "payout", math.inf, z=1.9))
     cause = msgspec.structs.replace(found.causes[0], probability=0.7, rivals=(rival,))
     made = make_diagnosis_report(msgspec.structs.replace(found, causes=(cause,)))
     assert tables(made)["rivals"].rows == (
@@ -217,6 +218,6 @@ def test_a_law_that_the_rig_file_does_not_state_has_a_name_of_its_own() -> None:
     from winchcascade.diagnosis.nuisances import ABSENT, Nuisance
     from winchcascade.report.diagnosis_names import _LAWS, nuisance_words
 
-    names = {str(Nuisance("law", name, sd, unit, section=part)) for (part, name), (sd, unit) in ABSENT.items()}
-    assert names == set(_LAWS)
-    assert "_" not in " ".join(nuisance_words(name, []) for name in names)
+    laws = [Nuisance("law", name, sd, unit, section=part) for (part, name), (sd, unit) in ABSENT.items()]
+    assert {str(law) for law in laws} == set(_LAWS)
+    assert "_" not in " ".join(nuisance_words(law, []) for law in laws)

@@ -7,34 +7,35 @@ import pytest
 from diagnosed import diagnosed
 
 from winchcascade.core.campaign_file import Origin
-from winchcascade.diagnosis.causes import Reported, Rival
-from winchcascade.diagnosis.diagnose import Diagnosis, Remainder
-from winchcascade.diagnosis.diagnosis_record import as_json
-from winchcascade.diagnosis.next_run import Experiment
-from winchcascade.diagnosis.remainder import Alarm
-from winchcascade.report.diagnosis_names import display_of, parameter_words, quantity_words
+from winchcascade.diagnosis.diagnose import ModelDiagnosis
+from winchcascade.diagnosis.diagnosis_result import Alarm, Alternative, Experiment, Remainder, Reported, Spot
+from winchcascade.diagnosis.nuisances import Nuisance
+from winchcascade.report.diagnosis_names import display_of, quantity_words
+from winchcascade.report.diagnosis_record import as_json
 from winchcascade.report.diagnosis_text import diagnosis_lines, diagnosis_text
 from winchcascade.report.diagnosis_words import (
     alarm_meaning,
     alarm_words,
+    arises_sentence,
     arises_words,
+    cause_words,
     checked_words,
     closure_words,
     experiment_words,
     interval_words,
+    judged_words,
     remainder_words,
     says_more,
     sure_words,
     verdict_words,
     where_words,
-    withheld_words,
     word_of,
 )
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.effect import Display
 
 
-def changed(of: Diagnosis, **changes: Any) -> Diagnosis:
+def changed(of: ModelDiagnosis, **changes: Any) -> ModelDiagnosis:
     return msgspec.structs.replace(of, **changes)
 
 
@@ -74,8 +75,8 @@ def test_a_number_that_is_no_change_has_no_sign() -> None:
 
 
 def test_a_cause_is_told_with_its_interval() -> None:
-    (cause,) = diagnosed("copper").causes
-    text = parameter_words(cause)
+    found = diagnosed("copper")
+    text = cause_words(found, found.causes[0])
     assert text.startswith("stator resistance +")
     assert "(95 %: " in text
 
@@ -93,8 +94,7 @@ def test_each_verdict_has_its_sentence() -> None:
 
 def test_effects_of_the_fit_that_are_not_named_are_counted() -> None:
     copper = diagnosed("copper")
-    more = msgspec.structs.replace(copper.found.best, names=("copper_heating", "force_zero"))
-    cut = changed(copper, verdict="partly_explained", found=msgspec.structs.replace(copper.found, best=more))
+    cut = changed(copper, verdict="partly_explained", chosen=("copper_heating", "force_zero"))
     assert verdict_words(cut).startswith("A fit of 2 effects, of which the leading 1 are named, closes")
     assert "not named, though fitted: force_zero" in diagnosis_text(cut)
 
@@ -103,8 +103,8 @@ def test_where_no_mean_stands_out_the_strongest_sign_is_told_instead() -> None:
     found = diagnosed("outsider")
     assert where_words(found).startswith("The gap lies in")
     quiet = tuple(msgspec.structs.replace(place, z=0.5) for place in found.places)
-    alarm = Alarm("scatter", "idc within blocks of payout", 20.09, 2.2)
-    told = where_words(changed(found, places=quiet, remainder=Remainder(1.0, (alarm,), alarm.where)))
+    alarm = Alarm("scatter", Spot("idc", "payout", within_blocks=True), 20.09, 2.2)
+    told = where_words(changed(found, places=quiet, remainder=Remainder(1.0, (alarm,), alarm.about)))
     assert told.startswith("No mean over a phase is off by more than noise and tolerances allow.")
     assert "Idc within blocks of payout: the scatter is 20.1 times what noise explains (limit 2.2)" in told
 
@@ -119,7 +119,7 @@ def test_where_a_gap_arises_is_told_beside_where_it_shows() -> None:
     assert says_more(found)
     text = flat(diagnosis_text(found))
     assert flat(arises_words(found).replace("Ω", "ohm")) in text
-    assert as_json(found)["where"]["sentence"].endswith(found.where.arises)
+    assert as_json(found)["where"]["sentence"].endswith(arises_sentence(found.where.arises))
 
 
 def test_a_stage_that_is_that_of_the_cause_is_not_told_twice() -> None:
@@ -161,7 +161,7 @@ def test_a_sure_cause_without_a_rival_is_told_as_such() -> None:
 
 def test_a_rival_is_told_beside_the_cause_and_never_hidden() -> None:
     found = diagnosed("copper")
-    rival = Rival("line_drag", 0.3, "idc during payout at 4.5 ohm, where they differ by 1.9 sigma")
+    rival = Alternative("line_drag", 0.3, Spot("idc", "payout", 4.5, z=1.9))
     cause = msgspec.structs.replace(found.causes[0], probability=0.7, rivals=(rival,))
     told = changed(found, causes=(cause,))
     assert sure_words(told) == (
@@ -185,8 +185,8 @@ def test_the_share_that_is_closed_comes_with_its_interval_and_how_it_is_known() 
 
 def test_withheld_logs_are_told_by_their_loads() -> None:
     found = diagnosed("copper")
-    assert "the causes were chosen on all logs" in withheld_words(found)
-    assert withheld_words(diagnosed("nothing")) == "all logs took part"
+    assert "the causes were chosen on all logs" in judged_words(found)
+    assert judged_words(diagnosed("nothing")) == "all logs took part"
 
 
 @pytest.mark.parametrize(
@@ -198,7 +198,7 @@ def test_withheld_logs_are_told_by_their_loads() -> None:
     ],
 )
 def test_the_next_experiment_is_told_with_what_it_can_do(z: float, told: str) -> None:
-    plan = Experiment(4.5, 1.1, 9.5, ("copper_heating", "line_drag"), z)
+    plan = Experiment("cycle", 1.1, ("copper_heating", "line_drag"), z, load=4.5, length=9.5)
     text = experiment_words(changed(diagnosed("copper"), experiment=plan))
     assert told in text
     assert "4.5 Ω, one cycle: 1.5 s ramp to 1.10 m/s" in text
@@ -206,8 +206,8 @@ def test_the_next_experiment_is_told_with_what_it_can_do(z: float, told: str) ->
 
 def test_a_rival_that_no_run_tells_from_the_cause_is_to_be_measured() -> None:
     found = diagnosed("copper")
-    plan = Experiment(4.5, 1.1, 9.5, ("copper_heating", "line_drag"), 1.3)
-    cause = msgspec.structs.replace(found.causes[0], rivals=(Rival("line_drag", 0.3, "idc"),))
+    plan = Experiment("cycle", 1.1, ("copper_heating", "line_drag"), 1.3, load=4.5, length=9.5)
+    cause = msgspec.structs.replace(found.causes[0], rivals=(Alternative("line_drag", 0.3, None),))
     assert experiment_words(changed(found, causes=(cause,), experiment=plan)).startswith(
         "None of the runs that were considered tells copper_heating from line_drag"
     )
@@ -223,8 +223,8 @@ def test_what_no_effect_of_the_catalogue_is_and_looks_like_a_cause_is_told() -> 
 
 
 @pytest.mark.parametrize("kind", ["structure", "scatter", "ripple", "nuisance"])
-def test_an_alarm_is_told_with_its_limit_and_its_meaning(kind: str) -> None:
-    alarm = Alarm(kind, "zero of vdc in log 2", 6.04, 4.5)
+def test_an_alarm_is_told_with_its_limit_and_its_meaning(kind: Any) -> None:
+    alarm = Alarm(kind, Nuisance("zero", "vdc", 0.1, "SI", log=1), 6.04, 4.5)
     text = alarm_words(alarm, ["a.csv", "b.csv"])
     assert text.startswith("Zero of Vdc in b.csv")
     assert "6.0" in text
@@ -257,22 +257,13 @@ def test_simulated_logs_are_never_called_measured() -> None:
 
 def test_logs_are_called_measured_where_that_is_stated_of_all_whatever_the_title() -> None:
     found = changed(diagnosed("copper"), title="Trials rebuilt from a table")
-    logs = found.data.logs
-
-    def stated(*origins: Origin) -> list[Any]:
-        given = zip(logs, origins, strict=True)
-        return [msgspec.structs.replace(log, run=msgspec.structs.replace(log.run, origin=o)) for log, o in given]
-
-    try:
-        for origins, word in (
-            ((Origin(True), Origin(True)), "measured"),
-            ((Origin(True), Origin()), "log"),
-            ((Origin(), Origin()), "log"),
-        ):
-            found.data.logs = stated(*origins)
-            assert word_of(found) == word
-    finally:
-        found.data.logs = logs
+    for origins, word in (
+        ((Origin(True), Origin(True)), "measured"),
+        ((Origin(True), Origin()), "log"),
+        ((Origin(), Origin()), "log"),
+    ):
+        given = zip(found.runs, origins, strict=True)
+        assert word_of(changed(found, runs=tuple(msgspec.structs.replace(r, origin=o) for r, o in given))) == word
 
 
 # ------------------------------------------------------------------------------------------------------------ the page

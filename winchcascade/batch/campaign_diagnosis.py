@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,12 +11,12 @@ from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.errors import CampaignError, OptionError, RigError
 from winchcascade.core.files import write_whole
 from winchcascade.core.rig_toml import DEFAULT_RIG, load_rig
-from winchcascade.diagnosis.diagnose import Diagnosis, diagnose, withheld_numbers
-from winchcascade.diagnosis.diagnosis_record import as_json
+from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose, withheld_numbers
+from winchcascade.diagnosis.line.line_data import POWER
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis, diagnose_line
-from winchcascade.diagnosis.line.line_record import as_json as line_json
 from winchcascade.ingest.read import read_run
-from winchcascade.rig.parts import baseline
+from winchcascade.report.diagnosis_record import as_json
+from winchcascade.rig.parts import NoModel, model_of
 from winchcascade.rig.simulate import simulate
 from winchcascade.rig.simulated_log import write_log
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from winchcascade.core.campaign_file import Campaign
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
-    from winchcascade.diagnosis.line.line_closure import Judged
+    from winchcascade.diagnosis.line.line_closure import LineClosure
     from winchcascade.diagnosis.suspects import Suspects
 
 
@@ -79,27 +79,7 @@ def diagnose_logs(
     )
 
 
-def write_line_predictions(found: LineDiagnosis, folder: Path, *, force: bool = False) -> list[Path]:
-    """Write the power that is predicted of the judged cycles, one file for each log: `before`, line force times speed, and
-    `after`, by a fit that did not know them. Stamps are those of the log; samples that do not count are left out.
-
-    Raises
-    ------
-    OutputError : a file cannot be written, or is not this tool's own and `force` does not allow to replace it
-    """
-    if found.judged is None:
-        return []
-    written = []
-    for side in ("before", "after"):
-        (folder / side).mkdir(parents=True, exist_ok=True)
-        for name, rows in _predicted(found.judged, side).items():
-            path = folder / side / f"{name.rpartition('.')[0] or name}.csv"
-            write_whole(path, partial(_fill, rows), force=force)
-            written.append(path)
-    return written
-
-
-def _predicted(judged: Judged, side: str) -> dict[str, Signal]:
+def _predicted(judged: LineClosure, side: str) -> dict[str, Signal]:
     """Stamps [s], cycles and predicted power [W] of each log, (k, 3) by its name, in order of time."""
     found: dict[str, list[Signal]] = {}
     for part, after in zip(judged.parts, judged.after, strict=True):
@@ -121,7 +101,7 @@ def diagnose_file(
     *,
     seed: int = 0,
     tell: Callable[[str], None] = lambda _: None,
-) -> Diagnosis:
+) -> ModelDiagnosis:
     """Diagnose a campaign.toml, or the one in a folder, on its own rig; faults as `diagnose_listed`."""
     campaign = load_campaign(path)
     return diagnose_listed(campaign, load_rig(campaign.rig or DEFAULT_RIG), suspects, seed=seed, tell=tell)
@@ -135,7 +115,7 @@ def diagnose_listed(
     loads: Sequence[float] = (),
     seed: int = 0,
     tell: Callable[[str], None] = lambda _: None,
-) -> Diagnosis:
+) -> ModelDiagnosis:
     """Diagnose the logs that a campaign lists.
 
     Parameters
@@ -178,27 +158,38 @@ def diagnose_campaign(
     return as_json(found)
 
 
-def write_predictions(found: Diagnosis, folder: Path, *, force: bool = False) -> list[Path]:
-    """Write what is predicted of every withheld log, as simulated logs: `before`, the rig as given, and `after`, by the fit
-    without that log; zeros of its sensors are in neither.
+def write_predictions(found: ModelDiagnosis | LineDiagnosis, folder: Path, *, force: bool = False) -> list[Path]:
+    """Write what is predicted of the data that the causes are judged on, in files named after their logs.
+
+    With a model these are simulated logs of every withheld log: `before`, the rig as given, and `after`, by the fit without
+    that log; zeros of its sensors are in neither. Without one they are the power of the judged cycles: `before`, line force
+    times speed, and `after`, by a fit that did not know them; stamps are those of the log, samples that do not count are left
+    out.
 
     Raises
     ------
     OutputError : a file cannot be written, or is not this tool's own and `force` does not allow to replace it
     """
-    data = found.data
-    logs = found.closure.predictions if found.closure is not None else ()
+    line = isinstance(found, LineDiagnosis)
+    if line and found.closure is None:
+        return []
     written = []
     for side in ("before", "after"):
         (folder / side).mkdir(parents=True, exist_ok=True)
-    for one in logs:
+    if isinstance(found, LineDiagnosis):
+        for side in ("before", "after"):
+            for name, rows in {} if found.closure is None else _predicted(found.closure, side).items():
+                written.append(folder / side / f"{_stem(name)}.csv")
+                write_whole(written[-1], partial(_fill, rows), force=force)
+        return written
+    data = found.data
+    for one in found.closure.predictions if found.closure is not None else ():
         run = data.logs[one.log].run
         nu = np.where([n.kind == "zero" for n in data.nuisances], 0.0, one.fit.nu)
         after = data.models(nu, one.fit.effects(found.suspects))[one.log]
         for side, model in (("before", data.nominal), ("after", after)):
-            path = folder / side / f"{_stem(run.name)}.csv"
-            write_log(simulate(run, model), path, force=force)
-            written.append(path)
+            written.append(folder / side / f"{_stem(run.name)}.csv")
+            write_log(simulate(run, model), written[-1], force=force)
     return written
 
 
@@ -206,27 +197,7 @@ def _stem(name: str) -> str:
     return name.rpartition(".")[0] or name
 
 
-POWER = "power_mech"
-"""Channel without which a winch that has no model cannot be diagnosed."""
-
-
-class Writes(Protocol):
-    """Writes the report of a diagnosis as a page, as a PDF, or both."""
-
-    def __call__(self, *, html: Path | None, pdf: Path | None, command: str, force: bool) -> None:
-        """Write the files."""
-
-
-class Outcome(NamedTuple):
-    """A diagnosis and its outputs: JSON as a dict, the page for the terminal given the files, reports, and predictions."""
-
-    record: dict[str, Any]
-    text: Callable[[Sequence[Path | str]], str]
-    write_reports: Writes
-    write_predictions: Callable[[Path, bool], list[Path]]
-
-
-def outcome(
+def diagnose_by_rig(
     campaign: Campaign,
     suspects: Suspects,
     *,
@@ -234,42 +205,16 @@ def outcome(
     loads: Sequence[float] = (),
     seed: int = 0,
     tell: Callable[[str], None] = lambda _: None,
-) -> Outcome:
-    """Diagnose the logs that a campaign lists, whatever their rig. Parameters and faults as `diagnose_listed`, but for `rig`,
-    which is a rig file or a name, before the campaign's own.
+) -> ModelDiagnosis | LineDiagnosis:
+    """Diagnose the logs that a campaign lists, by a model or, of a rig for which none can be made, from line and shaft alone.
+
+    Parameters and faults as `diagnose_listed`, but for `rig`, which is a rig file or a name, before the campaign's own.
     """
     the_rig = load_rig(rig or campaign.rig or DEFAULT_RIG)
-    try:
-        baseline(the_rig)
-    except RigError:
+    model = model_of(the_rig)
+    if isinstance(model, NoModel):
         runs = read_logs(campaign, the_rig, tell)
-        if not any(POWER in names for names in (the_rig.sensors, the_rig.columns, *(run.channels for run in runs))):
-            raise
-        return _of_line(diagnose_logs(campaign, runs, the_rig, suspects, loads, seed, tell))
-    from winchcascade.report.diagnosis_text import diagnosis_text
-
-    found = diagnose_listed(campaign, the_rig, suspects, loads=loads, seed=seed, tell=tell)
-
-    def write_reports(*, html: Path | None, pdf: Path | None, command: str, force: bool) -> None:
-        from winchcascade.report.diagnosis import write_diagnosis_reports
-
-        write_diagnosis_reports(found, html=html, pdf=pdf, command=command, force=force)
-
-    def predict(folder: Path, force: bool) -> list[Path]:
-        return write_predictions(found, folder, force=force)
-
-    return Outcome(as_json(found), partial(diagnosis_text, found), write_reports, predict)
-
-
-def _of_line(found: LineDiagnosis) -> Outcome:
-    from winchcascade.report.line_text import line_text
-
-    def write_reports(*, html: Path | None, pdf: Path | None, command: str, force: bool) -> None:
-        from winchcascade.report.line_diagnosis import write_line_reports
-
-        write_line_reports(found, html=html, pdf=pdf, command=command, force=force)
-
-    def predict(folder: Path, force: bool) -> list[Path]:
-        return write_line_predictions(found, folder, force=force)
-
-    return Outcome(line_json(found), partial(line_text, found), write_reports, predict)
+        if any(POWER in names for names in (the_rig.sensors, the_rig.columns, *(run.channels for run in runs))):
+            return diagnose_logs(campaign, runs, the_rig, suspects, loads, seed, tell)
+        raise RigError(model.why)
+    return diagnose_listed(campaign, the_rig, suspects, loads=loads, seed=seed, tell=tell)

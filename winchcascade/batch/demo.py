@@ -74,8 +74,8 @@ def diagnose_copy(
         if kept is not None:
             return kept, files
         from winchcascade.batch.campaign_diagnosis import diagnose_file
-        from winchcascade.diagnosis.diagnosis_record import as_json
         from winchcascade.report.diagnosis import write_diagnosis_reports
+        from winchcascade.report.diagnosis_record import as_json
 
         for path in files:
             check_replaceable(path, force=force)

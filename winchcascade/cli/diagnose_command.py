@@ -56,9 +56,12 @@ def diagnose_command(
     A winch without a model is diagnosed from line force, speed and mechanical power; its cycles are left out in turn.
     """
     one_thread_each()
-    from winchcascade.batch.campaign_diagnosis import outcome
+    from winchcascade.batch.campaign_diagnosis import diagnose_by_rig, write_predictions
     from winchcascade.core.campaign_file import load_campaign
     from winchcascade.core.jobs import processes
+    from winchcascade.report.diagnosis import write_diagnosis_reports
+    from winchcascade.report.diagnosis_record import as_json
+    from winchcascade.report.diagnosis_text import diagnosis_text
     from winchcascade.report.progress import Telling
     from winchcascade.rig.effects.catalogue import EFFECTS, find_effect
 
@@ -69,16 +72,16 @@ def diagnose_command(
     check_outputs(results | _prediction_files(predictions, logs), [listed.path, *logs, rig], force=force)
     set_threads(jobs or processes())
     with Telling(f"diagnosing {listed.name}") as tell:
-        found = outcome(listed, suspects, rig=rig, loads=withhold or (), seed=seed, tell=tell)
-        written = [] if predictions is None else found.write_predictions(predictions, force)
+        found = diagnose_by_rig(listed, suspects, rig=rig, loads=withhold or (), seed=seed, tell=tell)
+        written = [] if predictions is None else write_predictions(found, predictions, force=force)
         if html is not None or pdf is not None:
             tell("writing reports")
-            found.write_reports(html=html, pdf=pdf, command=given_command(), force=force)
-    if not write_json(json, found.record, force=force):
+            write_diagnosis_reports(found, html=html, pdf=pdf, command=given_command(), force=force)
+    if not write_json(json, as_json(found), force=force):
         files: list[Path | str] = [path for path in results.values() if path is not None]
         if predictions is not None:
             files.append(predictions if written else "no predictions, as no effect was fitted")
-        show(found.text(files))
+        show(diagnosis_text(found, files))
 
 
 def _prediction_files(folder: Path | None, logs: Sequence[Path]) -> dict[str, Path | None]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-import msgspec
 import numpy as np
 
 from winchcascade.diagnosis.block_means import PHASES
+from winchcascade.diagnosis.diagnosis_result import Alternative, NamedCause, Reported, Spot
 from winchcascade.diagnosis.evidence import Fit, fit_set
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.selection import Found, Names, evidence_of
@@ -36,35 +36,7 @@ COVERED = 1.96
 """Standard deviations on either side of a 95 % interval."""
 
 
-class Reported(msgspec.Struct, frozen=True):
-    """A number that a diagnosis reports, with its 95 % interval, which includes the tolerance of what the effect changes."""
-
-    value: float
-    low: float
-    high: float
-    unit: str
-
-
-class Rival(msgspec.Struct, frozen=True):
-    """A suspect that explains the same data as well in place of a cause, and what would tell the two apart."""
-
-    effect: str
-    probability: float
-    told_apart_by: str
-
-
-class Cause(msgspec.Struct, frozen=True):
-    """An effect that is needed: its probability, its numbers, its rivals, and how much of the objective it carries."""
-
-    effect: str
-    stage: str
-    probability: float
-    parameters: dict[str, Reported]
-    rivals: tuple[Rival, ...]
-    weight: float
-
-
-def causes_of(data: Fitted, suspects: Suspects, found: Found) -> tuple[Cause, ...]:
+def causes_of(data: Fitted, suspects: Suspects, found: Found) -> tuple[NamedCause, ...]:
     """Every cause of the best set, most important first."""
     best = found.best
     swapped = {name: _rivals(data, suspects, found, name) for name in best.names}
@@ -75,7 +47,7 @@ def causes_of(data: Fitted, suspects: Suspects, found: Found) -> tuple[Cause, ..
         without = tuple(n for n in best.names if n != name)
         weight = found.linear.best(without)[0] - found.linear.best(best.names)[0]
         causes.append(
-            Cause(
+            NamedCause(
                 effect=name,
                 stage=suspects[name].stage,
                 probability=sum(p for names, p in chance.items() if name in names),
@@ -176,22 +148,20 @@ def _rivals(data: Fitted, suspects: Suspects, found: Found, name: str) -> list[F
     return sorted(fits, key=lambda fit: -evidence_of(fit, found.scale))
 
 
-def _named(data: Fitted, best: Fit, rival: Fit, chance: dict[Names, float]) -> Rival:
+def _named(data: Fitted, best: Fit, rival: Fit, chance: dict[Names, float]) -> Alternative:
     effect = next(n for n in rival.names if n not in best.names)
-    return Rival(effect, chance[tuple(sorted(rival.names))], _told_apart(data, best, rival))
+    return Alternative(effect, chance[tuple(sorted(rival.names))], _difference(data, best, rival))
 
 
-def _told_apart(data: Fitted, best: Fit, rival: Fit) -> str:
-    """Where two fits of the same data differ most: channel, phase and load."""
+def _difference(data: Fitted, best: Fit, rival: Fit) -> Spot | None:
+    """Where two fits of the same data differ most; None where nothing that the logs measure tells them apart."""
     difference = (best.z - rival.z).reshape(-1, len(CHANNELS))
-    most, words = 0.0, "nothing that these logs measure"
+    most: Spot | None = None
     for rows, log in zip(data.rows, data.logs, strict=True):
         for k, channel in enumerate(CHANNELS):
             for phase, phase_name in enumerate(PHASES):
                 here = difference[rows, k][log.course.blocks.phase == phase]
                 size = float(np.sqrt(np.sum(here**2)))
-                if size > most:
-                    load = "open circuit" if math.isinf(log.load) else f"{log.load:g} ohm"
-                    name = phase_name.replace("_", "-")
-                    most, words = size, f"{channel} during {name} at {load}, where they differ by {size:.1f} sigma"
-    return words
+                if size > (most.z if most else 0.0):
+                    most = Spot(channel, phase_name, log.load, z=size)
+    return most

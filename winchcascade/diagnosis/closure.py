@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from winchcascade.diagnosis.diagnosis_result import GapClosure, Shrunk
 from winchcascade.diagnosis.evidence import Fit, fit_set
 from winchcascade.diagnosis.gap_map import without_zeros
 from winchcascade.diagnosis.predict import CHANNELS
@@ -30,14 +31,6 @@ LEAST = 0.2
 """A channel of a log whose misfit before exceeds its noise by less than this share of it has no gap to close."""
 
 
-class Shrunk(msgspec.Struct, frozen=True):
-    """Root mean squares of one channel over the withheld logs, SI units: before, after, and noise."""
-
-    before: float
-    after: float
-    noise: float
-
-
 class Prediction(msgspec.Struct, frozen=True):
     """A log predicted by a fit that did not know it: the nuisances and effects of that fit."""
 
@@ -45,22 +38,18 @@ class Prediction(msgspec.Struct, frozen=True):
     fit: Fit
 
 
-class Closure(msgspec.Struct, frozen=True):
-    """Share of the explainable gap that the causes close on logs that took no part in their fit, with its 95 % interval.
+class ModelClosure(GapClosure, frozen=True):
+    """Share of the explainable gap that the causes close on logs that took no part in their fit.
 
     `residual` (M, 5) are measured minus predicted blocks after, zeros taken off, NaN for logs that were not withheld.
     """
 
     withheld: tuple[int, ...]
-    channels: dict[str, Shrunk]
-    share: float
-    low: float
-    high: float
     residual: Signal
     predictions: tuple[Prediction, ...]
 
 
-def close(data: Fitted, suspects: Suspects, best: Fit, withheld: Sequence[int], seed: int) -> Closure:
+def close(data: Fitted, suspects: Suspects, best: Fit, withheld: Sequence[int], seed: int) -> ModelClosure:
     """Predict each withheld log from a fit without it.
 
     Parameters
@@ -90,7 +79,7 @@ def close(data: Fitted, suspects: Suspects, best: Fit, withheld: Sequence[int], 
     low, high = (
         (min(max(float(np.quantile(draws, q)), -1.0), 1.0) for q in (0.025, 0.975)) if draws.size else (share, share)
     )
-    return Closure(
+    return ModelClosure(
         withheld=tuple(withheld),
         channels=_channels(data, before, after, withheld),
         share=share,

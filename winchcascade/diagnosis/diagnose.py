@@ -9,15 +9,16 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.errors import LogError, OptionError
-from winchcascade.diagnosis.causes import Cause, causes_of, probabilities
-from winchcascade.diagnosis.closure import Closure, close
+from winchcascade.diagnosis.causes import causes_of, probabilities
+from winchcascade.diagnosis.closure import ModelClosure, close
+from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, Experiment, NamedCause, Remainder, Verdict, Where
 from winchcascade.diagnosis.evidence import Fit, fit_set
-from winchcascade.diagnosis.gap_location import Where, arises, locate
+from winchcascade.diagnosis.gap_location import arises, locate
 from winchcascade.diagnosis.gap_map import Place, compare, without_zeros
 from winchcascade.diagnosis.misfit import Fitted
-from winchcascade.diagnosis.next_run import Experiment, plan
+from winchcascade.diagnosis.next_run import plan
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.remainder import Alarm, alarms_of
+from winchcascade.diagnosis.remainder import alarms_of
 from winchcascade.diagnosis.rules import HALF, NAMED, check_withheld
 from winchcascade.diagnosis.selection import Found, search
 from winchcascade.diagnosis.stagewise import StagePlace, stagewise
@@ -27,41 +28,23 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
+    from winchcascade.diagnosis.diagnosis_result import Alarm, Spot
+    from winchcascade.diagnosis.nuisances import Nuisance
     from winchcascade.diagnosis.suspects import Suspects
 
 
-class Remainder(msgspec.Struct, frozen=True):
-    """What the causes leave: the share of the gap on withheld logs, the signs of structure in it, and where it is worst."""
+class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
+    """A diagnosis by a model. `predicted` (M, 5) are the blocks of the rig as given, `fitted` of the fit with its causes.
 
-    share: float
-    alarms: tuple[Alarm, ...]
-    where: str
-
-
-class Diagnosis(msgspec.Struct, frozen=True):
-    """What a diagnosis found. `predicted` (M, 5) are the blocks of the rig as given, `fitted` of the fit with its causes.
-
-    `places` map the gap end to end, `stages` stage by stage. `causes` are those named; `sets` the posterior probability of
-    every set of suspects that was fitted.
+    `places` map the gap end to end, `stages` stage by stage.
     """
 
-    title: str
-    rig: Rig
-    seed: int
     data: Fitted
     found: Found
-    suspects: Suspects
-    verdict: str
-    where: Where | None
-    causes: tuple[Cause, ...]
-    closure: Closure | None
-    remainder: Remainder | None
-    experiment: Experiment | None
-    places: tuple[Place, ...]
+    closure: ModelClosure | None
     stages: tuple[StagePlace, ...]
     predicted: Signal
     fitted: Signal
-    sets: dict[tuple[str, ...], float]
 
 
 def diagnose(
@@ -74,7 +57,7 @@ def diagnose(
     withheld: Sequence[int] = (),
     seed: int = 0,
     tell: Callable[[str], None] = lambda _: None,
-) -> Diagnosis:
+) -> ModelDiagnosis:
     """Diagnose some runs on one rig, which is taken as given and never calibrated first.
 
     Parameters
@@ -100,13 +83,15 @@ def diagnose(
     judged = _judge(data, suspects, found, withheld, seed, tell)
     predicted = data.predict(np.zeros(len(data.nuisances)), [])
     places, stages = _map(data, predicted), stagewise(data)
-    return Diagnosis(
+    return ModelDiagnosis(
         title=title,
         rig=rig,
         seed=seed,
         data=data,
         found=found,
+        runs=tuple(log.run for log in data.logs),
         suspects=suspects,
+        chosen=found.best.names,
         verdict=judged.verdict,
         where=_where(data, predicted, places, stages, judged),
         causes=judged.causes,
@@ -134,9 +119,9 @@ def _check_compared(data: Fitted) -> None:
 class _Judged(msgspec.Struct, frozen=True):
     """What follows from a search: the verdict and what belongs to it."""
 
-    verdict: str
-    causes: tuple[Cause, ...] = ()
-    closure: Closure | None = None
+    verdict: Verdict
+    causes: tuple[NamedCause, ...] = ()
+    closure: ModelClosure | None = None
     remainder: Remainder | None = None
     experiment: Experiment | None = None
 
@@ -170,7 +155,7 @@ def _where(
         return None
     own, lead = arises(stages), judged.causes[0].stage if judged.causes else None
     stage = lead if judged.verdict == "explained" else own.stage or lead
-    return locate(data, without_zeros(data, data.measured - predicted), places, stage, own.sentence)
+    return locate(data, without_zeros(data, data.measured - predicted), places, stage, own)
 
 
 def _map(data: Fitted, predicted: Signal) -> tuple[Place, ...]:
@@ -179,20 +164,20 @@ def _map(data: Fitted, predicted: Signal) -> tuple[Place, ...]:
     return compare(data, predicted, tolerances[:, :, known])
 
 
-def _verdict(alarms: Sequence[Alarm], closure: Closure) -> str:
+def _verdict(alarms: Sequence[Alarm], closure: ModelClosure) -> Verdict:
     """Contract: explained when nothing structured remains, unexplained when less than half is closed, partly in between."""
     if not alarms:
         return "explained"
     return "unexplained" if closure.share < HALF else "partly_explained"
 
 
-def _worst(alarms: Sequence[Alarm]) -> str:
+def _worst(alarms: Sequence[Alarm]) -> Spot | Nuisance | None:
     """Where the remainder shows most; a nuisance that was pulled too far only where no channel shows it."""
     shown = [alarm for alarm in alarms if alarm.kind != "nuisance"] or alarms
-    return shown[0].where if shown else ""
+    return shown[0].about if shown else None
 
 
-def _experiment(data: Fitted, suspects: Suspects, found: Found, causes: Sequence[Cause]) -> Experiment | None:
+def _experiment(data: Fitted, suspects: Suspects, found: Found, causes: Sequence[NamedCause]) -> Experiment | None:
     """The run that would tell the leading cause from its rival or, where it has none, from the suspect that comes closest."""
     if not causes:
         return None

@@ -26,7 +26,8 @@ class Place(msgspec.Struct, frozen=True):
 
     `bias` and `rms` of the blocks' means once the log's zero is taken off; `noise` of a block, one standard deviation. Standard
     uncertainties of the bias: `u_noise` of noise and zero, `u_repeat` of how cycles repeat (NaN with one), `u_tolerance` of the
-    rig's numbers and gains. `z` is the bias over all three, `blocks` their number.
+    rig's numbers and gains. `z` is the bias over all three, `blocks` their number. Without a model a place holds all logs
+    (`log` is -1), and `share` is its share of the squared gap.
     """
 
     channel: str
@@ -41,6 +42,7 @@ class Place(msgspec.Struct, frozen=True):
     u_repeat: float
     u_tolerance: float
     z: float
+    share: float = math.nan
 
 
 def zero_of(log: Log, residual: Signal, u_zero: Signal) -> Signal:

@@ -12,6 +12,7 @@ import numpy as np
 from winchcascade.core.jobs import all_at_once
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.block_means import PHASES, blocks_of
+from winchcascade.diagnosis.diagnosis_result import Experiment
 from winchcascade.diagnosis.evidence import Fit
 from winchcascade.diagnosis.predict import CHANNELS, Course
 from winchcascade.diagnosis.suspects import Suspects, freedom
@@ -35,24 +36,6 @@ BACK = 0.6
 """Haul-in of a planned cycle, as a share of its payout's speed."""
 
 
-class Experiment(msgspec.Struct, frozen=True):
-    """One run that would tell two suspects apart: load [ohm], plateau speed [m/s] and length [m] of one cycle, and how far."""
-
-    load: float | None
-    speed: float
-    length: float
-    separates: tuple[str, str]
-    expected_z: float
-
-    @property
-    def profile(self) -> str:
-        """The motion in words."""
-        return (
-            f"one cycle: {RAMP:g} s ramp to {self.speed:.2f} m/s, {self.length:.1f} m of payout, {HOLD:g} s hold, haul-in at "
-            f"{BACK * self.speed:.2f} m/s"
-        )
-
-
 def plan(data: Fitted, suspects: Suspects, best: Fit, rival: Fit, separates: tuple[str, str]) -> Experiment:
     """Choose the run in which two fits of the same data differ most beyond noise, tolerances and what the rival could adapt."""
     speed, length = _usual(data)
@@ -61,7 +44,7 @@ def plan(data: Fitted, suspects: Suspects, best: Fit, rival: Fit, separates: tup
     options = [(load, share * speed) for load in tried for share in SPEEDS]
     scores = all_at_once([partial(_score, data, suspects, best, rival, load, v, length) for load, v in options])
     z, (load, v) = max(zip(scores, options, strict=True), key=lambda pair: pair[0])
-    return Experiment(load, v, length, separates, z)
+    return Experiment("cycle", v, separates, z, load=load, length=length)
 
 
 def _usual(data: Fitted) -> tuple[float, float]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from winchcascade.core.white_noise import white_noise
 from winchcascade.diagnosis.block_means import PHASES
+from winchcascade.diagnosis.diagnosis_result import Alarm, Spot
 from winchcascade.diagnosis.noise import restless
 from winchcascade.diagnosis.predict import CHANNELS, Course
 
@@ -31,15 +32,6 @@ comes and goes that the model does not know: an eccentric drum, teeth. Ringing, 
 
 PULLED = 5.0
 """A nuisance pulled beyond this many of its tolerances is none."""
-
-
-class Alarm(msgspec.Struct, frozen=True):
-    """One sign of something unexplained: its kind, where, its size and the limit that it passes, in the same unit."""
-
-    kind: str
-    where: str
-    size: float
-    limit: float
 
 
 def alarms_of(data: Fitted, suspects: Suspects, fit: Fit) -> tuple[Alarm, ...]:
@@ -70,7 +62,7 @@ FEW, FAR = 30, 8.0
 
 def _rough(data: Fitted, fit: Fit) -> list[Alarm]:
     return [
-        Alarm("structure", f"{channel} during {phase.replace('_', '-')}", rms, ROUGH)
+        Alarm("structure", Spot(channel, phase), rms, ROUGH)
         for (channel, phase), rms in block_rms(data, fit.z).items()
         if rms > ROUGH
     ]
@@ -113,7 +105,7 @@ def _with_noise(run: Run, rng: np.random.Generator) -> Run:
 
 def _restless(data: Fitted, suspects: Suspects, fit: Fit) -> list[Alarm]:
     return [
-        Alarm("scatter", f"{channel} within blocks of payout", ratio, RESTLESS)
+        Alarm("scatter", Spot(channel, "payout", within_blocks=True), ratio, RESTLESS)
         for channel, ratio in scatter(data, suspects, fit).items()
         if ratio > RESTLESS
     ]
@@ -142,7 +134,7 @@ def unsteadiness(data: Fitted, suspects: Suspects, fit: Fit) -> dict[tuple[str, 
 
 def _unsteady(data: Fitted, suspects: Suspects, fit: Fit) -> list[Alarm]:
     return [
-        Alarm("ripple", f"{channel} during {phase.replace('_', '-')}", ratio, UNSTEADY)
+        Alarm("ripple", Spot(channel, phase), ratio, UNSTEADY)
         for (channel, phase), ratio in unsteadiness(data, suspects, fit).items()
         if ratio > UNSTEADY
     ]
@@ -150,7 +142,7 @@ def _unsteady(data: Fitted, suspects: Suspects, fit: Fit) -> list[Alarm]:
 
 def _pulled(data: Fitted, fit: Fit) -> list[Alarm]:
     return [
-        Alarm("nuisance", str(n), abs(float(x)), PULLED)
+        Alarm("nuisance", n, abs(float(x)), PULLED)
         for n, x in zip(data.nuisances, fit.nu, strict=True)
         if abs(x) > PULLED
     ]

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.diagnose import Diagnosis
+    from winchcascade.diagnosis.diagnose import ModelDiagnosis
 
 BIN = 250.0
 """Width of the bins of generator speed in which block means are averaged. [rpm]"""
@@ -35,7 +35,7 @@ class Sides(NamedTuple):
     known: NDArray[np.bool_]
 
 
-def sides(found: Diagnosis) -> Sides:
+def sides(found: ModelDiagnosis) -> Sides:
     """Blocks as logged and as simulated, each log's zeros estimated alike on either side."""
     data = found.data
     logged = data.measured
@@ -67,7 +67,7 @@ class Series(NamedTuple):
     noise: Signal
 
 
-def series(found: Diagnosis, both: Sides, log: int, channel: str) -> Series:
+def series(found: ModelDiagnosis, both: Sides, log: int, channel: str) -> Series:
     """Take one channel of one log out of the blocks of all."""
     one, rows, k = found.data.logs[log], found.data.rows[log], CHANNELS.index(channel)
     blocks, run, seen = one.course.blocks, one.run, one.noise.seen[:, k]
@@ -86,28 +86,28 @@ def series(found: Diagnosis, both: Sides, log: int, channel: str) -> Series:
     )
 
 
-def seen_channels(found: Diagnosis) -> list[str]:
+def seen_channels(found: ModelDiagnosis) -> list[str]:
     """Channels that say something in any log."""
     return [c for k, c in enumerate(CHANNELS) if any(log.noise.seen[:, k].any() for log in found.data.logs)]
 
 
-def by_load(found: Diagnosis) -> list[int]:
+def by_load(found: ModelDiagnosis) -> list[int]:
     """Numbers of the logs from the open circuit to the smallest resistance."""
     return sorted(range(len(found.data.logs)), key=lambda k: -found.data.logs[k].load)
 
 
-def loaded(found: Diagnosis) -> list[int]:
+def loaded(found: ModelDiagnosis) -> list[int]:
     """Numbers of the logs with a load, from the largest resistance to the smallest."""
     return [k for k in by_load(found) if math.isfinite(found.data.logs[k].load)]
 
 
-def representative(found: Diagnosis) -> list[int]:
+def representative(found: ModelDiagnosis) -> list[int]:
     """Three logs that stand for all loads: the lightest, the one in the middle, and the heaviest."""
     own = loaded(found)
     return list(dict.fromkeys([own[0], own[len(own) // 2], own[-1]])) if own else []
 
 
-def most_telling(found: Diagnosis) -> int:
+def most_telling(found: ModelDiagnosis) -> int:
     """The log in which the gap stands out most: one that took no part in a fit where there is one."""
     candidates = list(found.closure.withheld) if found.closure is not None else loaded(found) or by_load(found)
     size = {k: max((abs(p.z) for p in found.places if p.log == k), default=0.0) for k in candidates}
@@ -174,7 +174,7 @@ TOP = 0.9
 """Braking begins after the last block with this share of a payout's top speed."""
 
 
-def stator_current(found: Diagnosis) -> tuple[Signal, Signal]:
+def stator_current(found: ModelDiagnosis) -> tuple[Signal, Signal]:
     """Stator current of the model with the causes and logged DC current, over the payout blocks of all loads, (n,) each. [A]"""
     data, best = found.data, found.found.best
     from winchcascade.rig.kernel import constants
@@ -190,7 +190,7 @@ def stator_current(found: Diagnosis) -> tuple[Signal, Signal]:
     return (np.concatenate(stator), np.concatenate(direct)) if stator else (np.zeros(0), np.zeros(0))
 
 
-def rated_dc_current(found: Diagnosis) -> float | None:
+def rated_dc_current(found: ModelDiagnosis) -> float | None:
     """DC current at which the stator carries its rated current, in the middle of all loads; None where none comes near. [A]"""
     rated = found.rig.generator.i_rated
     if rated is None:

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.causes import Cause, Reported
-    from winchcascade.diagnosis.diagnose import Diagnosis
+    from winchcascade.diagnosis.diagnose import ModelDiagnosis
+    from winchcascade.diagnosis.diagnosis_result import NamedCause, Reported
     from winchcascade.rig.effects.effect import Effect
 
 ROLLOFF = "ke_rolloff"
@@ -35,7 +35,7 @@ DRAWS = 400
 class Row(NamedTuple):
     """One number of a cause: absent value, plausible range, and the tolerance about the absent value, in reported units."""
 
-    cause: Cause
+    cause: NamedCause
     name: str
     found: Reported
     absent: float
@@ -44,7 +44,7 @@ class Row(NamedTuple):
     tolerance: float
 
 
-def tolerance_of(found: Diagnosis, effect: Effect) -> float:
+def tolerance_of(found: ModelDiagnosis, effect: Effect) -> float:
     """Standard uncertainty of the number that an effect changes, in the unit in which the effect is reported; 0 for none."""
     law = effect.law
     if not isinstance(law, Change):
@@ -54,7 +54,7 @@ def tolerance_of(found: Diagnosis, effect: Effect) -> float:
     return max(known, default=0.0) / abs(nominal)
 
 
-def rows_of(found: Diagnosis) -> list[Row]:
+def rows_of(found: ModelDiagnosis) -> list[Row]:
     """Every number of the named causes, in their order."""
     rows = []
     for cause in found.causes:
@@ -66,7 +66,7 @@ def rows_of(found: Diagnosis) -> list[Row]:
     return rows
 
 
-def numbers_figure(found: Diagnosis) -> Figure | None:
+def numbers_figure(found: ModelDiagnosis) -> Figure | None:
     """Draw each number of the causes with its interval, beside its absent value, the tolerance there, and what is plausible."""
     rows = rows_of(found)
     if not rows:
@@ -139,7 +139,7 @@ class Profile(NamedTuple):
     reached: float
 
 
-def profile_of(found: Diagnosis, seed: int = 0) -> Profile | None:
+def profile_of(found: ModelDiagnosis, seed: int = 0) -> Profile | None:
     """The roll-off with its band, as far as the data reach; None where it is no cause."""
     best = found.found.best
     if ROLLOFF not in best.names or all(cause.effect != ROLLOFF for cause in found.causes):
@@ -162,7 +162,7 @@ def profile_of(found: Diagnosis, seed: int = 0) -> Profile | None:
     )  # fmt: skip
 
 
-def profile_figure(found: Diagnosis) -> Figure | None:
+def profile_figure(found: ModelDiagnosis) -> Figure | None:
     """Draw the roll-off of the back-EMF constant over the stator current with its band (Fig. 18e)."""
     profile = profile_of(found)
     if profile is None:

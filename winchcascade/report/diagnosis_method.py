@@ -1,12 +1,20 @@
-"""The method of a diagnosis in short, for its report; `docs/diagnosis.md` tells all of it."""
+"""The method of a diagnosis in short, for its report; `docs/diagnosis.md` has all of it."""
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from winchcascade.diagnosis.block_means import BLOCK
 from winchcascade.diagnosis.causes import AS_GOOD
+from winchcascade.diagnosis.line.line_closure import SLOW
+from winchcascade.diagnosis.line.line_selection import DRAWS, FOLDS, MATERIAL
 from winchcascade.diagnosis.remainder import PULLED, RESTLESS, ROUGH
 from winchcascade.diagnosis.selection import CLEARLY
 from winchcascade.diagnosis.solve import HUBER
+from winchcascade.report.diagnosis_words import slope_words
+
+if TYPE_CHECKING:
+    from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 
 METHOD = (
     "Model. Each log's line motion drives a model of the rig with the numbers of the rig file (Hsu et al. 2026, Tables 3 "
@@ -36,3 +44,32 @@ METHOD = (
     "the probability of each. At rest force and torque say next to nothing.",
 )
 """Paragraphs: what is done, by which formula, and what that leaves open."""
+
+
+def line_method(found: LineDiagnosis) -> tuple[str, ...]:
+    """Paragraphs on the method without a model."""
+    return (
+        "Balance. The power of the shaft follows from the line by P = v (F − m dv/dt − F₀ sgn v − b v), with the line's speed "
+        "v and force F, positive in reel-out: m is what turns with the line, as a mass on it, F₀ a constant friction and b a "
+        "drag over speed. A gain or a zero of the force cell changes F. The power is linear in all of them, and none is known "
+        "beforehand: no drum radius, inertia or loss of the rig file enters.",
+        f"Acceleration. It is the {slope_words(found)}; at most 0.4 s, as more would blur what the winch does. Withheld "
+        "cycles have no say in it.",
+        "Choice. Each of the sets of suspects is fitted by least squares within its bounds (m, F₀, b not negative; the force "
+        "cell within the catalogue) without each cycle in turn, and predicts that cycle. Of the sets whose error is within one "
+        f"standard error over cycles of the least (Breiman et al. 1984), or within {100.0 * MATERIAL:g} % of the gap, the "
+        f"smallest is chosen; a cause that closes less than {100.0 * MATERIAL:g} % is left out. With fewer than {FOLDS} cycles "
+        "each is cut into pieces.",
+        f"Probability. The cycles are resampled {DRAWS} times, with the errors that each set made of them, and the same rule "
+        "chooses: the probability of a set is how often it is chosen, that of a cause how often a set with it is. It tells how "
+        "far the choice hangs on which cycles were logged, not whether the list of suspects is complete.",
+        "Intervals. 95 %, from the scatter of each cycle's scores, so correlation within a cycle is allowed for (Liang and "
+        "Zeger 1986), with Student's t. What the width of the slope blurs is told by another width and added.",
+        "Closure. 1 − Σ after² ÷ Σ before² over the samples of cycles that the fit did not know; its interval resamples them.",
+        f"Structure. What is left keeps a structure if more than {100.0 * SLOW:.0f} % of its squares last longer than a "
+        f"second, or if means over 0.44 s are more than {ROUGH:g} times their noise by second differences in a phase, and "
+        "either makes more than 1 % of the squared gap.",
+        "Limits. A loss that grows with the line force alone looks like a gain of the force cell. Inertia that changes with "
+        "the tether on the drum, and losses that change with temperature, are told as a mean; the numbers of the withheld "
+        "cycles alone show how far they move. What is faster than the samples is seen as noise.",
+    )

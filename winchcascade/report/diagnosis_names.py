@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from typing import TYPE_CHECKING
 
 from winchcascade.report.digits import number, places
@@ -13,7 +12,8 @@ from winchcascade.rig.effects.effect import Display
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from winchcascade.diagnosis.causes import Cause, Reported
+    from winchcascade.diagnosis.diagnosis_result import Reported
+    from winchcascade.diagnosis.nuisances import Nuisance
 
 
 PLENTY = 100.0
@@ -49,15 +49,6 @@ def number_words(how: Display, found: Reported, otherwise: int) -> tuple[str, st
 def without_unit(interval: str, how: Display) -> str:
     """An interval that stands beside a number with the unit."""
     return interval.removesuffix(how.unit).rstrip()
-
-
-def parameter_words(cause: Cause) -> str:
-    """Every number of a cause in words, with its interval."""
-    parts = []
-    for name, found in cause.parameters.items():
-        value, interval = quantity_words(cause.effect, name, found)
-        parts.append(f"{display_of(cause.effect, name).what} {value} (95 %: {interval})")
-    return "; ".join(parts)
 
 
 def probability_words(p: float) -> str:
@@ -131,26 +122,19 @@ _LAWS = {
 """Laws that a rig file does not state, in plain words."""
 
 
-def nuisance_words(text: str, files: Sequence[str]) -> str:
+def nuisance_words(n: Nuisance, files: Sequence[str]) -> str:
     """Name of a nuisance in words, with the file of its log in place of the number.
 
-    >>> nuisance_words("zero of idc in log 2", ["a.csv", "b.csv"]), nuisance_words("l_s", [])
-    ('zero of Idc in b.csv', 'phase inductance')
+    >>> from winchcascade.diagnosis.nuisances import Nuisance
+    >>> nuisance_words(Nuisance("zero", "idc", 0.1, "SI", log=1), ["a.csv", "b.csv"])
+    'zero of Idc in b.csv'
     """
-    text = _LAWS.get(text, text)
-    text = re.sub(r"\w+", lambda m: _RIG_NUMBERS.get(m[0], m[0]), text).replace(" ohm", " Ω")
-    return re.sub(
-        r"\bin log (\d+)$", lambda m: f"in {files[int(m[1]) - 1]}" if 0 < int(m[1]) <= len(files) else m[0], text
-    )
-
-
-def told_apart_words(text: str) -> str:
-    """What tells a cause from its rival, as a report writes it.
-
-    >>> told_apart_words("idc during payout at 4.5 ohm, where they differ by 458.5 sigma")
-    'Idc during payout at 4.5 Ω, by more than 100 standard deviations'
-    """
-    text = re.sub(
-        r", where they differ by ([\d.]+) sigma", lambda m: f", by {apart_words(float(m[1]))} standard deviations", text
-    )
-    return nuisance_words(text, ())
+    name = _RIG_NUMBERS.get(n.name, n.name)
+    return {
+        "rig": name,
+        "law": _LAWS.get(str(n), str(n)),
+        "load": f"load of {load_words(n.load)}",
+        "gain": f"gain of {name}",
+        "timing": f"timing of {name}",
+        "zero": f"zero of {name} in {files[n.log] if 0 <= n.log < len(files) else f'log {n.log + 1}'}",
+    }[n.kind]

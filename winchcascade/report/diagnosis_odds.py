@@ -18,7 +18,7 @@ from winchcascade.report.style import COLOURS, WIDTH, label_panel
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from winchcascade.diagnosis.diagnose import Diagnosis
+    from winchcascade.diagnosis.diagnose import ModelDiagnosis
     from winchcascade.diagnosis.selection import Linear
 
 FEW = 2
@@ -34,7 +34,7 @@ _SHORT = 42
 """A label is no longer than this. [characters]"""
 
 
-def effect_odds(found: Diagnosis) -> list[tuple[str, float]]:
+def effect_odds(found: ModelDiagnosis) -> list[tuple[str, float]]:
     """Probability of each cause, then of its rivals, then of the likeliest others."""
     shown = {cause.effect: cause.probability for cause in found.causes}
     for cause in found.causes:
@@ -48,7 +48,7 @@ def effect_odds(found: Diagnosis) -> list[tuple[str, float]]:
     return [*shown.items(), *sorted(others.items(), key=lambda item: -item[1])[:OTHERS]]
 
 
-def set_odds(found: Diagnosis) -> list[tuple[str, float]]:
+def set_odds(found: ModelDiagnosis) -> list[tuple[str, float]]:
     """The likeliest sets by how they differ from the best, with the power of ten of their odds relative to it."""
     ranked = sorted(found.sets.items(), key=lambda item: -item[1])[:SETS]
     if not ranked:
@@ -78,7 +78,7 @@ def difference_words(names: tuple[str, ...], best: tuple[str, ...]) -> str:
     return f"with {' + '.join(new)}" if new else f"without {lost}"
 
 
-def odds_figure(found: Diagnosis) -> Figure | None:
+def odds_figure(found: ModelDiagnosis) -> Figure | None:
     """Draw the probability of effects and the odds of sets of effects."""
     effects, sets = effect_odds(found) if found.causes else [], set_odds(found)
     if len(sets) < 2:
@@ -97,7 +97,7 @@ def odds_figure(found: Diagnosis) -> Figure | None:
     return figure
 
 
-def _effect_bars(ax: Axes, found: Diagnosis, effects: list[tuple[str, float]]) -> None:
+def _effect_bars(ax: Axes, found: ModelDiagnosis, effects: list[tuple[str, float]]) -> None:
     named = {cause.effect for cause in found.causes}
     for k, (name, p) in enumerate(effects):
         ax.barh(k, p, height=0.62, color=COLOURS["gen" if name in named else "loss"], lw=0)
@@ -143,7 +143,7 @@ class Threshold(NamedTuple):
     value: float | None
 
 
-def thresholds(found: Diagnosis) -> list[Threshold]:
+def thresholds(found: ModelDiagnosis) -> list[Threshold]:
     """How large each effect, acting alone, would have to be to be named in these logs.
 
     By the rule that chose the causes: logs as the expansion about the fit foresees them with so much of the effect, without
@@ -167,7 +167,7 @@ def threshold_words(one: Threshold) -> str:
     return f"{'+' if how.signed and one.value > 0.0 else ''}{text} {how.unit}".rstrip()
 
 
-def _reported(found: Diagnosis, name: str, share: float) -> float:
+def _reported(found: ModelDiagnosis, name: str, share: float) -> float:
     free = freedom(found.suspects[name])
     end = _far_end(free.absent, free.low, free.high)
     return with_values(found.suspects[name], free.absent + share * (end - free.absent)).reported

@@ -7,30 +7,27 @@ from typing import TYPE_CHECKING
 
 from winchcascade.core.quantity import find_unit
 from winchcascade.diagnosis.block_means import PHASES
-from winchcascade.diagnosis.gap_location import NAMES, STANDS_OUT
+from winchcascade.diagnosis.gap_location import STANDS_OUT
+from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.remainder import PULLED, ROUGH, block_rms
-from winchcascade.report import diagnosis_page as page
-from winchcascade.report.diagnosis_map import signed, worst_first
+from winchcascade.report import diagnosis_words as words
+from winchcascade.report.diagnosis_figures import signed, worst_first
 from winchcascade.report.diagnosis_names import (
     display_of,
     load_words,
     nuisance_words,
     phase_words,
     probability_words,
-    quantity_words,
     share_words,
-    told_apart_words,
-    without_unit,
 )
 from winchcascade.report.diagnosis_odds import threshold_words, thresholds
-from winchcascade.report.diagnosis_words import alarm_meaning, files_of, interval_words
 from winchcascade.report.digits import number, significant, uncertain
 from winchcascade.report.model_account import COMPARED
 from winchcascade.report.report_model import Table
 
 if TYPE_CHECKING:
-    from winchcascade.diagnosis.diagnose import Diagnosis
+    from winchcascade.diagnosis.diagnose import ModelDiagnosis
     from winchcascade.diagnosis.gap_map import Place
     from winchcascade.diagnosis.nuisances import Nuisance
     from winchcascade.diagnosis.stagewise import StagePlace
@@ -50,19 +47,31 @@ LEAST_PULL = 1.0
 """Nuisances within this many of their standard uncertainties are not listed."""
 
 
-def causes_table(found: Diagnosis) -> Table | None:
-    """Every cause with its numbers, probability and rivals."""
-    rows = []
+def causes_table(found: ModelDiagnosis | LineDiagnosis) -> Table | None:
+    """Every cause with its numbers, probability and rivals; without a model with the numbers of the withheld cycles alone."""
+    line, rows = isinstance(found, LineDiagnosis), []
     for cause in found.causes:
         for k, (name, value) in enumerate(cause.parameters.items()):
-            how = display_of(cause.effect, name, value.unit)
-            text, interval = quantity_words(cause.effect, name, value)
+            again = (_again(found, cause.effect, name),) if isinstance(found, LineDiagnosis) else ()
             rivals = ", ".join(r.effect for r in cause.rivals) or "none"
-            first = (cause.effect, cause.stage) if k == 0 else ("", "")
-            last = (probability_words(cause.probability), rivals) if k == 0 else ("", "")
-            rows.append((*first, how.what, text, without_unit(interval, how), *last))
+            first = ("", "") if k else (cause.effect, cause.stage)
+            last = ("", "") if k else (probability_words(cause.probability), rivals)
+            rows.append(
+                (*first[: 1 if line else 2], *words.number_row(found, cause.effect, name, value), *again, *last)
+            )
     if not rows:
         return None
+    if line:
+        return Table(
+            id="causes",
+            caption="Effects that are needed, the one that closes most first.",
+            head=("Effect", "What changes", "Found", "Interval", "Withheld cycles alone", "Probability", "Rivals"),
+            units=("", "", "in the fit", "95 %", "value (95 %)", "", ""),
+            rows=tuple(rows),
+            text_columns=(0, 1, 6),
+            note="Numbers are in units of the line: no drum radius is needed. Intervals allow for the correlation of samples "
+            "within a cycle and, where the inertia is fitted, for the width of the slope that gives the acceleration.",
+        )
     return Table(
         id="causes",
         caption="Effects that are needed, most important first.",
@@ -75,28 +84,48 @@ def causes_table(found: Diagnosis) -> Table | None:
     )
 
 
-def meanings_table(found: Diagnosis) -> Table | None:
+def _again(found: LineDiagnosis, effect: str, name: str) -> str:
+    """A number as the withheld cycles alone give it, with its interval."""
+    if effect not in found.again:
+        return "–"
+    _, value, interval = words.number_row(found, effect, name, found.again[effect])
+    return f"{value} ({interval})"
+
+
+def meanings_table(found: ModelDiagnosis) -> Table | None:
     """What the named effects and their rivals are."""
     names = dict.fromkeys([c.effect for c in found.causes] + [r.effect for c in found.causes for r in c.rivals])
     if not names:
         return None
-    rows = tuple((name, found.suspects[name].stage, found.suspects[name].summary) for name in names)
+    rows = tuple((name, found.suspects[name].stage, words.meaning_words(found, name)) for name in names)
     return Table(
         id="meanings", caption="What these effects are.", head=("Effect", "Stage", "What the rig file leaves out"),
         units=("", "", ""), rows=rows, text_columns=(0, 1, 2),
     )  # fmt: skip
 
 
-def rivals_table(found: Diagnosis) -> Table | None:
+def rivals_table(found: ModelDiagnosis | LineDiagnosis) -> Table | None:
     """What would tell each cause from its rivals in the logs at hand."""
-    return page.rivals_table(
-        found.causes,
-        "Rivals: effects that explain the same data about as well, and where the two explanations differ most.",
-        told_apart_words,
+    rows = tuple(
+        (cause.effect, rival.effect, probability_words(rival.probability), words.differs_words(rival.differs))
+        for cause in found.causes
+        for rival in cause.rivals
+    )
+    if not rows:
+        return None
+    return Table(
+        id="rivals",
+        caption="Rivals: suspects that predict about as well in place of a cause, and where the two differ most."
+        if isinstance(found, LineDiagnosis)
+        else "Rivals: effects that explain the same data about as well, and where the two explanations differ most.",
+        head=("Effect", "Rival", "Probability", "They differ most in"),
+        units=("", "", "of the rival", ""),
+        rows=rows,
+        text_columns=(0, 1, 3),
     )
 
 
-def places_table(found: Diagnosis) -> Table | None:
+def places_table(found: ModelDiagnosis) -> Table | None:
     """The places of the map that stand out most, with their yardsticks."""
     ranked = worst_first(found)
     rows = [_place_row(p) for p in [p for p in ranked if abs(p.z) > STANDS_OUT][:MOST_PLACES] or ranked[:3]]
@@ -120,12 +149,12 @@ def _place_row(p: Place | StagePlace) -> tuple[str, ...]:
     unit, factor = COMPARED[p.channel]
     u = [x * factor for x in (p.u_noise, p.u_repeat, p.u_tolerance)]
     return (
-        NAMES[p.channel], phase_words(p.phase), load_words(p.load), unit, significant(p.bias * factor, 3),
+        words.NAMES[p.channel], phase_words(p.phase), load_words(p.load), unit, significant(p.bias * factor, 3),
         *(significant(x, 2) for x in u), signed(p.z),
     )  # fmt: skip
 
 
-def stages_table(found: Diagnosis) -> Table | None:
+def stages_table(found: ModelDiagnosis) -> Table | None:
     """The stages that are off most when each is given its own inputs: of each phase the worst load."""
     worst: dict[tuple[str, str], StagePlace] = {}
     for p in sorted(found.stages, key=lambda p: abs(p.z)):
@@ -151,11 +180,11 @@ def stages_table(found: Diagnosis) -> Table | None:
 
 def _stage_row(p: StagePlace) -> tuple[str, ...]:
     channel, phase, load, unit, *numbers = _place_row(p)
-    inputs = ", ".join(NAMES[name] for name in p.inputs if name != "velocity") or "velocity"
+    inputs = ", ".join(words.NAMES[name] for name in p.inputs if name != "velocity") or "velocity"
     return (f"{p.stage}: {channel} ({unit})", inputs, phase, load, *numbers)
 
 
-def closure_table(found: Diagnosis) -> Table | None:
+def closure_table(found: ModelDiagnosis) -> Table | None:
     """Root mean squares before and after on the withheld logs, beside the noise."""
     closure = found.closure
     if closure is None:
@@ -165,7 +194,7 @@ def closure_table(found: Diagnosis) -> Table | None:
         unit, factor = COMPARED[name]
         values = [v * factor for v in (x.before, x.after, x.noise)]
         ratios = [significant(v / x.noise, 2) if x.noise else "–" for v in (x.before, x.after)]
-        rows.append((NAMES[name], unit, *(significant(v, 2) for v in values), *ratios))
+        rows.append((words.NAMES[name], unit, *(significant(v, 2) for v in values), *ratios))
     loads = ", ".join(load_words(found.data.logs[k].run.load) for k in closure.withheld)
     return Table(
         id="closure",
@@ -176,17 +205,23 @@ def closure_table(found: Diagnosis) -> Table | None:
         rows=tuple(rows),
         text_columns=(0, 1),
         note=f"Share of the explainable gap that is closed: {share_words(closure.share)}, 95 %: "
-        f"{interval_words(found)}; it counts what exceeds the noise, in squares, over channels and logs.",
+        f"{words.interval_words(found)}; it counts what exceeds the noise, in squares, over channels and logs.",
     )
 
 
-def alarms_table(found: Diagnosis) -> Table | None:
+def alarms_table(found: ModelDiagnosis) -> Table | None:
     """Every sign of something unexplained."""
     if found.remainder is None or not found.remainder.alarms:
         return None
-    files = files_of(found)
+    files = words.files_of(found)
     rows = tuple(
-        (nuisance_words(a.where, files), SIGNS[a.kind], alarm_meaning(a), significant(a.size, 2), f"{a.limit:g}")
+        (
+            words.about_words(a.about, files),
+            SIGNS[a.kind],
+            words.alarm_meaning(a),
+            significant(a.size, 2),
+            f"{a.limit:g}",
+        )
         for a in found.remainder.alarms
     )
     return Table(
@@ -195,12 +230,12 @@ def alarms_table(found: Diagnosis) -> Table | None:
     )  # fmt: skip
 
 
-def roughness_table(found: Diagnosis) -> Table | None:
+def roughness_table(found: ModelDiagnosis) -> Table | None:
     """Root mean squares of whitened blocks by channel and phase, without any cause and with those named."""
     null, best = (block_rms(found.data, fit.z) for fit in (found.found.null, found.found.best))
     several = bool(found.found.best.names)
     rows = [
-        (NAMES[c], phase_words(p), *([number(null.get((c, p)), 2)] if several else []), number(best[c, p], 2))
+        (words.NAMES[c], phase_words(p), *([number(null.get((c, p)), 2)] if several else []), number(best[c, p], 2))
         for c in CHANNELS
         for p in PHASES
         if (c, p) in best
@@ -219,9 +254,9 @@ def roughness_table(found: Diagnosis) -> Table | None:
     )
 
 
-def nuisances_table(found: Diagnosis) -> Table | None:
+def nuisances_table(found: ModelDiagnosis) -> Table | None:
     """The nuisances that the fit moves most, in their standard uncertainties."""
-    files = files_of(found)
+    files = words.files_of(found)
     pulls = sorted(zip(found.data.nuisances, found.found.best.nu.tolist(), strict=True), key=lambda pair: -abs(pair[1]))
     rows = [_nuisance_row(n, x, files) for n, x in pulls[:MOST_NUISANCES] if abs(x) > LEAST_PULL]
     if not rows:
@@ -247,7 +282,7 @@ def _nuisance_row(n: Nuisance, x: float, files: list[str]) -> tuple[str, ...]:
         known = find_unit(n.unit)
         factor = 1.0 if known is None else 1.0 / known.factor
     return (
-        nuisance_words(str(n), files), significant(x * n.sd * factor, 2), uncertain(n.sd * factor), _unit(unit), signed(x),
+        nuisance_words(n, files), significant(x * n.sd * factor, 2), uncertain(n.sd * factor), _unit(unit), signed(x),
     )  # fmt: skip
 
 
@@ -256,7 +291,7 @@ def _unit(unit: str) -> str:
     return "" if unit == "1" else unit.replace(".", "·").replace("m2", "m²").replace("m3", "m³")
 
 
-def suspects_table(found: Diagnosis) -> Table | None:
+def suspects_table(found: ModelDiagnosis) -> Table | None:
     """Suspects that were considered and are not needed, with what they would change."""
     if not found.causes:
         return None
@@ -270,7 +305,15 @@ def suspects_table(found: Diagnosis) -> Table | None:
             continue
         gained = linear.evidence((*best, name), scale) - here if name not in best else 0.0
         rows.append(
-            (gained, (name, kind.stage, kind.summary, _odds_words(gained) if name not in best else "in the fit"))
+            (
+                gained,
+                (
+                    name,
+                    kind.stage,
+                    words.meaning_words(found, name),
+                    _odds_words(gained) if name not in best else "in the fit",
+                ),
+            )
         )
     rows.sort(key=lambda row: -row[0])
     return Table(
@@ -298,7 +341,7 @@ def _odds_words(gained: float) -> str:
     return f"{text} : 1" if gained > 0.0 else f"1 : {text}"
 
 
-def thresholds_table(found: Diagnosis) -> Table | None:
+def thresholds_table(found: ModelDiagnosis) -> Table | None:
     """How large each effect would have to be to be seen in these logs."""
     if found.causes:
         return None
@@ -318,7 +361,7 @@ def thresholds_table(found: Diagnosis) -> Table | None:
     )
 
 
-def logs_table(found: Diagnosis) -> Table:
+def logs_table(found: ModelDiagnosis) -> Table:
     """Every log: its load, its part in the diagnosis, and its hash."""
     closure = set() if found.closure is None else set(found.closure.withheld)
     rows = []
@@ -329,4 +372,114 @@ def logs_table(found: Diagnosis) -> Table:
     return Table(
         id="logs", caption="Logs of the campaign.", head=("Log", "Load", "Part", "Cycles", "SHA-256"),
         units=("", "", "in the fits", "", ""), rows=tuple(rows), text_columns=(0, 1, 2, 4),
+    )  # fmt: skip
+
+
+# --------------------------------------------------------------------- of a winch without a model
+MOST_SETS = 12
+"""Sets of suspects that are listed; all are in the JSON."""
+
+KILO = 1e-3
+
+
+def line_suspects_table(found: LineDiagnosis) -> Table:
+    """What each suspect is, and what it closes alone and is worth beside the others."""
+    choice = found.choice
+    rows = []
+    for name in found.lines.names:
+        other = tuple(n for n in found.lines.names if (n in found.chosen) != (n == name))
+        worth = (
+            choice.error(other) - choice.error(found.chosen)
+            if name in found.chosen
+            else choice.error(found.chosen) - choice.error(other)
+        )
+        rows.append(
+            (name, words.LINE_MEANINGS[name], share_words(1.0 - choice.error((name,))), f"{number(100.0 * worth, 1)} %")
+        )
+    return Table(
+        id="suspects",
+        caption="What each suspect closes alone, and beside the causes.",
+        head=("Suspect", "What it is", "Closes alone", "Beside the causes"),
+        units=("", "", "of the squared error", "with it, or lost without it"),
+        rows=tuple(rows),
+        text_columns=(0, 1),
+        note="Shares of the squared error on cycles that the fit did not know. A share below zero predicts worse than nothing.",
+    )
+
+
+def line_places_table(found: LineDiagnosis) -> Table:
+    """The gap phase by phase."""
+    rows = tuple(
+        (
+            phase_words(row.phase), f"{row.blocks}", *(significant(x * KILO, 3) for x in (row.bias, row.rms, row.noise)),
+            significant(row.u_repeat * KILO, 2), signed(row.z), f"{number(100.0 * row.share, 1)} %",
+        )
+        for row in found.places
+    )  # fmt: skip
+    return Table(
+        id="places",
+        caption=f"Where the gap lies: {words.word_of(found)} power of the winch minus line force times speed, phase by phase.",
+        head=("Phase", "Blocks", "Bias", "RMS", "Noise", "Cycles", "z", "Share"),
+        units=("", "of 0.44 s", "kW", "kW", "of a block, kW", "repeat to, kW", "bias / u", "of the squares"),
+        rows=rows,
+        note="Noise is that of neighbouring blocks, from their second differences. z is the bias over its standard "
+        "uncertainty, of noise and of how the cycles repeat.",
+    )
+
+
+def line_closure_table(found: LineDiagnosis) -> Table | None:
+    """Root mean squares before and after on the judged cycles."""
+    if found.closure is None:
+        return None
+    power = found.closure.power
+    cells = (significant(x * KILO, 3) for x in (power.before, power.after, power.noise))
+    return Table(
+        id="closure",
+        caption=f"Error of the power, {words.judged_words(found)}: root mean squares of samples.",
+        head=("Channel", "Before", "After", "Noise", "Closed", "Interval"),
+        units=("", "force times speed, kW", "with the causes, kW", "white, kW", "of the squares", "95 %"),
+        rows=(("winch power", *cells, share_words(found.closure.share), words.interval_words(found)),),
+        note="Closed: 1 − Σ after² ÷ Σ before². Of what exceeds the noise it is "
+        f"{share_words(found.closure.beyond_noise)}. The interval resamples the cycles.",
+    )
+
+
+def sets_table(found: LineDiagnosis) -> Table:
+    """The sets of suspects that predict best, and the single ones."""
+    choice = found.choice
+    ranked = sorted(choice.errors, key=choice.error)
+    shown = ranked[:MOST_SETS] + [names for names in ranked[MOST_SETS:] if len(names) < 2]
+    rows = tuple(
+        (
+            words.set_words(names), f"{len(names)}", f"{number(100.0 * choice.error(names), 2)} %",
+            "yes" if choice.as_good(names) else "no", probability_words(choice.probability[names]),
+            "yes" if names == found.chosen else "",
+        )
+        for names in shown
+    )  # fmt: skip
+    return Table(
+        id="sets",
+        caption=f"Sets of suspects by the squared error that they leave of cycles they did not know: {len(shown)} of "
+        f"{len(ranked)}.",
+        head=("Set", "Suspects", "Error left", "As good", "Probability", "Chosen"),
+        units=("", "", "of the gap", "as the best", "", ""),
+        rows=rows,
+        text_columns=(0, 3, 5),
+        note=f"As good: within {number(100.0 * choice.tolerance / max(choice.gap, 1e-300), 2)} % of the least, the larger of "
+        "one standard error over cycles and one per cent of the gap. The smallest of these is chosen.",
+    )
+
+
+def line_logs_table(found: LineDiagnosis) -> Table:
+    """Every part of the campaign: its log, cycles and part in the diagnosis."""
+    rows = []
+    for part in found.lines.parts:
+        role = "withheld" if part.withheld else "in the fit"
+        if found.closure is not None and found.closure.left_out_in_turn:
+            role = "each cycle left out once"
+        cycles = f"{int(part.cycle.min())} to {int(part.cycle.max())}"
+        rows.append((part.run.name, cycles, role, f"{part.here.size}", part.run.sha256 or "–"))
+    return Table(
+        id="logs", caption="Logs of the campaign.", head=("Log", "Cycles", "Part", "Samples", "SHA-256"),
+        units=("", "", "", "that count", ""), rows=tuple(rows), text_columns=(0, 2, 4),
     )  # fmt: skip

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.special import stdtrit
 
 from winchcascade.diagnosis.block_means import PHASES
-from winchcascade.diagnosis.causes import Cause, Reported, Rival
-from winchcascade.diagnosis.line.line_data import NUMBERS, beside, with_span
+from winchcascade.diagnosis.diagnosis_result import Alternative, NamedCause, Reported, Spot
+from winchcascade.diagnosis.line.line_data import NUMBERS, POWER, beside, with_span
 from winchcascade.diagnosis.line.line_selection import coefficients, moments_of
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ LIKELY = 0.05
 """A set that resampled cycles choose this often is a rival even where the cycles at hand tell it from the chosen one."""
 
 
-def causes_of(lines: Lines, m: Moments, choice: Choice, suspects: Suspects) -> tuple[Cause, ...]:
+def causes_of(lines: Lines, m: Moments, choice: Choice, suspects: Suspects) -> tuple[NamedCause, ...]:
     """Every cause of the chosen set, the one that closes most first."""
     x = coefficients(m, lines, choice.chosen)
     u = uncertainty_of(lines, m, choice.chosen)
@@ -34,7 +34,7 @@ def causes_of(lines: Lines, m: Moments, choice: Choice, suspects: Suspects) -> t
     for name in choice.chosen:
         without = tuple(n for n in choice.chosen if n != name)
         causes.append(
-            Cause(
+            NamedCause(
                 effect=name,
                 stage=suspects[name].stage,
                 probability=sum(p for names, p in choice.probability.items() if name in names),
@@ -115,7 +115,7 @@ def reported(lines: Lines, name: str, x: Signal, u: Signal) -> Reported:
     return Reported(float(x[k]) * factor, low * factor, high * factor, NUMBERS[name][1])
 
 
-def _rivals(lines: Lines, m: Moments, choice: Choice, name: str) -> tuple[Rival, ...]:
+def _rivals(lines: Lines, m: Moments, choice: Choice, name: str) -> tuple[Alternative, ...]:
     """Suspects in place of a cause with which the set predicts as well, best first."""
     found = [
         (choice.error(swapped), other, swapped)
@@ -123,7 +123,7 @@ def _rivals(lines: Lines, m: Moments, choice: Choice, name: str) -> tuple[Rival,
         if choice.as_good(swapped) and (choice.even(swapped) or choice.probability[swapped] >= LIKELY)
     ]
     return tuple(
-        Rival(other, choice.probability[swapped], apart_words(lines, m, choice.chosen, swapped))
+        Alternative(other, choice.probability[swapped], _difference(lines, m, choice.chosen, swapped))
         for _, other, swapped in sorted(found)[:RIVALS]
     )
 
@@ -135,7 +135,7 @@ def swaps_of(lines: Lines, choice: Choice, name: str) -> list[tuple[str, Names]]
     return [(other, tuple(n for n in lines.names if n in (*kept, other))) for other in others]
 
 
-def apart_words(lines: Lines, m: Moments, one: Names, other: Names) -> str:
+def _difference(lines: Lines, m: Moments, one: Names, other: Names) -> Spot:
     """In which phase two sets differ most, as a root mean square."""
     apart = coefficients(m, lines, one) - coefficients(m, lines, other)
     sums, counts = np.zeros(len(PHASES)), np.full(len(PHASES), 1e-9)
@@ -146,4 +146,4 @@ def apart_words(lines: Lines, m: Moments, one: Names, other: Names) -> str:
             sums[phase] += float(np.sum(mean[here] ** 2))
             counts[phase] += float(np.count_nonzero(here))
     worst = int(np.argmax(sums))
-    return f"power_mech during {PHASES[worst].replace('_', '-')}, by {float((sums / counts)[worst]) ** 0.5:.0f} W rms"
+    return Spot(POWER, PHASES[worst], bias=float((sums / counts)[worst]) ** 0.5)

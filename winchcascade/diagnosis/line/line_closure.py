@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-import msgspec
 import numpy as np
 
 from winchcascade.core.integrate import median
 from winchcascade.core.white_noise import GAUSS, white_noise
 from winchcascade.diagnosis.block_means import PHASES
-from winchcascade.diagnosis.closure import DRAWS, Shrunk
-from winchcascade.diagnosis.line.line_data import Lines
+from winchcascade.diagnosis.closure import DRAWS
+from winchcascade.diagnosis.diagnosis_result import Alarm, GapClosure, Remainder, Shrunk, Spot
+from winchcascade.diagnosis.line.line_data import POWER, Lines
 from winchcascade.diagnosis.line.line_selection import Moments, coefficients, fold_labels
-from winchcascade.diagnosis.remainder import ROUGH, Alarm
+from winchcascade.diagnosis.remainder import ROUGH
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,19 +39,20 @@ BURST = 0.05
 """The samples that are off most: this share of all."""
 
 
-class Judged(msgspec.Struct, frozen=True):
-    """How far the causes close the gap on the parts that they are judged on.
+class LineClosure(GapClosure, frozen=True):
+    """Share of the squared gap that the causes close on the parts that they are judged on: 1 - sum(after^2) / sum(gap^2).
 
     `after` are, part by part, measured minus predicted at the samples that count, (k,) each [W], by a fit that did not know
-    them; `closed` is 1 - sum(after^2) / sum(gap^2), with its 95 % interval.
+    them.
     """
 
     parts: tuple[Part, ...]
     after: tuple[Signal, ...]
-    closed: float
-    low: float
-    high: float
-    power: Shrunk
+
+    @property
+    def power(self) -> Shrunk:
+        """Root mean squares of the power. [W]"""
+        return self.channels[POWER]
 
     @property
     def beyond_noise(self) -> float:
@@ -65,25 +66,19 @@ class Judged(msgspec.Struct, frozen=True):
         return not self.parts[0].withheld
 
 
-class Left(msgspec.Struct, frozen=True):
+class LineRemainder(Remainder, frozen=True):
     """What the causes leave on the parts that they are judged on: signs of structure, and how bursty it is.
 
     `slow` is the share of its squares that lasts longer than a second, `bursts` that of the `BURST` of the samples that are off
-    most, `phases` those of the phases.
+    most, `in_worst` that of the phase that holds most of them.
     """
 
-    alarms: tuple[Alarm, ...]
     slow: float
     bursts: float
-    phases: dict[str, float]
-
-    @property
-    def phase(self) -> str:
-        """The phase that holds most of its squares."""
-        return max(self.phases, key=lambda name: self.phases[name])
+    in_worst: float
 
 
-def judge(lines: Lines, m: Moments, names: Names, seed: int) -> Judged:
+def judge(lines: Lines, m: Moments, names: Names, seed: int) -> LineClosure:
     """Predict every judged sample from a fit without it: withheld parts by the fit as it is, others fold by fold."""
     parts = lines.judged
     labels = fold_labels(parts)
@@ -103,13 +98,13 @@ def judge(lines: Lines, m: Moments, names: Names, seed: int) -> Judged:
     shares = 1.0 - new[draws].sum(axis=1) / np.maximum(old[draws].sum(axis=1), 1e-300)
     closed = float(1.0 - new.sum() / max(old.sum(), 1e-300))
     low, high = (float(np.quantile(shares, q)) for q in (0.025, 0.975))
-    return Judged(
-        parts=parts,
-        after=tuple(after),
-        closed=closed,
+    return LineClosure(
+        channels={POWER: Shrunk(_rms(gap), _rms(left), white_noise(left))},
+        share=closed,
         low=min(low, closed),
         high=max(high, closed),
-        power=Shrunk(_rms(gap), _rms(left), white_noise(left)),
+        parts=parts,
+        after=tuple(after),
     )
 
 
@@ -117,12 +112,13 @@ def _rms(x: Signal) -> float:
     return float(np.sqrt(np.mean(x**2)))
 
 
-def left_in(parts: Sequence[Part], after: Sequence[Signal]) -> Left:
+def left_in(parts: Sequence[Part], after: Sequence[Signal], share: float) -> LineRemainder:
     """Tell what is left from noise.
 
     Parameters
     ----------
     after : measured minus predicted, part by part, (k,) each [W]
+    share : of the squared gap that stays open
     """
     square = float(sum(np.sum(part.gap**2) for part in parts))
     means = [part.means(x) for part, x in zip(parts, after, strict=True)]
@@ -130,17 +126,21 @@ def left_in(parts: Sequence[Part], after: Sequence[Signal]) -> Left:
     slow = lasting(parts, means, after)
     left = np.concatenate(after) ** 2
     if slow > SLOW and slow * float(left.sum()) > PART_OF_GAP * square:
-        alarms.append(Alarm("slow", "power_mech", slow, SLOW))
+        alarms.append(Alarm("slow", Spot(POWER), slow, SLOW))
     for phase, name in enumerate(PHASES):
         ratio, share = _rough(parts, means, phase)
         if ratio > ROUGH and share > PART_OF_GAP * square:
-            alarms.append(Alarm("structure", f"power_mech during {name.replace('_', '-')}", ratio, ROUGH))
+            alarms.append(Alarm("structure", Spot(POWER, name), ratio, ROUGH))
     largest = np.sort(left)[::-1]
-    return Left(
+    phases = _by_phase(parts, after)
+    worst = max(phases, key=lambda name: phases[name])
+    return LineRemainder(
+        share=share,
         alarms=tuple(sorted(alarms, key=lambda alarm: -alarm.size / alarm.limit)),
+        worst=Spot(POWER, worst),
         slow=slow,
         bursts=float(largest[: max(int(BURST * left.size), 1)].sum() / max(left.sum(), 1e-300)),
-        phases=_by_phase(parts, after),
+        in_worst=phases[worst],
     )
 
 

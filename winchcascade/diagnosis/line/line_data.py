@@ -88,6 +88,9 @@ if TYPE_CHECKING:
     from winchcascade.core.run import Run, Signal
     from winchcascade.diagnosis.suspects import Suspects
 
+POWER = "power_mech"
+"""The channel in which a winch without a model shows its gap."""
+
 NUMBERS = {
     "drum_inertia": ("mass_extra", "kg"),
     "line_friction": ("force", "N"),

@@ -5,58 +5,39 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-import msgspec
-
-from winchcascade.core.rig_file import Rig
-from winchcascade.diagnosis.causes import Cause, Reported
+from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, Where
 from winchcascade.diagnosis.line.line_causes import again_alone, causes_of
-from winchcascade.diagnosis.line.line_closure import Judged, Left, judge, left_in
+from winchcascade.diagnosis.line.line_closure import LineClosure, LineRemainder, judge, left_in
 from winchcascade.diagnosis.line.line_data import Lines, lines_of
-from winchcascade.diagnosis.line.line_gap import Row, map_of, worst
-from winchcascade.diagnosis.line.line_next_run import LineExperiment, plan
+from winchcascade.diagnosis.line.line_gap import map_of, worst
+from winchcascade.diagnosis.line.line_next_run import plan
 from winchcascade.diagnosis.line.line_selection import Choice, Moments, choose, moments_of, with_best_span
 from winchcascade.diagnosis.rules import HALF, MOSTLY, NAMED, check_withheld
-from winchcascade.diagnosis.suspects import Suspects
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run
+    from winchcascade.diagnosis.diagnosis_result import Reported, Verdict
+    from winchcascade.diagnosis.suspects import Suspects
 
 NOISY = 1.25
 """What is left is not significant if its root mean square is below this many times the white noise in it."""
 
 
-class LineDiagnosis(msgspec.Struct, frozen=True):
-    """What the diagnosis of a winch without a model found.
+class LineDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
+    """A diagnosis of a winch without a model.
 
-    `rows` map the gap phase by phase; `judged` and `experiment` are None where no cause is named. `causes` are those named,
-    `again` their numbers as the withheld cycles alone give them.
+    `places` map the gap phase by phase; `again` are the numbers of the causes as the withheld cycles alone give them.
     """
 
-    title: str
-    rig: Rig
-    seed: int
     lines: Lines
     moments: Moments
     choice: Choice
-    verdict: str
-    rows: tuple[Row, ...]
-    causes: tuple[Cause, ...]
+    closure: LineClosure | None
+    remainder: LineRemainder | None
     again: dict[str, Reported]
-    judged: Judged | None
-    left: Left
-    experiment: LineExperiment | None
-
-    @property
-    def stage(self) -> str:
-        """Where the gap lies: the stage of the leading cause, or the only one that the rig has."""
-        return self.causes[0].stage if self.causes else "transmission"
-
-    @property
-    def phase(self) -> str:
-        """The phase that holds most of the squared gap."""
-        return worst(self.rows).phase
 
 
 def diagnose_line(
@@ -100,35 +81,42 @@ def diagnose_line(
         causes = causes[:NAMED]
     rest = choice.error(choice.chosen) * choice.gap / sum(part.here.size for part in lines.fitted)
     experiment = plan(lines, moments, choice, [cause.effect for cause in causes], math.sqrt(rest))
+    places = map_of(lines.parts)
+    gap = verdict != "no_gap"
     return LineDiagnosis(
         title=title,
         rig=rig,
         seed=seed,
+        runs=tuple(part.run for part in lines.parts),
+        suspects={name: suspects[name] for name in lines.names},
+        verdict=verdict,
+        where=Where(causes[0].stage if causes else "transmission", worst(places)) if gap else None,
+        chosen=choice.chosen,
+        causes=causes,
+        closure=judged,
+        remainder=left if gap else None,
+        experiment=experiment,
+        sets=dict(choice.probability),
         lines=lines,
         moments=moments,
         choice=choice,
-        verdict=verdict,
-        rows=map_of(lines.parts),
-        causes=causes,
+        places=places,
         again=again_alone(lines, choice.chosen),
-        judged=judged,
-        left=left,
-        experiment=experiment,
     )
 
 
-def left_of(lines: Lines, judged: Judged | None) -> Left:
+def left_of(lines: Lines, judged: LineClosure | None) -> LineRemainder:
     """What the causes leave on the parts that they are judged on, or without a cause the whole gap."""
     if judged is None:
-        return left_in(lines.parts, [part.gap for part in lines.parts])
-    return left_in(judged.parts, judged.after)
+        return left_in(lines.parts, [part.gap for part in lines.parts], 1.0)
+    return left_in(judged.parts, judged.after, max(1.0 - judged.share, 0.0))
 
 
-def verdict_of(judged: Judged | None, left: Left) -> str:
+def verdict_of(judged: LineClosure | None, left: LineRemainder) -> Verdict:
     """Verdict: explained when at least `MOSTLY` is closed and no structure is left, or what is left is no more than noise."""
     if judged is None:
         return "unexplained" if left.alarms else "no_gap"
     quiet = judged.power.after < NOISY * judged.power.noise
-    if not left.alarms and (quiet or judged.closed >= MOSTLY):
+    if not left.alarms and (quiet or judged.share >= MOSTLY):
         return "explained"
-    return "partly_explained" if judged.closed >= HALF or not left.alarms else "unexplained"
+    return "partly_explained" if judged.share >= HALF or not left.alarms else "unexplained"
