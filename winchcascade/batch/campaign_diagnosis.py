@@ -46,39 +46,6 @@ def read_logs(campaign: Campaign, rig: Rig, tell: Callable[[str], None]) -> list
     return [read[entry.file, entry.sheet] for entry in campaign.runs]
 
 
-def diagnose_logs(
-    campaign: Campaign,
-    runs: Sequence[Run],
-    rig: Rig,
-    suspects: Suspects,
-    loads: Sequence[float],
-    seed: int,
-    tell: Callable[[str], None],
-) -> LineDiagnosis:
-    """Diagnose the logs of a campaign, as `read_logs` gives them.
-
-    Raises
-    ------
-    OptionError : `loads` are to be withheld, which no such rig has
-    CampaignError, LogError : something else cannot be used; the message says what
-    """
-    if loads:
-        raise OptionError(
-            f"--withhold {loads[0]:g}: rig {rig.name} has no load; withhold cycles instead, by a [[run]] with cycles and "
-            f"withheld = true in {campaign.path.name}."
-        )
-    return diagnose_line(
-        runs,
-        rig,
-        suspects,
-        title=campaign.name,
-        cycles=[entry.cycles for entry in campaign.runs],
-        withheld=[k for k, entry in enumerate(campaign.runs) if entry.withheld],
-        seed=seed,
-        tell=tell,
-    )
-
-
 def _predicted(judged: LineClosure, side: str) -> dict[str, Signal]:
     """Stamps [s], cycles and predicted power [W] of each log, (k, 3) by its name, in order of time."""
     found: dict[str, list[Signal]] = {}
@@ -215,6 +182,20 @@ def diagnose_by_rig(
     if isinstance(model, NoModel):
         runs = read_logs(campaign, the_rig, tell)
         if any(POWER in names for names in (the_rig.sensors, the_rig.columns, *(run.channels for run in runs))):
-            return diagnose_logs(campaign, runs, the_rig, suspects, loads, seed, tell)
+            if loads:
+                raise OptionError(
+                    f"--withhold {loads[0]:g}: rig {the_rig.name} has no load; withhold cycles instead, by a [[run]] with "
+                    f"cycles and withheld = true in {campaign.path.name}."
+                )
+            return diagnose_line(
+                runs,
+                the_rig,
+                suspects,
+                title=campaign.name,
+                cycles=[entry.cycles for entry in campaign.runs],
+                withheld=[k for k, entry in enumerate(campaign.runs) if entry.withheld],
+                seed=seed,
+                tell=tell,
+            )
         raise RigError(model.why)
     return diagnose_listed(campaign, the_rig, suspects, loads=loads, seed=seed, tell=tell)

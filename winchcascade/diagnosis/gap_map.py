@@ -95,38 +95,16 @@ def compare(data: Fitted, predicted: Signal, tolerances: Signal) -> tuple[Place,
                 here = log.noise.seen[:, k] & (log.course.blocks.phase == phase)
                 if np.count_nonzero(here) < 2:
                     continue
-                places.append(
-                    _place(
-                        log,
-                        here,
-                        residual[rows, k],
-                        tolerances[rows, k],
-                        log.noise.total[:, k],
-                        u_zero[number, k],
-                        (channel, name, number),
-                    )
+                by = weigh(
+                    residual[rows, k][here],
+                    log.course.blocks.cycle[here],
+                    log.noise.total[here, k],
+                    u_zero[number, k],
+                    tolerances[rows, k][here],
                 )
+                blocks = int(np.count_nonzero(here))
+                places.append(Place(channel, name, number, log.run.load, blocks, **msgspec.structs.asdict(by)))
     return tuple(places)
-
-
-def _place(
-    log: Log,
-    here: NDArray[np.bool_],
-    residual: Signal,
-    tolerances: Signal,
-    noise: Signal,
-    u_zero: float,
-    where: tuple[str, str, int],
-) -> Place:
-    by = weigh(residual[here], log.course.blocks.cycle[here], noise[here], u_zero, tolerances[here])
-    return Place(
-        channel=where[0],
-        phase=where[1],
-        log=where[2],
-        load=log.run.load,
-        blocks=int(np.count_nonzero(here)),
-        **msgspec.structs.asdict(by),
-    )
 
 
 class Weighed(msgspec.Struct, frozen=True):

@@ -1,7 +1,7 @@
 """The gap stage by stage: each stage is given its own measured inputs, so that an error upstream neither hides nor fakes one.
 
 The map of `compare` is end to end: the line's motion alone drives the model, and what is wrong upstream shows downstream too.
-Here `rig.stages` says what a stage makes of the channels measured at its own door. Its laws are quasi-static, so what they
+Here `rig.stages` says what a stage makes of the channels measured at its own input. Its laws are quasi-static, so what they
 leave of the model's own simulation along the same motion is taken off.
 """
 
@@ -51,7 +51,7 @@ WHOLE = 0.99
 class StagePlace(msgspec.Struct, frozen=True):
     """One stage in one phase of one log: measured minus what the stage makes of its own measured `inputs`, SI units.
 
-    `channel` is the stage's output. `bias` to `z` are those of `compare.Place`, but for the zeros: none is taken off, and those
+    `channel` is the stage's output. `bias` to `z` are those of `gap_map.Place`, but for the zeros: none is taken off, and those
     of output and inputs are in `u_noise`. `by_gain` is what the gain of a channel's sensor moves the bias, for an error of 1,
     where that gain is not taken for exact.
     """

@@ -114,7 +114,7 @@ def most_telling(found: ModelDiagnosis) -> int:
     return max(candidates, key=lambda k: size[k])
 
 
-class Curve(NamedTuple):
+class SpeedCurve(NamedTuple):
     """Means of payout blocks over generator speed [rpm], (n,) each: logged, before, after."""
 
     rpm: Signal
@@ -123,7 +123,7 @@ class Curve(NamedTuple):
     after: Signal | None
 
 
-def over_speed(one: Series, other: Series | None = None) -> Curve:
+def over_speed(one: Series, other: Series | None = None) -> SpeedCurve:
     """Average the payout blocks of a channel, or the product with another, in bins of generator speed, until braking."""
 
     def times(x: Signal, y: Signal | None) -> Signal:
@@ -141,7 +141,7 @@ def over_speed(one: Series, other: Series | None = None) -> Curve:
         averaged: Signal = np.bincount(place, weights=x[here]) / count
         return averaged
 
-    return Curve(
+    return SpeedCurve(
         mean(one.rpm) if bins.size else np.zeros(0),
         mean(logged) if bins.size else np.zeros(0),
         mean(before) if bins.size else np.zeros(0),

@@ -44,10 +44,10 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
     from winchcascade.diagnosis.diagnosis_result import Names
     from winchcascade.diagnosis.gap_map import Place
-    from winchcascade.diagnosis.line.line_data import Part
+    from winchcascade.diagnosis.line.line_data import CyclePart
     from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
     from winchcascade.reduction.bins import Mask
-    from winchcascade.report.diagnosis_data import Curve, Series
+    from winchcascade.report.diagnosis_data import Series, SpeedCurve
 
 FULL = 20.0
 """Standard uncertainties at which a cell of the map has its full colour."""
@@ -299,11 +299,16 @@ def over_speed_figure(found: ModelDiagnosis, both: Sides, word: str) -> Figure |
         ax.set_xlabel("Generator speed (rpm)")
         ax.set_ylabel(panel.unit)
         label_panel(ax, "abc"[n], panel.title)
-    _speed_legend(figure, found, logs, colours, word, after=both.after is not None, shaded=shaded)
+    _speed_legend(figure, word, after=both.after is not None, shaded=shaded)
+    loads: list[Entry] = [
+        (Line2D([], [], color=COLOURS[c], lw=1.2), load_words(found.runs[k].load))
+        for c, k in zip(colours, logs, strict=False)
+    ]
+    legend_above(figure, loads, line=1)
     return figure
 
 
-def _three(ax: Axes, curve: Curve, colour: str) -> None:
+def _three(ax: Axes, curve: SpeedCurve, colour: str) -> None:
     """Draw the log as a line, the rig as given as open circles and with the causes as filled squares."""
     ax.plot(curve.rpm, curve.logged, color=colour, lw=1.2)
     ax.plot(curve.rpm, curve.before, ls="none", marker="o", ms=3.4, mew=0.8, mfc="none", mec=colour)
@@ -311,9 +316,7 @@ def _three(ax: Axes, curve: Curve, colour: str) -> None:
         ax.plot(curve.rpm, curve.after, ls="none", marker="s", ms=SMALL, mew=0, color=colour)
 
 
-def _speed_legend(
-    figure: Figure, found: ModelDiagnosis, logs: list[int], colours: list[str], word: str, *, after: bool, shaded: bool
-) -> None:
+def _speed_legend(figure: Figure, word: str, *, after: bool, shaded: bool) -> None:
     ink = COLOURS["ink"]
     kinds: list[Entry] = [
         (Line2D([], [], color=ink, lw=1.2), word),
@@ -324,11 +327,6 @@ def _speed_legend(
     if shaded:
         kinds.append((Rectangle((0, 0), 1, 1, fc=COLOURS["over"], ec=COLOURS["soft"], lw=0.4), "over rated speed"))
     legend_above(figure, kinds)
-    loads = [
-        (Line2D([], [], color=COLOURS[c], lw=1.2), load_words(found.data.logs[k].run.load))
-        for c, k in zip(colours, logs, strict=False)
-    ]
-    legend_above(figure, loads, line=1)
 
 
 # ------------------------------------------------------------------------------------------------------------- Fig 18b
@@ -445,7 +443,7 @@ class PowerCourse(NamedTuple):
     caused: Signal | None
 
 
-def course_of(part: Part, after: Signal | None) -> PowerCourse:
+def course_of(part: CyclePart, after: Signal | None) -> PowerCourse:
     """The power of a whole part."""
     given = part.run.channels["force"][part.here] * part.run.channels["velocity"][part.here]
     measured = given + part.gap

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
     from winchcascade.diagnosis.diagnosis_result import Experiment, NamedCause, Remainder
     from winchcascade.diagnosis.gap_map import Place
-    from winchcascade.diagnosis.line.line_data import Part
+    from winchcascade.diagnosis.line.line_data import CyclePart
     from winchcascade.diagnosis.stagewise import StagePlace
 
 SCHEMA = "winchcascade/diagnosis/1"
@@ -67,7 +67,7 @@ def _line_logs(found: LineDiagnosis) -> list[dict[str, Any]]:
     ]
 
 
-def _part(part: Part) -> dict[str, Any]:
+def _part(part: CyclePart) -> dict[str, Any]:
     cycles = [int(part.cycle.min()), int(part.cycle.max())]
     return {"file": part.run.name, "cycles": cycles, "withheld": part.withheld, "samples": int(part.here.size)}
 

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
         Reported,
         Where,
     )
-    from winchcascade.diagnosis.line.line_data import Part
+    from winchcascade.diagnosis.line.line_data import CyclePart
     from winchcascade.diagnosis.nuisances import Nuisance
 
 VERDICTS = {
@@ -461,7 +461,7 @@ def _judged_cycles(found: LineDiagnosis) -> str:
     return f"judged on {parts}, which took part in neither choice nor fit"
 
 
-def part_words(part: Part) -> str:
+def part_words(part: CyclePart) -> str:
     """The cycles of a part and its log."""
     first, last = int(part.cycle.min()), int(part.cycle.max())
     cycles = f"cycle {first}" if first == last else f"cycles {first} to {last}"

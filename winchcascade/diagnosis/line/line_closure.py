@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.line.line_data import Part
+    from winchcascade.diagnosis.line.line_data import CyclePart
     from winchcascade.diagnosis.line.line_selection import Names
 
 SLOW = 0.2
@@ -46,7 +46,7 @@ class LineClosure(GapClosure, frozen=True):
     them.
     """
 
-    parts: tuple[Part, ...]
+    parts: tuple[CyclePart, ...]
     after: tuple[Signal, ...]
 
     @property
@@ -112,7 +112,7 @@ def _rms(x: Signal) -> float:
     return float(np.sqrt(np.mean(x**2)))
 
 
-def left_in(parts: Sequence[Part], after: Sequence[Signal], share: float) -> LineRemainder:
+def left_in(parts: Sequence[CyclePart], after: Sequence[Signal], share: float) -> LineRemainder:
     """Tell what is left from noise.
 
     Parameters
@@ -144,7 +144,7 @@ def left_in(parts: Sequence[Part], after: Sequence[Signal], share: float) -> Lin
     )
 
 
-def lasting(parts: Sequence[Part], means: Sequence[Signal], after: Sequence[Signal]) -> float:
+def lasting(parts: Sequence[CyclePart], means: Sequence[Signal], after: Sequence[Signal]) -> float:
     """Share of the squares that lasts longer than a second: products of blocks that far apart in one phase. [1]
 
     No mean is taken off, so a constant that is left lasts.
@@ -161,7 +161,7 @@ def lasting(parts: Sequence[Part], means: Sequence[Signal], after: Sequence[Sign
     return max(total / count / whole, 0.0) if count and whole > 0.0 else 0.0
 
 
-def _rough(parts: Sequence[Part], means: Sequence[Signal], phase: int) -> tuple[float, float]:
+def _rough(parts: Sequence[CyclePart], means: Sequence[Signal], phase: int) -> tuple[float, float]:
     """Root mean square of the blocks of one phase over their noise, and the squares beyond it, sample by sample [W2]."""
     noise = block_noise(parts, means, phase)
     own = [mean[(part.blocks.phase == phase) & np.isfinite(mean)] for part, mean in zip(parts, means, strict=True)]
@@ -176,7 +176,7 @@ def _rough(parts: Sequence[Part], means: Sequence[Signal], phase: int) -> tuple[
     return math.sqrt(square) / noise, max(square - noise**2, 0.0) * samples
 
 
-def block_noise(parts: Sequence[Part], means: Sequence[Signal], phase: int) -> float:
+def block_noise(parts: Sequence[CyclePart], means: Sequence[Signal], phase: int) -> float:
     """Standard deviation of a block's mean in one phase, by the median of second differences; NaN where few tell it. [W]"""
     bends = []
     for part, mean in zip(parts, means, strict=True):
@@ -188,7 +188,7 @@ def block_noise(parts: Sequence[Part], means: Sequence[Signal], phase: int) -> f
     return GAUSS * median(together) if together.size >= FEW else math.nan
 
 
-def _by_phase(parts: Sequence[Part], after: Sequence[Signal]) -> dict[str, float]:
+def _by_phase(parts: Sequence[CyclePart], after: Sequence[Signal]) -> dict[str, float]:
     """Share of the squares in each phase."""
     sums = np.zeros(len(PHASES))
     for part, x in zip(parts, after, strict=True):

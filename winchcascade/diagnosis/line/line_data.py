@@ -110,7 +110,7 @@ FEWEST = 100
 """Fewer samples that count tell nothing of five suspects."""
 
 
-class Part(msgspec.Struct, frozen=True):
+class CyclePart(msgspec.Struct, frozen=True):
     """The cycles of one log that one entry of a campaign names.
 
     `here` (k,) are the samples of `run` that count, `cycle` (k,) the payout each belongs to, `gap` (k,) the measured power
@@ -143,17 +143,17 @@ class Lines(msgspec.Struct, frozen=True):
     names: tuple[str, ...]
     low: Signal
     high: Signal
-    parts: tuple[Part, ...]
+    parts: tuple[CyclePart, ...]
     span: float
     spans: tuple[float, ...]
 
     @property
-    def fitted(self) -> tuple[Part, ...]:
+    def fitted(self) -> tuple[CyclePart, ...]:
         """Parts that take part in choice and fit."""
         return tuple(part for part in self.parts if not part.withheld)
 
     @property
-    def judged(self) -> tuple[Part, ...]:
+    def judged(self) -> tuple[CyclePart, ...]:
         """Parts on which the causes are judged: the withheld ones, or all where none is."""
         return tuple(part for part in self.parts if part.withheld) or self.parts
 
@@ -255,7 +255,7 @@ def lines_of(
 
 def with_span(lines: Lines, span: float) -> Lines:
     """The same samples with the slope of the velocity over another span [s]."""
-    parts: list[Part] = []
+    parts: list[CyclePart] = []
     found: dict[int, Signal] = {}
     for part in lines.parts:
         key = id(part.run)
@@ -267,7 +267,7 @@ def with_span(lines: Lines, span: float) -> Lines:
 
 def _part(
     run: Run, rig: Rig, names: Sequence[str], asked: tuple[int, int] | None, span: float, *, withheld: bool
-) -> Part:
+) -> CyclePart:
     gap = measured_power(run, rig) - line_power(run)
     columns = columns_of(run, names, width_of(run, span))
     cycle = cycles_of(run, rig)
@@ -282,7 +282,7 @@ def _part(
             f"has {int(cycle.max())} cycles."
         )
     check_sign(run, gap[here], here)
-    return Part(run, withheld, here, cycle[here], gap[here], columns[here], blocks_of(run, rig, asked))
+    return CyclePart(run, withheld, here, cycle[here], gap[here], columns[here], blocks_of(run, rig, asked))
 
 
 def cycles_of(run: Run, rig: Rig) -> Index:
@@ -291,7 +291,7 @@ def cycles_of(run: Run, rig: Rig) -> Index:
     return np.maximum(np.searchsorted(np.array(onsets), run.t, side="right"), 1)
 
 
-def _check_overlap(parts: Sequence[Part]) -> None:
+def _check_overlap(parts: Sequence[CyclePart]) -> None:
     """Refuse samples that are named twice: in two fits they would count twice, and a fit must not know what is withheld."""
     for k, one in enumerate(parts):
         for other in parts[:k]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, Where
@@ -77,12 +76,9 @@ def diagnose_line(
     causes = causes_of(lines, moments, choice, suspects)
     left = left_of(lines, judged)
     verdict = verdict_of(judged, left)
-    if verdict != "explained":
-        causes = causes[:NAMED]
-    rest = choice.error(choice.chosen) * choice.gap / sum(part.here.size for part in lines.fitted)
-    experiment = plan(lines, moments, choice, [cause.effect for cause in causes], math.sqrt(rest))
+    causes = causes if verdict == "explained" else causes[:NAMED]
     places = map_of(lines.parts)
-    gap = verdict != "no_gap"
+    where = Where(causes[0].stage if causes else "transmission", worst(places))
     return LineDiagnosis(
         title=title,
         rig=rig,
@@ -90,12 +86,12 @@ def diagnose_line(
         runs=tuple(part.run for part in lines.parts),
         suspects={name: suspects[name] for name in lines.names},
         verdict=verdict,
-        where=Where(causes[0].stage if causes else "transmission", worst(places)) if gap else None,
+        where=None if verdict == "no_gap" else where,
         chosen=choice.chosen,
         causes=causes,
         closure=judged,
-        remainder=left if gap else None,
-        experiment=experiment,
+        remainder=None if verdict == "no_gap" else left,
+        experiment=plan(lines, moments, choice, [cause.effect for cause in causes]),
         sets=dict(choice.probability),
         lines=lines,
         moments=moments,

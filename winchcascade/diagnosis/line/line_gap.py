@@ -16,10 +16,10 @@ from winchcascade.diagnosis.line.line_data import POWER
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from winchcascade.diagnosis.line.line_data import Part
+    from winchcascade.diagnosis.line.line_data import CyclePart
 
 
-def map_of(parts: Sequence[Part]) -> tuple[Place, ...]:
+def map_of(parts: Sequence[CyclePart]) -> tuple[Place, ...]:
     """Map the gap: one row for each phase of which there are blocks."""
     means = [part.means(part.gap) for part in parts]
     cycle = np.concatenate([1000 * k + part.blocks.cycle for k, part in enumerate(parts)])

@@ -45,19 +45,20 @@ class PlannedMotion(msgspec.Struct, frozen=True):
     pull: float
 
 
-def plan(lines: Lines, m: Moments, choice: Choice, named: Sequence[str], spread: float) -> Experiment | None:
+def plan(lines: Lines, m: Moments, choice: Choice, named: Sequence[str]) -> Experiment | None:
     """Choose the motion in which the causes and the set that comes nearest with one of them swapped differ most.
 
     Parameters
     ----------
     named : causes that may be the one
-    spread : root mean square of what the causes leave of a sample [W]
     """
     swaps = [(choice.error(s), name, other, s) for name in named for other, s in swaps_of(lines, choice, name)]
     if not swaps:
         return None
     _, name, other, swapped = min(swaps)
     motions = motions_of(lines)
+    left = choice.error(choice.chosen) * choice.gap / sum(part.here.size for part in lines.fitted)
+    spread = math.sqrt(left)  # root mean square of what the causes leave of a sample [W]
     scores = [apart(lines, m, choice.chosen, swapped, motion, spread) for motion in motions]
     best = next(k for k, z in enumerate(scores) if z >= NEARLY * max(scores))
     motion = motions[best]

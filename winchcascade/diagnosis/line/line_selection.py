@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.line.line_data import Index, Lines, Part
+    from winchcascade.diagnosis.line.line_data import CyclePart, Index, Lines
 
 Names = tuple[str, ...]
 
@@ -77,7 +77,7 @@ class Choice(msgspec.Struct, frozen=True):
         return float(apart.sum()) <= EVEN * float(np.std(apart, ddof=1)) * math.sqrt(apart.size)
 
 
-def fold_labels(parts: Sequence[Part]) -> list[Index]:
+def fold_labels(parts: Sequence[CyclePart]) -> list[Index]:
     """Number the folds: the cycles of all parts or, where they are few, pieces of them; of each part (k,) from 0."""
     keys = [np.unique(part.cycle, return_inverse=True) for part in parts]
     cycles = sum(own.size for own, _ in keys)
@@ -93,7 +93,7 @@ def fold_labels(parts: Sequence[Part]) -> list[Index]:
     return labels
 
 
-def moments_of(parts: Sequence[Part]) -> Moments:
+def moments_of(parts: Sequence[CyclePart]) -> Moments:
     """Sums of all parts, fold by fold."""
     gap = np.concatenate([part.gap for part in parts])
     columns = np.vstack([part.columns for part in parts])
