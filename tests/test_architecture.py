@@ -24,7 +24,7 @@ ENTRY_POINTS = {"__init__.py", "__main__.py"}
 
 PATTERNS = {
     "check_text": "characters that XML forbids",
-    "cleaning": "characters that no report shows",
+    "page_setup": "characters that no report shows",
     "style": "SVG of Matplotlib",
     "html": "symbols of physics",
     "pdf": "names of fonts",
