@@ -30,7 +30,7 @@ from winchcascade.ingest.limits import (
     limits_for,
     resident,
 )
-from winchcascade.ingest.reader import Order
+from winchcascade.ingest.reader import ReadOrder
 from winchcascade.ingest.source import Header, LogSource, LogTable, without_notes
 
 A = TypeVar("A")
@@ -139,7 +139,7 @@ class _Child:
     def open(self, table: str | None) -> _Opened:
         """Open the file and describe it."""
         limits = self._limits
-        order = Order(
+        order = ReadOrder(
             self._reader, str(self._path), table, limits.memory, limits.seconds, limits.numbers, parent=os.getpid()
         )
         return self._ask([sys.path, msgspec.structs.asdict(order)], lambda answers: self._head(answers, _Opened))

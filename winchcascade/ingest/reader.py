@@ -37,7 +37,7 @@ _TEXT = 64
 """What a text takes beyond its characters. [bytes]"""
 
 
-class Order(msgspec.Struct, frozen=True):
+class ReadOrder(msgspec.Struct, frozen=True):
     """The first request: the file, its reader, and the limits of this process, as `limits.Limits` has them."""
 
     reader: str
@@ -56,7 +56,7 @@ def main() -> None:
     requests = sys.stdin.buffer
     opening = requests.readline()
     if opening:
-        order = msgspec.convert(json.loads(opening), Order)
+        order = msgspec.convert(json.loads(opening), ReadOrder)
         limit_this_process(order.memory, order.parent)
         try:
             _serve(order, requests, answers)
@@ -67,7 +67,7 @@ def main() -> None:
         answers.flush()
 
 
-def _serve(order: Order, requests: BinaryIO, answers: BinaryIO) -> None:
+def _serve(order: ReadOrder, requests: BinaryIO, answers: BinaryIO) -> None:
     end_after(order.seconds)
     path = Path(order.path)
     module, opener = _OPENERS[order.reader]

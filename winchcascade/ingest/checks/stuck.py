@@ -70,7 +70,7 @@ between two steps it lies."""
 DRIVEN = ("torque", "power_mech", "vdc", "idc")
 
 
-class LineMotion(msgspec.Struct, frozen=True):
+class ObservedMotion(msgspec.Struct, frozen=True):
     """What the line does: stamps [s], its velocity [m/s], the threshold of motion [m/s], when it pays out or hauls in,
     top speed of payout [m/s]."""
 
@@ -88,12 +88,12 @@ class LineMotion(msgspec.Struct, frozen=True):
         return position
 
 
-def motion(t: Signal, v: Signal, v_onset: float) -> LineMotion:
+def motion(t: Signal, v: Signal, v_onset: float) -> ObservedMotion:
     """Prepare what every channel is held against; v finite, payout positive."""
-    return LineMotion(t, v, v_onset, v > v_onset, v < -v_onset, float(v.max(initial=v_onset)))
+    return ObservedMotion(t, v, v_onset, v > v_onset, v < -v_onset, float(v.max(initial=v_onset)))
 
 
-def find_stuck(name: str, x: Signal, line: LineMotion, channels: Mapping[str, Signal]) -> list[tuple[int, int]]:
+def find_stuck(name: str, x: Signal, line: ObservedMotion, channels: Mapping[str, Signal]) -> list[tuple[int, int]]:
     """Find stretches [first, last) in which a channel is stuck.
 
     Parameters
@@ -138,7 +138,7 @@ def _among(mask: Mask, first: Index, last: Index) -> Index:
     return count
 
 
-def _apart(first: Index, last: Index, v: Signal, line: LineMotion, channels: Mapping[str, Signal]) -> Mask:
+def _apart(first: Index, last: Index, v: Signal, line: ObservedMotion, channels: Mapping[str, Signal]) -> Mask:
     """Whether the displacement moved on other than a held velocity says, in blocks of 0.25 s."""
     apart = np.zeros(first.size, dtype=bool)
     if "displacement" not in channels:
@@ -169,7 +169,7 @@ def _blocks(t: Signal, x: Signal, seconds: float) -> tuple[Signal, Signal]:
 
 
 def _loaded(
-    first: Index, last: Index, x: Signal, line: LineMotion, channels: Mapping[str, Signal], *, velocity: bool
+    first: Index, last: Index, x: Signal, line: ObservedMotion, channels: Mapping[str, Signal], *, velocity: bool
 ) -> Mask:
     """Whether the shaft carries torque, so that the line pays out, while an encoder says that it does not."""
     torque = channels.get("torque")
@@ -183,7 +183,7 @@ def _loaded(
     return stuck & (x[first] < line.v_onset) if velocity else stuck
 
 
-def _unmoved(name: str, first: Index, last: Index, x: Signal, line: LineMotion) -> Mask:
+def _unmoved(name: str, first: Index, last: Index, x: Signal, line: ObservedMotion) -> Mask:
     """Whether a channel that depends on where the line is holds still while the line travels."""
     stuck = np.zeros(first.size, dtype=bool)
     often = _among(line.out | line.back, first, last) >= FEWEST
@@ -198,7 +198,7 @@ def _unmoved(name: str, first: Index, last: Index, x: Signal, line: LineMotion) 
     return stuck
 
 
-def _unchanged(name: str, first: Index, last: Index, x: Signal, line: LineMotion) -> Mask:
+def _unchanged(name: str, first: Index, last: Index, x: Signal, line: ObservedMotion) -> Mask:
     """Whether a channel that depends on speed holds still while the speed of payout changes."""
     stuck = np.zeros(first.size, dtype=bool)
     often = _among(line.out, first, last) >= FEWEST
@@ -220,7 +220,7 @@ def _unchanged(name: str, first: Index, last: Index, x: Signal, line: LineMotion
     return stuck
 
 
-def _speeds_up(line: LineMotion, part: slice) -> Mask:
+def _speeds_up(line: ObservedMotion, part: slice) -> Mask:
     """When the line gains speed: slowing down, the rotor runs on alone and its shaft carries nothing."""
     t = line.t[part]
     gain = np.interp(t + 0.3, line.t, line.v) - np.interp(t - 0.3, line.t, line.v)
@@ -233,7 +233,7 @@ def _ptp(x: Signal) -> float:
     return float(np.ptp(good)) if good.size else 0.0
 
 
-def _too_still(name: str, x: Signal, line: LineMotion, first: Index, last: Index) -> Mask:
+def _too_still(name: str, x: Signal, line: ObservedMotion, first: Index, last: Index) -> Mask:
     """Whether a noisy channel holds still for longer than chance allows, by its noise in the same kind of motion."""
     free = np.ones(min(x.size, ENOUGH) - 1, dtype=bool)
     for a, b in zip(first[first < ENOUGH].tolist(), last[first < ENOUGH].tolist(), strict=True):

@@ -88,8 +88,11 @@ def open_parquet(path: Path, *, table: str | None = None) -> LogSource:
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
     """Open the file for as long as its columns are read."""
-    with damage_reported(path, "Parquet file", "copy or export it again"), pq.ParquetFile(path) as file:
-        yield file
+    with damage_reported(path, "Parquet file", "copy or export it again"):
+        # Texts as dictionaries: one long text in every row is one text, else a file of a kilobyte fills the memory.
+        texts = [field.name for field in pq.read_schema(path) if _is_text(field.type)]
+        with pq.ParquetFile(path, read_dictionary=texts) as file:
+            yield file
 
 
 def _unit(metadata: dict[bytes, bytes]) -> str | None:
@@ -119,12 +122,12 @@ def _load(path: Path, wanted: Sequence[int], time: int | None) -> LogTable:
         if pa.types.is_temporal(kind):
             return LogTable(values, stamps=_seconds(file, time), stamped=True)
         if _is_text(kind):
-            return LogTable(values, stamps=[text or "" for piece in _pieces(file, time) for text in piece.to_pylist()])
+            return LogTable(values, stamps=_texts(file, time))
         return LogTable(values, stamps=_column(file, time))
 
 
 def _pieces(file: Any, i: int) -> Iterator[Any]:
-    """Yield one column row group by row group, no dictionaries."""
+    """Yield one column row group by row group, of dictionaries those of texts alone."""
     names = file.schema_arrow.names
     for k in range(file.num_row_groups):
         table = file.read_row_group(k, columns=[names[i]])
@@ -132,7 +135,8 @@ def _pieces(file: Any, i: int) -> Iterator[Any]:
         column = [table.column(j) for j, name in enumerate(table.column_names) if name == names[i]][
             names[:i].count(names[i])
         ]
-        yield column.cast(column.type.value_type) if pa.types.is_dictionary(column.type) else column
+        whole = pa.types.is_dictionary(column.type) and not _is_text(column.type.value_type)
+        yield column.cast(column.type.value_type) if whole else column
 
 
 def _column(file: Any, i: int) -> Signal:
@@ -150,6 +154,9 @@ def _column(file: Any, i: int) -> Signal:
 def _numbers(piece: Any) -> Signal:
     """Convert a piece of a column to numbers."""
     kind = piece.type
+    if pa.types.is_dictionary(kind):
+        parts = [np.array([_number(word) for word in words])[rows] for words, rows in map(_words, piece.chunks)]
+        return np.concatenate([np.empty(0), *parts])
     if _is_text(kind):
         return np.array([_number(text or "") for text in piece.to_pylist()], dtype=np.float64)
     if pa.types.is_decimal(kind):
@@ -162,6 +169,12 @@ def _numbers(piece: Any) -> Signal:
     return numbers
 
 
+def _words(chunk: Any) -> tuple[list[str], Any]:
+    """Take the texts of a dictionary, an empty one last, and which of them stands in each row: the last for a null."""
+    words = [text or "" for text in chunk.dictionary.to_pylist()]
+    return [*words, ""], pc.fill_null(chunk.indices.cast(pa.int64()), len(words)).to_numpy(zero_copy_only=False)
+
+
 def _is_text(kind: Any) -> bool:
     return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_string_view(kind))
 
@@ -172,6 +185,15 @@ def _number(text: str) -> float:
         return float(text)
     except ValueError:
         return float("nan")
+
+
+def _texts(file: Any, i: int) -> list[str]:
+    texts: list[str] = []
+    for piece in _pieces(file, i):
+        for chunk in piece.chunks:
+            words, rows = _words(chunk.dictionary_encode())
+            texts += [words[k] for k in rows.tolist()]
+    return texts
 
 
 def _seconds(file: Any, i: int) -> Signal:
