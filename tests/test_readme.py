@@ -59,7 +59,7 @@ def commands(page: str, *, long: bool) -> list[str]:
 def named_files(printed: Iterable[str]) -> list[str]:
     """Files that commands are told to write."""
     words = [word for line in printed for word in shlex.split(line) if word.endswith((".html", ".pdf"))]
-    return words + [file for line in printed for file in re.findall(r"--(?:json|write|out) ([\w.]+)", line)]
+    return words + [file for line in printed for file in re.findall(r"--(?:json|write|out) ([\w.-]+)", line)]
 
 
 @pytest.fixture(scope="module", params=PAGES)
