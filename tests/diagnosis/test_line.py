@@ -77,6 +77,8 @@ def test_what_was_planted_together_is_named_together(names: tuple[str, ...], see
     assert found.closure is not None
     assert found.closure.share > 0.9
     assert found.closure.low <= found.closure.share <= found.closure.high
+    assert found.remainder is not None
+    assert found.remainder.share == pytest.approx(1.0 - found.closure.share)
 
 
 @pytest.mark.parametrize("noise", [0.0, 200.0, 3000.0])

@@ -69,7 +69,7 @@ def diagnosis_text(found: ModelDiagnosis | LineDiagnosis, files: Sequence[Path |
         lines += entry("", words.arises_words(found))
     lines += _causes(found, stage=not line)
     lines += entry("how sure", words.sure_words(found))
-    lines += _how_far(found, "samples of those cycles" if line else "0.44 s means on those logs")
+    lines += _how_far(found, "the samples of those cycles" if line else "0.44 s means on those logs")
     lines += entry("steady", words.again_words(found) if isinstance(found, LineDiagnosis) else "")
     lines += entry("what next", words.experiment_words(found))
     lines += _left(found)

@@ -128,8 +128,8 @@ def left_in(parts: Sequence[CyclePart], after: Sequence[Signal], share: float) -
     if slow > SLOW and slow * float(left.sum()) > PART_OF_GAP * square:
         alarms.append(Alarm("slow", Spot(POWER), slow, SLOW))
     for phase, name in enumerate(PHASES):
-        ratio, share = _rough(parts, means, phase)
-        if ratio > ROUGH and share > PART_OF_GAP * square:
+        ratio, beyond = _rough(parts, means, phase)
+        if ratio > ROUGH and beyond > PART_OF_GAP * square:
             alarms.append(Alarm("structure", Spot(POWER, name), ratio, ROUGH))
     largest = np.sort(left)[::-1]
     phases = _by_phase(parts, after)
