@@ -1,6 +1,7 @@
 """The layers of the package: which package may import which, and which module prints."""
 
 import ast
+import runpy
 from collections import Counter
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -67,6 +68,11 @@ def test_no_modules_import_each_other_in_a_circle() -> None:
     names = {".".join(("winchcascade", *path.relative_to(PACKAGE).with_suffix("").parts)): path for path in FILES}
     graph = {name: {other for other in imported(path) if other in names} - {name} for name, path in names.items()}
     TopologicalSorter(graph).prepare()
+
+
+def test_the_picture_of_the_layers_is_drawn_from_the_present_imports() -> None:
+    docs = PACKAGE.parent / "docs"
+    assert runpy.run_path(str(docs / "layers.py"))["picture"]() == (docs / "layers.svg").read_text(encoding="utf-8")
 
 
 def test_no_two_modules_share_a_name() -> None:
