@@ -1,11 +1,11 @@
 """Why a corruption shows in no finding: computed from its size, from the damaged log, and from the limits of the checks."""
 
-import json
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 from base_logs import Log, Signal
 from scipy.stats import t as student
@@ -17,6 +17,7 @@ from winchcascade.reduction.checks.zeros import KNOWN
 from winchcascade.reduction.efficiency_between_runs import _chances, _left_out, _rows
 from winchcascade.reduction.efficiency_changes import ALPHA, CycleComparison, compare_cycles
 from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.report.records import RunRecord
 
 
 class Reason(NamedTuple):
@@ -126,7 +127,8 @@ def _by_chance(compared: CycleComparison, metrics: int) -> float:
 def campaign_reason(name: str, results: Path) -> Reason | None:
     """A gain of one log of a campaign is off: is its distance from the others less than speed and chance allow?"""
     records = {
-        path.stem: json.loads(path.read_text(encoding="utf-8")) for path in sorted((results / "runs").glob("*.json"))
+        path.stem: msgspec.json.decode(path.read_bytes(), type=RunRecord)
+        for path in sorted((results / "runs").glob("*.json"))
     }
     logs = [log for stem, r in records.items() if (log := log_efficiency(stem, r)) is not None]
     logs = [log for log in logs if log.load is not None and np.isfinite(log.load)]

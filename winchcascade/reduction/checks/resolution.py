@@ -14,6 +14,7 @@ import numpy as np
 from winchcascade.core.integrate import median
 from winchcascade.core.run import CHANNELS, CLOCK, Finding
 from winchcascade.reduction.efficiency import NOTHING
+from winchcascade.reduction.efficiency_changes import IDLE
 from winchcascade.reduction.energies import STAGES, sources
 
 if TYPE_CHECKING:
@@ -62,13 +63,19 @@ def resolution_findings(phased: PhasedRun, energies: Energies) -> list[Finding]:
     levels: dict[str, float] = {}
     for stage in STAGES:
         joules = energies.joules[stage]
-        if joules is None or max(joules) <= NOTHING or (stage == "gen" and run.open_circuit):
+        if joules is None or max(joules) <= NOTHING or (stage == "gen" and (run.open_circuit or _idle(energies))):
             continue
         names = sources(run.channels, stage)
         for name, other in zip(names, names[::-1], strict=True):
             level = median(np.array([_level(phased, name, other, w) for w in chosen]))
             levels[name] = min(level, levels.get(name, math.inf))
     return [f for name, level in levels.items() if (f := _coarse(phased, name, level)) is not None]
+
+
+def _idle(energies: Energies) -> bool:
+    """Whether the machine delivers so little of the line energy that it runs as in an open circuit, whatever load is stated."""
+    line, gen = energies.joules["line"], energies.joules["gen"]
+    return line is not None and gen is not None and max(gen) < IDLE * max(line)
 
 
 def _level(phased: PhasedRun, name: str, other: str, window: Window) -> float:
