@@ -4,7 +4,11 @@ VENV := .venv
 BIN := $(VENV)/bin
 PYTEST := $(BIN)/pytest --numprocesses auto --maxprocesses 8 --dist loadfile
 
-.PHONY: demo test test-all test-browser bench clean
+# Compiled modules are kept even where PYTHONDONTWRITEBYTECODE is set: the tests start some hundred processes, and each would
+# compile again what has changed since the installation.
+export PYTHONDONTWRITEBYTECODE :=
+
+.PHONY: demo test test-types test-fast test-all test-browser bench clean
 
 demo: $(VENV)/installed
 	$(BIN)/winchcascade demo --out demo
@@ -12,11 +16,18 @@ demo: $(VENV)/installed
 test: $(VENV)/installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(MAKE) --no-print-directory --jobs 2 test-types test-fast
+
+# mypy uses one processor: it runs beside the first tests.
+test-types: $(VENV)/installed
 	$(BIN)/mypy
+
+test-fast: $(VENV)/installed
 	$(PYTEST) -m "not slow"
 
+# The slow tests, and the tests of properties once more with many more examples.
 test-all: $(VENV)/installed
-	$(PYTEST) -m slow
+	$(PYTEST) --hypothesis-profile thorough -m "slow or hypothesis"
 
 # The reports in a real browser; needs Chromium on the path.
 test-browser: $(VENV)/installed

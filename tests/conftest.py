@@ -1,27 +1,54 @@
-"""What the tests share: the shipped fixtures, and the data beside the project, which users do not have."""
+"""Fixtures of all tests: the shipped logs, and the data beside the project, which users do not have."""
 
 import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as commands set it: the matrices are small, and the workers many
 
-settings.register_profile("steady", deadline=None, derandomize=True)  # a busy machine is no fault of the code
-settings.load_profile("steady")
+settings.register_profile("fast", deadline=None, derandomize=True, max_examples=50)  # a busy machine is no fault
+settings.register_profile("thorough", settings.get_profile("fast"), max_examples=500)  # of make test-all
+settings.load_profile("fast")
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # begun in the background: tests of interrupts would wait forever
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 ROOT = Path(__file__).parent.parent
 
+TOGETHER = {
+    f"tests/report/{name}.py": "diagnoses"
+    for name in ("test_diagnosis_words", "test_diagnosis_figures", "test_diagnosis_report", "test_declared_effect")
+}
+"""Files that use results of one another: one worker takes them all, and makes each result once."""
+
+FIRST = ("tests/test_reference.py", "tests/batch", "tests/report", "tests/diagnosis", "tests/hardening", "tests/blind")
+"""Files with long tests: begun first, so that no worker has one left when the others are done."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: not item.nodeid.startswith(FIRST))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Give a worker a whole file, or a whole group of `TOGETHER`, in the order of collection."""
+    from xdist.scheduler import LoadFileScheduling
+
+    config.option.loadscopereorder = False
+    scheduler = LoadFileScheduling(config, log)
+    file_of = scheduler._split_scope
+    scheduler._split_scope = lambda nodeid: TOGETHER.get(file_of(nodeid), file_of(nodeid))
+    return scheduler
+
 
 @pytest.fixture(autouse=True)
 def _own_signals() -> Iterator[None]:
-    """A command that a test calls in this process ends it at a signal; the tests after it get their interrupts."""
+    """Restore the handlers of signals, which a command that a test calls in this process replaces."""
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     yield
     for number, handler in before.items():

@@ -17,7 +17,7 @@ PAGE = "adding_an_effect.md"
 
 def a_copy(place: Path) -> Path:
     """What the page needs of a checkout."""
-    for folder in ("winchcascade", "tests", "docs", "fixtures"):
+    for folder in ("winchcascade", "templates", "tests", "docs", "fixtures"):
         shutil.copytree(ROOT / folder, place / folder)
     shutil.copy(ROOT / "pyproject.toml", place)
     return place

@@ -3,6 +3,7 @@
 import ast
 import runpy
 from collections import Counter
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -27,8 +28,7 @@ PATTERNS = {
     "check_text": "characters that XML forbids",
     "page_setup": "characters that no report shows",
     "style": "SVG of Matplotlib",
-    "html": "symbols of physics",
-    "pdf": "names of fonts",
+    "publish": "symbols of physics and names of fonts",
 }
 """Modules of `report` that may search texts by a pattern, and which texts."""
 
@@ -36,10 +36,17 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 LAYER = {package: number for number, packages in enumerate(LAYERS) for package in packages}
 
 
+@cache
+def nodes_of(path: Path) -> list[ast.AST]:
+    """Syntax of a file."""
+    return list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+
+
+@cache
 def imported(path: Path) -> list[str]:
     """Modules that a file imports, at the top or inside a function."""
     found = []
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in nodes_of(path):
         if isinstance(node, ast.ImportFrom) and node.module:
             found += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
         elif isinstance(node, ast.Import):
@@ -85,7 +92,7 @@ def test_only_the_command_line_prints_and_uses_typer() -> None:
         if path.relative_to(PACKAGE).parts[0] != "cli":
             source = path.read_text(encoding="utf-8")
             assert "typer" not in source, path
-            calls = [n for n in ast.walk(ast.parse(source)) if isinstance(n, ast.Call)]
+            calls = [n for n in nodes_of(path) if isinstance(n, ast.Call)]
             assert not any(isinstance(c.func, ast.Name) and c.func.id == "print" for c in calls), path
 
 
@@ -93,6 +100,5 @@ def test_no_report_reads_the_package_s_own_sentences_by_a_pattern() -> None:
     """Results come as data, of which `report` alone makes sentences; patterns are for texts that others wrote."""
     for path in sorted((PACKAGE / "report").glob("*.py")):
         if path.stem not in PATTERNS:
-            nodes = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-            names = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
+            names = {alias.name for node in nodes_of(path) if isinstance(node, ast.Import) for alias in node.names}
             assert "re" not in names, f"{path.name}: read a field of the result in place of its sentence"

@@ -51,26 +51,29 @@ def act(place: Path, **inputs: str) -> subprocess.CompletedProcess[str]:
 @pytest.mark.parametrize(
     ("inputs", "code", "written"),
     [
-        (CHECK, 0, ["check.xml"]),
-        (CHECK | {"ARGUMENTS": "--tolerance deviation=0 --tolerance uncertainty=0"}, 1, ["check.xml"]),
-        (LOGS, 0, ["batch/campaign.json"]),
-        (LOGS | {"ARGUMENTS": "--window 5.48"}, 0, ["batch/campaign.json"]),
-        (CHECK | LOGS, 0, ["check.xml", "batch/campaign.json"]),
-        (CHECK | LOGS | {"ARGUMENTS": "--window 5.48"}, 2, []),
-        ({"LOGS": "fixtures/damaged_logs/*.csv"}, 1, ["batch/campaign.json"]),
-        ({"CAMPAIGN": "fixtures/campaign"}, 2, []),
-        ({}, 2, []),
-    ],
-    ids=[
-        "check",
-        "a miss",
-        "logs",
-        "logs with a window",
-        "both",
-        "both with a window",
-        "a failed log",
-        "no table",
-        "nothing",
+        pytest.param(CHECK, 0, ["check.xml"], id="check", marks=pytest.mark.slow),
+        pytest.param(
+            CHECK | {"ARGUMENTS": "--tolerance deviation=0 --tolerance uncertainty=0"}, 1, ["check.xml"], id="a miss"
+        ),
+        pytest.param(LOGS, 0, ["batch/campaign.json"], id="logs", marks=pytest.mark.slow),
+        pytest.param(
+            LOGS | {"ARGUMENTS": "--window 5.48"},
+            0,
+            ["batch/campaign.json"],
+            id="logs with a window",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(CHECK | LOGS, 0, ["check.xml", "batch/campaign.json"], id="both"),
+        pytest.param(CHECK | LOGS | {"ARGUMENTS": "--window 5.48"}, 2, [], id="both with a window"),
+        pytest.param(
+            {"LOGS": "fixtures/damaged_logs/*.csv"},
+            1,
+            ["batch/campaign.json"],
+            id="a failed log",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param({"CAMPAIGN": "fixtures/campaign"}, 2, [], id="no table"),
+        pytest.param({}, 2, [], id="nothing"),
     ],
 )
 def test_the_action_does_what_the_page_says(

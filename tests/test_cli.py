@@ -85,7 +85,7 @@ def test_the_version_tells_of_a_package_that_is_not_there(monkeypatch: pytest.Mo
 
 
 @pytest.mark.parametrize("by", ["KeyboardInterrupt", "RuntimeError('made') from KeyboardInterrupt()"])
-@pytest.mark.parametrize("at", ["typer", "winchcascade.cli.batch_command", "numpy"])
+@pytest.mark.parametrize("at", ["typer", "winchcascade.cli.reduce_command", "numpy"])
 def test_an_interrupt_of_an_import_is_one_sentence(at: str, by: str) -> None:
     code = (
         "import sys\n"
@@ -321,7 +321,7 @@ def test_what_trips_over_an_interrupt_is_an_interrupt(
                 raise RuntimeError("made of one") from fault
             raise RuntimeError("release unlocked lock")  # noqa: B904
 
-    monkeypatch.setattr("winchcascade.cli.app.app", trip)
+    monkeypatch.setattr("winchcascade.cli.app.command_line", lambda _: trip)
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 130

@@ -29,11 +29,10 @@ from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.report.check_text import check_record, check_text
 from winchcascade.report.document import make_report
-from winchcascade.report.html import html_text
+from winchcascade.report.publish import html_text
 from winchcascade.report.records import reduction_record
 from winchcascade.rig.parts import baseline
-from winchcascade.rig.simulate import simulate
-from winchcascade.rig.simulated_log import write_log
+from winchcascade.rig.simulate import simulate, write_log
 from winchcascade.tables.check import check, measured_from_record
 
 LOG = "r4p5ohm.csv"

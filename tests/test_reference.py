@@ -1,4 +1,4 @@
-"""Every output is the one that is stored in `tests/reference/outputs`; CONTRIBUTING.md tells how to record them."""
+"""Every output is the one that is stored in `tests/reference/outputs`; CONTRIBUTING.md describes how to record them."""
 
 import subprocess
 import sys
@@ -14,18 +14,23 @@ APART = ("reports", "blind", "demo")
 """Long groups in a file of their own (`test_reference_reports.py`), as a worker takes a whole file."""
 
 
-def require_stored(group: str) -> None:
-    """The present outputs of a group are the stored ones."""
+QUICK = [group for group in GROUPS if group not in SLOW]
+
+
+def require_stored(*groups: str) -> None:
+    """The present outputs of some groups, made one after the other in one process, are the stored ones."""
     done = subprocess.run(
-        [sys.executable, RECORD, "--check", "--only", group], capture_output=True, encoding="utf-8", check=False
+        [sys.executable, RECORD, "--check", "--only", *groups], capture_output=True, encoding="utf-8", check=False
     )
     assert done.returncode == 0, f"\n{done.stdout}{done.stderr}"
 
 
-@pytest.mark.parametrize(
-    "group",
-    [pytest.param(g, marks=pytest.mark.slow) if g in SLOW else g for g in GROUPS if g not in APART],
-)
+def test_every_output_of_the_quick_groups_is_the_stored_one() -> None:
+    require_stored(*QUICK)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("group", [group for group in SLOW if group not in APART])
 def test_every_output_is_the_stored_one(group: str) -> None:
     require_stored(group)
 

@@ -52,6 +52,11 @@ def test_the_smoothed_signal_does_not_depend_on_the_blocks_of_a_long_log() -> No
 
 
 def test_stamps_that_crowd_carry_the_quadratic_all_the_same() -> None:
-    t = np.concatenate([np.arange(0.0, 4.0, 0.04), 4.0 + 1e-6 * np.arange(20_000), np.arange(4.06, 8.0, 0.04)])
+    t = np.concatenate([np.arange(0.0, 4.0, 0.04), 4.0 + 1e-6 * np.arange(6_000), np.arange(4.06, 8.0, 0.04)])
     x = 1.0 - 2.0 * t + 0.5 * t**2
     assert local_quadratic(t, x, 0.6) == pytest.approx(x, abs=1e-9)
+
+
+def test_a_width_of_many_more_intervals_than_samples_takes_no_memory() -> None:
+    t = 1e-12 * np.arange(20.0)
+    assert local_quadratic(t, t, 1.0) == pytest.approx(t, abs=1e-15)

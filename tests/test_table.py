@@ -3,7 +3,15 @@ from pathlib import Path
 
 import pytest
 
-from winchcascade.core.published_table import DIMENSIONS, LargestClaim, ShareClaim, Span, Table, TableError, ValueClaim
+from winchcascade.core.published_table import (
+    DIMENSIONS,
+    LargestClaim,
+    PublishedTable,
+    ShareClaim,
+    Span,
+    TableError,
+    ValueClaim,
+)
 from winchcascade.core.table_toml import BUILT_IN, load_table, parse_table
 from winchcascade.reduction.efficiency import METRICS
 
@@ -97,7 +105,7 @@ def test_claims_are_read_by_the_key_that_tells_their_kind() -> None:
     text += CLAIM + 'metric = "power_line"\nload_ohm = 18\nvalue = 2.0\nunit = "kW"\ndecimals = 1\n'
     text += CLAIM + 'part = "energy_gen"\nof = "energy_line"\nload_ohm = 18\nvalue = 73\nunit = "%"\ndecimals = 0\n'
     text += CLAIM + 'metric = "eta_trans"\nlargest_at_ohm = [18, inf]\n'
-    value, share, largest = parse_table(text, "t.toml").claims
+    value, share, largest = (claim.statement for claim in parse_table(text, "t.toml").claims)
     assert isinstance(value, ValueClaim)
     assert value.column.span(value.value) == Span(1950.0, 2050.0)
     assert isinstance(share, ShareClaim)
@@ -214,6 +222,6 @@ def test_a_table_that_is_no_text_is_told(tmp_path: Path) -> None:
 
 
 def test_a_load_finds_its_row() -> None:
-    table: Table = parse_table(HEAD + ROW, "t.toml")
+    table: PublishedTable = parse_table(HEAD + ROW, "t.toml")
     assert table.row(18) is table.rows[0]
     assert table.row(17.9) is None

@@ -12,7 +12,7 @@ from winchcascade.batch.plan import make_plan
 from winchcascade.batch.results import load_results
 from winchcascade.batch.run_batch import run_batch
 from winchcascade.report.campaign import make_campaign_report
-from winchcascade.report.campaign_text import campaign_text
+from winchcascade.report.campaign_record import campaign_from, campaign_text
 from winchcascade.report.report_model import Table
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
@@ -50,11 +50,11 @@ def test_it_is_marked_in_the_summary_on_the_terminal_and_on_the_page(out: Path) 
     assert {run["name"]: "efficiency_change" in run["findings"] for run in summary["runs"]} == {
         run["name"]: run["name"] == HURT for run in summary["runs"]
     }
-    text = campaign_text(summary, out, kept=0)
+    text = campaign_text(campaign_from(summary), out, kept=0)
     assert f"  {HURT}: efficiency_change: eta_gen is 0.842" in text
     (row,) = [line for line in text.splitlines() if line.startswith(f"{HURT}  ")]
     assert "! " in row
-    report = make_campaign_report(summary, out)
+    report = make_campaign_report(campaign_from(summary), out)
     tables = {block.id: block for part in report.sections for block in part.blocks if isinstance(block, Table)}
     assert tables["between"].rows[0][0] == HURT
     assert "efficiency change: eta_gen is 0.842" in tables["between"].rows[0][1]

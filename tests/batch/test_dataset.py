@@ -14,7 +14,7 @@ from pyarrow import dataset, parquet
 
 from winchcascade.batch.dataset import SCHEMA, TABLES
 from winchcascade.batch.plan import make_plan
-from winchcascade.batch.run_batch import run_batch
+from winchcascade.batch.run_batch import Products, run_batch
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
 FORMULA = "=SUM(A1)"
@@ -34,7 +34,7 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     loads = {"open_circuit.csv": "inf", "r9ohm.csv": "9.0", f"{FORMULA}.csv": "36.0", "header_only.csv": "1.0"}
     runs = "".join(f'[[run]]\nfile = "{name}"\nload_ohm = {load}\n' for name, load in loads.items())
     (folder / "campaign.toml").write_text('rig = "rig.toml"\n' + runs)
-    found = run_batch(make_plan([str(folder)]), folder / "out", workbook=True)
+    found = run_batch(make_plan([str(folder)]), folder / "out", Products(workbook=True))
     assert list(found.faults) == ["header_only.csv"]
     return folder / "out"
 

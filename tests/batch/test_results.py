@@ -10,7 +10,7 @@ from test_cli import winchcascade
 
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.results import Results, load_results
-from winchcascade.batch.run_batch import run_batch
+from winchcascade.batch.run_batch import Products, run_batch
 from winchcascade.core.errors import LogError, OptionError, OutputError, WinchcascadeError
 from winchcascade.core.store import with_digest
 
@@ -143,11 +143,11 @@ def test_a_result_whose_own_digest_was_altered_too_is_rejected(out: Path, tmp_pa
 @pytest.mark.parametrize("name", ["dataset/runs.parquet", "campaign.xlsx"])
 def test_an_altered_table_of_the_campaign_is_made_again(campaign: Path, tmp_path: Path, name: str) -> None:
     plan, results = make_plan([str(campaign)]), tmp_path / "out"
-    run_batch(plan, results, workbook=True)
+    run_batch(plan, results, Products(workbook=True))
     (results / name).write_bytes((results / name).read_bytes()[:-1] + b"?")
     damaged = (results / name).read_bytes()
     with suppress(OutputError):  # a file without its mark may be the user's
-        assert run_batch(plan, results, workbook=True).altered == (name,)
+        assert run_batch(plan, results, Products(workbook=True)).altered == (name,)
         assert (results / name).read_bytes() != damaged
 
 

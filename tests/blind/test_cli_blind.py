@@ -1,13 +1,13 @@
-"""The commands blind deal, diagnose and score as a user meets them: in a process of their own."""
+"""The commands blind deal, diagnose and score as a user meets them."""
 
 import json
 from pathlib import Path
 
 import pytest
 from test_cli import one_sentence, winchcascade
-from trials import answer, cause, say, sealed_trial
+from trials import answer, cases_by, cause, say, sealed_trial, shipped
 
-from winchcascade.blind.sealed_answers import SEALED
+from winchcascade.blind.cases import SEALED
 
 
 @pytest.fixture
@@ -22,7 +22,8 @@ def trial(tmp_path: Path) -> Path:
 
 def test_deal_says_what_was_dealt_and_with_which_seal(tmp_path: Path) -> None:
     out = tmp_path / "trial"
-    done = winchcascade("blind", "deal", "--cases", "1", "--seed", "5", "--out", out, "--jobs", "1")
+    with cases_by(shipped):
+        done = winchcascade("blind", "deal", "--cases", "1", "--seed", "5", "--out", out, "--jobs", "1")
     assert done.returncode == 0, done.stderr
     sha256 = json.loads((out / "trial.json").read_text())["sealed_sha256"]
     assert (

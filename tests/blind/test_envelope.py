@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from trials import answer, sealed_trial
 
-from winchcascade.blind.sealed_answers import SEALED, TRIAL, open_seal, read_trial
+from winchcascade.blind.cases import SEALED, TRIAL, open_seal, read_trial
 from winchcascade.core.errors import OptionError
 
 

@@ -15,11 +15,11 @@ import pytest
 from calls import call
 from seeds import text
 from test_files import MENTIONS
-from trials import guess
+from trials import cases_by, guess, shipped
 
 from winchcascade.batch.plan import make_plan
-from winchcascade.batch.run_batch import run_batch
-from winchcascade.blind.sealed_answers import SEALED, TRIAL, seal, trial_bytes
+from winchcascade.batch.run_batch import Products, run_batch
+from winchcascade.blind.cases import SEALED, TRIAL, seal, trial_bytes
 from winchcascade.blind.trial import DiagnosisMethod, deal, diagnose
 from winchcascade.core.errors import WinchcascadeError
 from winchcascade.core.store import LOCK, digest_of
@@ -83,7 +83,7 @@ def scored(out: Path) -> None:
 
 
 def batched(out: Path, *, force: bool = False) -> None:
-    run_batch(make_plan([str(out.parent / "log.csv")]), out, workbook=True, force=force)
+    run_batch(make_plan([str(out.parent / "log.csv")]), out, Products(workbook=True), force=force)
 
 
 def reforced(out: Path) -> None:
@@ -110,6 +110,13 @@ def attempts() -> Iterator[Attempt]:
         for force in (False, True):
             act_now = partial(batched, force=force)
             yield Attempt(f"batch, force {force}, link {name}", partial(link, name=name), act_now, "batch")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def shipped_logs() -> Iterator[None]:
+    """What a log holds does not matter here."""
+    with cases_by(shipped):
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -205,7 +212,7 @@ def test_the_command_rejects_a_forged_name_with_one_sentence(folders: Path, tmp_
 
 
 def test_a_sealed_file_of_other_names_is_rejected(tmp_path: Path, folders: Path) -> None:
-    from winchcascade.blind.sealed_answers import Envelope, open_seal
+    from winchcascade.blind.cases import Envelope, open_seal
 
     trial = shutil.copytree(folders / "trial", tmp_path / "trial")
     content, record = seal(Envelope(7, ()))

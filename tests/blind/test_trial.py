@@ -6,12 +6,11 @@ from pathlib import Path
 
 import pytest
 from scratches import left_scratch
-from trials import fail_on_the_second, find_no_room, guess
+from trials import cases_by, fail_on_the_second, find_no_room, guess, once, shipped
 
-from winchcascade.blind.cases import plan_cases
+from winchcascade.blind.cases import SEALED, plan_cases
 from winchcascade.blind.injected import OUTSIDERS, PARTS
 from winchcascade.blind.score import score
-from winchcascade.blind.sealed_answers import SEALED
 from winchcascade.blind.trial import DiagnosisMethod, deal, diagnose
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.errors import OptionError, OutputError
@@ -44,7 +43,8 @@ def content(folder: Path) -> dict[str, bytes]:
 @pytest.fixture(scope="module")
 def dealt(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("trial") / "cases"
-    assert deal(folder, CASES, SEED).faults == {}
+    with cases_by(once):
+        assert deal(folder, CASES, SEED).faults == {}
     return folder
 
 
@@ -82,11 +82,12 @@ def test_a_dealt_case_is_a_campaign_of_seven_logs_that_says_nothing_of_what_it_h
 
 def test_a_call_that_was_cut_short_is_taken_up_and_ends_in_the_same_bytes(dealt: Path, tmp_path: Path) -> None:
     out = tmp_path / "again"
-    with pytest.raises(KeyboardInterrupt):
+    with cases_by(once), pytest.raises(KeyboardInterrupt):
         deal(out, CASES, SEED, watch=Interrupt(1))
     assert {p.name for p in out.iterdir()} == {"case-0001", "sealed.json", "trial.json"}
     left_scratch(out).mkdir()
-    assert deal(out, CASES, SEED).kept == 1
+    with cases_by(once):
+        assert deal(out, CASES, SEED).kept == 1
     assert content(out) == content(dealt)
     assert not list(out.glob(".*"))
 
@@ -94,7 +95,8 @@ def test_a_call_that_was_cut_short_is_taken_up_and_ends_in_the_same_bytes(dealt:
 def test_another_trial_is_not_dealt_over_one_unless_forced(trial: Path) -> None:
     with pytest.raises(OptionError, match="holds another trial"):
         deal(trial, CASES, SEED + 1)
-    deal(trial, 1, SEED + 1, force=True)
+    with cases_by(shipped):
+        deal(trial, 1, SEED + 1, force=True)
     assert not (trial / "case-0002").exists()
 
 

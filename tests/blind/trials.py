@@ -1,13 +1,28 @@
 """Trials for the tests: answers sealed by hand, and diagnoses that never looked at a log."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-from winchcascade.blind.cases import Answer, Kind
+import msgspec
+import pytest
+
+from winchcascade.blind.cases import (
+    SEALED,
+    TRIAL,
+    Answer,
+    Case,
+    Envelope,
+    Kind,
+    campaign_text,
+    make_campaign,
+    seal,
+    trial_bytes,
+)
 from winchcascade.blind.injected import PARTS
-from winchcascade.blind.sealed_answers import SEALED, TRIAL, Envelope, seal, trial_bytes
 from winchcascade.diagnosis.suspects import Suspects
 
 
@@ -51,6 +66,33 @@ def say(folder: Path, case: str, verdict: str, *causes: dict[str, Any], share: f
     closure = None if share is None else {"withheld": [36.0], "channels": {}, "share_closed": share, "interval": [0, 1]}
     record = {"schema": "winchcascade/diagnosis/1", "verdict": verdict, "causes": list(causes), "closure": closure}
     (folder / "diagnoses" / f"{case}.json").write_text(json.dumps(record))
+
+
+Maker = Callable[[Case], dict[str, bytes]]
+
+
+@contextmanager
+def cases_by(maker: Maker) -> Iterator[None]:
+    """Within this context the logs of a case are made by another function, which takes less time than solving the twin."""
+    with pytest.MonkeyPatch.context() as changed:
+        changed.setattr("winchcascade.blind.trial.make_campaign", maker)
+        yield
+
+
+def once(case: Case) -> dict[str, bytes]:
+    """Logs of the twin, made once for each case."""
+    return _made(msgspec.json.encode(case))
+
+
+@cache
+def _made(case: bytes) -> dict[str, bytes]:
+    return make_campaign(msgspec.json.decode(case, type=Case))
+
+
+def shipped(case: Case) -> dict[str, bytes]:
+    """Logs of the shipped campaign, the same for each case."""
+    logs = sorted((Path(__file__).parents[2] / "fixtures" / "campaign").glob("*.csv"))
+    return {"campaign.toml": campaign_text(case.name).encode(), **{log.name: log.read_bytes() for log in logs}}
 
 
 def guess(campaign_toml: Path, *, suspects: Suspects, seed: int, predictions: Path | None) -> dict[str, Any]:

@@ -12,12 +12,21 @@ from openlog import made_log
 
 from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.block_means import PHASES
-from winchcascade.diagnosis.diagnosis_result import Arises, Where
-from winchcascade.diagnosis.gap_location import SHARED, STANDS_OUT, arises, locate
-from winchcascade.diagnosis.gap_map import ZERO_REACH, Place, compare, weigh, without_zeros, zero_of, zeros_of
+from winchcascade.diagnosis.diagnosis_result import Arises, Place, StagePlace, Where
+from winchcascade.diagnosis.gap_map import (
+    SHARED,
+    STANDS_OUT,
+    ZERO_REACH,
+    arises,
+    compare,
+    locate,
+    weigh,
+    without_zeros,
+    zero_of,
+    zeros_of,
+)
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.stagewise import StagePlace
 from winchcascade.report.diagnosis_words import where_sentence
 from winchcascade.rig.effects.catalogue import make_effect
 from winchcascade.rig.parts import baseline
@@ -125,7 +134,10 @@ def test_a_channel_whose_sensor_has_no_zero_keeps_all() -> None:
 
 # -------------------------------------------------------------------------------------------------------------- where
 def place(channel: str, z: float, phase: str = "payout", load: float | None = 9.0) -> Place:
-    return Place(channel, phase, 0, load, 20, z, abs(z), 1.0, 1.0, 0.0, 0.0, z)
+    return Place(
+        channel=channel, phase=phase, log=0, load=load, blocks=20, bias=z, rms=abs(z), noise=1.0,
+        u_noise=1.0, u_repeat=0.0, u_tolerance=0.0, z=z,
+    )  # fmt: skip
 
 
 def where(*places: Place, stage: str | None = None, effect: str = "") -> tuple[str, str]:
@@ -216,7 +228,10 @@ def test_a_current_of_less_than_half_an_ampere_is_no_region(most: float, told: b
 
 # ------------------------------------------------------------------------------------------------------ the shared sensor
 def off(stage: str, bias: float, by_gain: dict[str, float], u: float = 1.0) -> StagePlace:
-    return StagePlace(stage, "torque", (), "payout", 0, 9.0, 20, bias, bias, u, u, math.nan, 0.0, bias / u, by_gain)
+    return StagePlace(
+        stage=stage, channel="torque", inputs=(), phase="payout", log=0, load=9.0, blocks=20, bias=bias, rms=bias,
+        noise=u, u_noise=u, u_repeat=math.nan, u_tolerance=0.0, z=bias / u, by_gain=by_gain,
+    )  # fmt: skip
 
 
 def test_one_gain_that_takes_nearly_all_away_is_told_and_one_that_does_not_is_not() -> None:
@@ -256,7 +271,8 @@ def test_a_gain_is_weighed_by_what_each_place_is_known_to() -> None:
 
 def test_a_place_without_any_yardstick_is_passed_over() -> None:
     unknown = StagePlace(
-        "load", "idc", (), "payout", 0, 9.0, 20, 1.0, 1.0, 0.0, 0.0, math.nan, 0.0, 0.0, {"torque": 1.0}
-    )
+        stage="load", channel="idc", inputs=(), phase="payout", log=0, load=9.0, blocks=20, bias=1.0, rms=1.0, noise=0.0,
+        u_noise=0.0, u_repeat=math.nan, u_tolerance=0.0, z=0.0, by_gain={"torque": 1.0},
+    )  # fmt: skip
     places = [off("gearbox", 10.0, {"torque": 100.0}), off("transmission", 10.0, {"torque": 100.0}), unknown]
     assert arises(places).sensor == "torque"

@@ -37,7 +37,7 @@ def coloured(data: Fitted, rng: np.random.Generator) -> tuple[np.ndarray, np.nda
     """White numbers (M, 5), and residuals with the covariance and the memory that the fit takes noise to have."""
     white = rng.normal(size=data.measured.shape)
     kept = white.copy()
-    for k in np.flatnonzero(data.joined).tolist():
+    for k in np.flatnonzero(data.blocks.joined).tolist():
         kept[k] = RHO * kept[k - 1] + math.sqrt(1.0 - RHO**2) * white[k]
     own = np.concatenate([log.noise.own for log in data.logs])
     drive = np.concatenate([log.noise.drive for log in data.logs])
@@ -57,7 +57,7 @@ def test_noise_as_the_fit_takes_it_is_whitened_to_unit_variance(data: Fitted) ->
     drawn = np.stack([data.whiten(coloured(data, rng)[1]).reshape(seen.shape) for _ in range(40)])
     for k in range(len(CHANNELS)):
         assert np.std(drawn[:, seen[:, k], k]) == pytest.approx(1.0, abs=0.03), CHANNELS[k]
-    joined = np.flatnonzero(data.joined)
+    joined = np.flatnonzero(data.blocks.joined)
     before = np.mean(drawn[:, joined][:, :, always] * drawn[:, joined - 1][:, :, always])
     assert before == pytest.approx(0.0, abs=0.02)
     pressure, force, torque = drawn[:, seen.all(axis=1), :3].reshape(-1, 3).T

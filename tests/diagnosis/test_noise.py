@@ -9,11 +9,11 @@ import pytest
 from openlog import FS, NOISE, made_log
 
 from winchcascade import read_run
+from winchcascade.core.integrate import white_noise
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.smooth import local_quadratic
-from winchcascade.core.white_noise import white_noise
 from winchcascade.diagnosis.block_means import PHASES, blocks_of
-from winchcascade.diagnosis.noise import NOISELESS, noise_of, velocity_noise, with_extra
+from winchcascade.diagnosis.misfit import NOISELESS, noise_of, velocity_noise, with_extra
 from winchcascade.diagnosis.predict import CHANNELS, Course
 from winchcascade.rig.parts import baseline
 

@@ -58,7 +58,7 @@ def test_an_entry_says_how_it_was_found_and_what_it_was() -> None:
     text = calibrated_text(calibration())
     assert_calibrated(text, calibration())
     assert re.search(r'k_e = .*: regression of Vdc above 1000 rpm, R2 = 0.99\d+; was 0.062" }', text)
-    assert re.search(r'b_rotor = .*: line force, torque and pressure; was 0.00075" }', text)
+    assert re.search(r'b_rotor = .*: line tension, torque and pressure; was 0.00075" }', text)
 
 
 def test_a_number_keeps_digits_down_to_a_hundredth_of_its_uncertainty() -> None:

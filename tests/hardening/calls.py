@@ -1,4 +1,7 @@
-"""The command line called in this process: as a user meets it, without the second that a process takes to start."""
+"""The command line called in this process: as a user meets it, without the second that a process takes to start.
+
+A call takes the machine to have one processor: unless `--jobs` is given, it starts no processes for its work either.
+"""
 
 import io
 import os
@@ -8,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
+from unittest import mock
 
 from winchcascade.cli.entry import main
 from winchcascade.core.signals import ENDING
@@ -17,7 +21,7 @@ PATIENCE = 60
 
 
 class Called(NamedTuple):
-    """What a command left behind: its exit code and what it said."""
+    """Exit code of a command and what it printed."""
 
     code: int
     out: str
@@ -32,7 +36,7 @@ def call(*arguments: str | Path, encoding: str = "utf-8", patience: int = PATIEN
     sys.argv = ["winchcascade", *map(str, arguments)]
     sys.stdout, sys.stderr = streams
     try:
-        with _patience(patience):
+        with _patience(patience), mock.patch.object(os, "sched_getaffinity", create=True, return_value={0}):
             main()
         code = 0
     except SystemExit as ended:
@@ -70,7 +74,7 @@ def _never(_number: int, _frame: object) -> None:
 
 
 def told(arguments: Sequence[str | Path]) -> str:
-    """The one sentence of a command that cannot use what it was given."""
+    """The one sentence of a command that rejects its arguments or files."""
     called = call(*arguments)
     assert called.code == 2, called
     assert called.out == ""

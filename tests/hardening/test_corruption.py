@@ -117,9 +117,9 @@ def test_a_corruption_is_the_same_at_every_call(kind: int, folder: Path) -> None
 
 @pytest.mark.parametrize("kind", list(CLASSES))
 def test_no_corruption_ends_in_a_traceback(kind: int, folder: Path) -> None:
-    results = list(run([kind], range(3), SEED, folder))
-    assert [r.fault for r in results] == [""] * 3
-    assert len(table(results).splitlines()) == 3
+    (result,) = run([kind], range(1), SEED, folder)
+    assert result.fault == ""
+    assert len(table([result]).splitlines()) == 3
 
 
 def test_every_class_has_logs_of_several_loads_and_rates(folder: Path) -> None:

@@ -43,6 +43,6 @@ def test_a_full_disk_is_one_sentence_and_nothing_is_lost(kind: Kind, size: int, 
     assert counts.faults == ()
 
 
-@pytest.mark.parametrize("kind", [BATCH, DEAL], ids=lambda kind: kind.name)
+@pytest.mark.parametrize("kind", [BATCH, pytest.param(DEAL, marks=pytest.mark.slow)], ids=lambda kind: kind.name)
 def test_a_folder_that_cannot_be_made_is_one_sentence(kind: Kind, tmp_path: Path) -> None:
     assert nowhere(kind, tmp_path).faults == ()

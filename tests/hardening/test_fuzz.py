@@ -28,9 +28,6 @@ from winchcascade.ingest.read import read_run
 from winchcascade.report.audit_text import audit_text
 from winchcascade.tables.audit import audit
 
-FEW = 40
-"""A wheel of all kinds and a few more."""
-
 MANY = 300
 
 
@@ -38,23 +35,21 @@ def faults(judged: list[Judged]) -> list[str]:
     return [f"--show {j.form} {j.seed}: {j.told}" for j in judged if j.outcome == "fault"]
 
 
-def test_a_few_damaged_files_of_every_kind_are_read_or_refused() -> None:
-    judged = fuzz(FEW)
-    assert faults(judged) == []
-    assert len(judged) == FEW
-    assert {j.form for j in judged} == set(SEEDS)
-
-
 @pytest.mark.slow
 def test_many_damaged_files_of_every_kind_are_read_or_refused() -> None:
     judged = fuzz(MANY, first=1_000_000)
     assert faults(judged) == []
+    assert {j.form for j in judged} == set(SEEDS)
     assert counts(judged).splitlines()[-1].split()[:2] == ["all", str(MANY)]
 
 
-def test_memory_is_judged_by_what_is_touched_not_by_what_is_reserved() -> None:
+@pytest.mark.slow
+def test_memory_that_is_reserved_and_not_touched_is_no_fault() -> None:
     # A page of this file claims more than a GiB; Arrow reserves it, finds the page damaged and touches none of it.
     assert [j.outcome for j in run_orders([("parquet", 3_009_657)])] == ["refused"]
+
+
+def test_a_file_that_is_judged_alone_may_take_so_much_memory() -> None:
     refused, starved = Judged("parquet", 1, "refused", "why."), Judged("parquet", 1, "starved")
     assert by_weight(refused, MEMORY) == refused
     assert by_weight(refused, MEMORY + 1).outcome == by_weight(starved, 0).outcome == "fault"
@@ -100,7 +95,7 @@ def literal(value: Any) -> str:
     return repr(value)
 
 
-@settings(max_examples=150, suppress_health_check=list(HealthCheck))
+@settings(suppress_health_check=list(HealthCheck))
 @given(value=VALUES, place=st.integers(0, 2**32))
 @pytest.mark.parametrize("form", ["rig", "campaign", "table"])
 def test_any_value_in_place_of_any_other_is_taken_or_told_in_one_line(
@@ -203,7 +198,7 @@ def test_a_clock_that_begins_aeons_away_is_one_sentence(start: float, tmp_path: 
     path = tmp_path / "log.tdms"
     with TdmsWriter(str(path)) as writer:
         writer.write_segment(waves)
-    with pytest.raises(LogError, match="lie too far from zero to be told apart; expected stamps that rise"):
+    with pytest.raises(LogError, match="lie too far from zero to be distinguished; expected stamps that rise"):
         read_run(path)
 
 
@@ -219,7 +214,7 @@ def test_stamps_that_are_mended_rise_or_are_one_sentence() -> None:
             except LogError as fault:
                 told.append(str(fault))
     assert 0 < len(told) < 40
-    assert all("told apart" in sentence for sentence in told)
+    assert all("be distinguished" in sentence for sentence in told)
 
 
 def test_a_time_without_a_unit_beside_numbers_of_any_size_is_read(tmp_path: Path) -> None:

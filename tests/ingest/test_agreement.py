@@ -183,8 +183,8 @@ def test_a_logged_power_that_torque_contradicts_is_told_and_kept(factor: float) 
     (finding,) = power_disagrees(signals, RIG.r_drum)
     assert (finding.kind, finding.channel, finding.action) == ("out_of_range", "power_mech", "reported and kept")
     assert finding.message == (
-        f"power_mech is {factor:#.4g} times torque x velocity / r_drum, with 0.13 m of the rig; E_mech goes with power_mech: "
-        f"check its unit and shaft, unit and gain of the torque, and r_drum"
+        f"power_mech is {factor:#.4g} times torque x velocity / r_drum, with 0.13 m of the rig; E_mech is the integral of "
+        f"power_mech: check its unit and shaft, unit and gain of the torque, and r_drum"
     )
     assert finding in check(T, signals, RIG, simulated=False, open_circuit=False).findings
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from winchcascade.core.errors import LogError
-from winchcascade.ingest.align import Waveform, common_stamps
+from winchcascade.ingest.formats.tdms import Waveform, common_stamps
 
 
 def test_a_clock_that_ends_beyond_all_time_is_refused() -> None:

@@ -2,8 +2,6 @@
 
 import json
 import re
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,6 +9,8 @@ from typing import Any
 import numpy as np
 import openpyxl
 import pytest
+from calls import call
+from read_here import readers_here
 from scipy.io import savemat
 
 from winchcascade import read_run
@@ -108,18 +108,22 @@ SEVERAL: dict[str, tuple[Write, str, list[str]]] = {
 def test_several_tables_that_could_be_the_log_are_named_and_none_is_chosen(tmp_path: Path, kind: str) -> None:
     write, file, names = SEVERAL[kind]
     path = write(tmp_path / file, {names[0]: 1, names[1]: 4})
+    assert read_run(path, table=names[1]).table == names[1]
     with pytest.raises(LogError) as fault:
         read_run(path)
     assert re.search(
         r"2 (sheets|runs|groups) could be the log: " + re.escape(", ".join(map(repr, names))), str(fault.value)
     )
     assert "--sheet NAME" in str(fault.value)
-    for name, seed in zip(names, (1, 4), strict=True):
-        for wanted in (name, name.upper()):
-            run = read_run(path, table=wanted)
-            assert (run.table, peak(run)) == (name, seed)
-    with pytest.raises(LogError, match=r"has no (sheet|run|group) 'Run 9'; expected one of .*or a number from 1 to \d"):
-        read_run(path, table="Run 9")
+    with readers_here():
+        for name, seed in zip(names, (1, 4), strict=True):
+            for wanted in (name, name.upper()):
+                run = read_run(path, table=wanted)
+                assert (run.table, peak(run)) == (name, seed)
+        with pytest.raises(
+            LogError, match=r"has no (sheet|run|group) 'Run 9'; expected one of .*or a number from 1 to \d"
+        ):
+            read_run(path, table="Run 9")
 
 
 @pytest.mark.parametrize("kind", SEVERAL)
@@ -182,18 +186,13 @@ ENTRIES = '[[run]]\nfile = "all.xlsx"\nsheet = "r36ohm"\nload_ohm = 36.0\nwindow
 ENTRIES += '[[run]]\nfile = "all.xlsx"\nsheet = 2\nload_ohm = 9.0\nwindow_s = 5.96\nwithheld = true\n'
 
 
-def call(*arguments: object) -> subprocess.CompletedProcess[str]:
-    words = [sys.executable, "-m", "winchcascade", *map(str, arguments)]
-    return subprocess.run(words, capture_output=True, text=True, check=False)
-
-
 def test_a_command_names_the_sheet_and_shows_it(book: Path) -> None:
-    done = call("reduce", book, "--load-ohm", 36)
-    assert done.returncode == 2
-    assert "2 sheets could be the log: 'r36ohm', 'r9ohm'" in done.stderr
-    done = call("reduce", book, "--load-ohm", 9, "--sheet", "r9ohm", "--json", "-")
-    assert json.loads(done.stdout)["log"]["table"] == "r9ohm"
-    assert "all.xlsx, table 'r9ohm': " in call("reduce", book, "--load-ohm", 9, "--sheet", "2").stdout
+    done = call("reduce", book, "--load-ohm", "36")
+    assert done.code == 2
+    assert "2 sheets could be the log: 'r36ohm', 'r9ohm'" in done.err
+    done = call("reduce", book, "--load-ohm", "9", "--sheet", "r9ohm", "--json", "-")
+    assert json.loads(done.out)["log"]["table"] == "r9ohm"
+    assert "all.xlsx, table 'r9ohm': " in call("reduce", book, "--load-ohm", "9", "--sheet", "2").out
 
 
 def test_a_campaign_lists_the_sheets_of_one_file_as_runs_of_their_own(book: Path, tmp_path: Path) -> None:
@@ -206,14 +205,14 @@ def test_a_campaign_lists_the_sheets_of_one_file_as_runs_of_their_own(book: Path
     assert [work.sheet for work in make_plan([str(book)]).work] == ["r36ohm", "2"]
     done = run_batch(plan, tmp_path / "out")
     assert done.faults == {}
-    tables = {run["name"]: run["table"] for run in done.summary["runs"]}
+    tables = {run.name: run.table for run in done.summary.reduced}
     assert tables == {"all.xlsx-sheet-r36ohm": "r36ohm", "all.xlsx-sheet-2": "r9ohm"}
     for name, energy in (("all.xlsx-sheet-r36ohm", 4956.2), ("all.xlsx-sheet-2", 5309.3)):
         record = json.loads((tmp_path / "out" / "runs" / f"{name}.json").read_bytes())
         assert record["mean"]["energy_gen_j"] == pytest.approx(energy, abs=0.5)
     assert run_batch(plan, tmp_path / "out").kept == 2
-    assert "lists 2 sheets of all.xlsx: 'r36ohm', '2'; expected one" in call("reduce", book).stderr
-    assert "load 36 ohm (campaign.toml)" in call("reduce", book, "--sheet", "r36ohm").stdout
+    assert "lists 2 sheets of all.xlsx: 'r36ohm', '2'; expected one" in call("reduce", book).err
+    assert "load 36 ohm (campaign.toml)" in call("reduce", book, "--sheet", "r36ohm").out
 
 
 @pytest.mark.parametrize("sheet", ["true", "1.5", '""', '["a"]'])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from campaign_log import HEAD, NOON, ROWS, SAME, T, clean, efficiencies, kinds, read, stamps, text, with_time
 
-from winchcascade.ingest.cells import clock_of_digits
+from winchcascade.ingest.clock import clock_of_digits
 
 ROUNDED = 0.002
 """A float of fourteen digits before the point keeps steps of 4 ms behind it."""

@@ -1,11 +1,12 @@
 """A few samples that jump away and back are bridged; what the machine does, and what lasts, is kept as logged."""
 
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+from loops import all_pairs, failures
 from numpy.typing import NDArray
 from synthetic import SCENARIOS, SENSORS, Scenario, make_log
 
@@ -84,15 +85,15 @@ def in_payout(t: Signal, channels: Mapping[str, Signal]) -> int:
 
 
 # ------------------------------------------------------------------------------------------------- what is bridged
-@pytest.mark.parametrize("samples", [2, 3, 4, 5])
-@pytest.mark.parametrize("word", ["-9999", "32767", "0", "x3"])
-@pytest.mark.parametrize("name", ["velocity", "force", "torque", "vdc", "idc"])
-def test_a_glitch_of_two_to_five_samples_is_bridged_and_told(
-    tmp_path: Path, name: str, word: str, samples: int
-) -> None:
+def test_a_glitch_of_two_to_five_samples_is_bridged_and_reported(tmp_path: Path) -> None:
+    names, words = ["velocity", "force", "torque", "vdc", "idc"], ["-9999", "32767", "0", "x3"]
+    assert failures(partial(is_bridged, tmp_path), all_pairs(names, words, [2, 3, 4, 5])) == []
+
+
+def is_bridged(folder: Path, name: str, word: str, samples: int) -> None:
     rows, k = table().copy(), inside(1)
     rows[k : k + samples, column(name)] = spoilt(rows[k : k + samples, column(name)], word)
-    run = written(tmp_path, rows)
+    run = written(folder, rows)
     (finding,) = [f for f in run.findings if f.kind == "spike"]
     assert (finding.channel, finding.count, finding.removed) == (name, samples, samples)
     assert (finding.start, finding.end) == pytest.approx((rows[k, 0], rows[k + samples - 1, 0]), abs=1e-6)
@@ -126,14 +127,15 @@ def test_an_error_code_is_bridged_in_channels_without_an_energy(tmp_path: Path, 
     assert spikes(written(tmp_path, rows)) == [(name, 3)]
 
 
-@pytest.mark.parametrize("rate", [50.0, 100.0, 200.0])
-@pytest.mark.parametrize("seconds", [0.02, 0.1])
-@pytest.mark.parametrize("name", ["velocity", "force", "torque", "vdc", "idc"])
-def test_a_glitch_of_a_fast_log_spans_more_samples(name: str, seconds: float, rate: float) -> None:
-    t, channels = logged(Scenario(rate=rate))
-    k, samples = in_payout(t, channels), max(2, round(seconds * rate))
-    channels[name][k : k + samples] = 3 * np.ptp(channels[name])
-    assert [(f.channel, f.count) for f in told(t, channels)] == [(name, samples)]
+def test_a_glitch_of_a_fast_log_spans_more_samples() -> None:
+    def check(name: str, seconds: float, rate: float) -> None:
+        t, channels = logged(Scenario(rate=rate))
+        k, samples = in_payout(t, channels), max(2, round(seconds * rate))
+        channels[name][k : k + samples] = 3 * np.ptp(channels[name])
+        assert [(f.channel, f.count) for f in told(t, channels)] == [(name, samples)]
+
+    names = ["velocity", "force", "torque", "vdc", "idc"]
+    assert failures(check, all_pairs(names, [0.02, 0.1], [50.0, 100.0, 200.0])) == []
 
 
 def test_a_row_of_zeros_is_bridged_in_all_channels(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from campaign_log import HEAD, NOON, ROWS, SAME, T, clean, efficiencies, kinds, read, stamps, text
+from read_here import readers_here
 
 from winchcascade import Rig, read_run
 from winchcascade.core.errors import LogError
@@ -48,11 +49,14 @@ def as_parquet(folder: Path, name: str, index: list[Any]) -> Path:
     return path
 
 
-WRITERS = pytest.mark.parametrize("write", [as_csv, as_excel, as_parquet])
+WRITERS = [(as_csv, name) for name in NAMES_OF_NONE]
+WRITERS += [(as_excel, ""), (as_excel, "Unnamed: 0"), (as_parquet, "index"), (as_parquet, "__index_level_0__")]
+"""Every name in a text file; of the files that a process of their own reads, names that data frames give there."""
+
+BY_WRITER = pytest.mark.parametrize(("write", "name"), WRITERS)
 
 
-@WRITERS
-@pytest.mark.parametrize("name", NAMES_OF_NONE)
+@BY_WRITER
 def test_stamps_in_the_only_column_without_a_name_are_the_clock(write: Writer, name: str, tmp_path: Path) -> None:
     run = read_run(write(tmp_path, name, STAMPS))
     assert kinds(run) == set()
@@ -60,30 +64,28 @@ def test_stamps_in_the_only_column_without_a_name_are_the_clock(write: Writer, n
     assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
 
 
-@WRITERS
-@pytest.mark.parametrize("name", NAMES_OF_NONE)
+@BY_WRITER
 def test_numbers_that_rise_in_the_only_column_without_a_name_are_the_clock(
     write: Writer, name: str, tmp_path: Path
 ) -> None:
-    run = read_run(write(tmp_path, name, T))
+    with readers_here():
+        run = read_run(write(tmp_path, name, T))
     assert [f.message for f in run.findings] == [
         "the clock is a column without name or unit; taken as s, with which velocity and displacement agree"
     ]
     assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
 
 
-@WRITERS
-@pytest.mark.parametrize("name", NAMES_OF_NONE)
-@pytest.mark.parametrize("step", [1, 10])
+@pytest.mark.parametrize(("write", "name", "step"), [(*writer, (1, 10)[k % 2]) for k, writer in enumerate(WRITERS)])
 def test_an_index_that_counts_rows_is_no_clock(write: Writer, name: str, step: int, tmp_path: Path) -> None:
     path = write(tmp_path, name, list(range(0, step * len(ROWS), step)))
-    with pytest.raises(
-        LogError, match=r"no time column and no sampling interval; the log has .*sample_rate_hz"
-    ) as told:
+    missing = r"no time column and no sampling interval; the log has .*sample_rate_hz"
+    with readers_here(), pytest.raises(LogError, match=missing) as caught:
         read_run(path)
-    assert "has , " not in str(told.value)
-    assert ", ," not in str(told.value)
-    run = read_run(path, rig=Rig(name="fast", sample_rate=25.0))
+    assert "has , " not in str(caught.value)
+    assert ", ," not in str(caught.value)
+    with readers_here():
+        run = read_run(path, rig=Rig(name="fast", sample_rate=25.0))
     assert run.fs == 25.0
     assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
 

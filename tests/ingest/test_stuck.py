@@ -1,10 +1,12 @@
-"""Stuck channels are told by physics and by the noise they lack; an encoder at rest is not stuck."""
+"""Stuck channels are recognised by physics and by the noise that they lack; an encoder at rest is not stuck."""
 
 from collections.abc import Sequence
 from functools import cache
+from itertools import product
 
 import numpy as np
 import pytest
+from loops import all_pairs, failures
 from numpy.typing import NDArray
 from synthetic import KGCM2, SCENARIOS, SENSORS, make_log, truth
 
@@ -56,39 +58,35 @@ def stuck(found: Checked) -> set[str | None]:
     return {f.channel for f in found.findings if f.kind == "stuck"}
 
 
-@pytest.mark.parametrize("seconds", [1.0, 3.0, 10.0])
-@pytest.mark.parametrize("where", ["rest", "ramp", "plateau", "braking", "hold", "haul_in"])
-@pytest.mark.parametrize("channel", NOISY)
-@pytest.mark.parametrize("name", ["smooth", "hundred_hertz"])
-def test_a_noisy_channel_that_holds_one_value_for_a_second_is_stuck(
-    name: str, channel: str, where: str, seconds: float
-) -> None:
+def is_stuck(name: str, channel: str, where: str, seconds: float) -> Checked:
+    """A channel is frozen for some seconds, and it alone is found to be stuck."""
     found = freeze(name, [channel], places(name)[where], seconds)
     assert stuck(found) == {channel}
-    (finding,) = found.findings
-    assert finding.start == pytest.approx(places(name)[where], abs=0.1)
-    assert finding.count == pytest.approx(seconds * SCENARIOS[name].rate, abs=2)
+    return found
 
 
-@pytest.mark.parametrize("channel", ["force", "torque", "vdc", "idc"])
-@pytest.mark.parametrize("where", ["ramp", "plateau", "braking"])
-def test_ten_samples_of_one_value_are_enough_where_noise_never_repeats(channel: str, where: str) -> None:
-    assert stuck(freeze("smooth", [channel], places("smooth")[where], 0.4)) == {channel}
+def test_a_noisy_channel_that_holds_one_value_for_a_second_is_stuck() -> None:
+    def check(name: str, channel: str, where: str, seconds: float) -> None:
+        (finding,) = is_stuck(name, channel, where, seconds).findings
+        assert finding.start == pytest.approx(places(name)[where], abs=0.1)
+        assert finding.count == pytest.approx(seconds * SCENARIOS[name].rate, abs=2)
+
+    where = ["rest", "ramp", "plateau", "braking", "hold", "haul_in"]
+    assert failures(check, all_pairs(["smooth", "hundred_hertz"], NOISY, where, [1.0, 3.0, 10.0])) == []
 
 
-@pytest.mark.parametrize("seconds", [1.0, 3.0])
-@pytest.mark.parametrize("where", ["ramp", "braking"])
-@pytest.mark.parametrize("channel", NAMES)
-def test_a_noise_free_channel_is_stuck_where_speed_or_travel_should_change_it(
-    channel: str, where: str, seconds: float
-) -> None:
-    assert stuck(freeze("exact", [channel], places("exact")[where], seconds)) == {channel}
+def test_ten_samples_of_one_value_are_enough_where_noise_never_repeats() -> None:
+    channels, where = ["force", "torque", "vdc", "idc"], ["ramp", "plateau", "braking"]
+    assert failures(is_stuck, product(["smooth"], channels, where, [0.4])) == []
 
 
-@pytest.mark.parametrize("where", ["ramp", "plateau", "braking", "haul_in"])
-@pytest.mark.parametrize("seconds", [0.4, 1.0, 3.0, 10.0])
-def test_a_displacement_that_stops_while_the_line_moves_is_stuck(where: str, seconds: float) -> None:
-    assert stuck(freeze("smooth", ["displacement"], places("smooth")[where], seconds)) == {"displacement"}
+def test_a_noise_free_channel_is_stuck_where_speed_or_travel_should_change_it() -> None:
+    assert failures(is_stuck, product(["exact"], NAMES, ["ramp", "braking"], [1.0, 3.0])) == []
+
+
+def test_a_displacement_that_stops_while_the_line_moves_is_stuck() -> None:
+    where = ["ramp", "plateau", "braking", "haul_in"]
+    assert failures(is_stuck, product(["smooth"], ["displacement"], where, [0.4, 1.0, 3.0, 10.0])) == []
 
 
 @pytest.mark.parametrize("name", ["smooth", "exact", "creep_for_hours", "idle_for_hours"])
@@ -98,7 +96,7 @@ def test_an_encoder_at_rest_is_not_stuck(name: str) -> None:
 
 
 @pytest.mark.parametrize("where", ["ramp", "plateau", "braking"])
-def test_an_encoder_that_stops_counting_is_told_by_the_torque(where: str) -> None:
+def test_an_encoder_that_stops_counting_is_found_by_the_torque(where: str) -> None:
     t, signals = log("smooth")
     inside = (t >= places("smooth")[where]) & (t <= places("smooth")[where] + 3.0)
     copies = {n: x.copy() for n, x in signals.items()}
@@ -108,14 +106,15 @@ def test_an_encoder_that_stops_counting_is_told_by_the_torque(where: str) -> Non
     assert any(f.channel == "velocity" and f.kind in ("stuck", "spike") for f in found)
 
 
-@pytest.mark.parametrize("value", [None, 0.0])
-@pytest.mark.parametrize("channel", [n for n in NAMES if n not in ("velocity", "displacement")])
-@pytest.mark.parametrize("name", ["smooth", "exact", "heavy_load"])
-def test_a_channel_that_is_one_value_throughout_is_left_out(name: str, channel: str, value: float | None) -> None:
-    t, _ = log(name)
-    found = freeze(name, [channel], t[0], t[-1], value)
-    assert stuck(found) == {channel}
-    assert channel not in found.channels
+def test_a_channel_that_is_one_value_throughout_is_left_out() -> None:
+    def check(name: str, channel: str, value: float | None) -> None:
+        t, _ = log(name)
+        found = freeze(name, [channel], t[0], t[-1], value)
+        assert stuck(found) == {channel}
+        assert channel not in found.channels
+
+    channels = [n for n in NAMES if n not in ("velocity", "displacement")]
+    assert failures(check, all_pairs(["smooth", "exact", "heavy_load"], channels, [None, 0.0])) == []
 
 
 @pytest.mark.parametrize("name", ["smooth", "exact"])

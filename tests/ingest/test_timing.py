@@ -101,7 +101,7 @@ def test_a_counter_that_is_set_back_within_a_payout_is_mended(tmp_path: Path, st
     run = written(tmp_path, rows, without)
     finding = only(run)
     assert "the counter was set back" in finding.message
-    assert finding.action == "step taken out of the displacement"
+    assert finding.action == "step removed from the displacement"
     assert run.channels["displacement"] == pytest.approx(table()[:, DISPLACEMENT], abs=0.003)
 
 

@@ -16,8 +16,7 @@ from winchcascade import read_run, reduce
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.run import Finding, Run
 from winchcascade.reduction.efficiency_between_runs import LogEfficiency, logs_apart
-from winchcascade.reduction.efficiency_changes import compare_cycles, probability
-from winchcascade.reduction.sensor_noise import energy_noise
+from winchcascade.reduction.efficiency_changes import compare_cycles, energy_noise, probability
 
 FIXTURES = Path(__file__).parents[2] / "fixtures" / "campaign"
 LOADED = load_campaign(FIXTURES).runs[1:]
@@ -134,7 +133,7 @@ LOADS = (45.0, 36.0, 27.0, 18.0, 9.0, 4.5)
 def made(
     load: float | None, name: str = "", *, v: float = 0.8, gen: float = 1.0, trans: float = 1.0, seed: int = 0
 ) -> LogEfficiency:
-    """A log of a rig with copper loss, friction and a constant line force; `gen` and `trans` are errors of its efficiencies."""
+    """A log with copper loss, friction and a constant line tension; `gen` and `trans` are errors of its efficiencies."""
     rng = np.random.default_rng([seed, int(1000 * (load or 1.0)), int(1e4 * v)])
     ohm = load or 20.0
     power = 1500.0 * v * v * 27.0 / (ohm + 4.0)

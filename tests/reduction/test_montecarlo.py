@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.stats import t as student
 
 from winchcascade.core.rig_file import Rig, Sensor
 from winchcascade.core.rig_toml import built_in
@@ -198,6 +199,19 @@ def test_one_rectangular_error_gives_an_interval_of_095_of_its_limit() -> None:
         assert (found[m].low, found[m].high) == pytest.approx(ends, abs=QUANTILE * 2 * share * eta)
 
 
+@pytest.mark.parametrize("n", [3, 8])
+def test_cycles_that_scatter_give_the_interval_of_student(n: int) -> None:
+    """With sensors that are all but perfect; slow tests count how often such intervals hold the expectation."""
+    t, channels = cycles_of(n)
+    channels = amplified(channels, {"force": np.linspace(0.9, 1.1, n)})
+    reduction = reduce(run_of(t, channels), rig=one_error(1e-6), window=LENGTH)
+    energies = true_cycles(t, channels, reduction)["energy_line"]
+    mean, u = float(np.mean(energies)), float(np.std(energies, ddof=1)) / math.sqrt(n)
+    reach = u * float(student.ppf(0.975, n - 1))
+    found = uncertainty(reduction).interval_95["energy_line"]
+    assert (found.low, found.high) == pytest.approx((mean - reach, mean + reach), abs=2 * QUANTILE * 2 * reach)
+
+
 def test_where_the_budgets_straight_line_fails_the_draws_are_stated() -> None:
     t, channels = cycles_of(3)
     half = 0.5 * float(mean_force(reduce(run_of(t, channels), window=LENGTH))[0])
@@ -315,6 +329,7 @@ def expected(true: Mapping[str, float], scatter: Mapping[str, float]) -> dict[st
     return {m: value * math.exp(inverse.get(m, 0.0) ** 2) for m, value in true.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [3, 8])
 def test_intervals_of_cycles_that_scatter_hold_the_expectation_as_often_as_they_say(n: int) -> None:
     t, channels = cycles_of(n)

@@ -21,7 +21,7 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.efficiency import METRICS
-from winchcascade.reduction.net_energy import PARTS
+from winchcascade.reduction.energies import PARTS
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.uncertainty import Budget, budget, shares

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from winchcascade.core.rig_file import Thresholds
+from winchcascade.reduction.phased_run import find_window
 from winchcascade.reduction.phases import Cycle, Plateau, find_plateau
-from winchcascade.reduction.windows import find_window
 
 RULES = Thresholds()
 T = np.arange(0.0, 30.0, 0.04)

@@ -14,8 +14,7 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.ingest.read import read_run
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 from winchcascade.rig.parts import baseline
-from winchcascade.rig.simulate import simulate
-from winchcascade.rig.simulated_log import write_log
+from winchcascade.rig.simulate import simulate, write_log
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Run

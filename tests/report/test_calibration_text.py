@@ -44,10 +44,10 @@ def test_the_regression_is_told_with_what_eq_8_would_read() -> None:
     assert "too low: it knows neither what the bleed of 4500 ohm" in text
 
 
-def test_what_cannot_be_told_apart_is_told() -> None:
-    assert "cannot be told apart here: k_e and gain of vdc (-0.9" in calibration_text(calibration())
+def test_what_cannot_be_distinguished_is_reported() -> None:
+    assert "cannot be distinguished here: k_e and gain of vdc (-0.9" in calibration_text(calibration())
     alone = msgspec.structs.replace(calibration(), together=())
-    assert "cannot be told apart here: nothing" in calibration_text(alone)
+    assert "cannot be distinguished here: nothing" in calibration_text(alone)
 
 
 def test_numbers_that_differ_from_the_rig_file_are_told_apart_from_those_that_agree() -> None:
@@ -79,7 +79,7 @@ def test_a_fit_that_does_not_follow_the_log_is_a_finding() -> None:
     assert "findings: 2" in text
     assert "still differ from the model by 3.0 times their noise" in text
     assert "it moves volume_gas by 12 of their tolerances" in text
-    assert "part of it may sit in mu_screw and b_rotor: `winchcascade diagnose` tells what" in text
+    assert "part of it may be contained in mu_screw and b_rotor: `winchcascade diagnose` finds what it is" in text
 
 
 def test_the_record_is_plain_json() -> None:

@@ -1,7 +1,6 @@
 """Figures of a campaign of many logs: each load once in the legend, nothing beyond the edges, nothing over another."""
 
 import itertools
-from typing import Any
 
 import pytest
 from matplotlib.figure import Figure
@@ -10,6 +9,7 @@ from matplotlib.transforms import Bbox
 from test_campaign_report import run
 
 from winchcascade.report.campaign_figures import load_names, look_alike, over_load, over_speed, repeated
+from winchcascade.report.campaign_record import LogSummary
 from winchcascade.report.model_account import GROUPS, Account, ComparedCurve, LossBudget
 from winchcascade.report.model_figures import budget_bars, by_load, panels
 from winchcascade.report.model_section import Named, row_names
@@ -31,7 +31,7 @@ LOADS: dict[str, list[float | None]] = {
 }  # fmt: skip
 
 
-def logs(kind: str) -> list[dict[str, Any]]:
+def logs(kind: str) -> list[LogSummary]:
     names = (f"2026-03-{k:02d}_trial_of_the_winch.csv" for k in itertools.count(1))
     return [run(name, load, 0.7, 0.01) for name, load in zip(names, LOADS[kind], strict=False)]
 
@@ -53,15 +53,15 @@ def inside(figure: Figure, texts: list[Text]) -> bool:
     )
 
 
-def speed_figure(runs: list[dict[str, Any]]) -> Figure:
+def speed_figure(runs: list[LogSummary]) -> Figure:
     row = {"torque_nm": 1.0, "power_mech_w": 2.0, "power_gen_w": 1.5}
     bins = [{"rpm_low": 100.0 * k, "rpm_high": 100.0 * (k + 1), **row} for k in range(8)]
-    figure = over_speed(runs, {r["name"]: bins for r in runs})
+    figure = over_speed(runs, {r.name: bins for r in runs})
     assert figure is not None
     return figure
 
 
-def model_figure(runs: list[dict[str, Any]], gear: float | None = None) -> Figure:
+def model_figure(runs: list[LogSummary], gear: float | None = None) -> Figure:
     curves = [{"torque_nm": CURVE}] * len(runs)
     figure = panels(by_load(load_names(runs), curves), ["torque_nm"], word="log", rated=None, gear=gear)
     assert figure is not None
@@ -100,7 +100,7 @@ def test_loads_beyond_the_colours_differ_in_their_markers() -> None:
 @pytest.mark.parametrize("kind", LOADS)
 def test_what_stands_beside_a_bar_is_within_the_figure(kind: str) -> None:
     runs = logs(kind)[:13]
-    named = [Named(r["name"], load, Account()) for r, load in zip(runs, load_names(runs), strict=True)]
+    named = [Named(r.name, load, Account()) for r, load in zip(runs, load_names(runs), strict=True)]
     rows = row_names(named)
     assert len(set(rows)) == len(rows)
     with house_style():

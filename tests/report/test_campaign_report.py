@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import unquote
 
+import msgspec
 import numpy as np
 import pypdf
 import pytest
@@ -16,11 +17,18 @@ import pytest
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import run_batch
 from winchcascade.reduction.efficiency import FIELDS, METRICS
-from winchcascade.report.campaign import DRAWS, best_load, make_campaign_report
+from winchcascade.report.campaign import DRAWS, MOST_RUNS, best_load, make_campaign_report
 from winchcascade.report.campaign_figures import over_load
-from winchcascade.report.campaign_tables import MOST_RUNS, by_load, load_text
-from winchcascade.report.campaign_text import campaign_text
-from winchcascade.report.html import html_text
+from winchcascade.report.campaign_record import (
+    CampaignRecord,
+    FailedLog,
+    LogSummary,
+    by_load,
+    campaign_from,
+    campaign_text,
+    load_text,
+)
+from winchcascade.report.publish import html_text, publish
 from winchcascade.report.report_model import Report, Table
 from winchcascade.report.style import house_style
 
@@ -32,27 +40,28 @@ CHANCE = 4.0
 
 def run(
     name: str, load: float | None = None, eta: float | None = None, u: float | None = None, **more: Any
-) -> dict[str, Any]:
+) -> LogSummary:
     """A log of a summary that knows its efficiency, and a power that is the same for all."""
     nothing: dict[str, Any] = dict.fromkeys(FIELDS.values())
     power = {"power_gen_w": 500.0}
     interval = None if eta is None or u is None else [eta - 2 * u, eta + 2 * u]
     record: dict[str, Any] = {
         "name": name, "log": name, "fault": None, "result": f"runs/{name}.json", "load_ohm": load, "open_circuit": False,
-        "simulated": None, "rig": "ours", "cycles": 3, "complete": 3, "findings": [], "removed_share": 0.0,
+        "table": None, "simulated": None, "rig": "ours", "cycles": 3, "complete": 3, "findings": [], "finding_count": 0,
+        "removed_share": 0.0,
         "mean": nothing | power | {"eta_pto": eta}, "standard_uncertainty": nothing | {"eta_pto": u},
         "interval_95": nothing | {"eta_pto": interval}, "max_deviation_percent": nothing, "window": "auto",
         "data": {"measured": None, "origin": None},
     }  # fmt: skip
-    return record | more
+    return msgspec.convert(record | more, LogSummary)
 
 
-def failed(name: str, fault: str) -> dict[str, Any]:
-    return {"name": name, "log": name, "fault": fault}
+def failed(name: str, fault: str) -> FailedLog:
+    return FailedLog(name, name, fault)
 
 
-def summary(*runs: dict[str, Any]) -> dict[str, Any]:
-    return {"schema": "winchcascade/campaign/1", "version": "0", "title": "Made up", "state": "", "runs": list(runs)}
+def summary(*runs: LogSummary | FailedLog) -> CampaignRecord:
+    return CampaignRecord("Made up", "", runs)
 
 
 class Made(NamedTuple):
@@ -75,10 +84,8 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
     out = folder / "out"
     run_batch(make_plan([str(folder)]), out)
     record = json.loads((out / "campaign.json").read_bytes())
-    from winchcascade.report.campaign import write_campaign_reports
-
-    write_campaign_reports(record, out, ["html", "pdf"], command="winchcascade batch trial")
-    report = make_campaign_report(record, out, command="winchcascade batch trial")
+    report = make_campaign_report(campaign_from(record), out, command="winchcascade batch trial")
+    publish(report, html=out / "campaign.html", pdf=out / "campaign.pdf", force=True)
     return Made(out, record, report, (out / "campaign.html").read_text(encoding="utf-8"))
 
 
@@ -108,7 +115,7 @@ def test_the_probability_of_the_best_of_two_is_that_of_the_normal_distribution(a
     expected = 0.5 * math.erfc(-apart / math.sqrt(2.0))
     assert found[1] == pytest.approx(expected, abs=CHANCE * math.sqrt(expected * (1.0 - expected) / DRAWS) + 1e-9)
     if apart > 0:
-        assert (found[0]["name"], found[2]["name"]) == ("a", "b")
+        assert (found[0].name, found[2].name) == ("a", "b")
 
 
 def test_the_best_of_equals_is_one_of_them_by_chance() -> None:
@@ -122,7 +129,7 @@ def test_logs_of_one_load_stand_for_it_together() -> None:
     found = best_load([run("a", 18.0, 0.7 + 1e-6, 0.01), run("b", 18.0, 0.7, 0.01), run("c", 9.0, 0.7 - 1e-6, 0.01)])
     assert found is not None
     assert found.likely == pytest.approx(2.0 / 3.0, abs=CHANCE * math.sqrt(2.0 / 9.0 / DRAWS) + 1e-3)
-    assert (found.run["name"], found.following["name"], found.logs) == ("a", "c", 2)
+    assert (found.run.name, found.following.name, found.logs) == ("a", "c", 2)
     assert best_load([run("a", 18.0, 0.7, 0.01), run("b", 18.0, 0.6, 0.01)]) is None
 
 
@@ -254,7 +261,7 @@ def test_the_pdf_states_the_numbers_of_the_page(made: Made) -> None:
 def test_a_campaign_without_loads_has_a_report(tmp_path: Path) -> None:
     for k, name in enumerate(("r9ohm.csv", "r36ohm.csv")):
         shutil.copy(FIXTURES / "campaign" / name, tmp_path / f"log {k}.csv")
-    found = run_batch(make_plan([str(tmp_path)]), tmp_path / "out", reports=())
+    found = run_batch(make_plan([str(tmp_path)]), tmp_path / "out")
     report = make_campaign_report(found.summary, tmp_path / "out")
     assert [row[:2] for row in table(report, "energies").rows] == [("log 0.csv", "–"), ("log 1.csv", "–")]
     page = html_text(report)
@@ -352,7 +359,7 @@ def test_simulated_logs_and_findings_are_said(bare: Path) -> None:
 
 
 def test_the_terminal_says_what_failed_and_where_the_files_are(made: Made) -> None:
-    text = campaign_text(made.summary, made.out, kept=1)
+    text = campaign_text(campaign_from(made.summary), made.out, kept=1)
     assert text.startswith("Trial <b>A & B: 3 of 4 logs reduced, 1 of them by an earlier call\n")
     assert "failed: header_only.csv: column names but no rows" in text
     assert [line.split()[0] for line in text.splitlines() if ".csv " in line and "failed" not in line] == [
@@ -364,13 +371,11 @@ def test_the_terminal_says_what_failed_and_where_the_files_are(made: Made) -> No
 
 def test_the_terminal_marks_the_rows_of_logs_with_findings(tmp_path: Path) -> None:
     clean, hurt = run("clean.csv", 9.0), run("hurt.csv", 18.0, findings=["spike", "stuck"], finding_count=14)
-    old = run("old.csv", 27.0, findings=["stuck"])  # as version 0.1.0 wrote it
-    text = campaign_text(summary(clean, hurt, old), tmp_path, kept=0)
+    text = campaign_text(summary(clean, hurt), tmp_path, kept=0)
     ends = {line.split()[0]: line.split()[-2:] for line in text.splitlines() if ".csv" in line}
     assert ends["hurt.csv"] == ["!", "14"]
-    assert ends["old.csv"] == ["!", "1"]
     assert ends["clean.csv"][-1] == "-"
-    assert "! findings in 2 of 3 logs, listed in each log's report and JSON: spike, stuck\n" in text
+    assert "! findings in 1 of 2 logs, listed in each log's report and JSON: spike, stuck\n" in text
     assert "findings" not in campaign_text(summary(clean), tmp_path, kept=0)
 
 

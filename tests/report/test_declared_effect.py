@@ -5,7 +5,7 @@ from diagnosed import SUSPECTS, made_logs
 
 from winchcascade.core.rig_toml import load_rig
 from winchcascade.diagnosis.diagnose import diagnose
-from winchcascade.report.diagnosis_laws import rows_of, tolerance_of
+from winchcascade.report.diagnosis_causes import rows_of, tolerance_of
 from winchcascade.report.diagnosis_tables import causes_table, meanings_table
 from winchcascade.report.diagnosis_text import diagnosis_text
 from winchcascade.rig.effects.catalogue import EFFECTS, describe

@@ -10,7 +10,7 @@ from winchcascade.core.campaign_file import Origin
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Alarm, Alternative, Experiment, Remainder, Reported, Spot
 from winchcascade.diagnosis.nuisances import Nuisance
-from winchcascade.report.diagnosis_names import display_of, quantity_words
+from winchcascade.report.diagnosis_names import display_of, number_words
 from winchcascade.report.diagnosis_record import as_json
 from winchcascade.report.diagnosis_text import diagnosis_lines, diagnosis_text
 from winchcascade.report.diagnosis_words import (
@@ -66,12 +66,12 @@ def test_a_number_of_no_effect_of_the_catalogue_is_shown_by_its_own_name_and_uni
 def test_a_number_has_the_digits_that_its_interval_allows(
     low: float, value: float, high: float, texts: tuple[str, str]
 ) -> None:
-    assert quantity_words("copper_heating", "r_s_change", Reported(value, low, high, "relative")) == texts
+    assert number_words(display_of("copper_heating", "r_s_change"), Reported(value, low, high, "relative")) == texts
 
 
 def test_a_number_that_is_no_change_has_no_sign() -> None:
     value = Reported(0.8829, 0.8807, 0.8851, "1")
-    assert quantity_words("ke_rolloff", "k_e_ratio_at_10_a", value)[0] == "88.29 %"
+    assert number_words(display_of("ke_rolloff", "k_e_ratio_at_10_a"), value)[0] == "88.29 %"
 
 
 def test_a_cause_is_told_with_its_interval() -> None:
@@ -85,7 +85,7 @@ def test_a_cause_is_told_with_its_interval() -> None:
 def test_each_verdict_has_its_sentence() -> None:
     copper = diagnosed("copper")
     assert "closes more than 99 %" in verdict_words(copper)
-    assert "what is left is not significant" in verdict_words(copper)
+    assert "the residual is not significant" in verdict_words(copper)
     assert "something else acts too" in verdict_words(changed(copper, verdict="partly_explained"))
     assert "take the names below as a hint at most" in verdict_words(changed(copper, verdict="unexplained"))
     assert "the cause lies outside the catalogue" in verdict_words(diagnosed("outsider"))
@@ -105,7 +105,7 @@ def test_where_no_mean_stands_out_the_strongest_sign_is_told_instead() -> None:
     quiet = tuple(msgspec.structs.replace(place, z=0.5) for place in found.places)
     alarm = Alarm("scatter", Spot("idc", "payout", within_blocks=True), 20.09, 2.2)
     told = where_words(changed(found, places=quiet, remainder=Remainder(1.0, (alarm,), alarm.about)))
-    assert told.startswith("No mean over a phase is off by more than noise and tolerances allow.")
+    assert told.startswith("No mean over a phase deviates beyond noise and tolerances.")
     assert "Idc within blocks of payout: the scatter is 20.1 times what noise explains (limit 2.2)" in told
 
 
@@ -114,7 +114,7 @@ def test_where_a_gap_arises_is_told_beside_where_it_shows() -> None:
     assert found.where is not None
     assert found.where.stage == "gearbox"
     assert arises_words(found).startswith(
-        "Given its own logged inputs, the gearbox stage alone is off: torque is under-"
+        "With logged inputs to each stage, only the gearbox stage deviates: torque is under-"
     )
     assert says_more(found)
     text = flat(diagnosis_text(found))
@@ -128,7 +128,7 @@ def test_a_stage_that_is_that_of_the_cause_is_not_told_twice() -> None:
     assert found.where.stage == "generator"
     assert not says_more(found)
     assert "logged inputs" not in diagnosis_text(found)
-    assert "Given its own logged inputs, the generator stage alone is off" in as_json(found)["where"]["sentence"]
+    assert "With logged inputs to each stage, only the generator stage deviates" in as_json(found)["where"]["sentence"]
     assert says_more(changed(found, verdict="partly_explained"))
     assert arises_words(diagnosed("nothing")) == ""
 
@@ -150,13 +150,13 @@ def test_without_a_cause_a_stage_that_is_off_is_counted() -> None:
     found = diagnosed("nothing")
     one = msgspec.structs.replace(found.stages[0], z=-5.0)
     told = checked_words(changed(found, stages=(one, *found.stages[1:])))
-    assert f" Stage by stage 1 of {len(found.stages)} are. " in told
+    assert f" Stage by stage 1 of {len(found.stages)} do. " in told
 
 
 def test_a_sure_cause_without_a_rival_is_told_as_such() -> None:
-    assert sure_words(diagnosed("copper")).startswith("The cause has a probability above 0.99, and no other effect")
-    assert sure_words(diagnosed("nothing")).startswith("Probability of no effect at all: > 0.99")
-    assert sure_words(diagnosed("outsider")).startswith("Probability of none of the catalogue's effects")
+    assert sure_words(diagnosed("copper")).startswith("The cause has a probability above 0.99; no other effect")
+    assert sure_words(diagnosed("nothing")).startswith("Probability of no effect of the catalogue: > 0.99")
+    assert sure_words(diagnosed("outsider")).startswith("Probability of no effect of the catalogue")
 
 
 def test_a_rival_is_told_beside_the_cause_and_never_hidden() -> None:
@@ -179,7 +179,7 @@ def test_the_share_that_is_closed_comes_with_its_interval_and_how_it_is_known() 
     assert closure_words(some).startswith(
         "94 % of the explainable gap is closed (95 %: 91 to 96 %), judged on each log"
     )
-    assert interval_words(found) == "> 99 %"
+    assert interval_words(found.closure) == "> 99 %"
     assert closure_words(diagnosed("nothing")) == ""
 
 
@@ -192,9 +192,9 @@ def test_withheld_logs_are_told_by_their_loads() -> None:
 @pytest.mark.parametrize(
     ("z", "told"),
     [
-        (1.3, "No rival is left to be told apart: these logs rule out line_drag, which comes next."),
-        (22.4, "No rival is left to be told apart."),
-        (959.0, "differ by more than 100 standard deviations"),
+        (1.3, "No alternative explanation remains: these logs rule out line_drag, the next suspect."),
+        (22.4, "No alternative explanation remains."),
+        (959.0, "They differ there by more than 100 standard deviations"),
     ],
 )
 def test_the_next_experiment_is_told_with_what_it_can_do(z: float, told: str) -> None:
@@ -209,7 +209,7 @@ def test_a_rival_that_no_run_tells_from_the_cause_is_to_be_measured() -> None:
     plan = Experiment("cycle", 1.1, ("copper_heating", "line_drag"), 1.3, load=4.5, length=9.5)
     cause = msgspec.structs.replace(found.causes[0], rivals=(Alternative("line_drag", 0.3, None),))
     assert experiment_words(changed(found, causes=(cause,), experiment=plan)).startswith(
-        "None of the runs that were considered tells copper_heating from line_drag"
+        "None of the runs that were considered distinguishes copper_heating from line_drag"
     )
 
 
@@ -234,16 +234,16 @@ def test_an_alarm_is_told_with_its_limit_and_its_meaning(kind: Any) -> None:
 
 def test_what_is_left_is_told_in_one_breath() -> None:
     assert remainder_words(diagnosed("copper")) == (
-        "Less than 1 % of the gap stays open; it has no structure that stands out of noise."
+        "Less than 1 % of the gap stays open; it has no significant structure."
     )
     assert "signs of something unexplained" in remainder_words(diagnosed("outsider"))
-    assert remainder_words(diagnosed("nothing")) == "Nothing is left beyond noise."
+    assert remainder_words(diagnosed("nothing")) == "There is no residual beyond noise."
 
 
 def test_what_was_checked_counts_means_and_effects() -> None:
     found = diagnosed("nothing")
     assert checked_words(found) == (
-        f"{len(found.places)} means by channel, phase and load: none is off by more than 4 standard uncertainties. "
+        f"{len(found.places)} means by channel, phase and load: none deviates by more than 4 standard uncertainties. "
         "4 effects: none explains more than chance would."
     )
 
@@ -276,7 +276,7 @@ def test_the_text_keeps_to_its_columns_and_tells_all_there_is(name: str) -> None
     assert text.startswith(f"a campaign of {name}: ")
     for cause in found.causes:
         assert cause.effect in text
-    names = ["verdict", "how sure", *(["how far", "what next", "left"] if found.causes else [])]
+    names = ["verdict", "how sure", *(["how far", "what next", "residual"] if found.causes else [])]
     for entry in names:
         assert f"\n{entry} " in text
 
@@ -304,7 +304,7 @@ def test_few_lines_tell_verdict_causes_and_files() -> None:
 
     text = diagnosis_lines(as_json(diagnosed("copper")), [Path("d.html")])
     assert flat(text) == (
-        "diagnosis: explained: copper_heating; more than 99 % of the gap closed on logs that were left out d.html"
+        "diagnosis: explained: copper_heating; more than 99 % of the gap closed on held-out logs d.html"
     )
     assert diagnosis_lines(as_json(diagnosed("nothing")), []).split() == ["diagnosis:", "no", "gap"]
 

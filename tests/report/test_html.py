@@ -23,7 +23,7 @@ from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report import figures
 from winchcascade.report.document import make_report
-from winchcascade.report.html import html_text, width, write_html
+from winchcascade.report.publish import html_text, publish, width
 from winchcascade.report.report_model import Note, Picture, Report, Section, Table
 from winchcascade.report.style import COLOURS
 
@@ -274,21 +274,21 @@ def test_the_largest_force_of_a_log_of_hours_is_drawn_at_its_place(long: Made) -
 
 
 def test_the_readout_of_a_log_of_hours_knows_the_largest_force(long: Made) -> None:
-    (trace,) = (t for t in json.loads(long.report.traces)["traces"] if t["name"] == "Line force")
+    (trace,) = (t for t in json.loads(long.report.traces)["traces"] if t["name"] == "Line tension")
     assert max(trace["high"]) == float(f"{long.reduction.run.channels['force'].max():.4g}")
 
 
 def test_a_page_of_this_tool_is_replaced_and_no_other(hostile: Made, tmp_path: Path) -> None:
     path = tmp_path / "my report.html"
-    write_html(hostile.report, path)
+    publish(hostile.report, html=path)
     first = path.read_bytes()
-    write_html(hostile.report, path)
+    publish(hostile.report, html=path)
     assert path.read_bytes() == first
     shutil.copy(path, tmp_path / "copy.html")
     check_replaceable(tmp_path / "copy.html", force=False)
     path.write_text("<!doctype html><title>mine</title>")
     with pytest.raises(OutputError, match="was not written by winchcascade"):
-        write_html(hostile.report, path)
+        publish(hostile.report, html=path)
     assert path.read_text() == "<!doctype html><title>mine</title>"
 
 

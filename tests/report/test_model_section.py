@@ -13,14 +13,16 @@ import msgspec
 import numpy as np
 import pytest
 from compared import FIXTURES, KGCM2, LOGS, compared, reduced
+from undrawn import undrawn
 
 from winchcascade.batch.plan import make_plan
-from winchcascade.batch.run_batch import run_batch
+from winchcascade.batch.run_batch import Products, run_batch
 from winchcascade.core.campaign_file import SIMULATED
 from winchcascade.core.rig_toml import load_rig
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.report import model_figures as figures
 from winchcascade.report.campaign import make_campaign_report
+from winchcascade.report.campaign_record import campaign_from
 from winchcascade.report.document import make_report
 from winchcascade.report.model_account import GROUPS, Regression, account_of
 from winchcascade.report.model_data import ModelComparison, compare
@@ -166,7 +168,7 @@ def test_what_a_log_lacks_is_neither_drawn_nor_told(missing: str) -> None:
     names, shown = captions(section), table(section, "differences")
     if missing == "torque":
         assert "model-losses" not in names
-        assert "torque behind" not in names["model-generator"].lower()
+        assert "torque of the PTO shaft" not in names["model-generator"].lower()
         assert not [head for head in shown.head if head.startswith("τ")]
     elif missing in ("pressure", "displacement"):
         assert "pressure" not in names["model-tether"].lower()
@@ -188,7 +190,8 @@ def test_a_model_with_an_effect_says_so_in_every_caption() -> None:
 
 def test_the_section_stands_in_the_report_of_a_log() -> None:
     reduction = reduced("18 ohm")
-    report = make_report(reduction, uncertainty(reduction, draws=200))
+    with undrawn():
+        report = make_report(reduction, uncertainty(reduction, draws=200))
     assert [s.heading for s in report.sections if s.id == "model"] == ["Measured and simulated"]
 
 
@@ -268,7 +271,7 @@ def test_the_sweep_names_every_damper(found: dict[str, Modelled], style: None) -
     texts = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
     assert texts == ["log", "no damper", "0.5 ×", "as in the rig file", "1.5 ×", "2 ×", "over rated speed"]
     (ax,) = figure.axes
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("Generator speed (rpm)", "Line force (N)")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("Generator speed (rpm)", "Line tension (N)")
 
 
 def test_the_back_emf_is_drawn_with_its_slope_and_that_of_the_rig_file(style: None) -> None:
@@ -305,13 +308,14 @@ def batch(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copy(FIXTURES / "campaign" / name, folder)
         text += f'[[run]]\nfile = "{name}"\n' + ("" if load is None else f"load_ohm = {load}\n")
     (folder / "campaign.toml").write_text(text)
-    run_batch(make_plan([str(folder)]), folder / "out", reports=("html",))
+    with undrawn():
+        run_batch(make_plan([str(folder)]), folder / "out", Products(reports=("html",)))
     return folder / "out"
 
 
 @pytest.fixture(scope="module")
 def campaign(batch: Path) -> Section:
-    report: Report = make_campaign_report(json.loads((batch / "campaign.json").read_bytes()), batch)
+    report: Report = make_campaign_report(campaign_from(json.loads((batch / "campaign.json").read_bytes())), batch)
     (section,) = (s for s in report.sections if s.id == "model")
     return section
 
@@ -365,7 +369,7 @@ def test_a_campaign_that_names_itself_rebuilt_is_not_called_measured(found: dict
 
 
 def test_results_without_simulations_make_no_section(batch: Path, tmp_path: Path) -> None:
-    summary = json.loads((batch / "campaign.json").read_bytes())
+    summary = campaign_from(json.loads((batch / "campaign.json").read_bytes()))
     shutil.copytree(batch / "dataset", tmp_path / "dataset")
     report = make_campaign_report(summary, tmp_path)
     assert "model" not in [s.id for s in report.sections]

@@ -10,9 +10,10 @@ from typing import NamedTuple
 import msgspec
 import pypdf
 import pytest
+from undrawn import undrawn
 
 from winchcascade import __version__
-from winchcascade.cli.app import app
+from winchcascade.cli.app import command_line
 from winchcascade.core.errors import OutputError
 from winchcascade.core.files import check_replaceable
 from winchcascade.core.rig_toml import parse_rig
@@ -20,8 +21,7 @@ from winchcascade.ingest.read import read_run
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.report.document import make_report
-from winchcascade.report.html import html_text, write_html
-from winchcascade.report.pdf import pdf_bytes, write_pdf
+from winchcascade.report.publish import html_text, pdf_bytes, publish
 from winchcascade.report.report_model import Note, Picture, Report, Section, Table
 
 CLEAN = Path(__file__).parents[2] / "fixtures" / "campaign" / "r36ohm.csv"
@@ -75,11 +75,12 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Made:
         "rig #x.toml",
     )  # fmt: skip
     reduction = reduce(read_run(log, rig=rig, about=f"about {MARKUP}"), rig=rig)
-    report = make_report(reduction, uncertainty(reduction, draws=200), command=f"command {MARKUP}")
-    undrawn = [
+    with undrawn():
+        report = make_report(reduction, uncertainty(reduction, draws=200), command=f"command {MARKUP}")
+    sections = [
         Section(s.id, s.heading, tuple(b for b in s.blocks if not isinstance(b, Picture))) for s in report.sections
     ]
-    return made(msgspec.structs.replace(report, sections=tuple(undrawn)))
+    return made(msgspec.structs.replace(report, sections=tuple(sections)))
 
 
 def squeezed(text: str) -> str:
@@ -229,21 +230,21 @@ def test_a_text_longer_than_a_page_is_cut_and_says_so(clean: Made) -> None:
 def test_ones_own_reports_are_replaced_and_no_other(tmp_path: Path) -> None:
     html, pdf = tmp_path / "my report.html", tmp_path / "my report.pdf"
     arguments = ["reduce", str(CLEAN), "--html", str(html), "--pdf", str(pdf)]
-    app(arguments, standalone_mode=False)
+    with undrawn():
+        command_line("reduce")(arguments, standalone_mode=False)
     for path in (html, pdf):
         check_replaceable(path, force=False)
     pdf.write_bytes(b"%PDF-1.7\n% mine\n%%EOF\n")
     with pytest.raises(OutputError, match="was not written by winchcascade"):
-        app(arguments, standalone_mode=False)
+        command_line("reduce")(arguments, standalone_mode=False)
     assert pdf.read_bytes() == b"%PDF-1.7\n% mine\n%%EOF\n"
 
 
 def test_any_report_is_known_as_ones_own(clean: Made, hostile: Made, tmp_path: Path) -> None:
     for k, report in enumerate((clean.report, small(clean.report, title="測試", subtitle="x" * 200_000))):
-        for write in (write_html, write_pdf):
-            path = tmp_path / f"report {k} {write.__name__}"
-            write(report, path)
-            write(report, path)  # without force
+        html, pdf = tmp_path / f"report {k}.html", tmp_path / f"report {k}.pdf"
+        publish(report, html=html, pdf=pdf)
+        publish(report, html=html, pdf=pdf)  # without force
     path = tmp_path / "hostile.pdf"
     path.write_bytes(hostile.content)
     check_replaceable(path, force=False)

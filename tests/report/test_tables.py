@@ -12,8 +12,8 @@ from winchcascade.core.rig_toml import parse_rig
 from winchcascade.core.run import Finding
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.efficiency import ALL_METRICS, METRICS, NET_METRICS, Metrics
+from winchcascade.reduction.energies import NetSpan
 from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
-from winchcascade.reduction.net_energy import NetSpan
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report import tables

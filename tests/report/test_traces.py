@@ -94,9 +94,9 @@ def test_the_readout_of_a_short_log_has_every_sample(reduction: Reduction) -> No
     assert data["span"] == [run.t[0], run.t[-1]]
     assert data["label"] == "Time (s)"
     assert data["times"] == pytest.approx(run.t.tolist())
-    assert {"Line velocity", "Line force", "P_line", "P_mech", "P_gen"} <= set(traces)
-    assert (traces["Line force"]["unit"], traces["P_gen"]["unit"]) == ("N", "W")
-    assert traces["Line force"]["x"] == pytest.approx(run.channels["force"].tolist(), rel=FOUR_DIGITS)
+    assert {"Line velocity", "Line tension", "P_line", "P_mech", "P_gen"} <= set(traces)
+    assert (traces["Line tension"]["unit"], traces["P_gen"]["unit"]) == ("N", "W")
+    assert traces["Line tension"]["x"] == pytest.approx(run.channels["force"].tolist(), rel=FOUR_DIGITS)
     power = run.channels["force"] * run.channels["velocity"]
     assert traces["P_line"]["x"] == pytest.approx(power.tolist(), rel=FOUR_DIGITS)
 
@@ -109,7 +109,7 @@ def test_the_readout_of_a_long_log_has_the_range_of_each_stretch(reduction: Redu
         reduction.run, t=0.04 * np.arange(n), samples=n, channels={"velocity": np.ones(n), "force": force}
     )
     data = page(msgspec.structs.replace(reduction, run=run, cycles=()))
-    (trace,) = (trace for trace in data["traces"] if trace["name"] == "Line force")
+    (trace,) = (trace for trace in data["traces"] if trace["name"] == "Line tension")
     times = np.array(data["times"])
     assert times[0] == 0.0
     assert (np.diff(times) > 0).all()

@@ -15,8 +15,7 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.rig.kernel import COLUMNS
 from winchcascade.rig.parts import baseline
-from winchcascade.rig.simulate import LEDGER, motion_of, simulate, solve
-from winchcascade.rig.simulated_log import write_log
+from winchcascade.rig.simulate import LEDGER, motion_of, simulate, solve, write_log
 
 KGCM2 = 98066.5
 GAINS = ("pressure", "force", "torque", "vdc", "idc")
@@ -44,6 +43,19 @@ def test_a_campaign_without_an_effect_is_followed_with_the_rigs_own_numbers(shar
             rms = float(np.sqrt(np.mean((found.channels[name] - measured)[payout] ** 2)))
             most = ABSOLUTE.get(name) or PLATEAU_SHARE[name] * float(np.mean(measured[plateau]))
             assert rms < most, (log.name, name)
+
+
+BLURRED = 0.03
+"""Largest difference of the motion of every fifth sample from that of all, at braking. [m/s]"""
+
+
+def test_the_motion_of_a_coarse_log_is_not_blurred(fixtures: Path, tmp_path: Path) -> None:
+    lines = (fixtures / "campaign" / "r36ohm.csv").read_text().splitlines()
+    coarse = tmp_path / "5hz.csv"
+    coarse.write_text("\n".join([lines[0], *lines[1::5]]) + "\n")
+    whole, thinned = (motion_of(read_run(log), 1e-2) for log in (fixtures / "campaign" / "r36ohm.csv", coarse))
+    k = min(whole.v.size, thinned.v.size)
+    assert np.max(np.abs(whole.v[:k] - thinned.v[:k])) < BLURRED
 
 
 HALVED = 5e-4

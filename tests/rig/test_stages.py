@@ -180,7 +180,7 @@ def test_the_power_of_the_line_is_force_times_speed_less_inertia_and_losses() ->
 
 
 def test_a_line_without_a_force_has_no_power() -> None:
-    with pytest.raises(LogError, match="no line force, which the power of the line follows from; log it"):
+    with pytest.raises(LogError, match="no line tension, which the power of the line follows from; log it"):
         line_power(motion_run(cycles=1))
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from winchcascade import read_run
 from winchcascade.core.rig_toml import built_in
-from winchcascade.rig.bridge import bridge_state, bridge_table, bridge_turned
+from winchcascade.rig.bridge import bridge_slopes, bridge_state, bridge_table
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 from winchcascade.rig.kernel import SHAFT, Constants, constants, run_shaft
 from winchcascade.rig.parts import Model, baseline
@@ -70,7 +70,7 @@ def test_derivatives_are_the_limit_of_differences(model: Model, name: str, load:
     numbers = constants(model, load)
     solution = solve(course.v, numbers)
     ways = {field: direction(numbers, constants(bent(model, ke_rolloff={field: 1e-4}), load)) for field in ROLLOFF}
-    tangent = tangent_of(course.v, STEP, numbers, bridge_table(), solution, EVERY, list(ways.values()))
+    tangent = tangent_of(course.v, STEP, numbers, solution, EVERY, list(ways.values()))
     turning = solution[::EVERY, SHAFT.index("omega_gen")] > AT_REST
     for what in (*NUMBERS, *ways):
         if what in ways:
@@ -99,14 +99,14 @@ def test_currents_follow_the_angle_of_the_impedance() -> None:
                 bridge_state(v_total, 100.0, math.sin(angle + d), math.cos(angle + d), table)[:2] for d in (1e-6, -1e-6)
             ]
             slopes = [(a - b) / 2e-6 for a, b in zip(*at, strict=True)]
-            turned = bridge_turned(v_total, 100.0, math.sin(angle), math.cos(angle), table)
+            turned = bridge_slopes(v_total, 100.0, math.sin(angle), math.cos(angle), table)[4:]
             assert turned == pytest.approx(slopes, rel=1e-4, abs=1e-6)
 
 
 def test_nothing_changes_where_no_number_does() -> None:
     course = motion("r36ohm.csv", 36.0)
     numbers = constants(NOMINAL, 36.0)
-    tangent = tangent_of(course.v, STEP, numbers, bridge_table(), solve(course.v, numbers), EVERY, [])
+    tangent = tangent_of(course.v, STEP, numbers, solve(course.v, numbers), EVERY, [])
     clutch, vdc = tangent.change(numbers)
     assert not clutch.any()
     assert not vdc.any()
@@ -115,10 +115,10 @@ def test_nothing_changes_where_no_number_does() -> None:
 def test_a_direction_that_was_not_carried_is_refused() -> None:
     course = motion("r36ohm.csv", 36.0)
     numbers = constants(NOMINAL, 36.0)
-    table, solution = bridge_table(), solve(course.v, numbers)
-    tangent = tangent_of(course.v, STEP, numbers, table, solution, EVERY, [])
+    solution = solve(course.v, numbers)
+    tangent = tangent_of(course.v, STEP, numbers, solution, EVERY, [])
     with pytest.raises(ValueError, match="not in tuple"):
         tangent.change(constants(WORN, 36.0))
     way = direction(numbers, constants(WORN, 36.0))
     with pytest.raises(ValueError, match="directions of the roll-off"):
-        tangent_of(course.v, STEP, numbers, table, solution, EVERY, [way] * (MOST_WAYS + 1))
+        tangent_of(course.v, STEP, numbers, solution, EVERY, [way] * (MOST_WAYS + 1))

@@ -9,7 +9,7 @@ import pytest
 
 from winchcascade import read_run, reduce, uncertainty
 from winchcascade.core.errors import OptionError
-from winchcascade.core.published_table import Column, Row, Table
+from winchcascade.core.published_table import PrintedColumn, PublishedTable, TableRow
 from winchcascade.core.table_toml import load_table
 from winchcascade.reduction.efficiency import FIELDS, METRICS
 from winchcascade.report.records import reduction_json
@@ -17,21 +17,21 @@ from winchcascade.tables.check import Check, CheckError, Factors, Measured, chec
 
 LOADS = (45.0, 18.0, math.inf)
 DECIMALS = {"energy": ("kJ", 3, 1e3), "power": ("W", 0, 1.0), "eta": ("%", 1, 0.01)}
-COLUMNS = {metric: Column(*DECIMALS[metric.partition("_")[0]]) for metric in METRICS}
+COLUMNS = {metric: PrintedColumn(*DECIMALS[metric.partition("_")[0]]) for metric in METRICS}
 JUST = 1e-3
 """Share of the tolerance by which a value is put inside or outside of it."""
 
 
-def random_table(seed: int) -> Table:
+def random_table(seed: int) -> PublishedTable:
     rng = np.random.default_rng(seed)
     rows = tuple(
-        Row(load, {m: round(float(rng.uniform(20.0, 900.0)), column.decimals) for m, column in COLUMNS.items()})
+        TableRow(load, {m: round(float(rng.uniform(20.0, 900.0)), column.decimals) for m, column in COLUMNS.items()})
         for load in LOADS
     )
-    return Table("random", "random", "none", COLUMNS, rows)
+    return PublishedTable("random", "random", "none", COLUMNS, rows)
 
 
-def exact_results(table: Table, seed: int = 0) -> list[Measured]:
+def exact_results(table: PublishedTable, seed: int = 0) -> list[Measured]:
     """Results that are what the table prints, with a deviation and an uncertainty of each metric."""
     rng = np.random.default_rng(seed)
     results = []
@@ -43,7 +43,7 @@ def exact_results(table: Table, seed: int = 0) -> list[Measured]:
     return results
 
 
-def moved(results: list[Measured], table: Table, k: int, metric: str, share: float) -> list[Measured]:
+def moved(results: list[Measured], table: PublishedTable, k: int, metric: str, share: float) -> list[Measured]:
     """One value moved by a share of its own tolerance: m - p = share (h + d m + 2 u), solved for m."""
     result, column = results[k], table.columns[metric]
     deviation, doubt = result.deviation[metric] or 0.0, result.uncertainty[metric] or 0.0
@@ -114,7 +114,9 @@ def test_a_factor_that_is_no_number_from_zero_up_is_told(value: float) -> None:
 
 
 def test_the_parts_of_a_tolerance_are_in_the_printed_unit() -> None:
-    table = Table("t", "t", "s", {"energy_line": Column("kJ", 1, 1e3)}, (Row(18.0, {"energy_line": 11.7}),))
+    table = PublishedTable(
+        "t", "t", "s", {"energy_line": PrintedColumn("kJ", 1, 1e3)}, (TableRow(18.0, {"energy_line": 11.7}),)
+    )
     result = Measured("log", 18.0, {"energy_line": 12000.0}, {"energy_line": 5.0}, {"energy_line": 60.0})
     (cell,) = check([result], table).cells
     assert (cell.measured, cell.rounding, cell.deviation, cell.uncertainty) == pytest.approx((12.0, 0.05, 0.6, 0.12))

@@ -2,8 +2,6 @@
 
 import json
 import math
-import subprocess
-import sys
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -11,9 +9,10 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from calls import call
 
 from winchcascade.core.errors import RigError
-from winchcascade.core.published_table import Table
+from winchcascade.core.published_table import PublishedTable
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import built_in, parse_rig
 from winchcascade.core.run import Run
@@ -22,14 +21,14 @@ from winchcascade.diagnosis.suspects import with_values
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.efficiency import METRICS
 from winchcascade.reduction.reduce import first_metrics, reduce
-from winchcascade.report.reach_text import reach_record, reach_text
+from winchcascade.report.audit_text import reach_record, reach_text
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 from winchcascade.rig.parts import Model, baseline
 from winchcascade.rig.simulate import simulate
 from winchcascade.tables.attainable import Reach, reach
 from winchcascade.tables.attainable_row import Cell, repeatability, windows_of
-from winchcascade.tables.effect_curves import Bench, bent
-from winchcascade.tables.ratio_of_means import repeatability as known_of
+from winchcascade.tables.effect_search import Bench
+from winchcascade.tables.feasible import repeatability as known_of
 
 RIG = built_in()
 SOME = ("copper_heating", "gear_mesh_loss", "screw_friction", "torque_gain", "clutch_drag")
@@ -48,7 +47,7 @@ def made_reduce(run: Run, window: float | None) -> dict[str, float | None]:
     return first_metrics(run, RIG, window)
 
 
-def judged(table: Table, *names: str, scatter: float = SCATTER, rig: Rig = RIG) -> Reach:
+def judged(table: PublishedTable, *names: str, scatter: float = SCATTER, rig: Rig = RIG) -> Reach:
     suspects = {name: EFFECTS[name] for name in names or SOME}
     return reach(table, rig, suspects, made_reduce, scatter=scatter)
 
@@ -75,7 +74,7 @@ def made_rows(model: Model) -> list[dict[str, float]]:
     return rows
 
 
-def as_table(rows: list[dict[str, float]], *left_out: str) -> Table:
+def as_table(rows: list[dict[str, float]], *left_out: str) -> PublishedTable:
     text = f'title = "made"\nsource = "none"\n[columns]\n{COLUMNS}\n'
     for row in rows:
         text += "\n[[row]]\n" + "\n".join(f"{k} = {v}" for k, v in row.items() if k not in left_out) + "\n"
@@ -87,7 +86,7 @@ def own_rows() -> tuple[dict[str, float], ...]:
     return tuple(made_rows(baseline(RIG)))
 
 
-def own_table(*left_out: str) -> Table:
+def own_table(*left_out: str) -> PublishedTable:
     return as_table([dict(row) for row in own_rows()], *left_out)
 
 
@@ -105,7 +104,7 @@ def test_a_table_of_the_model_itself_is_within_reach_and_names_nobody() -> None:
     found = judged(own_table())
     assert found.ok
     assert [cell.gap for row in found.rows for cell in row.cells] == [0.0] * 9
-    assert (found.explanation.movers, found.explanation.sets) == ((), ())
+    assert (found.explanation.suspects, found.explanation.sets) == ((), ())
     assert [row.window for row in found.rows] == pytest.approx([5.5] * 3, rel=1e-3)
     for row, speed in zip(found.rows, (0.9, 0.8, 0.3), strict=True):
         assert row.speeds.low < speed < row.speeds.high
@@ -120,7 +119,7 @@ def test_a_planted_loss_is_out_of_reach_and_among_those_that_could_be_why() -> N
     planted = make_effect("gear_mesh_loss", {"efficiency_change": -0.08}).apply(baseline(RIG))
     found = judged(as_table(made_rows(planted)))
     assert all(cell.outside and cell.gap < 0.0 for cell in cells_of(found, "eta_gen"))
-    movers = {mover.effect: mover for mover in found.explanation.movers}
+    movers = {mover.effect: mover for mover in found.explanation.suspects}
     loss = movers["gear_mesh_loss"]
     assert loss.ability("eta_gen").verdict == "explains"
     assert loss.best is not None
@@ -152,7 +151,7 @@ def test_the_papers_generator_efficiencies_are_seven_points_below_anything_its_c
 
 
 def test_roll_off_explains_neither_of_the_papers_gaps() -> None:
-    movers = {mover.effect: mover for mover in paper().explanation.movers}
+    movers = {mover.effect: mover for mover in paper().explanation.suspects}
     rolloff = movers["ke_rolloff"]
     assert len(rolloff.fields) >= 4
     assert rolloff.ability("eta_trans").verdict == rolloff.ability("eta_gen").verdict == "no"
@@ -169,11 +168,11 @@ NEAR = 1e-3
 
 def test_the_value_that_a_row_needs_brings_it_within_reach() -> None:
     bench = Bench(paper().rows, baseline(RIG), made_reduce)
-    for mover in paper().explanation.movers:
+    for mover in paper().explanation.suspects:
         for ability in mover.abilities:
             for row, value in enumerate(ability.needed):
                 if value is not None and mover.effect in ("gear_mesh_loss", "screw_friction"):
-                    there = bent(bench, [with_values(EFFECTS[mover.effect], np.array([value]))], bench.speeds)
+                    there = bench.efficiencies([with_values(EFFECTS[mover.effect], np.array([value]))], bench.speeds)
                     assert there is not None
                     k = ("eta_trans", "eta_gen", "eta_pto").index(ability.metric)
                     assert bench.excess(there[0])[row, k] < NEAR
@@ -184,7 +183,7 @@ def test_every_named_set_is_enough_when_it_is_simulated() -> None:
     assert paper().explanation.sets
     for values in paper().explanation.sets:
         effects = [make_effect(name, fields) for name, fields in values.fields.items()]
-        there = bent(bench, effects, bench.speeds)
+        there = bench.efficiencies(effects, bench.speeds)
         assert there is not None
         eta, _ = there
         assert bench.excess_by_metric(eta).sum() == 0.0
@@ -307,11 +306,6 @@ def test_the_text_keeps_to_a_hundred_columns_and_the_record_is_json() -> None:
     assert record["sets"][0]["enough"] is True
 
 
-def audited(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "winchcascade", "audit", *arguments]
-    return subprocess.run(command, capture_output=True, encoding="utf-8", check=False)
-
-
 def written(table: Mapping[str, float], path: Path) -> str:
     rows = "\n".join(f"{key} = {value}" for key, value in table.items())
     path.write_text(f'title = "made"\nsource = "none"\n[columns]\n{COLUMNS}\n\n[[row]]\n{rows}\n', encoding="utf-8")
@@ -320,14 +314,14 @@ def written(table: Mapping[str, float], path: Path) -> str:
 
 def test_the_command_adds_the_physics_to_text_and_json(tmp_path: Path) -> None:
     table = written(own_rows()[0], tmp_path / "one.toml")
-    plain, physics = audited(table), audited(table, "--physics")
-    assert plain.returncode == physics.returncode == 0
-    assert physics.stdout.startswith(plain.stdout)
-    assert "physics: all 3 efficiencies can be reached" in physics.stdout
-    record = json.loads(audited(table, "--physics", "--json", "-").stdout)
+    plain, physics = call("audit", table), call("audit", table, "--physics")
+    assert plain.code == physics.code == 0
+    assert physics.out.startswith(plain.out)
+    assert "physics: all 3 efficiencies can be reached" in physics.out
+    record = json.loads(call("audit", table, "--physics", "--json", "-").out)
     assert record["schema"] == "winchcascade/audit/1"
     assert record["physics"]["ok"] is True
-    assert "physics" not in json.loads(audited(table, "--json", "-").stdout)
+    assert "physics" not in json.loads(call("audit", table, "--json", "-").out)
 
 
 def test_one_column_and_one_row_are_enough_to_be_judged() -> None:
@@ -338,7 +332,7 @@ def test_one_column_and_one_row_are_enough_to_be_judged() -> None:
     ((cell,),) = (row.cells for row in found.rows)
     assert cell.outside
     assert cell.gap < -0.05
-    movers = {mover.effect: mover for mover in found.explanation.movers}
+    movers = {mover.effect: mover for mover in found.explanation.suspects}
     assert movers["gear_mesh_loss"].ability("eta_pto").verdict == "explains"
     assert all(list(values.left) == ["eta_pto"] for values in found.explanation.sets)
     assert "do not explain it alone" in reach_text(found)
@@ -347,14 +341,17 @@ def test_one_column_and_one_row_are_enough_to_be_judged() -> None:
 def test_a_table_out_of_reach_ends_with_exit_code_1(tmp_path: Path) -> None:
     off = dict(own_rows()[0])
     off = {key: off[key] for key in ("load_ohm", "energy_line", "power_line", "eta_gen")} | {"eta_gen": 0.6}
-    done = audited(written(off, tmp_path / "off.toml"), "--physics")
-    assert done.returncode == 1
-    assert "1 of 1 rows below what the rig can reach" in done.stdout
+    done = call("audit", written(off, tmp_path / "off.toml"), "--physics")
+    assert done.code == 1
+    assert "1 of 1 rows below what the rig can reach" in done.out
 
 
 def test_the_command_refuses_a_rig_that_it_cannot_use(tmp_path: Path) -> None:
     table = written(own_rows()[0], tmp_path / "one.toml")
-    without, unmodelled = audited(table, "--rig", "hsu2026"), audited(table, "--physics", "--rig", "kitepower")
-    assert without.returncode == unmodelled.returncode == 2
-    assert "--rig hsu2026: is of use with --physics alone" in without.stderr
-    assert "rig kitepower: no model can be made" in unmodelled.stderr
+    without, unmodelled = (
+        call("audit", table, "--rig", "hsu2026"),
+        call("audit", table, "--physics", "--rig", "kitepower"),
+    )
+    assert without.code == unmodelled.code == 2
+    assert "--rig hsu2026: is of use with --physics alone" in without.err
+    assert "rig kitepower: no model can be made" in unmodelled.err

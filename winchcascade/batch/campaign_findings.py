@@ -1,4 +1,4 @@
-"""What is wrong with a log when it is held against the others of its campaign, from the records of their reductions."""
+"""Findings on a log that compare it with the others of its campaign, from the records of their reductions."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def log_efficiency(name: str, record: RunRecord) -> LogEfficiency | None:
     payouts = [cycle.phase_summary.payout for cycle in record.cycles if cycle.complete]
     if not payouts:
         return None
-    speeds = [p.plateau.speed_mps if p.plateau else p.travel_m / p.duration_s for p in payouts]
+    speeds = [p.plateau.speed if p.plateau else p.travel / p.duration for p in payouts]
     log, parts = record.log, record.uncertainty
     own = [asdict(row.contribution) for row in parts.budget if row.part != "gain"] + [asdict(parts.repeatability)]
     mean = asdict(record.mean)

@@ -9,7 +9,7 @@ import msgspec
 
 from winchcascade.core.errors import OutputError
 from winchcascade.core.files import check_replaceable, write_content
-from winchcascade.core.store import Digest, altered, digest_in, digest_of, inside, locked, with_digest
+from winchcascade.core.store import KeptFiles, altered, digest_of, inside, locked, make_one, marked, with_digest
 from winchcascade.core.version import __version__
 
 if TYPE_CHECKING:
@@ -33,10 +33,7 @@ def copy_campaign(folder: Path, *, force: bool = False) -> Path:
     ------
     OutputError : a file of that name with another content is there, and `force` does not allow to replace it
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as fault:
-        raise OutputError(f"{folder}: the folder cannot be made ({fault.strerror}); choose another.") from None
+    make_one(folder, "another")
     for source in sorted(packaged_campaign().iterdir()):
         copy, content = folder / source.name, source.read_bytes()
         if copy.is_file() and copy.read_bytes() == content:
@@ -49,6 +46,19 @@ def copy_campaign(folder: Path, *, force: bool = False) -> Path:
 
 KINDS = ("html", "pdf", "json")
 """Files of a diagnosis."""
+
+
+class _KeptLog(msgspec.Struct):
+    file: str
+    sha256: str
+
+
+class _KeptDiagnosis(msgspec.Struct):
+    """How an earlier call made a diagnosis."""
+
+    logs: list[_KeptLog]
+    store: KeptFiles
+    version: str = ""
 
 
 def diagnose_copy(
@@ -70,16 +80,17 @@ def diagnose_copy(
     """
     files = [inside(folder, f"diagnosis.{kind}") for kind in KINDS]
     with locked(folder, lambda place: tell(f"waiting for another call that works in {place}")):
-        kept = None if force else _kept(files, campaign)
-        if kept is not None:
-            return kept, files
-        from winchcascade.batch.campaign_diagnosis import diagnose_file
+        kept = marked(files[2], _KeptDiagnosis)
+        if not force and isinstance(kept, _KeptDiagnosis) and _is_current(kept, folder, campaign.parent):
+            return msgspec.json.decode(files[2].read_bytes(), type=dict[str, Any]), files
+        from winchcascade.batch.campaign_diagnosis import diagnose_listed
+        from winchcascade.core.campaign_file import load_campaign
         from winchcascade.report.diagnosis import write_diagnosis_reports
         from winchcascade.report.diagnosis_record import as_json
 
         for path in files:
             check_replaceable(path, force=force)
-        found = diagnose_file(campaign, suspects, tell=tell)
+        found = diagnose_listed(load_campaign(campaign), suspects, tell=tell)
         tell("writing reports")
         write_diagnosis_reports(found, html=files[0], pdf=files[1], command=command, force=force)
         record = as_json(found) | {"version": __version__}
@@ -88,14 +99,7 @@ def diagnose_copy(
         return record, files
 
 
-def _kept(files: list[Path], campaign: Path) -> dict[str, Any] | None:
-    """What an earlier call found, if its files are as it made them and its version and its logs were the same."""
-    try:
-        content = files[2].read_bytes()
-        record: dict[str, Any] = msgspec.json.decode(content, type=dict[str, Any])
-        logs = {log["file"]: log["sha256"] for log in record["logs"]}
-        whole = digest_in(content) is Digest.RIGHT and not altered(files[2].parent, record["store"]["files"])
-        same = whole and not altered(campaign.parent, logs)
-    except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError, KeyError, TypeError):
-        return None
-    return record if same and record.get("version") == __version__ else None
+def _is_current(kept: _KeptDiagnosis, folder: Path, logs: Path) -> bool:
+    """Whether the files of an earlier call are as it made them, and its version and its logs were the same."""
+    read = {log.file: log.sha256 for log in kept.logs}
+    return kept.version == __version__ and not altered(folder, kept.store.files) and not altered(logs, read)

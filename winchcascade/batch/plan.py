@@ -8,20 +8,17 @@ import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import msgspec
+from msgspec.structs import replace
 
 from winchcascade.core.addresses import expand, is_remote, local_path
-from winchcascade.core.campaign_file import CAMPAIGN_FILE, Origin, load_campaign
+from winchcascade.core.campaign_file import CAMPAIGN_FILE, Campaign, Origin, load_campaign
 from winchcascade.core.errors import CampaignError, OptionError
-from winchcascade.core.files import readable
+from winchcascade.core.plain_text import one_line
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import DEFAULT_RIG, load_rig
 from winchcascade.core.version import __version__
-
-if TYPE_CHECKING:
-    from winchcascade.core.campaign_file import Campaign, CampaignRun
 
 LOGS = frozenset("csv tsv txt dat asc log lvm tdms mat parquet pq xlsx xls xlsm xlsb ods".split())
 """Endings of files that are taken for logs in a folder."""
@@ -98,24 +95,19 @@ def _of_target(target: str, rig: str | None, window: str | float | None) -> tupl
         return target, _of_logs(_logs_only(expand(target), target), rig, window)
     path = Path(target)
     if path.is_dir() and not (path / CAMPAIGN_FILE).is_file():
-        return path.resolve().name, _of_logs(_in_folder(path), rig, window)
+        files = sorted(str(file) for file in path.iterdir() if file.is_file() and not file.name.startswith("."))
+        return path.resolve().name, _of_logs(_logs_only(files, str(path)), rig, window)
     if path.is_dir() or path.suffix == ".toml":
         campaign = load_campaign(path)
         return campaign.title or path.resolve().name, _of_campaign(campaign, rig, window)
     if path.is_file():
         return path.name, _of_logs([target], rig, window)
-    matches = sorted(glob.glob(target, recursive=True))
-    files = [match for match in matches if Path(match).is_file()]
+    files = [match for match in sorted(glob.glob(target, recursive=True)) if Path(match).is_file()]
     if not files:
         raise OptionError(
             f"{target}: no such file, folder or pattern; expected a campaign.toml, a folder of logs or logs."
         )
     return target, _of_logs(_logs_only(files, target), rig, window)
-
-
-def _in_folder(folder: Path) -> list[str]:
-    files = sorted(str(path) for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
-    return _logs_only(files, str(folder))
 
 
 def _logs_only(files: Sequence[str], target: str) -> list[str]:
@@ -135,54 +127,47 @@ def _is_result(file: str) -> bool:
 
 def _of_campaign(campaign: Campaign, rig: str | None, window: str | float | None) -> list[Work]:
     known = load_rig(rig or campaign.rig or DEFAULT_RIG)
-    return [_of_run(campaign, run, known, window) for run in campaign.runs]
-
-
-def _of_run(campaign: Campaign, run: CampaignRun, rig: Rig, window: str | float | None) -> Work:
-    return Work(
-        name=run.file.name,
-        address=str(run.file),
-        rig=rig,
-        load=run.load,
-        load_source=campaign.path.name if run.load is not None else "unknown",
-        window=window if window is not None else run.window,
-        cycles=run.cycles,
-        about=campaign.title,
-        origin=run.origin,
-        sheet=run.sheet,
-    )
+    return [
+        Work(
+            name=run.file.name,
+            address=str(run.file),
+            rig=known,
+            load=run.load,
+            load_source=campaign.path.name if run.load is not None else "unknown",
+            window=window if window is not None else run.window,
+            cycles=run.cycles,
+            about=campaign.title,
+            origin=run.origin,
+            sheet=run.sheet,
+        )
+        for run in campaign.runs
+    ]
 
 
 def _of_logs(logs: Sequence[str], rig: str | None, window: str | float | None) -> list[Work]:
-    """Logs that were named one by one: each as its own campaign file says, where one lists it."""
+    """Logs that were named one by one: each as the campaign file of its folder says, where one lists it."""
     found: list[Work] = []
-    listed: dict[Path, tuple[Campaign, Rig, dict[Path, list[CampaignRun]]] | None] = {}
+    listed: dict[Path, dict[Path, list[Work]]] = {}
     usual = load_rig(rig or DEFAULT_RIG)
     for log in logs:
-        entry = None
+        entries: list[Work] = []
         if not is_remote(log):
             folder = Path(log).parent
             if folder not in listed:
-                listed[folder] = _listed(folder, rig)
-            entry = listed[folder]
-        runs = [] if entry is None else entry[2].get(Path(log).resolve(), [])
-        if entry is not None and runs:
-            counted = runs if any(run.sheet is not None for run in runs) else runs[-1:]
-            found += [msgspec.structs.replace(_of_run(entry[0], run, entry[1], window), address=log) for run in counted]
-        else:
-            found.append(Work(name=log.rsplit("/", 1)[-1], address=log, rig=usual, window=window))
+                listed[folder] = _listed(folder / CAMPAIGN_FILE, rig, window)
+            entries = listed[folder].get(Path(log).resolve(), [])
+        counted = entries if any(entry.sheet is not None for entry in entries) else entries[-1:]
+        alone = Work(name=log.rsplit("/", 1)[-1], address=log, rig=usual, window=window)
+        found += [replace(entry, address=log) for entry in counted] or [alone]
     return found
 
 
-def _listed(folder: Path, rig: str | None) -> tuple[Campaign, Rig, dict[Path, list[CampaignRun]]] | None:
-    path = folder / CAMPAIGN_FILE
-    if not path.is_file():
-        return None
-    campaign = load_campaign(path)
-    runs: dict[Path, list[CampaignRun]] = {}
-    for run in campaign.runs:
-        runs.setdefault(run.file.resolve(), []).append(run)
-    return campaign, load_rig(rig or campaign.rig or DEFAULT_RIG), runs
+def _listed(path: Path, rig: str | None, window: str | float | None) -> dict[Path, list[Work]]:
+    """Logs that a campaign file lists, by their resolved paths; none if there is no such file."""
+    found: dict[Path, list[Work]] = {}
+    for work in _of_campaign(load_campaign(path), rig, window) if path.is_file() else ():
+        found.setdefault(Path(work.address).resolve(), []).append(work)
+    return found
 
 
 def _title(titles: Sequence[str]) -> str:
@@ -195,17 +180,21 @@ def _title(titles: Sequence[str]) -> str:
 def _named(work: Sequence[Work]) -> list[Work]:
     """Give each log a name of its own that any file system takes, and the key of its options.
 
-    A name has no more in it than tells it apart, the steadiest first, so that it stays as it is while rig or options
+    A name contains no more than distinguishes it, the steadiest part first, so that it stays as it is while rig or options
     change: the file's name, the place of the file, the sheet, the cycles, the load and window, then anything.
     """
-    once = {
-        _same(item): item for item in reversed(work)
-    }  # the same log with the same options is one, the first of them
-    work = [msgspec.structs.replace(item, key=_key(item)) for item in reversed(once.values())]
+    once = {_same(item): item for item in reversed(work)}  # of the same log with the same options the first one counts
+    work = [replace(item, key=_key(item)) for item in reversed(once.values())]
     names = [_safe(item.name) for item in work]
-    for mark in (_place_mark, _sheet_mark, _cycles_mark, _options_mark, _key_mark):
-        names = _told_apart(names, [mark(item) for item in work])
-    return [msgspec.structs.replace(item, name=name) for item, name in zip(work, names, strict=True)]
+    for marks in (
+        [_digest(_place(item)) for item in work],
+        ["" if item.sheet is None else f"sheet-{_safe(item.sheet)[:_LONG_SHEET]}" for item in work],
+        ["" if item.cycles is None else f"cycles-{_cycles_mark(*item.cycles)}" for item in work],
+        [_digest(repr((item.load, item.window))) for item in work],
+        [item.key[:8] for item in work],
+    ):
+        names = _told_apart(names, marks)
+    return [replace(item, name=name) for item, name in zip(work, names, strict=True)]
 
 
 def _told_apart(names: Sequence[str], marks: Sequence[str]) -> list[str]:
@@ -223,30 +212,9 @@ def _told_apart(names: Sequence[str], marks: Sequence[str]) -> list[str]:
     ]
 
 
-def _place_mark(work: Work) -> str:
-    return _digest(_place(work))
-
-
-def _sheet_mark(work: Work) -> str:
-    """The sheet that is read, as a word; nothing where none is named."""
-    return "" if work.sheet is None else f"sheet-{_safe(work.sheet)[:_LONG_SHEET]}"
-
-
-def _cycles_mark(work: Work) -> str:
-    """The cycles that count, as a word; nothing for all of them."""
-    if work.cycles is None:
-        return ""
-    first, last = work.cycles
+def _cycles_mark(first: int, last: int) -> str:
     text = f"{first}-{last}"
-    return f"cycles-{text if len(text) <= _LONG_CYCLES else _digest(text)}"
-
-
-def _options_mark(work: Work) -> str:
-    return _digest(repr((work.load, work.window)))
-
-
-def _key_mark(work: Work) -> str:
-    return work.key[:8]
+    return text if len(text) <= _LONG_CYCLES else _digest(text)
 
 
 def _digest(text: str) -> str:
@@ -255,7 +223,7 @@ def _digest(text: str) -> str:
 
 def _same(work: Work) -> str:
     """What two entries share that are one log with the same options, however its path is spelled."""
-    return _place(work) + _key(msgspec.structs.replace(work, address=""))
+    return _place(work) + _key(replace(work, address=""))
 
 
 def _place(work: Work) -> str:
@@ -268,7 +236,7 @@ def _place(work: Work) -> str:
 
 def _safe(name: str) -> str:
     """A file name without what some file system refuses."""
-    name = re.sub(r'[<>:"/\\|?*\x00-\x1f]', "_", readable(name)).strip(". ").encode()[:_NAME].decode("utf-8", "ignore")
+    name = re.sub(r'[<>:"/\\|?*\x00-\x1f]', "_", one_line(name)).strip(". ").encode()[:_NAME].decode("utf-8", "ignore")
     return f"_{name}" if name.split(".")[0].upper() in _RESERVED else name or "log"
 
 

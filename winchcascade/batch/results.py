@@ -9,17 +9,19 @@ import msgspec
 
 from winchcascade.batch.campaign_findings import findings_between, log_efficiency
 from winchcascade.batch.plan import make_plan
-from winchcascade.batch.run_batch import SCHEMA as CAMPAIGN_SCHEMA
 from winchcascade.batch.run_batch import Order, reduce_log
 from winchcascade.core.campaign_file import CAMPAIGN_FILE
 from winchcascade.core.errors import LogError, OptionError, OutputError
 from winchcascade.core.jobs import run_here
-from winchcascade.core.store import Digest, altered, digest_in, inside
+from winchcascade.core.store import KeptFiles, State, altered, digest_in, inside
+from winchcascade.report.campaign_record import CAMPAIGN_SCHEMA
 from winchcascade.report.records import RunRecord
+
+_EXPECTED = "expected a campaign, the folder of a batch or a reduction's JSON."
 
 
 class Results(msgspec.Struct, frozen=True):
-    """Reductions as JSON records, each with the name of its log; `whole` tells a campaign from a single log, `verified` whether
+    """Reductions as JSON records, each with the name of its log; `whole`: a campaign, not a single log, `verified` whether
     each result of a batch has a digest and matches it.
     """
 
@@ -34,15 +36,11 @@ class _Run(msgspec.Struct):
     result: str = ""
 
 
-class _Store(msgspec.Struct):
-    files: dict[str, str] = {}
-
-
 class _Summary(msgspec.Struct):
     """What is needed of the record of a batch; version 0.1.0 wrote none with digests."""
 
     runs: list[_Run]
-    store: _Store | None = None
+    store: KeptFiles = KeptFiles()
 
 
 def load_results(target: Path, *, jobs: int = 1) -> Results:
@@ -61,25 +59,21 @@ def load_results(target: Path, *, jobs: int = 1) -> Results:
     record, digest = _json(target)
     if record.get("schema") == CAMPAIGN_SCHEMA:
         return _of_batch(target.parent)
-    return Results(((target.name, record),), whole=False, verified="batch" not in record or digest is Digest.RIGHT)
+    return Results(((target.name, record),), whole=False, verified="batch" not in record or digest == "kept")
 
 
-def _json(path: Path) -> tuple[dict[str, Any], Digest]:
+def _json(path: Path) -> tuple[dict[str, Any], State]:
     if path.exists() and not path.is_file():
-        raise OptionError(f"{path}: is no file; expected a campaign, the folder of a batch or a reduction's JSON.")
+        raise OptionError(f"{path}: is no file; {_EXPECTED}")
     try:
         content = path.read_bytes()
         record = msgspec.json.decode(content, type=dict[str, Any])
     except OSError as fault:
-        raise OptionError(
-            f"{path}: cannot be read ({fault.strerror}); expected a campaign, the folder of a batch or a reduction's JSON."
-        ) from None
+        raise OptionError(f"{path}: cannot be read ({fault.strerror}); {_EXPECTED}") from None
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as fault:
-        raise OptionError(
-            f"{path}: is no JSON of a reduction ({fault}); expected a campaign, the folder of a batch or a reduction's JSON."
-        ) from None
+        raise OptionError(f"{path}: is no JSON of a reduction ({fault}); {_EXPECTED}") from None
     digest = digest_in(content)
-    if digest is Digest.WRONG:
+    if digest == "altered":
         raise _altered(path)
     return record, digest
 
@@ -103,13 +97,11 @@ def _of_batch(folder: Path) -> Results:
     for run in summary.runs:
         if run.fault is not None:
             raise LogError(f"{folder}: {run.name} failed in this batch: {run.fault} Mend the log or leave it out.")
-    found = {run.name: _json(inside(folder, run.result)) for run in summary.runs}
-    if digest is Digest.RIGHT:
-        files = {} if summary.store is None else summary.store.files
-        for name in altered(folder, {run.result: files.get(run.result, "") for run in summary.runs}):
+    records = {run.name: _json(inside(folder, run.result))[0] for run in summary.runs}
+    if digest == "kept":
+        for name in altered(folder, {run.result: summary.store.files.get(run.result, "") for run in summary.runs}):
             raise _altered(folder / name)
-    records = {name: result for name, (result, _) in found.items()}
-    return Results(_together(records), whole=True, verified=digest is Digest.RIGHT)
+    return Results(_together(records), whole=True, verified=digest == "kept")
 
 
 def _of_campaign(target: Path, jobs: int) -> Results:

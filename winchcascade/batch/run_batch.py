@@ -1,4 +1,4 @@
-"""What is done to one log of a batch, wherever it is done."""
+"""One batch: each log is reduced once, earlier results are kept, and the tables and reports of the campaign are written."""
 
 from __future__ import annotations
 
@@ -8,26 +8,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
+from msgspec.structs import asdict, replace
 
 from winchcascade.batch.campaign_findings import findings_between, log_efficiency
 from winchcascade.batch.dataset import TABLES, write_dataset, write_workbook
 from winchcascade.batch.plan import Work
 from winchcascade.core.addresses import fingerprint, local_copy
-from winchcascade.core.campaign_file import joint_origin, origin_from, origin_record
 from winchcascade.core.errors import OutputError
-from winchcascade.core.files import check_replaceable, put_in_place, readable, write_set
-from winchcascade.core.jobs import (
-    Nobody,
-    Watch,
-    Workers,
-)
+from winchcascade.core.files import check_replaceable, put_in_place, write_set
+from winchcascade.core.jobs import Nobody, Watch, Workers
+from winchcascade.core.plain_text import one_line
 from winchcascade.core.scratch import clear, scratch_folder
 from winchcascade.core.store import (
-    Digest,
+    KeptFiles,
     State,
     altered,
     check_links,
-    digest_in,
     digest_of,
     inside,
     locked,
@@ -40,16 +36,31 @@ from winchcascade.core.version import __version__
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce, require_payouts
-from winchcascade.report.campaign_tables import window_rules
-from winchcascade.report.records import FindingRecord, RunRecord, reduction_record
+from winchcascade.report.campaign_record import (
+    CampaignRecord,
+    FailedLog,
+    LogSummary,
+    campaign_from,
+    campaign_json,
+    log_summary,
+)
+from winchcascade.report.records import RunRecord, reduction_record
 
 if TYPE_CHECKING:
     from winchcascade.batch.plan import Plan
-    from winchcascade.reduction.efficiency_between_runs import LogEfficiency
 
 
 ENDINGS = ("html", "pdf", "json")
-"""Files of one log; the JSON tells that the others are there."""
+"""Files of one log; a JSON means that the others are there."""
+
+REPORTS = {"none": (), "html": ("html",), "all": ("html", "pdf")}
+"""Reports that are written, by the word that asks for them."""
+
+CAMPAIGN_FILES = ("campaign.json", "campaign.html", "campaign.pdf", "campaign.xlsx")
+"""Files of a whole campaign, beside its dataset."""
+
+DATASET = tuple(f"dataset/{table}.parquet" for table in TABLES)
+"""Files of the dataset, by their names in the folder of a batch."""
 
 _DRAWING = threading.Lock()
 """matplotlib's settings are global, and a worker of a cluster may have several threads."""
@@ -72,7 +83,7 @@ class Made(msgspec.Struct, frozen=True):
 
 
 def reduce_log(order: Order) -> Made:
-    """Reduce one log and make its files: reports first, the JSON last, so that a JSON tells that all is there."""
+    """Reduce one log and make its files: reports first, the JSON last, so that a JSON means that all files are there."""
     work = order.work
     with local_copy(work.address) as path:
         run = read_run(
@@ -84,7 +95,7 @@ def reduce_log(order: Order) -> Made:
             origin=work.origin,
             table=work.sheet,
         )
-    run = msgspec.structs.replace(run, path=readable(work.address))
+    run = replace(run, path=one_line(work.address))
     reduction = reduce(run, rig=work.rig, window=work.window, cycles=work.cycles)
     require_payouts(reduction)
     found = uncertainty(reduction)
@@ -93,20 +104,15 @@ def reduce_log(order: Order) -> Made:
     if order.reports:
         from winchcascade.report.document import make_report
         from winchcascade.report.model_section import modelled
+        from winchcascade.report.publish import html_text, pdf_bytes
 
         model = modelled(reduction)
         account = {"model": model.account}  # the campaign's report draws it
         with _DRAWING:
             report = make_report(reduction, found, model=model, command=order.command)
-        if "html" in order.reports:
-            from winchcascade.report.html import html_text
-
-            files["html"] = html_text(report).encode()
-        if "pdf" in order.reports:
-            from winchcascade.report.pdf import pdf_bytes
-
-            files["pdf"] = pdf_bytes(report)
-    record = msgspec.structs.asdict(reduction_record(reduction, found))
+        files |= {"html": html_text(report).encode()} if "html" in order.reports else {}
+        files |= {"pdf": pdf_bytes(report)} if "pdf" in order.reports else {}
+    record = asdict(reduction_record(reduction, found))
     digests = {ending: digest_of(content) for ending, content in files.items()}
     made_by = {"key": work.key, "reports": list(order.reports), "files": digests}
     files["json"] = with_digest(record | account, "batch", made_by)
@@ -124,22 +130,18 @@ def write_made(made: Made, folder: Path) -> None:
         write_set({folder / f"{made.name}.{e}": content for e, content in made.files.items()}, without=outdated)
 
 
-SCHEMA = "winchcascade/campaign/1"
-REPORTS = {"none": (), "html": ("html",), "all": ("html", "pdf")}
-"""Reports that are written, by the word that asks for them."""
+class Products(msgspec.Struct, frozen=True):
+    """What is made of a campaign besides its dataset: "html" or "pdf" reports, a workbook; `command` is what was typed."""
 
-CAMPAIGN_FILES = ("campaign.json", "campaign.html", "campaign.pdf", "campaign.xlsx")
-"""Files of a whole campaign, beside its dataset."""
-
-DATASET = tuple(f"dataset/{table}.parquet" for table in TABLES)
-"""Files of the dataset, by their names in the folder of a batch."""
+    reports: tuple[str, ...] = ()
+    workbook: bool = False
+    command: str = ""
 
 
 class Batch(msgspec.Struct, frozen=True):
     """What a batch came to: results by log in the order of the plan, faults by log, and how many were done already.
 
-    `altered` are the files of an earlier call that did not match their digest and were made again, `summary` is the record of
-    the campaign, schema `winchcascade/campaign/1`.
+    `altered` are the files of an earlier call that did not match their digest and were made again.
     """
 
     folder: Path
@@ -147,7 +149,7 @@ class Batch(msgspec.Struct, frozen=True):
     faults: dict[str, str]
     kept: int
     altered: tuple[str, ...] = ()
-    summary: dict[str, Any] = msgspec.field(default_factory=dict)
+    summary: CampaignRecord = CampaignRecord("", "", ())
 
 
 class _KeptLog(msgspec.Struct):
@@ -161,24 +163,25 @@ class _KeptBatch(msgspec.Struct):
 
 
 class _Kept(msgspec.Struct):
-    """What a result of an earlier call says of how it was made."""
+    """How an earlier call made the result of a log."""
 
     log: _KeptLog
     batch: _KeptBatch
 
 
-_KEPT = msgspec.json.Decoder(_Kept)
+class _KeptCampaign(msgspec.Struct):
+    """How an earlier call made the files of a campaign; version 0.1.0 wrote no digests."""
+
+    state: str = ""
+    store: KeptFiles = KeptFiles()
 
 
 def run_batch(
     plan: Plan,
     out: Path,
+    products: Products | None = None,
     *,
-    reports: Sequence[str] = (),
-    jobs: int = 1,
-    scheduler: str | None = None,
-    workbook: bool = False,
-    command: str = "",
+    workers: Workers | None = None,
     force: bool = False,
     watch: Watch | None = None,
 ) -> Batch:
@@ -189,35 +192,39 @@ def run_batch(
 
     Parameters
     ----------
-    reports : "html", "pdf" or both, of every log and of the campaign
-    jobs : processes of this machine
-    scheduler : address of a Dask scheduler that does the work instead
+    products : what is made of every log and of the campaign besides the dataset; nothing by default
+    workers : processes of this machine, one by default, or a Dask scheduler
     force : use a folder that holds something else too
-    watch : told how many logs are done already and how many are to be done, then each as it is done
+    watch : called with how many logs are done already and how many are to be done, then with each as it is done
 
     Raises
     ------
     OutputError : the folder cannot be made or locked, holds something else, or holds a link
     OptionError : the scheduler cannot be reached
     """
-    watch = watch or Nobody()
+    products, workers, watch = products or Products(), workers or Workers(), watch or Nobody()
     make_folder(out, ours=(out / "runs").is_dir(), what="a batch", force=force)
     with locked(out, watch.waiting):
-        runs = _clean_folder(out)
-        states = {work.name: state_of(work, runs, reports) for work in plan.work}
+        check_links(out, ["runs", "dataset", *CAMPAIGN_FILES, *DATASET])
+        runs = out / "runs"
+        make_one(runs, "another")
+        for place in (out, runs, out / "dataset"):  # what calls left that were killed
+            clear(place)
+        states = {work.name: state_of(work, runs, products.reports) for work in plan.work}
         todo = [work for work in plan.work if states[work.name] != "kept"]
         _check_own(out, todo, force=force)
         watch.begin(len(plan.work) - len(todo), len(todo))
         faults: dict[str, str] = {}
-        folder = None if scheduler is not None else str(runs)
-        orders = {work.name: Order(work, tuple(reports), folder, command) for work in todo}
-        for name, outcome in Workers(jobs, scheduler).run(reduce_log, orders, watch):
-            if outcome.value is None:
-                faults[name] = outcome.fault or ""
-                if outcome.rejected and not _is_of(orders[name].work, runs):
-                    _forget(name, runs)
-            else:
+        folder = None if workers.scheduler is not None else str(runs)
+        orders = {work.name: Order(work, products.reports, folder, products.command) for work in todo}
+        for name, outcome in workers.run(reduce_log, orders, watch):
+            if outcome.value is not None:
                 write_made(outcome.value, runs)
+                continue
+            faults[name] = outcome.fault or ""
+            if outcome.rejected and not _is_of(orders[name].work, runs):
+                for ending in ENDINGS:
+                    (runs / f"{name}.{ending}").unlink(missing_ok=True)
         batch = Batch(
             folder=out,
             results={work.name: runs / f"{work.name}.json" for work in plan.work if work.name not in faults},
@@ -225,21 +232,11 @@ def run_batch(
             kept=len(plan.work) - len(todo),
             altered=tuple(f"runs/{name}.json" for name, state in states.items() if state == "altered"),
         )
-        return _put_together(plan, batch, reports, workbook=workbook, command=command)
-
-
-def _clean_folder(out: Path) -> Path:
-    """Make the folder of the results of single logs, and remove what killed calls left."""
-    check_links(out, ["runs", "dataset", *CAMPAIGN_FILES, *DATASET])
-    runs = out / "runs"
-    make_one(runs, "another")
-    for place in (out, runs, out / "dataset"):
-        clear(place)
-    return runs
+        return _put_together(plan, batch, products)
 
 
 def _check_own(out: Path, todo: Sequence[Work], *, force: bool) -> None:
-    """Refuse, before any work, to replace links, and files that this tool did not write."""
+    """Reject, before any work, links, and files that this tool did not write."""
     names = [*CAMPAIGN_FILES, *DATASET, *(f"runs/{work.name}.{ending}" for work in todo for ending in ENDINGS)]
     for path in [inside(out, name) for name in names]:
         if path.exists():
@@ -263,50 +260,47 @@ def state_of(work: Work, runs: Path, reports: Sequence[str]) -> State:
 def _is_of(work: Work, runs: Path) -> bool:
     """Whether the result that is there is of the log as it is now, or the log is out of reach; then it may count again."""
     now = fingerprint(work.address)
-    try:
-        return not now or _KEPT.decode((runs / f"{work.name}.json").read_bytes()).log.sha256 == now
-    except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-        return False
+    kept = marked(runs / f"{work.name}.json", _Kept)
+    return not now or (isinstance(kept, _Kept) and kept.log.sha256 == now)
 
 
-def _forget(name: str, runs: Path) -> None:
-    """Remove what an earlier call made of a log that is now another one, which cannot be used."""
-    for ending in ENDINGS:
-        (runs / f"{name}.{ending}").unlink(missing_ok=True)
-
-
-def _put_together(plan: Plan, batch: Batch, reports: Sequence[str], *, workbook: bool, command: str) -> Batch:
-    """Write what is of all logs: dataset, workbook, report and last the summary; nothing if nothing has changed.
+def _put_together(plan: Plan, batch: Batch, products: Products) -> Batch:
+    """Write the files of the whole campaign: dataset, workbook, report and last the summary; nothing if nothing has changed.
 
     All are made in a scratch folder and put in place together, so that a disk that is full leaves the earlier ones.
     """
-    out = batch.folder
+    out, reports = batch.folder, products.reports
     digests = {f"runs/{path.name}": digest_of(path.read_bytes()) for path in batch.results.values()}
     state = _state(plan, batch, digests)
-    wanted = [*DATASET, *(f"campaign.{ending}" for ending in reports), *(["campaign.xlsx"] if workbook else [])]
-    said, changed = _said(out)
+    wanted = [*DATASET, *(f"campaign.{e}" for e in reports), *(["campaign.xlsx"] if products.workbook else [])]
+    kept = marked(out / "campaign.json", _KeptCampaign)
+    changed = ["campaign.json"] if kept == "altered" else []
     stay: dict[str, str] = {}
-    if said.get("state") == state:
-        known = said["store"]["files"]
+    if isinstance(kept, _KeptCampaign) and kept.state == state:
+        known = kept.store.files
         lost = altered(out, known)
         changed = [name for name in lost if (out / name).exists()]
         if not lost and set(wanted) <= set(known):
-            return msgspec.structs.replace(batch, summary=said)
+            record = msgspec.json.decode((out / "campaign.json").read_bytes(), type=dict[str, Any])
+            return replace(batch, summary=campaign_from(record))
         stay = {name: known[name] for name in CAMPAIGN_FILES if name in known and name not in [*lost, *wanted]}
-    batch = msgspec.structs.replace(batch, altered=(*batch.altered, *changed))
+    campaign = campaign_record(plan, batch, state)
     try:
         (out / "dataset").mkdir(exist_ok=True)
         with scratch_folder(out) as made:
-            summary, between = summary_record(plan, batch, state)
-            write_dataset(batch.results.values(), made / "dataset", between=between)
-            if workbook:
+            write_dataset(batch.results.values(), made / "dataset", between=campaign.between)
+            if products.workbook:
                 write_workbook(made / "dataset", made / "campaign.xlsx")
             if reports:
-                from winchcascade.report.campaign import write_campaign_reports
+                from winchcascade.report.campaign import make_campaign_report
+                from winchcascade.report.publish import publish
 
-                write_campaign_reports(summary, made, reports, results=out, command=command)
+                report = make_campaign_report(campaign, made, results=out, command=products.command)
+                html, pdf = (made / f"campaign.{e}" if e in reports else None for e in ("html", "pdf"))
+                publish(report, html=html, pdf=pdf, force=True)
             digests |= stay | {name: digest_of((made / name).read_bytes()) for name in wanted}
-            (made / "campaign.json").write_bytes(with_digest(summary, "store", {"files": digests}))
+            content = with_digest(campaign_json(campaign), "store", {"files": digests})
+            (made / "campaign.json").write_bytes(content)
             outdated = [out / name for name in CAMPAIGN_FILES[1:] if name not in digests]
             put_in_place({made / name: out / name for name in [*wanted, "campaign.json"]}, without=outdated)
     except (OSError, OutputError) as fault:
@@ -315,7 +309,7 @@ def _put_together(plan: Plan, batch: Batch, reports: Sequence[str], *, workbook:
             f"{out}: the tables and reports of the campaign cannot be written ({why}); free some space. "
             "The results of the logs are kept."
         ) from None
-    return msgspec.structs.replace(batch, summary=_said(out)[0])
+    return replace(batch, altered=(*batch.altered, *changed), summary=campaign)
 
 
 def _state(plan: Plan, batch: Batch, digests: Mapping[str, str]) -> str:
@@ -324,69 +318,22 @@ def _state(plan: Plan, batch: Batch, digests: Mapping[str, str]) -> str:
     return digest_of(repr((plan.title, __version__, logs, sorted(digests.items()))).encode())
 
 
-def _said(out: Path) -> tuple[dict[str, Any], list[str]]:
-    """Record of the campaign as an earlier call left it, empty if it left none, and its name if it was altered since."""
-    try:
-        content = (out / "campaign.json").read_bytes()
-    except OSError:
-        return {}, []
-    digest = digest_in(content)
-    if digest is Digest.RIGHT:
-        return msgspec.json.decode(content, type=dict[str, Any]), []
-    return {}, ["campaign.json"] if digest is Digest.WRONG else []
-
-
-def summary_record(plan: Plan, batch: Batch, state: str) -> tuple[dict[str, Any], list[tuple[str, FindingRecord]]]:
-    """A campaign in one record: each log with its means, or the sentence that says why it has none; and the findings that
-    single logs have beside the others, each with the name of its log.
-    """
-    runs: list[dict[str, Any]] = []
-    efficiencies: list[LogEfficiency | None] = []
+def campaign_record(plan: Plan, batch: Batch, state: str) -> CampaignRecord:
+    """Put the results of a batch into the record of its campaign, with findings of single logs beside the others."""
+    logs: dict[str, LogSummary] = {}
+    efficiencies = []
     for work in plan.work:
-        if work.name in batch.faults:
-            runs.append({"name": work.name, "log": readable(work.address), "fault": readable(batch.faults[work.name])})
-            continue
-        record = msgspec.json.decode(batch.results[work.name].read_bytes(), type=RunRecord)
-        efficiencies.append(log_efficiency(work.name, record))
-        runs.append(
-            {
-                "name": work.name,
-                "log": readable(work.address),
-                "fault": None,
-                "result": f"runs/{work.name}.json",
-                "table": record.log.table,
-                "load_ohm": record.log.load_ohm,
-                "open_circuit": record.log.open_circuit,
-                "simulated": record.log.simulated,
-                "data": record.data,
-                "window": record.window,
-                "rig": record.rig,
-                "cycles": len(record.cycles),
-                "complete": sum(c.complete for c in record.cycles),
-                "findings": sorted({finding.kind for finding in record.quality}),
-                "finding_count": len(record.quality),
-                "removed_share": sum(finding.removed_share for finding in record.quality),
-                "mean": msgspec.to_builtins(record.mean),
-                "standard_uncertainty": msgspec.to_builtins(record.standard_uncertainty),
-                "interval_95": record.interval_95,
-                "max_deviation_percent": msgspec.to_builtins(record.max_deviation_percent),
-            }
-        )
-    between = findings_between(efficiencies)
-    by_name = {run["name"]: run for run in runs}
+        if work.name in batch.results:
+            record = msgspec.json.decode(batch.results[work.name].read_bytes(), type=RunRecord)
+            logs[work.name] = log_summary(work.name, one_line(work.address), record)
+            efficiencies.append(log_efficiency(work.name, record))
+    between = tuple(findings_between(efficiencies))
     for name, finding in between:
-        by_name[name]["findings"] = sorted({*by_name[name]["findings"], finding.kind})
-        by_name[name]["finding_count"] += 1
-    reduced = [run for run in runs if run["fault"] is None]
-    rules = {rule: len(found) for rule, found in window_rules(reduced).items()}
-    summary = {
-        "schema": SCHEMA,
-        "version": __version__,
-        "title": readable(plan.title),
-        "data": origin_record(joint_origin([origin_from(run) for run in reduced])),
-        "windows": {"rules": rules, "mixed": len(rules) > 1},
-        "state": state,
-        "runs": runs,
-        "between_logs": [{"run": name, **msgspec.structs.asdict(finding)} for name, finding in between],
-    }
-    return summary, between
+        run = logs[name]
+        kinds = tuple(sorted({*run.findings, finding.kind}))
+        logs[name] = replace(run, findings=kinds, finding_count=run.finding_count + 1)
+    runs = tuple(
+        logs.get(work.name) or FailedLog(work.name, one_line(work.address), one_line(batch.faults[work.name]))
+        for work in plan.work
+    )
+    return CampaignRecord(one_line(plan.title), state, runs, between)

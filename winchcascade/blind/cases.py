@@ -1,20 +1,31 @@
-"""The cases of a trial: what each hides, and the campaign that a twin makes of it."""
+"""The cases of a trial: what is injected in each, the campaign that a twin makes of it, and the sealed answers.
+
+The answers are one file beside the cases; the record of the trial holds its digest. A diagnosis needs neither. A score opens
+the answers and rejects them if they were changed after the cases were generated.
+"""
 
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Iterator, Sequence
+from itertools import cycle
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 import msgspec
 import numpy as np
 
 from winchcascade.blind.injected import OUTSIDERS, PARTS, Hidden, draw_hidden
 from winchcascade.blind.twin_numbers import LOADS
+from winchcascade.core.errors import OptionError
+from winchcascade.core.run import Signal
+from winchcascade.core.store import digest_of, inside
+from winchcascade.core.version import __version__
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from winchcascade.blind.twin import Twin
+
+Content = TypeVar("Content")
 
 Kind = Literal["single", "pair", "none", "outsider"]
 
@@ -22,15 +33,14 @@ STRENGTHS = (1.0, 0.4, 1.5)
 """Strengths of single effects, in turn; those of a pair are full."""
 
 SHARES = {"none": 0.08, "outsider": 0.12, "pair": 0.12}
-"""Of the cases of a trial; all others hide a single effect."""
-
+"""Share of each kind among the cases of a trial; in all others a single effect is injected."""
 
 NAME = re.compile(r"case-(?!0000)(?:[0-9]{4}|[1-9][0-9]{4,8})")
-"""Names of cases, which are also those of their folders."""
+"""Names of cases, which are also the names of their folders."""
 
 
 class Case(msgspec.Struct, frozen=True):
-    """What is decided of one case before anything is drawn: its number, what it hides, and how strongly."""
+    """Plan of one case before anything is drawn: its number, and the strength of each injected effect, or the outsider."""
 
     number: int
     seed: int
@@ -40,15 +50,15 @@ class Case(msgspec.Struct, frozen=True):
 
     @property
     def name(self) -> str:
-        """Name of the case's folder, which tells nothing."""
+        """Name of the folder of the case, which does not depend on what is injected."""
         return f"case-{self.number:04d}"
 
 
 class Answer(msgspec.Struct, frozen=True):
     """The sealed answer of one case.
 
-    `parameters` are the true values that a diagnosis reports, by effect; `rig`, `loads` and `gains` the campaign's own numbers
-    in SI units [loads in ohm], `laws` the shapes that the twin bends by.
+    `parameters` are the true values that a diagnosis reports, by effect; `rig`, `loads` and `gains` the numbers of the campaign
+    in SI units [loads in ohm], `laws` the numbers of the laws of the injected effects.
     """
 
     case: str
@@ -64,7 +74,7 @@ class Answer(msgspec.Struct, frozen=True):
 
 
 def plan_cases(count: int, seed: int) -> tuple[Case, ...]:
-    """Decide what each of a number of cases hides; the order tells nothing."""
+    """Plan what is injected in each of a number of cases, in a random order."""
     rng = np.random.default_rng([seed, 0])
     counts = {kind: round(share * count) for kind, share in SHARES.items()}
     hidden: list[tuple[Kind, dict[str, float], str | None]] = [("none", {}, None)] * counts["none"]
@@ -75,15 +85,12 @@ def plan_cases(count: int, seed: int) -> tuple[Case, ...]:
     for k in range(count - len(hidden)):
         strength = STRENGTHS[(turn + k + k // len(PARTS)) % len(STRENGTHS)]
         hidden.append(("single", {next(singles): strength}, None))
-    order = rng.permutation(count)
-    return tuple(Case(number, seed, *hidden[place]) for number, place in enumerate(order, 1))
+    return tuple(Case(number, seed, *hidden[place]) for number, place in enumerate(rng.permutation(count), 1))
 
 
 def _in_turn(names: list[str], rng: np.random.Generator) -> Iterator[str]:
-    """Names in a drawn order, again and again."""
-    order = [names[k] for k in rng.permutation(len(names))]
-    while True:
-        yield from order
+    """Names in a random order, repeated without end; the order is drawn when the first name is taken."""
+    yield from cycle([names[k] for k in rng.permutation(len(names))])
 
 
 def _pair(rng: np.random.Generator) -> dict[str, float]:
@@ -95,20 +102,18 @@ def _pair(rng: np.random.Generator) -> dict[str, float]:
             return {names[one]: 1.0, names[other]: 1.0}
 
 
-def _stream(case: Case) -> np.random.Generator:
-    return np.random.default_rng([case.seed, case.number])
-
-
-def _draw(case: Case, rng: np.random.Generator) -> tuple[Hidden, Twin]:
+def _draw(case: Case) -> tuple[Hidden, Twin, np.random.Generator]:
+    """Injected values and the twin of a case, and the generator from which the logs are drawn next."""
     from winchcascade.blind.twin import draw_twin
 
+    rng = np.random.default_rng([case.seed, case.number])
     hidden = draw_hidden(case.effects, case.outsider, rng)
-    return hidden, draw_twin(hidden, rng)
+    return hidden, draw_twin(hidden, rng), rng
 
 
 def answer_of(case: Case) -> Answer:
-    """Draw what is true of a case, without moving the crane."""
-    hidden, twin = _draw(case, _stream(case))
+    """Draw the true numbers of a case, without moving the crane."""
+    hidden, twin, _ = _draw(case)
     return Answer(
         case.name, case.kind, case.effects, case.outsider, hidden.reported(), twin.numbers._asdict(), twin.loads, twin.gains,
         hidden.laws, None if case.outsider is None else hidden.outsiders[case.outsider],
@@ -119,21 +124,22 @@ def make_campaign(case: Case) -> dict[str, bytes]:
     """Make the files of a case: its logs and their campaign.toml, the same bytes for the same case every time."""
     from winchcascade.blind.twin import make_log
 
-    rng = _stream(case)
-    _, twin = _draw(case, rng)
-    files = {f"{log}.csv": log_text(make_log(twin, log, rng)).encode() for log in LOADS}
-    return files | {"campaign.toml": campaign_text(case.name).encode()}
+    _, twin, rng = _draw(case)
+    texts = {f"{log}.csv": log_text(make_log(twin, log, rng)) for log in LOADS} | {
+        "campaign.toml": campaign_text(case.name)
+    }
+    return {name: text.encode() for name, text in texts.items()}
 
 
 ORIGIN = "Made by a numerical twin of the rig, with hidden numbers and effects"
 """Sentence on where the logs of a case come from."""
 
 HEADER = "Time (s),Displacement (m),Velocity (m/s),Pressure (kg/cm2),Force (N),Torque (N.m),Vdc (V),Idc (A)"
-"""Head of a log, as the crane's logger writes it."""
+"""Header of a log, as the logger of the crane writes it."""
 
 
-def log_text(columns: dict[str, Any]) -> str:
-    """Write a log as the crane's logger does: no more digits than a channel has."""
+def log_text(columns: dict[str, Signal]) -> str:
+    """Write a log as the logger of the crane does, with no more digits than a channel has."""
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
     return "\n".join([HEADER, *(",".join(map(repr, row)) for row in rows)]) + "\n"
 
@@ -145,3 +151,94 @@ def campaign_text(title: str) -> str:
         load = "inf" if log == "open_circuit" else repr(ohm)
         lines += ["", "[[run]]", f'file = "{log}.csv"', f"load_ohm = {load}"]
     return "\n".join(lines) + "\n"
+
+
+SEALED, TRIAL = "sealed.json", "trial.json"
+"""Files of a trial: the answers, and the record without them."""
+
+SEALED_SCHEMA = "winchcascade/sealed/1"
+TRIAL_SCHEMA = "winchcascade/trial/1"
+
+
+class Envelope(msgspec.Struct, frozen=True):
+    """All answers of a trial, with the seed from which the cases were generated."""
+
+    seed: int
+    answers: tuple[Answer, ...]
+    schema: str = SEALED_SCHEMA
+
+
+class Trial(msgspec.Struct, frozen=True):
+    """Record of a trial without its answers: its cases and the digest of the sealed answers."""
+
+    cases: tuple[str, ...]
+    sealed_sha256: str
+    version: str = __version__
+    schema: str = TRIAL_SCHEMA
+
+
+def seal(envelope: Envelope) -> tuple[bytes, Trial]:
+    """Put answers into the bytes of a sealed file, and make the record of the trial with their digest."""
+    content = trial_bytes(envelope)
+    return content, Trial(tuple(a.case for a in envelope.answers), digest_of(content))
+
+
+def trial_bytes(record: Trial | Envelope) -> bytes:
+    """The record of a trial or its answers as they are written."""
+    return msgspec.json.format(msgspec.json.encode(record), indent=1) + b"\n"
+
+
+def read_trial(folder: Path) -> Trial:
+    """Read the record of a trial; OptionError gives the reason if the folder is no trial."""
+    path = inside(folder, TRIAL)
+    content = _content(path, "expected the folder of a trial, as blind deal makes it.")
+    trial = decoded(path, content, Trial, "is no record of a trial", "deal the trial again")
+    if trial.schema != TRIAL_SCHEMA:
+        raise OptionError(f"{path}: has the schema {trial.schema}; expected {TRIAL_SCHEMA}.")
+    _check_names(trial.cases, path)
+    return trial
+
+
+def _content(path: Path, expected: str) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as fault:
+        raise OptionError(f"{path}: cannot be read ({fault.strerror}); {expected}") from None
+
+
+def decoded(path: Path, content: bytes, kind: type[Content], what: str, remedy: str) -> Content:
+    """Decode the content of a file of a trial; OptionError with what is wrong and what to do if that is not possible."""
+    try:
+        return msgspec.json.decode(content, type=kind)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as fault:
+        raise OptionError(f"{path}: {what} ({fault}); {remedy}.") from None
+
+
+def _check_names(names: Sequence[str], path: Path) -> None:
+    """Reject names that are not those of cases: they are also names of folders, which are replaced."""
+    for number, name in enumerate(names, 1):
+        if NAME.fullmatch(name) is None or name in names[: number - 1]:
+            raise OptionError(
+                f"{path}: case {number} is named {name!r}; expected names such as case-0001, each once. The file was changed "
+                "by hand; deal the trial again."
+            )
+
+
+def open_seal(folder: Path) -> tuple[Trial, Envelope]:
+    """Open the answers of a trial.
+
+    Raises
+    ------
+    OptionError : the folder is no trial, the answers are missing, or they were changed
+    """
+    trial, path = read_trial(folder), inside(folder, SEALED)
+    content = _content(path, "without the answers no trial is scored.")
+    found = digest_of(content)
+    if found != trial.sealed_sha256:
+        raise OptionError(
+            f"{path}: the answers were changed after the cases were dealt: their SHA-256 is {found}, {TRIAL} has "
+            f"{trial.sealed_sha256}; put the dealt file back, or deal again."
+        )
+    envelope = decoded(path, content, Envelope, "holds no answers that this version can read", "deal again")
+    _check_names([answer.case for answer in envelope.answers], path)
+    return trial, envelope

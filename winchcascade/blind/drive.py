@@ -1,18 +1,29 @@
-"""The twin's drive in time: clutch, shaft, gear, rotor, bridge and DC link along a given speed of the drum."""
+"""The drive of the twin in time: clutch, shaft, gear, rotor, generator, bridge and DC link along a given speed of the drum.
 
-from __future__ import annotations
+Each of the three phases is a back-EMF behind R and L, the star point floats, a diode is a switch with a drop. Within a step
+the currents follow the trapezoidal rule at the back-EMFs half-way. Where a diode opens or closes inside the step, the instant
+is found by a straight line, and the step continues from there in the new state.
+"""
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-from winchcascade.blind.circuit import PEAK, BridgeSource, bridge_step
-from winchcascade.blind.twin_numbers import BELL, KNEE, LINE
+from winchcascade.blind.twin_numbers import BELL, KNEE, LINE, Fixed, Numbers
+from winchcascade.core.run import Signal
 
-if TYPE_CHECKING:
-    from winchcascade.core.run import Signal
+Switches = NDArray[np.int64]
+
+PEAK = math.sqrt(2.0 / 3.0)
+"""Peak of a phase over the line-to-line rms of a sine."""
+
+_THIRD = 0.5 * math.sqrt(3.0)
+
+_EVENTS = 12
+"""Maximum number of openings and closings in one step."""
 
 GRID = 1e-3
 """Interval over which what the drive does is averaged. [s]"""
@@ -30,38 +41,32 @@ _EMPTY = 1e-9
 """A DC link below this is empty. [V]"""
 
 _FADE = 5e-3
-"""Time over which the stator current is averaged that weakens the magnets. [s]"""
+"""Averaging time of the stator current that weakens the magnets. [s]"""
 
 _TURN = 1.0
-"""Friction of the fast shaft turns round within this speed. [rad/s]"""
+"""Friction of the fast shaft changes its sign within this speed. [rad/s]"""
+
+_LEAK_VOLT, _LEAK_POWER = 300.0, 4.0
+"""Leakage across the DC link: `leak` (v / 300 V)^4. [V, 1]"""
+
+_COOLING = 60.0
+"""Time in which a load gives its heat away. [s]"""
 
 
 class Drive(NamedTuple):
-    """Numbers of the drive, SI units; what an effect or an outsider adds is absent at its default.
+    """Numbers of the drive, SI units; an effect or an outsider that has a field here is absent at its default.
 
     Parameters
     ----------
-    gear, eta_mesh, k_shaft, c_shaft, j_rotor : of the slow shaft and the gear [1, 1, N m/rad, N m s/rad, kg m2]
-    b_rotor, windage, friction : drag on the fast shaft [N m s/rad, N m s2/rad2, N m]
-    pole_pairs, k_e, r_s, l_s : of the generator, k_e line to line, rms [1, V/rpm, ohm, H]
-    v_diode, c_dc, load : of bridge and DC link [V, F, ohm]
+    load : resistance at the DC link [ohm]
+    windage, friction : drag on the fast shaft beside the damper [N m s2/rad2, N m]
     law, knee, width, power : of the roll-off [one of `KNEE`, `LINE`, `BELL`; A, A or 1/A, 1]
-    warming, cooling : rise of the load with the heat in it [1/J], and how fast that leaves [s]
-    leak, leak_volt, leak_power : current across the DC link before the sensor, leak (v / leak_volt)^leak_power [A, V, 1]
+    warming : rise of the load with the heat in it [1/J]
+    leak : current across the DC link before the sensor at 300 V [A]
     """
 
-    gear: float
-    eta_mesh: float
-    k_shaft: float
-    c_shaft: float
-    j_rotor: float
-    b_rotor: float
-    pole_pairs: float
-    k_e: float
-    r_s: float
-    l_s: float
-    v_diode: float
-    c_dc: float
+    fixed: Fixed
+    numbers: Numbers
     load: float
     windage: float = 0.0
     friction: float = 0.0
@@ -70,59 +75,208 @@ class Drive(NamedTuple):
     width: float = 1.0
     power: float = 1.0
     warming: float = 0.0
-    cooling: float = 1e9
     leak: float = 0.0
-    leak_volt: float = 300.0
-    leak_power: float = 1.0
 
 
 COLUMNS = ("torque", "vdc", "idc", "omega")
-"""What the drive gives, as means over each interval: torque at the sensor [N m], Vdc [V], Idc [A], rotor's speed [rad/s]."""
+"""Output of the drive, means over each interval: torque at the sensor [N m], Vdc [V], Idc [A], speed of the rotor [rad/s]."""
 
 LEDGER = (
     "shaft", "mesh", "damper", "rotor_drag", "copper", "diodes", "leak", "load", "spring", "rotor", "field", "link",
 )  # fmt: skip
-"""Where energy went until the end: in at the shaft, then lost, delivered and stored; all but the first add up to it. [J]"""
+"""Energy until the end: in at the shaft, then lost, delivered and stored; all but the first add up to it. [J]"""
+
+
+class BridgeSource(NamedTuple):
+    """The phases behind the bridge and the voltage that they feed, at the start of a step.
+
+    Parameters
+    ----------
+    angle, turn : electrical angle, and its speed [rad, rad/s]
+    amplitude : peak of the back-EMF of a phase [V]
+    v_total : voltage of the DC link and of two diodes [V]
+    r_s, l_s : of a phase [ohm, H]
+    """
+
+    angle: float
+    turn: float
+    amplitude: float
+    v_total: float
+    r_s: float
+    l_s: float
+
+
+@njit(cache=True)
+def _emf(amplitude: float, angle: float, out: Signal) -> None:
+    """Back-EMF of the three phases at an electrical angle. [V]"""
+    c, s = amplitude * math.cos(angle), amplitude * math.sin(angle)
+    out[0] = c
+    out[1] = -0.5 * c + _THIRD * s
+    out[2] = -0.5 * c - _THIRD * s
+
+
+@njit(cache=True)
+def _star(emf: Signal, on: Switches, v_total: float) -> float:
+    """Potential of the star point over the negative rail. [V]"""
+    total, count = 0.0, 0
+    for k in range(3):
+        if on[k] != 0:
+            total += (v_total if on[k] > 0 else 0.0) - emf[k]
+            count += 1
+    return total / count
+
+
+@njit(cache=True)
+def _advance(i: Signal, on: Switches, emf: Signal, source: BridgeSource, h: float, out: Signal) -> None:
+    """Currents after a time h in one state of the diodes."""
+    star = _star(emf, on, source.v_total)
+    fade = 0.5 * source.r_s * h / source.l_s
+    for k in range(3):
+        if on[k] == 0:
+            out[k] = 0.0
+        else:
+            drive = emf[k] + star - (source.v_total if on[k] > 0 else 0.0)
+            out[k] = (i[k] * (1.0 - fade) + h / source.l_s * drive) / (1.0 + fade)
+
+
+@njit(cache=True)
+def _opening(i: Signal, then: Signal, on: Switches) -> tuple[int, float]:
+    """Phase whose diode opens first as its current turns, and at which share of the step; -1 if none does."""
+    phase, share = -1, 1.0
+    for k in range(3):
+        if on[k] * then[k] < 0.0:
+            here = i[k] / (i[k] - then[k]) if on[k] * i[k] > 0.0 else 0.0
+            if here < share or phase < 0:
+                phase, share = k, here
+    return phase, share
+
+
+@njit(cache=True)
+def _closing(
+    before: Signal, after: Signal, on: Switches, v_total: float, phase: int, share: float
+) -> tuple[int, int, float]:
+    """Phase whose diode closes first as its terminal passes a rail, to which rail, and at which share; unless another one
+    opens before, which is given as `_opening` returns it.
+    """
+    rail = 0
+    low, high = _star(before, on, v_total), _star(after, on, v_total)
+    for k in range(3):
+        if on[k] != 0:
+            continue
+        first, last = before[k] + low, after[k] + high
+        to, past, end = (1, first - v_total, last - v_total) if last > v_total else (-1, -first, -last)
+        here = 0.0 if past >= 0.0 else past / (past - end)
+        if end > 0.0 and (here < share or phase < 0):
+            phase, rail, share = k, to, here
+    return phase, rail, share
+
+
+@njit(cache=True)
+def _wake(before: Signal, after: Signal, v_total: float) -> tuple[int, int, float]:
+    """Upper and lower phase that begin to conduct from rest within a step, and at which share; -1 if none do."""
+    high, low = int(np.argmax(after)), int(np.argmin(after))
+    end = after[high] - after[low] - v_total
+    if end <= 0.0:
+        return -1, -1, 1.0
+    start = before[high] - before[low] - v_total
+    return high, low, 0.0 if start >= 0.0 else start / (start - end)
+
+
+@njit(cache=True)
+def _switch(i: Signal, on: Switches, phase: int, rail: int) -> None:
+    """Connect a phase to a rail, or let its diode open: the other two carry one current, or none if it was one of two."""
+    on[phase] = rail
+    if rail == 0:
+        a, b = (phase + 1) % 3, (phase + 2) % 3
+        loop = 0.5 * (i[a] - i[b])
+        i[phase], i[a], i[b] = 0.0, loop, -loop
+        if on[a] == 0 or on[b] == 0:
+            on[:] = 0
+            i[:] = 0.0
+
+
+@njit(cache=True)
+def bridge_step(i: Signal, on: Switches, source: BridgeSource, dt: float, work: Signal) -> tuple[float, float, float]:
+    """Step the phases and the bridge by a time dt; `i` and `on` are changed in place.
+
+    Parameters
+    ----------
+    i : (3,) currents out of the phases [A]
+    on : (3,) 1 at the upper rail, -1 at the lower, 0 where no diode conducts
+    work : (4, 3) scratch
+
+    Returns
+    -------
+    charge into the DC link [C], energy out of the back-EMFs [J], integral of the sum of squared currents [A2 s]
+    """
+    before, half, after, then = work[0], work[1], work[2], work[3]
+    angle, turn, amplitude, v_total = source.angle, source.turn, source.amplitude, source.v_total
+    charge = energy = square = 0.0
+    left = dt
+    for _ in range(_EVENTS):
+        if left <= 0.0:
+            break
+        _emf(amplitude, angle + turn * left, after)
+        idle = not np.all(on)
+        if idle:
+            _emf(amplitude, angle, before)
+        if not np.any(on):
+            high, low, share = _wake(before, after, v_total)
+            angle += turn * share * left
+            left -= share * left
+            if high < 0:
+                break
+            on[high], on[low] = 1, -1
+            continue
+        _emf(amplitude, angle + 0.5 * turn * left, half)
+        _advance(i, on, half, source, left, then)
+        phase, share = _opening(i, then, on)
+        rail = 0
+        if idle:
+            phase, rail, share = _closing(before, after, on, v_total, phase, share)
+        h = share * left
+        if share < 1.0:
+            _emf(amplitude, angle + 0.5 * turn * h, half)
+            _advance(i, on, half, source, h, then)
+        for k in range(3):
+            middle = 0.5 * (i[k] + then[k])
+            energy += h * half[k] * middle
+            square += h * (i[k] * i[k] + i[k] * then[k] + then[k] * then[k]) / 3.0
+            if on[k] > 0:
+                charge += h * middle
+            i[k] = then[k]
+        angle += turn * h
+        left -= h
+        if phase >= 0:
+            _switch(i, on, phase, rail)
+    return charge, energy, square
 
 
 @njit(cache=True)
 def weakened(i_s: float, law: float, knee: float, width: float, power: float) -> float:
-    """Share of the back-EMF that a stator current leaves, rms. [1]"""
+    """Share of the back-EMF that remains at a stator current, rms. [1]"""
     if law == BELL:
         return float(math.exp(-((i_s / width) ** power)))
-    past = i_s - knee
-    if past <= 0.0:
-        return 1.0
-    if law == LINE:
-        return max(1.0 - width * past, 0.3)
-    return float(1.0 / (1.0 + (past / width) ** power))
+    past = max(i_s - knee, 0.0)
+    return max(1.0 - width * past, 0.3) if law == LINE else 1.0 / (1.0 + (past / width) ** power)
 
 
 @njit(cache=True)
-def _clutch(twist: float, slip: float, d: Drive) -> tuple[float, float]:
+def _clutch(twist: float, slip: float, f: Fixed) -> tuple[float, float]:
     """Torque of the slow shaft [N m], and twisting of its spring [rad/s]; it lets go where both would pull."""
-    torque = d.k_shaft * twist + d.c_shaft * slip
+    torque = f.k_shaft * twist + f.c_shaft * slip
     if torque > 0.0:
         return torque, slip
-    return 0.0, -d.k_shaft * twist / d.c_shaft
+    return 0.0, -f.k_shaft * twist / f.c_shaft
 
 
 @njit(cache=True)
 def _link(v_dc: float, charge: float, load: float, dt: float, d: Drive) -> tuple[float, float]:
     """Voltage of the DC link after a step that brings it a charge [V], and the current that leaks past the load [A]."""
-    leaking = d.leak * (v_dc / d.leak_volt) ** d.leak_power if d.leak > 0.0 and v_dc > 0.0 else 0.0
-    fade = 0.5 * dt / (load * d.c_dc)
-    then = max((v_dc * (1.0 - fade) + (charge - leaking * dt) / d.c_dc) / (1.0 + fade), 0.0)
+    leaking = d.leak * (v_dc / _LEAK_VOLT) ** _LEAK_POWER if d.leak > 0.0 and v_dc > 0.0 else 0.0
+    fade = 0.5 * dt / (load * d.numbers.c_dc)
+    then = (v_dc * (1.0 - fade) + (charge - leaking * dt) / d.numbers.c_dc) / (1.0 + fade)
     return (then if then > _EMPTY else 0.0), leaking
-
-
-@njit(cache=True)
-def _store(ledger: Signal, twist: float, omega: float, i: Signal, v_dc: float, d: Drive) -> None:
-    """Book the energy that spring, rotor, field and DC link hold in the end."""
-    ledger[8] = 0.5 * d.k_shaft * twist**2
-    ledger[9] = 0.5 * d.j_rotor * omega**2
-    ledger[10] = 0.5 * d.l_s * (i[0] ** 2 + i[1] ** 2 + i[2] ** 2)
-    ledger[11] = 0.5 * d.c_dc * v_dc**2
 
 
 @njit(cache=True)
@@ -134,55 +288,46 @@ def run_drive(omega_drum: Signal, mesh: Signal, d: Drive, fine: int, out: Signal
     omega_drum : (n + 1,) speed of the drum at the ends of the intervals, payout positive [rad/s]
     mesh : (n,) factor on the torque that the gear needs, 1 where it meshes evenly
     fine : steps of an interval while a diode may conduct
-    out : (n, 4) is filled with `COLUMNS`, ledger : (12,) with `LEDGER`
+    out, ledger : zeros, (n, 4) and (12,), that are filled with `COLUMNS` and `LEDGER`
     """
+    f, c = d.fixed, d.numbers
     i, on, work = np.zeros(3), np.zeros(3, dtype=np.int64), np.zeros((4, 3))
     twist = omega = v_dc = angle = heat = mean_square = 0.0
-    rpm = 30.0 / math.pi
-    share = d.eta_mesh / d.gear
+    emf, share = c.k_e * 30.0 / math.pi, c.eta_mesh / f.gear
     for n in range(out.shape[0]):
-        first, last = omega_drum[n], omega_drum[n + 1]
-        torque_sum = volt_sum = ampere_sum = speed_sum = 0.0
-        reach = d.k_e * omega * rpm * math.sqrt(2.0)
-        awake = on[0] != 0 or on[1] != 0 or on[2] != 0 or reach > _QUIET * (v_dc + 2.0 * d.v_diode)
+        awake = np.any(on) or emf * omega * math.sqrt(2.0) > _QUIET * (v_dc + 2.0 * f.v_diode)
         steps = fine if awake else COARSE
         dt = GRID / steps
         for m in range(steps):
-            drum = first + (last - first) * (m + 0.5) / steps
-            torque, rate = _clutch(twist, drum - omega / d.gear, d)
-            twist_then = twist + dt * rate
+            drum = omega_drum[n] + (omega_drum[n + 1] - omega_drum[n]) * (m + 0.5) / steps
+            torque, rate = _clutch(twist, drum - omega / f.gear, f)
             # generator and bridge
-            turn = d.pole_pairs * omega
+            turn = f.pole_pairs * omega
             charge = energy = square = 0.0
             if awake and omega > 0.0:
-                left = weakened(math.sqrt(mean_square), d.law, d.knee, d.width, d.power)
-                amplitude = PEAK * d.k_e * left * omega * rpm
-                source = BridgeSource(angle, turn, amplitude, v_dc + 2.0 * d.v_diode, d.r_s, d.l_s)
+                amplitude = PEAK * emf * omega * weakened(math.sqrt(mean_square), d.law, d.knee, d.width, d.power)
+                source = BridgeSource(angle, turn, amplitude, v_dc + 2.0 * f.v_diode, c.r_s, c.l_s)
                 charge, energy, square = bridge_step(i, on, source, dt, work)
             mean_square += (square / 3.0 - dt * mean_square) / _FADE
             angle = (angle + turn * dt) % (2.0 * math.pi)
             brake = energy / (omega * dt) if omega > 1e-6 else 0.0
             # fast shaft
-            drag = omega * (d.b_rotor + d.windage * abs(omega)) + d.friction * omega / math.sqrt(omega**2 + _TURN**2)
+            drag = omega * (c.b_rotor + d.windage * abs(omega)) + d.friction * omega / math.sqrt(omega**2 + _TURN**2)
             driving = torque * share / mesh[n]
-            then = max(omega + dt * (driving - brake - drag) / d.j_rotor, 0.0)
+            then = max(omega + dt * (driving - brake - drag) / f.j_rotor, 0.0)
             load = d.load * (1.0 + d.warming * heat)
             v_then, leaking = _link(v_dc, charge, load, dt, d)
             middle = 0.5 * (v_dc + v_then)
-            heat += dt * (middle * middle / load - heat / d.cooling)
-            ledger[0] += dt * torque * drum
-            ledger[1] += dt * (torque * omega / d.gear - driving * omega)
-            ledger[2] += dt * d.c_shaft * rate * rate
-            ledger[3] += dt * drag * 0.5 * (omega + then)
-            ledger[4] += d.r_s * square
-            ledger[5] += 2.0 * d.v_diode * charge
-            ledger[6] += dt * leaking * middle
-            ledger[7] += dt * middle * middle / load
-            torque_sum += torque
-            volt_sum += middle
-            ampere_sum += middle / load
-            speed_sum += omega
-            twist, omega, v_dc = twist_then, then, v_then
-        out[n, 0], out[n, 1] = torque_sum / steps, volt_sum / steps
-        out[n, 2], out[n, 3] = ampere_sum / steps, speed_sum / steps
-    _store(ledger, twist, omega, i, v_dc, d)
+            heat += dt * (middle * middle / load - heat / _COOLING)
+            booked = (
+                dt * torque * drum, dt * (torque * omega / f.gear - driving * omega), dt * f.c_shaft * rate * rate,
+                dt * drag * 0.5 * (omega + then), c.r_s * square, 2.0 * f.v_diode * charge, dt * leaking * middle,
+                dt * middle * middle / load,
+            )  # fmt: skip
+            for k in range(8):
+                ledger[k] += booked[k]
+            seen = (torque, middle, middle / load, omega)
+            for k in range(4):
+                out[n, k] += seen[k] / steps
+            twist, omega, v_dc = twist + dt * rate, then, v_then
+    ledger[8:] = 0.5 * np.array((f.k_shaft * twist**2, f.j_rotor * omega**2, c.l_s * np.sum(i**2), c.c_dc * v_dc**2))

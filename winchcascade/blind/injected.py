@@ -1,22 +1,16 @@
-"""What may be hidden in a twin: effects of the catalogue, in shapes of the twin's own, and outsiders that no catalogue has."""
-
-from __future__ import annotations
+"""Causes that may be injected into a twin: effects of the catalogue by laws of the twin, and outsiders beyond the catalogue."""
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import msgspec
+import numpy as np
 
 from winchcascade.blind.twin_numbers import BELL, KNEE, LINE
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    import numpy as np
-
 
 class InjectedEffect(msgspec.Struct, frozen=True):
-    """An effect that may be hidden: the parameter that a diagnosis reports of it, its unit, and its size at full strength.
+    """An effect that may be injected: the parameter that a diagnosis reports of it, its unit, and its size at full strength.
 
     A size of either sign is drawn where `either` is true. `stage` is where in the cascade it acts.
     """
@@ -58,7 +52,7 @@ PARTS: dict[str, InjectedEffect] = {
     "current_gain": InjectedEffect("sensor", "gain_error", "1", 0.025, either=True),
     "electrical_lag": InjectedEffect("sensor", "lag", "s", 0.12),
 }
-"""Every effect by its name, with what it comes to at full strength."""
+"""Every effect by its name, with its size at full strength."""
 
 OUTSIDERS: dict[str, float] = {
     "elastic_encoder": 0.15,
@@ -74,13 +68,13 @@ OUTSIDERS: dict[str, float] = {
     "saturated_current": 0.05,
 }
 """Causes outside the catalogue, each with its size: time constant of the drive of the encoder [s], torque of a brake that
-drags now and then [N m], rise of a load that warms through a log [1], of the drum's radius once a turn [1], play of the
-pressure sensor [kg/cm2], delay of the force cell [s], what a torque sensor lacks at 500 N m [1], leakage across the DC link at
-300 V [A], gas lost in 100 s [1], ripple of the gear three times a turn [1], what the current sensor lacks at 15 A [1]."""
+drags now and then [N m], rise of a load that warms through a log [1], of the drum radius once a turn [1], play of the pressure
+sensor [kg/cm2], delay of the force cell [s], deficit of the torque sensor at 500 N m [1], leakage across the DC link at 300 V
+[A], gas lost in 100 s [1], ripple of the gear three times a turn [1], deficit of the current sensor at 15 A [1]."""
 
 
 class Hidden(msgspec.Struct, frozen=True):
-    """What one case hides: the value of each effect, the law that the twin bends by, and an outsider's size."""
+    """Causes injected in one case: value of each effect, numbers of their laws, and size of an outsider."""
 
     effects: dict[str, float] = msgspec.field(default_factory=dict)
     laws: dict[str, float] = msgspec.field(default_factory=dict)
@@ -92,17 +86,15 @@ class Hidden(msgspec.Struct, frozen=True):
 
     def reported(self) -> dict[str, dict[str, float]]:
         """True value of the parameter that a diagnosis reports, by effect."""
-        return {name: {PARTS[name].parameter: _reported(name, value)} for name, value in self.effects.items()}
-
-
-def _reported(name: str, value: float) -> float:
-    if name == "ke_rolloff":
-        return 1.0 - value
-    return 1.0 + value if name == "gas_polytropic" else value
+        signs = {"ke_rolloff": -1.0, "gas_polytropic": 1.0}  # their parameters are 1 where the effect is absent
+        return {
+            name: {PARTS[name].parameter: 1.0 + signs[name] * value if name in signs else value}
+            for name, value in self.effects.items()
+        }
 
 
 def draw_hidden(effects: Mapping[str, float], outsider: str | None, rng: np.random.Generator) -> Hidden:
-    """Draw what a case hides.
+    """Draw the values of the causes of a case.
 
     Parameters
     ----------
@@ -115,10 +107,10 @@ def draw_hidden(effects: Mapping[str, float], outsider: str | None, rng: np.rand
         laws |= _rolloff(values["ke_rolloff"], rng)
     if "gas_polytropic" in values:
         laws["gas_cooling"] = rng.uniform(4.0, 12.0)
-    outside = {} if outsider is None else {outsider: OUTSIDERS[outsider] * rng.uniform(0.85, 1.25)}
-    if outsider is not None:
-        laws["phase"] = rng.uniform(0.0, 2.0 * math.pi)
-    return Hidden(values, laws, outside)
+    if outsider is None:
+        return Hidden(values, laws)
+    outside = {outsider: OUTSIDERS[outsider] * rng.uniform(0.85, 1.25)}
+    return Hidden(values, laws | {"phase": rng.uniform(0.0, 2.0 * math.pi)}, outside)
 
 
 def _size(part: InjectedEffect, rng: np.random.Generator) -> float:

@@ -1,24 +1,18 @@
-"""The share of a gap that a diagnosis closed, computed again from nothing but the logs and what was predicted of them."""
-
-from __future__ import annotations
+"""The share of a gap that a diagnosis closed, recomputed from the logs and their predictions alone."""
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from winchcascade.blind.twin_numbers import SENSORS
 from winchcascade.core.errors import WinchcascadeError
 from winchcascade.core.integrate import median
+from winchcascade.core.run import Run, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.ingest.read import read_run
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from winchcascade.core.run import Run, Signal
 
 BLOCK = 0.4
 """Length of a block, in which the ringing of the tether cancels. [s]"""
@@ -30,13 +24,13 @@ SMOOTHING = 0.6
 """Width of the local quadratic that smooths the velocity. [s]"""
 
 ZERO_REACH = 3.0
-"""A zero of a sensor is sought within this many of its standard uncertainties; beyond them a bias is a gap."""
+"""Limit of the fitted zero of a sensor in its standard uncertainties; a bias beyond it is a gap."""
 
 _APART = 3
-"""Blocks between those whose difference tells the noise: nearer ones share what is slow in it."""
+"""Distance in blocks of those whose difference gives the noise: nearer ones share its slow part."""
 
 _FEWEST = 8
-"""Differences without which no noise is told."""
+"""Minimum number of differences for an estimate of the noise."""
 
 _OF_NORMAL = 1.4826
 """Standard deviation of normal noise over the median of its magnitude."""
@@ -46,10 +40,10 @@ LEAST = 0.5
 
 
 class RecomputedClosure(msgspec.Struct, frozen=True):
-    """What a diagnosis closed of the gap, over channels and predicted logs.
+    """Share of the gap that a diagnosis closed, over channels and predicted logs.
 
     `before` and `after` are sums of the mean squares of block means beyond noise, in mean squares of noise; `share` is
-    1 - after / before, None where there was no gap to close. `fault` says why nothing could be computed.
+    1 - after / before, None where there was no gap to close. `fault` is the reason if nothing could be computed.
     """
 
     before: float = 0.0
@@ -70,8 +64,7 @@ def closure_of(case: Path, predictions: Path) -> RecomputedClosure:
     names = sorted({p.name for p in (predictions / "before").glob("*.csv")} & {p.name for p in (case).glob("*.csv")})
     if not names:
         return RecomputedClosure(fault="no predicted logs")
-    before = after = 0.0
-    parts = 0
+    excess: list[tuple[float, float]] = []
     for name in names:
         try:
             log, old, new = (
@@ -81,13 +74,10 @@ def closure_of(case: Path, predictions: Path) -> RecomputedClosure:
             return RecomputedClosure(fault=str(fault))
         if not (_same_stamps(log, old) and _same_stamps(log, new)):
             return RecomputedClosure(fault=f"{name}: the predicted log has other stamps than the log")
-        excess = [e for channel in SENSORS if (e := _excess(channel, log, old, new)) is not None]
-        before += sum(e[0] for e in excess)
-        after += sum(e[1] for e in excess)
-        parts += len(excess)
-    if before <= LEAST * parts:
-        return RecomputedClosure(before, after, parts)
-    return RecomputedClosure(before, after, parts, share=1.0 - after / before)
+        excess += [e for channel in SENSORS if (e := _excess(channel, log, old, new)) is not None]
+    before, after = (sum((e[k] for e in excess), 0.0) for k in (0, 1))
+    share = 1.0 - after / before if before > LEAST * len(excess) else None
+    return RecomputedClosure(before, after, len(excess), share)
 
 
 def _same_stamps(log: Run, other: Run) -> bool:
@@ -99,8 +89,7 @@ def _excess(channel: str, log: Run, old: Run, new: Run) -> tuple[float, float] |
     if not all(channel in run.channels for run in (log, old, new)):
         return None
     rows, starts = _blocks(log)
-    measured = log.channels[channel]
-    gap_old, gap_new = ((run.channels[channel] - measured)[rows].mean(axis=1) for run in (old, new))
+    gap_old, gap_new = ((run.channels[channel] - log.channels[channel])[rows].mean(axis=1) for run in (old, new))
     noise = _noise(gap_old, starts)
     if noise == 0.0:
         return None
@@ -120,13 +109,12 @@ def _blocks(log: Run) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 def _noise(gap: Signal, numbers: NDArray[np.intp]) -> float:
-    """Standard deviation of block means from noise, by second differences: a gap bends little from block to block.
+    """Standard deviation of block means from noise, by second differences, as a gap is nearly straight over a few blocks.
 
-    It holds the noise of the sensor and the tether, and what the encoder's noise does to a prediction.
+    It contains the noise of the sensor and the tether, and that of the encoder in a prediction.
     """
-    last = numbers.size - 2 * _APART
-    k = np.array([k for k in range(last) if numbers[k + 2 * _APART] - numbers[k] == 2 * _APART], dtype=np.intp)
+    k = np.flatnonzero(numbers[2 * _APART :] - numbers[: -2 * _APART] == 2 * _APART)
     if k.size < _FEWEST:
         return 0.0
-    bend = gap[k] - 2.0 * gap[k + _APART] + gap[k + 2 * _APART]
-    return _OF_NORMAL * median(np.abs(bend)) / math.sqrt(6.0)
+    curvature = gap[k] - 2.0 * gap[k + _APART] + gap[k + 2 * _APART]
+    return _OF_NORMAL * median(np.abs(curvature)) / math.sqrt(6.0)

@@ -1,21 +1,18 @@
-"""What the scored cases of a trial say together: counts, coverage, and what was taken for what."""
-
-from __future__ import annotations
+"""The score of a trial: each diagnosis beside the sealed answer, and counts, coverage and confusions over all cases."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import permutations
 from pathlib import Path
 from typing import Literal
 
 import msgspec
 
-from winchcascade.blind.cases import Answer
+from winchcascade.blind.cases import Answer, decoded, open_seal
 from winchcascade.blind.recomputed_closure import RecomputedClosure, closure_of
-from winchcascade.blind.sealed_answers import open_seal
 from winchcascade.blind.trial import DIAGNOSES, PREDICTIONS
 from winchcascade.core.errors import OptionError
-from winchcascade.core.store import Digest, digest_in, inside
+from winchcascade.core.store import digest_in, inside
 from winchcascade.core.version import __version__
 
 Verdict = Literal["no_gap", "explained", "partly_explained", "unexplained"]
@@ -36,12 +33,12 @@ class ParameterScore(msgspec.Struct, frozen=True):
 
     @property
     def covered(self) -> bool:
-        """Whether the interval holds the truth."""
+        """Whether the interval contains the truth."""
         return self.low is not None and self.high is not None and self.low <= self.truth <= self.high
 
 
 class CaseScore(msgspec.Struct, frozen=True):
-    """One case: what was hidden, what was said, and what came of it."""
+    """One case: what was injected, what the diagnosis reports, and the outcome."""
 
     case: str
     kind: str
@@ -58,12 +55,12 @@ class CaseScore(msgspec.Struct, frozen=True):
 
     @property
     def went_well(self) -> bool:
-        """Whether the case was told as well as can be."""
+        """Whether the outcome is the best that this kind of case can have."""
         return self.outcome in ("named", "quiet", "recognised")
 
 
 class Count(msgspec.Struct, frozen=True):
-    """So many of so many, with the 95 % interval of the share (Wilson 1927)."""
+    """Number of cases of a number, with the 95 % interval of the share (Wilson 1927)."""
 
     part: int
     of: int
@@ -83,6 +80,10 @@ class Count(msgspec.Struct, frozen=True):
         return max(0.0, middle - half), min(1.0, middle + half)
 
 
+def _count(flags: Sequence[bool]) -> Count:
+    return Count(sum(flags), len(flags))
+
+
 class Score(msgspec.Struct, frozen=True):
     """A whole trial, scored."""
 
@@ -96,37 +97,33 @@ class Score(msgspec.Struct, frozen=True):
 
     def count(self, outcome: str, *kinds: str) -> Count:
         """Diagnosed cases of some kinds with one outcome."""
-        cases = self.of_kind(*kinds)
-        return Count(sum(c.outcome == outcome for c in cases), len(cases))
+        return _count([c.outcome == outcome for c in self.of_kind(*kinds)])
 
     @property
     def strict(self) -> Count:
-        """Hidden effects named exactly, no rival needed."""
-        cases = self.of_kind("single", "pair")
-        return Count(sum(c.strict for c in cases), len(cases))
+        """Cases whose injected effects are named exactly, without alternatives."""
+        return _count([c.strict for c in self.of_kind("single", "pair")])
 
     @property
     def coverage(self) -> Count:
         """True parameters within the interval of the cause that names them."""
-        found = [p for c in self.cases for p in c.parameters]
-        return Count(sum(p.covered for p in found), len(found))
+        return _count([p.covered for c in self.cases for p in c.parameters])
 
     @property
     def missing(self) -> Count:
         """Cases without a diagnosis."""
-        return Count(sum(c.outcome == "missing" for c in self.cases), len(self.cases))
+        return _count([c.outcome == "missing" for c in self.cases])
 
     @property
     def strengths(self) -> dict[float, Count]:
         """Single effects that were named, by strength."""
         singles = self.of_kind("single")
         found = sorted({strength for c in singles for strength in c.hidden.values()})
-        picked = {s: [c for c in singles if s in c.hidden.values()] for s in found}
-        return {s: Count(sum(c.outcome == "named" for c in cases), len(cases)) for s, cases in picked.items()}
+        return {s: _count([c.outcome == "named" for c in singles if s in c.hidden.values()]) for s in found}
 
     @property
     def taken_for(self) -> dict[str, dict[str, int]]:
-        """By what was hidden, how often it was taken for what: an effect or several, no gap, or nothing known."""
+        """By what was injected, how often the diagnosis named what: one effect or several, no gap, or no cause."""
         found: dict[str, dict[str, int]] = {}
         for case in self.of_kind("single", "pair", "none", "outsider"):
             row = found.setdefault(hidden_name(case), {})
@@ -135,16 +132,16 @@ class Score(msgspec.Struct, frozen=True):
 
 
 NO_GAP, UNEXPLAINED, NOTHING = "no gap", "unexplained", "nothing hidden"
-"""What a case may be taken for, or hide, beside effects."""
+"""What a diagnosis may report, or a case contain, beside effects."""
 
 
 def hidden_name(case: CaseScore) -> str:
-    """What a case hides, in words."""
+    """Name of what is injected in a case."""
     return case.outsider or " + ".join(case.hidden) or NOTHING
 
 
 def taken_as(case: CaseScore) -> str:
-    """What a case was taken for: its hidden effects where they were named, else what was said instead."""
+    """What the diagnosis named: the injected effects where they were named, else what it reports instead."""
     if case.outcome == "named":
         return hidden_name(case)
     if case.verdict == "no_gap":
@@ -157,10 +154,10 @@ def taken_as(case: CaseScore) -> str:
 SCORE_SCHEMA = "winchcascade/score/1"
 
 MOST_RIVALS = 2
-"""Rivals of a cause that count; naming more of them would be naming a crowd."""
+"""Maximum number of alternatives of a cause that count."""
 
 MOST_NAMES = 2
-"""An outsider counts as recognised with this many names at most, and never as explained."""
+"""Maximum number of causes with which an outsider counts as recognised; it never does if it is explained."""
 
 
 class Value(msgspec.Struct, frozen=True):
@@ -172,7 +169,7 @@ class Value(msgspec.Struct, frozen=True):
 
 
 class Rival(msgspec.Struct, frozen=True):
-    """An effect that explains the same as well."""
+    """An alternative explanation."""
 
     effect: str
 
@@ -186,61 +183,50 @@ class Cause(msgspec.Struct, frozen=True):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The effect and the rivals that count."""
+        """The effect and the alternatives that count."""
         return (self.effect, *(rival.effect for rival in self.rivals[:MOST_RIVALS]))
 
 
 class Claimed(msgspec.Struct, frozen=True):
-    """What a diagnosis says that it closed."""
+    """Share of the gap that a diagnosis claims to have closed."""
 
     share_closed: float | None = None
 
 
 class Diagnosis(msgspec.Struct, frozen=True):
-    """What a score reads of a diagnosis."""
+    """The part of a diagnosis that a score reads."""
 
     verdict: Verdict
     causes: tuple[Cause, ...] = ()
     closure: Claimed | None = None
 
 
-def score(folder: Path, *, told: Callable[[str], None] | None = None) -> Score:
-    """Score a trial: open the seal, and hold every diagnosis against its answer.
-
-    Parameters
-    ----------
-    told : is given the name of each case as it is scored
+def score(folder: Path) -> Score:
+    """Score a trial: open the seal, and compare every diagnosis with its answer.
 
     Raises
     ------
     OptionError : the folder is no trial, the answers were changed, nothing was diagnosed, or a diagnosis cannot be read
     """
     trial, envelope = open_seal(folder)
-    cases = []
-    for answer in envelope.answers:
-        cases.append(_score_case(folder, answer))
-        if told is not None:
-            told(answer.case)
+    cases = tuple(_score_case(folder, answer) for answer in envelope.answers)
     if all(case.outcome == "missing" for case in cases):
         raise OptionError(f"{folder}: no case is diagnosed; run blind diagnose {folder} first.")
-    return Score(trial.sealed_sha256, envelope.seed, tuple(cases))
+    return Score(trial.sealed_sha256, envelope.seed, cases)
 
 
 def read_diagnosis(path: Path) -> Diagnosis | None:
-    """Read a case's diagnosis, None where there is none.
+    """Read the diagnosis of a case, None where there is none.
 
     Raises
     ------
     OptionError : it cannot be read, or was altered after it was made
     """
-    try:
-        content = path.read_bytes()
-        found = msgspec.json.decode(content, type=Diagnosis)
-    except FileNotFoundError:
+    if not path.exists():
         return None
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as fault:
-        raise OptionError(f"{path}: is no diagnosis ({fault}); diagnose the case again.") from None
-    if digest_in(content) is Digest.WRONG:
+    content = path.read_bytes()
+    found = decoded(path, content, Diagnosis, "is no diagnosis", "diagnose the case again")
+    if digest_in(content) == "altered":
         raise OptionError(
             f"{path}: was altered after it was made: its content does not match the digest. Run blind diagnose again."
         )
@@ -271,16 +257,16 @@ def _score_case(folder: Path, answer: Answer) -> CaseScore:
 
 
 def _claims(found: Diagnosis) -> bool:
-    """Whether a diagnosis stands by its causes."""
+    """Whether a diagnosis explains the gap by its causes, at least in part."""
     return found.verdict in ("explained", "partly_explained") and bool(found.causes)
 
 
 def outcome_of(answer: Answer, found: Diagnosis) -> Outcome:
-    """What came of a case.
+    """Outcome of a case.
 
-    With effects hidden: named if each is a cause or a declared rival of one, each of its own, and no cause is left over;
-    silent if no gap was seen, abstained if it was left unexplained, else misnamed. With nothing hidden: quiet or a false
-    alarm. With an outsider: recognised if it was left unexplained, or partly explained by few names; silent, or mistaken.
+    With effects injected: named if each is a cause or an alternative of one, each of another, and there is no further cause;
+    silent if no gap was found, abstained if it is unexplained, else misnamed. With nothing injected: quiet or a false alarm.
+    With an outsider: recognised if the gap is unexplained, or partly explained by few causes; silent, or mistaken.
     """
     if answer.kind == "none":
         return "quiet" if found.verdict == "no_gap" else "false_alarm"
@@ -295,28 +281,31 @@ def outcome_of(answer: Answer, found: Diagnosis) -> Outcome:
 
 
 def _matches(hidden: Sequence[str], causes: Sequence[Cause]) -> bool:
-    if len(hidden) != len(causes):
-        return False
-    return any(all(h in c.names for h, c in zip(order, causes, strict=True)) for order in permutations(hidden))
+    return len(hidden) == len(causes) and any(
+        all(effect in cause.names for effect, cause in zip(order, causes, strict=True))
+        for order in permutations(hidden)
+    )
 
 
 def _parameters(answer: Answer, found: Diagnosis) -> tuple[ParameterScore, ...]:
-    """True parameters of the hidden effects that are named as causes, beside what was diagnosed."""
-    scores = []
-    for cause in found.causes if _claims(found) else ():
-        for name, truth in answer.parameters.get(cause.effect, {}).items():
-            said = cause.parameters.get(name)
-            ends = (None, None, None) if said is None else (said.value, said.low, said.high)
-            scores.append(ParameterScore(cause.effect, name, truth, *ends))
-    return tuple(scores)
+    """True parameters of the injected effects that are named as causes, beside the diagnosed ones."""
+    return tuple(
+        ParameterScore(cause.effect, name, truth, *_ends(cause.parameters.get(name)))
+        for cause in (found.causes if _claims(found) else ())
+        for name, truth in answer.parameters.get(cause.effect, {}).items()
+    )
+
+
+def _ends(found: Value | None) -> tuple[float | None, float | None, float | None]:
+    return (None, None, None) if found is None else (found.value, found.low, found.high)
 
 
 def score_record(found: Score) -> dict[str, object]:
     """A score as nested records, schema `winchcascade/score/1`."""
-    singles, hidden = ("single",), ("single", "pair")
+    hidden = ("single", "pair")
     counts = {
         "named": found.count("named", *hidden),
-        "named_singles": found.count("named", *singles),
+        "named_singles": found.count("named", "single"),
         "named_pairs": found.count("named", "pair"),
         "strict": found.strict,
         "misnamed": found.count("misnamed", *hidden),

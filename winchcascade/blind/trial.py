@@ -1,18 +1,31 @@
-"""A trial: cases are dealt with their answers sealed, and diagnosed by someone who sees the logs alone."""
+"""A trial: cases are generated with sealed answers, and diagnosed from the logs alone."""
 
 from __future__ import annotations
 
 import os
 import shutil
 from collections.abc import Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from tempfile import gettempdir
 from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
 
-from winchcascade.blind.cases import Case, answer_of, make_campaign, plan_cases
-from winchcascade.blind.sealed_answers import SEALED, TRIAL, Envelope, Trial, open_seal, read_trial, seal, trial_bytes
+from winchcascade.blind.cases import (
+    SEALED,
+    TRIAL,
+    Case,
+    Envelope,
+    Trial,
+    answer_of,
+    make_campaign,
+    open_seal,
+    plan_cases,
+    read_trial,
+    seal,
+    trial_bytes,
+)
 from winchcascade.blind.twin_numbers import LOADS
 from winchcascade.core.campaign_file import CAMPAIGN_FILE, load_campaign
 from winchcascade.core.errors import CampaignError, OptionError, OutputError
@@ -48,12 +61,12 @@ DIAGNOSES, PREDICTIONS = "diagnoses", "predictions"
 
 
 class Diagnose(Protocol):
-    """Whoever diagnoses a campaign: its logs in, the diagnosis out, as the nested records of its JSON."""
+    """A function that diagnoses a campaign: its logs in, the diagnosis out, as the nested records of its JSON."""
 
     def __call__(
         self, campaign_toml: Path, *, suspects: Suspects, seed: int, predictions: Path | None
     ) -> dict[str, Any]:
-        """Diagnose one campaign and write what was predicted of its withheld logs into a folder."""
+        """Diagnose one campaign and write the predictions of its held-out logs into a folder."""
 
 
 class DiagnosisMethod(msgspec.Struct, frozen=True):
@@ -67,8 +80,8 @@ class DiagnosisMethod(msgspec.Struct, frozen=True):
 
 
 class TrialProgress(msgspec.Struct, frozen=True):
-    """What a call came to: the cases of the trial, how many were done already, the fault of each that failed, and the cases
-    whose diagnosis did not match its digest and was made again.
+    """Result of a call: the cases of the trial, how many were done already, the fault of each that failed, and the cases whose
+    diagnosis did not match its digest and was made again.
     """
 
     cases: tuple[str, ...]
@@ -83,13 +96,6 @@ class TrialProgress(msgspec.Struct, frozen=True):
         return len(self.cases) - self.kept - len(self.faults)
 
 
-class _Deal(msgspec.Struct, frozen=True):
-    """One case to deal, and the folder of the trial; without one the files come back."""
-
-    case: Case
-    folder: str | None
-
-
 def deal(
     out: Path,
     cases: int,
@@ -99,9 +105,9 @@ def deal(
     force: bool = False,
     watch: Watch | None = None,
 ) -> TrialProgress:
-    """Deal a trial into a folder: answers sealed first, then each case, its folder whole or not at all.
+    """Generate a trial in a folder: the sealed answers first, then each case, its folder whole or not at all.
 
-    Called again with the same numbers it deals what is missing; the same numbers give the same bytes.
+    Called again with the same numbers it generates the missing cases; the same numbers give the same bytes.
 
     Parameters
     ----------
@@ -110,7 +116,7 @@ def deal(
 
     Raises
     ------
-    OptionError : the numbers make no trial, another trial stands there, or its answers were changed
+    OptionError : the numbers make no trial, the folder holds another trial, or its answers were changed
     OutputError : the folder cannot be made or locked, holds something else, or holds a link
     """
     if cases < 1 or seed < 0:
@@ -121,11 +127,11 @@ def deal(
     make_folder(out, ours=(out / TRIAL).is_file(), what="a trial", force=force)
     with locked(out, watch.waiting):
         _lay_out(out, content, trial, force=force)
-        folder = None if workers.scheduler is not None else str(out)
-        orders = {case.name: _Deal(case, folder) for case in plan if not inside(out, case.name).is_dir()}
+        orders = {case.name: case for case in plan if not inside(out, case.name).is_dir()}
+        work = partial(_deal_case, folder=str(out) if workers.scheduler is None else None)
         faults: dict[str, str] = {}
         watch.begin(cases - len(orders), len(orders))
-        for name, outcome in workers.run(_deal_case, orders, watch):
+        for name, outcome in workers.run(work, orders, watch):
             if outcome.value is None:
                 faults[name] = outcome.fault or ""
             elif outcome.value:
@@ -134,7 +140,7 @@ def deal(
 
 
 def _lay_out(out: Path, content: bytes, trial: Trial, *, force: bool) -> None:
-    """Put the sealed answers into the folder of a trial, or find them put there by an earlier call."""
+    """Write the sealed answers into the folder of a trial, or check those of an earlier call."""
     _clear(out)
     if inside(out, TRIAL).is_file():
         if read_trial(out).sealed_sha256 == trial.sealed_sha256:
@@ -152,9 +158,9 @@ def _lay_out(out: Path, content: bytes, trial: Trial, *, force: bool) -> None:
 
 
 def _forget(out: Path) -> None:
-    """Remove all that an earlier trial left, its record first, so that nothing half removed passes for a trial.
+    """Remove an earlier trial, its record first, so that no half of one passes for a trial.
 
-    The folders are looked at before the first is removed: no link is followed, and none is removed either.
+    The folders are checked before the first is removed: no link is followed, and none is removed either.
     """
     folders = [inside(out, name) for name in (*read_trial(out).cases, DIAGNOSES, PREDICTIONS)]
     for folder in folders:
@@ -166,18 +172,18 @@ def _forget(out: Path) -> None:
 
 
 def _clear(out: Path) -> None:
-    """Remove what calls that were cut short left in the folder of a trial."""
+    """Remove the scratch files of interrupted calls from the folder of a trial."""
     for place in (out, inside(out, DIAGNOSES), inside(out, PREDICTIONS)):
         clear(place)
     clear_once(Path(gettempdir()))
 
 
-def _deal_case(order: _Deal) -> dict[str, bytes]:
-    """Make the files of a case; none come back where they are written here."""
-    files = make_campaign(order.case)
-    if order.folder is None:
+def _deal_case(case: Case, folder: str | None) -> dict[str, bytes]:
+    """Make the files of a case and write them into the folder of the trial; without one they are returned."""
+    files = make_campaign(case)
+    if folder is None:
         return files
-    _write_folder(Path(order.folder) / order.case.name, files)
+    _write_folder(Path(folder) / case.name, files)
     return {}
 
 
@@ -210,17 +216,15 @@ def _write_folder(folder: Path, files: Mapping[str, bytes], *, known: Iterable[s
 
 
 class _Order(msgspec.Struct, frozen=True):
-    """One case to diagnose: its files, or the folder that holds them, and the method."""
+    """One case to diagnose; its files where the worker has no access to the folder of the trial."""
 
     name: str
     key: str
-    method: DiagnosisMethod
-    folder: str | None = None
-    files: Mapping[str, bytes] | None = None
+    files: Mapping[str, bytes] | None
 
 
 class _Diagnosed(msgspec.Struct, frozen=True):
-    """A diagnosis as JSON, and the predicted logs by their place under the case's folder."""
+    """A diagnosis as JSON, and the predicted logs by their place under the folder of the case."""
 
     record: bytes
     predictions: dict[str, bytes]
@@ -232,7 +236,7 @@ class _Mark(msgspec.Struct):
 
 
 class _Marked(msgspec.Struct):
-    """What an earlier diagnosis says of how it was made."""
+    """The entry of an earlier diagnosis that holds how it was made."""
 
     trial: _Mark
 
@@ -247,8 +251,8 @@ def diagnose(
 ) -> TrialProgress:
     """Diagnose every case of a trial from its logs alone; the answers stay sealed.
 
-    Each case is diagnosed in a folder of its own elsewhere, with nothing but its logs. What was diagnosed already with the same
-    suspects, seed and version is kept, unless `force` says otherwise.
+    Each case is diagnosed in a separate folder elsewhere that holds only its logs. A diagnosis with the same suspects, seed and
+    version is kept, unless `force` is set.
 
     Parameters
     ----------
@@ -270,18 +274,15 @@ def diagnose(
         keys = {name: _key(inside(folder, name), method) for name in trial.cases}
         states = {name: _state_of(folder, name, keys[name]) for name in trial.cases}
         todo = [name for name in trial.cases if force or states[name] != "kept"]
-        orders = {
-            name: _Order(name, keys[name], method, folder=str(folder))
-            if workers.scheduler is None
-            else _Order(name, keys[name], method, files=_files(folder / name))
-            for name in todo
-        }
+        here = str(folder) if workers.scheduler is None else None
+        orders = {name: _Order(name, keys[name], None if here else _files(folder / name)) for name in todo}
+        work = partial(_diagnose_case, method=method, folder=here)
         faults: dict[str, str] = {}
         watch.begin(len(trial.cases) - len(todo), len(todo))
-        for name, outcome in workers.run(_diagnose_case, orders, watch):
+        for name, outcome in workers.run(work, orders, watch):
             if outcome.value is None:
                 faults[name] = outcome.fault or ""
-                if outcome.rejected and states[name] == "other":  # what is there is of other logs, suspects or version
+                if outcome.rejected and states[name] == "other":  # the present one has other logs, suspects or version
                     inside(folder, f"{DIAGNOSES}/{name}.json").unlink(missing_ok=True)
             elif outcome.value.record:
                 _write_diagnosis(folder, name, outcome.value)
@@ -320,44 +321,42 @@ def _state_of(folder: Path, name: str, key: str) -> State:
     return "altered" if altered(inside(folder, f"{PREDICTIONS}/{name}"), found.trial.files) else "kept"
 
 
-def _diagnose_case(order: _Order) -> _Diagnosed:
-    """Diagnose one case in a folder that holds its logs and nothing else."""
-    files = order.files if order.folder is None else _files(Path(order.folder) / order.name)
+def _diagnose_case(order: _Order, method: DiagnosisMethod, folder: str | None) -> _Diagnosed:
+    """Diagnose one case in a folder that holds its logs and nothing else; write the result, or without a folder return it."""
+    files = order.files if folder is None else _files(Path(folder) / order.name)
     with scratch_folder() as scratch:
         case, predicted = scratch / order.name, scratch / PREDICTIONS
         predicted.mkdir()
         _write_folder(case, files or {})
         _check_campaign(case)
-        method = order.method
         found = method.diagnose(case / CAMPAIGN_FILE, suspects=method.suspects, seed=method.seed, predictions=predicted)
         logs = {name: path.read_bytes() for name, path in files_within(predicted).items() if path.suffix == ".csv"}
-    digests = {name: digest_of(content) for name, content in logs.items()}
-    about = {"case": order.name, "key": order.key, "files": digests}
+    about = {
+        "case": order.name,
+        "key": order.key,
+        "files": {name: digest_of(content) for name, content in logs.items()},
+    }
     made = _Diagnosed(with_digest(found, "trial", about, indent=1), logs)
-    if order.folder is None:
+    if folder is None:
         return made
-    _write_diagnosis(Path(order.folder), order.name, made)
+    _write_diagnosis(Path(folder), order.name, made)
     return _Diagnosed(b"", {})
 
 
 def _check_campaign(case: Path) -> None:
-    """Refuse a case whose campaign names a log or a rig file that lies elsewhere."""
+    """Reject a case whose campaign names a log or a rig file in another folder."""
     campaign = load_campaign(case / CAMPAIGN_FILE)
-    for run in campaign.runs:
-        if run.file.parent != case:
-            raise CampaignError(
-                f"{case.name}/{CAMPAIGN_FILE}: names the log {run.file}, which is not in the folder of the case; deal the "
-                "trial again."
-            )
+    elsewhere = [f"the log {run.file}" for run in campaign.runs if run.file.parent != case]
     if campaign.rig is not None and Path(campaign.rig).name != campaign.rig:
+        elsewhere.append(f"the rig file {campaign.rig}")
+    if elsewhere:
         raise CampaignError(
-            f"{case.name}/{CAMPAIGN_FILE}: names the rig file {campaign.rig}, which is not in the folder of the case; deal the "
-            "trial again."
+            f"{case.name}/{CAMPAIGN_FILE}: names {elsewhere[0]}, which is not in the folder of the case; deal the trial again."
         )
 
 
 def _write_diagnosis(folder: Path, name: str, made: _Diagnosed) -> None:
-    """Write what was found of a case: the predictions first, the JSON last, as it tells that all is there."""
+    """Write the diagnosis of a case: the predictions first, the JSON last, as it marks the case as complete."""
     path = inside(folder, f"{DIAGNOSES}/{name}.json")
     check_replaceable(path, force=False)
     try:

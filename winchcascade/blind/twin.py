@@ -1,15 +1,20 @@
-"""What the sensors of a twin write: gains, zeros, noise, resolution, the ringing of the tether, late and bent readings."""
+"""An independent twin of the rig: one log of a campaign, from the motion of the crane to the readings of the sensors.
+
+The crane moves the line in payout, hold and haul-in, three times in a log, no two alike. The twin shares no code with the rig
+that a diagnosis fits: the bridge is a switched circuit, the gas of the accumulator obeys the
+first law, and the injected effects have laws of their own. Sensors have gains, zeros, noise, resolution, lag and
+nonlinearity; the tether rings.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 from numba import njit
+from scipy.signal import fftconvolve, lfilter
 
-from winchcascade.blind.crane import line_motion, smooth_noise
 from winchcascade.blind.drive import COLUMNS, FINE, GRID, LEDGER, Drive, run_drive
 from winchcascade.blind.injected import Hidden
 from winchcascade.blind.twin_numbers import (  # fmt: skip
@@ -23,34 +28,116 @@ from winchcascade.blind.twin_numbers import (  # fmt: skip
     Fixed,
     Numbers,
 )
+from winchcascade.core.run import Signal
 
-if TYPE_CHECKING:
-    from winchcascade.core.run import Signal
+CYCLES = 3
+"""Cycles of a log."""
+
+SPEED = {
+    "open_circuit": 1.015, "r45ohm": 1.015, "r36ohm": 1.015, "r27ohm": 0.966, "r18ohm": 0.864, "r9ohm": 0.509,
+    "r4p5ohm": 0.305,
+}  # fmt: skip
+"""Plateau of the payout by log, as in logs of the crane, which is slower against a heavy load. [m/s]"""
+
+GUST, GUST_WIDTH = 0.0046, 0.085
+"""Wobble of the speed: standard deviation as a share, and width of the bell curve that smooths it. [1, s]"""
+
+_LEAD_IN = 4.0
+_SPREAD = 0.01
+"""Scatter of the plateaus from log to log, and from cycle to cycle. [1]"""
+
+
+def line_motion(log: str, rng: np.random.Generator) -> tuple[Signal, Signal]:
+    """Draw the motion of one log on the grid of the twin.
+
+    Returns
+    -------
+    x, v : (n + 1,) payout and its rate at the ends of the intervals, starting at rest [m, m/s]
+    """
+    legs = [np.zeros(round(_LEAD_IN / GRID))]
+    top = SPEED[log] * (1.0 + _SPREAD * rng.standard_normal())
+    ramp, shape = rng.normal(4.55, 0.22), rng.normal(1.0, 0.06)
+    length, back = rng.normal(9.59, 0.05), rng.normal(1.255, 0.028)
+    hold, rest = rng.uniform(4.2, 6.9), rng.uniform(4.3, 7.2)
+    for _ in range(CYCLES):
+        here = length + rng.normal(0.0, 0.02)
+        payout = top * (1.0 + _SPREAD * rng.standard_normal())
+        rise = ramp * (1.0 + 0.02 * rng.standard_normal())
+        legs.append(payout * _leg(here / payout, rise, 0.355 * rise, shape))
+        legs.append(np.zeros(round((hold + rng.normal(0.0, 0.2)) / GRID)))
+        haul = back * (1.0 + 0.008 * rng.standard_normal())
+        legs.append(-haul * _leg((here + rng.normal(0.0, 0.012)) / haul, 2.0, 0.8, 1.0))
+        legs.append(np.zeros(round((rest + rng.normal(0.0, 0.3)) / GRID)))
+    v = np.concatenate([*legs, [0.0]])
+    v = v * (1.0 + GUST * smooth_noise(v.size, GUST_WIDTH, rng))
+    return np.concatenate([[0.0], np.cumsum(0.5 * GRID * (v[1:] + v[:-1]))]), v
+
+
+def _leg(length: float, rise: float, fall: float, shape: float) -> Signal:
+    """A speed of plateau 1 that covers a length: up in a time, a plateau, down in a time. [1]"""
+    up, down = _rise(rise, shape), _rise(fall, 1.0)[::-1]
+    flat = max(length - GRID * (np.sum(up) + np.sum(down)), 0.0)
+    return np.concatenate([up, np.ones(round(flat / GRID)), down])
+
+
+def _rise(duration: float, shape: float) -> Signal:
+    """From 0 to 1 in a time, with no jerk at either end; a shape above 1 begins later. [1]"""
+    ramp: Signal = (np.arange(round(duration / GRID), dtype=np.float64) * GRID / duration) ** shape
+    return ramp * ramp * (3.0 - 2.0 * ramp)
+
+
+def smooth_noise(size: int, width: float, rng: np.random.Generator, *, grid: float = GRID) -> Signal:
+    """Noise of unit variance, smoothed by a bell curve of a standard deviation in seconds, (size,)."""
+    reach = round(4.0 * width / grid)
+    bell = np.exp(-0.5 * (np.arange(-reach, reach + 1) * grid / width) ** 2)
+    smooth: Signal = fftconvolve(rng.standard_normal(size + 2 * reach), bell, "valid")
+    return smooth / float(np.sqrt(np.sum(bell**2)))
 
 
 STAMP = 0.04
-"""Between two rows of a log. [s]"""
+"""Time between two rows of a log. [s]"""
 
 _WINDOW = 5
-"""Intervals on either side of a stamp that a reading is averaged over."""
+"""Number of intervals on either side of a stamp over which a reading is averaged."""
 
 TETHER_HZ, TETHER_DAMPING, TETHER_MASS = 2.2, 0.12, 3.0
-"""Ringing of the tether after a jerk: frequency, damping ratio, and newtons for each m/s2 that it has yet to follow."""
+"""Ringing of the tether after a jerk: frequency, damping ratio, and force over the acceleration that it lags behind.
+[Hz, 1, kg]"""
 
 TETHER_NOISE, TETHER_WIDTH = 3.4, 0.14
-"""What else the tether does: standard deviation, and width of the bell curve that smooths it. [N, s]"""
+"""Other noise of the tether: standard deviation, and width of the bell curve that smooths it. [N, s]"""
+
+
+class Twin(msgspec.Struct, frozen=True):
+    """Rig of one campaign: its numbers, its loads, the gains of its sensors, and what is injected."""
+
+    numbers: Numbers
+    loads: dict[str, float]
+    gains: dict[str, float]
+    hidden: Hidden
+
+
+class Solved(msgspec.Struct, frozen=True):
+    """True motion and channels of one log, on the intervals of the grid, (n,) each in SI units; `energy` until the end [J]."""
+
+    t: Signal
+    x: Signal
+    v: Signal
+    channels: dict[str, Signal]
+    energy: dict[str, float]
 
 
 def read_log(twin: Twin, solved: Solved, rng: np.random.Generator) -> dict[str, Signal]:
-    """What the sensors write of one log, by channel in the units of the log, with `time`."""
-    stamps = stamps_of(solved)
+    """Readings of the sensors for one log, by channel in the units of the log, with `time`."""
+    stamps, delay = stamps_of(solved), twin.hidden.get("elastic_encoder")
     grid = np.arange(solved.x.size, dtype=np.float64) * GRID
-    x, v = _encoder(twin.hidden, solved)
-    speed = np.interp(stamps, grid, v) + rng.normal(0.0, VELOCITY_NOISE, stamps.size)
+    x, v = (follow(y, delay) if delay else y for y in (solved.x, solved.v))  # behind an elastic drive
     columns = {
         "time": np.round(stamps, 4),
         "displacement": np.round(np.interp(stamps, grid, x), 4),
-        "velocity": _stepped(speed, VELOCITY_STEP, 3),
+        "velocity": _stepped(
+            np.interp(stamps, grid, v) + rng.normal(0.0, VELOCITY_NOISE, stamps.size), VELOCITY_STEP, 3
+        ),
     }
     tether = TETHER_NOISE * smooth_noise(solved.t.size, TETHER_WIDTH, rng)
     for name, value in noiseless(twin, solved, stamps).items():
@@ -66,39 +153,36 @@ def stamps_of(solved: Solved) -> Signal:
     return np.arange(0.0, solved.t[-1] - 0.01, STAMP)
 
 
+_GAINS = {"torque": "torque_gain", "force": "force_gain", "vdc": "voltage_gain", "idc": "current_gain"}
+_DELAYS = {"vdc": "electrical_lag", "idc": "electrical_lag", "force": "late_force"}
+_ZEROS = {"force": "force_zero"}
+"""Effects and outsiders that give the sensor of a channel a gain, a delay or a zero."""
+
+
 def noiseless(twin: Twin, solved: Solved, stamps: Signal) -> dict[str, Signal]:
-    """What the sensors would write without zeros, noise and resolution, by channel in the units of the log."""
-    hidden, found = twin.hidden, {}
+    """Readings of the sensors without zeros, noise and resolution, by channel in the units of the log."""
+    found = {}
     for name, sensor in SENSORS.items():
-        true = solved.channels[name] + (_ringing(solved) if name == "force" else 0.0)
-        late = hidden.get("electrical_lag") * (name in ("vdc", "idc")) + hidden.get("late_force") * (name == "force")
-        value = np.interp(stamps - late, solved.t, _averaged(true)) / sensor.unit
-        read = value * twin.gains[name] * (1.0 + _gain_error(hidden, name)) + _bent(hidden, name, value)
-        found[name] = read + hidden.get("force_zero") * (name == "force")
+        true = solved.channels[name]
+        if name == "force":
+            true = true - TETHER_MASS * ring(np.diff(solved.v) / GRID)
+        gain, delay, zero = (twin.hidden.get(names.get(name, "")) for names in (_GAINS, _DELAYS, _ZEROS))
+        value = np.interp(stamps - delay, solved.t, _averaged(true)) / sensor.unit
+        found[name] = value * twin.gains[name] * (1.0 + gain) + _distortion(twin.hidden, name, value) + zero
     return found
 
 
-_GAINS = {"torque": "torque_gain", "force": "force_gain", "vdc": "voltage_gain", "idc": "current_gain"}
-
-
-def _gain_error(hidden: Hidden, name: str) -> float:
-    return hidden.get(_GAINS[name]) if name in _GAINS else 0.0
-
-
-def _bent(hidden: Hidden, name: str, value: Signal) -> Signal:
-    """What a sensor that no catalogue has adds to its reading, in the unit of the log."""
-    if name == "torque" and hidden.get("curved_torque"):
+def _distortion(hidden: Hidden, name: str, value: Signal) -> Signal | float:
+    """Error of a sensor by a law that is not in the catalogue, in the unit of the log."""
+    if name == "torque":
         return -hidden.get("curved_torque") * value * np.abs(value) / 500.0
-    if name == "idc" and hidden.get("saturated_current"):
-        past = np.maximum(value - 5.0, 0.0)
-        return -hidden.get("saturated_current") * 15.0 * (past / 10.0) ** 2
-    if name == "pressure" and hidden.get("pressure_play"):
-        return _play(value, hidden.get("pressure_play")) - value
-    return np.zeros(value.size)
+    if name == "idc":
+        return -hidden.get("saturated_current") * 15.0 * (np.maximum(value - 5.0, 0.0) / 10.0) ** 2
+    return _play(value, hidden.get("pressure_play")) - value if name == "pressure" else 0.0
 
 
 def _play(value: Signal, width: float) -> Signal:
-    """Follow a reading through a play of half a width to either side."""
+    """A reading behind a play of half a width to either side."""
     out = np.empty(value.size)
     now = value[0]
     for k, here in enumerate(value):
@@ -107,50 +191,27 @@ def _play(value: Signal, width: float) -> Signal:
     return out
 
 
-def _encoder(hidden: Hidden, solved: Solved) -> tuple[Signal, Signal]:
-    """Displacement and velocity as the encoder sees them; one behind an elastic drive follows late."""
-    delay = hidden.get("elastic_encoder")
-    if delay == 0.0:
-        return solved.x, solved.v
-    return follow(solved.x, delay), follow(solved.v, delay)
-
-
-@njit(cache=True)
 def follow(value: Signal, delay: float) -> Signal:
     """A first-order lag on the grid, starting at rest."""
-    out = np.empty(value.size)
-    now = value[0]
-    for k in range(value.size):
-        now += (value[k] - now) * (1.0 - math.exp(-GRID / delay))
-        out[k] = now
-    return out
+    fade = math.exp(-GRID / delay)
+    lagging: Signal = lfilter([1.0 - fade], [1.0, -fade], value, zi=[fade * value[0]])[0]
+    return lagging
 
 
 def _averaged(value: Signal) -> Signal:
-    """Mean over the intervals around each, as a sensor's filter takes it."""
-    ends = np.pad(np.cumsum(value), (1, 0))
-    k = np.arange(value.size)
-    low, high = np.maximum(k - _WINDOW, 0), np.minimum(k + _WINDOW + 1, value.size)
-    mean: Signal = (ends[high] - ends[low]) / (high - low)
-    return mean
+    """Mean over the intervals around each, as by the filter of a sensor."""
+    box = np.ones(2 * _WINDOW + 1)
+    return np.convolve(value, box, "same") / np.convolve(np.ones(value.size), box, "same")
 
 
-def _ringing(solved: Solved) -> Signal:
-    """Force by which the tether rings after a jerk, (n,) [N]."""
-    return -TETHER_MASS * ring(np.diff(solved.v) / GRID)
-
-
-@njit(cache=True)
 def ring(pull: Signal) -> Signal:
-    """What a lightly damped mass on the tether has yet to follow of the line's acceleration. [m/s2]"""
-    omega = 2.0 * math.pi * TETHER_HZ
-    out = np.empty(pull.size)
-    here = rate = 0.0
-    for k in range(pull.size):
-        rate += GRID * (omega**2 * (pull[k] - here) - 2.0 * TETHER_DAMPING * omega * rate)
-        here += GRID * rate
-        out[k] = pull[k] - here
-    return out
+    """Acceleration of the line less that of a lightly damped mass on the tether. [m/s2]
+
+    The mass follows by d2h/dt2 = w^2 (pull - h) - 2 d w dh/dt, stepped on the grid by the semi-implicit rule of Euler.
+    """
+    turn = 2.0 * math.pi * TETHER_HZ * GRID
+    keeps = 1.0 - 2.0 * TETHER_DAMPING * turn
+    return pull - lfilter([turn**2], [1.0, turn**2 - 1.0 - keeps, keeps], pull)
 
 
 def _stepped(value: Signal, step: float, decimals: int) -> Signal:
@@ -159,71 +220,50 @@ def _stepped(value: Signal, step: float, decimals: int) -> Signal:
 
 FIXED = Fixed()
 REST = 0.01
-"""Friction of screw, seals and line turns round within this speed of the line. [m/s]"""
+"""Friction of screw, seals and line changes its sign within this speed of the line. [m/s]"""
 
 RESTING, RESTING_MEAN = 0.22, -0.06
-"""At rest friction holds somewhere between its two directions: scatter from log to log, and mean, of -1 to 1."""
-
-
-class Twin(msgspec.Struct, frozen=True):
-    """One campaign's rig: its own numbers, its loads, the gains of its sensors, and what is hidden in it."""
-
-    numbers: Numbers
-    loads: dict[str, float]
-    gains: dict[str, float]
-    hidden: Hidden
-
-
-class Solved(msgspec.Struct, frozen=True):
-    """What a twin truly does in one log, on the grid's intervals, (n,) each in SI units; `energy` until its end [J]."""
-
-    t: Signal
-    x: Signal
-    v: Signal
-    channels: dict[str, Signal]
-    energy: dict[str, float]
+"""Friction at rest lies between its values in the two directions, -1 and 1: scatter from log to log, and mean. [1]"""
 
 
 def draw_twin(hidden: Hidden, rng: np.random.Generator) -> Twin:
-    """Draw a campaign's rig within what is known of it."""
-    numbers = Numbers(*(rng.normal(mean, u) for mean, u in zip(Numbers(), SCATTER, strict=True)))
-    loads = {log: rng.normal(1.0, LOAD_SCATTER if log != "open_circuit" else 0.0) * ohm for log, ohm in LOADS.items()}
-    gains = {name: rng.normal(1.0, LOAD_SCATTER) for name in SENSORS}
-    return Twin(numbers, loads, gains, hidden)
+    """Draw the rig of a campaign within the uncertainties of its numbers."""
+    return Twin(
+        numbers=Numbers(*(rng.normal(mean, u) for mean, u in zip(Numbers(), SCATTER, strict=True))),
+        loads={
+            log: rng.normal(1.0, LOAD_SCATTER if log != "open_circuit" else 0.0) * ohm for log, ohm in LOADS.items()
+        },
+        gains={name: rng.normal(1.0, LOAD_SCATTER) for name in SENSORS},
+        hidden=hidden,
+    )
 
 
 def drive_of(twin: Twin, log: str) -> Drive:
-    """Numbers of the drive for one log, with what is hidden in them."""
+    """Numbers of the drive for one log, with what is injected."""
     n, hidden = twin.numbers, twin.hidden
-    changed = {
-        "gear": FIXED.gear,
-        "k_shaft": FIXED.k_shaft,
-        "c_shaft": FIXED.c_shaft,
-        "pole_pairs": FIXED.pole_pairs,
-        "c_dc": n.c_dc,
-        "eta_mesh": n.eta_mesh + hidden.get("gear_mesh_loss"),
-        "j_rotor": FIXED.j_rotor * (1.0 + hidden.get("rotor_inertia")),
-        "b_rotor": n.b_rotor + hidden.get("rotor_viscous"),
-        "windage": hidden.get("rotor_windage"),
-        "friction": hidden.get("rotor_friction"),
-        "k_e": n.k_e * (1.0 + hidden.get("ke_shift")),
-        "r_s": n.r_s * (1.0 + hidden.get("copper_heating")),
-        "l_s": n.l_s * (1.0 + hidden.get("sync_inductance")),
-        "v_diode": FIXED.v_diode + hidden.get("diode_drop"),
-        "load": twin.loads[log] * (1.0 + hidden.get("load_drift") * (log != "open_circuit")),
-        "leak": hidden.get("leaking_link"),
-        "leak_power": 4.0,
-    }
-    if "ke_rolloff" in hidden.effects:
-        changed |= {name: hidden.laws[name] for name in ("law", "knee", "width", "power")}
-    if "warming_load" in hidden.outsiders:
-        changed |= {"warming": hidden.get("warming_load") / 40e3, "cooling": 60.0}
-    return Drive(**changed)
+    numbers = n._replace(
+        eta_mesh=n.eta_mesh + hidden.get("gear_mesh_loss"),
+        b_rotor=n.b_rotor + hidden.get("rotor_viscous"),
+        k_e=n.k_e * (1.0 + hidden.get("ke_shift")),
+        r_s=n.r_s * (1.0 + hidden.get("copper_heating")),
+        l_s=n.l_s * (1.0 + hidden.get("sync_inductance")),
+    )
+    rotor, diodes = FIXED.j_rotor * (1.0 + hidden.get("rotor_inertia")), FIXED.v_diode + hidden.get("diode_drop")
+    return Drive(
+        fixed=FIXED._replace(j_rotor=rotor, v_diode=diodes),
+        numbers=numbers,
+        load=twin.loads[log] * (1.0 + hidden.get("load_drift") * (log != "open_circuit")),
+        windage=hidden.get("rotor_windage"),
+        friction=hidden.get("rotor_friction"),
+        warming=hidden.get("warming_load") / 40e3,
+        leak=hidden.get("leaking_link"),
+        **{name: hidden.laws[name] for name in ("law", "knee", "width", "power") if name in hidden.laws},
+    )
 
 
 @njit(cache=True)
 def gas_pressure(volume: Signal, pressure: float, exponent: float, cooling: float) -> Signal:
-    """Absolute pressure of a gas that heats by the first law and gives its heat away. [Pa]
+    """Absolute pressure of a gas that heats by the first law and loses its heat. [Pa]
 
     With c_v = R / (exponent - 1): dT/dt = -(exponent - 1) T / V dV/dt - (T - T_0) / cooling.
 
@@ -252,7 +292,7 @@ def efficiencies(mu: float) -> tuple[float, float]:
 
 
 def solve(twin: Twin, log: str, x: Signal, v: Signal, resting: float, *, fine: int = FINE) -> Solved:
-    """Let a twin follow a motion of the line.
+    """Solve a twin along a motion of the line.
 
     Parameters
     ----------
@@ -266,16 +306,15 @@ def solve(twin: Twin, log: str, x: Signal, v: Signal, resting: float, *, fine: i
     turned = speed / np.sqrt(speed**2 + REST**2)
     way = turned + resting * (1.0 - turned**2)
     gauge = _gauge(twin, middle, t)
-    out, ledger = np.empty((t.size, len(COLUMNS))), np.zeros(len(LEDGER))
+    out, ledger = np.zeros((t.size, len(COLUMNS))), np.zeros(len(LEDGER))
     run_drive(v / r, _mesh(twin, middle), drive_of(twin, log), fine, out, ledger)
-    held = -hidden.get("clutch_drag") * np.where(speed < 0.0, np.abs(turned), 0.0)
-    torque = out[:, 0] + held
+    torque = out[:, 0] - hidden.get("clutch_drag") * np.where(speed < 0.0, np.abs(turned), 0.0)
     screw = _screw(twin, gauge, way)
     inertia = (FIXED.j_drum + hidden.get("drum_inertia")) * pull / r
     lost = hidden.get("line_friction") * way + hidden.get("line_drag") * speed / r + _braking(twin, t, turned)
-    reach = r * (1.0 + hidden.get("drum_layering") * middle / 10.0)
-    reach = reach * (1.0 + hidden.get("eccentric_drum") * np.cos(middle / r + hidden.laws.get("phase", 0.0)))
-    force = (screw + torque + inertia + lost) / reach
+    eccentric = hidden.get("eccentric_drum") * np.cos(middle / r + hidden.laws.get("phase", 0.0))
+    radius = r * (1.0 + hidden.get("drum_layering") * middle / 10.0) * (1.0 + eccentric)
+    force = (screw + torque + inertia + lost) / radius
     channels = {"pressure": gauge, "force": force, "torque": torque, "vdc": out[:, 1], "idc": out[:, 2]}
     channels |= {"omega": out[:, 3], "screw": screw}
     return Solved(t, x, v, channels, dict(zip(LEDGER, ledger.tolist(), strict=True)))
@@ -286,9 +325,12 @@ def _gauge(twin: Twin, x: Signal, t: Signal) -> Signal:
     hidden, n = twin.hidden, twin.numbers
     area = n.area * (1.0 + hidden.get("piston_area"))
     volume = n.v_gas + hidden.get("gas_volume") - area * FIXED.lead * x / (2.0 * math.pi * FIXED.r_drum)
-    start = n.p_gas * (1.0 + hidden.get("precharge"))
-    exponent = 1.0 + hidden.get("gas_polytropic")
-    absolute = gas_pressure(volume, start, exponent, hidden.laws.get("gas_cooling", 1.0))
+    absolute = gas_pressure(
+        volume,
+        pressure=n.p_gas * (1.0 + hidden.get("precharge")),
+        exponent=1.0 + hidden.get("gas_polytropic"),
+        cooling=hidden.laws.get("gas_cooling", 1.0),
+    )
     return absolute * np.exp(-hidden.get("leaking_gas") * t / 100.0) - AIR
 
 
@@ -301,13 +343,13 @@ def _screw(twin: Twin, gauge: Signal, way: Signal) -> Signal:
 
 
 def _mesh(twin: Twin, x: Signal) -> Signal:
-    """Factor on the torque that the gear needs: a worn one's goes up and down three times a turn of the drum. [1]"""
-    ripple = twin.hidden.get("worn_gear")
-    return 1.0 + ripple * np.cos(3.0 * x / FIXED.r_drum + twin.hidden.laws.get("phase", 0.0))
+    """Factor on the torque that the gear needs; that of a worn gear rises and falls three times a turn of the drum. [1]"""
+    hidden = twin.hidden
+    return 1.0 + hidden.get("worn_gear") * np.cos(3.0 * x / FIXED.r_drum + hidden.laws.get("phase", 0.0))
 
 
 def _braking(twin: Twin, t: Signal, turned: Signal) -> Signal:
-    """Torque of a brake that drags for a second or two and lets go again, in each log at other times. [N m]"""
+    """Torque of a brake that drags for a second or two and releases, in each log at other times. [N m]"""
     torque = twin.hidden.get("brake_drag")
     if torque == 0.0:
         return np.zeros(t.size)

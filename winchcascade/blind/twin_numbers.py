@@ -3,8 +3,6 @@
 The twin holds a table of its own and reads none of the rig's, so that a slip in one of them shows as a gap in a trial.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import msgspec

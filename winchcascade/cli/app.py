@@ -2,24 +2,52 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from importlib import import_module
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from winchcascade.cli.batch_command import batch_command, demo_command
-from winchcascade.cli.blind_command import blind
-from winchcascade.cli.diagnose_command import diagnose_command
-from winchcascade.cli.model_commands import calibrate_command, effects_command, rig_command, simulate_command
 from winchcascade.cli.outputs import show
-from winchcascade.cli.reduce_command import reduce_command
-from winchcascade.cli.table_commands import audit_command, check_command
 
-app = typer.Typer(
-    help="Energies and efficiencies from the log of a winch-driven power take-off.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+_COMMANDS = {
+    "reduce": ("reduce_command", "reduce_command"),
+    "batch": ("batch_command", "batch_command"),
+    "check": ("table_commands", "check_command"),
+    "audit": ("table_commands", "audit_command"),
+    "demo": ("batch_command", "demo_command"),
+    "simulate": ("model_commands", "simulate_command"),
+    "calibrate": ("model_commands", "calibrate_command"),
+    "diagnose": ("diagnose_command", "diagnose_command"),
+    "effects": ("model_commands", "effects_command"),
+    "rig": ("model_commands", "rig_command"),
+    "blind": ("blind_command", "blind"),
+}
+"""Each command's module and its name in that module, in the order in which the help lists them."""
+
+
+def command_line(first: str | None) -> typer.Typer:
+    """The command line with the command that `first` names, or with all where it names none.
+
+    Typer evaluates the annotations of every command that it is given, which takes longer than the reduction of a short log.
+    """
+    app = typer.Typer(
+        help="Energies and efficiencies from the log of a winch-driven power take-off.",
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    app.callback()(winchcascade)
+    for name in [first] if first in _COMMANDS else _COMMANDS:
+        module, function = _COMMANDS[name]
+        command: Callable[..., None] | typer.Typer = getattr(import_module(f"winchcascade.cli.{module}"), function)
+        if isinstance(command, typer.Typer):
+            app.add_typer(command, name=name)
+        else:
+            app.command(name)(command)
+    return app
 
 
 def _version(wanted: bool) -> None:
@@ -30,23 +58,9 @@ def _version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def winchcascade(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
     """Energies and efficiencies from the log of a winch-driven power take-off."""
-
-
-app.command("reduce")(reduce_command)
-app.command("batch")(batch_command)
-app.command("check")(check_command)
-app.command("audit")(audit_command)
-app.command("demo")(demo_command)
-app.command("simulate")(simulate_command)
-app.command("calibrate")(calibrate_command)
-app.command("diagnose")(diagnose_command)
-app.command("effects")(effects_command)
-app.command("rig")(rig_command)
-app.add_typer(blind, name="blind")

@@ -10,7 +10,7 @@ import typer
 from winchcascade.cli.options import ForceOption, JobsOption, RigOption, SchedulerOption, WindowOption, report_choices
 from winchcascade.cli.outputs import given_command, show
 from winchcascade.core.errors import OptionError
-from winchcascade.core.jobs import one_thread_each, set_threads
+from winchcascade.core.jobs import Workers, one_thread_each, processes, set_threads
 
 
 def batch_command(
@@ -46,21 +46,17 @@ def batch_command(
     What is done already is kept as long as log, options and version are the same. Exit code 1 if a log failed.
     """
     from winchcascade.batch.plan import make_plan
-    from winchcascade.batch.run_batch import REPORTS, run_batch
-    from winchcascade.core.jobs import processes
+    from winchcascade.batch.run_batch import REPORTS, Products, run_batch
     from winchcascade.reduction.reduce import window_rule
-    from winchcascade.report.campaign_text import campaign_text
+    from winchcascade.report.campaign_record import campaign_text
     from winchcascade.report.progress import Progress
 
     if reports not in REPORTS:
         raise OptionError(f"--reports {reports}: expected none, html or all.")
-    rule = None if window is None else window_rule(window)
-    plan = make_plan(targets, rig=rig, window=rule)
+    plan = make_plan(targets, rig=rig, window=None if window is None else window_rule(window))
+    products, workers = Products(REPORTS[reports], excel, given_command()), Workers(jobs or processes(), scheduler)
     with Progress(plan.title) as watch:
-        batch = run_batch(
-            plan, out, reports=REPORTS[reports], jobs=jobs or processes(), scheduler=scheduler, workbook=excel,
-            command=given_command(), force=force, watch=watch,
-        )  # fmt: skip
+        batch = run_batch(plan, out, products, workers=workers, force=force, watch=watch)
     show(campaign_text(batch.summary, out, kept=batch.kept, altered=batch.altered))
     raise typer.Exit(1 if batch.faults else 0)
 
@@ -76,24 +72,22 @@ def demo_command(
     one_thread_each()
     from winchcascade.batch.demo import copy_campaign, diagnose_copy
     from winchcascade.batch.plan import make_plan
-    from winchcascade.batch.run_batch import REPORTS, run_batch
-    from winchcascade.core.jobs import processes
-    from winchcascade.report.campaign_text import campaign_text
+    from winchcascade.batch.run_batch import REPORTS, Products, run_batch
+    from winchcascade.report.campaign_record import campaign_text
     from winchcascade.report.diagnosis_text import diagnosis_lines
-    from winchcascade.report.progress import Progress, Telling
+    from winchcascade.report.progress import Progress, status_line
     from winchcascade.rig.effects.catalogue import EFFECTS
 
     campaign = copy_campaign(out / "campaign", force=force)
     plan = make_plan([str(campaign)])
-    command = given_command()
+    products, workers = Products(REPORTS["all"], workbook=True, command=given_command()), Workers(jobs or processes())
     with Progress(plan.title) as watch:
-        batch = run_batch(
-            plan, out / "results", reports=REPORTS["all"], jobs=jobs or processes(), workbook=True, command=command,
-            force=force, watch=watch,
-        )  # fmt: skip
+        batch = run_batch(plan, out / "results", products, workers=workers, force=force, watch=watch)
     show(campaign_text(batch.summary, batch.folder, kept=batch.kept, altered=batch.altered), flush=True)
     set_threads(jobs or processes())
-    with Telling(f"diagnosing {plan.title}") as tell:
-        found, files = diagnose_copy(campaign, out / "results", EFFECTS, command=command, force=force, tell=tell)
+    with status_line(f"diagnosing {plan.title}") as tell:
+        found, files = diagnose_copy(
+            campaign, out / "results", EFFECTS, command=products.command, force=force, tell=tell
+        )
     show(diagnosis_lines(found, files))
     raise typer.Exit(1 if batch.faults else 0)

@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from winchcascade.cli.options import ForceOption, HtmlOption, JobsOption, JsonOption, PdfOption, SchedulerOption
-from winchcascade.cli.outputs import check_outputs, given_command, show, write_json
-from winchcascade.core.jobs import one_thread_each
+from winchcascade.cli.outputs import as_json, check_outputs, deliver, given_command, show
+from winchcascade.core.jobs import Workers, one_thread_each, processes
 
 blind = typer.Typer(
     help="Try the diagnosis on campaigns of an independent twin whose answers are sealed.", no_args_is_help=True
@@ -33,7 +33,6 @@ def blind_deal_command(
 ) -> None:
     """Deal campaigns that hide something, and seal what it is. Exit code 1 if a case failed."""
     from winchcascade.blind.trial import deal
-    from winchcascade.core.jobs import Workers, processes
     from winchcascade.report.progress import Progress
     from winchcascade.report.trial_text import dealt_text
 
@@ -51,14 +50,13 @@ def blind_diagnose_command(
     one_thread_each()
     from winchcascade.batch.campaign_diagnosis import diagnose_campaign
     from winchcascade.blind.trial import DiagnosisMethod, diagnose
-    from winchcascade.core.jobs import Workers, processes
     from winchcascade.report.progress import Progress
     from winchcascade.report.trial_text import diagnosed_text
     from winchcascade.rig.effects.catalogue import EFFECTS
 
+    method, workers = DiagnosisMethod(diagnose_campaign, EFFECTS), Workers(jobs or processes(), scheduler)
     with Progress(f"diagnosing {trial.name}") as watch:
-        workers = Workers(jobs or processes(), scheduler)
-        done = diagnose(trial, DiagnosisMethod(diagnose_campaign, EFFECTS), workers=workers, force=force, watch=watch)
+        done = diagnose(trial, method, workers=workers, force=force, watch=watch)
     show(diagnosed_text(done, trial))
     raise typer.Exit(1 if done.faults else 0)
 
@@ -71,16 +69,15 @@ def blind_score_command(
     pdf: PdfOption = None,
     force: ForceOption = False,
 ) -> None:
-    """Open the answers of a trial and tell how its diagnoses fared; answers that were changed are refused."""
+    """Open the answers of a trial and count correct and wrong diagnoses; changed answers are rejected."""
     from winchcascade.blind.score import score, score_record
     from winchcascade.report.trial_text import trial_text
 
-    results = {"--json": json, "--html": html, "--pdf": pdf}
-    check_outputs(results, [*trial.glob("*.json"), *trial.glob("diagnoses/*.json")], force=force)
+    inputs = [*trial.glob("*.json"), *trial.glob("diagnoses/*.json")]
+    check_outputs({"--json": json, "--html": html, "--pdf": pdf}, inputs, force=force)
     found = score(trial)
     if html is not None or pdf is not None:
         from winchcascade.report.trial_report import write_trial_reports
 
         write_trial_reports(found, html=html, pdf=pdf, command=given_command(), force=force)
-    if not write_json(json, score_record(found), force=force):
-        show(trial_text(found, trial))
+    deliver(json, lambda: as_json(score_record(found)), lambda: trial_text(found, trial), force=force)

@@ -8,17 +8,25 @@ from typing import Annotated
 
 import typer
 
-from winchcascade.cli.options import ForceOption, HtmlOption, JsonOption, PdfOption, RigOption, effect_names
-from winchcascade.cli.outputs import check_outputs, given_command, show, write_json
+from winchcascade.cli.options import (
+    CampaignArgument,
+    ForceOption,
+    HtmlOption,
+    JsonOption,
+    PdfOption,
+    RigOption,
+    ThreadsOption,
+    effect_names,
+)
+from winchcascade.cli.outputs import as_json, check_outputs, deliver, given_command
+from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.errors import OptionError
-from winchcascade.core.jobs import one_thread_each, set_threads
+from winchcascade.core.jobs import one_thread_each, processes, set_threads
+from winchcascade.core.store import make_one
 
 
 def diagnose_command(
-    campaign: Annotated[
-        Path,
-        typer.Argument(metavar="CAMPAIGN", help="A campaign.toml, or the folder that holds one.", show_default=False),
-    ],
+    campaign: CampaignArgument,
     rig: RigOption = None,
     withhold: Annotated[
         list[float] | None,
@@ -44,25 +52,21 @@ def diagnose_command(
             "--predictions", metavar="FOLDER", help="Write what is predicted of the withheld logs, before and after."
         ),
     ] = None,
-    jobs: Annotated[
-        int | None, typer.Option("--jobs", metavar="N", min=1, help="Threads; by default one for each processor.")
-    ] = None,
+    jobs: ThreadsOption = None,
     seed: Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Of the resampling of cycles.")] = 0,
     force: ForceOption = False,
 ) -> None:
     """Find out why logs and model differ: where, which effects, how sure, how far they close the gap, what to test next.
 
     The rig file is taken as given. Without --withhold and without withheld runs, each load is left out once.
-    A winch without a model is diagnosed from line force, speed and mechanical power; its cycles are left out in turn.
+    A winch without a model is diagnosed from line tension, speed and mechanical power; its cycles are left out in turn.
     """
     one_thread_each()
-    from winchcascade.batch.campaign_diagnosis import diagnose_by_rig, write_predictions
-    from winchcascade.core.campaign_file import load_campaign
-    from winchcascade.core.jobs import processes
+    from winchcascade.batch.campaign_diagnosis import diagnose_listed, write_predictions
     from winchcascade.report.diagnosis import write_diagnosis_reports
-    from winchcascade.report.diagnosis_record import as_json
+    from winchcascade.report.diagnosis_record import as_json as diagnosis_record
     from winchcascade.report.diagnosis_text import diagnosis_text
-    from winchcascade.report.progress import Telling
+    from winchcascade.report.progress import status_line
     from winchcascade.rig.effects.catalogue import EFFECTS, find_effect
 
     suspects = {name: find_effect(name) for name in suspect} if suspect else EFFECTS
@@ -71,21 +75,20 @@ def diagnose_command(
     results = {"--json": Path(json) if json else None, "--html": html, "--pdf": pdf}
     check_outputs(results | _prediction_files(predictions, logs), [listed.path, *logs, rig], force=force)
     set_threads(jobs or processes())
-    with Telling(f"diagnosing {listed.name}") as tell:
-        found = diagnose_by_rig(listed, suspects, rig=rig, loads=withhold or (), seed=seed, tell=tell)
+    with status_line(f"diagnosing {listed.name}") as tell:
+        found = diagnose_listed(listed, suspects, rig=rig, loads=withhold or (), seed=seed, tell=tell)
         written = [] if predictions is None else write_predictions(found, predictions, force=force)
         if html is not None or pdf is not None:
             tell("writing reports")
             write_diagnosis_reports(found, html=html, pdf=pdf, command=given_command(), force=force)
-    if not write_json(json, as_json(found), force=force):
-        files: list[Path | str] = [path for path in results.values() if path is not None]
-        if predictions is not None:
-            files.append(predictions if written else "no predictions, as no effect was fitted")
-        show(diagnosis_text(found, files))
+    files: list[Path | str] = [path for path in results.values() if path is not None]
+    if predictions is not None:
+        files.append(predictions if written else "no predictions, as no effect was fitted")
+    deliver(json, lambda: as_json(diagnosis_record(found)), lambda: diagnosis_text(found, files), force=force)
 
 
 def _prediction_files(folder: Path | None, logs: Sequence[Path]) -> dict[str, Path | None]:
-    """Make a folder of predictions, and tell which files of it may be written."""
+    """Make a folder of predictions, and list the files that may be written there."""
     if folder is None:
         return {}
     by_name = {log.stem.casefold(): log for log in reversed(logs)}
@@ -97,11 +100,6 @@ def _prediction_files(folder: Path | None, logs: Sequence[Path]) -> dict[str, Pa
             )
     found: dict[str, Path | None] = {}
     for side in ("before", "after"):
-        try:
-            (folder / side).mkdir(parents=True, exist_ok=True)
-        except OSError as fault:
-            raise OptionError(
-                f"--predictions {folder}: the folder cannot be made ({fault.strerror}); choose another."
-            ) from None
+        make_one(folder / side, "another")
         found |= {f"--predictions {side}/{log.stem}": folder / side / f"{log.stem}.csv" for log in logs}
     return found

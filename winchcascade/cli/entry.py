@@ -1,4 +1,4 @@
-"""The entry point: it runs the command that is given, and tells what goes wrong in one sentence."""
+"""The entry point: it runs the command that is given, and reports what goes wrong in one sentence."""
 
 from __future__ import annotations
 
@@ -25,21 +25,23 @@ def main() -> None:
         ends = {signal.SIGINT: f"winchcascade: interrupted; {_KEPT}", signal.SIGTERM: f"winchcascade: ended; {_KEPT}"}
         end_on_signals(ends)
         _ready_streams()
-        from winchcascade.cli.app import app  # here, as most of the start goes by with it: it may be interrupted
+        from winchcascade.cli.app import command_line  # here, as it takes most of the start, which may be interrupted
 
-        code = app(standalone_mode=False)
+        code = command_line(sys.argv[1] if len(sys.argv) > 1 else None)(standalone_mode=False)
         sys.stdout.flush()
         if code == _INTERRUPTED:
             raise KeyboardInterrupt
         sys.exit(code)
     except KeyboardInterrupt:
-        _interrupted()
+        _refuse(f"interrupted; {_KEPT}", code=_INTERRUPTED)
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(2)
     except OSError as fault:
+        if fault.errno is None:  # no error of the system: libraries derive some of their own from OSError
+            raise
         where = "standard output" if fault.filename is None else str(fault.filename)[:200]
-        if fault.filename is None:  # what is left in its buffer must not fail again at the end
+        if fault.filename is None:  # the rest of its buffer must not fail again at the end
             os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         _refuse(f"{where}: cannot be used ({fault.strerror}); check the path, its permissions and the space left.")
     except Exception as fault:
@@ -62,10 +64,6 @@ def _refuse(sentence: str, *, code: int = 2) -> NoReturn:
     sys.exit(code)
 
 
-def _interrupted() -> NoReturn:
-    _refuse(f"interrupted; {_KEPT}", code=_INTERRUPTED)
-
-
 def _refuse_use(fault: Exception) -> NoReturn:
     """Report a fault of the input, or of usage as typer found it; any other is one of this program and is shown whole."""
     from winchcascade.core.errors import WinchcascadeError
@@ -73,7 +71,7 @@ def _refuse_use(fault: Exception) -> NoReturn:
     if isinstance(fault, WinchcascadeError):
         _refuse(str(fault))
     if _was_interrupted(fault):
-        _interrupted()
+        _refuse(f"interrupted; {_KEPT}", code=_INTERRUPTED)
     if not hasattr(fault, "format_message"):
         raise fault
     if not fault.format_message().strip() or type(fault).__name__ == "NoArgsIsHelpError":

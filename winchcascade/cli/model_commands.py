@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -16,15 +16,13 @@ from winchcascade.cli.options import (
     RigOption,
     SheetOption,
     effect_names,
+    named_number,
     rig_names,
 )
-from winchcascade.cli.outputs import check_outputs, show, write_json
+from winchcascade.cli.outputs import as_json, check_outputs, deliver, show
 from winchcascade.cli.settings import check_load, read_with, settings_of
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.jobs import one_thread_each
-
-if TYPE_CHECKING:
-    from winchcascade.reduction.reduction_result import Reduction
 
 
 def simulate_command(
@@ -50,8 +48,7 @@ def simulate_command(
     from winchcascade.report.terminal import simulation_text
     from winchcascade.rig.effects.catalogue import make_effect
     from winchcascade.rig.parts import baseline
-    from winchcascade.rig.simulate import simulate
-    from winchcascade.rig.simulated_log import write_log
+    from winchcascade.rig.simulate import simulate, write_log
 
     source = profile or log
     if source is None or (profile is not None and log is not None):
@@ -76,13 +73,9 @@ def _fields(options: Sequence[str]) -> dict[str, dict[str, float]]:
     """Read EFFECT.FIELD=VALUE options: the fields of each effect."""
     fields: dict[str, dict[str, float]] = {}
     for option in options:
-        place, equals, text = option.partition("=")
-        name, dot, field = place.strip().partition(".")
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not (equals and dot and field) or math.isnan(value):
+        place, value = named_number(option)
+        name, _, field = place.partition(".")
+        if not field or math.isnan(value):
             raise OptionError(
                 f"--with {option}: expected EFFECT.FIELD=VALUE, such as gear_mesh_loss.efficiency_change=-0.03."
             )
@@ -111,27 +104,30 @@ def calibrate_command(
 
     check_load(load_ohm)
     settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=None, sheet=sheet)
-    inputs: list[str | Path] = [log, log.parent / "campaign.toml", settings.rig.path]
-    check_outputs({"--json": json, "--write": write}, inputs, force=force)
+    check_outputs(
+        {"--json": json, "--write": write}, [log, log.parent / "campaign.toml", settings.rig.path], force=force
+    )
     run = read_with(log, settings)
-    payouts = _steady_payouts(reduce(run, rig=settings.rig, window=settings.window, cycles=settings.cycles))
+    reduction = reduce(run, rig=settings.rig, window=settings.window, cycles=settings.cycles)
+    payouts = [  # of the complete cycles, from the onset to the start of braking
+        (cycle.phases.onset, plateau.braking)
+        for cycle in reduction.complete
+        if (plateau := cycle.summary.payout.plateau) is not None
+    ]
+    if not payouts:
+        raise LogError(
+            f"{run.name}: none of {len(reduction.cycles)} payouts is complete and holds a plateau, which a "
+            "calibration needs; `winchcascade reduce` lists what is wrong with each."
+        )
     calibration = calibrate(run, settings.rig, payouts, cycles=settings.cycles)
     if write is not None:
         write_content(write, calibrated_text(calibration), force=force)
-    if not write_json(json, calibration_record(calibration), force=force):
-        show(calibration_text(calibration, write))
-
-
-def _steady_payouts(reduction: Reduction) -> list[tuple[float, float]]:
-    """Payouts of the complete cycles, from the onset to the start of braking. [s]"""
-    plateaus = [(cycle.phases.onset, cycle.summary.payout.plateau) for cycle in reduction.complete]
-    found = [(onset, plateau.braking) for onset, plateau in plateaus if plateau is not None]
-    if not found:
-        raise LogError(
-            f"{reduction.run.name}: none of {len(reduction.cycles)} payouts is complete and holds a plateau, which a "
-            "calibration needs; `winchcascade reduce` lists what is wrong with each."
-        )
-    return found
+    deliver(
+        json,
+        lambda: as_json(calibration_record(calibration)),
+        lambda: calibration_text(calibration, write),
+        force=force,
+    )
 
 
 def effects_command(
@@ -152,7 +148,7 @@ def rig_command(
         typer.Argument(metavar="[NAME]", help="A built-in rig.", show_default=False, autocompletion=rig_names),
     ] = None,
 ) -> None:
-    """Print a built-in rig file, to start one's own from; without a name the paper's."""
+    """Print a built-in rig file, as a start for your own; without a name that of the paper."""
     from winchcascade.core.rig_toml import DEFAULT_RIG, built_in_text
 
     show(built_in_text(name or DEFAULT_RIG))

@@ -1,7 +1,8 @@
-"""What a shell offers to complete a value with; where it is given nothing it offers files."""
+"""Options that several commands share, the completion of their values in a shell, and options of the form NAME=NUMBER."""
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -75,3 +76,18 @@ SchedulerOption = Annotated[
 ForceOption = Annotated[
     bool, typer.Option("--force", help="Replace existing files, also those that another program wrote.")
 ]
+ThreadsOption = Annotated[
+    int | None, typer.Option("--jobs", metavar="N", min=1, help="Threads; by default one for each processor.")
+]
+CampaignArgument = Annotated[
+    Path, typer.Argument(metavar="CAMPAIGN", help="A campaign.toml, or the folder that holds one.", show_default=False)
+]
+
+
+def named_number(option: str) -> tuple[str, float]:
+    """Name and number of an option NAME=NUMBER; NaN without a number."""
+    name, _, number = option.partition("=")
+    try:
+        return name.strip(), float(number)
+    except ValueError:
+        return name.strip(), math.nan

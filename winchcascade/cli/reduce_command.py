@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -18,11 +17,8 @@ from winchcascade.cli.options import (
     SheetOption,
     WindowOption,
 )
-from winchcascade.cli.outputs import check_outputs, given_command, show
+from winchcascade.cli.outputs import check_outputs, deliver, given_command
 from winchcascade.cli.settings import check_load, read_with, settings_of
-
-if TYPE_CHECKING:
-    from winchcascade.reduction.reduction_result import Reduction
 
 
 def reduce_command(
@@ -54,37 +50,25 @@ def reduce_command(
     results = {"--json": json, "--html": html, "--pdf": pdf, "--parquet": parquet}
     check_outputs(results, [log, log.parent / "campaign.toml", rig], force=force)
     settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=window, sheet=sheet)
-    run = read_with(log, settings)
-    reduction = reduce(run, rig=settings.rig, window=settings.window, cycles=settings.cycles)
+    reduction = reduce(read_with(log, settings), rig=settings.rig, window=settings.window, cycles=settings.cycles)
     require_payouts(reduction)
     if parquet is not None:
         from winchcascade.report.rows import write_parquet
 
         write_parquet(reduction, parquet, force=force)
+    found = None
     if json is not None or html is not None or pdf is not None:
-        _write_with_uncertainty(reduction, json=json, html=html, pdf=pdf, force=force)
-    if json != "-":
-        show(reduction_text(reduction))
+        from winchcascade.reduction.montecarlo import uncertainty
 
-
-def _write_with_uncertainty(
-    reduction: Reduction, *, json: str | None, html: Path | None, pdf: Path | None, force: bool
-) -> None:
-    """Write the results that tell how sure the numbers are; JSON goes to standard output if it is called -."""
-    from winchcascade.reduction.montecarlo import uncertainty
-
-    found = uncertainty(reduction)
-    if html is not None or pdf is not None:
+        found = uncertainty(reduction)
+    if found is not None and (html is not None or pdf is not None):
         from winchcascade.report.document import write_reports
 
         write_reports(reduction, found, html=html, pdf=pdf, command=given_command(), force=force)
-    if json is None:
-        return
-    from winchcascade.report.records import reduction_json, write_json
 
-    if json == "-":
-        from winchcascade.core.plain_text import json_without_commands
+    def content() -> bytes:
+        from winchcascade.report.records import reduction_json
 
-        sys.stdout.buffer.write(json_without_commands(reduction_json(reduction, found)))
-    else:
-        write_json(reduction, found, Path(json), force=force)
+        return reduction_json(reduction, found)
+
+    deliver(json, content, lambda: reduction_text(reduction), force=force)

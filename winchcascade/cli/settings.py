@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-from winchcascade.core.campaign_file import Origin
+from winchcascade.core.campaign_file import CampaignRun, Origin, campaign_beside
 from winchcascade.core.errors import CampaignError, OptionError
-
-if TYPE_CHECKING:
-    from winchcascade.core.rig_file import Rig
-    from winchcascade.core.run import Run
+from winchcascade.core.rig_file import Rig
+from winchcascade.core.rig_toml import DEFAULT_RIG, load_rig
+from winchcascade.core.run import Run
 
 
 class Settings(NamedTuple):
-    """How a log is read and reduced: what the options say, else the campaign beside it, else the file's or the rig's own.
+    """How a log is read and reduced: by the options, else by the campaign beside it, else by the file or the rig.
 
-    `load` [ohm] is None where only the log may know it, `load_source` tells where it comes from, `window` is a rule or a
-    length [s], `cycles` are the first and the last that count, `about` is the campaign's title, `origin` says where the
-    data come from, and `sheet` names the table to read, None where the file holds but one.
+    `load` [ohm] is None where only the log may contain it, `load_source` is where it comes from, `window` is a rule or a
+    length [s], `cycles` are the first and the last that count, `about` is the title of the campaign, `origin` describes
+    where the data come from, and `sheet` names the table to read, None where the file has one only.
     """
 
     rig: Rig
@@ -41,26 +40,24 @@ def settings_of(
     CampaignError : the campaign.toml in the log's folder cannot be used, and the options leave something open
     RigError : the rig file cannot be used
     """
-    from winchcascade.core.campaign_file import campaign_beside
-    from winchcascade.core.rig_toml import DEFAULT_RIG, load_rig
-
-    rule: str | float | None = window
-    source, about, cycles, origin = "--load-ohm", "", None, Origin()
     try:
-        listed = campaign_beside(log, sheet)
+        campaign, run = campaign_beside(log, sheet) or (None, CampaignRun(log))
     except CampaignError:
         if None in (rig, load_ohm, window):
             raise
-        listed = None
-    if listed is not None:
-        campaign, run = listed
-        about, cycles, origin = campaign.title, run.cycles, run.origin
-        rig = rig if rig is not None else campaign.rig
-        rule = rule if rule is not None else run.window
-        sheet = sheet if sheet is not None else run.sheet
-        if load_ohm is None:
-            load_ohm, source = run.load, campaign.path.name
-    return Settings(load_rig(rig or DEFAULT_RIG), load_ohm, source, rule, cycles, about, origin, sheet)
+        campaign, run = None, CampaignRun(log)
+    if rig is None and campaign is not None:
+        rig = campaign.rig
+    return Settings(
+        rig=load_rig(rig or DEFAULT_RIG),
+        load=run.load if load_ohm is None else load_ohm,
+        load_source="--load-ohm" if load_ohm is not None or campaign is None else campaign.path.name,
+        window=run.window if window is None else window,
+        cycles=run.cycles,
+        about="" if campaign is None else campaign.title,
+        origin=run.origin,
+        sheet=run.sheet if sheet is None else sheet,
+    )
 
 
 def read_with(log: Path, settings: Settings) -> Run:
@@ -79,6 +76,6 @@ def read_with(log: Path, settings: Settings) -> Run:
 
 
 def check_load(load_ohm: float | None) -> None:
-    """Refuse a load that is no resistance; OptionError tells what is expected."""
+    """Reject a load that is no resistance; OptionError describes what is expected."""
     if load_ohm is not None and not load_ohm > 0:
         raise OptionError(f"--load-ohm {load_ohm:g}: expected a number of ohms above 0, or inf for an open circuit.")

@@ -5,17 +5,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from winchcascade.cli.options import ForceOption, JobsOption, JsonOption, RigOption, table_names
-from winchcascade.cli.outputs import check_outputs, show, show_commands, write_json
+from winchcascade.cli.options import ForceOption, JobsOption, JsonOption, RigOption, named_number, table_names
+from winchcascade.cli.outputs import as_json, check_outputs, deliver, show, show_commands
 from winchcascade.core.errors import OptionError
-
-if TYPE_CHECKING:
-    from winchcascade.tables.attainable import Reach
-    from winchcascade.tables.audit import Audit
 
 
 def check_command(
@@ -61,8 +57,7 @@ def check_command(
     around = results if results.is_dir() else results.parent
     inputs: list[str | Path] = [results, against, *around.glob("*"), *around.glob("runs/*")]
     check_outputs({"--junit": junit, "--json": json}, inputs, force=force)
-    factors = Factors(**_factors(tolerance or []))
-    table = load_table(against)
+    factors, table = Factors(**_factors(tolerance or [])), load_table(against)
     found = load_results(results, jobs=jobs or processes())
     if not found.verified:
         show(
@@ -73,8 +68,7 @@ def check_command(
     outcome = check(measured, table, factors, whole_campaign=found.whole)
     if junit is not None:
         write_content(junit, junit_xml(outcome), force=force)
-    if not write_json(json, check_record(outcome), force=force):
-        show(check_text(outcome))
+    deliver(json, lambda: as_json(check_record(outcome)), lambda: check_text(outcome), force=force)
     if github:
         show_commands(github_annotations(outcome, table.path), file=sys.stderr if json == "-" else sys.stdout)
     raise typer.Exit(0 if outcome.ok else 1)
@@ -84,11 +78,7 @@ def _factors(options: Sequence[str]) -> dict[str, float]:
     """Read PART=FACTOR options."""
     factors: dict[str, float] = {}
     for option in options:
-        name, _, text = option.partition("=")
-        try:
-            value = float(text)
-        except ValueError:
-            value = -1.0
+        name, value = named_number(option)
         if name not in ("rounding", "deviation", "uncertainty") or not 0 <= value < 1e6:
             raise OptionError(
                 f"--tolerance {option}: expected rounding, deviation or uncertainty and a factor, such as uncertainty=1.5."
@@ -129,26 +119,19 @@ def audit_command(
     outcome = audit(load_table(table))
     record, text, ok = audit_record(outcome), audit_text(outcome), outcome.ok
     if physics:
-        from winchcascade.report.reach_text import reach_record, reach_text
+        from winchcascade.core.rig_toml import DEFAULT_RIG, load_rig
+        from winchcascade.reduction.reduce import first_metrics
+        from winchcascade.report.audit_text import reach_record, reach_text
+        from winchcascade.report.progress import Progress
+        from winchcascade.rig.effects.catalogue import EFFECTS
+        from winchcascade.tables.attainable import reach
 
-        reach = _reach(outcome, rig)
-        record, text, ok = record | {"physics": reach_record(reach)}, text + reach_text(reach), ok and reach.ok
-    if not write_json(json, record, force=force):
-        show(text)
+        of = load_rig(rig or DEFAULT_RIG)
+        with Progress(f"physics of {outcome.table.name}") as watch:
+            found = reach(
+                outcome.table, of, EFFECTS, lambda run, window: first_metrics(run, of, window),
+                scatter=outcome.known.eta, watch=watch,
+            )  # fmt: skip
+        record, text, ok = record | {"physics": reach_record(found)}, text + reach_text(found), ok and found.ok
+    deliver(json, lambda: as_json(record), lambda: text, force=force)
     raise typer.Exit(0 if ok else 1)
-
-
-def _reach(audit: Audit, rig: str | None) -> Reach:
-    """What a rig can reach of a table, by the rules that reduce a log."""
-    from winchcascade.core.rig_toml import DEFAULT_RIG, load_rig
-    from winchcascade.reduction.reduce import first_metrics
-    from winchcascade.report.progress import Progress
-    from winchcascade.rig.effects.catalogue import EFFECTS
-    from winchcascade.tables.attainable import reach
-
-    of = load_rig(rig or DEFAULT_RIG)
-    with Progress(f"physics of {audit.table.name}") as watch:
-        return reach(
-            audit.table, of, EFFECTS, lambda run, window: first_metrics(run, of, window), scatter=audit.known.eta,
-            watch=watch,
-        )  # fmt: skip

@@ -1,14 +1,13 @@
-"""What a sensor's stated accuracy allows: errors of its zero and of its gain."""
+"""Errors of zero and gain that the stated accuracy of a sensor allows."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import msgspec
 
-if TYPE_CHECKING:
-    from winchcascade.core.rig_file import Rig, Sensor
+from winchcascade.core.rig_file import Rig, Sensor
 
 Part = Literal["zero", "gain"]
 Shape = Literal["rectangular", "normal"]
@@ -54,8 +53,7 @@ def error_sources(channel: str, sensor: Sensor) -> tuple[ErrorSource, ...]:
     [('zero', 20.0), ('gain', 0.001)]
     """
     full_scale = max(abs(sensor.low or 0.0), abs(sensor.high or 0.0))
-    absolute = sensor.accuracy or 0.0
-    absolute += (sensor.accuracy_full_scale or 0.0) * full_scale
+    absolute = (sensor.accuracy or 0.0) + (sensor.accuracy_full_scale or 0.0) * full_scale
     zero = 0.5 * absolute if full_scale > 0 else absolute
     gain = (0.5 * absolute / full_scale if full_scale > 0 else 0.0) + (sensor.accuracy_reading or 0.0)
     parts: tuple[tuple[Part, float, float | None], ...] = (("zero", zero, sensor.u_zero), ("gain", gain, sensor.u_gain))
@@ -79,12 +77,12 @@ def zero_uncertainty(sensor: Sensor | None) -> float:
 
 
 def open_circuit_current(rig: Rig, voltage: float) -> float:
-    """Largest DC current that bleed resistance and zero of the sensor account for at a voltage [V]. [A]
+    """Maximum DC current that bleed resistance and zero of the sensor account for at a voltage [V]. [A]
 
     >>> from winchcascade.core.rig_toml import built_in
     >>> round(open_circuit_current(built_in(), 300.0), 3)
     0.158
     """
     bleed = rig.dc_link.r_bleed
-    leakage = bleed.value if bleed is not None and bleed.value > 0.0 else BLEED
-    return LEAKAGE * voltage / leakage + CERTAIN * zero_uncertainty(rig.sensors.get("idc"))
+    resistance = bleed.value if bleed is not None and bleed.value > 0.0 else BLEED
+    return LEAKAGE * voltage / resistance + CERTAIN * zero_uncertainty(rig.sensors.get("idc"))

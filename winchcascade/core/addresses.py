@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import re
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from winchcascade.core.errors import LogError
+from winchcascade.core.errors import LogError, first_line
 from winchcascade.core.scratch import scratch_folder
 
 _REMOTE = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]+://")
-_BLOCK = 1 << 20
 
 
 def is_remote(target: str) -> bool:
@@ -38,32 +38,28 @@ def local_copy(address: str) -> Iterator[Path]:
     ------
     LogError : the address cannot be opened
     """
-    if not is_remote(local_path(address)):
+    if is_local(address):
         yield Path(local_path(address))
         return
     with scratch_folder() as folder:
         path = folder / address.rstrip("/").rsplit("/", 1)[-1]
         with _opened(address) as source, path.open("wb") as copy:
-            while block := source.read(_BLOCK):
-                copy.write(block)
+            shutil.copyfileobj(source, copy, 1 << 20)
         yield path
 
 
 def fingerprint(address: str) -> str:
-    """What changes when a log does: the SHA-256 of its content; nothing for one that this machine cannot open."""
-    digest = hashlib.sha256()
+    """SHA-256 of the content of a log; empty for one that this machine cannot open, and for a pipe or a folder."""
     try:
-        if not is_remote(local_path(address)):
-            if not Path(local_path(address)).is_file():  # a pipe would keep its reader waiting
-                return ""
+        if not is_local(address):
+            with _opened(address) as source:
+                return hashlib.file_digest(source, "sha256").hexdigest()
+        if Path(local_path(address)).is_file():  # a pipe would keep its reader waiting
             with open(local_path(address), "rb") as file:
                 return hashlib.file_digest(file, "sha256").hexdigest()
-        with _opened(address) as source:
-            while block := source.read(_BLOCK):
-                digest.update(block)
+        return ""
     except (OSError, LogError):
         return ""
-    return digest.hexdigest()
 
 
 def expand(address: str) -> list[str]:
@@ -74,12 +70,10 @@ def expand(address: str) -> list[str]:
         system, path = fsspec.core.url_to_fs(local_path(address))
         if any(c in path for c in "*?["):
             found = system.glob(path)
+        elif system.isdir(path):
+            found = [entry for entry in system.ls(path, detail=False) if system.isfile(entry)]
         else:
-            found = (
-                [entry for entry in system.ls(path, detail=False) if system.isfile(entry)]
-                if system.isdir(path)
-                else [path]
-            )
+            found = [path]
     except (ImportError, OSError, ValueError) as fault:
         raise _not_opened(address, fault) from None
     return sorted(found if is_local(address) else (system.unstrip_protocol(entry) for entry in found))
@@ -124,7 +118,6 @@ def _not_opened(address: str, fault: Exception) -> LogError:
         return LogError(
             f'{address}: needs a package for such addresses ({fault}); pip install "winchcascade[cluster]".'
         )
-    what = (str(fault).splitlines() or [type(fault).__name__])[0]
     return LogError(
-        f"{address}: cannot be opened ({what}); check the address and the rights of the machine that reads it."
+        f"{address}: cannot be opened ({first_line(fault)}); check the address and the rights of the machine that reads it."
     )

@@ -1,4 +1,4 @@
-"""Where the data of a log come from: measured or not, as the campaign states it, and one sentence on their origin."""
+"""campaign.toml: the runs of all loads as data, and where the data of each log come from."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ import msgspec
 
 from winchcascade.core.errors import CampaignError
 from winchcascade.core.quantity import is_load
-from winchcascade.core.toml_text import Expected, check_keys, entries, toml_values
+from winchcascade.core.toml_text import Expected, check_keys, entries, entry, read_toml, toml_values
 
 KINDS = {True: "measured", False: "not measured", None: "not stated"}
-"""What is said of whether data are measured."""
+"""Words for whether data are measured."""
 
 BANNER = 160
 """Longest origin in a banner: two lines at the top of a page. The summary of the report has the whole. [characters]"""
 
 
 class Origin(msgspec.Struct, frozen=True):
-    """Whether data are measured, None where nobody states it, and one sentence on where they come from."""
+    """Whether data are measured, None where it is not stated, and one sentence on where they come from."""
 
     measured: bool | None = None
     sentence: str = ""
@@ -100,20 +100,23 @@ Cycles = tuple[int, int]
 """First and last cycle that count, both included."""
 
 
-class CampaignRun(msgspec.Struct, frozen=True):
+class CampaignRun(msgspec.Struct, frozen=True, rename={"load": "load_ohm", "window": "window_s"}):
     """One log of a campaign: its file, load [ohm], fixed window [s], the cycles that count, whether it is withheld, and where
     its data come from.
 
     `sheet` is the name or number of the table within a workbook, a MATLAB file or TDMS.
 
-    `load` is None for a rig without one and inf for an open circuit; `window` None where the rig's rule holds.
+    `load` is None for a rig without one and inf for an open circuit; `window` None where the rule of the rig applies.
     """
 
     file: Path
-    load: float | None = None
-    window: float | None = None
-    cycles: tuple[int, int] | None = None
-    withheld: bool = False
+    load: Annotated[float | None, Expected("a number of ohms above 0, or inf for an open circuit", is_load)] = None
+    window: Annotated[float | None, Expected("a length in seconds above 0", lambda length: 0.0 < length < 1e9)] = None
+    cycles: Annotated[
+        Cycles | None,
+        Expected("first and last, such as [1, 20]", lambda ends: 1 <= ends[0] <= ends[1]),
+    ] = None
+    withheld: Annotated[bool, Expected("true or false")] = False
     origin: Origin = Origin()
     sheet: str | None = None
 
@@ -138,16 +141,14 @@ def load_campaign(path: Path) -> Campaign:
         path = path / CAMPAIGN_FILE
     if path.exists() and not path.is_file():
         raise CampaignError(f"{path}: is a device or a pipe; expected a campaign.toml.")
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as fault:
-        raise CampaignError(f"{path}: cannot be read ({fault.strerror}); expected a campaign.toml.") from None
-    except UnicodeDecodeError as fault:
-        raise CampaignError(f"{path}: not a valid TOML file: {fault}.") from None
-    raw = toml_values(text, str(path), CampaignError)
-    known = ("title", "rig", "measured", "origin", "run")
-    words = "no entry of a campaign; expected title, rig, measured, origin and [[run]] tables"
-    check_keys(raw, known, f"{path}: ", words, CampaignError)
+    raw = toml_values(read_toml(path, "a campaign.toml", CampaignError), str(path), CampaignError)
+    check_keys(
+        raw,
+        ("title", "rig", "measured", "origin", "run"),
+        f"{path}: ",
+        "no entry of a campaign; expected title, rig, measured, origin and [[run]] tables",
+        CampaignError,
+    )
     runs = raw.get("run")
     if not isinstance(runs, list) or not runs or not all(isinstance(run, dict) for run in runs):
         raise CampaignError(f"{path}: no runs; expected a [[run]] table with file and load_ohm for each log.")
@@ -160,7 +161,7 @@ def load_campaign(path: Path) -> Campaign:
     listed = tuple(_run(run, k, path, origin) for k, run in enumerate(runs, 1))
     check_held_out(
         [run.file.name for run in listed],
-        [f"{_place(run.file)}\0{run.sheet or ''}" for run in listed],
+        [f"{realpath(run.file)}\0{run.sheet or ''}" for run in listed],
         [run.cycles for run in listed],
         [k for k, run in enumerate(listed) if run.withheld],
         str(path),
@@ -180,26 +181,13 @@ def check_held_out(
     withheld : numbers of the runs that are withheld, from 0
     """
     for k, n in combinations(range(len(logs)), 2):
-        if logs[k] and logs[k] == logs[n] and (k in withheld) != (n in withheld) and _overlap(cycles[k], cycles[n]):
+        (a, b), (c, d) = cycles[k] or (1, math.inf), cycles[n] or (1, math.inf)
+        if logs[k] and logs[k] == logs[n] and (k in withheld) != (n in withheld) and a <= d and c <= b:
             held, kept = (k, n) if k in withheld else (n, k)
             raise CampaignError(
                 f"{place}: runs {k + 1} ({names[k]}) and {n + 1} ({names[n]}) are the same log, and run {held + 1} is "
                 f"withheld; a withheld log takes part in no fit. Remove run {kept + 1}, or give each its own cycles."
             )
-
-
-def _overlap(one: Cycles | None, other: Cycles | None) -> bool:
-    """Whether two runs of one log have a cycle in common."""
-    (a, b), (c, d) = one or (1, math.inf), other or (1, math.inf)
-    return a <= d and c <= b
-
-
-def _place(file: Path) -> str:
-    """Where a log lies, however its path is spelled; as it is spelled for a name that no file can have."""
-    try:
-        return realpath(file)
-    except ValueError:
-        return str(file)
 
 
 def campaign_beside(log: Path, sheet: str | None = None) -> tuple[Campaign, CampaignRun] | None:
@@ -239,26 +227,13 @@ class _Stated(msgspec.Struct, frozen=True):
     origin: Annotated[str | None, Expected("one sentence in quotes on where the logs come from")] = None
 
 
-class _RunEntry(msgspec.Struct, frozen=True):
-    """A [[run]] table."""
-
-    file: Annotated[
-        str, Expected('the name of a log, such as file = "r36ohm.csv"', lambda name: name and "\0" not in name)
-    ]
-    sheet: Annotated[
-        str | int | None,
-        Expected("the name or the number of a table in the file", lambda name: str(name).strip()),
-    ] = None
-    withheld: Annotated[bool, Expected("true or false")] = False
-    load_ohm: Annotated[
-        float | None,
-        Expected("a number of ohms above 0, or inf for an open circuit", is_load),
-    ] = None
-    window_s: Annotated[float | None, Expected("a length in seconds above 0", lambda length: 0.0 < length < 1e9)] = None
-    cycles: Annotated[
-        Cycles | None,
-        Expected("first and last, such as [1, 20]", lambda ends: 1 <= ends[0] <= ends[1]),
-    ] = None
+_File = Annotated[
+    str, Expected('the name of a log, such as file = "r36ohm.csv"', lambda name: name and "\0" not in name)
+]
+_Sheet = Annotated[
+    str | int | None,
+    Expected("the name or the number of a table in the file", lambda name: str(name).strip()),
+]
 
 
 def _run(raw: dict[str, Any], number: int, path: Path, common: Origin) -> CampaignRun:
@@ -266,16 +241,10 @@ def _run(raw: dict[str, Any], number: int, path: Path, common: Origin) -> Campai
     known = ("file", "sheet", "load_ohm", "window_s", "cycles", "withheld", "measured", "origin")
     words = f"no entry of a run; expected {', '.join(known[:-1])} or {known[-1]}"
     check_keys(raw, known, f"{place}: ", words, CampaignError)
-    found = entries(raw, _RunEntry, place, CampaignError)
-    return CampaignRun(
-        file=path.parent / found.file,
-        load=found.load_ohm,
-        window=found.window_s,
-        cycles=found.cycles,
-        withheld=found.withheld,
-        origin=_origin(raw, place, common),
-        sheet=None if found.sheet is None else str(found.sheet),
-    )
+    file = entry(raw.get("file"), "file", _File, place, CampaignError)
+    sheet = entry(raw.get("sheet"), "sheet", _Sheet, place, CampaignError)
+    given = {"sheet": None if sheet is None else str(sheet), "origin": _origin(raw, place, common)}
+    return entries(raw, CampaignRun, place, CampaignError, {"file": path.parent / file, **given})
 
 
 def _origin(raw: dict[str, Any], place: str, common: Origin) -> Origin:

@@ -1,24 +1,24 @@
-"""The named faults: each is one sentence that says where, what was found, what was expected and what to do."""
+"""The named faults: each is one sentence on where it is, what was found, what was expected and what to do."""
 
 from winchcascade.core.plain_text import one_line
 
 _LONGEST, _END = 2000, 500
-"""Letters of the longest sentence, and those of its end, which says what to do."""
+"""Letters of the longest sentence, and those of its end, which contains what to do."""
 
 
 class WinchcascadeError(Exception):
-    """A fault of the input or of the command, told in one sentence.
+    """A fault of the input or of the command, described in one sentence.
 
-    A sentence may quote names and values from a file, which may hold anything: as text it is one line of a length to be
-    read, which no terminal obeys.
+    A sentence may quote names and values from a file, which may hold anything: as text it is one short line without control
+    characters.
     """
 
     def __str__(self) -> str:
         """The sentence, with a question mark for each character that cannot be printed, the middle left out of a long one."""
-        said = super().__str__()
-        if len(said) > _LONGEST:
-            said = f"{said[: _LONGEST - _END - 5]} ... {said[-_END:]}"
-        return one_line(said)
+        sentence = super().__str__()
+        if len(sentence) > _LONGEST:
+            sentence = f"{sentence[: _LONGEST - _END - 5]} ... {sentence[-_END:]}"
+        return one_line(sentence)
 
 
 class LogError(WinchcascadeError):
@@ -39,3 +39,8 @@ class OptionError(WinchcascadeError):
 
 class OutputError(WinchcascadeError):
     """A result that cannot be written where it was asked for."""
+
+
+def first_line(fault: BaseException | None) -> str:
+    """First line of the text of an exception, or its kind where it has no text."""
+    return (str(fault).splitlines() or [""])[0] or type(fault).__name__

@@ -1,4 +1,7 @@
-"""Whether a file is of this tool's making: each kind of file has its mark at one place, and nothing else counts as a mark."""
+"""Output files: written whole or not at all, and never over a file that this tool did not make.
+
+Each kind of file has its mark at one place; nothing else counts as a mark.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,6 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from winchcascade.core.errors import OutputError
-from winchcascade.core.plain_text import one_line
 from winchcascade.core.scratch import scratch_file
 from winchcascade.core.signals import signals_held
 
@@ -19,7 +21,7 @@ LOOK = 1 << 16
 _SCHEMA = rb"winchcascade/[a-z_]+/\d+"
 _VERSION = rb"winchcascade/\d[\w.+-]*"
 
-_HEADS = re.compile(
+_HEADS = (
     rb"\A(?:"
     rb'\{\s*"schema":\s*"' + _SCHEMA + rb'"'
     rb'|<!doctype html>\s*<html lang="en">\s*<head>\s*<meta charset="utf-8">\s*<meta name="generator" content="' + _VERSION
@@ -31,10 +33,10 @@ _HEADS = re.compile(
 )  # fmt: skip
 """How files begin: JSON with its schema first, page, JUnit, calibrated rig file, simulated log, predictions."""
 
-_WORKBOOK = re.compile(rb"PK\x05\x06.{16}(?P<size>..)" + _VERSION + rb"\Z", re.DOTALL)
+_WORKBOOK = rb"(?s)PK\x05\x06.{16}(?P<size>..)" + _VERSION + rb"\Z"
 """How a workbook ends: the comment of its archive."""
 
-_PDF = re.compile(rb"/Author\s*\(" + _VERSION + rb"\)\s*/Creator\s*\(Typst ")
+_PDF = rb"/Author\s*\(" + _VERSION + rb"\)\s*/Creator\s*\(Typst "
 """Author and program in the properties of a PDF."""
 
 
@@ -47,15 +49,14 @@ def is_marked(path: Path) -> bool:
     """
     with path.open("rb") as file:
         head = file.read(LOOK)
-        size = file.seek(0, 2)
-        file.seek(max(0, size - LOOK))
+        file.seek(max(0, file.seek(0, 2) - LOOK))
         tail = file.read(LOOK)
-    if not head or _HEADS.match(head) is not None:
+    if not head or re.match(_HEADS, head) is not None:
         return True
     if head.startswith(b"PK\x03\x04"):
-        return _WORKBOOK.search(tail) is not None
+        return re.search(_WORKBOOK, tail) is not None
     if head.startswith(b"%PDF-"):
-        return _PDF.search(tail) is not None
+        return re.search(_PDF, tail) is not None
     if head.startswith(b"PAR1"):
         return _is_own_parquet(path)
     return head.lstrip().startswith(b"{") and _is_own_json(path)
@@ -73,7 +74,7 @@ def _is_own_parquet(path: Path) -> bool:
 
 
 def _is_own_json(path: Path) -> bool:
-    """Whether the schema of a JSON object is this tool's, where it does not stand first, as in the record of a trial."""
+    """Whether a JSON object has a schema of this tool as a later entry, as the record of a trial has."""
     import msgspec
 
     class Marked(msgspec.Struct):
@@ -135,7 +136,7 @@ def write_set(contents: Mapping[Path, bytes], *, without: Iterable[Path] = ()) -
 
 
 def put_in_place(parts: Mapping[Path, Path], *, without: Iterable[Path] = ()) -> None:
-    """Rename whole files into their places, the last of them once outdated ones are removed: where it is, all are as it says.
+    """Rename whole files into their places, and remove outdated ones before the last: its presence means that all are complete.
 
     A signal that ends the process waits for that.
     """
@@ -152,19 +153,13 @@ def _not_written(path: object, fault: OSError) -> OutputError:
     return OutputError(f"{path}: cannot be written ({fault.strerror or fault}); free some space or choose another.")
 
 
-def readable(name: str) -> str:
-    """A file name as text, with a question mark for each byte of it that is none and each character that is no text."""
-    return one_line(name)
-
-
 def write_content(path: Path, content: bytes | str, *, force: bool = False) -> None:
     """Write bytes, or a text as UTF-8, into a file; whole or not at all. Raises as `write_whole`."""
-    data = content.encode() if isinstance(content, str) else content
-    write_whole(path, lambda part: part.write_bytes(data), force=force)
+    write_whole(path, lambda p: p.write_bytes(content.encode() if isinstance(content, str) else content), force=force)
 
 
 def check_replaceable(path: Path, *, force: bool) -> None:
-    """Refuse to replace what this tool did not write, and a folder; called before long work begins."""
+    """Reject to replace what this tool did not write, and a folder; called before long work begins."""
     if path.is_dir():
         raise OutputError(f"{path}: is a folder; give the name of a file.")
     if path.exists() and not path.is_file():
@@ -174,11 +169,12 @@ def check_replaceable(path: Path, *, force: bool) -> None:
     if force or not path.exists():
         return
     try:
-        own = is_marked(path)
+        if not is_marked(path):
+            raise OutputError(
+                f"{path}: exists and was not written by winchcascade; choose another name or add --force."
+            )
     except OSError as fault:
         raise OutputError(f"{path}: exists and cannot be read ({fault.strerror}); choose another name.") from None
-    if not own:
-        raise OutputError(f"{path}: exists and was not written by winchcascade; choose another name or add --force.")
 
 
 def _usual_mode() -> int:

@@ -1,4 +1,8 @@
-"""Independent pieces of work side by side: numpy, scipy and the compiled steps leave the interpreter free while they work."""
+"""Many small jobs: on threads, on processes of this machine or on an existing Dask scheduler.
+
+A job that fails is a value: its outcome carries the fault as a sentence, and the others go on. Threads help because numpy,
+scipy and the compiled steps release the interpreter while they work.
+"""
 
 from __future__ import annotations
 
@@ -7,32 +11,43 @@ import re
 import signal
 import threading
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 import msgspec
 
-from winchcascade.core.errors import OptionError, OutputError, WinchcascadeError
+from winchcascade.core.errors import OptionError, OutputError, WinchcascadeError, first_line
 from winchcascade.core.scratch import clear_own
 from winchcascade.core.signals import end_on_signals, interrupts_blocked, signals_held
 
 if TYPE_CHECKING:
-    from concurrent.futures import ProcessPoolExecutor
+    from concurrent.futures import Future, ProcessPoolExecutor
     from pathlib import Path
-
 
 A = TypeVar("A")
 B = TypeVar("B")
+Job = TypeVar("Job")
+Done = TypeVar("Done")
 
 LONG = 1_000_000
 """Below this many samples a second thread costs more than it brings."""
 
+_ADDRESS = r"(tcp|tls|ws|wss|ucx)://[^/\s]+:[0-9]{1,5}"
+
+MOST_WORKERS = 61
+"""Windows cannot wait for more processes than this."""
+
+PATIENCE = 0.2
+"""An interrupt is noticed after at most this time. [s]"""
+
+CONNECT = 10.0
+"""A scheduler that has not answered after this time counts as unreachable. [s]"""
+
 _threads = 2
-"""Threads of `all_at_once`, until `set_threads` says otherwise."""
+"""Threads of `all_at_once`; `set_threads` changes the number."""
 
 
 def set_threads(count: int) -> None:
-    """Let `all_at_once` work on so many threads in this process; for commands, whose users say how many."""
+    """Set the number of threads of `all_at_once` in this process; for commands with an option for it."""
     global _threads
     _threads = count
 
@@ -54,9 +69,8 @@ def side_by_side(one: Callable[[], A], other: Callable[[], B], *, samples: int) 
     from concurrent.futures import ThreadPoolExecutor
 
     with ThreadPoolExecutor(1) as pool:
-        ahead = pool.submit(one)
-        behind = other()
-        return ahead.result(), behind
+        behind = pool.submit(other)
+        return one(), behind.result()
 
 
 def all_at_once(jobs: Sequence[Callable[[], A]]) -> list[A]:
@@ -73,23 +87,8 @@ def all_at_once(jobs: Sequence[Callable[[], A]]) -> list[A]:
         return list(pool.map(lambda job: job(), jobs))
 
 
-Job = TypeVar("Job")
-Done = TypeVar("Done")
-
-_ADDRESS = re.compile(r"^(tcp|tls|ws|wss|ucx)://[^/\s]+:[0-9]{1,5}$")
-
-MOST_WORKERS = 61
-"""More processes than this Windows cannot wait for."""
-
-PATIENCE = 0.2
-"""An interrupt is heard after this at the latest. [s]"""
-
-CONNECT = 10.0
-"""A scheduler that has not answered after this cannot be reached. [s]"""
-
-
 class Outcome(msgspec.Struct, Generic[Done], frozen=True):
-    """What became of one job: its place in the sequence, and its value or the sentence that says why there is none.
+    """Outcome of one job: its place in the sequence, and its value or the sentence on why there is none.
 
     `rejected` distinguishes an input that cannot be used from a lack of space or memory, after which the same job may work.
     """
@@ -136,7 +135,7 @@ def processes() -> int:
 def run_here(work: Callable[[Job], Done], jobs: Sequence[Job], *, workers: int) -> Iterator[Outcome[Done]]:
     """Run jobs on processes of this machine, in this one if a single worker is wanted; outcomes come in any order.
 
-    Processes are spawned, never forked, so it works alike on every system. Where one dies (no memory left, say), the
+    Processes are spawned, never forked, so it works alike on every system. Where one dies (without memory, for example), the
     jobs that it may have held are tried once more, each alone.
 
     Parameters
@@ -154,7 +153,9 @@ def run_here(work: Callable[[Job], Done], jobs: Sequence[Job], *, workers: int) 
         chunks, broken = yield from _pooled(work, jobs, chunks, workers)
         lost += broken
     for place in lost:
-        yield from _alone(work, jobs, place)
+        left, killed = yield from _pooled(work, jobs, [range(place, place + 1)], 1)
+        if left or killed:
+            yield Outcome(place, fault="the process that worked on it was killed twice; is there enough memory?")
 
 
 def _chunks(jobs: int, workers: int) -> list[range]:
@@ -179,13 +180,6 @@ def _several(work: Callable[[Job], Done], places: Sequence[int], jobs: Sequence[
     return [_tried(work, place, job) for place, job in zip(places, jobs, strict=True)]
 
 
-def _pool(workers: int) -> ProcessPoolExecutor:
-    from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import get_context
-
-    return ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_quietly)
-
-
 def _quietly() -> None:
     """Leave an interrupt to the process that gave the jobs, and end with it, however it ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -207,13 +201,15 @@ def _pooled(
     work: Callable[[Job], Done], jobs: Sequence[Job], chunks: list[range], workers: int
 ) -> Generator[Outcome[Done], None, tuple[list[range], list[int]]]:
     """Run chunks on a pool; returns the chunks that were never begun and the jobs that a dying process took along."""
+    from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
     from concurrent.futures.process import BrokenProcessPool
+    from multiprocessing import get_context
 
     waiting = list(reversed(chunks))
     running: dict[Future[list[Outcome[Done]]], range] = {}
     ended = False
     with signals_held() as ending:  # an exception that is raised within a lock of the pool breaks it
-        pool = _pool(workers)
+        pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_quietly)
         try:
             while waiting or running:
                 while waiting and len(running) < 2 * workers:
@@ -222,15 +218,13 @@ def _pooled(
                         running[pool.submit(_several, work, places, [jobs[k] for k in places])] = places
                     waiting.pop()  # only now: a pool that is broken takes no more
                 for future in wait(running, timeout=PATIENCE, return_when=FIRST_COMPLETED).done:
-                    outcomes = future.result()
+                    yield from future.result()
                     del running[future]
-                    yield from outcomes
                 if ended := ending():
                     _abandon(pool)
                     break
         except BrokenProcessPool:
-            whole = [future for future in running if future.done() and future.exception() is None]
-            for future in whole:
+            for future in [future for future in running if future.done() and future.exception() is None]:
                 yield from future.result()
                 del running[future]
             return list(reversed(waiting)), [place for places in running.values() for place in places]
@@ -238,19 +232,11 @@ def _pooled(
             _abandon(pool)
             raise
         finally:
-            pool.shutdown(
-                cancel_futures=True
-            )  # Python's own end may come upon a pool that is half closed, and complain
+            # Python's own end may find a pool that is half closed, and complain.
+            pool.shutdown(cancel_futures=True)
     if ended:  # and whoever handles the signal let it pass
         raise KeyboardInterrupt
     return [], []
-
-
-def _alone(work: Callable[[Job], Done], jobs: Sequence[Job], place: int) -> Iterator[Outcome[Done]]:
-    """Try a job in a process of its own."""
-    left, lost = yield from _pooled(work, jobs, [range(place, place + 1)], 1)
-    if left or lost:
-        yield Outcome(place, fault="the process that worked on it was killed twice; is there enough memory?")
 
 
 def _abandon(pool: ProcessPoolExecutor) -> None:
@@ -273,7 +259,7 @@ def run_there(work: Callable[[Job], Done], jobs: Sequence[Job], *, scheduler: st
     ------
     OptionError : Dask is not installed, or the scheduler cannot be reached
     """
-    if not _ADDRESS.match(scheduler):
+    if not re.fullmatch(_ADDRESS, scheduler):
         raise OptionError(
             f"--scheduler {scheduler}: is no address; expected that of a running scheduler, such as tcp://10.0.0.1:8786."
         )
@@ -287,7 +273,7 @@ def run_there(work: Callable[[Job], Done], jobs: Sequence[Job], *, scheduler: st
         client = Client(scheduler, timeout=CONNECT, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, TimeoutError, ValueError) as fault:
         raise OptionError(
-            f"--scheduler {scheduler}: cannot be reached ({_first_line(fault)}); expected the address of a running scheduler, "
+            f"--scheduler {scheduler}: cannot be reached ({first_line(fault)}); expected the address of a running scheduler, "
             "such as tcp://10.0.0.1:8786."
         ) from None
     with client:
@@ -298,13 +284,9 @@ def run_there(work: Callable[[Job], Done], jobs: Sequence[Job], *, scheduler: st
             if future.status == "finished":
                 yield from future.result()
             else:
-                said = f"the worker that had it failed ({_first_line(future.exception())})."
+                said = f"the worker that had it failed ({first_line(future.exception())})."
                 yield from (Outcome(place, fault=said) for place in held[future.key])
             future.release()
-
-
-def _first_line(fault: BaseException | None) -> str:
-    return (str(fault).splitlines() or [""])[0] or type(fault).__name__
 
 
 class Workers(msgspec.Struct, frozen=True):
@@ -318,10 +300,10 @@ class Workers(msgspec.Struct, frozen=True):
     ) -> Iterator[tuple[str, Outcome[Done]]]:
         """Carry out orders by their names, and report each one that is done. Raises as `run_there`."""
         names, jobs = list(orders), list(orders.values())
-        if self.scheduler is not None:
-            outcomes = run_there(work, jobs, scheduler=self.scheduler)
-        else:
-            outcomes = run_here(work, jobs, workers=self.processes)
-        for outcome in outcomes:
+        for outcome in (
+            run_here(work, jobs, workers=self.processes)
+            if self.scheduler is None
+            else run_there(work, jobs, scheduler=self.scheduler)
+        ):
             yield names[outcome.place], outcome
             watch.done(names[outcome.place], outcome.fault)

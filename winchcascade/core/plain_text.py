@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 
 def one_line(text: str) -> str:
     """Text in one line: a blank for each other space, a question mark for each character that cannot be printed.
@@ -22,19 +24,12 @@ def printable(text: str) -> str:
 def lines(text: str) -> str:
     """Text as `printable` has it, with a blank in whatever a runner of GitHub would take for a command.
 
-    A runner reads what a step prints: a command begins a line with two colons, or stands anywhere after ##[.
+    A runner reads what a step prints: a command begins a line with two colons, or follows ##[ anywhere.
 
     >>> lines("a title\\n  ::error::of it, and ##[debug]more")
     'a title\\n  : :error::of it, and ## [debug]more'
     """
-    return "\n".join(map(_without_command, printable(text).split("\n")))
-
-
-def _without_command(line: str) -> str:
-    body = line.lstrip()
-    if body.startswith("::"):
-        line = f"{line[: len(line) - len(body)]}: :{body[2:]}"
-    return line.replace("##[", "## [")
+    return re.sub(r"(?m)^(\s*)::", r"\1: :", printable(text)).replace("##[", "## [")
 
 
 def json_without_commands(content: bytes) -> bytes:

@@ -1,4 +1,4 @@
-"""A published table as data: columns with unit and printed decimals, rows by load, and what the text claims of it.
+"""A published table as data: columns with unit and printed decimals, rows by load, and the claims of the text.
 
 Cells stay as printed, in the unit of their column. A printed number stands for every value that rounds to it; `Span`
 is that interval, in SI units.
@@ -46,8 +46,16 @@ class Span(msgspec.Struct, frozen=True):
         """
         return self.low <= other.high and other.low <= self.high
 
+    def over(self, other: Span) -> Span:
+        """Quotients of a value of this interval and one of another, both of values that are not negative.
 
-class Column(msgspec.Struct, frozen=True):
+        >>> Span(1.0, 2.0).over(Span(4.0, 5.0))
+        Span(low=0.2, high=0.5)
+        """
+        return Span(self.low / other.high, self.high / max(other.low, 1e-300))
+
+
+class PrintedColumn(msgspec.Struct, frozen=True):
     """Unit of a column, its factor to SI, and the decimals printed; -1 for values rounded to tens."""
 
     unit: str
@@ -58,7 +66,7 @@ class Column(msgspec.Struct, frozen=True):
     def rounding(self) -> float:
         """Half a unit of the last printed decimal, in the unit of the column.
 
-        >>> Column("J", 0).rounding, Column("1", 3).rounding
+        >>> PrintedColumn("J", 0).rounding, PrintedColumn("1", 3).rounding
         (0.5, 0.0005)
         """
         return 0.5 * 10.0**-self.decimals
@@ -66,7 +74,7 @@ class Column(msgspec.Struct, frozen=True):
     def span(self, printed: float) -> Span:
         """Every value that rounds to what is printed, in SI units.
 
-        >>> Column("kW", 1, 1000.0).span(1.5)
+        >>> PrintedColumn("kW", 1, 1000.0).span(1.5)
         Span(low=1450.0, high=1550.0)
         """
         return Span((printed - self.rounding) * self.factor, (printed + self.rounding) * self.factor)
@@ -74,14 +82,14 @@ class Column(msgspec.Struct, frozen=True):
     def text(self, printed: float) -> str:
         """A value with the printed decimals and the unit.
 
-        >>> Column("J", 0).text(5937.0), Column("1", 3).text(0.76)
+        >>> PrintedColumn("J", 0).text(5937.0), PrintedColumn("1", 3).text(0.76)
         ('5937 J', '0.760')
         """
         return f"{printed:.{max(self.decimals, 0)}f}{unit_suffix(self.unit)}"
 
 
-class Row(msgspec.Struct, frozen=True):
-    """Cells of one load [ohm, inf for an open circuit] as printed; `lines` says where they stand in the file.
+class TableRow(msgspec.Struct, frozen=True):
+    """Cells of one load [ohm, inf for an open circuit] as printed; `lines` holds the line of each in the file.
 
     The line of the row itself has the key "".
     """
@@ -94,66 +102,60 @@ class Row(msgspec.Struct, frozen=True):
 class ValueClaim(msgspec.Struct, frozen=True):
     """The text gives a metric at a load; `column` holds unit and decimals of that number."""
 
-    says: str
-    where: str
     metric: str
     load: float
     value: float
-    column: Column
-    line: int | None = None
+    column: PrintedColumn
 
 
 class ShareClaim(msgspec.Struct, frozen=True):
-    """The text says which share of one stage's energy or power arrives at another."""
+    """The text gives the share of the energy or power of the stage `of` that arrives at the stage `part`."""
 
-    says: str
-    where: str
     part: str
     of: str
     load: float
     value: float
-    column: Column
-    line: int | None = None
+    column: PrintedColumn
 
 
 class BoundClaim(msgspec.Struct, frozen=True):
-    """The text bounds a metric at one load, or at all of them (None), or the cycles' deviation."""
+    """The text bounds a metric at one load or at all loads (None), or bounds the deviation of the cycles."""
 
-    says: str
-    where: str
     metric: str
     side: Literal["at_most", "at_least"]
     load: float | None
     value: float
-    column: Column
-    line: int | None = None
+    column: PrintedColumn
 
 
 class LargestClaim(msgspec.Struct, frozen=True):
-    """The text says at which loads metrics are largest: at each of these, more than at any other."""
+    """The text states at which loads metrics are largest: at each of these, more than at any other."""
 
-    says: str
-    where: str
     metrics: tuple[str, ...]
     loads: tuple[float, ...]
-    line: int | None = None
 
 
 class RisesClaim(msgspec.Struct, frozen=True):
-    """The text says that metrics rise from one load to another, from row to row between them."""
+    """The text states that metrics rise from one load to another, from row to row between them."""
 
-    says: str
-    where: str
     metrics: tuple[str, ...]
     first: float
     last: float
+
+
+Statement = ValueClaim | ShareClaim | BoundClaim | LargestClaim | RisesClaim
+
+
+class Claim(msgspec.Struct, frozen=True):
+    """A claim of the text: its words, the place in the source, what it states, and its line in the file of the table."""
+
+    says: str
+    where: str
+    statement: Statement
     line: int | None = None
 
 
-Claim = ValueClaim | ShareClaim | BoundClaim | LargestClaim | RisesClaim
-
-
-class Table(msgspec.Struct, frozen=True):
+class PublishedTable(msgspec.Struct, frozen=True):
     """A published table.
 
     `cycles` is the number of cycles that the means are over. `deviations` holds the largest deviation of any cycle from
@@ -164,15 +166,15 @@ class Table(msgspec.Struct, frozen=True):
     name: str
     title: str
     source: str
-    columns: Mapping[str, Column]
-    rows: tuple[Row, ...]
+    columns: Mapping[str, PrintedColumn]
+    rows: tuple[TableRow, ...]
     cycles: int | None = None
-    deviations: Mapping[Deviation, tuple[float, Column]] = msgspec.field(default_factory=dict)
-    total: Row | None = None
+    deviations: Mapping[Deviation, tuple[float, PrintedColumn]] = msgspec.field(default_factory=dict)
+    total: TableRow | None = None
     claims: tuple[Claim, ...] = ()
     path: str = ""
 
-    def row(self, load: float) -> Row | None:
+    def row(self, load: float) -> TableRow | None:
         """The row of a load; None if there is none. 18 finds 18.0."""
         return next((row for row in self.rows if same_load(row.load, load)), None)
 
@@ -180,11 +182,11 @@ class Table(msgspec.Struct, frozen=True):
         """Every value of a metric that rounds to what is printed, in SI units."""
         return self.columns[metric].span(printed)
 
-    def spans(self, row: Row) -> dict[str, Span]:
+    def spans(self, row: TableRow) -> dict[str, Span]:
         """The cells of a row as intervals, in SI units."""
         return {metric: self.span(metric, printed) for metric, printed in row.cells.items()}
 
-    def cell(self, row: Row, metric: str) -> str:
+    def cell(self, row: TableRow, metric: str) -> str:
         """A cell as a text, with its unit."""
         return self.columns[metric].text(row.cells[metric])
 

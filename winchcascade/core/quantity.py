@@ -119,31 +119,26 @@ _TEMPERATURES: dict[tuple[float, float], str] = {
     (1.0, 273.15): "°C C degC deg.C deg_C degreesC oC celsius 攝氏 摄氏 攝氏度 摄氏度",
     (5.0 / 9.0, 459.67 * 5.0 / 9.0): "°F degF deg.F deg_F degreesF oF fahrenheit",
 }
-"""By factor and offset, how loggers write a temperature; none is a channel, and by these it is told from a torque T."""
+"""By factor and offset, how loggers write a temperature; none is a channel, and these distinguish it from a torque T."""
 
 
 def _plain(text: str) -> str:
     """Fold the spellings of one unit: full width, superscripts, the signs of a product, blanks."""
-    text = unicodedata.normalize("NFKC", text.strip())
-    return text.translate(_FOLDED)
+    return unicodedata.normalize("NFKC", text.strip()).translate(_FOLDED)
 
 
 _FOLDED = str.maketrans(dict.fromkeys("·⋅•∙*×", ".") | dict.fromkeys("^ ", "") | dict.fromkeys("⁻\u2212", "-"))
 
-UNITS: dict[str, Unit] = (
-    {_plain(name): Unit(dimension, factor) for (dimension, factor), names in _SPELLED.items() for name in names.split()}
-    | {
-        _plain(name): Unit("pressure", factor, -ATMOSPHERE)
-        for factor, names in _ABSOLUTE.items()
-        for name in names.split()
-    }
-    | {
-        _plain(name): Unit("temperature", factor, offset)
-        for (factor, offset), names in _TEMPERATURES.items()
-        for name in names.split()
-    }
-)
-"""Every unit a log or a rig file may name without an import of pint; pressures are gauge unless they say absolute."""
+UNITS: dict[str, Unit] = {
+    _plain(name): unit
+    for unit, names in (
+        *((Unit(dimension, factor), names) for (dimension, factor), names in _SPELLED.items()),
+        *((Unit("pressure", factor, -ATMOSPHERE), names) for factor, names in _ABSOLUTE.items()),
+        *((Unit("temperature", factor, offset), names) for (factor, offset), names in _TEMPERATURES.items()),
+    )
+    for name in names.split()
+}
+"""Every unit that a log or a rig file may name without an import of pint; pressures are gauge unless named as absolute."""
 
 _FOLDED_CASE: dict[str, Unit | None] = {}
 for _name, _unit in UNITS.items():

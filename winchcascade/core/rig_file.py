@@ -68,7 +68,7 @@ class Restoring(msgspec.Struct, frozen=True):
 class Drivetrain(msgspec.Struct, frozen=True):
     """Clutch, shaft, gear and fast shaft between drum and generator.
 
-    `one_way_clutch` is None where the file does not say: the model then has one, and bins hold whole payouts.
+    `one_way_clutch` is None where the file does not state it: the model then has one, and bins hold whole payouts.
     """
 
     gear_ratio: Quantity | None = None
@@ -124,7 +124,7 @@ class Thresholds(msgspec.Struct, frozen=True):
     settle: float = 0.5
     """The window `auto` ends this long after the plateau begins. [s]"""
     tau_engaged: float = 2.0
-    """With less torque behind the clutch than this it runs free: zero and noise of the torque sensor. [N m]"""
+    """With less torque on the PTO shaft than this the shaft runs free: zero and noise of the torque sensor. [N m]"""
     rpm_bin: float = 100.0
     """Width of a bin of generator speed (Sec. 3.2). [rpm]"""
     gap_max: float = 1.0
@@ -134,9 +134,9 @@ class Thresholds(msgspec.Struct, frozen=True):
 
 
 class Rig(msgspec.Struct, frozen=True):
-    """One rig, numbers in SI units. `columns` names columns of logs that the table of names does not know.
+    """One rig, numbers in SI units. `columns` names columns of logs that the table of names does not contain.
 
-    `note` is shown with every reduction: what a reader must know of the rig.
+    `note` is shown with every reduction: a remark on the rig for its readers.
     """
 
     name: str

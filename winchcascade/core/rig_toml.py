@@ -1,4 +1,4 @@
-"""rig.toml to a Rig: the built-in rigs, one's own files, and one sentence with its place for a wrong entry."""
+"""Read rig files, built-in or your own, as a Rig; a wrong entry becomes a fault of one sentence with its place."""
 
 from __future__ import annotations
 
@@ -14,7 +14,17 @@ import msgspec
 
 from winchcascade.core.errors import RigError
 from winchcascade.core.quantity import Quantity, find_unit
-from winchcascade.core.rig_file import Column, DcLink, Drivetrain, Generator, Restoring, Rig, Sensor, Thresholds, Winch
+from winchcascade.core.rig_file import (
+    Column,
+    DcLink,
+    Drivetrain,
+    Generator,
+    Restoring,
+    Rig,
+    Sensor,
+    Thresholds,
+    Winch,
+)
 from winchcascade.core.run import CHANNELS
 from winchcascade.core.toml_text import check_keys, read_toml, toml_values
 
@@ -60,13 +70,13 @@ def load_rig(rig: str | Path) -> Rig:
             f"rig {str(rig)!r}: no such file and no built-in rig of that name; give a rig file or one of "
             f"{', '.join(BUILT_IN)} (`winchcascade rig hsu2026 > rig.toml` writes one to start from)."
         )
-    return parse_rig(read_toml(path, "rig file", RigError), str(path))
+    return parse_rig(read_toml(path, "a rig file that can be read", RigError), str(path))
 
 
 def parse_rig(text: str, where: str) -> Rig:
     """Turn the text of a rig file into a Rig; `where` names the file in the one sentence of a RigError.
 
-    `based_on = "hsu2026"` takes everything the file does not say from that built-in rig.
+    `based_on = "hsu2026"` takes everything that the file does not state from that built-in rig.
     """
     raw = toml_values(text, where, RigError)
     base = raw.pop("based_on", None)
@@ -79,14 +89,12 @@ def parse_rig(text: str, where: str) -> Rig:
 
 def _merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
     """Lay one table over another; what has a unit or a name is replaced whole, so that no old number clings to it."""
-    merged = dict(base)
-    for key, value in over.items():
-        old = merged.get(key)
-        whole = (
-            not isinstance(old, dict) or not isinstance(value, dict) or not {"value", "name", "unit"}.isdisjoint(value)
-        )
-        merged[key] = value if whole else _merged(base[key], value)
-    return merged
+    return base | {
+        key: _merged(base[key], value)
+        if isinstance(base.get(key), dict) and isinstance(value, dict) and {"value", "name", "unit"}.isdisjoint(value)
+        else value
+        for key, value in over.items()
+    }
 
 
 _SECTIONS: dict[str, type[Any]] = {
@@ -128,23 +136,34 @@ _LIMITS = {
 }  # fmt: skip
 """What no rig goes beyond: a number outside is a wrong unit or a slip. SI units, bins in rpm."""
 
+_PLAIN = {"one_way_clutch": bool, "load_tolerance_percent": float}
+"""Entries of the sections that have no unit."""
 
 HUGE = 1e12
 """No range, accuracy or tolerance of a rig is larger, in SI units."""
 
 
 def _rig(raw: dict[str, Any], where: str) -> Rig:
-    known = {"name", "title", "source", "note", "sensors", "columns", "log", "thresholds", *_SECTIONS}
-    _check_keys(raw, sorted(known), f"{where}: ")
+    _check_keys(
+        raw,
+        sorted({"name", "title", "source", "note", "sensors", "columns", "log", "thresholds", *_SECTIONS}),
+        f"{where}: ",
+    )
     if not isinstance(raw.get("name"), str) or not raw["name"]:
         raise RigError(f'{where}: the entry name is missing; add name = "my rig".')
-    for key in ("title", "source", "note"):
-        _convert(raw.get(key, ""), str, where, key)
+    texts = {key: _convert(raw.get(key, ""), str, where, key) for key in ("title", "source", "note")}
     sections = {}
     for key, cls in _SECTIONS.items():
         values = _table(raw, key, where)
         _check_keys(values, cls.__struct_fields__, f"{where}: [{key}] ")
-        sections[key] = cls(**{name: _entry(value, where, f"[{key}] {name}", name) for name, value in values.items()})
+        sections[key] = cls(
+            **{
+                name: _finite(_convert(value, _PLAIN[name], where, f"[{key}] {name}"), where, f"[{key}] {name}")
+                if name in _PLAIN
+                else _quantity(value, where, f"[{key}] {name}", name)
+                for name, value in values.items()
+            }
+        )
     log = _table(raw, "log", where)
     _check_keys(log, ("sample_rate_hz",), f"{where}: [log] ")
     rate = _number(log["sample_rate_hz"], where, "[log] sample_rate_hz") if log else None
@@ -152,9 +171,7 @@ def _rig(raw: dict[str, Any], where: str) -> Rig:
         raise RigError(f"{where}: [log] sample_rate_hz is {rate:g}; expected a number above 0.")
     return Rig(
         name=raw["name"],
-        title=raw.get("title", ""),
-        source=raw.get("source", ""),
-        note=raw.get("note", ""),
+        **texts,
         sensors=_sensors(_table(raw, "sensors", where), where),
         columns=_columns(_table(raw, "columns", where), where),
         sample_rate=rate,
@@ -193,14 +210,6 @@ def _finite(value: float, where: str, place: str) -> float:
     if not math.isfinite(value):
         raise RigError(f"{where}: {place} is {value}; expected a finite number.")
     return value
-
-
-def _entry(value: object, where: str, place: str, name: str) -> Quantity | bool | float:
-    if name == "one_way_clutch":
-        return bool(_convert(value, bool, where, place))
-    if name == "load_tolerance_percent":
-        return _number(value, where, place)
-    return _quantity(value, where, place, name)
 
 
 def _quantity(value: object, where: str, place: str, name: str) -> Quantity:
@@ -249,12 +258,12 @@ def _sensors(raw: dict[str, Any], where: str) -> dict[str, Sensor]:
             )
         if sensor.low is not None and sensor.high is not None and sensor.low >= sensor.high:
             raise RigError(f"{where}: {place} low {sensor.low:g} is not below high {sensor.high:g}.")
-        for key in ("resolution", "accuracy", "accuracy_full_scale", "accuracy_reading", "u_zero", "u_gain"):
-            share = getattr(sensor, key)
-            if share is not None and not 0 <= share <= HUGE:
-                raise RigError(f"{where}: {place} {key} is {share:g}; expected a number that is not negative.")
-            if share is not None and share > 1 and key in ("accuracy_full_scale", "accuracy_reading", "u_gain"):
-                raise RigError(f"{where}: {place} {key} is {share:g}; expected a share, such as 0.002 for 0.2 %.")
+        for key in ("resolution", "accuracy", "u_zero", "accuracy_full_scale", "accuracy_reading", "u_gain"):
+            size = getattr(sensor, key) or 0.0
+            if not 0 <= size <= HUGE:
+                raise RigError(f"{where}: {place} {key} is {size:g}; expected a number that is not negative.")
+            if size > 1 and key in ("accuracy_full_scale", "accuracy_reading", "u_gain"):
+                raise RigError(f"{where}: {place} {key} is {size:g}; expected a share, such as 0.002 for 0.2 %.")
         if sensor.accuracy_full_scale is not None and not (sensor.high or sensor.low):
             raise RigError(f"{where}: {place} accuracy_full_scale has no full scale; give the range as high = ... too.")
         in_si = {
@@ -262,7 +271,7 @@ def _sensors(raw: dict[str, Any], where: str) -> dict[str, Sensor]:
             for key in ("low", "high", "resolution", "accuracy", "u_zero")
             if (value := getattr(sensor, key)) is not None
         }
-        if max((abs(value) for value in in_si.values()), default=0.0) > HUGE:
+        if any(abs(value) > HUGE for value in in_si.values()):
             raise RigError(f"{where}: {place} has a number beyond {HUGE:g} in SI units; check it and its unit.")
         sensors[name] = msgspec.structs.replace(sensor, **in_si)
     return sensors
@@ -279,11 +288,9 @@ def _columns(raw: dict[str, Any], where: str) -> dict[str, Column]:
             raise RigError(
                 f'{where}: {place}: override = true without a unit; add unit = "...", or leave override out.'
             )
-        if column.unit is not None:
-            dimension = "time" if name == "time" else CHANNELS[name].dimension
-            unit = find_unit(column.unit)
-            if unit is not None and unit.dimension != dimension:
-                raise RigError(f"{where}: {place}: the unit {column.unit!r} is none of {dimension}.")
+        dimension, unit = "time" if name == "time" else CHANNELS[name].dimension, find_unit(column.unit or "")
+        if unit is not None and unit.dimension != dimension:
+            raise RigError(f"{where}: {place}: the unit {column.unit!r} is none of {dimension}.")
         for other, taken in columns.items():
             if taken.name == column.name:
                 raise RigError(f"{where}: {place} and {other} both name the column {column.name!r}; expected one each.")
@@ -297,18 +304,13 @@ def _thresholds(raw: dict[str, Any], where: str) -> Thresholds:
     for name, value in raw.items():
         place = f"[thresholds] {name}"
         if name == "window":
-            values[name] = _window(value, where, place)
+            seconds = isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < 1e9
+            if value not in ("auto", "payout") and not seconds:
+                raise RigError(f'{where}: {place} is {value!r}; expected "auto", "payout" or a length in seconds.')
+            values[name] = str(value)
         elif name in _DIMENSIONS and isinstance(value, dict):
             values[name] = _quantity(value, where, place, name).value
         else:
             values[name] = _number(value, where, place)
             _check_sign(values[name], where, place, name)
     return Thresholds(**values)
-
-
-def _window(value: object, where: str, place: str) -> str:
-    """A window rule of a rig: a word, or the length in seconds."""
-    seconds = isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < 1e9
-    if value not in ("auto", "payout") and not seconds:
-        raise RigError(f'{where}: {place} is {value!r}; expected "auto", "payout" or a length in seconds.')
-    return str(value)

@@ -1,9 +1,9 @@
-"""The channels of a log: name, symbol, dimension, unit and header in the files this tool writes."""
+"""Run: one log or one simulation, with its channels and the findings on it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import msgspec
 
@@ -42,9 +42,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    Signal = NDArray[np.float64]
-    Index = NDArray[np.intp]
-    Mask = NDArray[np.bool_]
+Signal: TypeAlias = "NDArray[np.float64]"
+Index: TypeAlias = "NDArray[np.intp]"
+Mask: TypeAlias = "NDArray[np.bool_]"
+"""Arrays by what they hold, as texts: a module that imports them does not import numpy."""
 
 FindingKind = Literal[
     "missing_channel",
@@ -97,7 +98,7 @@ class Finding(msgspec.Struct, frozen=True):
 
 
 class Run(msgspec.Struct, frozen=True):
-    """One log, checked at the door: stamps rise, every channel is finite, and what was bridged is known.
+    """One log, checked when it was read: stamps rise, every channel is finite, and what was bridged is known.
 
     Parameters
     ----------
@@ -107,7 +108,7 @@ class Run(msgspec.Struct, frozen=True):
     gaps : (k, 2) each, by channel or `CLOCK`: last good and first good stamp around what was bridged [s]
     fs : sampling rate without the gaps [Hz]
     samples : rows of the log, before any was left out
-    about : what its campaign says of it
+    about : title of its campaign
     table : name of the sheet, variable or group that was read, None for a file that is one table
     simulated : carries the columns by which `simulate` marks its logs; a log without that mark may be simulated too
     origin : whether the data are measured, as the campaign states it or the mark of `simulate`, and where they come from

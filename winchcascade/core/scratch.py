@@ -125,10 +125,8 @@ def _is_left(entry: os.DirEntry[str], machine: str, process: int) -> bool:
         return False
     if stat.S_ISLNK(about.st_mode) or (hasattr(os, "geteuid") and about.st_uid != os.geteuid()):
         return False
-    if time.time() - about.st_mtime > _STALE:
-        return True
-    if machine != _machine():
-        return False
+    if machine != _machine() or time.time() - about.st_mtime > _STALE:
+        return time.time() - about.st_mtime > _STALE
     if process == os.getpid():
         return entry.name not in _live  # of an earlier process of the same number
     return not _is_running(process)

@@ -13,7 +13,7 @@ from typing import Any
 from winchcascade.core.scratch import clear_own
 
 ENDING = (signal.SIGINT, signal.SIGTERM)
-"""An interrupt from the keyboard, and the usual wish of a system that a process ends."""
+"""An interrupt from the keyboard, and the usual request of a system that a process ends."""
 
 
 _CURSOR = "\r\x1b[?25h"

@@ -1,17 +1,11 @@
-"""The local quadratic that smooths a signal, on even and on uneven stamps (ground floor: ingest, phases and rig use it)."""
+"""The local quadratic that smooths a signal, on even and on uneven stamps."""
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from winchcascade.core.integrate import median
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from winchcascade.core.run import Signal
+from winchcascade.core.run import Index, Mask, Signal
 
 EVEN = 0.05
 """Intervals that differ from the usual one by less than this share count as even: the fit moves by far less than noise."""
@@ -52,32 +46,27 @@ def local_quadratic(t: Signal, x: Signal, width: float) -> Signal:
     half = int(width / 2 / usual + 1e-6)
     if half < 1:
         return x.copy()
-    if t.size > 2 * half:
-        smoothed = np.convolve(x, _kernel(half), mode="same")
-    else:
-        smoothed = x.copy()
+    smoothed = x.copy()
+    if t.size > 2 * half:  # a width of more intervals than the log has would make as many weights
+        k = np.arange(
+            -half, half + 1.0
+        )  # weights of the value at the middle of even samples: Savitzky and Golay, Table I
+        weights = 3.0 * (3.0 * half * half + 3.0 * half - 1.0 - 5.0 * k * k)
+        weights /= (2.0 * half - 1.0) * (2.0 * half + 1.0) * (2.0 * half + 3.0)
+        smoothed = np.convolve(x, weights, mode="same")
     by_fit = _near(_uneven(t, usual), half, t.size)
     smoothed[by_fit] = _fit(t, x, by_fit, max(width / 2, usual) * (1 + 1e-6))
     return smoothed
 
 
-def _kernel(half: int) -> Signal:
-    """Weights of the quadratic's value at the middle of 2 half + 1 even samples (Savitzky and Golay 1964, Table I)."""
-    k = np.arange(-half, half + 1.0)
-    weights: Signal = 3.0 * (3.0 * half * half + 3.0 * half - 1.0 - 5.0 * k * k)
-    return weights / ((2.0 * half - 1.0) * (2.0 * half + 1.0) * (2.0 * half + 3.0))
-
-
-def _uneven(t: Signal, usual: float) -> NDArray[np.intp]:
+def _uneven(t: Signal, usual: float) -> Index:
     """Intervals that are not the usual one, block by block, so that a long log needs no more memory."""
-    found = []
-    for start in range(0, t.size - 1, _BLOCK):
-        interval = np.diff(t[start : start + _BLOCK + 1])
-        found.append(np.flatnonzero(np.abs(interval - usual) > EVEN * usual) + start)
-    return np.concatenate(found)
+    starts = range(0, t.size - 1, _BLOCK)
+    deviations = (np.abs(np.diff(t[start : start + _BLOCK + 1]) - usual) for start in starts)
+    return np.concatenate([np.flatnonzero(d > EVEN * usual) + k for k, d in zip(starts, deviations, strict=True)])
 
 
-def _near(breaks: NDArray[np.intp], half: int, n: int) -> NDArray[np.intp]:
+def _near(breaks: Index, half: int, n: int) -> Index:
     """Indices of the samples whose neighbourhood holds an uneven interval or an end of the log."""
     near = np.zeros(n, dtype=bool)
     if breaks.size:
@@ -90,7 +79,7 @@ def _near(breaks: NDArray[np.intp], half: int, n: int) -> NDArray[np.intp]:
     return np.flatnonzero(near)
 
 
-def _fit(t: Signal, x: Signal, where: NDArray[np.intp], reach: float) -> Signal:
+def _fit(t: Signal, x: Signal, where: Index, reach: float) -> Signal:
     """Value at its own stamp of the quadratic through each sample's neighbours within `reach` [s], of many every so-manyth."""
     first = np.searchsorted(t, t[where] - reach, side="left")
     last = np.searchsorted(t, t[where] + reach, side="right")
@@ -104,18 +93,16 @@ def _fit(t: Signal, x: Signal, where: NDArray[np.intp], reach: float) -> Signal:
         inside = index < last[block, None]
         index = np.minimum(index, t.size - 1)
         u = np.where(inside, (t[index] - t[where[block], None]) / reach, 0.0)
-        y = np.where(inside, x[index], 0.0)
-        fitted[block] = _value_at_zero(u, y, inside, x[where[block]])
+        fitted[block] = _value_at_zero(u, np.where(inside, x[index], 0.0), inside, x[where[block]])
     return fitted
 
 
-def _value_at_zero(u: Signal, y: Signal, inside: NDArray[np.bool_], otherwise: Signal) -> Signal:
-    """Constant of the least-squares quadratic in u, row by row; `otherwise` where three points do not carry one."""
+def _value_at_zero(u: Signal, y: Signal, inside: Mask, otherwise: Signal) -> Signal:
+    """Constant of the least-squares quadratic in u, row by row; `otherwise` where fewer than three points determine it."""
     s0 = inside.sum(axis=1).astype(np.float64)
     s1, s2, s3, s4 = (np.sum(u**k, axis=1) for k in (1, 2, 3, 4))
     b0, b1, b2 = y.sum(axis=1), np.sum(u * y, axis=1), np.sum(u * u * y, axis=1)
     minor_0, minor_1, minor_2 = s2 * s4 - s3 * s3, s1 * s4 - s2 * s3, s1 * s3 - s2 * s2
     determinant = s0 * minor_0 - s1 * minor_1 + s2 * minor_2
     sound = determinant > 1e-9 * s0**3
-    value = b0 * minor_0 - b1 * minor_1 + b2 * minor_2
-    return np.where(sound, value / np.where(sound, determinant, 1.0), otherwise)
+    return np.where(sound, (b0 * minor_0 - b1 * minor_1 + b2 * minor_2) / np.where(sound, determinant, 1.0), otherwise)

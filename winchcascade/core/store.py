@@ -1,4 +1,4 @@
-"""Folders of results that a later call takes up: one call at a time, a digest for each result, and nothing outside of them."""
+"""Folders of results that a later call completes: one call at a time, a digest for each result, and nothing outside of them."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from enum import Enum
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any, Literal, TypeVar
 
 import msgspec
 
+from winchcascade.core.addresses import fingerprint
 from winchcascade.core.errors import OutputError
 from winchcascade.core.scratch import is_scratch, removed_at_end
 
@@ -22,11 +22,11 @@ LOCK = ".winchcascade.lock"
 Mark = TypeVar("Mark")
 
 State = Literal["kept", "altered", "other"]
-"""Whether an earlier call made a result from the same input with the same options. `altered`: it did, but what is there now
-does not match its digest."""
+"""State of a result: an earlier call made it from the same input with the same options; it did, but the content does not match
+the digest; neither."""
 
 _SILENT = 10.0
-"""A call that waits longer than this says so. [s]"""
+"""A call that waits longer than this reports it. [s]"""
 
 _BLANK = "0" * 64
 _DIGEST = re.compile(rb'"sha256":\s*"([0-9a-f]{64})"\s*\}\s*\}\s*\Z')
@@ -36,12 +36,10 @@ _TAIL = 120
 """Bytes at the end of a record among which its digest is."""
 
 
-class Digest(Enum):
-    """What the digest within a record says of it."""
+class KeptFiles(msgspec.Struct, frozen=True):
+    """Files that an earlier call wrote into a folder, by their names there, with their digests."""
 
-    RIGHT = "right"
-    WRONG = "wrong"
-    NONE = "none"
+    files: dict[str, str] = {}
 
 
 @contextmanager
@@ -107,7 +105,7 @@ def not_empty(folder: Path, what: str) -> OutputError:
 
 
 def make_one(folder: Path, choose: str) -> None:
-    """Make a folder if it does not exist; OutputError, which says what to choose instead, if that is not possible."""
+    """Make a folder if it does not exist; OutputError, with what to choose instead, if that is not possible."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
@@ -119,7 +117,7 @@ def inside(folder: Path, name: str) -> Path:
 
     Raises
     ------
-    OutputError : the name leads elsewhere, or a link stands on the way
+    OutputError : the name leads elsewhere, or a link is on the way
     """
     parts = PurePosixPath(name).parts
     if not parts or ".." in parts or PurePosixPath(name).is_absolute() or PureWindowsPath(name).anchor or "\\" in name:
@@ -161,24 +159,16 @@ def digest_of(content: bytes) -> str:
 
 def altered(folder: Path, digests: Mapping[str, str]) -> list[str]:
     """Names of the files whose content is not that of their digest; one that is missing is among them."""
-    return [name for name, digest in digests.items() if _digest_at(inside(folder, name)) != digest]
-
-
-def _digest_at(path: Path) -> str | None:
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError:
-        return None
+    return [name for name, digest in digests.items() if fingerprint(str(inside(folder, name))) != digest]
 
 
 def with_digest(record: Mapping[str, Any], entry: str, about: Mapping[str, Any], *, indent: int = 0) -> bytes:
     """A record as JSON with a last entry that ends in the digest of all its bytes, taken with zeros for the digest.
 
     >>> digest_in(with_digest({"mean": 1.0}, "batch", {"key": "a"}))
-    <Digest.RIGHT: 'right'>
+    'kept'
     >>> digest_in(with_digest({"mean": 1.0}, "batch", {"key": "a"}).replace(b"1.0", b"1.1"))
-    <Digest.WRONG: 'wrong'>
+    'altered'
     """
     content = msgspec.json.encode({**record, entry: {**about, "sha256": _BLANK}})
     if indent:
@@ -188,17 +178,17 @@ def with_digest(record: Mapping[str, Any], entry: str, about: Mapping[str, Any],
     return head + digest_of(content).encode() + tail
 
 
-def digest_in(content: bytes) -> Digest:
-    """Whether a record is as it was written."""
+def digest_in(content: bytes) -> State:
+    """Whether a record is as it was written, by the digest within it; "other" for a record without one."""
     found = _DIGEST.search(content, max(0, len(content) - _TAIL))
     if found is None:
-        return Digest.NONE
+        return "other"
     blank = content[: found.start(1)] + _BLANK.encode() + content[found.end(1) :]
-    return Digest.RIGHT if digest_of(blank) == found[1].decode() else Digest.WRONG
+    return "kept" if digest_of(blank) == found[1].decode() else "altered"
 
 
 def marked(path: Path, kind: type[Mark]) -> Mark | Literal["altered", "other"]:
-    """Read how an earlier call made a record; "other" if it says nothing of that, "altered" if it was changed since.
+    """Read how an earlier call made a record; "other" if it does not contain that, "altered" if it was changed since.
 
     A record of version 0.1.0 has no digest, and is made again.
     """
@@ -209,13 +199,11 @@ def marked(path: Path, kind: type[Mark]) -> Mark | Literal["altered", "other"]:
         return "other"
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
         return "altered"
-    digest = digest_in(content)
-    if digest is Digest.RIGHT:
-        return found
-    return "altered" if digest is Digest.WRONG else "other"
+    state = digest_in(content)
+    return found if state == "kept" else state
 
 
 def check_links(folder: Path, names: Iterable[str]) -> None:
-    """Refuse a folder of results in which one of these names is a link. Raises as `inside`."""
+    """Reject a folder of results in which one of these names is a link. Raises as `inside`."""
     for name in names:
         inside(folder, name)

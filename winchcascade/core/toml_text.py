@@ -1,12 +1,12 @@
-"""TOML files as checked values: whatever is wrong with one becomes a fault of one sentence."""
+"""Read TOML files as checked values: whatever is wrong with a file becomes a fault of one sentence."""
 
 from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, TypeVar, get_args
 
 import msgspec
@@ -19,9 +19,11 @@ Entries = TypeVar("Entries", bound=msgspec.Struct)
 
 
 class Expected(msgspec.Struct, frozen=True):
-    """What an entry must be, as the last annotation of its type: the end of the sentence of a fault, and a condition.
+    """A condition on an entry of a TOML file, as an annotation of its type: `Annotated[float, Expected("ohms above 0", ...)]`.
 
-    A lambda has no names of its module: the annotations are evaluated without them.
+    `words` completes the sentence of a fault, "load_ohm is 0; expected ...". The fault of a value of another type uses the
+    first condition of the type. `holds` gets the converted value; as the types of a struct are evaluated outside of their
+    module, a lambda in it can use built-in names only.
     """
 
     words: str
@@ -29,13 +31,13 @@ class Expected(msgspec.Struct, frozen=True):
 
 
 def read_toml(path: Path, name: str, fault: type[WinchcascadeError]) -> str:
-    """Text of a TOML file; `name` is what the sentence of a fault calls it."""
+    """Text of a TOML file; `name` completes the sentence of a fault, "cannot be read; expected ..."."""
     try:
         return path.read_text(encoding="utf-8-sig")
     except OSError as found:
-        raise fault(f"{path}: the {name} cannot be read ({found.strerror}); check its permissions.") from None
+        raise fault(f"{path}: cannot be read ({found.strerror}); expected {name}.") from None
     except UnicodeDecodeError as found:
-        raise fault(f"{path}: the {name} is no UTF-8 text ({found}); save it as UTF-8.") from None
+        raise fault(f"{path}: is no UTF-8 text ({found}); save it as UTF-8.") from None
 
 
 def toml_values(text: str, where: str, fault: type[WinchcascadeError]) -> dict[str, Any]:
@@ -44,54 +46,67 @@ def toml_values(text: str, where: str, fault: type[WinchcascadeError]) -> dict[s
     >>> toml_values("a = 1", "rig.toml", WinchcascadeError)
     {'a': 1}
     """
+    too_large = None
     try:
         values = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as found:
         raise fault(f"{where}: not a valid TOML file: {found}.") from None
     except ValueError:  # Python turns no more than thousands of digits into a whole number
-        raise _too_large(where, "a whole number has thousands of digits", fault) from None
+        too_large, values = "a whole number has thousands of digits", {}
     for place, number in _whole_numbers(values, ""):
         if abs(number) > _LARGEST:
             size = f"{number:.3g}" if abs(number) < 10**300 else "of hundreds of digits"
-            raise _too_large(where, f"{place} is the whole number {size}", fault)
+            too_large = too_large or f"{place} is the whole number {size}"
+    if too_large:
+        raise fault(f"{where}: {too_large}; expected at most 64 bits, as TOML has them. Correct it.")
     return values
 
 
 def check_keys(
     raw: Mapping[str, object], known: Collection[str], place: str, words: str, fault: type[WinchcascadeError]
 ) -> None:
-    """Reject a key that is not known: the sentence of the fault is `place`, the key, "is" and `words`."""
+    """Reject an unknown key: the sentence of the fault is `place`, the key, "is" and `words`."""
     for key in raw:
         if key not in known:
             raise fault(f"{place}{key} is {words}.")
 
 
 def entry(value: object, key: str, kind: Any, place: str, fault: type[WinchcascadeError]) -> Any:
-    """Read the value of a key by an annotated type, which ends with an `Expected`; one that is absent has the value None.
+    """Read the value of a key by a type that is annotated with `Expected`; the value of an absent key is None.
 
     >>> from typing import Annotated
     >>> entry(3, "cycles", Annotated[int, Expected("a number above 0", lambda n: n > 0)], "t.toml", WinchcascadeError)
     3
     """
-    expected: Expected = get_args(kind)[-1]
-    with suppress(msgspec.ValidationError):
+    conditions = [condition for condition in get_args(kind) if isinstance(condition, Expected)]
+    try:
         found = msgspec.convert(value, kind)
-        if found is None or expected.holds(found):
-            return found
-    raise fault(f"{place}: {key} is {value!r}; expected {expected.words}.")
+        broken = [one for one in conditions if found is not None and not one.holds(found)]
+    except msgspec.ValidationError:
+        broken = conditions
+    if broken:
+        raise fault(f"{place}: {key} is {value!r:.200}; expected {broken[0].words}.")
+    return found
 
 
-def entries(raw: Mapping[str, object], kind: type[Entries], place: str, fault: type[WinchcascadeError]) -> Entries:
-    """Read the entries of a table that a struct names, each by its type as `entry` does."""
-    fields = _fields(kind)
-    values = {f.name: raw.get(f.name, None if f.required else f.default) for f in fields}
-    return kind(**{f.name: entry(values[f.name], f.name, f.type, place, fault) for f in fields})
+def entries(
+    raw: Mapping[str, object],
+    kind: type[Entries],
+    place: str,
+    fault: type[WinchcascadeError],
+    given: Mapping[str, object] = MappingProxyType({}),
+) -> Entries:
+    """Read the entries of a table that a struct names, other than the `given` fields, each by its type as `entry` does."""
+    read = {
+        f.name: entry(raw.get(f.encode_name, None if f.required else f.default), f.encode_name, f.type, place, fault)
+        for f in _fields(kind)
+        if f.name not in given
+    }
+    return kind(**given, **read)
 
 
-@cache
-def _fields(kind: type[msgspec.Struct]) -> tuple[msgspec.structs.FieldInfo, ...]:
-    """Fields of a struct; their types are evaluated once."""
-    return msgspec.structs.fields(kind)
+_fields = cache(msgspec.structs.fields)
+"""Fields of a struct; their types are evaluated once."""
 
 
 def _whole_numbers(value: object, place: str) -> Iterator[tuple[str, int]]:
@@ -104,7 +119,3 @@ def _whole_numbers(value: object, place: str) -> Iterator[tuple[str, int]]:
     elif isinstance(value, list):
         for inner in value:
             yield from _whole_numbers(inner, place)
-
-
-def _too_large(where: str, found: str, fault: type[WinchcascadeError]) -> WinchcascadeError:
-    return fault(f"{where}: {found}; expected at most 64 bits, as TOML has them. Correct it.")

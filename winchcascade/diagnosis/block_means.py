@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
+from winchcascade.core.integrate import GAUSS, median
 from winchcascade.reduction.phases import check_cycles, detect, smoothed_velocity
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
@@ -29,7 +31,7 @@ class Blocks(msgspec.Struct, frozen=True):
     """Blocks of a log, (m,) each, in order of time.
 
     `start` and `stop` bound the samples [start, stop); `phase` is an index of `PHASES`, `cycle` counts payouts from 1 (0
-    before the first); `joined` tells a block that follows the one before without a pause, in the same phase.
+    before the first); `joined` marks a block that follows the one before without a pause, in the same phase.
     """
 
     start: NDArray[np.intp]
@@ -46,14 +48,12 @@ class Blocks(msgspec.Struct, frozen=True):
     @property
     def count(self) -> Signal:
         """Samples of each block."""
-        samples: Signal = (self.stop - self.start).astype(np.float64)
-        return samples
+        return (self.stop - self.start).astype(np.float64)
 
     def mean(self, x: Signal) -> Signal:
         """Mean of a signal over each block, (m,) from (n,) in its unit."""
         total = np.concatenate(([0.0], np.cumsum(x)))
-        means: Signal = (total[self.stop] - total[self.start]) / self.count
-        return means
+        return (total[self.stop] - total[self.start]) / self.count
 
     def scatter(self, x: Signal) -> Signal:
         """Standard deviation of a signal within each block, about its straight line, (m,) in its unit."""
@@ -63,8 +63,7 @@ class Blocks(msgspec.Struct, frozen=True):
         value = x[samples]
         sums = [np.bincount(number, w, self.size) for w in (value, value**2, place * value, place**2)]
         squares = sums[1] - sums[0] ** 2 / self.count - sums[2] ** 2 / np.maximum(sums[3], 1e-12)
-        spread: Signal = np.sqrt(np.maximum(squares, 0.0) / np.maximum(self.count - 2.0, 1.0))
-        return spread
+        return np.asarray(np.sqrt(np.maximum(squares, 0.0) / np.maximum(self.count - 2.0, 1.0)))
 
 
 def blocks_of(run: Run, rig: Rig, cycles: tuple[int, int] | None = None) -> Blocks:
@@ -81,40 +80,58 @@ def blocks_of(run: Run, rig: Rig, cycles: tuple[int, int] | None = None) -> Bloc
     found = detect(run, smoothed_velocity(run, rig.thresholds), rig.thresholds)
     if cycles is not None:
         check_cycles(cycles, found, run.name)
-    rows: list[tuple[int, int, int, int, bool]] = []
-    for begin, end, phase, cycle in _stretches(run, found):
-        if cycles is not None and not cycles[0] <= max(cycle, 1) <= cycles[1]:
-            continue
-        rows += _cut(run, begin, end, phase, cycle)
-    table = np.array(rows, dtype=np.intp).reshape(-1, 5)
-    return Blocks(table[:, 0], table[:, 1], table[:, 2], table[:, 3], table[:, 4].astype(bool))
+    first, last = cycles or (-math.inf, math.inf)
+    counted = [stretch for stretch in _stretches(run, found) if first <= max(stretch[3], 1) <= last]
+    table = np.vstack([np.zeros((0, 5), dtype=np.intp), *(_cut(run, *stretch) for stretch in counted)])
+    start, stop, phase, cycle, joined = table.T
+    return Blocks(start, stop, phase, cycle, joined.astype(bool))
 
 
-def _stretches(run: Run, cycles: list[Cycle]) -> Iterator[tuple[float, float, int, int]]:
+def in_a_row(several: Sequence[Blocks]) -> Blocks:
+    """Blocks of several logs one after the other, with cycles numbered so that no two logs share one."""
+    first = np.cumsum([0, *(int(blocks.cycle.max(initial=0)) + 1 for blocks in several)])
+    return Blocks(
+        start=np.concatenate([blocks.start for blocks in several]),
+        stop=np.concatenate([blocks.stop for blocks in several]),
+        phase=np.concatenate([blocks.phase for blocks in several]),
+        cycle=np.concatenate([blocks.cycle + k for blocks, k in zip(several, first, strict=False)]),
+        joined=np.concatenate([blocks.joined for blocks in several]),
+    )
+
+
+def middles(blocks: Blocks, here: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Numbers of the blocks between two neighbours of the same phase where all three are `here`, (j,)."""
+    return 1 + np.flatnonzero(here[:-2] & here[1:-1] & here[2:] & blocks.joined[1:-1] & blocks.joined[2:])
+
+
+def scatter_about_course(blocks: Blocks, x: Signal, here: NDArray[np.bool_], least: int = 1) -> float:
+    """Standard deviation of block means about their smooth course, in the unit of x; NaN with fewer than `least` triples.
+
+    From second differences, by the median: a smooth difference contributes nothing, and a step to few of them.
+    """
+    k = middles(blocks, here)
+    second = np.abs(x[k - 1] - 2.0 * x[k] + x[k + 1]) / math.sqrt(6.0)
+    return GAUSS * median(second) if k.size >= least else math.nan
+
+
+def _stretches(run: Run, cycles: list[Cycle]) -> list[tuple[float, float, int, int]]:
     """Stretches of one phase: beginning, end [s], phase, cycle."""
-    at, number = float(run.t[0]), 0
+    begins = [(float(run.t[0]), 1, 0)]
     for number, cycle in enumerate(cycles, 1):
-        yield at, cycle.onset, 1, number - 1
-        yield cycle.onset, cycle.payout_end, 0, number
-        at = cycle.payout_end
+        begins += [(cycle.onset, 0, number), (cycle.payout_end, 1, number)]
         if cycle.haul_in is not None:
-            yield at, cycle.haul_in[0], 1, number
-            yield *cycle.haul_in, 2, number
-            at = cycle.haul_in[1]
-    yield at, float(run.t[-1]), 1, number
+            begins += [(cycle.haul_in[0], 2, number), (cycle.haul_in[1], 1, number)]
+    ends = [*(begin for begin, _, _ in begins[1:]), float(run.t[-1])]
+    return [(begin, end, phase, cycle) for (begin, phase, cycle), end in zip(begins, ends, strict=True)]
 
 
-def _cut(run: Run, begin: float, end: float, phase: int, cycle: int) -> Iterator[tuple[int, int, int, int, bool]]:
-    """Cut a stretch into equal blocks; one that gaps have left with less than half its samples is dropped."""
+def _cut(run: Run, begin: float, end: float, phase: int, cycle: int) -> NDArray[np.intp]:
+    """Cut a stretch into equal blocks, (m, 5) as the fields of `Blocks`; drop those in which gaps leave less than half."""
     pieces = max(round((end - begin) / BLOCK), 1)
-    length = (end - begin) / pieces
+    if end - begin < 0.5 * BLOCK * pieces:
+        return np.zeros((0, 5), dtype=np.intp)
     edges = np.searchsorted(run.t, np.linspace(begin, end, pieces + 1), side="left")
-    least = max(0.5 * BLOCK * run.fs, 3.0)
-    before = False
-    if length < 0.5 * BLOCK:
-        return
-    for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
-        whole = b - a >= least
-        if whole:
-            yield a, b, phase, cycle, before
-        before = whole
+    whole = np.diff(edges) >= max(0.5 * BLOCK * run.fs, 3.0)
+    joined = np.concatenate(([False], whole[:-1]))
+    same = np.full(pieces, phase), np.full(pieces, cycle)
+    return np.column_stack([edges[:-1], edges[1:], *same, joined])[whole]

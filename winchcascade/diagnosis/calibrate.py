@@ -1,4 +1,4 @@
-"""The back-EMF constant of an open circuit, with what the rig file leaves open of the machine and of its DC link."""
+"""Calibrate a rig from an open circuit: back-EMF constant, damper, screw friction, and what is indistinguishable (Sec. 4.2)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from winchcascade.core.errors import LogError, RigError
 from winchcascade.core.integrate import median
 from winchcascade.core.quantity import Quantity, find_unit, si_unit
 from winchcascade.diagnosis.misfit import Fitted
-from winchcascade.diagnosis.nuisances import nuisances, sensor_errors, shifted
+from winchcascade.diagnosis.nuisances import nuisances, quantity_of, sensor_errors, shifted, with_quantity
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.solve import huber, quadratic, weights
 from winchcascade.rig.backemf import COVERED, RPM_LEAST, BackEmf, back_emf
@@ -49,8 +49,8 @@ def back_emf_of(run: Run, rig: Rig, payouts: Sequence[tuple[float, float]]) -> B
 
 
 FREED = {("drivetrain", "b_rotor"): 0.5, ("restoring", "mu_screw"): 0.5}
-"""Numbers that are found from the line force, by section and name, and their prior width as a share of the value: wide enough
-to say nothing."""
+"""Numbers that are found from the line tension, by section and name, and their prior width as a share of the value: wide enough
+to have no effect."""
 
 FOUND_FROM = ("force", "torque", "pressure")
 """Channels that they are found from."""
@@ -61,22 +61,26 @@ TIED = ("drivetrain", "eta_mesh")
 MESH_TOLERANCE = 0.01
 """Standard uncertainty of a mesh efficiency for which the rig file gives none. [1]"""
 
-TOLD_APART = 0.5
-"""A number whose uncertainty stays above this share of what was known before says nothing new."""
+REDUCED = 0.5
+"""A number is new if its uncertainty is below this share of that before."""
 
 HELD_TOGETHER = 0.9
-"""Two numbers whose errors are correlated by more than this cannot be told apart."""
+"""Correlation of the errors of two numbers above which they cannot be distinguished."""
 
 STRAINED = 4.0
-"""A fit that moves something by more tolerances than this does not keep to what is known of it."""
+"""Move of a nuisance, in its tolerances, beyond which the fit does not keep to its prior."""
 
 ROUNDS = 30
+"""Maximum number of steps of the fit."""
+
+SETTLED = 1e-3
+"""The fit has converged when no nuisance moves by more than this share of its prior width."""
 
 
 class Number(msgspec.Struct, frozen=True):
     """One calibrated number of the rig: value, 95 % interval and standard uncertainty `u` in its SI unit.
 
-    `before` is what the rig file said, `how` how it was found. `new` tells that the log says more of it than was known.
+    `before` is the number of the rig file, `how` the method. `new`: the log determines it better than the rig file does.
     """
 
     section: str
@@ -99,11 +103,11 @@ class Strain(msgspec.Struct, frozen=True):
 
 
 class Calibration(msgspec.Struct, frozen=True):
-    """What an open-circuit log says of a rig: its numbers, the regression of the back-EMF, and what is held together.
+    """Numbers of a rig from an open-circuit log, the regression of the back-EMF, and what cannot be distinguished.
 
-    `misfit` is the mean square of what force, torque and pressure leave, in units of their noise: about 1 where damper and
-    screw are all that had to be found [1]. `strained` are the tolerances that the fit does not keep. `settled` tells that
-    the fit came to rest; its numbers are no result otherwise.
+    `misfit` is the mean square of the residuals of force, torque and pressure, in units of their noise: about 1 where damper
+    and screw explain the log [1]. `strained` are the tolerances that the fit exceeds. `settled`: the fit converged; its
+    numbers are no result otherwise.
     """
 
     run: Run
@@ -121,7 +125,7 @@ def calibrate(
 ) -> Calibration:
     """Calibrate a rig from an open-circuit log (Sec. 4.2).
 
-    The back-EMF constant is a regression on the DC voltage; damper and screw friction follow from line force, torque and
+    The back-EMF constant is a regression on the DC voltage; damper and screw friction follow from line tension, torque and
     pressure, fitted with everything else that is known to a tolerance only: precharge, gas volume, piston area, gains, zeros.
 
     Parameters
@@ -134,16 +138,16 @@ def calibrate(
     LogError : the log is no open circuit, delivers power, or lacks force or voltage
     RigError : the rig file lacks numbers of the model, or an estimate of those to be found
     """
-    _require_open_circuit(run)
-    _require_no_power(run, rig, payouts)
+    _require_open_circuit(run, rig, payouts)
     freed = _freed(rig)
     regression = back_emf_of(run, freed, payouts)
     k_e = _back_emf_constant(rig, regression)
-    data = Fitted([run], _with_number(freed, k_e), [cycles])
+    with_k_e = Quantity(value=k_e.value, unit=k_e.unit, source=k_e.how, tolerance=k_e.u)
+    data = Fitted([run], with_quantity(freed, "generator", "k_e", with_k_e), [cycles])
     value, covariance, misfit, settled = _posterior(data)
     at = [k for k, n in enumerate(data.nuisances) if (n.section, n.name) in (*FREED, TIED)]
     numbers = (k_e, *(_fitted(rig, data, k, value, covariance) for k in at))
-    together = (*_with_the_gain(regression), *_together(data, covariance, at))
+    together = tuple(_together(data, covariance, at, regression))
     strained = tuple(
         Strain(str(n), float(x))
         for k, (n, x) in enumerate(zip(data.nuisances, value, strict=True))
@@ -152,7 +156,8 @@ def calibrate(
     return Calibration(run, rig, numbers, regression, together, misfit, strained, settled)
 
 
-def _require_open_circuit(run: Run) -> None:
+def _require_open_circuit(run: Run, rig: Rig, payouts: Sequence[tuple[float, float]]) -> None:
+    """Reject a log that is not stated as an open circuit, and one whose Idc is more than the bleed resistance takes."""
     if run.load is None:
         raise LogError(
             f"{run.name}: its load is unknown, and a calibration needs an open circuit; give --load-ohm inf if no load was "
@@ -164,17 +169,11 @@ def _require_open_circuit(run: Run) -> None:
             "give --load-ohm inf if no load was connected."
         )
     if "force" not in run.channels:
-        raise LogError(f"{run.name}: no line force, which damper and screw friction are found from; log it.")
-
-
-def _require_no_power(run: Run, rig: Rig, payouts: Sequence[tuple[float, float]]) -> None:
-    """Reject a log whose Idc is more than the bleed resistance takes, whatever load is stated."""
-    if "vdc" not in run.channels or "idc" not in run.channels:
-        return
+        raise LogError(f"{run.name}: no line tension, which damper and screw friction are found from; log it.")
     moving = np.zeros(run.t.size, dtype=bool)
     for begin, end in payouts:
         moving[np.searchsorted(run.t, begin) : np.searchsorted(run.t, end)] = True
-    if not moving.any():
+    if not moving.any() or not {"vdc", "idc"} <= run.channels.keys():
         return
     voltage, current = (median(run.channels[name][moving]) for name in ("vdc", "idc"))
     most = open_circuit_current(rig, abs(voltage))
@@ -206,10 +205,11 @@ def _fitted(rig: Rig, data: Fitted, k: int, value: Signal, covariance: Signal) -
     """A number of the rig from a fit, by its place among the nuisances."""
     n = data.nuisances[k]
     before: float = getattr(getattr(rig, n.section), n.name).value
-    left = math.sqrt(covariance[k, k])
-    found, u, new = before + n.sd * float(value[k]), n.sd * left, left < TOLD_APART
-    how = _found_from(data.logs[0].run) if new else "as given: an open circuit says no more of it"
-    unit = find_unit(n.unit)
+    share, unit = math.sqrt(covariance[k, k]), find_unit(n.unit)
+    found, u, new = before + n.sd * float(value[k]), n.sd * share, share < REDUCED
+    channels = data.logs[0].run.channels
+    *first, last = ("line tension" if name == "force" else name for name in FOUND_FROM if name in channels)
+    found_from = f"{', '.join(first)} and {last}" if first else last
     return Number(
         n.section,
         n.name,
@@ -220,83 +220,51 @@ def _fitted(rig: Rig, data: Fitted, k: int, value: Signal, covariance: Signal) -
         found + COVERED * u,
         u,
         new,
-        how,
+        how=found_from if new else "as given: an open circuit says no more of it",
     )
-
-
-def _found_from(run: Run) -> str:
-    """The channels that a number is found from, as a text."""
-    *first, last = (f"line {name}" if name == "force" else name for name in FOUND_FROM if name in run.channels)
-    return f"{', '.join(first)} and {last}" if first else last
 
 
 def _freed(rig: Rig) -> Rig:
     """The rig with wide priors for what is to be found, and a tolerance of the mesh efficiency."""
-    for (section, name), share in FREED.items():
-        number: Quantity | None = getattr(getattr(rig, section), name)
-        if number is not None and number.value == 0.0:
-            raise RigError(
-                f"rig {rig.name}: {name} under [{section}] is 0; a calibration starts from an estimate, give one."
-            )
-        rig = _with_tolerance(rig, section, name, share * abs(number.value) if number else 0.0)
-    mesh: Quantity | None = getattr(getattr(rig, TIED[0]), TIED[1])
-    return _with_tolerance(rig, *TIED, (mesh.tolerance if mesh else None) or MESH_TOLERANCE)
-
-
-def _with_number(rig: Rig, n: Number) -> Rig:
-    """The rig with a number as it was found, for what is found after it."""
-    part = getattr(rig, n.section)
-    found = msgspec.structs.replace(getattr(part, n.name), value=n.value, tolerance=n.u)
-    return msgspec.structs.replace(rig, **{n.section: msgspec.structs.replace(part, **{n.name: found})})
-
-
-def _with_tolerance(rig: Rig, section: str, name: str, tolerance: float) -> Rig:
-    part = getattr(rig, section)
-    number: Quantity | None = getattr(part, name)
-    if number is None:
-        return rig
-    wide = msgspec.structs.replace(number, tolerance=tolerance)
-    return msgspec.structs.replace(rig, **{section: msgspec.structs.replace(part, **{name: wide})})
+    for section, name in (*FREED, TIED):
+        number = quantity_of(rig, section, name)
+        if number is not None:
+            if (section, name) in FREED and number.value == 0.0:
+                raise RigError(
+                    f"rig {rig.name}: {name} under [{section}] is 0; a calibration starts from an estimate, give one."
+                )
+            wide = FREED.get((section, name), 0.0) * abs(number.value) or number.tolerance or MESH_TOLERANCE
+            rig = with_quantity(rig, section, name, msgspec.structs.replace(number, tolerance=wide))
+    return rig
 
 
 def _posterior(data: Fitted) -> tuple[Signal, Signal, float, bool]:
-    """Nuisances in units of their prior width, (n,), their covariance, the misfit, and whether the fit came to rest; from the
+    """Nuisances in units of their prior width, (n,), their covariance, the misfit, and whether the fit converged; from the
     channels before the machine.
     """
-    seen = np.ones((data.measured.shape[0], len(CHANNELS)))
-    seen[:, [CHANNELS.index("vdc"), CHANNELS.index("idc")]] = 0.0
-    nu = np.zeros(len(data.nuisances))
-    settled = False
+    seen = np.array([channel not in ("vdc", "idc") for channel in CHANNELS], dtype=np.float64)
+    free = np.array([n.kind != "law" for n in data.nuisances])  # the rig as its file has it, without dry friction
+    nu = np.zeros(free.size)
     for _ in range(ROUNDS):
         at = data.predict(nu, [])
         z = data.whiten((data.measured - at) * seen)
-        columns = data.nuisance_columns(nu, [], at, seen)
-        columns[:, [n.kind == "law" for n in data.nuisances]] = 0.0  # the rig as its file has it, without dry friction
+        columns = data.whiten(data.tolerances(nu, [], at) * seen[:, None]) * free
         q = quadratic(z, weights(z), columns, np.zeros((z.size, 0)), nu)
-        nu = nu + q.own
-        settled = float(np.max(np.abs(q.own))) < SETTLED
+        nu, settled = nu + q.own, float(np.max(np.abs(q.own))) < SETTLED
         if settled:
             break
     misfit = 2.0 * huber(z) / max(int(np.count_nonzero(z)), 1)
     return nu, np.asarray(max(misfit, 1.0) * np.linalg.inv(q.inner), dtype=np.float64), misfit, settled
 
 
-SETTLED = 1e-3
-"""Nuisances have settled when none moves by more than this share of its prior width."""
-
-
-def _with_the_gain(regression: BackEmf) -> Iterator[str]:
-    """The back-EMF constant is read through the gain of the Vdc sensor alone."""
-    correlation = -regression.u_sensor * COVERED / (regression.high - regression.k_e)
-    if abs(correlation) > HELD_TOGETHER:
-        yield f"k_e and gain of vdc ({correlation:+.2f})"
-
-
-def _together(data: Fitted, covariance: Signal, at: Sequence[int]) -> Iterator[str]:
-    """Sentences on what the log cannot tell apart."""
+def _together(data: Fitted, covariance: Signal, at: Sequence[int], regression: BackEmf) -> Iterator[str]:
+    """What the log cannot distinguish; the back-EMF constant is read through the gain of the Vdc sensor alone."""
+    of_the_gain = -regression.u_sensor * COVERED / (regression.high - regression.k_e)
+    if abs(of_the_gain) > HELD_TOGETHER:
+        yield f"k_e and gain of vdc ({of_the_gain:+.2f})"
     sd = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.outer(sd, sd)
     for k in at:
         for j, n in enumerate(data.nuisances):
-            correlation = covariance[k, j] / (sd[k] * sd[j])
-            if j != k and (j not in at or j > k) and abs(correlation) > HELD_TOGETHER:
-                yield f"{data.nuisances[k]} and {n} ({correlation:+.2f})"
+            if j != k and (j not in at or j > k) and abs(correlation[k, j]) > HELD_TOGETHER:
+                yield f"{data.nuisances[k]} and {n} ({correlation[k, j]:+.2f})"

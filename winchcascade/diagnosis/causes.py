@@ -1,101 +1,112 @@
-"""How sure each cause is, what its numbers are, and which suspects explain the same data as well."""
+"""What is reported of each cause: its probability, its numbers, the suspects that explain the same data as well, and the run
+that would best distinguish the leading cause from its strongest alternative.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from winchcascade.diagnosis.block_means import PHASES
-from winchcascade.diagnosis.diagnosis_result import Alternative, NamedCause, Reported, Spot
-from winchcascade.diagnosis.evidence import Fit, fit_set
-from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.selection import Found, Names, evidence_of
+from winchcascade.core.jobs import all_at_once
+from winchcascade.core.run import Run
+from winchcascade.diagnosis.block_means import PHASES, blocks_of
+from winchcascade.diagnosis.diagnosis_result import Alternative, Experiment, NamedCause, Reported, Spot
+from winchcascade.diagnosis.evidence import Fit, RigProblem, fit_set
+from winchcascade.diagnosis.predict import CHANNELS, Course
 from winchcascade.diagnosis.solve import quadratic, weights
-from winchcascade.diagnosis.suspects import Suspects, freedom, with_values
+from winchcascade.diagnosis.suspects import freedom, varied, with_values
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
     from winchcascade.core.run import Signal
+    from winchcascade.diagnosis.diagnosis_result import Names
+    from winchcascade.diagnosis.evidence import Found
     from winchcascade.diagnosis.misfit import Fitted
+    from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.rig.parts import Model
 
 AS_GOOD = 3.0
-"""A set is a rival while its evidence falls short of the best by less than this: odds of twenty to one."""
+"""Evidence by which a set may fall short of the best and still be an alternative: odds of twenty to one."""
 
 TRIED = 3
-"""So many rivals of each cause are refitted at most."""
+"""Maximum number of alternatives of each cause that are refitted."""
 
 RIVALS = 2
-"""So many rivals of each cause are named at most."""
+"""Maximum number of alternatives of each cause that are named."""
 
 LAW = 0.01
-"""No rig follows an effect's law exactly: how well what the effect does is known at best, a standard uncertainty as a share of
-it. Assumed; about what twins that follow laws of their own scatter by."""
+"""No rig follows the law of an effect exactly: minimum standard uncertainty of what an effect does, as a share of it. Assumed;
+about the scatter of twins that follow laws of their own."""
 
 COVERED = 1.96
 """Standard deviations on either side of a 95 % interval."""
+
+FEW = 10
+"""Minimum number of phases of cycles for an estimate of their scatter."""
+
+SPEEDS = (0.5, 1.0, 1.3)
+"""Plateau speeds that are tried, as shares of the fastest of the campaign."""
+
+RAMP, HOLD, REST = 1.5, 4.0, 2.0
+"""Ramp of a planned payout, hold and rest before it [s]."""
+
+BACK = 0.6
+"""Haul-in of a planned cycle, as a share of the speed of its payout."""
 
 
 def causes_of(data: Fitted, suspects: Suspects, found: Found) -> tuple[NamedCause, ...]:
     """Every cause of the best set, most important first."""
     best = found.best
-    swapped = {name: _rivals(data, suspects, found, name) for name in best.names}
-    everything = {**found.fits, **{fit.names: fit for fits in swapped.values() for fit in fits}}
-    chance = probabilities(everything, found.scale)
-    causes = []
-    for name in best.names:
-        without = tuple(n for n in best.names if n != name)
-        weight = found.linear.best(without)[0] - found.linear.best(best.names)[0]
-        causes.append(
-            NamedCause(
-                effect=name,
-                stage=suspects[name].stage,
-                probability=sum(p for names, p in chance.items() if name in names),
-                parameters=parameters_of(data, suspects, best, name, found.scale),
-                rivals=tuple(_named(data, best, fit, chance) for fit in swapped[name])[:RIVALS],
-                weight=weight,
-            )
+    swapped = {name: _alternatives(data, suspects, found, name) for name in best.names}
+    refitted = {fit.names: fit for fits in swapped.values() for fit in fits}
+    chance = probabilities({**found.fits, **refitted}, found.scale)
+    whole = found.linear.best(best.names)[0]
+    causes = [
+        NamedCause(
+            effect=name,
+            stage=suspects[name].stage,
+            probability=sum(p for names, p in chance.items() if name in names),
+            parameters=parameters_of(data, suspects, best, name, found.scale),
+            rivals=tuple(_named(data, best, fit, chance) for fit in swapped[name])[:RIVALS],
+            weight=found.linear.best(tuple(n for n in best.names if n != name))[0] - whole,
         )
+        for name in best.names
+    ]
     return tuple(sorted(causes, key=lambda cause: -cause.weight))
 
 
 def probabilities(fits: dict[Names, Fit], scale: float) -> dict[Names, float]:
     """Posterior probability of each set among those that were fitted."""
-    evidence = {tuple(sorted(names)): evidence_of(fit, scale) for names, fit in fits.items()}
-    top = max(evidence.values())
-    odds = {names: math.exp(max(e - top, -700.0)) for names, e in evidence.items()}
-    total = sum(odds.values())
-    return {names: p / total for names, p in odds.items()}
+    evidence = np.array([fit.evidence(scale) for fit in fits.values()])
+    odds = np.exp(np.maximum(evidence - evidence.max(), -700.0))
+    return dict(zip((tuple(sorted(names)) for names in fits), (odds / odds.sum()).tolist(), strict=True))
 
 
 def parameters_of(data: Fitted, suspects: Suspects, fit: Fit, name: str, scale: float) -> dict[str, Reported]:
     """What is reported of one cause, with 95 % intervals; fields at a bound count as known, and a law as far as `LAW` says."""
-    effect = suspects[name]
-    place = _place(fit, name)
-    values = fit.values[fit.names.index(name)]
-    covariance = covariance_of(data, fit, scale)[place, place]
-    value, absent = (with_values(effect, x).reported for x in (values, freedom(effect).absent))
-    gradient = np.zeros(values.size)
-    for k in range(values.size):
-        step = 1e-3 * float(fit.high[place][k] - fit.low[place][k])
-        step = -step if values[k] + step > fit.high[place][k] else step
-        moved = values.copy()
-        moved[k] += step
-        gradient[k] = (with_values(effect, moved).reported - value) / step
-    u = math.hypot(math.sqrt(max(float(gradient @ covariance @ gradient), 0.0)), LAW * abs(value - absent))
+    effect, place = suspects[name], fit.place[name]
+    value, absent = (with_values(effect, x).reported for x in (fit.x[place], freedom(effect).absent))
+    gradient = np.array([(moved.reported - value) / step for moved, step in varied(effect, fit.x[place], 1e-3)])
+    variance = float(gradient @ covariance_of(data, fit, scale)[place, place] @ gradient)
+    u = math.hypot(math.sqrt(max(variance, 0.0)), LAW * abs(value - absent))
     return {effect.parameter: Reported(value, value - COVERED * u, value + COVERED * u, effect.unit)}
 
 
 def covariance_of(data: Fitted, fit: Fit, scale: float) -> Signal:
     """Covariance of all fields of a fit, (k, k): what its data leave, nuisances included; 0 for fields at a bound.
 
-    Residuals of one phase of a cycle are no independent numbers, whatever whitening did: a field varies at least by what the
-    scores of these phases add up to (Liang and Zeger 1986).
+    Residuals of one phase of a cycle are no independent numbers, in spite of the whitening: the variance of a field is at least
+    that of the sums of the scores of these phases (Liang and Zeger 1986).
     """
-    x = np.concatenate(fit.values)
     eps = 1e-9 * (fit.high - fit.low)
-    inside = np.flatnonzero((x > fit.low + eps) & (x < fit.high - eps))
-    covariance = np.zeros((x.size, x.size))
+    inside = np.flatnonzero((fit.x > fit.low + eps) & (fit.x < fit.high - eps))
+    covariance = np.zeros((fit.x.size, fit.x.size))
     if inside.size:
         within = np.ix_(inside, inside)
         inverse = np.linalg.pinv(fit.curve[within], hermitian=True)
@@ -106,62 +117,156 @@ def covariance_of(data: Fitted, fit: Fit, scale: float) -> Signal:
 
 
 def _scattered(data: Fitted, fit: Fit) -> Signal:
-    """Scatter of the objective's slope over a fit's fields, (k, k): of phases of cycles, and of the nuisances' priors."""
-    j_phi = np.hstack([fit.columns[name] for name in fit.names])
-    w = weights(fit.z)
+    """Scatter of the slope of the objective over the fields of a fit, (k, k): of phases of cycles, and of the priors."""
+    j_phi, w = np.hstack([fit.columns[name] for name in fit.names]), weights(fit.z)
     back = quadratic(fit.z, w, fit.j_nu, j_phi, fit.nu).back
     scores = (w * fit.z)[:, None] * (j_phi - fit.j_nu @ back)
-    blocks = [log.course.blocks for log in data.logs]
-    stretch = np.cumsum(np.concatenate([~b.joined for b in blocks]).astype(np.intp)) - 1
+    stretch = np.cumsum(~data.blocks.joined) - 1
     total = np.zeros((int(stretch[-1]) + 1, j_phi.shape[1]))
     np.add.at(total, np.repeat(stretch, len(CHANNELS)), scores)
-    told = total[np.any(total != 0.0, axis=1)]
-    if told.shape[0] < FEW:
-        return np.zeros((j_phi.shape[1],) * 2)
-    scattered: Signal = told.shape[0] / (told.shape[0] - 1.0) * told.T @ told + back.T @ back
-    return scattered
+    total = total[np.any(total != 0.0, axis=1)]
+    count = total.shape[0]
+    return count / (count - 1.0) * total.T @ total + back.T @ back if count >= FEW else np.zeros_like(fit.curve)
 
 
-FEW = 10
-"""Fewer phases of cycles tell no scatter."""
-
-
-def _place(fit: Fit, name: str) -> slice:
-    ends = np.cumsum([0, *(x.size for x in fit.values)])
-    k = fit.names.index(name)
-    return slice(int(ends[k]), int(ends[k + 1]))
-
-
-def _rivals(data: Fitted, suspects: Suspects, found: Found, name: str) -> list[Fit]:
+def _alternatives(data: Fitted, suspects: Suspects, found: Found, name: str) -> list[Fit]:
     """Refits with another suspect in place of one cause that are about as good, best first."""
-    kept = tuple(n for n in found.best.names if n != name)
-    best = evidence_of(found.best, found.scale)
-    about = found.linear.evidence(found.best.names, found.scale)
-    others = {r: found.linear.evidence((*kept, r), found.scale) for r in suspects if r not in found.best.names}
-    near = sorted((r for r in others if others[r] > about - 4.0 * AS_GOOD), key=lambda r: -others[r])[:TRIED]
-    fits = []
-    for r in near:
-        names = tuple(sorted((*kept, r)))
-        fit = found.fits.get(names) or fit_set(data, suspects, names, start=found.best, quick=True)
-        if evidence_of(fit, found.scale) > best - AS_GOOD:
-            fits.append(fit)
-    return sorted(fits, key=lambda fit: -evidence_of(fit, found.scale))
+    best, scale, linear = found.best, found.scale, found.linear
+    about, least = linear.evidence(best.names, scale), best.evidence(scale) - AS_GOOD
+    swapped = {other: _swap(best.names, name, other) for other in suspects if other not in best.names}
+    others = {other: linear.evidence(names, scale) for other, names in swapped.items()}
+    near = sorted((other for other in others if others[other] > about - 4.0 * AS_GOOD), key=lambda r: -others[r])
+    fits = [_refit(data, suspects, found, swapped[other]) for other in near[:TRIED]]
+    return sorted((fit for fit in fits if fit.evidence(scale) > least), key=lambda fit: -fit.evidence(scale))
 
 
-def _named(data: Fitted, best: Fit, rival: Fit, chance: dict[Names, float]) -> Alternative:
-    effect = next(n for n in rival.names if n not in best.names)
-    return Alternative(effect, chance[tuple(sorted(rival.names))], _difference(data, best, rival))
+def _swap(names: Names, name: str, other: str) -> Names:
+    """A set with another suspect in place of one."""
+    return tuple(sorted((*(n for n in names if n != name), other)))
 
 
-def _difference(data: Fitted, best: Fit, rival: Fit) -> Spot | None:
-    """Where two fits of the same data differ most; None where nothing that the logs measure tells them apart."""
-    difference = (best.z - rival.z).reshape(-1, len(CHANNELS))
+def _refit(data: Fitted, suspects: Suspects, found: Found, names: Names) -> Fit:
+    """The fit of a set, found by the search or else begun from its best fit."""
+    return found.fits.get(names) or fit_set(RigProblem(data, suspects, names), found.best, quick=True)
+
+
+def _named(data: Fitted, best: Fit, other: Fit, chance: dict[Names, float]) -> Alternative:
+    """The alternative of a fit, and where the two differ most; nowhere if nothing that the logs measure distinguishes them."""
+    effect = next(n for n in other.names if n not in best.names)
     most: Spot | None = None
-    for rows, log in zip(data.rows, data.logs, strict=True):
-        for k, channel in enumerate(CHANNELS):
-            for phase, phase_name in enumerate(PHASES):
-                here = difference[rows, k][log.course.blocks.phase == phase]
-                size = float(np.sqrt(np.sum(here**2)))
-                if size > (most.z if most else 0.0):
-                    most = Spot(channel, phase_name, log.load, z=size)
-    return most
+    difference = (best.z - other.z).reshape(-1, len(CHANNELS))
+    for log, k, phase, here in data.cells():
+        size = float(np.sqrt(np.sum(difference[here, k] ** 2)))
+        if size > (most.z if most else 0.0):
+            most = Spot(CHANNELS[k], PHASES[phase], data.logs[log].load, z=size)
+    return Alternative(effect, chance[tuple(sorted(other.names))], most)
+
+
+class _Explanations(NamedTuple):
+    """Two explanations of the same data as models, and the other with one number moved after the other.
+
+    Of the other, `tolerances` moves numbers of the rig by one tolerance each and `fields` those of its effects, each by a step;
+    `precision` (k, k) is what the data tell of these fields.
+    """
+
+    best: Model
+    other: Model
+    tolerances: Sequence[Model]
+    fields: Sequence[tuple[Model, float]]
+    precision: Signal
+
+
+def plan_run(data: Fitted, suspects: Suspects, found: Found, causes: Sequence[NamedCause]) -> Experiment | None:
+    """Choose the run in which a cause and its alternative differ most beyond noise, tolerances and what the latter can adapt.
+
+    The cause is the first with an alternative, else the leading one, whose alternative is then the suspect with the most
+    evidence in its place.
+    """
+    others = [name for name in suspects if name not in found.best.names]
+    if not causes or not others:
+        return None
+    lead = next((cause for cause in causes if cause.rivals), causes[0])
+    closest = max(others, key=lambda r: found.linear.evidence(_swap(found.best.names, lead.effect, r), found.scale))
+    other = lead.rivals[0].effect if lead.rivals else closest
+    fit = _refit(data, suspects, found, _swap(found.best.names, lead.effect, other))
+    both = _explanations(data, suspects, found.best, fit)
+    speed, length = _usual(data)
+    loads = sorted({log.load for log in data.logs})
+    tried = dict.fromkeys([loads[0], loads[len(loads) // 2], loads[-1]])
+    options = [(load, share * speed) for load in tried for share in SPEEDS]
+    scores = all_at_once([partial(_score, data, both, _planned(*option, length, data)) for option in options])
+    z, (load, v) = max(zip(scores, options, strict=True), key=lambda pair: pair[0])
+    return Experiment("cycle", v, (lead.effect, other), z, load=load, length=length)
+
+
+def _explanations(data: Fitted, suspects: Suspects, best: Fit, fit: Fit) -> _Explanations:
+    effects, one = fit.effects(suspects), np.eye(fit.nu.size)
+    fields = []
+    for name, effect in zip(fit.names, effects, strict=True):
+        for moved, step in varied(suspects[name], fit.x[fit.place[name]], 0.02):
+            model = data.model(fit.nu, [moved if other is effect else other for other in effects])
+            fields.append((model, step))
+    return _Explanations(
+        best=data.model(best.nu, best.effects(suspects)),
+        other=data.model(fit.nu, effects),
+        tolerances=[data.model(fit.nu + one[k], effects) for k, n in enumerate(data.nuisances) if n.kind == "rig"],
+        fields=fields,
+        precision=fit.curve + np.diag((fit.high - fit.low) ** -2.0),
+    )
+
+
+def _usual(data: Fitted) -> tuple[float, float]:
+    """Fastest plateau [m/s] and median length of a payout [m] of the campaign."""
+    fastest = max(float(np.quantile(log.run.channels["velocity"], 0.97)) for log in data.logs)
+    lengths = []
+    for log in data.logs:
+        blocks, motion = log.course.blocks, log.course.motion
+        x = np.interp(log.run.t, motion.t, motion.x)
+        for cycle in np.unique(blocks.cycle[blocks.phase == 0]):
+            own = np.flatnonzero((blocks.cycle == cycle) & (blocks.phase == 0))
+            lengths.append(float(x[blocks.stop[own[-1]] - 1] - x[blocks.start[own[0]]]))
+    return max(fastest, 0.0), float(np.median(lengths)) if lengths else 1.0
+
+
+def _planned(load: float, speed: float, length: float, data: Fitted) -> Run:
+    """A run of one trapezoid out and one back, without noise."""
+    out, back = max(length / speed - RAMP, 0.5), max(length / (BACK * speed) - RAMP, 0.5)
+    corners = np.cumsum([0.0, REST, RAMP, out, RAMP, HOLD, RAMP, back, RAMP, REST])
+    v = np.array([0.0, 0.0, speed, speed, 0.0, 0.0, -BACK * speed, -BACK * speed, 0.0, 0.0])
+    fs = data.logs[0].run.fs
+    t = np.arange(0.0, corners[-1], 1.0 / fs)
+    velocity = np.interp(t, corners, v)
+    return Run(name="planned", t=t, channels={"velocity": velocity}, fs=fs, samples=t.size, load=load)
+
+
+def _score(data: Fitted, both: _Explanations, run: Run) -> float:
+    """Significance with which a planned run distinguishes two explanations. [sigma]"""
+    course = Course(run, blocks_of(run, data.rig))
+    predicted = course.predict(both.other)
+    moves = [course.predict(model) - predicted for model in both.tolerances]
+    for k, name in enumerate(CHANNELS):
+        for kind, size in (("gain", predicted[:, k]), ("zero", 1.0)):
+            sd = max((n.sd for n in data.nuisances if n.kind == kind and n.name == name), default=0.0)
+            moves.append(np.zeros_like(predicted))
+            moves[-1][:, k] = sd * size
+    moves += [(course.predict(model) - predicted) / step for model, step in both.fields]
+    noise = _planned_noise(data, course.blocks.phase)
+    z, j = (
+        ((course.predict(both.best) - predicted) / noise).ravel(),
+        np.column_stack([(x / noise).ravel() for x in moves]),
+    )
+    prior, own = np.eye(j.shape[1]), len(both.fields)
+    prior[j.shape[1] - own :, j.shape[1] - own :] = both.precision
+    pull = j.T @ z
+    return math.sqrt(max(float(z @ z - pull @ np.linalg.solve(j.T @ j + prior, pull)), 0.0))
+
+
+def _planned_noise(data: Fitted, phase: NDArray[np.intp]) -> Signal:
+    """Noise of planned blocks, (m, 5): the median of the campaign in the same phase; inf where a channel has no information."""
+    sd = np.full((phase.size, len(CHANNELS)), math.inf)
+    for p in range(len(PHASES)):
+        for k in range(len(CHANNELS)):
+            own = data.noise[data.seen[:, k] & (data.blocks.phase == p), k]
+            if own.size:
+                sd[phase == p, k] = float(np.median(own))
+    return sd

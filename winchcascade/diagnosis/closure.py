@@ -1,4 +1,4 @@
-"""How far a gap shrinks: fitted without a log, its causes predict that log."""
+"""How far a gap shrinks on held-out logs, and whether the residual of the fit is more than noise, and where."""
 
 from __future__ import annotations
 
@@ -8,45 +8,60 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.diagnosis.diagnosis_result import GapClosure, Shrunk
-from winchcascade.diagnosis.evidence import Fit, fit_set
+from winchcascade.core.integrate import white_noise
+from winchcascade.diagnosis.block_means import PHASES
+from winchcascade.diagnosis.diagnosis_result import Alarm, GapClosure, Shrunk, Spot
+from winchcascade.diagnosis.evidence import Fit, RigProblem, fit_set
 from winchcascade.diagnosis.gap_map import without_zeros
-from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.suspects import Suspects
+from winchcascade.diagnosis.misfit import unsteadiness_of
+from winchcascade.diagnosis.predict import CHANNELS, Course
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from winchcascade.core.run import Signal
+    from numpy.typing import NDArray
+
+    from winchcascade.core.run import Run, Signal
     from winchcascade.diagnosis.misfit import Fitted
+    from winchcascade.diagnosis.suspects import Suspects
 
 DRAWS = 400
 """Resampled sets of cycles for the interval."""
 
 REACH = 3.0
-"""A prediction keeps the rig's numbers and its sensors within so many of their standard uncertainties: the causes shall close
-the gap, not a rig that nobody has."""
+"""Limit of the nuisances of a prediction, in standard uncertainties, so that only the causes can close the gap."""
 
 LEAST = 0.2
-"""A channel of a log whose misfit before exceeds its noise by less than this share of it has no gap to close."""
+"""Minimum excess over noise of a gap before, on average over channels and logs and in squares of noise, to be closed."""
 
+ROUGH = 2.5
+"""Root mean square of whitened blocks, of one channel in one phase over all logs, beyond which they contain a structure. With
+the true model it stays below 1.7, and below 2.4 with a large lag, as the noise of the blocks is estimated from them."""
 
-class Prediction(msgspec.Struct, frozen=True):
-    """A log predicted by a fit that did not know it: the nuisances and effects of that fit."""
+RESTLESS = 2.2
+"""Scatter within blocks over that of noise alone beyond which something moves that the model lacks."""
 
-    log: int
-    fit: Fit
+UNSTEADY = 6.0
+"""Scatter of the blocks about a smooth course over that of noise alone, the median of the logs, beyond which something varies
+that the model lacks: an eccentric drum, teeth. Ringing, gusts and the true model stay below 3."""
+
+PULLED = 5.0
+"""Maximum magnitude of a nuisance, in its tolerances, that counts as within tolerance."""
+
+FEW, FAR = 30, 8.0
+"""Minimum number of blocks for an rms, and magnitude that a single block counts for at most."""
 
 
 class ModelClosure(GapClosure, frozen=True):
     """Share of the explainable gap that the causes close on logs that took no part in their fit.
 
     `residual` (M, 5) are measured minus predicted blocks after, zeros taken off, NaN for logs that were not withheld.
+    `predictions` are, by number of the `withheld` log, the fits without it.
     """
 
     withheld: tuple[int, ...]
     residual: Signal
-    predictions: tuple[Prediction, ...]
+    predictions: dict[int, Fit]
 
 
 def close(data: Fitted, suspects: Suspects, best: Fit, withheld: Sequence[int], seed: int) -> ModelClosure:
@@ -57,107 +72,140 @@ def close(data: Fitted, suspects: Suspects, best: Fit, withheld: Sequence[int], 
     best : the chosen causes; where the fit already lacks the withheld logs it serves as it is
     withheld : numbers of logs; of those that take part in the fit each is left out in turn
     """
-    predictions = []
-    for k in withheld:
-        fit = best
-        if k not in data.withheld or np.any(np.abs(best.nu) > REACH):
-            rows = np.ones(data.measured.size)
-            rows.reshape(-1, len(CHANNELS))[data.rows[k]] = 0.0
-            fit = fit_set(data, suspects, best.names, start=best, rows=rows, quick=True, reach=REACH)
-        predictions.append(Prediction(k, fit))
+    predictions: dict[int, Fit] = {}
     after = np.full_like(data.measured, math.nan)
-    for one in predictions:
-        rows_of = data.rows[one.log]
-        predicted = data.predict(_no_zeros(data, one.fit.nu), one.fit.effects(suspects), [one.log])
-        after[rows_of] = data.measured[rows_of] - predicted
-    known = np.isfinite(after[:, :1])
+    for k in withheld:
+        fit, own = best, data.rows[k]
+        if k not in data.withheld or np.any(np.abs(best.nu) > REACH):
+            rows = np.ones_like(data.measured)
+            rows[own] = 0.0
+            fit = fit_set(RigProblem(data, suspects, best.names, rows.ravel(), REACH), best, quick=True)
+        nu = np.where([n.kind == "zero" for n in data.nuisances], 0.0, fit.nu)
+        after[own] = data.measured[own] - data.predict(nu, fit.effects(suspects), [k])
+        predictions[k] = fit
+    known = np.isfinite(after)
     after = np.where(known, without_zeros(data, np.where(known, after, 0.0)), math.nan)
     before = without_zeros(data, data.measured - data.predict(np.zeros(len(data.nuisances)), []))
-    parts = _parts(data, before, after, withheld)
-    share = _share(parts)
-    draws = _resampled(data, before, after, withheld, seed)
-    low, high = (
-        (min(max(float(np.quantile(draws, q)), -1.0), 1.0) for q in (0.025, 0.975)) if draws.size else (share, share)
+    squares = np.where(
+        (data.seen & known)[:, None], np.stack([before, after, data.noise, np.ones_like(after)], 1) ** 2, 0.0
     )
+    by_log = np.array([squares[data.rows[k]].sum(axis=0) for k in withheld])
+    by_cycle = [_by_cycle(squares[data.rows[k]], data.blocks.cycle[data.rows[k]]) for k in withheld]
+    share, rng = _share(by_log), np.random.default_rng(seed)
+    draws = [
+        _share(np.concatenate([cells[rng.integers(len(cells), size=len(cells))] for cells in by_cycle]))
+        for _ in range(DRAWS)
+    ]
+    low, high = np.clip(np.quantile(draws, (0.025, 0.975)), -1.0, 1.0).tolist()
+    total = by_log.sum(axis=0)
     return ModelClosure(
         withheld=tuple(withheld),
-        channels=_channels(data, before, after, withheld),
+        channels={
+            name: Shrunk(*np.sqrt(total[:3, k] / total[3, k]).tolist())
+            for k, name in enumerate(CHANNELS)
+            if total[3, k]
+        },
         share=share,
         low=min(low, share),
         high=max(high, share),
         residual=after,
-        predictions=tuple(predictions),
+        predictions=predictions,
     )
 
 
-def _no_zeros(data: Fitted, nu: Signal) -> Signal:
-    return np.where([n.kind == "zero" for n in data.nuisances], 0.0, nu)
+def _by_cycle(squares: Signal, cycle: NDArray[np.intp]) -> Signal:
+    """Sums over the blocks of each cycle, (cycles, ...) from (m, ...)."""
+    return np.array([squares[cycle == c].sum(axis=0) for c in np.unique(cycle)])
 
 
-def _parts(data: Fitted, before: Signal, after: Signal, withheld: Sequence[int]) -> list[tuple[float, float]]:
-    """Excess over noise, before and after, of each channel of each withheld log, in mean squares of noise."""
-    parts = []
-    for log in withheld:
-        for k in range(len(CHANNELS)):
-            one = _excess(data, before, after, log, k, np.ones(data.sizes[log], dtype=bool))
-            if one is not None:
-                parts.append(one)
-    return parts
+def _share(sums: Signal) -> float:
+    """Share that is closed of what exceeds noise, over channels and logs or their cycles, each in mean squares of its noise.
+
+    Parameters
+    ----------
+    sums : (cells, 4, 5) sums of squares of the gap before, after, of noise, and the number of blocks, by channel
+    """
+    before, after, noise, count = (sums[:, k, :][sums[:, 3, :] >= 3.0] for k in range(4))
+    old, new = float(np.sum((before - noise) / noise)), float(np.sum((after - noise) / noise))
+    return 1.0 - new / old if old > LEAST * max(count.size, 1) else 0.0
 
 
-def _excess(
-    data: Fitted, before: Signal, after: Signal, log: int, k: int, these: np.ndarray[tuple[int], np.dtype[np.bool_]]
-) -> tuple[float, float] | None:
-    noise = data.logs[log].noise
-    seen = noise.seen[:, k] & these
-    if np.count_nonzero(seen) < 3:
-        return None
-    rows = data.rows[log]
-    floor = float(np.mean(noise.total[seen, k] ** 2))
-    old, new = (float(np.mean(r[rows, k][seen] ** 2)) for r in (before, after))
-    return (old - floor) / floor, (new - floor) / floor
+def alarms_of(data: Fitted, suspects: Suspects, fit: Fit) -> tuple[Alarm, ...]:
+    """Every sign that the residual of a fit is more than noise, worst first."""
+    pulled = [(n, abs(float(x))) for n, x in zip(data.nuisances, fit.nu, strict=True)]
+    found = [
+        *(Alarm("structure", Spot(*at), rms, ROUGH) for at, rms in block_rms(data, fit.z).items()),
+        *(
+            Alarm("scatter", Spot(channel, "payout", within_blocks=True), ratio, RESTLESS)
+            for channel, ratio in scatter(data, suspects, fit).items()
+        ),
+        *(Alarm("ripple", Spot(*at), ratio, UNSTEADY) for at, ratio in unsteadiness(data, suspects, fit).items()),
+        *(Alarm("nuisance", n, size, PULLED) for n, size in pulled),
+    ]
+    return tuple(
+        sorted((alarm for alarm in found if alarm.size > alarm.limit), key=lambda alarm: -alarm.size / alarm.limit)
+    )
 
 
-def _share(parts: Sequence[tuple[float, float]]) -> float:
-    """Share that is closed, over channels and logs."""
-    old = sum(before for before, _ in parts)
-    new = sum(after for _, after in parts)
-    return 1.0 - new / old if old > LEAST * max(len(parts), 1) else 0.0
-
-
-def _resampled(data: Fitted, before: Signal, after: Signal, withheld: Sequence[int], seed: int) -> Signal:
-    """Shares of sets of cycles drawn with replacement, log by log."""
-    rng = np.random.default_rng(seed)
-    table = []
-    for log in withheld:
-        cycle = data.logs[log].course.blocks.cycle
-        cells = [
-            [_excess(data, before, after, log, k, cycle == c) for k in range(len(CHANNELS))] for c in np.unique(cycle)
-        ]
-        table.append(cells)
-    shares = []
-    for _ in range(DRAWS):
-        parts: list[tuple[float, float]] = []
-        for cells in table:
-            for pick in rng.integers(len(cells), size=len(cells)):
-                parts += [cell for cell in cells[pick] if cell is not None]
-        shares.append(_share(parts))
-    return np.array(shares)
-
-
-def _channels(data: Fitted, before: Signal, after: Signal, withheld: Sequence[int]) -> dict[str, Shrunk]:
-    found = {}
-    for k, name in enumerate(CHANNELS):
-        sums = np.zeros(4)
-        for log in withheld:
-            noise, rows = data.logs[log].noise, data.rows[log]
-            seen = noise.seen[:, k]
-            sums += [
-                float(np.sum(before[rows, k][seen] ** 2)),
-                float(np.sum(after[rows, k][seen] ** 2)),
-                float(np.sum(noise.total[seen, k] ** 2)),
-                float(np.count_nonzero(seen)),
-            ]
-        if sums[3]:
-            found[name] = Shrunk(*(math.sqrt(x / sums[3]) for x in sums[:3]))
+def block_rms(data: Fitted, z: Signal) -> dict[tuple[str, str], float]:
+    """Root mean square of whitened blocks by channel and phase, over all logs that take part."""
+    table, found = z.reshape(-1, len(CHANNELS)), {}
+    for k, channel in enumerate(CHANNELS):
+        for p, name in enumerate(PHASES):
+            here = table[(data.blocks.phase == p) & (table[:, k] != 0.0), k]
+            if here.size >= FEW:
+                found[channel, name] = float(np.sqrt(np.mean(np.minimum(np.abs(here), FAR) ** 2)))
     return found
+
+
+def scatter(data: Fitted, suspects: Suspects, fit: Fit, seed: int = 0) -> dict[str, float]:
+    """Scatter within blocks of payout over that of the noise of sensors and velocity, the worst log, by channel.
+
+    The effect of the noise of the velocity is found by adding as much of it again and simulating. The force is left out: its
+    tether rings. This shows a ripple that the means of blocks do not contain.
+    """
+    models, skew = data.models(fit.nu, fit.effects(suspects)), data.skew(fit.nu)
+    rng = np.random.default_rng(seed)
+    noisy = [_with_noise(log.run, rng) for log in data.logs]
+    found: dict[str, float] = {}
+    for number, (log, model) in enumerate(zip(data.logs, models, strict=True)):
+        blocks, coarse = log.course.blocks, log.course.coarse.t
+        payout = blocks.phase == PHASES.index("payout")
+        if number in data.withheld or np.count_nonzero(payout) < FEW // 2:
+            continue
+        grid = log.course.on_grid(model, skew=skew)
+        again = Course(noisy[number], blocks).on_grid(model, skew=skew) - grid
+        for k, channel in enumerate(CHANNELS):
+            here = payout & log.noise.seen[:, k]
+            if channel == "force" or not here.any():
+                continue
+            logged = log.run.channels[channel]
+            residual = blocks.scatter(logged - np.interp(log.run.t, coarse, grid[:, k]))[here]
+            floor = np.hypot(white_noise(logged), blocks.scatter(np.interp(log.run.t, coarse, again[:, k]))[here])
+            ratio = float(np.sqrt(np.mean(residual**2) / np.mean(floor**2)))
+            found[channel] = max(found.get(channel, 0.0), ratio)
+    return found
+
+
+def _with_noise(run: Run, rng: np.random.Generator) -> Run:
+    v = run.channels["velocity"]
+    noisy = v + rng.normal(0.0, max(white_noise(v), 1e-12), v.size)
+    return msgspec.structs.replace(run, channels={**run.channels, "velocity": noisy})
+
+
+def unsteadiness(data: Fitted, suspects: Suspects, fit: Fit) -> dict[tuple[str, str], float]:
+    """Scatter of blocks about a smooth course over that of noise, the median of the logs, by channel and phase.
+
+    The noise in the fit contains all scatter from block to block, so that no z shows it.
+    """
+    residual = data.measured - data.predict(fit.nu, fit.effects(suspects))
+    each = (log for log in enumerate(data.logs) if log[0] not in data.withheld)
+    tables = [unsteadiness_of(log.noise, log.course.blocks, residual[data.rows[k]]) for k, log in each]
+    found, expected = np.moveaxis(np.array(tables), -1, 0)
+    ratio = np.divide(found, expected, out=np.full_like(found, np.nan), where=expected > 0.0)
+    return {
+        (channel, name): float(np.nanmedian(ratio[:, p, k]))
+        for p, name in enumerate(PHASES)
+        for k, channel in enumerate(CHANNELS)
+        if np.isfinite(ratio[:, p, k]).any()
+    }

@@ -9,27 +9,21 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.errors import LogError, OptionError
-from winchcascade.diagnosis.causes import causes_of, probabilities
-from winchcascade.diagnosis.closure import ModelClosure, close
-from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, Experiment, NamedCause, Remainder, Verdict, Where
-from winchcascade.diagnosis.evidence import Fit, fit_set
-from winchcascade.diagnosis.gap_location import arises, locate
-from winchcascade.diagnosis.gap_map import Place, compare, without_zeros
+from winchcascade.diagnosis.causes import causes_of, plan_run, probabilities
+from winchcascade.diagnosis.closure import ModelClosure, alarms_of, close
+from winchcascade.diagnosis.diagnosis_result import HALF, NAMED, DiagnosisResult, Entries, Remainder, StagePlace
+from winchcascade.diagnosis.evidence import Found, search
+from winchcascade.diagnosis.gap_map import arises, compare, locate, without_zeros
 from winchcascade.diagnosis.misfit import Fitted
-from winchcascade.diagnosis.next_run import plan
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.remainder import alarms_of
-from winchcascade.diagnosis.rules import HALF, NAMED, check_withheld
-from winchcascade.diagnosis.selection import Found, search
-from winchcascade.diagnosis.stagewise import StagePlace, stagewise
+from winchcascade.diagnosis.stagewise import stagewise
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
-    from winchcascade.diagnosis.diagnosis_result import Alarm, Spot
-    from winchcascade.diagnosis.nuisances import Nuisance
+    from winchcascade.diagnosis.diagnosis_result import Verdict
     from winchcascade.diagnosis.suspects import Suspects
 
 
@@ -41,7 +35,7 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
 
     data: Fitted
     found: Found
-    closure: ModelClosure | None
+    closure: ModelClosure | None = None
     stages: tuple[StagePlace, ...]
     predicted: Signal
     fitted: Signal
@@ -67,7 +61,7 @@ def diagnose(
     withheld : numbers of runs that take part in neither choice nor fit; without any, causes are chosen on all runs and each
         run but open circuits is left out of the fit once
     seed : of the resampling that the closure's interval comes from
-    tell : is told what is being done
+    tell : called with a sentence on each step
 
     Raises
     ------
@@ -75,15 +69,19 @@ def diagnose(
     LogError : no run has a channel that the model gives
     RigError : the rig file lacks numbers that the model needs
     """
-    check_withheld(runs, cycles, withheld, title)
+    Entries(runs, cycles, withheld, title).check_withheld()
     tell("simulating the rig as given")
     data = Fitted(runs, rig, cycles, withheld)
-    _check_compared(data)
-    found = search(data, suspects, tell)
-    judged = _judge(data, suspects, found, withheld, seed, tell)
-    predicted = data.predict(np.zeros(len(data.nuisances)), [])
-    places, stages = _map(data, predicted), stagewise(data)
-    return ModelDiagnosis(
+    if not any(log.noise.seen.any() for k, log in enumerate(data.logs) if k not in data.withheld):
+        raise LogError(
+            f"{data.logs[0].run.name}: no log that takes part has {', '.join(CHANNELS[:-1])} or {CHANNELS[-1]} that the model "
+            "could be compared with; expected one of them at least beside the velocity. Name the columns in a rig file under "
+            "[columns]."
+        )
+    found, nothing = search(data, suspects, tell), np.zeros(len(data.nuisances))
+    predicted = data.predict(nothing, [])
+    tolerances = data.tolerances(nothing, [], predicted)[:, :, [n.kind != "zero" for n in data.nuisances]]
+    as_found = ModelDiagnosis(
         title=title,
         rig=rig,
         seed=seed,
@@ -92,108 +90,50 @@ def diagnose(
         runs=tuple(log.run for log in data.logs),
         suspects=suspects,
         chosen=found.best.names,
-        verdict=judged.verdict,
-        where=_where(data, predicted, places, stages, judged),
-        causes=judged.causes,
-        closure=judged.closure,
-        remainder=judged.remainder,
-        experiment=judged.experiment,
-        places=places,
-        stages=stages,
+        places=compare(data, predicted, tolerances),
+        stages=stagewise(data),
         predicted=predicted,
         fitted=data.predict(found.best.nu, found.best.effects(suspects)),
         sets=probabilities(found.fits, found.scale),
     )
+    return _judged(as_found, tell)
 
 
-def _check_compared(data: Fitted) -> None:
-    """Refuse runs without a channel that the model gives: nothing would stand out, and that would be no finding."""
-    if not any(log.noise.seen.any() for k, log in enumerate(data.logs) if k not in data.withheld):
-        raise LogError(
-            f"{data.logs[0].run.name}: no log that takes part has {', '.join(CHANNELS[:-1])} or {CHANNELS[-1]} that the model "
-            "could be compared with; expected one of them at least beside the velocity. Name the columns in a rig file under "
-            "[columns]."
-        )
+def _judged(result: ModelDiagnosis, tell: Callable[[str], None]) -> ModelDiagnosis:
+    """The result with its verdict: what the causes close on withheld logs, what remains, where the gap lies, what to test next.
 
-
-class _Judged(msgspec.Struct, frozen=True):
-    """What follows from a search: the verdict and what belongs to it."""
-
-    verdict: Verdict
-    causes: tuple[NamedCause, ...] = ()
-    closure: ModelClosure | None = None
-    remainder: Remainder | None = None
-    experiment: Experiment | None = None
-
-
-def _judge(
-    data: Fitted, suspects: Suspects, found: Found, withheld: Sequence[int], seed: int, tell: Callable[[str], None]
-) -> _Judged:
-    """Close the gap on withheld logs with the causes that were found, and weigh what is left."""
+    Contract: explained when no structure remains, unexplained when less than half is closed, partly explained in between.
+    """
+    data, suspects, found = result.data, result.suspects, result.found
     alarms = alarms_of(data, suspects, found.best)
-    if not found.best.names:
-        if not alarms:
-            return _Judged("no_gap")
-        return _Judged("unexplained", remainder=Remainder(1.0, alarms, _worst(alarms)))
-    tell("predicting withheld runs")
-    left_out = list(withheld) or [k for k, log in enumerate(data.logs) if not math.isinf(log.load)]
-    closure = close(data, suspects, found.best, left_out or list(range(len(data.logs))), seed)
-    verdict = _verdict(alarms, closure)
-    tell("looking for rivals")
-    causes = causes_of(data, suspects, found)
-    if verdict != "explained":
-        causes = causes[:NAMED]
-    remainder = Remainder(max(1.0 - closure.share, 0.0), alarms, _worst(alarms))
-    return _Judged(verdict, causes, closure, remainder, _experiment(data, suspects, found, causes))
-
-
-def _where(
-    data: Fitted, predicted: Signal, places: Sequence[Place], stages: Sequence[StagePlace], judged: _Judged
-) -> Where | None:
-    """Where the gap lies: in the leading cause's stage if that explains it, else in the one that is most off by itself."""
-    if judged.verdict == "no_gap":
-        return None
-    own, lead = arises(stages), judged.causes[0].stage if judged.causes else None
-    stage = lead if judged.verdict == "explained" else own.stage or lead
-    return locate(data, without_zeros(data, data.measured - predicted), places, stage, own)
-
-
-def _map(data: Fitted, predicted: Signal) -> tuple[Place, ...]:
-    tolerances = data.tolerances(np.zeros(len(data.nuisances)), [], predicted)
-    known = [k for k, n in enumerate(data.nuisances) if n.kind != "zero"]
-    return compare(data, predicted, tolerances[:, :, known])
-
-
-def _verdict(alarms: Sequence[Alarm], closure: ModelClosure) -> Verdict:
-    """Contract: explained when nothing structured remains, unexplained when less than half is closed, partly in between."""
-    if not alarms:
-        return "explained"
-    return "unexplained" if closure.share < HALF else "partly_explained"
-
-
-def _worst(alarms: Sequence[Alarm]) -> Spot | Nuisance | None:
-    """Where the remainder shows most; a nuisance that was pulled too far only where no channel shows it."""
+    if not (found.best.names or alarms):
+        return result
+    if found.best.names:
+        tell("predicting withheld runs")
+        loaded = [k for k, log in enumerate(data.logs) if not math.isinf(log.load)]
+        left_out = sorted(data.withheld) or loaded or range(len(data.logs))
+        closure = close(data, suspects, found.best, left_out, result.seed)
+        verdict: Verdict = "explained" if not alarms else "unexplained" if closure.share < HALF else "partly_explained"
+        tell("looking for alternative explanations")
+        causes = causes_of(data, suspects, found)
+        result = msgspec.structs.replace(
+            result, verdict=verdict, closure=closure, causes=causes if verdict == "explained" else causes[:NAMED]
+        )
+    else:
+        result = msgspec.structs.replace(result, verdict="unexplained")
     shown = [alarm for alarm in alarms if alarm.kind != "nuisance"] or alarms
-    return shown[0].about if shown else None
-
-
-def _experiment(data: Fitted, suspects: Suspects, found: Found, causes: Sequence[NamedCause]) -> Experiment | None:
-    """The run that would tell the leading cause from its rival or, where it has none, from the suspect that comes closest."""
-    if not causes:
-        return None
-    lead = next((cause for cause in causes if cause.rivals), causes[0])
-    kept = tuple(n for n in found.best.names if n != lead.effect)
-    others = [r for r in suspects if r not in found.best.names]
-    if not others:
-        return None
-    rival = (
-        lead.rivals[0].effect
-        if lead.rivals
-        else max(others, key=lambda r: found.linear.evidence((*kept, r), found.scale))
+    own, lead = arises(result.stages), result.causes[0].stage if result.causes else None
+    stage = lead if result.verdict == "explained" else own.stage or lead
+    return msgspec.structs.replace(
+        result,
+        where=locate(data, without_zeros(data, data.measured - result.predicted), result.places, stage, own),
+        remainder=Remainder(
+            share=1.0 if result.closure is None else max(1.0 - result.closure.share, 0.0),
+            alarms=alarms,
+            worst=shown[0].about if shown else None,
+        ),
+        experiment=plan_run(data, suspects, found, result.causes),
     )
-    names = tuple(sorted((*kept, rival)))
-    fit: Fit = found.fits.get(names) or fit_set(data, suspects, names, start=found.best, quick=True)
-    return plan(data, suspects, found.best, fit, (lead.effect, rival))
 
 
 def withheld_numbers(loads: Sequence[float], runs: Sequence[Run], marked: Sequence[bool]) -> list[int]:
@@ -207,13 +147,9 @@ def withheld_numbers(loads: Sequence[float], runs: Sequence[Run], marked: Sequen
         return [k for k, mark in enumerate(marked) if mark]
     found: list[int] = []
     for load in loads:
-        own = [k for k, run in enumerate(runs) if run.load is not None and _same(run.load, load)]
+        own = [k for k, run in enumerate(runs) if run.load is not None and math.isclose(run.load, load, rel_tol=1e-6)]
         if not own:
             there = ", ".join(f"{run.load:g}" for run in runs if run.load is not None)
             raise OptionError(f"--withhold {load:g}: no run of the campaign has this load; it has {there} ohm.")
         found += own
     return sorted(set(found))
-
-
-def _same(one: float, other: float) -> bool:
-    return one == other or (math.isfinite(one) and math.isclose(one, other, rel_tol=1e-6))

@@ -1,4 +1,4 @@
-"""What a diagnosis found, by a model or without one, as data; `report` makes the sentences."""
+"""What a diagnosis found, by a model or without one, as data, and the rules that both share; `report` makes the sentences."""
 
 from __future__ import annotations
 
@@ -7,12 +7,16 @@ from typing import TYPE_CHECKING, Literal
 
 import msgspec
 
+from winchcascade.core.campaign_file import check_held_out
+from winchcascade.core.errors import CampaignError
+
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from winchcascade.core.campaign_file import Cycles
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run
-    from winchcascade.diagnosis.gap_map import Place
     from winchcascade.diagnosis.nuisances import Nuisance
-    from winchcascade.diagnosis.stagewise import StagePlace
     from winchcascade.diagnosis.suspects import Suspects
 
 Verdict = Literal["no_gap", "explained", "partly_explained", "unexplained"]
@@ -21,6 +25,16 @@ Names = tuple[str, ...]
 
 CALLED = {"load": "generator"}
 """Stage of the catalogue that a stage belongs to, where it is not called the same: load and bridge make one module."""
+
+
+NAMED = 2
+"""Maximum number of causes that are named where much stays unexplained."""
+
+MOSTLY = 0.9
+"""Share of the gap that must be closed for a verdict of `explained` while a residual without structure remains."""
+
+HALF = 0.5
+"""Share of the gap that must be closed for a structured residual not to make it unexplained."""
 
 
 class Spot(msgspec.Struct, frozen=True):
@@ -38,6 +52,49 @@ class Spot(msgspec.Struct, frozen=True):
     within_blocks: bool = False
 
 
+class Weighed(msgspec.Struct, frozen=True, kw_only=True):
+    """Bias of some blocks of one phase and its yardsticks, SI units of their channel.
+
+    `bias` and `rms` of the means of blocks, `noise` of a block, one standard deviation. Standard uncertainties of the bias:
+    `u_noise` of noise and zero, `u_repeat` of how cycles repeat (NaN with one), `u_tolerance` of the numbers and gains of the
+    rig. `z` is the bias over all three.
+    """
+
+    bias: float
+    rms: float
+    noise: float
+    u_noise: float
+    u_repeat: float
+    u_tolerance: float
+    z: float
+
+
+class Place(Weighed, frozen=True, kw_only=True):
+    """One channel in one phase of one log: measured minus simulated, once the zero of the log is taken off.
+
+    `blocks` is their number. Without a model a place holds all logs (`log` is -1), and `share` is its share of the squared gap.
+    """
+
+    channel: str
+    phase: str
+    log: int
+    load: float | None
+    blocks: int
+    share: float = math.nan
+
+
+class StagePlace(Place, frozen=True, kw_only=True):
+    """One stage in one phase of one log: measured minus what the stage makes of its own measured `inputs`, SI units.
+
+    `channel` is the output of the stage. No zero is taken off: those of output and inputs are in `u_noise`. `by_gain` is what
+    the gain of the sensor of a channel moves the bias, for an error of 1, where that gain is not taken for exact.
+    """
+
+    stage: str
+    inputs: tuple[str, ...]
+    by_gain: Mapping[str, float]
+
+
 class Arises(msgspec.Struct, frozen=True):
     """Where a gap arises: the stages that are `off` by themselves, most first, and the `worst` place of the first.
 
@@ -51,7 +108,7 @@ class Arises(msgspec.Struct, frozen=True):
 
     @property
     def stage(self) -> str | None:
-        """Stage of the catalogue, or `sensor`; None where no stage is off by itself."""
+        """Stage of the catalogue, or `sensor`; None where no stage deviates by itself."""
         if not self.off:
             return None
         return "sensor" if self.sensor else CALLED.get(self.off[0], self.off[0])
@@ -60,8 +117,8 @@ class Arises(msgspec.Struct, frozen=True):
 class Where(msgspec.Struct, frozen=True):
     """Where a gap lies: the stage and the place of the map that shows it most.
 
-    With a model `rpm` and `i_dc` span the blocks that stand out [rpm, A], `size` is the largest bias there, and `arises` says
-    where the gap arises when each stage is given its own logged inputs.
+    With a model `rpm` and `i_dc` span the blocks with a significant gap [rpm, A], `size` is the largest bias there. `arises`
+    is where the gap arises with logged inputs to each stage.
     """
 
     stage: str
@@ -138,7 +195,7 @@ class Experiment(msgspec.Struct, frozen=True):
     """One run that would tell two suspects apart, and by how many standard deviations.
 
     `speed` is the highest one [m/s]; `load` [ohm] and `length` of the payout [m] belong to a `cycle` of a rig with a model,
-    the line force `force` [N] to the motions of a winch without one.
+    the line tension `force` [N] to the motions of a winch without one.
     """
 
     motion: Literal["cycle", "speed_steps", "force_steps", "out_and_back", "swing"]
@@ -163,13 +220,13 @@ class DiagnosisResult(msgspec.Struct, frozen=True, kw_only=True):
     seed: int
     runs: tuple[Run, ...]
     suspects: Suspects
-    verdict: Verdict
-    where: Where | None
+    verdict: Verdict = "no_gap"
+    where: Where | None = None
     chosen: Names
-    causes: tuple[NamedCause, ...]
-    closure: GapClosure | None
-    remainder: Remainder | None
-    experiment: Experiment | None
+    causes: tuple[NamedCause, ...] = ()
+    closure: GapClosure | None = None
+    remainder: Remainder | None = None
+    experiment: Experiment | None = None
     sets: dict[Names, float]
     places: tuple[Place, ...]
 
@@ -178,3 +235,24 @@ class DiagnosisResult(msgspec.Struct, frozen=True, kw_only=True):
         """Effects of the fit that are not named as causes."""
         named = {cause.effect for cause in self.causes}
         return [name for name in self.chosen if name not in named]
+
+
+class Entries(msgspec.Struct, frozen=True):
+    """Runs of a campaign with its title.
+
+    `cycles` are, of each run, the first and last that count, None for all; `withheld` are the numbers of the runs that take
+    part in neither choice nor fit.
+    """
+
+    runs: Sequence[Run]
+    cycles: Sequence[Cycles | None] | None = None
+    withheld: Sequence[int] = ()
+    title: str = ""
+
+    def check_withheld(self) -> None:
+        """Reject entries that are all withheld, or that withhold a log that takes part as another run: CampaignError."""
+        if len(self.runs) <= len(set(self.withheld)):
+            raise CampaignError("every run is withheld; a diagnosis needs at least one that takes part in the fit.")
+        names = [run.name for run in self.runs]
+        logs = [run.sha256 and f"{run.sha256}\0{run.table or ''}" for run in self.runs]
+        check_held_out(names, logs, self.cycles or [None] * len(names), self.withheld, self.title or "campaign")

@@ -1,46 +1,74 @@
-"""The fit of a set of suspects to a campaign, with every nuisance beside them, and what speaks for the set."""
+"""The fit of a set of suspects to a campaign, nuisances beside them, the evidence for the set, and the search for the smallest
+sufficient set: sets are screened in closed form and decided by refits.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
-from winchcascade.diagnosis.solve import bounded_step, huber, joint_step, quadratic, weights
-from winchcascade.diagnosis.suspects import Suspects, freedom, with_values
+from winchcascade.diagnosis.solve import Effort, box_minimum, gauss_newton, huber, quadratic, weights
+from winchcascade.diagnosis.suspects import Suspects, freedom, places_of, varied, with_values
+from winchcascade.rig.effects.catalogue import EFFECTS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping
 
     from winchcascade.core.run import Signal
+    from winchcascade.diagnosis.diagnosis_result import Names
     from winchcascade.diagnosis.misfit import Fitted
     from winchcascade.rig.effects.effect import ActiveEffect
 
 STEP = 0.02
-"""Share of a field's plausible range by which its derivative is taken."""
+"""Share of the plausible range of a field by which its derivative is taken."""
 
-ROUNDS, ROUNDS_QUICK = 12, 5
-"""Steps of a fit at most; of a quick one, which finds its columns anew once at most."""
+WHOLE = Effort(rounds=12, renewals=12, settled=0.05, foreseen=0.8)
+"""Of a fit that is carried to its end."""
 
-SETTLED, SETTLED_QUICK = 0.05, 0.5
-"""A fit has settled when a step improves its objective by less than this; a quick one sooner. [1]"""
+QUICK = Effort(rounds=5, renewals=1, settled=0.5, foreseen=0.5)
+"""Of a fit that is enough to find which of some sets is best."""
 
-AS_FORESEEN, AS_FORESEEN_QUICK = 0.8, 0.5
-"""Columns are found anew when a step brings less than this share of what they promised; for a quick fit when less than that."""
+BEAM = 8
+"""Beam width: number of sets kept in each round."""
+
+REFITTED = 3
+"""Number of the sets with the most closed-form evidence that are refitted in each round."""
+
+DOUBTFUL = 5.0
+"""Error of the closed form, in evidence, that is expected."""
+
+ROUNDS = 8
+"""Maximum number of rounds of screening and refitting."""
+
+MOST = 9
+"""Maximum number of suspects in a set."""
+
+CLEARLY = 5.0
+"""The smaller set wins unless the larger one has so much more evidence, prices paid: very strong by Kass and Raftery (1995),
+odds of a hundred and fifty to one."""
+
+MANY, HOPELESS = 5, 2.0
+"""Number of causes, and residual mean square in squares of the noise, with which the search ends: more causes do not help."""
+
+FURTHER = 2
+"""Number of causes, beyond those of the fit about which it was expanded, up to which the closed form is used."""
 
 
 class Fit(msgspec.Struct, frozen=True):
     """A set of suspects, fitted.
 
-    `values` holds each suspect's fields, `nu` the nuisances in units of their tolerance, `loss` the robust objective with the
-    nuisances' priors, `z` the whitened residuals. Of all fields in a row, nuisances done away with: `curve` (k, k) and `slope`
-    (k,) of the objective, bounds `low` and `high` (k,). `j_nu` are the columns of the nuisances, `columns` those of suspects.
+    `x` (k,) are the fields of the suspects in a row, those of each at its `place`, `nu` the nuisances in units of their
+    tolerance, `loss` the robust objective with the priors, `z` the whitened residuals. Of the fields, nuisances eliminated:
+    `curve` (k, k) and `slope` (k,) of the objective, bounds `low` and `high` (k,). `j_nu` are the columns of the nuisances,
+    `columns` those of suspects.
     """
 
-    names: tuple[str, ...]
-    values: tuple[Signal, ...]
+    names: Names
+    place: dict[str, slice]
+    x: Signal
     nu: Signal
     loss: float
     z: Signal
@@ -51,165 +79,159 @@ class Fit(msgspec.Struct, frozen=True):
     j_nu: Signal
     columns: Mapping[str, Signal]
 
-    def cost(self, scale: float) -> float:
-        """What the freedom of its fields costs, residuals scaled by the square `scale`."""
-        if not self.names:
-            return 0.0
-        return cost_of(self.curve / scale, self.slope / scale, np.concatenate(self.values), self.low, self.high)
+    def evidence(self, scale: float) -> float:
+        """Logarithm of the evidence, up to a constant, residuals scaled by the square `scale`."""
+        cost = cost_of(self.curve / scale, self.slope / scale, self.x, self.low, self.high)
+        return -self.loss / scale - cost - price(self.names)
 
     def effects(self, suspects: Suspects) -> list[ActiveEffect]:
         """The suspects with the values that were found."""
-        return [with_values(suspects[name], x) for name, x in zip(self.names, self.values, strict=True)]
+        return [with_values(suspects[name], self.x[self.place[name]]) for name in self.names]
 
 
-def all_columns(
-    data: Fitted, suspects: Suspects, nu: Signal, values: Mapping[str, Signal], wanted: Iterable[str]
-) -> dict[str, Signal]:
-    """Whitened derivative of the prediction over fields of some suspects, each (M * 5, k), where those with `values` act."""
-    made = {name: with_values(suspects[name], x) for name, x in values.items()}
-    variants: list[tuple[Signal, list[ActiveEffect]]] = []
-    steps: list[float] = []
-    place: dict[str, slice] = {}
-    for name in wanted:
-        free = freedom(suspects[name])
-        here = values.get(name, free.absent)
-        others = [effect for other, effect in made.items() if other != name]
-        place[name] = slice(len(steps), len(steps) + here.size)
-        for k in range(here.size):
-            step = STEP * (free.high[k] - free.low[k])
-            step = -step if here[k] + step > free.high[k] else step
-            moved = here.copy()
-            moved[k] += step
-            variants.append((nu, [*others, with_values(suspects[name], moved)]))
-            steps.append(float(step))
-    if not variants:
-        return {}
-    columns = data.whiten(data.differences(nu, [*made.values()], variants) / np.array(steps))
-    return {name: columns[:, own] for name, own in place.items()}
-
-
-def fit_set(
-    data: Fitted,
-    suspects: Suspects,
-    names: tuple[str, ...],
-    *,
-    start: Fit | None = None,
-    rows: Signal | None = None,
-    quick: bool = False,
-    reach: float = math.inf,
-) -> Fit:
-    """Fit a set of suspects by Gauss and Newton, nuisances beside them.
+class RigProblem:
+    """The fit of some suspects to the logs of a rig as a `Problem`: nuisances, then the fields of the suspects in a row.
 
     Parameters
     ----------
-    start : a fit to begin from, whose columns, if any, serve as long as they foresee what a step brings; suspects that it lacks
-        begin absent
+    names : of the suspects that act
     rows : (M * 5,) weights of the residuals, 0 for what takes no part; 1 for all by default
-    quick : a few steps, enough to tell which of some sets is best
-    reach : largest magnitude of a nuisance, in units of its tolerance
+    reach : bound of the magnitude of a nuisance, in units of its tolerance
     """
-    begun = {} if start is None else dict(zip(start.names, start.values, strict=True))
-    values = {name: begun.get(name, freedom(suspects[name]).absent) for name in names}
-    nu = np.zeros(len(data.nuisances)) if start is None else np.clip(start.nu, -reach, reach)
-    take = np.ones(data.measured.size) if rows is None else rows
-    j_nu = _nuisance_columns(data, suspects, nu, values) if start is None or not start.j_nu.size else start.j_nu
-    columns = {} if start is None else {name: start.columns[name] for name in names if name in start.columns}
-    columns |= all_columns(data, suspects, nu, values, [name for name in names if name not in columns])
-    here = _point(data, suspects, take, nu, values)
-    low, high = _bounds(suspects, names)
-    settled, foresight = (SETTLED_QUICK, AS_FORESEEN_QUICK) if quick else (SETTLED, AS_FORESEEN)
-    renewals, fresh = (1 if quick else ROUNDS), True
-    for _ in range(ROUNDS_QUICK if quick else ROUNDS):
-        j_phi, x = _side_by_side(columns, names, here.z.size), _in_a_row(here.values)
-        d_phi, d_nu, promised = _step(here, j_phi, j_nu, take, (low - x, high - x), reach)
-        gained = 0.0
-        for share in SHARES:
-            there = _point(data, suspects, take, here.nu + share * d_nu, _moved(here.values, share * d_phi))
-            if there.loss < here.loss:
-                gained, here = here.loss - there.loss, there
-                break
-        if gained < settled and (fresh or promised < settled or not renewals):
-            break
-        if gained and abs(promised - gained) < settled:
-            break  # as foreseen: this is the minimum
-        fresh = renewals > 0 and gained < foresight * promised
-        if fresh:
-            renewals -= 1
-            columns = all_columns(data, suspects, here.nu, here.values, names)
-            j_nu = _nuisance_columns(data, suspects, here.nu, here.values)
-    j_phi = _side_by_side(columns, names, here.z.size)
-    q = quadratic(here.z, weights(here.z), j_nu * take[:, None], j_phi * take[:, None], here.nu)
-    return Fit(
-        names, tuple(here.values.values()), here.nu, here.loss, here.z, q.curve, q.slope, low, high, j_nu, columns
-    )
+
+    def __init__(
+        self, data: Fitted, suspects: Suspects, names: Names, rows: Signal | None = None, reach: float = math.inf
+    ) -> None:
+        self.data, self.suspects, self.names = data, suspects, names
+        self.nuisances, self.place = len(data.nuisances), places_of(suspects, names)
+        self.free = freedom(*(suspects[name] for name in names))
+        edge = np.full(self.nuisances, reach)
+        self.bounds = np.concatenate((-edge, self.free.low)), np.concatenate((edge, self.free.high))
+        self.rows = np.ones(data.measured.size) if rows is None else rows
+
+    def effects(self, x: Signal) -> dict[str, ActiveEffect]:
+        """The suspects with their values."""
+        phi = x[self.nuisances :]
+        return {name: with_values(self.suspects[name], phi[own]) for name, own in self.place.items()}
+
+    def residual(self, x: Signal) -> Signal:
+        """Whitened residuals, (M * 5,)."""
+        return self.data.residual(x[: self.nuisances], [*self.effects(x).values()]) * self.rows
+
+    def jacobian(self, x: Signal) -> Signal:
+        """Whitened derivative of the prediction, (M * 5, k)."""
+        return np.hstack([self.nuisance_columns(x), *self.columns(x, self.names).values()]) * self.rows[:, None]
+
+    def nuisance_columns(self, x: Signal) -> Signal:
+        """Whitened derivative of the prediction over the nuisances, (M * 5, nuisances)."""
+        nu, effects = x[: self.nuisances], [*self.effects(x).values()]
+        return self.data.whiten(self.data.tolerances(nu, effects, self.data.predict(nu, effects)))
+
+    def columns(self, x: Signal, wanted: Iterable[str]) -> dict[str, Signal]:
+        """Whitened derivative of the prediction over the fields of some suspects, which need not act, each (M * 5, k)."""
+        acting, place = self.effects(x), places_of(self.suspects, wanted)
+        variants, steps = [], []
+        for name in place:
+            effect, others = self.suspects[name], [one for other, one in acting.items() if other != name]
+            here = x[self.nuisances :][self.place[name]] if name in acting else freedom(effect).absent
+            for moved, step in varied(effect, here, STEP):
+                variants.append((x[: self.nuisances], [*others, moved]))
+                steps.append(step)
+        if not variants:
+            return {}
+        moves = self.data.differences(x[: self.nuisances], [*acting.values()], variants)
+        columns = self.data.whiten(moves / np.array(steps))
+        return {name: columns[:, own] for name, own in place.items()}
 
 
-class _Point(NamedTuple):
-    """Where a fit stands: nuisances, fields of the suspects, whitened residuals that count, and the objective."""
-
-    nu: Signal
-    values: Mapping[str, Signal]
-    z: Signal
-    loss: float
-
-
-def _point(data: Fitted, suspects: Suspects, take: Signal, nu: Signal, values: Mapping[str, Signal]) -> _Point:
-    z = data.residual(nu, _made(suspects, values)) * take
-    return _Point(nu, values, z, huber(z) + 0.5 * float(nu @ nu))
-
-
-def _step(
-    here: _Point, j_phi: Signal, j_nu: Signal, take: Signal, room: tuple[Signal, Signal], reach: float
-) -> tuple[Signal, Signal, float]:
-    """The step of fields and nuisances that the columns ask for, and by how much they promise the objective to fall.
+def fit_set(problem: RigProblem, start: Fit | None = None, *, quick: bool = False) -> Fit:
+    """Fit a set of suspects, nuisances beside them.
 
     Parameters
     ----------
-    j_phi, j_nu : columns of the fields and of the nuisances
-    take : weights of the residuals
-    room : how far each field may go down and up
+    start : a fit to begin from, with its columns if it has any; suspects that it lacks begin absent
+    quick : a few steps
     """
-    w, seen = weights(here.z), (j_phi * take[:, None], j_nu * take[:, None])
-    d_phi, d_nu = bounded_step(quadratic(here.z, w, seen[1], seen[0], here.nu), *room)
-    if np.any(np.abs(here.nu + d_nu) > reach):
-        d_phi, d_nu = joint_step(here.z, w, seen, here.nu, room, reach)
-    foreseen, nu = here.z - (j_nu @ d_nu + j_phi @ d_phi) * take, here.nu + d_nu
-    return d_phi, d_nu, here.loss - huber(foreseen) - 0.5 * float(nu @ nu)
+    n, names, low, high = problem.nuisances, problem.names, *problem.bounds
+    x = np.concatenate((np.zeros(n), problem.free.absent))
+    known: dict[str, Signal] = {}
+    if start is not None:
+        x[:n] = np.clip(start.nu, low[:n], high[:n])
+        for name in set(names) & set(start.names):
+            x[n:][problem.place[name]] = start.x[start.place[name]]
+        known = {name: start.columns[name] for name in names if name in start.columns}
+    j_nu = start.j_nu if start is not None and start.j_nu.size else problem.nuisance_columns(x)
+    known |= problem.columns(x, [name for name in names if name not in known])
+    j = np.hstack([j_nu, *(known[name] for name in names)]) * problem.rows[:, None]
+    x, loss, z, j = gauss_newton(problem, x, j, QUICK if quick else WHOLE)
+    q = quadratic(z, weights(z), j[:, :n], j[:, n:], x[:n])
+    columns = {name: j[:, n:][:, own] for name, own in problem.place.items()}
+    return Fit(names, problem.place, x[n:], x[:n], loss, z, q.curve, q.slope, low[n:], high[n:], j[:, :n], columns)
 
 
-def _nuisance_columns(data: Fitted, suspects: Suspects, nu: Signal, values: Mapping[str, Signal]) -> Signal:
-    made = _made(suspects, values)
-    return data.nuisance_columns(nu, made, data.predict(nu, made))
+def scale_of(fit: Fit) -> float:
+    """Mean square of the whitened residuals of a fit, robustly, at least 1: by how much the noise exceeds its estimate."""
+    return max(2.0 * huber(fit.z) / max(int(np.count_nonzero(fit.z)), 1), 1.0)
 
 
-SHARES = (1.0, 0.4, 0.15, 0.05)
-"""Shares of a step that are tried until one brings the objective down."""
+class Linear(msgspec.Struct, frozen=True):
+    """The objective about a fit as a quadratic in the fields of every suspect, nuisances eliminated.
+
+    `curve` (k, k) and `slope` (k,) are in the units of the fields; `value`, `absent`, `low` and `high` (k,) are the fields at
+    the place of expansion and where they are absent, and their bounds. The fields of a suspect are at its `place`.
+    """
+
+    curve: Signal
+    slope: Signal
+    value: Signal
+    absent: Signal
+    low: Signal
+    high: Signal
+    place: Mapping[str, slice]
+
+    def index(self, names: Names) -> list[int]:
+        """Numbers of the fields of some suspects, in their order."""
+        return [k for name in names for k in range(self.value.size)[self.place[name]]]
+
+    def best(self, names: Names) -> tuple[float, Signal]:
+        """Lowest objective of a set, relative to the place of expansion, and its fields, (k,)."""
+        chosen = np.zeros(self.value.size, dtype=bool)
+        chosen[self.index(names)] = True
+        step = np.where(chosen, 0.0, self.absent - self.value)
+        if names:
+            pull = self.slope[chosen] - self.curve[np.ix_(chosen, ~chosen)] @ step[~chosen]
+            low, high = (self.low - self.value)[chosen], (self.high - self.value)[chosen]
+            step[chosen] = box_minimum(self.curve[np.ix_(chosen, chosen)], pull, low, high)
+        objective = 0.5 * float(step @ self.curve @ step) - float(self.slope @ step)
+        return objective, self.value + step
+
+    def evidence(self, names: Names, scale: float) -> float:
+        """Logarithm of the evidence for a set, up to a constant, residuals scaled by the square `scale`."""
+        own, (objective, x) = self.index(names), self.best(names)
+        slope = (self.slope - self.curve @ (x - self.value))[own] / scale
+        cost = cost_of(self.curve[np.ix_(own, own)] / scale, slope, x[own], self.low[own], self.high[own])
+        return -objective / scale - cost - price(names)
 
 
-def _made(suspects: Suspects, values: Mapping[str, Signal]) -> list[ActiveEffect]:
-    return [with_values(suspects[name], x) for name, x in values.items()]
+def linearise(data: Fitted, suspects: Suspects, about: Fit) -> tuple[Linear, Fit]:
+    """Expand the objective about a fit in the fields of every suspect; and the fit with all their columns, found anew."""
+    problem, here = RigProblem(data, suspects, about.names), np.concatenate((about.nu, about.x))
+    j_nu, columns = problem.nuisance_columns(here), problem.columns(here, suspects)
+    q = quadratic(about.z, weights(about.z), j_nu, np.hstack([*columns.values()]), about.nu)
+    free, place = freedom(*suspects.values()), places_of(suspects, suspects)
+    value = free.absent.copy()
+    for name in about.names:
+        value[place[name]] = about.x[about.place[name]]
+    linear = Linear(q.curve, q.slope, value, free.absent, free.low, free.high, place)
+    return linear, msgspec.structs.replace(about, j_nu=j_nu, columns=columns)
 
 
-def _moved(values: Mapping[str, Signal], step: Signal) -> dict[str, Signal]:
-    ends = np.cumsum([0, *(v.size for v in values.values())])
-    return {name: v + step[a:b] for (name, v), a, b in zip(values.items(), ends[:-1], ends[1:], strict=True)}
+def price(names: Names) -> float:
+    """Evidence that the causes must bring beyond their own freedom.
 
-
-def _in_a_row(values: Mapping[str, Signal]) -> Signal:
-    return np.concatenate([*values.values()]) if values else np.zeros(0)
-
-
-def _side_by_side(columns: Mapping[str, Signal], names: Sequence[str], rows: int) -> Signal:
-    return np.hstack([columns[name] for name in names]) if names else np.zeros((rows, 0))
-
-
-def _bounds(suspects: Suspects, names: Sequence[str]) -> tuple[Signal, Signal]:
-    free = [freedom(suspects[name]) for name in names]
-    low, high = (
-        _in_a_row({n: f.low for n, f in zip(names, free, strict=True)}),
-        _in_a_row({n: f.high for n, f in zip(names, free, strict=True)}),
-    )
-    return low, high
+    Each is one of the catalogue, and all are as likely; also where only a few of them are suspects.
+    """
+    return len(names) * math.log(len(EFFECTS))
 
 
 def cost_of(curve: Signal, slope: Signal, x: Signal, low: Signal, high: Signal) -> float:
@@ -223,13 +245,114 @@ def cost_of(curve: Signal, slope: Signal, x: Signal, low: Signal, high: Signal) 
     """
     span = high - low
     eps = 1e-9 * span
-    at_bound = (x <= low + eps) | (x >= high - eps)
-    inside = ~at_bound
+    inside = (x > low + eps) & (x < high - eps)
     cost = 0.0
     if inside.any():
         scaled = curve[np.ix_(inside, inside)] * np.outer(span[inside], span[inside]) + np.eye(int(inside.sum()))
         cost += 0.5 * float(np.linalg.slogdet(scaled)[1]) - 0.5 * int(inside.sum()) * math.log(2.0 * math.pi)
-    for k in np.flatnonzero(at_bound):
+    for k in np.flatnonzero(~inside):
         width = math.sqrt(0.5 * math.pi / max(float(curve[k, k]), 1e-300))
         cost += math.log(span[k] / min(width, 1.0 / max(abs(float(slope[k])), 1e-300), span[k]))
     return max(cost, 0.0)
+
+
+def screen(linear: Linear, scale: float, begin: Names) -> list[Names]:
+    """Sets in the order of their closed-form evidence: grown, pruned and swapped one cause at a time from one set."""
+    known: dict[Names, float] = {}
+
+    def rate(names: Names) -> float:
+        if names not in known:
+            known[names] = _worth(linear, names, scale)
+        return known[names]
+
+    beam, best, most = [tuple(sorted(begin))], -math.inf, min(len(begin) + FURTHER, MOST)
+    while rate(beam[0]) > best + 1e-9:
+        best = rate(beam[0])
+        near: set[Names] = set(beam)
+        for names in beam:
+            if len(names) < most:
+                near |= {tuple(sorted((*names, name))) for name in linear.place if name not in names}
+            near |= {tuple(n for n in names if n != gone) for gone in names}
+        beam = sorted(near, key=rate, reverse=True)[:BEAM]
+    return sorted(known, key=rate, reverse=True)
+
+
+class Found(msgspec.Struct, frozen=True):
+    """What a search found: the best fit, the one without any cause, every refit by its set, the expansion about the best."""
+
+    best: Fit
+    null: Fit
+    fits: dict[Names, Fit]
+    linear: Linear
+    scale: float
+
+
+def search(data: Fitted, suspects: Suspects, tell: Callable[[str], None] = lambda _: None) -> Found:
+    """Find the set of suspects with the most evidence.
+
+    Parameters
+    ----------
+    tell : called with a sentence on each step
+    """
+    rig_alone = RigProblem(data, suspects, ())
+    null = fit_set(rig_alone, quick=True)
+    if scale_of(null) < HOPELESS:
+        null = fit_set(rig_alone, null)
+    best, scale = null, scale_of(null)
+    fits: dict[Names, Fit] = {(): null}
+    nothing = np.zeros_like(null.nu)  # the first expansion is made about the rig as given
+    as_given = msgspec.structs.replace(null, nu=nothing, z=data.residual(nothing, []))
+    linear, start = linearise(data, suspects, as_given)
+    visited: dict[Names, Linear] = {(): linear}
+    for _ in range(ROUNDS):
+        tell(f"{len(fits)} sets fitted, best so far: {', '.join(best.names) or 'none'}")
+        for names in _promising(linear, scale, best.names):
+            _refit(data, suspects, fits, names, start)
+        scale = min(scale_of(fit) for fit in fits.values())
+        top = max(fits.values(), key=lambda fit: fit.evidence(scale) - CLEARLY * len(fit.names))
+        if top.names in visited or (len(best.names) >= MANY and scale_of(best) > HOPELESS):
+            break
+        linear, start = linearise(data, suspects, top)
+        fits[top.names] = best = start
+        visited[top.names] = linear
+    best = max((fits[names] for names in visited), key=lambda fit: fit.evidence(scale) - CLEARLY * len(fit.names))
+    best, linear = _smallest(data, suspects, fits, best, visited[best.names], scale)
+    return Found(best, null, fits, linear, scale)
+
+
+def _smallest(
+    data: Fitted, suspects: Suspects, fits: dict[Names, Fit], best: Fit, linear: Linear, scale: float
+) -> tuple[Fit, Linear]:
+    """The smallest set that is not clearly worse: causes whose loss costs little evidence are left out, one by one."""
+    while best.names:
+        whole = fit_set(RigProblem(data, suspects, best.names), best)
+        fits[best.names] = best = msgspec.structs.replace(whole, columns={**best.columns, **whole.columns})
+        fewer = [tuple(n for n in best.names if n != gone) for gone in best.names]
+        known = linear.evidence(best.names, scale)
+        near = [names for names in fewer if known - linear.evidence(names, scale) <= 3.0 * CLEARLY]
+        for names in near:
+            _refit(data, suspects, fits, names, best)
+        least = max(near, key=lambda names: fits[names].evidence(scale), default=None)
+        if least is None or best.evidence(scale) - fits[least].evidence(scale) >= CLEARLY:
+            break
+        linear, best = linearise(data, suspects, fits[least])
+    return best, linear
+
+
+def _refit(data: Fitted, suspects: Suspects, fits: dict[Names, Fit], names: Names, start: Fit) -> None:
+    """Fit a set quickly, and keep the fit unless there is a better one; without its columns, most of its memory."""
+    fit = fit_set(RigProblem(data, suspects, names), start, quick=True)
+    if names not in fits or fit.loss < fits[names].loss:
+        fits[names] = msgspec.structs.replace(fit, j_nu=np.zeros((0, 0)), columns={})
+
+
+def _promising(linear: Linear, scale: float, about: Names) -> list[Names]:
+    """Sets for which the closed form has more evidence than for the set that it is expanded about, or about as much."""
+    least = _worth(linear, about, scale) - DOUBTFUL
+    ranked = screen(linear, scale, about)[: 3 * REFITTED]
+    return [names for names in ranked if names != about and _worth(linear, names, scale) > least][:REFITTED]
+
+
+def _worth(linear: Linear, names: Names, scale: float) -> float:
+    """Closed-form evidence by which sets of any size compare: each further cause must be clearly worth it."""
+    return linear.evidence(names, scale) - CLEARLY * len(names)

@@ -1,4 +1,4 @@
-"""The map of a gap: measured minus simulated by channel, phase and load, against three yardsticks."""
+"""The map of a gap (measured minus simulated by channel, phase and load), and where on it the gap lies and arises."""
 
 from __future__ import annotations
 
@@ -9,114 +9,41 @@ import msgspec
 import numpy as np
 
 from winchcascade.diagnosis.block_means import PHASES
+from winchcascade.diagnosis.diagnosis_result import Arises, Place, Weighed, Where
 from winchcascade.diagnosis.predict import CHANNELS
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from winchcascade.core.run import Signal
+    from winchcascade.diagnosis.diagnosis_result import StagePlace
     from winchcascade.diagnosis.misfit import Fitted, Log
 
 ZERO_REACH = 3.0
-"""A zero is taken to be within so many of its standard uncertainties; more is a gap."""
+"""Bound of a zero, in its standard uncertainties; more is a gap."""
 
+SHARED = 0.9
+"""Minimum share of the squares of several stages that the gain of one sensor must remove to be named for them."""
 
-class Place(msgspec.Struct, frozen=True):
-    """One channel in one phase of one log: measured minus simulated, SI units of the channel.
+STAGE_OF = {
+    "pressure": "restoring",
+    "force": "transmission",
+    "torque": "gearbox",
+    "vdc": "generator",
+    "idc": "generator",
+}
+"""Stage whose output a channel is."""
 
-    `bias` and `rms` of the blocks' means once the log's zero is taken off; `noise` of a block, one standard deviation. Standard
-    uncertainties of the bias: `u_noise` of noise and zero, `u_repeat` of how cycles repeat (NaN with one), `u_tolerance` of the
-    rig's numbers and gains. `z` is the bias over all three, `blocks` their number. Without a model a place holds all logs
-    (`log` is -1), and `share` is its share of the squared gap.
-    """
+DOWNSTREAM = ("idc", "vdc", "torque", "pressure", "force")
+"""Channels in the order in which a gap is assigned to a stage: an error at the end of the cascade shows upstream too."""
 
-    channel: str
-    phase: str
-    log: int
-    load: float | None
-    blocks: int
-    bias: float
-    rms: float
-    noise: float
-    u_noise: float
-    u_repeat: float
-    u_tolerance: float
-    z: float
-    share: float = math.nan
+STANDS_OUT = 4.0
+"""A bias is significant beyond this many standard uncertainties of noise, repeatability and tolerance."""
 
-
-def zero_of(log: Log, residual: Signal, u_zero: Signal) -> Signal:
-    """Zeros of a log's sensors as its blocks tell them, (5,): weighted means within `ZERO_REACH` of their tolerance.
-
-    Parameters
-    ----------
-    residual : (m, 5) measured minus predicted blocks, no zero taken off
-    u_zero : (5,) standard uncertainty of each zero, 0 where a sensor has none
-    """
-    with np.errstate(divide="ignore", invalid="ignore"):
-        weight = np.where(log.noise.seen, 1.0 / log.noise.total**2, 0.0)
-        prior = np.where(u_zero > 0.0, 1.0 / u_zero**2, np.inf)
-        mean = np.sum(weight * residual, axis=0) / (np.sum(weight, axis=0) + prior)
-    zero: Signal = np.clip(np.nan_to_num(mean), -ZERO_REACH * u_zero, ZERO_REACH * u_zero)
-    return zero
-
-
-def zeros_of(data: Fitted) -> Signal:
-    """Standard uncertainty of every log's zeros, (logs, 5), SI units; 0 where a sensor has none."""
-    found = np.zeros((len(data.logs), len(CHANNELS)))
-    for n in data.nuisances:
-        if n.kind == "zero":
-            found[n.log, CHANNELS.index(n.name)] = n.sd
-    return found
-
-
-def without_zeros(data: Fitted, residual: Signal) -> Signal:
-    """Residual blocks of every log, (M, 5), each log's zeros taken off."""
-    out = residual.copy()
-    for rows, log, u in zip(data.rows, data.logs, zeros_of(data), strict=True):
-        out[rows] -= zero_of(log, residual[rows], u)
-    return out
-
-
-def compare(data: Fitted, predicted: Signal, tolerances: Signal) -> tuple[Place, ...]:
-    """Map a gap.
-
-    Parameters
-    ----------
-    predicted : (M, 5) blocks of the model, without zeros
-    tolerances : (M, 5, k) what one standard uncertainty of each nuisance but the zeros moves
-    """
-    residual = without_zeros(data, data.measured - predicted)
-    u_zero = zeros_of(data)
-    places = []
-    for number, (rows, log) in enumerate(zip(data.rows, data.logs, strict=True)):
-        for k, channel in enumerate(CHANNELS):
-            for phase, name in enumerate(PHASES):
-                here = log.noise.seen[:, k] & (log.course.blocks.phase == phase)
-                if np.count_nonzero(here) < 2:
-                    continue
-                by = weigh(
-                    residual[rows, k][here],
-                    log.course.blocks.cycle[here],
-                    log.noise.total[here, k],
-                    u_zero[number, k],
-                    tolerances[rows, k][here],
-                )
-                blocks = int(np.count_nonzero(here))
-                places.append(Place(channel, name, number, log.run.load, blocks, **msgspec.structs.asdict(by)))
-    return tuple(places)
-
-
-class Weighed(msgspec.Struct, frozen=True):
-    """Bias of some blocks against the yardsticks, with the fields of a `Place`."""
-
-    bias: float
-    rms: float
-    noise: float
-    u_noise: float
-    u_repeat: float
-    u_tolerance: float
-    z: float
+EDGE = 0.02
+"""Share of the significant blocks that a region leaves out at either end."""
 
 
 def weigh(residual: Signal, cycle: NDArray[np.intp], noise: Signal, u_zero: float, tolerances: Signal) -> Weighed:
@@ -128,15 +55,14 @@ def weigh(residual: Signal, cycle: NDArray[np.intp], noise: Signal, u_zero: floa
     cycle : (m,) number of the cycle of each
     noise : (m,) one standard deviation of each block
     u_zero : standard uncertainty of the zeros, which all blocks share
-    tolerances : (m, k) what one standard uncertainty of each number that is not quite known moves
+    tolerances : (m, k) what one standard uncertainty of each number that is not exactly known moves
     """
-    count, bias = residual.size, float(np.mean(residual))
-    own = float(np.sqrt(np.mean(noise**2)))
-    u_noise = math.hypot(own / math.sqrt(count) * 1.5**0.5, u_zero)
+    bias, own = float(np.mean(residual)), float(np.sqrt(np.mean(noise**2)))
+    u_noise = math.hypot(own / math.sqrt(residual.size) * 1.5**0.5, u_zero)
     u_tolerance = float(np.sqrt(np.sum(np.mean(tolerances, axis=0) ** 2)))
     means = [float(np.mean(residual[cycle == c])) for c in np.unique(cycle)]
     u_repeat = float(np.std(means, ddof=1)) / math.sqrt(len(means)) if len(means) > 1 else math.nan
-    u = math.sqrt(u_noise**2 + u_tolerance**2 + (0.0 if math.isnan(u_repeat) else u_repeat**2))
+    u = math.hypot(u_noise, u_tolerance, 0.0 if math.isnan(u_repeat) else u_repeat)
     return Weighed(
         bias=bias,
         rms=float(np.sqrt(np.mean(residual**2))),
@@ -146,3 +72,123 @@ def weigh(residual: Signal, cycle: NDArray[np.intp], noise: Signal, u_zero: floa
         u_tolerance=u_tolerance,
         z=bias / u if u > 0.0 else 0.0,
     )
+
+
+def zero_of(log: Log, residual: Signal, u_zero: Signal) -> Signal:
+    """Zeros of the sensors of a log from its blocks, (5,): weighted means within `ZERO_REACH` of their tolerance.
+
+    Parameters
+    ----------
+    residual : (m, 5) measured minus predicted blocks, no zero taken off
+    u_zero : (5,) standard uncertainty of each zero, 0 where a sensor has none
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weight = np.where(log.noise.seen, 1.0 / log.noise.total**2, 0.0)
+        prior = np.where(u_zero > 0.0, 1.0 / u_zero**2, np.inf)
+        mean = np.sum(weight * residual, axis=0) / (np.sum(weight, axis=0) + prior)
+    return np.asarray(np.nan_to_num(mean)).clip(-ZERO_REACH * u_zero, ZERO_REACH * u_zero)
+
+
+def zeros_of(data: Fitted) -> Signal:
+    """Standard uncertainty of the zeros of every log, (logs, 5), SI units; 0 where a sensor has none."""
+    return data.zeros(np.ones(len(data.nuisances)))
+
+
+def without_zeros(data: Fitted, residual: Signal) -> Signal:
+    """Residual blocks of every log, (M, 5), the zeros of each log taken off."""
+    each = zip(data.rows, data.logs, zeros_of(data), strict=True)
+    return np.concatenate([residual[rows] - zero_of(log, residual[rows], u) for rows, log, u in each])
+
+
+def compare(data: Fitted, predicted: Signal, tolerances: Signal) -> tuple[Place, ...]:
+    """Map a gap.
+
+    Parameters
+    ----------
+    predicted : (M, 5) blocks of the model, without zeros
+    tolerances : (M, 5, k) what one standard uncertainty of each nuisance but the zeros moves
+    """
+    residual, u_zero, cycle = without_zeros(data, data.measured - predicted), zeros_of(data), data.blocks.cycle
+    return tuple(
+        Place(
+            **msgspec.structs.asdict(
+                weigh(residual[here, k], cycle[here], data.noise[here, k], u_zero[log, k], tolerances[here, k])
+            ),
+            channel=CHANNELS[k],
+            phase=PHASES[phase],
+            log=log,
+            load=data.logs[log].run.load,
+            blocks=here.size,
+        )
+        for log, k, phase, here in data.cells()
+        if here.size >= 2
+    )
+
+
+def arises(places: Sequence[StagePlace]) -> Arises:
+    """Find the stages that deviate by themselves.
+
+    Parameters
+    ----------
+    places : of `stagewise`
+    """
+    stages = dict.fromkeys(place.stage for place in places)
+    worst = [max((p for p in places if p.stage == stage), key=lambda p: abs(p.z)) for stage in stages]
+    worst = sorted((p for p in worst if abs(p.z) > STANDS_OUT), key=lambda p: -abs(p.z))
+    if not worst:
+        return Arises((), None)
+    off = tuple(p.stage for p in worst)
+    return Arises(off, worst[0], *_shared(places, off))
+
+
+def _shared(places: Sequence[StagePlace], off: Sequence[str]) -> tuple[str | None, float]:
+    """The channel whose gain error alone explains the deviations of several stages, None where there is none, and its size."""
+    u = np.array([math.hypot(p.u_noise, p.u_tolerance, 0.0 if math.isnan(p.u_repeat) else p.u_repeat) for p in places])
+    seen = u > 0.0
+    z = np.array([p.bias for p in places])[seen] / u[seen]
+    found: list[tuple[float, str | None, float]] = [(1.0 - SHARED, None, 0.0)]
+    for channel in CHANNELS if len(off) > 1 else ():
+        if set(off) <= {p.stage for p in places if p.by_gain.get(channel, 0.0)}:
+            way = np.array([p.by_gain.get(channel, 0.0) for p in places])[seen] / u[seen]
+            gain = float(way @ z / (way @ way))
+            found.append((float(np.sum((z - gain * way) ** 2) / np.sum(z**2)), channel, gain))
+    _, sensor, gain = min(found, key=lambda one: one[0])
+    return sensor, gain
+
+
+def locate(
+    data: Fitted, residual: Signal, places: Sequence[Place], stage: str | None = None, own: Arises | None = None
+) -> Where:
+    """Find where a gap lies.
+
+    Parameters
+    ----------
+    residual : (M, 5) measured minus simulated blocks, zeros taken off
+    places : the map of the gap
+    stage : of its main cause, or the one that deviates by itself, where either is known; else the last one of the cascade whose
+        output deviates significantly
+    own : where it arises stage by stage
+    """
+    significant = {p.channel for p in places if abs(p.z) > STANDS_OUT}
+    if stage in (None, "sensor"):
+        channels = [name for name in DOWNSTREAM if name in significant][:1]
+    else:
+        channels = [name for name in CHANNELS if STAGE_OF[name] == stage and name in significant]
+    worst = max((p for p in places if not channels or p.channel in channels), key=lambda p: abs(p.z))
+    rpm, current, size = _region(data, residual, CHANNELS.index(worst.channel), PHASES.index(worst.phase))
+    return Where(stage or STAGE_OF[worst.channel], worst, rpm, current, size, own)
+
+
+def _region(
+    data: Fitted, residual: Signal, k: int, phase: int
+) -> tuple[tuple[float, float], tuple[float, float], float]:
+    """Speeds [rpm] and DC currents [A] of the significant blocks, and the maximum bias there (97.5 % of the blocks)."""
+    here = data.seen[:, k] & (data.blocks.phase == phase)
+    far = here & (np.abs(residual[:, k]) > STANDS_OUT * data.noise[:, k])
+    far = far if far.any() else here
+    line = np.concatenate([log.course.blocks.mean(log.run.channels["velocity"]) for log in data.logs])
+    speeds, currents = line[far] * (data.rig.rpm_per_velocity or math.nan), data.measured[far, CHANNELS.index("idc")]
+    low, high = np.quantile(np.array([speeds, currents]), (EDGE, 1.0 - EDGE), axis=1).tolist()
+    gaps = residual[far, k]
+    side = np.sign(np.median(gaps)) or 1.0
+    return (low[0], high[0]), (low[1], high[1]), float(side * np.quantile(side * gaps, 0.975))

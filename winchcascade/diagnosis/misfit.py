@@ -1,4 +1,7 @@
-"""Some logs on one rig as one fit: blocks, what the model predicts of them, and residuals whitened by their noise."""
+"""Some logs on one rig as one fit: their blocks and the noise of these, the prediction of the model, and whitened residuals.
+
+The noise has three sources: the sensors, the velocity that drives the model, and the ringing of the tether.
+"""
 
 from __future__ import annotations
 
@@ -10,25 +13,67 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from winchcascade.core.integrate import white_noise
 from winchcascade.core.jobs import all_at_once
-from winchcascade.diagnosis.block_means import blocks_of
-from winchcascade.diagnosis.noise import Noise, noise_of, with_extra
+from winchcascade.diagnosis.block_means import PHASES, blocks_of, in_a_row, middles, scatter_about_course
 from winchcascade.diagnosis.nuisances import LOAD, Nuisance, nuisances, shifted
 from winchcascade.diagnosis.predict import CHANNELS, COARSE, Course
+from winchcascade.rig.kernel import constants
 from winchcascade.rig.parts import baseline, changed, possible
-from winchcascade.rig.simulate import STEP
+from winchcascade.rig.simulate import SMOOTHING, STEP
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Sequence
+
+    from numpy.typing import NDArray
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
+    from winchcascade.diagnosis.block_means import Blocks
     from winchcascade.rig.effects.effect import ActiveEffect
     from winchcascade.rig.parts import Model
 
 
 RHO = 0.2
 """Correlation of a block's error with the one before: smoothing of the velocity, gusts, ringing."""
+
+GAIN_STEP = 0.005
+"""Relative change of the velocity by which the model's answer to its noise is found."""
+
+MOVING = 0.03
+"""Slower than this, friction only bounds the force. [m/s]"""
+
+CREEPING = 0.002
+"""Below this speed the velocity's noise moves nothing. [m/s]"""
+
+CONDUCTING = 0.5
+"""In open circuit the voltage follows the machine while the bridge carries at least this share of the bleed's current."""
+
+NOISELESS = 3e-4
+"""A simulated log may have no noise: its blocks count as known to this share of the channel's largest, about what a coarser
+step and a grid of the solutions leave. [1]"""
+
+LEAST = 12
+"""Fewer blocks tell no noise of their own."""
+
+
+class Noise(msgspec.Struct, frozen=True):
+    """Noise of the blocks of one log.
+
+    `seen` (m, 5): the channel depends on the model there. `own` (m, 5) is the standard deviation of the mean of a block that
+    belongs to the channel alone, `bare` (m, 5) its part from white noise of the sensor, `drive` (m, 5) the standard deviation
+    that all channels share through the noise of the velocity. SI units, columns of `predict.CHANNELS`.
+    """
+
+    seen: NDArray[np.bool_]
+    own: Signal
+    bare: Signal
+    drive: Signal
+
+    @property
+    def total(self) -> Signal:
+        """Standard deviation of each block's mean, (m, 5)."""
+        return np.asarray(np.hypot(self.own, self.drive))
 
 
 class Log(msgspec.Struct, frozen=True):
@@ -69,125 +114,107 @@ class Fitted:
         cycles: Sequence[tuple[int, int] | None] | None = None,
         withheld: Collection[int] = (),
     ) -> None:
-        self.rig = rig
-        self.nominal = baseline(rig)
-        spans = cycles or [None] * len(runs)
+        self.rig, self.nominal, self.withheld = rig, baseline(rig), frozenset(withheld)
         self.nuisances: tuple[Nuisance, ...] = nuisances(rig, runs)
+        spans = cycles or [None] * len(runs)
         self.logs = [_log(run, rig, self.nominal, span) for run, span in zip(runs, spans, strict=True)]
         self.sizes = [log.measured.shape[0] for log in self.logs]
-        ends = np.cumsum([0, *self.sizes])
-        self.rows = [slice(int(a), int(b)) for a, b in pairwise(ends)]
-        self.withheld = frozenset(withheld)
+        self.rows = [slice(a, b) for a, b in pairwise(np.cumsum([0, *self.sizes]).tolist())]
+        self.blocks = in_a_row([log.course.blocks for log in self.logs])
+        self.measured = np.concatenate([log.measured for log in self.logs])
+        self.seen = np.concatenate([log.noise.seen for log in self.logs])
+        self.noise = np.concatenate([log.noise.total for log in self.logs])
         self.whitener = np.concatenate([log.whitener * (k not in withheld) for k, log in enumerate(self.logs)])
-        self.joined = np.concatenate([log.course.blocks.joined for log in self.logs])
+
+    def moves(self, nu: Signal, *kinds: str) -> list[tuple[Nuisance, float]]:
+        """Nuisances of some kinds and by how much they move, in their own unit."""
+        return [(n, float(x) * n.sd) for n, x in zip(self.nuisances, nu, strict=True) if n.kind in kinds]
 
     def model(self, nu: Signal, effects: Sequence[ActiveEffect]) -> Model:
-        """The rig's model: its numbers and laws moved by nuisances in units of their tolerance, then changed by effects.
+        """The model of the rig: its numbers and laws moved by nuisances in units of their tolerance, then changed by effects.
 
         Loads and gains are as they are stated.
         """
-        moves = {
-            (n.section, n.name): x * n.sd for n, x in zip(self.nuisances, nu, strict=True) if n.kind == "rig" and x
-        }
-        model = baseline(shifted(self.rig, moves)) if moves else self.nominal
-        for n, x in zip(self.nuisances, nu, strict=True):
-            if n.kind == "law" and x:
-                model = changed(model, n.path, "add", x * n.sd)
+        numbers = {(n.section, n.name): move for n, move in self.moves(nu, "rig") if move}
+        model = baseline(shifted(self.rig, numbers)) if numbers else self.nominal
+        for n, move in self.moves(nu, "law"):
+            model = changed(model, n.path, "add", move) if move else model
         for effect in effects:
             model = effect.apply(model)
         return possible(model)
 
     def models(self, nu: Signal, effects: Sequence[ActiveEffect]) -> list[Model]:
-        """The model of each log: that of the rig, gains and the log's load moved by nuisances too."""
+        """The model of each log: that of the rig, with the gains and the load of the log moved by nuisances too."""
         model = self.model(nu, effects)
-        for n, x in zip(self.nuisances, nu, strict=True):
-            if n.kind == "gain":
-                model = changed(model, n.path, "compound", x * n.sd)
-        loads = {n.load: x * n.sd for n, x in zip(self.nuisances, nu, strict=True) if n.kind == "load"}
+        for n, move in self.moves(nu, "gain"):
+            model = changed(model, n.path, "compound", move)
+        loads = {n.load: move for n, move in self.moves(nu, "load")}
         return [changed(model, LOAD, "compound", loads.get(log.load, 0.0)) for log in self.logs]
 
     def skew(self, nu: Signal) -> Signal:
-        """How late each channel is read, (5,) [s]."""
+        """Delay of the reading of each channel, (5,) [s]."""
         late = np.zeros(len(CHANNELS))
-        for n, x in zip(self.nuisances, nu, strict=True):
-            if n.kind == "timing":
-                late[CHANNELS.index(n.name)] = x * n.sd
+        for n, move in self.moves(nu, "timing"):
+            late[CHANNELS.index(n.name)] = move
         return late
+
+    def zeros(self, nu: Signal) -> Signal:
+        """Zeros of the sensors of each log, (logs, 5), SI units."""
+        zeros = np.zeros((len(self.logs), len(CHANNELS)))
+        for n, move in self.moves(nu, "zero"):
+            zeros[n.log, CHANNELS.index(n.name)] = move
+        return zeros
 
     def predict(self, nu: Signal, effects: Sequence[ActiveEffect], logs: Iterable[int] | None = None) -> Signal:
         """Blocks that the model gives, (M, 5), zeros of the sensors included; only some logs, where they are named."""
-        models = self.models(nu, effects)
+        models, skew, zeros = self.models(nu, effects), self.skew(nu), self.zeros(nu)
         which = range(len(self.logs)) if logs is None else sorted(logs)
-        skew = self.skew(nu)
         parts = all_at_once([partial(self.logs[k].course.predict, models[k], skew=skew) for k in which])
-        zeros = np.zeros((len(self.logs), len(CHANNELS)))
-        for n, x in zip(self.nuisances, nu, strict=True):
-            if n.kind == "zero":
-                zeros[n.log, CHANNELS.index(n.name)] = x * n.sd
         return np.concatenate([part + self.logs[k].offset + zeros[k] for k, part in zip(which, parts, strict=True)])
 
-    @property
-    def measured(self) -> Signal:
-        """Blocks of every log, (M, 5)."""
-        return np.concatenate([log.measured for log in self.logs])
+    def cells(self) -> Iterator[tuple[int, int, int, NDArray[np.intp]]]:
+        """Every channel in every phase of every log: numbers of log, channel and phase, and of the blocks that count there."""
+        for log, rows in enumerate(self.rows):
+            for k in range(len(CHANNELS)):
+                for phase in range(len(PHASES)):
+                    here = self.seen[rows, k] & (self.blocks.phase[rows] == phase)
+                    yield log, k, phase, rows.start + np.flatnonzero(here)
 
     def whiten(self, residual: Signal) -> Signal:
         """Residual blocks as independent numbers of unit variance, (M * 5, ...) from (M, 5, ...).
 
-        A channel that says nothing in a block gives zeros, and so does a log that is withheld. Within a phase, a share `RHO` of
-        the block before is taken off.
+        A channel without information in a block gives zeros, and so does a withheld log. Within a phase, a share `RHO` of the
+        block before is subtracted.
         """
-        flat = residual.reshape(residual.shape[0], len(CHANNELS), -1)
-        z = self.whitener @ flat
-        joined = np.flatnonzero(self.joined)
-        out = z.copy()
-        out[joined] = (z[joined] - RHO * z[joined - 1]) / math.sqrt(1.0 - RHO * RHO)
-        white: Signal = out.reshape(-1, *residual.shape[2:])
-        return white
+        z = self.whitener @ residual.reshape(residual.shape[0], len(CHANNELS), -1)
+        joined = np.flatnonzero(self.blocks.joined)
+        z[joined] = (z[joined] - RHO * z[joined - 1]) / math.sqrt(1.0 - RHO * RHO)
+        return z.reshape(-1, *residual.shape[2:])
 
     def residual(self, nu: Signal, effects: Sequence[ActiveEffect]) -> Signal:
         """Measured minus predicted blocks, whitened, (M * 5,)."""
         return self.whiten(self.measured - self.predict(nu, effects))
 
-    def nuisance_columns(
-        self, nu: Signal, effects: Sequence[ActiveEffect], at: Signal, seen: Signal | None = None
-    ) -> Signal:
-        """Whitened derivative of the prediction over every nuisance in units of its tolerance, (M * 5, nuisances).
-
-        Parameters
-        ----------
-        at : (M, 5) the prediction there
-        seen : (M, 5) weights of the blocks, 1 for all by default
-        """
-        columns = self.tolerances(nu, effects, at)
-        return self.whiten(columns if seen is None else columns * seen[:, :, None])
-
     def tolerances(self, nu: Signal, effects: Sequence[ActiveEffect], at: Signal) -> Signal:
-        """What one tolerance of each nuisance moves, (M, 5, nuisances), SI units; parameters as above."""
-        columns = np.zeros((*at.shape, len(self.nuisances)))
-        simulated = []
+        """What one tolerance of each nuisance moves, (M, 5, nuisances), SI units, where the prediction is `at`, (M, 5)."""
+        columns, one = np.zeros((*at.shape, nu.size)), np.eye(nu.size)
+        simulated = [j for j, n in enumerate(self.nuisances) if n.kind not in ("zero", "gain")]
+        columns[:, :, simulated] = self.differences(nu, effects, [(nu + one[j], effects) for j in simulated])
         for j, n in enumerate(self.nuisances):
             if n.kind == "zero":
                 columns[self.rows[n.log], CHANNELS.index(n.name), j] = n.sd
-            elif n.kind == "gain":
-                k = CHANNELS.index(n.name)
-                columns[:, k, j] = at[:, k] * n.sd
-            else:
-                simulated.append(j)
-        variants: list[tuple[Signal, Sequence[ActiveEffect]]] = [(nu + np.eye(nu.size)[j], effects) for j in simulated]
-        columns[:, :, simulated] = self.differences(nu, effects, variants)
+            if n.kind == "gain":
+                columns[:, CHANNELS.index(n.name), j] = at[:, CHANNELS.index(n.name)] * n.sd
         return columns
 
     def differences(
         self, nu: Signal, effects: Sequence[ActiveEffect], variants: Sequence[tuple[Signal, Sequence[ActiveEffect]]]
     ) -> Signal:
         """What nuisances and effects near to some give beyond these, (M, 5, variants), SI units; the shaft to first order."""
-        models, skew = self.models(nu, effects), self.skew(nu)
-        others, skews = [self.models(*variant) for variant in variants], [self.skew(there) for there, _ in variants]
-        jobs = [
-            partial(log.course.differences, models[k], [other[k] for other in others], skew, skews)
-            for k, log in enumerate(self.logs)
-        ]
+        skew, skews = self.skew(nu), [self.skew(there) for there, _ in variants]
+        others = zip(*(self.models(*variant) for variant in variants), strict=True)
+        each = zip(self.logs, self.models(nu, effects), others, strict=True)
+        jobs = [partial(log.course.differences, model, other, skew, skews) for log, model, other in each]
         return np.concatenate(all_at_once(jobs))
 
 
@@ -211,3 +238,72 @@ def _whitener(noise: Noise) -> Signal:
     inverse: Signal = np.linalg.inv(np.linalg.cholesky(covariance))
     inverse[~noise.seen] = 0.0
     return inverse * noise.seen[:, None, :]
+
+
+def velocity_noise(run: Run, blocks: Blocks) -> float:
+    """Standard deviation of a block's mean of the smoothed velocity. [m/s]"""
+    half = int(0.5 * SMOOTHING * run.fs + 1e-6)
+    kernel = 3.0 * half * half + 3.0 * half - 1.0 - 5.0 * np.arange(-half, half + 1.0) ** 2
+    samples = max(round(float(np.median(blocks.count))), 1)
+    passed = np.convolve(np.full(samples, 1.0 / samples), kernel / kernel.sum())
+    return white_noise(run.channels["velocity"]) * float(np.sqrt(np.sum(passed**2)))
+
+
+def noise_of(course: Course, model: Model, predicted: Signal) -> Noise:
+    """Noise of a log's blocks as its own samples tell it, before it is compared with any model's values.
+
+    Parameters
+    ----------
+    predicted : (m, 5) blocks that the model gives, for the answer to the velocity's noise
+    """
+    run, blocks = course.run, course.blocks
+    speed = blocks.mean(run.channels["velocity"])
+    moved, fast = course.predict(model, 1.0 + GAIN_STEP) - predicted, np.abs(speed[:, None]) > CREEPING
+    slope = np.divide(moved, GAIN_STEP * speed[:, None], out=np.zeros_like(predicted), where=fast)
+    white = np.array([white_noise(run.channels[name]) if name in run.channels else 0.0 for name in CHANNELS])
+    least = NOISELESS * np.max(np.abs(predicted), axis=0) if run.simulated else 0.0
+    bare = np.maximum(white / np.sqrt(blocks.count)[:, None], least)
+    return Noise(_seen(course, model, speed), bare, bare, slope * velocity_noise(run, blocks))
+
+
+def _seen(course: Course, model: Model, speed: Signal) -> NDArray[np.bool_]:
+    """Where a channel depends on the model: force and torque while the line moves, as friction only bounds them at rest, and
+    the voltage of an open circuit while the bridge conducts.
+    """
+    blocks, hold = course.blocks, course.blocks.phase == PHASES.index("hold")
+    seen = np.tile([name in course.run.channels for name in CHANNELS], (blocks.size, 1))
+    force, torque, vdc, idc = (CHANNELS.index(name) for name in ("force", "torque", "vdc", "idc"))
+    seen[:, [force, torque]] &= ((np.abs(speed) > MOVING) & ~hold)[:, None]
+    if np.isinf(course.load):
+        kept = course.shaft(constants(model, course.load))
+        bridge, bleed = course.block_mean(kept.i_bridge), course.block_mean(kept.idc)
+        seen[:, vdc] &= (bridge > CONDUCTING * bleed) | (hold & (blocks.cycle == 0))
+        seen[:, idc] = False
+    return seen
+
+
+def with_extra(noise: Noise, blocks: Blocks, residual: Signal) -> Noise:
+    """Add other scatter from block to block that the noise of the sensors does not contain: ringing, gusts.
+
+    Parameters
+    ----------
+    residual : (m, 5) measured minus predicted blocks
+    """
+    found, expected = np.moveaxis(unsteadiness_of(noise, blocks, residual), -1, 0)
+    extra = np.where(found > expected, found**2 - expected**2, 0.0)
+    return msgspec.structs.replace(noise, own=np.sqrt(noise.own**2 + extra[blocks.phase]))
+
+
+def unsteadiness_of(noise: Noise, blocks: Blocks, residual: Signal) -> Signal:
+    """Standard deviations of the blocks of a residual about a smooth course, as found and as the noise of sensors and velocity
+    makes them, by phase and channel, (3, 5, 2) in the units of the channels; NaN where there are too few blocks.
+    """
+    expected = np.hypot(noise.bare, noise.drive)
+    table = np.full((len(PHASES), len(CHANNELS), 2), np.nan)
+    for phase in range(len(PHASES)):
+        for k in range(len(CHANNELS)):
+            here = noise.seen[:, k] & (blocks.phase == phase)
+            found = scatter_about_course(blocks, residual[:, k], here, LEAST)
+            if np.isfinite(found):
+                table[phase, k] = found, np.median(expected[middles(blocks, here), k])
+    return table

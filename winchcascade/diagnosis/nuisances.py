@@ -1,4 +1,4 @@
-"""What is known of the rig to a tolerance only: its numbers, its loads, the gains and zeros of its sensors."""
+"""What is known to a tolerance only: numbers of the rig, its loads, the gains and zeros of its sensors."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ OF_THE_MODEL = {
     ("winch", "inertia"): 0.07,
     ("drivetrain", "inertia_rotor"): 0.03,
 }
-"""How well the model itself knows a number, as a share of it, beside the tolerance of the rig file. Generator: the ideal
-bridge on a stiff DC link is within about 0.1 % of Vdc of a switched circuit with a finite capacitor, which these shares move as
-much. Inertias: the acceleration of a smoothed velocity is short of the true one by some hundredths where the motion turns."""
+"""Standard uncertainty of a number due to the model, as a share of it, beside the tolerance of the rig file. Generator: the
+ideal bridge on a stiff DC link is within about 0.1 % of Vdc of a switched circuit with a finite capacitor, which these shares
+move as much. Inertias: the acceleration of a smoothed velocity is some hundredths too small where the motion turns."""
 
 ABSENT = {
     ("winch", "friction"): (0.25, "N.m"),
@@ -37,16 +37,15 @@ ABSENT = {
     ("drivetrain", "friction"): (0.005, "N.m"),
     ("drivetrain", "clutch_drag"): (0.15, "N.m"),
 }
-"""How well it is known that a law is absent, by part and number of the model: no rig is quite free of dry friction, and the
-model is off by as much where the motion begins and ends. About what the zeros of torque and force are known to; assumed."""
+"""Standard uncertainty of a law that is taken as absent, by part and number of the model: no rig is quite free of dry friction,
+and the model deviates by as much where the motion begins and ends. About that of the zeros of torque and force; assumed."""
 
 WITHOUT_ZERO = ("vdc",)
-"""Channels whose zero no fit has: that of Vdc acts as the drop of the diodes, which is known half as well."""
+"""Channels without a zero in the fit: that of Vdc acts as the drop of the diodes, which has twice the uncertainty."""
 
 SKEW = 0.05
 """Channels of a logger are read one after the other: against the velocity each by this share of a sample's interval, one
-standard uncertainty, assumed. The pressure changes too slowly to tell. [1]"""
-
+standard uncertainty, assumed. The pressure changes too slowly for it to matter. [1]"""
 
 LOAD = "dc_link.load_change"
 """Path in the model of the deviation of a load."""
@@ -94,30 +93,25 @@ class Nuisance(msgspec.Struct, frozen=True):
 
 def nuisances(rig: Rig, runs: Sequence[Run]) -> tuple[Nuisance, ...]:
     """Every nuisance of some logs on a rig, in a fixed order: rig, laws, loads, gains, timing, zeros."""
-    found = []
+    found: list[Nuisance] = []
     for section in SECTIONS:
-        for name, value in _quantities(rig, section).items():
-            tolerance = math.hypot(value.tolerance or 0.0, OF_THE_MODEL.get((section, name), 0.0) * value.value)
-            if tolerance:
-                found.append(Nuisance("rig", name, tolerance, value.unit, section=section))
+        for name in getattr(rig, section).__struct_fields__:
+            value = getattr(getattr(rig, section), name)
+            if isinstance(value, Quantity):
+                sd = math.hypot(value.tolerance or 0.0, OF_THE_MODEL.get((section, name), 0.0) * value.value)
+                found.append(Nuisance("rig", name, sd, value.unit, section=section))
     found += [Nuisance("law", name, sd, unit, section=part) for (part, name), (sd, unit) in ABSENT.items()]
     share = rig.dc_link.load_tolerance_percent / 100.0
     loads = dict.fromkeys(run.load for run in runs if run.load is not None and math.isfinite(run.load))
-    if share:
-        found += [Nuisance("load", f"{load:g} ohm", share, "1", load=load) for load in loads]
+    found += [Nuisance("load", f"{load:g} ohm", share, "1", load=load) for load in loads]
     logged = [name for name in CHANNELS if any(name in run.channels for run in runs)]
-    for name in logged:
-        gain, _ = sensor_errors(rig.sensors.get(name))
-        if gain:
-            found.append(Nuisance("gain", name, gain, "1"))
-    skew = SKEW / max(run.fs for run in runs)
+    errors, skew = {name: sensor_errors(rig.sensors.get(name)) for name in logged}, SKEW / max(run.fs for run in runs)
+    found += [Nuisance("gain", name, errors[name][0], "1") for name in logged]
     found += [Nuisance("timing", name, skew, "s") for name in logged if name != "pressure"]
     for log, run in enumerate(runs):
-        for name in logged:
-            _, zero = sensor_errors(rig.sensors.get(name))
-            if zero and name in run.channels and name not in WITHOUT_ZERO:
-                found.append(Nuisance("zero", name, zero, "SI", log=log))
-    return tuple(found)
+        own = (name for name in logged if name in run.channels and name not in WITHOUT_ZERO)
+        found += [Nuisance("zero", name, errors[name][1], "SI", log=log) for name in own]
+    return tuple(n for n in found if n.sd)
 
 
 def sensor_errors(sensor: Sensor | None) -> tuple[float, float]:
@@ -134,21 +128,23 @@ def sensor_errors(sensor: Sensor | None) -> tuple[float, float]:
     return gain, sensor.u_zero or 0.0
 
 
+def quantity_of(rig: Rig, section: str, name: str) -> Quantity | None:
+    """A number of a rig; None where the rig lacks it."""
+    number: Quantity | None = getattr(getattr(rig, section), name)
+    return number
+
+
+def with_quantity(rig: Rig, section: str, name: str, number: Quantity | None) -> Rig:
+    """A rig with another number."""
+    part = msgspec.structs.replace(getattr(rig, section), **{name: number})
+    return msgspec.structs.replace(rig, **{section: part})
+
+
 def shifted(rig: Rig, by: Mapping[tuple[str, str], float]) -> Rig:
     """A rig whose numbers, by section and name, are moved by so much, SI units."""
-    for section in SECTIONS:
-        moved = {name: delta for (where, name), delta in by.items() if where == section and delta}
-        if moved:
-            part = getattr(rig, section)
-            numbers = {
-                name: msgspec.structs.replace(getattr(part, name), value=getattr(part, name).value + delta)
-                for name, delta in moved.items()
-            }
-            rig = msgspec.structs.replace(rig, **{section: msgspec.structs.replace(part, **numbers)})
+    for (section, name), delta in by.items():
+        number = quantity_of(rig, section, name)
+        if number is not None and delta:
+            moved = msgspec.structs.replace(number, value=number.value + delta)
+            rig = with_quantity(rig, section, name, moved)
     return rig
-
-
-def _quantities(rig: Rig, section: str) -> dict[str, Quantity]:
-    part = getattr(rig, section)
-    found = {name: getattr(part, name) for name in part.__struct_fields__}
-    return {name: value for name, value in found.items() if isinstance(value, Quantity)}

@@ -62,15 +62,13 @@ class Course:
     def shaft(self, numbers: Constants, gain: float = 1.0) -> Kept:
         """Solve the shaft, or take the solution of the same numbers; `gain` scales the line's velocity."""
         key = (gain, *_of_the_shaft(numbers))
-        found = self._kept.get(key)
-        if found is None:
-            out = self._solve(numbers, gain)
-            thin = np.ascontiguousarray(out[:: self.every].T)
-            found = Kept(*(thin[SHAFT.index(name)] for name in _KEPT))
+        if key not in self._kept:
+            thin = np.ascontiguousarray(self._solve(numbers, gain)[:: self.every].T)
+            solved = Kept(*(thin[SHAFT.index(name)] for name in Kept.__struct_fields__))
             if len(self._kept) >= MOST_KEPT:
                 del self._kept[next(iter(self._kept))]
-            self._kept[key] = found
-        return found
+            self._kept[key] = solved
+        return self._kept[key]
 
     def _solve(self, numbers: Constants, gain: float = 1.0) -> Signal:
         out = np.empty((self.motion.t.size, len(SHAFT)))
@@ -79,18 +77,13 @@ class Course:
 
     def tangent(self, numbers: Constants, others: Sequence[Constants]) -> Tangent:
         """Differentiate the shaft's solution of some numbers, so that all others follow to first order."""
-        known = self._tangent
-        if known is not None and _of_the_shaft(known.numbers) != _of_the_shaft(numbers):
-            known = None
+        known, motion = self._tangent, self.motion
         ways = [way for way in dict.fromkeys(direction(numbers, other) for other in others) if any(way)]
-        if known is not None and all(way in known.directions for way in ways):
-            return known
-        if known is not None:
+        if known is not None and _of_the_shaft(known.numbers) == _of_the_shaft(numbers):
+            if all(way in known.directions for way in ways):
+                return known
             ways = list(dict.fromkeys((*ways, *known.directions)))[:MOST_WAYS]
-        motion = self.motion
-        self._tangent = tangent_of(
-            motion.v, motion.step, numbers, bridge_table(), self._solve(numbers), self.every, ways
-        )
+        self._tangent = tangent_of(motion.v, motion.step, numbers, self._solve(numbers), self.every, ways)
         return self._tangent
 
     def on_grid(self, model: Model, gain: float = 1.0, skew: Signal | None = None) -> Signal:
@@ -103,69 +96,52 @@ class Course:
         """
         numbers = constants(model, self.load)
         kept = self.shaft(numbers, gain)
-        return self._read(model, numbers, kept.clutch, kept.vdc, skew)
+        return self._read(model, numbers, (kept.clutch, kept.vdc), np.zeros(len(CHANNELS)) if skew is None else skew)
 
-    def _read(self, model: Model, numbers: Constants, clutch: Signal, vdc: Signal, skew: Signal | None) -> Signal:
-        """What the sensors read, (n, 5), as `on_grid`, of a solution of the shaft."""
-        at, sensors = self.coarse, model.sensors
+    def _read(self, model: Model, numbers: Constants, solution: tuple[Signal, Signal], skew: Signal) -> Signal:
+        """What the sensors read, (n, 5), as `on_grid`, with torque of the clutch and Vdc of a solution of the shaft."""
+        at, sensors, (clutch, vdc) = self.coarse, model.sensors, solution
         line = np.empty((at.t.size, len(LINE)))
         run_line(at.x, at.v, at.a, at.step, numbers, clutch, line)
-        seen = np.empty((at.t.size, len(CHANNELS)))
-        late = np.zeros(len(CHANNELS)) if skew is None else skew
-        for k, name in enumerate(CHANNELS):
-            x = line[:, k] if k < ELECTRICAL else vdc if name == "vdc" else vdc / numbers.load
-            if k >= ELECTRICAL:
-                x = delayed(x, sensors.electrical_lag / at.step)
-            seen[:, k] = sensors.read(name, delayed(x, float(late[k]) / at.step))
-        return seen
+        late = delayed(vdc, sensors.electrical_lag / at.step)
+        true = zip(CHANNELS, [*line.T[:ELECTRICAL], late, late / numbers.load], skew.tolist(), strict=True)
+        return np.column_stack([sensors.read(name, delayed(x, lag / at.step)) for name, x, lag in true])
 
-    def differences(
-        self, model: Model, others: Sequence[Model], skew: Signal | None = None, skews: Sequence[Signal] | None = None
-    ) -> Signal:
+    def differences(self, model: Model, others: Sequence[Model], skew: Signal, skews: Sequence[Signal]) -> Signal:
         """What other models, near to one, read beyond it, (m, 5, k) as means of blocks.
 
-        The shaft follows to first order but for the numbers that bend it too much, with which it is solved anew.
+        The shaft follows to first order, except for changes of numbers that are far from linear: with these it is solved anew.
 
         Parameters
         ----------
-        skew : (5,) how late each channel is read [s]
-        skews : the same for each of the others; as `skew` by default
+        skew, skews : (5,) delay of the reading of each channel, and the same for each of the others [s]
         """
-        numbers, here = [constants(other, self.load) for other in others], constants(model, self.load)
+        here, moved = constants(model, self.load), []
         kept = self.shaft(here)
-        base = self._read(model, here, kept.clutch, kept.vdc, skew)
-        moved = np.empty((*base.shape, len(others)))
-        still = _of_the_shaft(here)
-        near = [there for there in numbers if _of_the_shaft(there) != still and not _far(here, there)]
+        numbers = [constants(other, self.load) for other in others]
+        near = [there for there in numbers if _of_the_shaft(there) != _of_the_shaft(here) and not _far(here, there)]
         tangent = self.tangent(here, near) if near else None
-        for k, (other, there) in enumerate(zip(others, numbers, strict=True)):
-            late = skew if skews is None else skews[k]
-            clutch, vdc = kept.clutch, kept.vdc
-            if _far(here, there):
-                solved = self.shaft(there)
-                clutch, vdc = solved.clutch, solved.vdc
-            elif tangent is not None and _of_the_shaft(there) != still:
+        for other, there, late in zip(others, numbers, skews, strict=True):
+            solved = self.shaft(there) if _far(here, there) else kept
+            clutch, vdc = solved.clutch, solved.vdc
+            if tangent is not None and there in near:
                 by_clutch, by_vdc = tangent.change(there)
                 clutch, vdc = clutch + by_clutch, vdc + by_vdc
-            moved[:, :, k] = self._read(other, there, clutch, vdc, late) - base
-        means: Signal = self.matrix @ moved.reshape(base.shape[0], -1)
-        return means.reshape(-1, len(CHANNELS), len(others))
+            moved.append(self._read(other, there, (clutch, vdc), late))
+        change = np.stack(moved, axis=-1) - self._read(model, here, (kept.clutch, kept.vdc), skew)[:, :, None]
+        return self.block_mean(change.reshape(change.shape[0], -1)).reshape(-1, *change.shape[1:])
 
     def predict(self, model: Model, gain: float = 1.0, skew: Signal | None = None) -> Signal:
         """What the sensors read, as means of the blocks, (m, 5), with the parameters of `on_grid`."""
-        means: Signal = self.matrix @ self.on_grid(model, gain, skew)
-        return means
+        return self.block_mean(self.on_grid(model, gain, skew))
 
     def block_mean(self, on_grid: Signal) -> Signal:
-        """Mean over the blocks of something on the grid, (m,)."""
-        means: Signal = self.matrix @ on_grid
-        return means
+        """Mean over the blocks of something on the grid, (m, ...)."""
+        return np.asarray(self.matrix @ on_grid)
 
 
 _SHAFT_FROM = 14
 """Numbers of `Constants` from here on concern the shaft; `test_predict` holds it."""
-
-_KEPT = ("clutch", "vdc", "idc", "i_s", "i_bridge")
 
 ELECTRICAL = CHANNELS.index("vdc")
 """Channels from here on are electrical: their lag is common."""

@@ -5,15 +5,15 @@ from __future__ import annotations
 import json
 import math
 import re
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import msgspec
-
 from winchcascade.core.errors import LogError, RigError
-from winchcascade.core.quantity import Quantity, Unit, find_unit
+from winchcascade.core.quantity import Unit, find_unit
 from winchcascade.core.rig_toml import built_in_text, parse_rig
 from winchcascade.core.version import __version__
+from winchcascade.diagnosis.nuisances import quantity_of, with_quantity
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -30,6 +30,9 @@ CALIBRATED = "calibrated from "
 _HEADER = re.compile(r"\s*\[([^\[\]]+)\]\s*(#.*)?$")
 _KEY = re.compile(r"""\s*([A-Za-z0-9_\-."' \t]+?)\s*=""")
 _TABLE = re.compile(r"""\{(?:[^{}"']|"(?:\\.|[^"\\])*"|'[^']*')*\}""")
+_quoted = partial(json.dumps, ensure_ascii=False)
+"""A TOML string; JSON escapes the same characters by the same signs."""
+
 _OF_A_NUMBER = ("value", "unit", "source", "tolerance", "tolerance_percent")
 
 
@@ -55,8 +58,10 @@ def calibrated_text(calibration: Calibration) -> str:
     for number in found:
         text = _with_entry(text, number, _entry(number, calibration))
     names = ", ".join(number.name for number in found)
-    head = f"{MARK}{__version__} from {_log(calibration)}: {names}."
-    text = _with_head(text, head)
+    first, _, rest = text.partition("\n")
+    end = "\r\n" if "\r\n" in text else "\n"
+    head = f"{MARK}{__version__} from {_log(calibration)}: {names}.{end}"
+    text = head + (rest if first.startswith(MARK) else text)
     _check(text, calibration.rig, found)
     return text
 
@@ -80,7 +85,7 @@ def _log(calibration: Calibration) -> str:
 
 def _entry(number: Number, calibration: Calibration) -> dict[str, str]:
     """Keys and TOML values of a calibrated number, in the unit that the rig file has for it."""
-    old: Quantity | None = getattr(getattr(calibration.rig, number.section), number.name)
+    old = quantity_of(calibration.rig, number.section, number.name)
     unit = number.unit if old is None else old.unit
     scale = find_unit(unit) or Unit("number", 1.0)
     tolerance = number.u / scale.factor
@@ -101,11 +106,6 @@ def _rounded(value: float, u: float) -> str:
     """
     decimals = 2 - math.floor(math.log10(u)) if u > 0.0 else 12
     return repr(round(value, decimals))
-
-
-def _quoted(text: str) -> str:
-    """A TOML string; JSON escapes the same characters by the same signs."""
-    return json.dumps(text, ensure_ascii=False)
 
 
 def _with_entry(text: str, number: Number, entry: dict[str, str]) -> str:
@@ -159,13 +159,6 @@ def _with_keys(lines: Sequence[str], own: Sequence[tuple[int, str]], entry: dict
             yield line
 
 
-def _with_head(text: str, head: str) -> str:
-    """The text under a first line, which takes the place of one of its kind."""
-    first, _, rest = text.partition("\n")
-    end = "\r\n" if "\r\n" in text else "\n"
-    return head + end + (rest if first.startswith(MARK) else text)
-
-
 def _check(text: str, rig: Rig, found: Sequence[Number]) -> None:
     """Read the text again: the calibrated numbers must be in it, and nothing else may have changed."""
     try:
@@ -173,15 +166,14 @@ def _check(text: str, rig: Rig, found: Sequence[Number]) -> None:
     except RigError:
         again = None
     for number in found:
-        new: Quantity | None = None if again is None else getattr(getattr(again, number.section), number.name)
+        new = None if again is None else quantity_of(again, number.section, number.name)
         if again is None or new is None or not new.source.startswith(CALIBRATED):
             raise RigError(
                 f"{rig.path}: [{number.section}] {number.name} stands there in a way that cannot be replaced; write it as "
                 f'{number.name} = {{ value = ..., unit = "...", source = "..." }} under [{number.section}].'
             )
-        old = getattr(getattr(rig, number.section), number.name)
-        part = msgspec.structs.replace(getattr(again, number.section), **{number.name: old})
-        again = msgspec.structs.replace(again, **{number.section: part})
+        old = quantity_of(rig, number.section, number.name)
+        again = with_quantity(again, number.section, number.name, old)
     if again != rig:
         raise RigError(
             f"{rig.path}: cannot be rewritten without a change to other entries; put each on a line of its own."

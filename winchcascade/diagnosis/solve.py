@@ -1,9 +1,9 @@
-"""Gauss-Newton with priors, bounds and a convex robust loss: the fit of nuisances and of the numbers of some effects."""
+"""Gauss-Newton with priors, bounds and a convex robust loss: the fit of nuisances and of the fields of some effects."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import msgspec
 import numpy as np
@@ -27,15 +27,14 @@ def huber(z: Signal) -> float:
 
 def weights(z: Signal) -> Signal:
     """Weights with which least squares follow `huber`, (n,)."""
-    found: Signal = HUBER / np.maximum(np.abs(z), HUBER)
-    return found
+    return np.asarray(HUBER / np.maximum(np.abs(z), HUBER))
 
 
 class Quadratic(msgspec.Struct, frozen=True):
-    """A fit's objective near a place, with the nuisances done away with.
+    """The objective of a fit near a place, with the nuisances eliminated.
 
-    `curve` (k, k) and `slope` (k,) are those of the effects' numbers; `back` (n, k) and `own` (n,) give the nuisances that
-    belong to a step of these, `inner` (n, n) is the nuisances' own curvature with their prior.
+    `curve` (k, k) and `slope` (k,) are those of the fields of effects; `back` (n, k) and `own` (n,) give the nuisances that
+    belong to a step of these, `inner` (n, n) is the curvature of the nuisances with their prior.
     """
 
     curve: Signal
@@ -58,31 +57,21 @@ def quadratic(z: Signal, w: Signal, j_nu: Signal, j_phi: Signal, nu: Signal) -> 
     return Quadratic(0.5 * (curve + curve.T), slope, back, own, inner)
 
 
-def bounded_step(q: Quadratic, low: Signal, high: Signal) -> tuple[Signal, Signal]:
-    """Best step of the effects' numbers within bounds, (k,), and of the nuisances, (n,)."""
-    phi = box_minimum(q.curve, q.slope, low, high)
-    return phi, q.own - q.back @ phi
-
-
-def joint_step(
-    z: Signal, w: Signal, columns: tuple[Signal, Signal], nu: Signal, bounds: tuple[Signal, Signal], reach: float
-) -> tuple[Signal, Signal]:
-    """Best step of the effects' numbers within bounds and of the nuisances within a reach, (k,) and (n,).
+def best_step(z: Signal, j: Signal, x: Signal, bounds: tuple[Signal, Signal], nuisances: int) -> Signal:
+    """Step from x, (k,), to the minimum within bounds of the quadratic in which residuals are z minus columns j times it.
 
     Parameters
     ----------
-    columns : of the effects' numbers and of the nuisances
-    bounds : (k,) each, least and largest step of the effects' numbers
-    reach : largest magnitude of a nuisance, in units of its tolerance
+    nuisances : the first so many numbers have unit priors about 0 and seldom reach their bounds
     """
-    j = np.hstack(columns)
-    k = columns[0].shape[1]
-    prior = np.concatenate((np.zeros(k), np.ones(nu.size)))
-    curve = (j * w[:, None]).T @ j + np.diag(prior)
-    slope = (j * w[:, None]).T @ z - np.concatenate((np.zeros(k), nu))
-    low, high = (np.concatenate((end, side * reach - nu)) for end, side in zip(bounds, (-1.0, 1.0), strict=True))
-    step = box_minimum(curve, slope, low, high)
-    return step[:k], step[k:]
+    w, n, (low, high) = weights(z), nuisances, (end - x for end in bounds)
+    q = quadratic(z, w, j[:, :n], j[:, n:], x[:n])
+    phi = box_minimum(q.curve, q.slope, low[n:], high[n:])
+    step = np.concatenate((q.own - q.back @ phi, phi))
+    if np.all((step >= low)[:n] & (step <= high)[:n]):
+        return step
+    prior, weighted = (np.arange(x.size) < n).astype(np.float64), (j * w[:, None]).T
+    return box_minimum(weighted @ j + np.diag(prior), weighted @ z - prior * x, low, high)
 
 
 def box_minimum(curve: Signal, slope: Signal, low: Signal, high: Signal) -> Signal:
@@ -113,5 +102,83 @@ def box_minimum(curve: Signal, slope: Signal, low: Signal, high: Signal) -> Sign
         if not wrong.any():
             break
         free[int(np.argmax(np.where(wrong, np.abs(push), -1.0)))] = True
-    step: Signal = x / scale
-    return step
+    return x / scale
+
+
+class Problem(Protocol):
+    """A robust least-squares problem in some numbers x, (k,), of which the first are `nuisances` with unit priors about 0."""
+
+    @property
+    def nuisances(self) -> int:
+        """How many of the numbers are nuisances."""
+
+    @property
+    def bounds(self) -> tuple[Signal, Signal]:
+        """Lower and upper bound of each number, (k,)."""
+
+    def residual(self, x: Signal) -> Signal:
+        """Whitened residuals, (n,)."""
+
+    def jacobian(self, x: Signal) -> Signal:
+        """Whitened derivative of what is subtracted from the measured values, (n, k)."""
+
+
+class Effort(NamedTuple):
+    """Steps of a fit at most, renewals of its columns at most, and what counts as settled and as foreseen.
+
+    A fit has settled when a step improves the objective by less than `settled`; columns are found anew when a step brings less
+    than the share `foreseen` of what they promised.
+    """
+
+    rounds: int
+    renewals: int
+    settled: float
+    foreseen: float
+
+
+class Solution(NamedTuple):
+    """Where a fit ended: its numbers, the objective with the priors, the residuals and the columns in use."""
+
+    x: Signal
+    loss: float
+    z: Signal
+    j: Signal
+
+
+SHARES = (1.0, 0.4, 0.15, 0.05)
+"""Shares of a step that are tried until one lowers the objective."""
+
+
+def gauss_newton(problem: Problem, x: Signal, j: Signal, effort: Effort) -> Solution:
+    """Minimise the robust objective of a problem by Gauss and Newton.
+
+    Parameters
+    ----------
+    x, j : numbers to begin from and columns there, which serve as long as they foresee what a step brings
+    """
+    n, renewals, fresh = problem.nuisances, effort.renewals, True
+    here = _solution(problem, x, j)
+    for _ in range(effort.rounds):
+        step = best_step(here.z, here.j, here.x, problem.bounds, n)
+        promised = here.loss - _objective(here.z - here.j @ step, (here.x + step)[:n])
+        tried = (_solution(problem, here.x + share * step, here.j) for share in SHARES)
+        there = next((one for one in tried if one.loss < here.loss), here)
+        gained, here = here.loss - there.loss, there
+        if gained < effort.settled and (fresh or promised < effort.settled or not renewals):
+            break
+        if gained and abs(promised - gained) < effort.settled:
+            break  # as foreseen: this is the minimum
+        fresh = renewals > 0 and gained < effort.foreseen * promised
+        if fresh:
+            renewals -= 1
+            here = here._replace(j=problem.jacobian(here.x))
+    return here
+
+
+def _solution(problem: Problem, x: Signal, j: Signal) -> Solution:
+    z = problem.residual(x)
+    return Solution(x, _objective(z, x[: problem.nuisances]), z, j)
+
+
+def _objective(z: Signal, nu: Signal) -> float:
+    return huber(z) + 0.5 * float(nu @ nu)

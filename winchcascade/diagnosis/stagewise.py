@@ -1,8 +1,8 @@
-"""The gap stage by stage: each stage is given its own measured inputs, so that an error upstream neither hides nor fakes one.
+"""The gap stage by stage: each stage has its own measured inputs, so that an error upstream neither hides nor imitates one.
 
-The map of `compare` is end to end: the line's motion alone drives the model, and what is wrong upstream shows downstream too.
-Here `rig.stages` says what a stage makes of the channels measured at its own input. Its laws are quasi-static, so what they
-leave of the model's own simulation along the same motion is taken off.
+The map of `compare` is end to end: the motion of the line alone drives the model, and an error upstream shows downstream too.
+Here `rig.stages` predicts the output of a stage from the channels measured at its input. Its laws are quasi-static, so their
+residual on the simulation of the model along the same motion is subtracted.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import median
-from winchcascade.core.white_noise import GAUSS, white_noise
-from winchcascade.diagnosis.block_means import PHASES
+from winchcascade.core.integrate import white_noise
+from winchcascade.diagnosis.block_means import PHASES, scatter_about_course
+from winchcascade.diagnosis.diagnosis_result import StagePlace
 from winchcascade.diagnosis.gap_map import weigh
-from winchcascade.diagnosis.noise import NOISELESS
+from winchcascade.diagnosis.misfit import NOISELESS
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.rig.kernel import constants
 from winchcascade.rig.stages import along, outputs_along
@@ -45,32 +45,7 @@ TOUCHED = {
 """Stages whose output the numbers of a section of the rig file may move."""
 
 WHOLE = 0.99
-"""A block counts where its stage can say at least this share of its samples: a clutch that lets go would enter at its edges."""
-
-
-class StagePlace(msgspec.Struct, frozen=True):
-    """One stage in one phase of one log: measured minus what the stage makes of its own measured `inputs`, SI units.
-
-    `channel` is the stage's output. `bias` to `z` are those of `gap_map.Place`, but for the zeros: none is taken off, and those
-    of output and inputs are in `u_noise`. `by_gain` is what the gain of a channel's sensor moves the bias, for an error of 1,
-    where that gain is not taken for exact.
-    """
-
-    stage: str
-    channel: str
-    inputs: tuple[str, ...]
-    phase: str
-    log: int
-    load: float | None
-    blocks: int
-    bias: float
-    rms: float
-    noise: float
-    u_noise: float
-    u_repeat: float
-    u_tolerance: float
-    z: float
-    by_gain: Mapping[str, float]
+"""Minimum share of the samples of a block that its stage predicts: otherwise a clutch that lets go would enter at the edges."""
 
 
 class _Stages(msgspec.Struct, frozen=True):
@@ -88,30 +63,25 @@ def stagewise(data: Fitted) -> tuple[StagePlace, ...]:
     moved = {j: data.models(one[j], []) for j, n in enumerate(data.nuisances) if n.kind in ("rig", "law", "load")}
     found: list[StagePlace] = []
     for number, log in enumerate(data.logs):
-        stages = _stages(log, data.nominal)
-        left = _left_by_the_laws(stages)
+        run, course = log.run, log.course
+        path = along(run, course.coarse, course.shaft(constants(data.nominal, course.load)).clutch)
+        outputs: dict[str, StageOutput] = {
+            o.stage: o for o in outputs_along(run, data.nominal, path) if o.channel in run.channels
+        }
+        stages = _Stages(log, data.nominal, path, outputs)
+        residual = _residual_of_the_laws(stages)
         changes = list(_changes(data, number, {j: models[number] for j, models in moved.items()}, stages))
-        for name, output in stages.outputs.items():
+        for name, output in outputs.items():
             own = [(n, by[name]) for n, by in changes if name in by]
-            found += _places(log, number, output, left[name], own)
+            found += _places(log, number, output, residual[name], own)
     return tuple(found)
 
 
-def _stages(log: Log, model: Model) -> _Stages:
-    course, run = log.course, log.run
-    path = along(run, course.coarse, course.shaft(constants(model, course.load)).clutch)
-    outputs: dict[str, StageOutput] = {o.stage: o for o in outputs_along(run, model, path) if o.channel in run.channels}
-    return _Stages(log, model, path, outputs)
-
-
-def _left_by_the_laws(stages: _Stages) -> dict[str, Signal]:
-    """What the stages' laws leave of the model's own simulation along the motion, simulated minus predicted, (n,) each."""
+def _residual_of_the_laws(stages: _Stages) -> dict[str, Signal]:
+    """Simulation of the model along the motion minus what the laws of the stages predict from it, (n,) each."""
     run, course = stages.log.run, stages.log.course
-    simulated = course.on_grid(stages.model)
-    channels = {
-        **run.channels,
-        **{name: np.interp(run.t, course.coarse.t, simulated[:, k]) for k, name in enumerate(CHANNELS)},
-    }
+    simulated = zip(CHANNELS, course.on_grid(stages.model).T, strict=True)
+    channels = {**run.channels, **{name: np.interp(run.t, course.coarse.t, x) for name, x in simulated}}
     made = msgspec.structs.replace(run, channels=channels)
     return {o.stage: channels[o.channel] - o.predicted for o in outputs_along(made, stages.model, stages.course)}
 
@@ -140,47 +110,43 @@ def _misread(run: Run, n: Nuisance) -> Signal:
 
 def _of_a_sensor(stages: _Stages, name: str, misread: Signal) -> dict[str, Signal]:
     """What an error of one sensor moves: the stage that ends with it directly, those that begin with it through their law."""
-    run = stages.log.run
-    moved = {stage: misread - run.channels[name] for stage, o in stages.outputs.items() if o.channel == name}
-    begins = [stage for stage, o in stages.outputs.items() if name in o.inputs]
+    run, outputs = stages.log.run, stages.outputs
+    moved = {stage: misread - run.channels[name] for stage, o in outputs.items() if o.channel == name}
+    begins = [stage for stage, o in outputs.items() if name in o.inputs]
     other = msgspec.structs.replace(run, channels={**run.channels, name: misread})
     for o in outputs_along(other, stages.model, stages.course, begins):
-        moved[o.stage] = moved.get(o.stage, 0.0) - (o.predicted - stages.outputs[o.stage].predicted)
+        moved[o.stage] = moved.get(o.stage, 0.0) - (o.predicted - outputs[o.stage].predicted)
     return moved
 
 
 # ------------------------------------------------------------------------------------------------------ phase by phase
 def _places(
-    log: Log, number: int, output: StageOutput, left: Signal, changes: Sequence[tuple[Nuisance, Signal]]
+    log: Log, number: int, output: StageOutput, of_the_law: Signal, changes: Sequence[tuple[Nuisance, Signal]]
 ) -> Iterator[StagePlace]:
-    """Weigh a stage in every phase of a log of which it says anything.
+    """Weigh a stage in every phase of a log in which it predicts anything.
 
     Parameters
     ----------
-    left : (n,) what the stage's law leaves of the model's own simulation
+    of_the_law : (n,) simulation of the model minus what the law of the stage predicts from it
     changes : what one standard uncertainty of each nuisance moves, (n,) each
     """
     run, blocks = log.run, log.course.blocks
-    apart = run.channels[output.channel] - output.predicted - left
-    says = np.isfinite(apart)
-    share = blocks.mean(says.astype(np.float64))
-
-    def mean(x: Signal) -> Signal:
-        means: Signal = blocks.mean(np.where(says & np.isfinite(x), x, 0.0)) / np.maximum(share, 1e-9)
-        return means
-
-    residual = mean(apart)
-    columns = [mean(change) for _, change in changes]
+    gap = run.channels[output.channel] - output.predicted - of_the_law
+    known = np.isfinite(gap)
+    share = blocks.mean(known.astype(np.float64))
+    moved = np.column_stack([gap, *(change for _, change in changes)])
+    moved = np.where(known[:, None] & np.isfinite(moved), moved, 0.0)
+    residual, *columns = (blocks.mean(x) / np.maximum(share, 1e-9) for x in moved.T)
     for phase, name in enumerate(PHASES):
         here = (share >= WHOLE) & (blocks.phase == phase)
         if np.count_nonzero(here) < 2:
             continue
         own = {n: column[here] for (n, _), column in zip(changes, columns, strict=True)}
         zeros = [float(np.mean(x)) for n, x in own.items() if n.kind == "zero"]
-        known = np.column_stack([x for n, x in own.items() if n.kind != "zero"] or [np.zeros(int(here.sum()))])
+        others = np.column_stack([np.zeros(int(here.sum())), *(x for n, x in own.items() if n.kind != "zero")])
         noise = _noise(log, output, here, residual)
-        by = weigh(residual[here], blocks.cycle[here], noise, math.hypot(*zeros), known)
         yield StagePlace(
+            **msgspec.structs.asdict(weigh(residual[here], blocks.cycle[here], noise, math.hypot(*zeros), others)),
             stage=output.stage,
             channel=output.channel,
             inputs=output.inputs,
@@ -188,22 +154,17 @@ def _places(
             log=number,
             load=run.load,
             blocks=int(np.count_nonzero(here)),
-            **msgspec.structs.asdict(by),
             by_gain={n.name: float(np.mean(x)) / n.sd for n, x in own.items() if n.kind == "gain"},
         )
 
 
 def _noise(log: Log, output: StageOutput, here: NDArray[np.bool_], residual: Signal) -> Signal:
-    """Standard deviation of each block's mean in one phase, (k,) for the k blocks that are `here`.
+    """Standard deviation of the mean of each block in one phase, (k,) for the k blocks that are `here`.
 
-    What scatters from block to block, of output and inputs alike, by the median of second differences, of which a smooth gap
-    leaves none; at least the white noise of the output's own sensor, and in a log without noise `NOISELESS`.
+    The scatter from block to block, of output and inputs alike; at least the white noise of the sensor of the output, and in a
+    log without noise `NOISELESS`.
     """
     run, blocks = log.run, log.course.blocks
     white = white_noise(run.channels[output.channel]) / np.sqrt(blocks.count[here])
     least = NOISELESS * float(np.nanmax(np.abs(output.predicted))) if run.simulated else 0.0
-    threes = here[:-2] & here[1:-1] & here[2:] & blocks.joined[1:-1] & blocks.joined[2:]
-    bends = np.abs(residual[:-2] - 2.0 * residual[1:-1] + residual[2:])[threes] / math.sqrt(6.0)
-    scatter = GAUSS * median(bends) if bends.size else 0.0
-    noise: Signal = np.maximum(np.maximum(white, scatter), least)
-    return noise
+    return np.maximum(np.fmax(white, scatter_about_course(blocks, residual, here)), least)

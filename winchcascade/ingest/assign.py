@@ -4,40 +4,45 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import msgspec
 
 from winchcascade.core.errors import LogError
-from winchcascade.core.quantity import Unit, find_unit
+from winchcascade.core.quantity import Unit, find_unit, si_unit
+from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import CHANNELS, SIMULATED_HEADERS, Finding
-from winchcascade.ingest.dialects import CHANNELS_BY_NAME, COUNTS, DATES, DIMENSION, letters_of, read_header, recognise
-
-if TYPE_CHECKING:
-    from winchcascade.core.rig_file import Rig
-    from winchcascade.ingest.source import Header
+from winchcascade.ingest.dialects import (
+    CHANNELS_BY_NAME,
+    COUNTS,
+    DATES,
+    DIMENSION,
+    Header,
+    letters_of,
+    read_header,
+    recognise,
+)
 
 
 class Match(msgspec.Struct, frozen=True):
-    """One channel found in a log: index of its header, and SI value = factor * value + offset."""
+    """One channel found in a log: index of its header, and its unit; a time column may name none."""
 
     index: int
-    factor: float
-    offset: float = 0.0
+    unit: Unit | None
+
+    @property
+    def factor(self) -> float:
+        """What one of the unit is in SI units."""
+        return 1.0 if self.unit is None else self.unit.factor
 
 
 class Assignment(msgspec.Struct, frozen=True):
-    """Which header is which channel; `time` is None for a log without a time column.
-
-    `time_unit_known`: the time column names a unit. `time_named`: it has a name itself.
-    """
+    """Which header is which channel; `time` is None for a log without a time column, `time_named` if it has a name."""
 
     channels: Mapping[str, Match]
     time: Match | None
-    time_unit_known: bool
     findings: tuple[Finding, ...]
     simulated: bool
-    time_named: bool = True
+    time_named: bool
 
 
 def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None = None) -> Assignment:
@@ -80,20 +85,23 @@ def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None
             f"{where}: no column for the line velocity or displacement; the log has "
             f"{listed([h.name.strip() for h in headers])}. Name the columns in a rig file under [columns]."
         )
-    found = _assignment(taken, headers, rig, [headers[k].name.strip() for k in sorted(unknown)], simulated, where)
-    absent = _absent(headers, rig, named, taken)
-    return msgspec.structs.replace(found, findings=(*found.findings, *absent), time_named=clock is None)
-
-
-def _absent(headers: Sequence[Header], rig: Rig, named: Mapping[str, int], taken: Mapping[str, int]) -> list[Finding]:
-    """Columns that the rig file names and the log does not have, and what was read in their place."""
-    findings = []
-    for channel, column in rig.columns.items():
-        if channel not in named and channel in taken:
-            instead = headers[taken[channel]].name.strip()
-            message = f"no column {column.name!r}, which the rig names for {channel}"
-            findings.append(Finding("missing_channel", message, f"{instead!r} read instead", channel))
-    return findings
+    matches, findings = _matches(taken, headers, rig, where)
+    if unknown:
+        what = f"{len(unknown)} columns that are no channel" if len(unknown) > 1 else "1 column that is no channel"
+        message = f"{what}: {listed([headers[k].name.strip() for k in sorted(unknown)])}"
+        findings.append(Finding("unknown_column", message, "not read", count=len(unknown)))
+    findings += [
+        Finding(
+            "missing_channel",
+            f"no column {column.name!r}, which the rig names for {channel}",
+            f"{headers[taken[channel]].name.strip()!r} read instead",
+            channel,
+        )
+        for channel, column in rig.columns.items()
+        if channel not in named and channel in taken
+    ]
+    time = matches.pop("time", None)
+    return Assignment(matches, time, tuple(findings), simulated, time_named=clock is None)
 
 
 def _named_in_rig(headers: Sequence[Header], rig: Rig, where: str) -> dict[str, int]:
@@ -101,10 +109,9 @@ def _named_in_rig(headers: Sequence[Header], rig: Rig, where: str) -> dict[str, 
     bare = [read_header(h).name.strip() for h in headers]
     found = {}
     for channel, column in rig.columns.items():
-        if column.name.strip() in names:
-            found[channel] = names.index(column.name.strip())
-        elif column.name.strip() in bare:
-            found[channel] = bare.index(column.name.strip())
+        name = column.name.strip()
+        if name in names or name in bare:
+            found[channel] = (names if name in names else bare).index(name)
         elif channel in ("velocity", "time"):
             raise LogError(
                 f"{where}: no column {column.name!r}, which the rig {rig.name} names for {channel}; the log has "
@@ -121,8 +128,7 @@ def _better(headers: Sequence[Header], old: int, new: int, channel: str, where: 
     read = [read_header(headers[k]) for k in (old, new)]
     better = [channel in CHANNELS_BY_NAME.get(letters_of(r.name), ()) for r in read]
     if channel == "time":
-        coarse = read[0].unit is None and read[1].unit is not None
-        better = [not coarse, coarse]
+        better = [read[0].unit is not None or read[1].unit is None, read[0].unit is None and read[1].unit is not None]
     names = [headers[k].name.strip() for k in (old, new)]
     if better[0] == better[1] and names[0] == names[1]:
         raise LogError(
@@ -143,81 +149,64 @@ def listed(names: Sequence[str], most: int = 12) -> str:
     return shown + (f" and {len(names) - most} more" if len(names) > most else "") if names else "no columns"
 
 
-def _assignment(
-    taken: Mapping[str, int], headers: Sequence[Header], rig: Rig, unknown: Sequence[str], simulated: bool, where: str
-) -> Assignment:
-    findings = []
-    channels = {}
-    time, time_unit_known = None, False
+def _matches(
+    taken: Mapping[str, int], headers: Sequence[Header], rig: Rig, where: str
+) -> tuple[dict[str, Match], list[Finding]]:
+    """The column of each channel and of the time, with its unit; the usual one for a channel whose column names none."""
+    findings: list[Finding] = []
+    matches = {}
     for channel in ("time", *CHANNELS):
         if channel not in taken:
             continue
-        index = taken[channel]
-        unit, conflict = _unit_of(headers[index], channel, rig, where)
-        findings += conflict
-        if channel == "time":
-            time_unit_known = unit is not None
-            time = Match(index, 1.0 if unit is None else unit.factor)
-            continue
-        if unit is None:
-            unit, finding = _assumed(headers[index], channel)
-            findings.append(finding)
-        channels[channel] = Match(index, unit.factor, unit.offset)
-    if unknown:
-        what = f"{len(unknown)} columns that are no channel" if len(unknown) > 1 else "1 column that is no channel"
-        findings.append(Finding("unknown_column", f"{what}: {listed(unknown)}", "not read", count=len(unknown)))
-    return Assignment(channels, time, time_unit_known, tuple(findings), simulated)
+        header = headers[taken[channel]]
+        unit = _unit_of(header, channel, rig, where, findings)
+        if unit is None and channel != "time":
+            usual = CHANNELS[channel].unit
+            message = f"column {header.name.strip()!r} names no unit that is known; taken as {usual}"
+            findings.append(Finding("unit_assumed", message, "assumed", channel))
+            unit = find_unit(usual)
+        matches[channel] = Match(taken[channel], unit)
+    return matches, findings
 
 
-def _assumed(header: Header, channel: str) -> tuple[Unit, Finding]:
-    """The usual unit of a channel, for a column that names none, and the finding that says so."""
-    usual = CHANNELS[channel].unit
-    unit = find_unit(usual)
-    assert unit is not None
-    message = f"column {header.name.strip()!r} names no unit that is known; taken as {usual}"
-    return unit, Finding("unit_assumed", message, "assumed", channel)
-
-
-def _unit_of(header: Header, channel: str, rig: Rig, where: str) -> tuple[Unit | None, list[Finding]]:
+def _unit_of(header: Header, channel: str, rig: Rig, where: str, findings: list[Finding]) -> Unit | None:
     """Unit of a column, None where neither log nor rig file names one, and a finding where they contradict each other.
 
     The log's own unit counts, unless the rig file overrides it or it measures something else.
     """
-    column = rig.columns.get(channel)
-    read = read_header(header)
+    column, read, dimension = rig.columns.get(channel), read_header(header), DIMENSION[channel]
     own = read.unit
     if own is None and read.unknown_unit is not None:
         own = _unit_by_pint(read.unknown_unit, channel)
-    fits = own is None or own.dimension == DIMENSION[channel]
+    measured = dimension if own is None else own.dimension
     if column is None or column.unit is None:
-        if not fits and own is not None:
+        if measured != dimension:
             raise LogError(
-                f"{where}: column {header.name.strip()!r} is named for {channel} but its unit is one of {own.dimension}; "
-                f"expected one of {DIMENSION[channel]}. Correct the log or [columns] in a rig file."
+                f"{where}: column {header.name.strip()!r} is named for {channel} but its unit is one of {measured}; "
+                f"expected one of {dimension}. Correct the log or [columns] in a rig file."
             )
-        return own, []
+        return own
     named = find_unit(column.unit) or _unit_by_pint(column.unit, channel)
     if named is None:
         raise LogError(
             f"{where}: the rig {rig.name} gives {channel} the unit {column.unit!r}, which is none of "
-            f"{DIMENSION[channel]}; correct [columns] in the rig file."
+            f"{dimension}; correct [columns] in the rig file."
         )
     if own is None or (own.factor, own.offset) == (named.factor, named.offset):
-        return named, []
-    override = column.override or not fits
-    message = (
-        f"the header {header.name.strip()!r} and the rig {rig.name}, which gives {channel} in {column.unit}, contradict"
+        return named
+    override = column.override or measured != dimension
+    findings.append(
+        Finding(
+            "unit_conflict",
+            f"the header {header.name.strip()!r} and the rig {rig.name}, which gives {channel} in {column.unit}, contradict "
+            "each other",
+            "the unit of the rig is used"
+            if override
+            else "the unit of the header is used; override = true takes the other",
+            channel,
+        )
     )
-    action = (
-        "the unit of the rig is used" if override else "the unit of the header is used; override = true takes the other"
-    )
-    return (named if override else own), [Finding("unit_conflict", f"{message} each other", action, channel)]
-
-
-_PINT_UNIT = {
-    "time": "s", "length": "m", "velocity": "m/s", "pressure": "Pa", "force": "N", "torque": "N*m", "power": "W",
-    "voltage": "V", "current": "A",
-}  # fmt: skip
+    return named if override else own
 
 
 _LONGEST_UNIT = 60
@@ -231,7 +220,7 @@ _SYMBOL = rf"[{_LETTER}][{_LETTER}0-9]*"
 _POWER = rf"{_SYMBOL}(?:\s*(?:\*\*|\^)\s*[-+]?\d(?!\d)|[\u207a\u207b]?[\u00b9\u00b2\u00b3\u2070\u2074-\u2079])?"
 _TIMES = r"(?:\s*[*/.\u00b7\u22c5\u00d7]\s*|\s+)"
 _PRODUCT = rf"(?:1\s*/\s*)?{_POWER}(?:{_TIMES}{_POWER})*"
-_UNIT = re.compile(rf"\s*{_PRODUCT}(?:{_TIMES}\(\s*{_PRODUCT}\s*\))?\s*")
+_UNIT = rf"\s*{_PRODUCT}(?:{_TIMES}\(\s*{_PRODUCT}\s*\))?\s*"
 """What a unit may look like: symbols or words, each with a power of one digit, their products and quotients, one bracket.
 
 Nothing else is given to pint, which would evaluate any arithmetic: 9**9**9 takes hours.
@@ -239,15 +228,16 @@ Nothing else is given to pint, which would evaluate any arithmetic: 9**9**9 take
 
 
 def _unit_by_pint(text: str, channel: str) -> Unit | None:
-    """Ask pint for a unit that the table does not hold; None where pint does not know it for this channel either."""
-    if len(text) > _LONGEST_UNIT or not _UNIT.fullmatch(text):
+    """Find a unit that the table does not hold by pint; None where pint has none for this channel either."""
+    if len(text) > _LONGEST_UNIT or not re.fullmatch(_UNIT, text):
         return None
     import pint
 
     registry: pint.UnitRegistry[float] = pint.UnitRegistry()
     dimension = DIMENSION[channel]
+    si = si_unit(dimension).replace(".", "*")
     try:
-        at_zero, at_one = (float(registry.Quantity(x, text).to(_PINT_UNIT[dimension]).magnitude) for x in (0.0, 1.0))
+        at_zero, at_one = (float(registry.Quantity(x, text).to(si).magnitude) for x in (0.0, 1.0))
     except Exception:  # pint raises errors of many kinds, tokenizer errors among them, for text that is no unit
         return None
     return Unit(dimension, at_one - at_zero, at_zero)

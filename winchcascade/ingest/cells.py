@@ -1,75 +1,17 @@
-"""Clocks whose stamps are numbers, digits of the time of day: 095959.96 and 20260301095959.96, as controllers write them."""
+"""Cells of text tables: where a row is cut into cells, which texts are numbers, stamps or neither, and what they stand for."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from datetime import date
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from winchcascade.core.integrate import positive_median
-
-if TYPE_CHECKING:
-    from winchcascade.core.run import Signal
-
-
-_DAY = 86400.0
-_LONGEST = 10.0
-"""With longer intervals the jump from one minute to the next does not stand out. [s]"""
-
-_NEAR = 0.5
-"""The interval over the end of a minute is off the usual one by less than this share; one that is not leaves a doubt."""
-
-
-@np.errstate(invalid="ignore")  # the remainder of an infinite stamp
-def clock_of_digits(stamps: Signal) -> Signal | None:
-    """Seconds since the first stamp, if the stamps are certain to be HHMMSS or YYYYMMDDHHMMSS; else None. [s]
-
-    They are where no minute and no second reaches 60, no hour 24, every date exists, and the next minute begins one interval
-    after the last stamp of each: read as plain seconds, that interval would be 40 s longer. NaN stays.
-
-    >>> clock_of_digits(np.array([95959.0, 95959.5, 100000.0, 100000.5])).tolist()
-    [0.0, 0.5, 1.0, 1.5]
-    """
-    if np.any(stamps % 100 >= 60):  # at once for nearly every log of plain seconds
-        return None
-    at = np.flatnonzero(np.isfinite(stamps))
-    whole = np.floor(stamps[at])
-    day, in_day = np.divmod(whole, 1e6)
-    hour, minute, second = in_day // 1e4, in_day // 100 % 100, in_day % 100
-    number = _numbers(day)
-    if at.size == 0 or number is None or hour.max() >= 24 or minute.max() >= 60:
-        return None
-    since = number * _DAY + hour * 3600 + minute * 60 + second + (stamps[at] - whole)
-    if not day.any():
-        since += _DAY * np.cumsum(np.diff(since, prepend=since[0]) < -_DAY / 2)
-    if not _runs_on(np.diff(since), np.diff(whole // 100) != 0):
-        return None
-    seconds = np.full(stamps.size, np.nan)
-    seconds[at] = since - since[0]
-    return seconds
-
-
-def _runs_on(interval: Signal, turns: Signal) -> bool:
-    """Whether minutes end within the log, each a usual interval before the next one begins."""
-    usual = positive_median(interval)
-    over = interval[turns]
-    return bool(0 < usual < _LONGEST and over.size and np.all(np.abs(over - usual) < _NEAR * usual))
-
-
-def _numbers(days: Signal) -> Signal | None:
-    """Number each day, written YYYYMMDD; 0 for stamps without a date, None if one does not exist."""
-    different, which = np.unique(days, return_inverse=True)
-    if different.size == 1 and different[0] == 0:
-        return days
-    try:
-        numbers = [date(int(d) // 10000, int(d) // 100 % 100, int(d) % 100).toordinal() for d in different.tolist()]
-    except (ValueError, OverflowError):
-        return None
-    return np.array(numbers, dtype=np.float64)[which]
-
+from winchcascade.core.integrate import median
+from winchcascade.core.quantity import find_unit
+from winchcascade.core.run import Signal
 
 NOT_NUMBERS = (
     "", "-", "--", "---", "nan", "NaN", "NAN", "-nan", "+nan", "#N/A", "N/A", "NA", "n/a", "null", "NULL", "None", "inf",
@@ -91,7 +33,7 @@ _GROUPED = {
 """Digits in groups of three, by the decimal sign of the file."""
 
 LONGEST = 400
-"""No number has more characters: the largest float has 309 digits. To look closely at longer ones would take long."""
+"""No number has more characters: the largest float has 309 digits. A search in longer ones would take long."""
 
 _MINUS = str.maketrans("\u2212\u2013\u2010\u2011\uff0d\ufe63", "------")
 _BLANKS = re.compile(r"[ \t]+")
@@ -103,11 +45,9 @@ def split_row(line: str, delimiter: str) -> list[str]:
     if '"' in line and line.count('"') % 2 == 0:
         import csv
 
-        try:
-            cells = next(csv.reader([line.strip(" ")], delimiter=delimiter, skipinitialspace=True))
-            return [cell.strip() for cell in cells]
-        except (csv.Error, StopIteration):
-            pass
+        with suppress(csv.Error, StopIteration):
+            row = next(csv.reader([line.strip(" ")], delimiter=delimiter, skipinitialspace=True))
+            return [cell.strip() for cell in row]
     line = line.replace('"', "")
     if delimiter == " ":
         return _BLANKS.split(line.strip())
@@ -128,18 +68,14 @@ def is_stamp(cell: str) -> bool:
     """Whether a cell is a date with a time, or a time of day."""
     if ":" not in cell and cell[8:9] != "T" and "時" not in cell and "时" not in cell:
         return False  # at no cost for the cells of a table of numbers
-    from winchcascade.ingest.stamps import looks_like_a_stamp
-
     return looks_like_a_stamp(cell)
 
 
 def _quick(cell: str, decimal: str) -> float:
-    """A number without frills; ValueError for one that must be looked at closely."""
+    """A number in its plain form; ValueError for any other text."""
     if "_" in cell or (decimal == "," and "," not in cell and "." in cell):
         raise ValueError
-    if decimal == ",":
-        cell = cell.replace(",", ".")
-    return float(cell)
+    return float(cell.replace(",", ".") if decimal == "," else cell)
 
 
 def numbers(cells: Sequence[str], decimal: str) -> tuple[Signal, list[str]]:
@@ -179,8 +115,8 @@ def is_cut(cell: str, usual: Sequence[str]) -> bool:
         return len(cell) < min(map(len, usual), default=0)
     if cell in NOT_NUMBERS and cell in usual:
         return False
-    least = [min(digits) for digits in zip(*map(_digits, like), strict=True)]
-    return not looks_like_a_number(cell) or any(a < b for a, b in zip(_digits(cell), least, strict=True))
+    usual_digits = zip(*map(_digits, like), strict=True)
+    return not looks_like_a_number(cell) or any(a < min(b) for a, b in zip(_digits(cell), usual_digits, strict=True))
 
 
 def _digits(cell: str) -> tuple[int, int]:
@@ -188,3 +124,188 @@ def _digits(cell: str) -> tuple[int, int]:
     part = re.search(r"[.,](\d+)(?!.*[.,])", cell)
     power = re.search(r"[eEdD][-+]?(\d+)", cell)
     return len(part[1]) if part else 0, len(power[1]) if power else 0
+
+
+_MONTHS = {
+    name: month
+    for month, names in enumerate(
+        (
+            "jan ene gen", "feb fév fev", "mar mär mrt", "apr avr abr", "may mai mei maj mag", "jun juin giu", "jul juil lug",
+            "aug aoû aou ago", "sep set", "oct okt ott out", "nov", "dec dez déc dic",
+        ),
+        start=1,
+    )
+    for name in names.split()
+}  # fmt: skip
+_STAMP = r"""[\s"'\[]*(?:[^\W\d_]{2,9}\.?,?\s+(?=\S+\s+\S+\s))?                            # a weekday adds nothing
+    (?:(?:(?P<a>\d{4})(?P<b>\d\d)(?P<c>\d\d)(?=[T\s])
+      |(?P<d>\d{1,4})[-/.年\s](?P<e>\d{1,2}|[^\W\d_]{3,9}\.?)[-/.月\s]+(?P<f>\d{1,4})日?
+      |(?P<month>[^\W\d_]{3,9})\.?\s+(?P<day>\d{1,2}),?\s+(?P<year>\d{4}))[\sT_,-]*)?
+    (?P<noon1>[AaPp]\.?[Mm]\.?|上午|下午)?\s*
+    (?:(?P<h>\d{1,3})[:時时](?P<m>\d\d)(?:[:分](?P<s>\d\d))?|(?<=T)(?P<hms>\d{6}))(?:[.,:](?P<frac>\d+))?秒?
+    \s*(?P<noon2>[AaPp][.,]?[Mm][.,]?)?\s*(?P<zone>Z|(?:UTC|GMT)?(?:[+-]\d\d?(?::?\d\d)?)?)[\]"'\s]*$"""
+"""A stamp, compiled when it is used: most logs have none."""
+
+DAY = 86400.0
+_LONG = 64
+"""A stamp is shorter than this."""
+
+_SERIAL = ((0.0, 1.0), (20000.0, 80000.0), (700_000.0, 780_000.0))
+"""A part of a day, days since 1900 or 1904 (1954 to 2119), MATLAB's days since the year 0 (1916 to 2135)."""
+
+_SHORTEST_DAY_STEP = 1e-5
+"""Stamps this close together would be 100 kHz if they were seconds; as days they are less than a second apart."""
+
+_Day = tuple[str, ...]
+
+
+def looks_like_a_stamp(text: str) -> bool:
+    """Whether a cell is a date with a time, or a time of day.
+
+    >>> looks_like_a_stamp("2026-04-18T10:00:00.040"), looks_like_a_stamp("12.5")
+    (True, False)
+    """
+    return len(text) < _LONG and re.match(_STAMP, text, re.VERBOSE) is not None
+
+
+def seconds(texts: Sequence[str]) -> Signal:
+    """Turn stamps into seconds since the first one; NaN for a text that is no stamp, midnight carried over. [s]
+
+    >>> seconds(["18.04.2026 23:59:59,96", "19.04.2026 00:00:00,00"]).round(3).tolist()
+    [0.0, 0.04]
+    """
+    days: dict[_Day | None, list[int]] = {}
+    zones: dict[str | None, list[int]] = {}
+    since = np.empty(len(texts))
+    period = DAY
+    for k, text in enumerate(texts):
+        since[k], day, minutes, zone = _in_day(text)
+        days.setdefault(day, []).append(k)
+        zones.setdefault(zone, []).append(k)
+        period = 3600.0 if minutes else period
+    if any(days):
+        for day, number in _numbers_of(days).items():
+            since[days[day]] += DAY * number
+        zones.pop(None, None)
+        if len(zones) > 1 and "" not in zones:  # summer time begins or ends, and every stamp has its offset from UTC
+            for zone, rows in zones.items():
+                since[rows] -= _east_of_utc(zone or "")
+    good = np.flatnonzero(np.isfinite(since))
+    if not any(days):
+        since[good] += period * np.cumsum(np.diff(since[good], prepend=since[good[:1]]) < -period / 2)
+    return since - since[good[0]] if good.size else since
+
+
+def _east_of_utc(zone: str) -> float:
+    """What the clock of a zone such as `Z`, `+0530` or `UTC-8` is ahead of UTC. [s]
+
+    >>> [_east_of_utc(zone) for zone in ("Z", "+02:00", "UTC-8", "+530")]
+    [0.0, 7200.0, -28800.0, 19800.0]
+    """
+    digits = "".join(c for c in zone if c.isdecimal())
+    hours, minutes = (digits[:-2], digits[-2:]) if len(digits) > 2 else (digits, "0")
+    return (-1.0 if "-" in zone else 1.0) * (int(hours or 0) * 3600.0 + int(minutes) * 60.0)
+
+
+def _in_day(text: str) -> tuple[float, _Day | None, bool, str | None]:
+    """Seconds since midnight, the parts of the date, whether a text shows minutes and seconds alone, and its zone.
+
+    The zone is empty for a stamp without one, and None for a text that is no stamp.
+    """
+    found = re.match(_STAMP, text, re.VERBOSE) if len(text) < _LONG else None
+    if found is None:
+        return float("nan"), None, False, None
+    h, m, s, frac = found.group("h", "m", "s", "frac")
+    if found["hms"]:
+        h, m, s = found["hms"][:2], found["hms"][2:4], found["hms"][4:]
+    minutes = s is None and frac is not None
+    if minutes:  # 00:01.2, as a spreadsheet shows minutes and seconds
+        h, m, s = "0", h, m
+    hour = int(h)
+    noon = (found["noon1"] or found["noon2"] or "").lower()
+    if noon:
+        hour = hour % 12 + (12 if noon.startswith("p") or noon == "下午" else 0)
+    in_day = hour * 3600.0 + int(m) * 60.0 + int(s or 0) + (float("0." + frac) if frac else 0.0)
+    day = tuple(part for part in found.group("a", "b", "c", "d", "e", "f", "day", "month", "year") if part is not None)
+    return in_day, day or None, minutes and not day, found["zone"]
+
+
+def _numbers_of(days: Mapping[_Day | None, object]) -> dict[_Day | None, float]:
+    """Number each day from the first; of day before month and month before day the order that exists and spans fewer days."""
+    orders = [
+        {day: float("nan") if day is None else _number_of(day, month_first) for day in days}
+        for month_first in (False, True)
+    ]
+    real = [[n for n in order.values() if np.isfinite(n)] for order in orders]
+    best = min((0, 1), key=lambda k: (-len(real[k]), max(real[k], default=0.0) - min(real[k], default=0.0)))
+    return {day: n - min(real[best], default=0.0) for day, n in orders[best].items()}
+
+
+def _number_of(day: _Day, month_first: bool) -> float:
+    """Number of a day; NaN for one that does not exist."""
+    first, second, third = day
+    if len(first) > 2:
+        first, third = third, first
+    elif month_first and second.isdecimal():
+        first, second = second, first
+    name = second.casefold().rstrip(".")
+    month = int(name) if name.isdecimal() else _MONTHS.get(name[:4], _MONTHS.get(name[:3], 0))
+    try:
+        return float(date(int(third) + (2000 if int(third) < 100 else 0), month, int(first)).toordinal())
+    except ValueError:
+        return float("nan")
+
+
+def serial_days(values: Signal) -> Signal | None:
+    """Seconds since the first stamp, if the stamps are days as a spreadsheet or MATLAB counts them; else None. [s]
+
+    >>> serial_days(np.array([46130.25, 46130.2500005, 46130.250001])).round(3).tolist()
+    [0.0, 0.043, 0.086]
+    """
+    good = values[np.isfinite(values)]
+    step = np.diff(good[:1000])
+    fine = step.any() and 0 < median(step[step != 0]) < _SHORTEST_DAY_STEP
+    if not fine or not any(low <= good.min() and good.max() <= high for low, high in _SERIAL):
+        return None
+    since: Signal = (values - good[0]) * DAY
+    return since
+
+
+_STEP_KEYS = frozenset(
+    """deltax dt dts step sampleinterval sampleintervals samplinginterval samplingintervals sampleperiod samplingperiod
+    sampletime samplingtime scaninterval loginterval logginginterval wfincrement timestep timeinterval abtastintervall
+    abtastzeit périodedéchantillonnage 取樣間隔 取樣週期 採樣間隔 採樣週期 采样间隔 采样周期 サンプリング間隔""".split()
+)
+_RATE_KEYS = frozenset(
+    """samplerate samplingrate samplefrequency samplingfrequency samplespersecond scanrate lograte loggingrate datarate
+    acquisitionrate fs rate abtastrate abtastfrequenz messrate fréquencedéchantillonnage 取樣率 取樣頻率 採樣率 採樣頻率
+    采样率 采样频率 サンプリング周波数 サンプリングレート""".split()
+)
+_KEYS = _STEP_KEYS | _RATE_KEYS
+_AMOUNT = re.compile(r"\s*([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)[\s,;]*([^\s,;()\[\]]*)")
+
+
+def waveform(properties: Mapping[str, str]) -> tuple[float | None, float]:
+    """Sampling interval and first stamp that a preamble states. [s]
+
+    >>> waveform({"Sample rate": "25 Hz"}), waveform({"Sampling interval [ms]": "40"})
+    ((0.04, 0.0), (0.04, 0.0))
+    """
+    step, start = None, 0.0
+    for key, value in properties.items():
+        name, _, bracket = re.sub(r"[(\[（]", "\n", key).partition("\n")
+        letters = "".join(c for c in name.casefold() if c.isalnum())
+        known = next((k for k in (letters, letters.removesuffix("hz"), letters.removesuffix("s")) if k in _KEYS), "")
+        amount = _AMOUNT.match(value)
+        if amount is None:
+            continue
+        number, unit = float(amount[1].replace(",", ".")), bracket.strip(" )]）") or amount[2]
+        if known in _STEP_KEYS and number > 0:
+            scale = find_unit(unit or "s")
+            step = number * scale.factor if scale is not None and scale.dimension == "time" else step
+        elif known in _RATE_KEYS and number > 0:
+            small = unit.casefold()  # Hz, kHz, S/s, kS/s, samples per minute
+            step = 1.0 / (number * (1.0 / 60.0 if "min" in small else {"k": 1e3, "m": 1e6}.get(small[:1], 1.0)))
+        elif letters == "x0":
+            start = number
+    return step, start

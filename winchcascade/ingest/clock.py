@@ -1,31 +1,36 @@
-"""The clock of a log: what its intervals say, after stamps that repeat or run backward were put right."""
+"""The clock of a log: stamps that cannot be read, repeat or run backward are repaired where that is safe; then the intervals.
+
+Stamps as text are read in `cells`.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from datetime import date
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.errors import LogError
-from winchcascade.core.integrate import median
-from winchcascade.core.run import Finding
-from winchcascade.ingest.repair import (
-    GLITCH,
-    JITTER,
-    LOST,
-    counted,
-    evened,
-    forward,
-    resolution,
-    spread,
-    with_all_stamps,
-    without_repeats,
-)
+from winchcascade.core.integrate import median, positive_median
+from winchcascade.core.run import Finding, Index, Mask, Signal
 
-if TYPE_CHECKING:
-    from winchcascade.core.run import Index, Mask, Signal
+JITTER = 0.1
+"""Share of the usual interval from which a deviation counts as jitter."""
 
+LATEST = 1e17
+"""A stamp beyond this is no time: three thousand million years. [s]"""
+
+CROWDED = 1.5
+"""So many times the samples that fit between two stamps are too many."""
+
+LOST = 1.5
+"""An interval longer than this many usual ones has lost samples."""
+
+GLITCH = 5
+"""A backward step that at most this many samples explain is their fault; otherwise the clock was set back."""
+
+MANY = 1000
+"""More backward steps than this and the stamps are no clock."""
 
 UNEVEN = 0.2
 """With more than this share of intervals off, the log is stamped unevenly, and only long intervals are gaps."""
@@ -47,22 +52,22 @@ class Clock(msgspec.Struct, frozen=True):
     """Stamps that rise [s], the rows they belong to (None: all, in order), gaps (k, 2) [s] and the sampling rate [Hz]."""
 
     t: Signal
-    rows: Index | None
-    gaps: Signal
     fs: float
-    findings: tuple[Finding, ...]
+    rows: Index | None = None
+    gaps: Signal = msgspec.field(default_factory=lambda: np.empty((0, 2)))
+    findings: tuple[Finding, ...] = ()
 
 
 def even_clock(n: int, step: float, start: float = 0.0) -> Clock:
     """Stamp n samples of a waveform that states its own increment. [s]"""
-    return Clock(start + step * np.arange(n, dtype=np.float64), None, np.empty((0, 2)), 1.0 / step, ())
+    return Clock(start + step * np.arange(n, dtype=np.float64), 1.0 / step)
 
 
 def require_rising(t: Signal, where: str) -> None:
     """Reject stamps that floating-point numbers cannot distinguish, after a wrong stamp or a start aeons ago; LogError."""
     if t.size > 1 and not np.diff(t).min() > NO_TIME:
         raise LogError(
-            f"{where}: stamps from {t.min():.6g} to {t.max():.6g} s lie too far from zero to be told apart; expected stamps "
+            f"{where}: stamps from {t.min():.6g} to {t.max():.6g} s lie too far from zero to be distinguished; expected stamps "
             "that rise from row to row. Correct the wrong ones."
         )
 
@@ -79,7 +84,7 @@ def read_clock(stamps: Signal, where: str) -> Clock:
     LogError : fewer than three stamps, stamps that do not move, or a clock that runs backward again and again
     """
     if _steady(stamps):
-        return Clock(stamps, None, np.empty((0, 2)), _rate((stamps[-1] - stamps[0]) / (stamps.size - 1)), ())
+        return Clock(stamps, _rate((stamps[-1] - stamps[0]) / (stamps.size - 1)))
     findings: list[Finding] = []
     t, rows = with_all_stamps(stamps, findings, where)
     usual = _usual(np.diff(t), where)
@@ -90,17 +95,18 @@ def read_clock(stamps: Signal, where: str) -> Clock:
         t = spread(t, findings)
         usual = _usual(np.diff(t), where)
     even = evened(t, np.diff(t), usual)
-    if even is not None:
-        t = counted(t, even, resolution(t, usual), findings)
-        require_rising(t, where)
-        return Clock(t, _kept(rows, stamps.size), np.empty((0, 2)), _rate(even[1] - even[0]), tuple(findings))
-    if np.any(np.diff(t) == 0):
+    repeated = int(np.count_nonzero(np.diff(t) == 0))
+    if even is not None and repeated:
+        findings.append(_coarse(t, repeated, f"steps of {resolution(t, usual):g} s"))
+        t = even
+    elif repeated:
         t, rows = without_repeats(t, rows, usual, findings)
     if t.size < 3:
         raise LogError(f"{where}: {t.size} stamps are left that rise from row to row; expected at least three.")
     require_rising(t, where)
-    gaps, fs = _intervals(t, rows, usual, findings)
-    return Clock(t, _kept(rows, stamps.size), gaps, fs, tuple(findings))
+    gaps, fs = _intervals(t, rows, usual, findings) if even is None else (np.empty((0, 2)), _rate(even[1] - even[0]))
+    in_order = rows.size == stamps.size and bool(np.all(rows[1:] > rows[:-1]))
+    return Clock(t, fs, None if in_order else rows, gaps, tuple(findings))
 
 
 def _usual(interval: Signal, where: str) -> float:
@@ -115,13 +121,8 @@ def _usual(interval: Signal, where: str) -> float:
     return usual
 
 
-def _kept(rows: Index, n: int) -> Index | None:
-    """Rows that the stamps belong to; None for all of them in their order."""
-    return None if rows.size == n and bool(np.all(rows[1:] > rows[:-1])) else rows
-
-
 def _median(interval: Signal) -> float:
-    """Usual interval; of a long log from a sample spread over it, which says the same at no cost."""
+    """Usual interval; of a long log from a sample spread over it, which gives the same at no cost."""
     return median(interval[:: max(1, interval.size // 100_000)])
 
 
@@ -148,29 +149,56 @@ def _intervals(t: Signal, rows: Index, usual: float, findings: list[Finding]) ->
     long = interval > LOST * usual
     whole = np.abs(interval / usual - np.rint(interval / usual)) < 2 * JITTER
     jitters = off & ~(long & whole)
-    uneven = np.count_nonzero(jitters) > UNEVEN * interval.size
-    if uneven:
+    if np.count_nonzero(jitters) > UNEVEN * interval.size:
         long = interval > GLITCH * usual
-    jitters &= ~long
-    count = np.count_nonzero(jitters)
-    if count:
-        findings.append(_jitter(t, interval, jitters, usual))
+    at = np.flatnonzero(jitters & ~long)
+    if at.size:
+        message = (
+            f"{at.size} of {interval.size} intervals differ from the usual {usual:.4g} s by more than {JITTER:.0%}, between "
+            f"{interval[at].min():.4g} and {interval[at].max():.4g} s"
+        )
+        findings.append(
+            Finding(
+                "clock_jitter",
+                message,
+                "used on their own stamps",
+                start=float(t[at[0]]),
+                end=float(t[at[-1] + 1]),
+                count=int(at.size),
+            )
+        )
     at = np.flatnonzero(long)
     gaps = np.column_stack((t[at], t[at + 1]))
     steps = np.rint(np.minimum(interval[at] / usual, MOST)).astype(np.int64)
     unlogged = steps - 1 - np.maximum(rows[at + 1] - rows[at] - 1, 0)
     lost = unlogged > 0
     if lost.any():
-        findings.append(_dropped(gaps[lost], int(unlogged[lost].sum())))
+        count, (begin, end) = int(unlogged[lost].sum()), gaps[lost].T
+        k = int(np.argmax(end - begin))
+        message = (
+            f"{count} samples were never logged, in {begin.size} gap{'s' if begin.size > 1 else ''}; the longest lasts "
+            f"{end[k] - begin[k]:.2f} s at {begin[k]:.2f} s"
+        )
+        findings.append(
+            Finding(
+                "dropped_samples",
+                message,
+                "bridged by straight lines",
+                start=float(begin[0]),
+                end=float(end[-1]),
+                count=count,
+                removed=count,
+            )
+        )
     return gaps, _rate(usual if long.all() else float(np.mean(interval[~long])))
 
 
 def _tolerance(t: Signal, interval: Signal, usual: float) -> float:
     """What an interval may be off; stamps rounded so coarsely that the rate does not fit them differ by their step. [s]"""
     near = interval[interval < LOST * usual]
-    mean = float(np.mean(near)) if near.size else usual
-    rounded = abs(mean - usual) > 0.01 * usual
-    return max(JITTER * usual, 1.05 * resolution(t, usual)) if rounded else JITTER * usual
+    if near.size == 0 or abs(float(np.mean(near)) - usual) <= 0.01 * usual:
+        return JITTER * usual
+    return max(JITTER * usual, 1.05 * resolution(t, usual))
 
 
 def _rate(interval: float) -> float:
@@ -178,28 +206,227 @@ def _rate(interval: float) -> float:
     return float(f"{1.0 / float(interval):.6g}")
 
 
-def _jitter(t: Signal, interval: Signal, jitters: Mask, usual: float) -> Finding:
-    at = np.flatnonzero(jitters)
+def with_all_stamps(stamps: Signal, findings: list[Finding], where: str) -> tuple[Signal, Index]:
+    """Fill stamps that could not be read between their neighbours.
+
+    Rows at the ends that have none are left out, and those between two stamps that are too close for so many samples: such
+    rows are not of the log's rate, as the empty ones that a spreadsheet holds between two tables.
+    """
+    good = np.flatnonzero(np.abs(stamps) < LATEST)
+    if good.size < 3:
+        raise LogError(
+            f"{where}: the time column holds {good.size} readable stamp{'' if good.size == 1 else 's'}; expected seconds, "
+            f"milliseconds or dates with times, at least three."
+        )
+    if good.size == stamps.size:
+        return stamps, np.arange(stamps.size)
+    rows = np.arange(good[0], good[-1] + 1)
+    t = np.interp(rows, good, stamps[good])
+    kept = ~_crowded(stamps, good)
+    lost, outside, crowded = stamps.size - good.size, stamps.size - rows.size, int(np.count_nonzero(~kept))
+    at = t[np.isin(rows, good, invert=True)]
+    at = at if at.size else t
+    done = ["filled between their neighbours"] if lost > outside + crowded else []
+    done += [f"{outside} rows at the ends left out"] if outside else []
+    done += [f"{crowded} rows between stamps that leave no room for them left out"] if crowded else []
+    findings.append(
+        Finding(
+            "not_a_number",
+            f"{lost} stamps could not be read",
+            "; ".join(done),
+            start=float(at[0]),
+            end=float(at[-1]),
+            count=lost,
+            removed=outside + crowded,
+        )
+    )
+    return t[kept], rows[kept]
+
+
+def _crowded(stamps: Signal, good: Index) -> Mask:
+    """Rows from the first stamp to the last whose neighbours' stamps leave no room for them at the usual interval."""
+    between, apart = np.diff(good), np.diff(stamps[good])
+    usual = median(apart[between == 1]) if np.any(between == 1) else 0.0
+    crowded = np.append(np.repeat((between * usual > CROWDED * apart) & (apart >= 0), between), False)
+    crowded[good - good[0]] = False
+    return crowded
+
+
+def evened(t: Signal, interval: Signal, usual: float) -> Signal | None:
+    """Even stamps that the log's own are a rounding of, as 75 Hz in steps of 0.01 s; None where rows are missing. [s]"""
+    step = resolution(t, usual)
+    coarse = 0 < step < 1.01 * usual and abs(float(np.mean(interval)) - usual) >= 0.01 * usual
+    if not coarse or np.count_nonzero(np.abs(interval - usual) > JITTER * usual) < GLITCH:
+        return None
+    place = np.arange(t.size) - 0.5 * (t.size - 1)
+    dt = float(place @ (t - t[0])) / float(place @ place)
+    even: Signal = np.multiply(place, dt, dtype=np.float64) + float(np.mean(t))
+    return even if float(np.ptp(t - even)) < 1.1 * step else None
+
+
+def spread(t: Signal, findings: list[Finding]) -> Signal:
+    """Spread samples that share a stamp of a coarse clock evenly up to the next stamp."""
+    first = np.flatnonzero(np.diff(t, prepend=-np.inf) != 0)
+    count = np.diff(first, append=t.size)
+    step = np.diff(t[first])
+    usual_step, usual_count = median(step), median((count[1:-1] if count.size > 2 else count).astype(np.float64))
+    if step.size > 2 and np.all(np.abs(step - usual_step) < 1e-6 * max(usual_step, 1e-9)):
+        # The first stamp may stand for a part of its samples.
+        begin, end = first[1], first[-1]
+        spread: Signal = t[begin] + (t[end] - t[begin]) / (end - begin) * (np.arange(t.size) - begin)
+    else:
+        width = np.append(step, usual_step)
+        each = np.where(np.arange(count.size) == count.size - 1, np.maximum(count, usual_count), count)
+        group = np.repeat(np.arange(first.size), count)
+        spread = t[first][group] + (np.arange(t.size) - first[group]) * width[group] / each[group]
+    findings.append(_coarse(t, t.size - first.size, f"steps of {usual_step:g} s with {usual_count:g} samples each"))
+    return spread
+
+
+def _coarse(t: Signal, repeated: int, counts: str) -> Finding:
+    """Finding for a clock that counts in steps longer than the intervals between samples."""
     return Finding(
-        "clock_jitter",
-        f"{at.size} of {interval.size} intervals differ from the usual {usual:.4g} s by more than {JITTER:.0%}, between "
-        f"{interval[at].min():.4g} and {interval[at].max():.4g} s",
-        "used on their own stamps",
-        start=float(t[at[0]]),
-        end=float(t[at[-1] + 1]),
-        count=int(at.size),
+        "repeated_stamp",
+        f"{repeated} stamp{'s repeat' if repeated > 1 else ' repeats'} the one before: the clock counts in {counts}",
+        "samples spread evenly",
+        start=float(t[0]),
+        end=float(t[-1]),
+        count=repeated,
     )
 
 
-def _dropped(gaps: Signal, lost: int) -> Finding:
-    longest = gaps[int(np.argmax(gaps[:, 1] - gaps[:, 0]))]
-    return Finding(
-        "dropped_samples",
-        f"{lost} samples were never logged, in {len(gaps)} gap{'s' if len(gaps) > 1 else ''}; the longest lasts "
-        f"{longest[1] - longest[0]:.2f} s at {longest[0]:.2f} s",
-        "bridged by straight lines",
-        start=float(gaps[0, 0]),
-        end=float(gaps[-1, 1]),
-        count=lost,
-        removed=lost,
+def forward(t: Signal, rows: Index, usual: float, findings: list[Finding], where: str) -> tuple[Signal, Index]:
+    """Put right each backward step: rows in the wrong order, single wrong stamps, or a clock that was set back."""
+    t = t.copy()
+    steps, removed, done = 0, 0, set()
+    start = end = float(t[int(np.argmax(np.diff(t) < 0))])
+    while (back := np.flatnonzero(np.diff(t) < 0)).size:
+        steps += 1
+        if steps > MANY:
+            raise LogError(
+                f"{where}: the time column runs backward at more than {MANY} places; expected stamps that rise from row "
+                f"to row. Name the right column in a rig file under [columns]."
+            )
+        end = float(t[back[0]])
+        t, rows, action, lost = _put_right(t, rows, int(back[0]) + 1, usual)
+        removed += lost
+        done.add(action)
+    findings.append(
+        Finding(
+            "backward_stamp",
+            f"the clock steps back at {steps} place{'s' if steps > 1 else ''}",
+            " and ".join(sorted(done)),
+            start=start,
+            end=end,
+            count=steps,
+            removed=removed,
+        )
     )
+    return t, rows
+
+
+def _put_right(t: Signal, rows: Index, k: int, usual: float) -> tuple[Signal, Index, str, int]:
+    """Repair the backward step from sample k - 1 to k; also what was done and how many samples that cost."""
+    ahead = int(np.searchsorted(t[:k], t[k], side="left"))
+    later = np.flatnonzero(t[k:] > t[k - 1])
+    behind = k + int(later[0]) if later.size else t.size
+    early, late = k - ahead, behind - k
+    if min(early, late) > GLITCH:
+        t[k:] += t[k - 1] + usual - t[k]
+        return t, rows, "later stamps moved forward to follow on", 0
+    order = ahead + np.argsort(t[ahead:behind], kind="stable")
+    steps = np.diff(np.concatenate((t[ahead - 1 : ahead], t[order], t[behind : behind + 1])))
+    if early <= GLITCH and late <= GLITCH and np.all((steps > 0.5 * usual) & (steps < LOST * usual)):
+        t[ahead:behind] = t[order]
+        rows = rows.copy()
+        rows[ahead:behind] = rows[order]
+        return t, rows, "rows put in the order of their stamps", 0
+    wrong = np.arange(ahead, k) if early <= late else np.arange(k, behind)
+    return np.delete(t, wrong), np.delete(rows, wrong), "samples with a wrong stamp left out", wrong.size
+
+
+def without_repeats(t: Signal, rows: Index, usual: float, findings: list[Finding]) -> tuple[Signal, Index]:
+    """Leave out samples that repeat a stamp; one followed by a double interval gets the stamp that is missing there."""
+    again = np.flatnonzero(np.diff(t) == 0) + 1
+    inner = again[again < t.size - 1]
+    missing = inner[np.abs(t[inner + 1] - t[inner] - 2 * usual) < 0.5 * usual]
+    mended = t.copy()
+    mended[missing] = 0.5 * (t[missing] + t[missing + 1])
+    left_out = np.setdiff1d(again, missing)
+    done = [f"{left_out.size} left out"] if left_out.size else []
+    done += [f"{missing.size} given the stamp that was missing"] if missing.size else []
+    findings.append(
+        Finding(
+            "repeated_stamp",
+            f"{again.size} sample{'s repeat' if again.size > 1 else ' repeats'} the stamp before",
+            ", ".join(done),
+            start=float(t[again[0]]),
+            end=float(t[again[-1]]),
+            count=int(again.size),
+            removed=int(left_out.size),
+        )
+    )
+    return np.delete(mended, left_out), np.delete(rows, left_out)
+
+
+def resolution(t: Signal, usual: float) -> float:
+    """Step in which the stamps count, found on a sample of them; 0 if they are finer than a millionth of a second. [s]"""
+    some = t[:2000] - t[0]
+    for digits in range(7):
+        scaled = some * 10.0**digits
+        if np.all(np.abs(scaled - np.rint(scaled)) < 1e-3 * max(1.0, usual * 10.0**digits)):
+            return float(10.0**-digits)
+    return 0.0
+
+
+_DAY = 86400.0
+_LONGEST = 10.0
+"""With longer intervals the jump from one minute to the next is not significant. [s]"""
+
+_NEAR = 0.5
+"""The interval over the end of a minute deviates from the usual one by less than this share."""
+
+
+@np.errstate(invalid="ignore")  # the remainder of an infinite stamp
+def clock_of_digits(stamps: Signal) -> Signal | None:
+    """Seconds since the first stamp, if the stamps are certain to be HHMMSS or YYYYMMDDHHMMSS; else None. [s]
+
+    They are where no minute and no second reaches 60, no hour 24, every date exists, and the next minute begins one interval
+    after the last stamp of each: read as plain seconds, that interval would be 40 s longer. NaN stays.
+
+    >>> clock_of_digits(np.array([95959.0, 95959.5, 100000.0, 100000.5])).tolist()
+    [0.0, 0.5, 1.0, 1.5]
+    """
+    if np.any(stamps % 100 >= 60):  # at once for nearly every log of plain seconds
+        return None
+    at = np.flatnonzero(np.isfinite(stamps))
+    whole = np.floor(stamps[at])
+    day, in_day = np.divmod(whole, 1e6)
+    hour, minute, second = in_day // 1e4, in_day // 100 % 100, in_day % 100
+    number = _numbers(day)
+    if at.size == 0 or number is None or hour.max() >= 24 or minute.max() >= 60:
+        return None
+    since = number * _DAY + hour * 3600 + minute * 60 + second + (stamps[at] - whole)
+    if not day.any():
+        since += _DAY * np.cumsum(np.diff(since, prepend=since[0]) < -_DAY / 2)
+    interval = np.diff(since)
+    over = interval[np.diff(whole // 100) != 0]
+    usual = positive_median(interval)
+    # Minutes end within the log, each a usual interval before the next one begins.
+    if not (0 < usual < _LONGEST and over.size and np.all(np.abs(over - usual) < _NEAR * usual)):
+        return None
+    seconds = np.full(stamps.size, np.nan)
+    seconds[at] = since - since[0]
+    return seconds
+
+
+def _numbers(days: Signal) -> Signal | None:
+    """Number each day, written YYYYMMDD; 0 for stamps without a date, None if one does not exist."""
+    different, which = np.unique(days, return_inverse=True)
+    if different.size == 1 and different[0] == 0:
+        return days
+    try:
+        numbers = [date(int(d) // 10000, int(d) // 100 % 100, int(d) % 100).toordinal() for d in different.tolist()]
+    except (ValueError, OverflowError):
+        return None
+    return np.array(numbers, dtype=np.float64)[which]

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import msgspec
 
 from winchcascade.core.quantity import Unit, find_unit
 from winchcascade.core.run import CHANNELS
 
-if TYPE_CHECKING:
-    from winchcascade.ingest.source import Header
+
+class Header(msgspec.Struct, frozen=True):
+    """One column as the file names it; the unit is None where the file keeps none apart from the name."""
+
+    name: str
+    unit: str | None = None
+
 
 NAMES: dict[str, str] = {
     "time": """t time timestamp times timestring datetime date_time unix_time epoch zeit zeitstempel temps tiempo tempo tid
@@ -49,17 +54,17 @@ QUALIFIERS = frozenset(
     """line tether rope cable winch drum crane shaft pto accumulator acc gas sensor signal measured meas actual act value
     val raw channel ch ai dc load bus link seil leine câble cuerda of the de la du am an at""".split()
 )
-"""Words that say where or how a quantity was measured and may stand beside its name."""
+"""Words that describe where or how a quantity was measured and may stand beside its name."""
 
 DATES = frozenset("date datum fecha data dato päivä 日期 날짜 дата".split())
-"""Columns of dates: the clock where there is no other, else nobody misses them."""
+"""Columns of dates: the clock where there is no other, else not reported as unknown."""
 
 COUNTS = frozenset(
     """no nr n index idx row rownumber rowno record recordno recordnumber recnum rn recno sample samples sampleno
     samplenumber sampleindex scan scanno scannumber count counter line lineno 序號 序号 編號 编号 番号 번호 номер
     indexlevel0 unnamed0""".split()
 )
-"""Columns that number the rows: no channels, and nobody misses them."""
+"""Columns that number the rows: no channels, and not reported as unknown."""
 
 DIMENSION = {"time": "time"} | {name: channel.dimension for name, channel in CHANNELS.items()}
 """What each channel, and the time, measures."""
@@ -74,13 +79,24 @@ def letters_of(text: str) -> str:
     return "".join(c for c in unicodedata.normalize("NFKD", text).casefold() if c.isalnum()).replace("ı", "i")
 
 
+_NO_NAME = re.compile(r"(?:index|indexlevel0|unnamed0|column\d+)?")
+"""Letters of a column that has no name, or the one that a program gave it for want of a name."""
+
+
+def nameless(header: Header) -> bool:
+    """Whether a column has no name of its own.
+
+    >>> [nameless(Header(name)) for name in ("", "Unnamed: 0", "__index_level_0__", "Force")]
+    [True, True, True, False]
+    """
+    return _NO_NAME.fullmatch(letters_of(header.name)) is not None
+
+
 def _by_name() -> dict[str, tuple[str, ...]]:
-    table: dict[str, list[str]] = {}
+    table: dict[str, dict[str, None]] = {}
     for channel, names in NAMES.items():
         for name in names.split():
-            found = table.setdefault(letters_of(name), [])
-            if channel not in found:
-                found.append(channel)
+            table.setdefault(letters_of(name), {})[channel] = None
     return {name: tuple(found) for name, found in table.items()}
 
 
@@ -97,7 +113,7 @@ class _Read(msgspec.Struct, frozen=True):
 
 _BRACKETS = re.compile(r"[(\[{<]([^()\[\]{}<>]*(?:\([^()]*\))?[^()\[\]{}<>]*)[)\]}>]")
 _LONGEST_NAME = 120
-"""More of a name is not looked at: what is longer is no name."""
+"""Length up to which a name is read; a longer text is no name. [characters]"""
 
 _BEFORE_UNIT = re.compile(r"(?<=\S)(?:\s+in\s+|\s*[/,;:_.\s]\s*)(?=\S)")
 
@@ -112,47 +128,38 @@ def read_header(header: Header) -> _Read:
     inside = [bracket.group(1).strip() for bracket in _BRACKETS.finditer(name)]
     splits = [(bare, end) for end in inside]
     splits += [(n[: m.start()], n[m.end() :]) for n in dict.fromkeys((name, bare)) for m in _BEFORE_UNIT.finditer(n)]
-    for start, end in splits:
-        unit = find_unit(end)
-        if unit is not None and any(DIMENSION[c] == unit.dimension for c in _candidates(start)):
-            return _Read(start, unit, None)
-    other = next((unit for end in inside if (unit := find_unit(end)) is not None), None) or _unit_of_none(splits)
+    units = [(start, end, unit) for start, end in splits if (unit := find_unit(end)) is not None]
+    for start, _, own in units:
+        if any(DIMENSION[c] == own.dimension for c in _candidates(start)):
+            return _Read(start, own, None)
+    # A unit that no channel has, behind the name of one, as in `T / °F`; a lone letter, as in `Force/F`, may be a name.
+    foreign = (u for n, end, u in units if len(end) > 1 and u.dimension not in _MEASURED and _candidates(n))
+    other = next(filter(None, map(find_unit, inside)), None) or next(foreign, None)
     return _Read(bare, other, None if other or not inside else inside[-1] or None)
 
 
-def _unit_of_none(splits: list[tuple[str, str]]) -> Unit | None:
-    """A unit that no channel has, behind the name of one: `T / °F`; a lone letter there, as in `Force/F`, may be a name."""
-    for start, end in splits:
-        unit = find_unit(end) if len(end) > 1 else None
-        if unit is not None and unit.dimension not in _MEASURED and _candidates(start):
-            return unit
-    return None
-
-
 def _candidates(name: str) -> tuple[str, ...]:
-    """Channels that a name may mean, with and without the words that say where it was measured."""
+    """Channels that a name may mean, with and without the words that describe where it was measured."""
     last = name.replace("\\", "/").rsplit("/", 1)[-1]
     if last != name and find_unit(name) is not None:  # m/s is no s in a group m
         return ()
-    for text in (name, last):
-        found = CHANNELS_BY_NAME.get(letters_of(text))
-        if found:
-            return found
+    return next((found for text in _spellings(name, last) if (found := CHANNELS_BY_NAME.get(letters_of(text)))), ())
+
+
+def _spellings(name: str, last: str) -> Iterator[str]:
+    """Yield a name, its last part, and the words of that with fewer and fewer of the qualifiers."""
+    yield name
+    yield last
     words = [w for w in re.split(r"[\W_]+", unicodedata.normalize("NFKC", last).casefold()) if w]
     words = [w for w in words if not re.fullmatch(r"(?:ai|ch|channel)?\d+", w)]
     place = next((k for k, w in enumerate(words) if w not in QUALIFIERS), 0)
-    shorter = [words[k:] for k in range(place + 1)] + [[w for w in words if w not in QUALIFIERS]]
-    for part in shorter:
-        found = CHANNELS_BY_NAME.get(letters_of("".join(part)))
-        if found:
-            return found
-    return ()
+    yield from ("".join(words[k:]) for k in range(place + 1))
+    yield "".join(w for w in words if w not in QUALIFIERS)
 
 
 def recognise(header: Header) -> str | None:
     """Channel (or `time`) that a header names, None for a column that is none.
 
-    >>> from winchcascade.ingest.source import Header
     >>> [recognise(Header(n)) for n in ("V_DC (V)", "直流電壓", "Line velocity", "Speed (rpm)", "Tension (V)")]
     ['vdc', 'vdc', 'velocity', None, 'vdc']
     """

@@ -13,8 +13,7 @@ import msgspec
 from winchcascade.core.errors import LogError
 from winchcascade.core.quantity import find_unit
 from winchcascade.ingest.cells import is_value, looks_like_a_number, split_row
-from winchcascade.ingest.dialects import recognise
-from winchcascade.ingest.source import Header
+from winchcascade.ingest.dialects import Header, recognise
 
 _ENCODINGS = ("cp950", "cp1252", "cp932", "gb18030", "cp949", "cp1251", "cp1250", "euc_jp", "koi8-r", "cp850")
 _BOMS = (
@@ -35,7 +34,7 @@ _LONG = 200
 """A name is shorter than this."""
 
 _SAMPLE = 50
-"""Rows that are looked at to learn the habits of a file."""
+"""Number of rows from which the layout of a file is found."""
 
 
 class Layout(msgspec.Struct, frozen=True):
@@ -84,14 +83,14 @@ def find_encoding(head: bytes) -> str:
         codecs.getincrementaldecoder("utf-8")().decode(head)
         return "utf-8"
     except UnicodeDecodeError:
-        # letters beyond ASCII stand alone or in twos in European words, in long runs in Chinese, Japanese and Korean
-        alone = max(map(len, re.findall(rb"[\x80-\xff]+", head[:4096])), default=0) <= 2
-        order = _ENCODINGS[1:] + _ENCODINGS[:1] if alone else _ENCODINGS
+        # Letters beyond ASCII stand alone or in twos in European words, in long runs in Chinese, Japanese and Korean.
+        long_runs = re.search(rb"[\x80-\xff]{3}", head[:4096]) is not None
+        order = _ENCODINGS if long_runs else _ENCODINGS[1:] + _ENCODINGS[:1]
         return max(order, key=lambda name: _readable(head, name))  # the first of equals
 
 
 def _readable(head: bytes, encoding: str) -> int:
-    """How many headers and units an encoding lets us recognise; less for one that cannot decode the text at all."""
+    """Number of headers and units that are recognised under an encoding; -1 for one that cannot decode the text at all."""
     try:
         text = codecs.getincrementaldecoder(encoding)().decode(head)
     except UnicodeDecodeError:
@@ -108,24 +107,16 @@ def find_layout(lines: Sequence[str], where: str) -> Layout:
     ------
     LogError : no rows of numbers, or rows without names above them
     """
-    best: tuple[float, str, int, list[list[str]]] | None = None
-    for delimiter in (",", ";", "\t", "|", " "):
-        if delimiter == " " and best is not None:
-            break  # blanks also stand inside of stamps and names
-        found = _first_data(lines[:_MANY_LINES], delimiter)
-        if found is not None:
-            values = sum(bool(cell) and is_value(cell) for row in found[1] for cell in row)
-            score = values / len(found[1]) - found[0] / (10 * _MANY_LINES)
-            if best is None or score > best[0]:
-                best = (score, delimiter, *found)
-    if best is None:
+    # Blanks also stand inside of stamps and names.
+    tables = _tables(lines[:_MANY_LINES], ",;\t|") or _tables(lines[:_MANY_LINES], " ")
+    if not tables:
         raise LogError(_no_table(lines, where))
-    _, delimiter, first, rows = best
-    headers = _headers(lines[:first], delimiter, rows, where)
+    delimiter, first, rows = max(tables, key=_score)
     width = _width(rows)
+    headers = _headers(lines[:first], delimiter, rows, where)
     return Layout(
         delimiter,
-        _decimal(rows, delimiter),
+        _decimal(rows),
         headers[:width],
         len(headers) > width,
         first,
@@ -134,6 +125,21 @@ def find_layout(lines: Sequence[str], where: str) -> Layout:
         _properties(lines[:first]),
         _is_labview(lines[:first]),
     )
+
+
+_Table = tuple[str, int, list[list[str]]]
+"""A delimiter, the first line of data under it, and the rows from there."""
+
+
+def _tables(lines: Sequence[str], delimiters: str) -> list[_Table]:
+    """Tables that lines hold under some delimiters: two rows of data in a row at least."""
+    return [(delimiter, *data) for delimiter in delimiters if (data := _first_data(lines, delimiter)) is not None]
+
+
+def _score(table: _Table) -> float:
+    """Values in a row, less for a table that begins late."""
+    _, first, rows = table
+    return sum(bool(cell) and is_value(cell) for row in rows for cell in row) / len(rows) - first / (10 * _MANY_LINES)
 
 
 def _first_data(lines: Sequence[str], delimiter: str) -> tuple[int, list[list[str]]] | None:
@@ -192,8 +198,10 @@ def _headers(above: Sequence[str], delimiter: str, rows: list[list[str]], where:
         ]
         names = ["" if name == "Comment" else name for name in names]
     names, units = _wide(names, width), _wide(units, width)
-    more = [Header(name) for name in names[width:]]
-    return (*(_header(k, names[k], units[k] or None, columns[k]) for k in range(width)), *more)
+    return (
+        *(_header(k, names[k], units[k] or None, columns[k]) for k in range(width)),
+        *map(Header, names[width:]),
+    )
 
 
 def _is_labview(above: Sequence[str]) -> bool:
@@ -248,9 +256,8 @@ def _counts(column: Sequence[str]) -> bool:
 def _is_units(row: Sequence[str]) -> bool:
     """Whether a line is a row of units: most of its cells are units or blank, and none of those is a channel's name."""
     full = [c.strip("()[] ") for c in row if c.strip("()[]-– ")]
-    known = _known_units(row)
     named = sum(recognise(Header(c)) is not None and len(c) > 2 for c in full)
-    return known >= 2 and known >= 0.5 * len(full) and named <= 0.3 * len(full)
+    return _known_units(row) >= max(2, 0.5 * len(full)) and named <= 0.3 * len(full)
 
 
 def _known_units(row: Sequence[str]) -> int:
@@ -258,22 +265,19 @@ def _known_units(row: Sequence[str]) -> int:
     return sum(find_unit(c.strip("()[] ")) is not None for c in row if c.strip("()[]-– "))
 
 
-def _decimal(rows: Sequence[Sequence[str]], delimiter: str) -> str:
-    """Decimal sign: a comma if numbers hold commas and no points, unless the comma parts the cells."""
-    if delimiter == "," and not any("," in c for row in rows for c in row):
-        return "."
+def _decimal(rows: Sequence[Sequence[str]]) -> str:
+    """Decimal sign: a comma if more numbers hold a comma than a point."""
     numbers = [c for row in rows for c in row if looks_like_a_number(c)]
     return "," if sum("," in c for c in numbers) > sum("." in c for c in numbers) else "."
 
 
 def _properties(above: Sequence[str]) -> dict[str, str]:
-    """Lines of the preamble that say `key: value`, `key = value` or `key<delimiter>value`."""
+    """Lines of the preamble of the form `key: value`, `key = value` or `key<delimiter>value`."""
     found: dict[str, str] = {}
-    for line in above:
-        parts = _PROPERTY.match(line)
-        value = parts.group(2).strip(' \r\n,"') if parts else ""
-        if parts and value:
-            found.setdefault(parts.group(1), re.sub(r"^([-+]?\d+),(\d+)(?!\d*,)", r"\1.\2", value))
+    for parts in filter(None, map(_PROPERTY.match, above)):
+        value = parts[2].strip(' \r\n,"')
+        if value:
+            found.setdefault(parts[1], re.sub(r"^([-+]?\d+),(\d+)(?!\d*,)", r"\1.\2", value))
     return found
 
 
@@ -297,12 +301,11 @@ def _no_names(found: Sequence[Sequence[str]], filled: int, where: str) -> str:
 
 def _no_table(lines: Sequence[str], where: str) -> str:
     named = [line.strip() for line in lines if line.strip()]
-    for delimiter in (",", ";", "\t"):
-        if any(_channels(split_row(line, delimiter)) > 1 for line in named[:_MANY_LINES]):
-            return (
-                f"{where}: column names but no rows of numbers below them; expected at least a few seconds of samples. "
-                f"Check that the logger wrote its data."
-            )
+    if any(_channels(split_row(line, delimiter)) > 1 for delimiter in ",;\t" for line in named[:_MANY_LINES]):
+        return (
+            f"{where}: column names but no rows of numbers below them; expected at least a few seconds of samples. "
+            f"Check that the logger wrote its data."
+        )
     first = named[0][:40] if named else ""
     return (
         f"{where}: no table of numbers found (it begins with {first!r}); expected column names and rows of numbers. Check "

@@ -6,7 +6,6 @@ import math
 import os
 import signal
 import sys
-from functools import cache
 
 import msgspec
 
@@ -28,7 +27,7 @@ LEAST_SECONDS, SECONDS_PER_BYTE = 60.0, 4.0 / MB
 """Limit of time: the larger of the two. An .xlsx takes 0.33 s for each megabyte, on a busy machine ten times as long. [s]"""
 
 NUMBERS_SHARE, NUMBERS_PER_BYTE = 16, 10
-"""Limit of the columns that are handed over: a share of the memory, or so many bytes for each byte of the file.
+"""Limit of the columns that the process sends: a share of the memory, or so many bytes for each byte of the file.
 
 The reduction holds some ten copies of the columns. No measured signal that is worth a file is compressed further.
 """
@@ -39,12 +38,9 @@ _ADDRESSES = 4
 _LONGEST_WORDS = 1 << 20
 """Most that the process may write to any file, its messages on standard error included. [bytes]"""
 
-_AFTER = 5.0
-"""The process ends itself so long after its limit of time, where its parent has gone and nobody ends it. [s]"""
-
 
 class Limits(msgspec.Struct, frozen=True):
-    """What the reading of one file may take: resident memory [bytes], time [s], and columns handed over [bytes]."""
+    """What the reading of one file may take: resident memory [bytes], time [s], and columns sent [bytes]."""
 
     memory: int
     seconds: float
@@ -54,8 +50,11 @@ class Limits(msgspec.Struct, frozen=True):
 def limits_for(size: int) -> Limits:
     """Set the limits for a file of so many bytes; OptionError for a setting that is no positive number."""
     memory = _setting(MEMORY_SETTING, max(LEAST_MEMORY, MEMORY_PER_BYTE * size) / MB) * MB
-    seconds = _setting(SECONDS_SETTING, max(LEAST_SECONDS, SECONDS_PER_BYTE * size))
-    return Limits(int(memory), seconds, int(max(memory / NUMBERS_SHARE, NUMBERS_PER_BYTE * size)))
+    return Limits(
+        int(memory),
+        _setting(SECONDS_SETTING, max(LEAST_SECONDS, SECONDS_PER_BYTE * size)),
+        int(max(memory / NUMBERS_SHARE, NUMBERS_PER_BYTE * size)),
+    )
 
 
 def _setting(name: str, usual: float) -> float:
@@ -79,36 +78,17 @@ def limit_this_process(memory: int, parent: int) -> None:
         return
     import resource
 
-    for which, most in ((resource.RLIMIT_CORE, 0), (resource.RLIMIT_FSIZE, _LONGEST_WORDS)):
-        _lower(which, most)
+    caps = [(resource.RLIMIT_CORE, 0), (resource.RLIMIT_FSIZE, _LONGEST_WORDS)]
     if sys.platform == "linux":
         import ctypes
 
         ctypes.CDLL(None).prctl(1, 9)  # PR_SET_PDEATHSIG: SIGKILL when the parent ends
         if os.getppid() != parent:
             sys.exit()
-        _lower(resource.RLIMIT_AS, _pages(os.getpid(), 0) + _ADDRESSES * memory)
-
-
-def _lower(which: int, most: int) -> None:
-    if sys.platform != "win32":
-        import resource
-
+        caps.append((resource.RLIMIT_AS, _pages(os.getpid(), 0) + _ADDRESSES * memory))
+    for which, most in caps:
         hard = resource.getrlimit(which)[1]
-        most = most if hard == resource.RLIM_INFINITY else min(most, hard)
-        resource.setrlimit(which, (most, hard))
-
-
-def end_after(seconds: float) -> None:
-    """End this process after a time, even within compiled code; a later call counts anew."""
-    import faulthandler
-
-    faulthandler.dump_traceback_later(seconds + _AFTER, exit=True, file=_nowhere())
-
-
-@cache
-def _nowhere() -> int:
-    return os.open(os.devnull, os.O_WRONLY)
+        resource.setrlimit(which, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
 
 
 def _pages(pid: int, place: int) -> int:

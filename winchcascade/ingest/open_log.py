@@ -1,21 +1,27 @@
-"""Which reader a file needs, by what its first bytes say, whatever its name ends in."""
+"""Which reader a file needs, by its first bytes, whatever its name ends in."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from winchcascade.core.errors import LogError
+from winchcascade.ingest.source import LogSource, refuse_sheet
 
-if TYPE_CHECKING:
-    from winchcascade.ingest.source import LogSource
+_ISOLATED = {
+    b"TDSm": "tdms",
+    b"PAR1": "parquet",
+    b"PK\x03\x04": "excel",
+    b"\xd0\xcf\x11\xe0": "excel",
+    b"MATLAB ": "mat",
+    b"\x89HDF": "mat",
+}
+"""By first bytes, readers that run in a process of their own, as `isolated` names them."""
 
 
 def open_log(path: Path, table: str | None = None) -> LogSource:
-    """Open a log by what its first bytes say, whatever its name ends in.
+    """Open a log by its first bytes, whatever its name ends in; each reader is imported only when it is needed.
 
     Parameters
     ----------
@@ -32,41 +38,20 @@ def open_log(path: Path, table: str | None = None) -> LogSource:
         raise LogError(f"{path.name}: cannot be read ({fault.strerror}); check its permissions.") from None
     if not head:
         raise LogError(f"{path.name}: the file is empty; expected a log with column names and rows of numbers.")
-    return _reader(head, path.name, table)(path)
-
-
-def _reader(head: bytes, where: str, table: str | None) -> Callable[[Path], LogSource]:
-    """Choose the reader; each is imported only when it is needed."""
-    isolated = _isolated_reader(head)
-    if isolated is not None:
+    reader = next((name for magic, name in _ISOLATED.items() if head.startswith(magic)), None)
+    if reader or is_mat_v4(head):
         from winchcascade.ingest.isolated import open_isolated
 
-        return partial(open_isolated, isolated, table=table)
+        return open_isolated(reader or "mat", path, table=table)
     for magic, name in _NO_LOGS.items():
         if head.startswith(magic):
             raise LogError(
-                f"{where}: is {name}, not a log; expected CSV, TDMS, MATLAB, Parquet or Excel. Unpack or export it first."
+                f"{path.name}: is {name}, not a log; expected CSV, TDMS, MATLAB, Parquet or Excel. Unpack or export it first."
             )
-    if table is not None:
-        from winchcascade.ingest.table_choice import refuse_sheet
-
-        refuse_sheet(table, where)
+    refuse_sheet(table, path.name)
     from winchcascade.ingest.formats.delimited import open_delimited
 
-    return open_delimited
-
-
-def _isolated_reader(head: bytes) -> str | None:
-    """Name the reader of a format that only a process of its own reads; None for other formats."""
-    if head.startswith(b"TDSm"):
-        return "tdms"
-    if head.startswith(b"PAR1"):
-        return "parquet"
-    if head.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
-        return "excel"
-    if head.startswith((b"MATLAB ", b"\x89HDF")) or is_mat_v4(head):
-        return "mat"
-    return None
+    return open_delimited(path)
 
 
 _V4_TYPE = re.compile(r"[01]0[0-5][012]")

@@ -11,27 +11,24 @@ import unicodedata
 from contextlib import suppress
 from pathlib import Path
 from threading import Thread
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.campaign_file import SIMULATED, Origin, joint_origin
 from winchcascade.core.errors import LogError
-from winchcascade.core.files import readable
 from winchcascade.core.integrate import median
+from winchcascade.core.plain_text import one_line
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import built_in
-from winchcascade.core.run import CLOCK, Finding, Run
+from winchcascade.core.run import CLOCK, Finding, Run, Signal
 from winchcascade.ingest.assign import Assignment, assign, listed
-from winchcascade.ingest.cells import clock_of_digits
+from winchcascade.ingest.cells import looks_like_a_stamp, seconds
 from winchcascade.ingest.checks.quality import check
-from winchcascade.ingest.clock import Clock, even_clock, read_clock, require_rising
+from winchcascade.ingest.clock import Clock, clock_of_digits, even_clock, read_clock, require_rising
+from winchcascade.ingest.dialects import nameless
 from winchcascade.ingest.open_log import open_log
-
-if TYPE_CHECKING:
-    from winchcascade.core.run import Signal
-    from winchcascade.ingest.source import LogSource, LogTable
+from winchcascade.ingest.source import FEWEST_ROWS, LogSource, LogTable
 
 OVERFLOW = 1e30
 """Instruments write 9.9e37 where they have no reading (SCPI); nothing measured comes near."""
@@ -47,8 +44,8 @@ _FRESH, _FRESH_IN_SECONDS = _SECOND // 20, 3 * _SECOND
 are whole seconds (FAT), up to 2 s. [ns]
 """
 
-_FEWEST = 10
-"""A log with fewer rows than this shows no motion."""
+_FEWEST_STAMPS = 3
+"""Fewer stamps show no clock."""
 
 
 @np.errstate(invalid="ignore")  # a file of binary numbers may hold NaN of the kind that signals
@@ -68,10 +65,10 @@ def read_run(
     ----------
     path : CSV of any dialect, LabVIEW's .lvm, TDMS, MATLAB .mat, Parquet or Excel; the content decides which
     rig : the rig whose sensors and columns are expected; the paper's by default
-    load : resistance at the DC link, inf for an open circuit; by default what the file says of itself, else None [ohm]
+    load : resistance at the DC link, inf for an open circuit; by default what a property of the file states, else None [ohm]
     table : name or number of the sheet of a workbook, of the run in a MATLAB file or of the TDMS group; needed where several
         could be the log
-    load_source, about : who says so, and what is to be said of the log, for the reports
+    load_source, about : source of the load, and a description of the log, for the reports
     origin : whether the data are measured and where they come from; the mark of `simulate` overrides it
 
     Raises
@@ -102,49 +99,52 @@ def read_run(
 
 
 def _read(path: Path, rig: Rig, load: float | None, load_source: str, about: str, table_name: str | None) -> Run:
-    """Read and check a log that nobody changes meanwhile."""
+    """Read and check a log that does not change meanwhile."""
     source = open_log(path, table_name)
     try:
         found, table = _loaded(source, rig, path.name)
     finally:
         source.close()
-    digest = _Digest(path)
+    # Hashing leaves the interpreter free for other work.
+    digests: list[str] = []
+    hashing = Thread(target=lambda: digests.append(_sha256(path)), daemon=True)
+    hashing.start()
     samples = len(next(iter(table.values.values())))
-    if samples < _FEWEST:
-        rows = f"{samples} row{'' if samples == 1 else 's'}"
+    if samples < FEWEST_ROWS:
         raise LogError(
-            f"{path.name}: the log has {rows} of data; expected at least {_FEWEST} samples of a crane trial."
+            f"{path.name}: the log has {samples} row{'' if samples == 1 else 's'} of data; expected at least {FEWEST_ROWS} "
+            "samples of a crane trial."
         )
     clock, time_findings = _clock(source, table, found, rig, samples, path.name)
-    channels = _channels(table, found, clock)
     if load is None:
         load, load_source, load_faults = _load(source)
-        time_findings = [*time_findings, *load_faults]
+        time_findings += load_faults
     checked = check(
-        clock.t, channels, rig, simulated=found.simulated, open_circuit=load is not None and load == float("inf")
+        clock.t, _channels(table, found, clock), rig, simulated=found.simulated, open_circuit=load == math.inf
     )
     if "velocity" not in checked.channels:
         raise LogError(
             f"{path.name}: neither velocity nor displacement holds a number; expected the motion of the line."
         )
+    hashing.join()
+    if not any(digests):
+        raise LogError(f"{path}: could not be read to its end; check that the file is still there.")
     lost = np.concatenate((np.interp(clock.gaps, clock.t, checked.t), checked.clock))
-    gaps = dict(checked.gaps) | ({CLOCK: lost[np.argsort(lost[:, 0])]} if lost.size else {})
-    findings = (*found.findings, *time_findings, *table.findings, *clock.findings, *checked.findings)
     return Run(
-        name=readable(path.name),
+        name=one_line(path.name),
         t=checked.t,
         channels=checked.channels,
         fs=clock.fs,
         samples=samples,
-        gaps=gaps,
+        gaps=dict(checked.gaps) | ({CLOCK: lost[np.argsort(lost[:, 0])]} if lost.size else {}),
         load=load,
         load_source=load_source,
-        path=readable(str(path)),
-        sha256=digest.value(),
-        findings=findings,
+        path=one_line(str(path)),
+        sha256=digests[0],
+        findings=(*found.findings, *time_findings, *table.findings, *clock.findings, *checked.findings),
         simulated=found.simulated,
         about=about,
-        table=None if source.table is None else readable(source.table),
+        table=None if source.table is None else one_line(source.table),
     )
 
 
@@ -155,22 +155,40 @@ def _with_origin(run: Run, stated: Origin) -> Run:
     if not stated.measured:
         origin = joint_origin([SIMULATED, stated]) if stated.measured is False else SIMULATED
         return msgspec.structs.replace(run, origin=origin)
-    message = "the campaign states measured = true, but the log has the columns of a log made by winchcascade simulate"
-    conflict = Finding("origin_conflict", message, "taken as not measured")
+    conflict = Finding(
+        "origin_conflict",
+        "the campaign states measured = true, but the log has the columns of a log made by winchcascade simulate",
+        "taken as not measured",
+    )
     return msgspec.structs.replace(run, origin=SIMULATED, findings=(conflict, *run.findings))
 
 
 def _loaded(source: LogSource, rig: Rig, where: str) -> tuple[Assignment, LogTable]:
-    """The channels, with the clock that a column names or else the one that stands in a column without a name."""
+    """The channels, with the clock of a named column or else of the only column without a name that is one.
+
+    A data frame may have its clock in the index, which has no name.
+    """
     found = assign(source.headers, rig, where)
     wanted = [match.index for match in found.channels.values()]
     if found.time is None and source.time_step is None:
-        from winchcascade.ingest.formats.parquet import index_clock
-
-        index = index_clock(source, wanted)
-        if index is not None:
-            return assign(source.headers, rig, where, clock=index[0]), index[1]
+        columns = [k for k, header in enumerate(source.headers) if nameless(header) and k not in wanted]
+        clocks = [(k, table) for k in columns if _is_clock(table := source.load(wanted, k))]
+        if len(clocks) == 1:
+            return assign(source.headers, rig, where, clock=clocks[0][0]), clocks[0][1]
     return found, source.load(wanted, found.time.index if found.time else None)
+
+
+def _is_clock(table: LogTable) -> bool:
+    """Whether a column holds stamps, or numbers that rise throughout; whole numbers are no clock, as they count rows."""
+    stamps = table.stamps
+    if stamps is None:
+        return False
+    if not isinstance(stamps, np.ndarray):
+        return 2 * sum(map(looks_like_a_stamp, stamps)) > len(stamps)
+    good = stamps[np.isfinite(stamps)]
+    if good.size < _FEWEST_STAMPS or table.stamped:
+        return good.size >= _FEWEST_STAMPS and bool(good[-1] > good[0])
+    return bool(np.all(good[1:] > good[:-1]) and np.any(good != np.rint(good)))
 
 
 class _Seen:
@@ -211,58 +229,33 @@ def _sha256(path: Path) -> str:
     return ""
 
 
-class _Digest:
-    """SHA-256 of a file, computed beside other work: hashing leaves the interpreter free."""
-
-    def __init__(self, path: Path) -> None:
-        self._path, self._value = path, ""
-        self._thread = Thread(target=self._run, daemon=True)
-        self._thread.start()
-
-    def _run(self) -> None:
-        self._value = _sha256(self._path)  # `value` raises the error, because a thread has no caller
-
-    def value(self) -> str:
-        """Wait for the digest and give it in hexadecimal; LogError if the file has gone since it was read."""
-        self._thread.join()
-        if not self._value:
-            raise LogError(f"{self._path}: could not be read to its end; check that the file is still there.")
-        return self._value
-
-
 def _clock(
     source: LogSource, table: LogTable, found: Assignment, rig: Rig, samples: int, where: str
 ) -> tuple[Clock, list[Finding]]:
     """Stamps from the time column, else from the increment that the file or the rig file states."""
-    findings: list[Finding] = []
     if table.stamps is None:
-        if source.time_step is not None:
-            clock = even_clock(samples, source.time_step, source.time_start)
-            require_rising(clock.t, where)
-            return clock, findings
-        if rig.sample_rate is not None:
-            return even_clock(samples, 1.0 / rig.sample_rate), findings
-        raise LogError(
-            f"{where}: no time column and no sampling interval; the log has "
-            f"{listed([h.name.strip() for h in source.headers])}. Name the column in a rig file under [columns], or "
-            f"its rate as sample_rate_hz under [log]."
-        )
-    if isinstance(table.stamps, np.ndarray):
-        stamps, stamped = table.stamps, table.stamped
-    else:
-        from winchcascade.ingest.stamps import seconds
-
-        stamps, stamped = seconds(table.stamps), True
-    if not stamped and found.time is not None:
-        factor = found.time.factor
-        digits = None if found.time_unit_known else clock_of_digits(stamps)
+        step = source.time_step or (rig.sample_rate and 1.0 / rig.sample_rate)
+        if step is None:
+            raise LogError(
+                f"{where}: no time column and no sampling interval; the log has "
+                f"{listed([h.name.strip() for h in source.headers])}. Name the column in a rig file under [columns], or "
+                f"its rate as sample_rate_hz under [log]."
+            )
+        clock = even_clock(samples, step, source.time_start if source.time_step else 0.0)
+        require_rising(clock.t, where)
+        return clock, []
+    stamps = table.stamps if isinstance(table.stamps, np.ndarray) else seconds(table.stamps)
+    if table.stamped or stamps is not table.stamps or found.time is None:
+        return read_clock(stamps, where), []
+    factor = found.time.factor
+    findings = []
+    if found.time.unit is None:
+        digits = clock_of_digits(stamps)
         if digits is not None:
-            return read_clock(digits, where), findings
-        if not found.time_unit_known:
-            factor, finding = _assumed_time(stamps, table, found)
-            findings.append(finding)
-        stamps = stamps * factor if factor != 1.0 else stamps
-    return read_clock(stamps, where), findings
+            return read_clock(digits, where), []
+        factor, finding = _assumed_time(stamps, table, found)
+        findings.append(finding)
+    return read_clock(stamps if factor == 1.0 else stamps * factor, where), findings
 
 
 _TIME_UNITS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
@@ -290,17 +283,14 @@ def _channels(table: LogTable, found: Assignment, clock: Clock) -> dict[str, Sig
     """Columns in SI units, in the rows that the clock kept."""
     channels = {}
     for name, match in found.channels.items():
-        x = table.values[match.index]
-        if clock.rows is not None:
-            x = x[clock.rows]
-        if not x.flags.writeable:
-            x = x.copy()
+        x = table.values[match.index] if clock.rows is None else table.values[match.index][clock.rows]
+        x = x if x.flags.writeable else x.copy()
         if not (x.max(initial=0.0) < OVERFLOW and x.min(initial=0.0) > -OVERFLOW):
             x[np.abs(x) >= OVERFLOW] = np.nan
         if match.factor != 1.0:
             x *= match.factor
-        if match.offset:
-            x += match.offset
+        if match.unit is not None and match.unit.offset:
+            x += match.unit.offset
         channels[name] = x
     return channels
 
@@ -315,18 +305,20 @@ def _load(source: LogSource) -> tuple[float | None, str, list[Finding]]:
             ohm = _ohm(value, named.group() if named else "ohm")
             if ohm is not None:
                 return ohm, f"property {key} of the file", []
-            message = (
-                f"property {key[:60]} of the file is {str(value)[:60]!r}; expected one resistance such as 9 ohm, or inf"
+            findings.append(
+                Finding(
+                    "load_mismatch",
+                    f"property {key[:60]} of the file is {str(value)[:60]!r}; expected one resistance such as 9 ohm, or inf",
+                    "not used: the load counts as unknown; give it by --load-ohm or a campaign.toml",
+                )
             )
-            action = "not used: the load counts as unknown; give it by --load-ohm or a campaign.toml"
-            findings.append(Finding("load_mismatch", message, action))
     return None, "unknown", findings
 
 
 _LOAD_KEYS = {"load", "rload", "loadresistance", "loadresistor", "resistiveload", "rl"}
 
 _OPEN = {"inf", "infinity", "infinite", "open", "opencircuit", "noload"}
-"""How a file says that no load is connected."""
+"""Words by which a file states that no load is connected."""
 
 _RESISTANCE_UNIT = re.compile(r"([mkMK]?)(?:[Oo][Hh][Mm][Ss]?|\u03a9|\u03c9)$")
 """A unit of resistance with its prefix: m is milli, M mega."""
@@ -357,7 +349,9 @@ def _ohm(value: str | float, unit: str) -> float | None:
         return None
     number, named, remark = quantity.groups()
     prefix = _RESISTANCE_UNIT.fullmatch(named or unit)
-    thousands = re.fullmatch(r"[-+]?[1-9]\d*,\d{3}", number) is not None  # a decimal comma or not, nobody can know
+    thousands = (
+        re.fullmatch(r"[-+]?[1-9]\d*,\d{3}", number) is not None
+    )  # a decimal comma or not cannot be distinguished
     several = bool(remark.strip()) and (
         not named or re.search(r"\d\s*[mkM]?(?:ohm|\u03a9)", remark.casefold()) is not None
     )

@@ -1,27 +1,27 @@
-"""What a reader of one file format hands over: the headers first, then only the columns that are wanted."""
+"""What the reader of a file format provides: the headers first, then only the wanted columns; and the choice of one table.
+
+Where several tables of a file could be the log, the operator names one: none is chosen silently.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.errors import LogError
+from winchcascade.core.run import Finding, Signal
 from winchcascade.ingest.cells import is_stamp
+from winchcascade.ingest.dialects import Header, recognise
 
-if TYPE_CHECKING:
-    from winchcascade.core.run import Finding, Signal
+FEWEST_ROWS = 10
+"""A table with fewer rows than this is a list of parameters or results: it shows no motion."""
 
-
-class Header(msgspec.Struct, frozen=True):
-    """One column as the file names it; the unit is None where the file keeps none apart from the name."""
-
-    name: str
-    unit: str | None = None
+MOST_NAMED = 12
+"""Names that a message lists."""
 
 
 class LogTable(msgspec.Struct, frozen=True):
@@ -38,6 +38,29 @@ class LogTable(msgspec.Struct, frozen=True):
     stamps: Signal | Sequence[str] | None = None
     stamped: bool = False
     findings: tuple[Finding, ...] = ()
+
+
+class LogSource(msgspec.Struct, frozen=True):
+    """An opened log: its headers, and a way to load the wanted columns.
+
+    Parameters
+    ----------
+    headers : every column of the file in its order
+    load : called once with the indices of the wanted channels and the index of the time column (or None)
+    time_step : sampling interval that the file states itself (a waveform); None where stamps or nothing give it [s]
+    time_start : stamp of the first sample of such a waveform [s]
+    properties : what the file states about itself, such as `load_ohm`
+    table : name of the sheet, variable or group that is read, where a file may hold several
+    close : releases what the source holds; no column can be loaded afterwards
+    """
+
+    headers: Sequence[Header]
+    load: Callable[[Sequence[int], int | None], LogTable]
+    time_step: float | None = None
+    time_start: float = 0.0
+    properties: Mapping[str, str | float] = msgspec.field(default_factory=dict)
+    close: Callable[[], object] = lambda: None
+    table: str | None = None
 
 
 def without_notes(table: LogTable) -> LogTable:
@@ -58,10 +81,9 @@ def without_notes(table: LogTable) -> LogTable:
     if not blank.any():
         return table
     rows = np.flatnonzero(~blank)
-    values = {k: column[rows] for k, column in table.values.items()}
     if stamps is not None:
         stamps = stamps[rows] if isinstance(stamps, np.ndarray) else [stamps[k] for k in rows.tolist()]
-    return msgspec.structs.replace(table, values=values, stamps=stamps)
+    return msgspec.structs.replace(table, values={k: x[rows] for k, x in table.values.items()}, stamps=stamps)
 
 
 @contextmanager
@@ -85,24 +107,52 @@ def damage_reported(path: Path, form: str, remedy: str, *, called: str = "file")
         ) from fault
 
 
-class LogSource(msgspec.Struct, frozen=True):
-    """An opened log: its headers, and a way to load the wanted columns.
+def first_text(texts: Mapping[str, object], keys: Iterable[str]) -> str | None:
+    """First text that is not empty under some keys, such as those of a unit."""
+    return next((text for key in keys if (text := str(texts.get(key, "")).strip())), None)
+
+
+def moves(headers: Iterable[Header]) -> bool:
+    """Whether columns hold the motion of a line, as those of a log do."""
+    return any(recognise(header) in ("velocity", "displacement") for header in headers)
+
+
+def choose(candidates: Sequence[str], wanted: str | None, where: str, kind: str) -> str:
+    """Choose the table that is read: the one that is wanted, by name or by its number from 1 on, else the only candidate.
 
     Parameters
     ----------
-    headers : every column of the file in its order
-    load : called once with the indices of the wanted channels and the index of the time column (or None)
-    time_step : sampling interval that the file states itself (a waveform); None where stamps or nothing say it [s]
-    time_start : stamp of the first sample of such a waveform [s]
-    properties : what the file says about itself, such as `load_ohm`
-    table : name of the sheet, variable or group that is read, where a file may hold several
-    close : gives back what the source holds; no column can be loaded afterwards
-    """
+    candidates : tables that could be the log, one at least
+    kind : what the format calls a table
 
-    headers: Sequence[Header]
-    load: Callable[[Sequence[int], int | None], LogTable]
-    time_step: float | None = None
-    time_start: float = 0.0
-    properties: Mapping[str, str | float] = msgspec.field(default_factory=dict)
-    close: Callable[[], object] = lambda: None
-    table: str | None = None
+    Raises
+    ------
+    LogError : there is no such table, or there are several candidates and none is wanted
+    """
+    more = f" and {len(candidates) - MOST_NAMED} more" if len(candidates) > MOST_NAMED else ""
+    listed = ", ".join(map(repr, candidates[:MOST_NAMED])) + more
+    if wanted is None and len(candidates) > 1:
+        raise LogError(
+            f"{where}: {len(candidates)} {kind}s could be the log: {listed}; expected one; name it with "
+            '--sheet NAME, or with sheet = "NAME" in campaign.toml.'
+        )
+    if wanted is None or wanted in candidates:
+        return candidates[0] if wanted is None else wanted
+    alike = [name for name in candidates if name.casefold() == wanted.casefold()]
+    if not alike and wanted.isascii() and wanted.isdigit() and 1 <= int(wanted[:9]) <= len(candidates):
+        alike = [candidates[int(wanted[:9]) - 1]]
+    if alike:
+        return alike[0]
+    raise LogError(
+        f"{where}: has no {kind} {wanted!r}; expected one of {listed}, or a number from 1 to {len(candidates)}; "
+        "correct --sheet, or sheet in campaign.toml."
+    )
+
+
+def refuse_sheet(wanted: str | None, where: str) -> None:
+    """Reject the choice of a table in a file that holds one alone: LogError."""
+    if wanted is not None:
+        raise LogError(
+            f"{where}: is one table, and --sheet {wanted} names another; expected a workbook, a MATLAB file or TDMS; leave "
+            "--sheet out, or sheet in campaign.toml."
+        )

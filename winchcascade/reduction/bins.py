@@ -3,28 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import BLOCK
-from winchcascade.core.run import CLOCK
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from winchcascade.core.integrate import Stream
-    from winchcascade.core.rig_file import Rig
-    from winchcascade.core.run import Run, Signal
-    from winchcascade.reduction.phase_summary import PlateauSummary
-    from winchcascade.reduction.phases import Cycle, Plateau
-
-    Mask = NDArray[np.bool_]
-
+from winchcascade.core.integrate import BLOCK, Stream
+from winchcascade.core.rig_file import Rig
+from winchcascade.core.run import Index, Mask, Run, Signal
+from winchcascade.reduction.gap_error import all_gaps
+from winchcascade.reduction.phase_summary import PlateauSummary
+from winchcascade.reduction.phases import Cycle, Plateau
 
 TORQUE = "torque"
-"""Key of the torque behind the clutch among what a bin averages."""
+"""Key of the torque of the PTO shaft among the quantities that a bin averages."""
 
 
 class Bin(msgspec.Struct, frozen=True):
@@ -46,28 +37,23 @@ class Bin(msgspec.Struct, frozen=True):
 def engaged(run: Run, cycles: Sequence[Cycle], plateaus: Sequence[Plateau | PlateauSummary | None], rig: Rig) -> Mask:
     """Find the samples of the payouts in which the clutch drives the generator, (n,).
 
-    When the drum slows the rotor runs on alone and the torque behind the clutch is zero. So from an onset the clutch counts
+    When the drum slows the rotor runs on alone and the torque of the PTO shaft is zero. So from an onset the clutch counts
     as engaged until the torque has risen, and from then on wherever there is torque; without a torque channel until
     braking begins. Bridged samples are left out.
     """
     driven = np.zeros(run.t.size, dtype=bool)
     torque = run.channels.get("torque")
     for cycle, plateau in zip(cycles, plateaus, strict=True):
-        first = int(np.searchsorted(run.t, cycle.onset, side="left"))
-        last = int(np.searchsorted(run.t, cycle.payout_end, side="right"))
-        if not rig.drivetrain.one_way_clutch:
-            driven[first:last] = True
-        elif torque is not None:
+        clutch = rig.drivetrain.one_way_clutch
+        end = plateau.braking if clutch and torque is None and plateau is not None else cycle.payout_end
+        first, last = np.searchsorted(run.t, cycle.onset, side="left"), np.searchsorted(run.t, end, side="right")
+        driven[first:last] = True
+        if clutch and torque is not None:
             pulls = torque[first:last] >= rig.thresholds.tau_engaged
             rising = int(np.argmax(pulls)) if pulls.any() else 0
-            driven[first:last] = pulls
-            driven[first : first + rising] = True
-        else:
-            braking = plateau.braking if plateau is not None else cycle.payout_end
-            driven[first : int(np.searchsorted(run.t, braking, side="right"))] = True
-    for name in (CLOCK, "velocity", "force", "torque", "power_mech", "vdc", "idc"):
-        for before, after in run.gaps.get(name, ()):
-            driven[np.searchsorted(run.t, before, side="right") : np.searchsorted(run.t, after, side="left")] = False
+            driven[first + rising : last] = pulls[rising:]
+    for before, after in all_gaps(run, ("velocity", "force", "torque", "power_mech", "vdc", "idc")):
+        driven[np.searchsorted(run.t, before, side="right") : np.searchsorted(run.t, after, side="left")] = False
     return driven
 
 
@@ -91,7 +77,7 @@ def bin_powers(
     rows = np.flatnonzero(driven)
     if rows.size == 0:
         return ()
-    number = np.floor(v_line[rows] * (rpm_per_velocity / width)).astype(np.int64)
+    number = np.floor(v_line[rows] * (rpm_per_velocity / width)).astype(np.intp)
     low = int(number.min())
     number -= low
     count = np.bincount(number)
@@ -105,9 +91,7 @@ def bin_powers(
     return tuple(bins)
 
 
-def _mean_and_error(
-    rows: NDArray[np.intp], number: NDArray[np.int64], power: Stream, count: NDArray[np.intp]
-) -> tuple[Signal, Signal]:
+def _mean_and_error(rows: Index, number: Index, power: Stream, count: Index) -> tuple[Signal, Signal]:
     """Mean and standard error of a power in each bin, summed block by block."""
     total, square = np.zeros(count.size), np.zeros(count.size)
     for start in range(int(rows[0]), int(rows[-1]) + 1, BLOCK):

@@ -1,4 +1,4 @@
-"""Energies to efficiencies, one cycle at a time."""
+"""Energies to efficiencies, cycle by cycle, their mean over the cycles and the largest deviation from it."""
 
 from __future__ import annotations
 
@@ -56,7 +56,11 @@ class Metrics(msgspec.Struct, frozen=True, rename=FIELDS):
 
 
 NOTHING = 1e-9
-"""An energy below this is none: no sensor of a winch tells it from zero. [J]"""
+"""An energy below this counts as zero: no sensor of a winch can distinguish it from zero. [J]"""
+
+IDLE = 0.2
+"""A machine that delivers a smaller share of its energy than this runs as in an open circuit, whatever load is stated: its
+losses decide every ratio. [1]"""
 
 
 def ratio(out: float | None, into: float | None) -> float | None:
@@ -75,6 +79,16 @@ def is_efficiency(value: float) -> bool:
     return 0.0 <= value <= 1.0
 
 
+def runs_idle(delivered: Sequence[float | None]) -> bool:
+    """Whether a machine runs as in an open circuit, by the share of the energy that it delivers in each cycle, None if unknown.
+
+    >>> runs_idle([0.1, None, 0.2]), runs_idle([None])
+    (True, False)
+    """
+    mean = _mean([share for share in delivered if share is not None] or None)
+    return mean is not None and mean < IDLE
+
+
 def metrics(
     energy: dict[str, float | None], duration: float, *, open_circuit: bool
 ) -> tuple[Metrics, dict[str, float]]:
@@ -82,7 +96,7 @@ def metrics(
 
     Parameters
     ----------
-    energy : energy_line, energy_mech, energy_gen over the window [J]
+    energy : energy_line, energy_mech, energy_gen over the window [J]; other metrics are taken over
     duration : length of the window [s]
     open_circuit : nothing is delivered, so eta_gen and eta_pto are no efficiencies of the machine
 
@@ -127,29 +141,15 @@ def total(cycles: Sequence[Metrics], duration: float, *, open_circuit: bool) -> 
     ----------
     duration : length of all windows [s]
     """
-    sums = {name: _sum(_column(cycles, name)) for name in METRICS[:3]}
-    found = metrics(sums, duration, open_circuit=open_circuit)[0]
-    nets = {name: _sum(_given(cycles, name)) for name in NET_METRICS[:-1]}
-    return msgspec.structs.replace(found, **nets, eta_net=ratio(nets["energy_gen_cycle"], nets["energy_net"]))
+    sums = {name: None if column is None else float(sum(column)) for name, column in _columns(cycles).items()}
+    found, _ = metrics(sums, duration, open_circuit=open_circuit)
+    return msgspec.structs.replace(found, eta_net=ratio(sums["energy_gen_cycle"], sums["energy_net"]))
 
 
 def _columns(cycles: Sequence[Metrics]) -> dict[str, list[float] | None]:
-    return {m: _column(cycles, m) for m in METRICS} | {m: _given(cycles, m) for m in NET_METRICS}
-
-
-def _given(cycles: Sequence[Metrics], name: str) -> list[float] | None:
-    """One metric of the cycles that have it, None if none has."""
-    return [value for cycle in cycles if (value := getattr(cycle, name)) is not None] or None
-
-
-def _column(cycles: Sequence[Metrics], name: str) -> list[float] | None:
-    """One metric of all cycles, None unless every cycle gives it."""
-    given = _given(cycles, name)
-    return given if given is not None and len(given) == len(cycles) else None
-
-
-def _sum(column: list[float] | None) -> float | None:
-    return None if column is None else float(sum(column))
+    """Each metric of the cycles that have it, None if none has, or, but for net energies, if any has it not."""
+    given = {m: [value for cycle in cycles if (value := getattr(cycle, m)) is not None] for m in ALL_METRICS}
+    return {m: x if x and (m in NET_METRICS or len(x) == len(cycles)) else None for m, x in given.items()}
 
 
 def _mean(column: list[float] | None) -> float | None:

@@ -1,6 +1,6 @@
 """Logs of a campaign whose efficiency lies far from that of the others.
 
-The gains of the sensors are common to a campaign, so that they do not part its logs. Over the loads the losses have known
+The gains of the sensors are common to a campaign, so that they do not separate its logs. Over the loads the losses have known
 forms: in the generator 1 / eta_gen is linear in 1 / R (copper) and R (friction), in the transmission 1 / eta_trans is
 linear in v / P (a constant force) and v^2 / P (drag), with the speed v and the mechanical power P. By these laws the others
 predict a log.
@@ -10,15 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
 from itertools import combinations
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
+from winchcascade.core.run import Signal
 from winchcascade.reduction.efficiency_changes import ALPHA, PRIOR, probability
-
-if TYPE_CHECKING:
-    from winchcascade.core.run import Signal
 
 SMOOTH = 0.005
 """Relative standard deviation of an efficiency about these laws that is assumed before any is measured: the repeatability from
@@ -28,10 +26,10 @@ FAR = 0.01
 """Smallest distance of interest: twice the 0.005 to which an efficiency can be stated at best. [1]"""
 
 MOST_FAR = 3
-"""One log in so many may lie far from the others: of more it is unclear which are the others."""
+"""At most one log in so many may lie far from the others; if more do, it is unclear which the others are."""
 
 MOST_PAIRED = 30
-"""Of more logs no pairs are tried: the others then outvote two that were swapped."""
+"""Maximum number of logs of which pairs are tried: of more the others outvote two that were swapped."""
 
 ALONE = 1e-6
 """Share of its own variance below which a log decides a term of the law by itself. [1]"""
@@ -44,7 +42,7 @@ LAWS = 3
 
 
 class LogEfficiency(msgspec.Struct, frozen=True):
-    """What a log says of its efficiencies: means with their standard uncertainties without the gains, load [ohm], speed of the
+    """Efficiencies of a log: means with their standard uncertainties without the gains, load [ohm], speed of the
     payouts [m/s] and mechanical power [W]. Only logs of one `kind` (rig, window rule, measured or not) are compared.
     """
 
@@ -116,7 +114,7 @@ def _apart(metric: str, logs: Sequence[LogEfficiency], metrics: int) -> list[Apa
 
 
 def _rows(metric: str, logs: Sequence[LogEfficiency]) -> _Rows | None:
-    """The logs as rows, with as many terms of the law as their loads can tell; None where nothing can be compared."""
+    """The logs as rows, with as many terms of the law as their loads can determine; None where nothing can be compared."""
     eta = np.array([log.eta[metric] for log in logs])
     loads = [log.load for log in logs]
     distinct = len(set(loads)) if None not in loads else len(logs)
@@ -150,7 +148,7 @@ def _left_out(rows: _Rows, left: Sequence[int]) -> tuple[Signal, Signal, Signal]
 
 
 def _chances(rows: _Rows, left: Sequence[int]) -> Signal:
-    """Probability for each log that chance alone parts it so far from the others, (k,); 1 where these give no law."""
+    """Probability for each log that chance alone separates it so far from the others, (k,); 1 where these give no law."""
     off, allowed, own = _left_out(rows, left)
     freedom = PRIOR + len(left) - 1 - rows.terms.shape[1]
     square = np.nansum((off * own / rows.sd[left]) ** 2) - off**2 * own / rows.sd[left] ** 2  # of the others alone
@@ -162,7 +160,7 @@ def _chances(rows: _Rows, left: Sequence[int]) -> Signal:
 
 
 def _pair_chance(rows: _Rows, left: Sequence[int], pair: tuple[int, int]) -> float:
-    """Probability that chance alone parts two logs so far from the others; 1 where these give no law.
+    """Probability that chance alone separates two logs so far from the others; 1 where these give no law.
 
     Both are left out, so that neither hides the other.
     """

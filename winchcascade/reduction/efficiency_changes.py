@@ -10,23 +10,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.accuracy import error_sources
-from winchcascade.core.run import Finding
-from winchcascade.reduction.efficiency import NOTHING, RATIOS
-from winchcascade.reduction.sensor_noise import energy_noise
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from winchcascade.core.rig_file import Rig
-    from winchcascade.core.run import Run, Signal
-    from winchcascade.reduction.efficiency import Metrics
-    from winchcascade.reduction.reduction_result import CycleResult
+from winchcascade.core.integrate import white_noise
+from winchcascade.core.rig_file import Rig
+from winchcascade.core.run import Finding, Index, Mask, Run, Signal
+from winchcascade.reduction.efficiency import NOTHING, RATIOS, runs_idle
+from winchcascade.reduction.energies import STAGES, sources
+from winchcascade.reduction.phased_run import Window
+from winchcascade.reduction.reduction_result import CycleResult
 
 ALPHA = 0.01
 """Probability of a false finding in one log, or between the logs of one campaign, all comparisons together. [1]"""
@@ -38,17 +34,21 @@ tenth of the power rings at 2 Hz, a window of 5 s that cuts it anywhere changes 
 PRIOR = 10
 """The assumed standard deviation counts as one of so many degrees of freedom; more cycles than that decide for themselves."""
 
-IDLE = 0.2
-"""A machine that delivers a smaller share than this of its energy runs as in an open circuit, whether or not a load is stated:
-its losses decide every ratio. [1]"""
 
 MOST_ALONG = 20
 """Maximum number of cycles to which a straight line is fitted, about a quarter of an hour on the bench. Over longer logs the
 operating conditions drift as well; of many cycles the two halves show a drift nearly as clearly as the line does."""
 
 MOVES = 0.0025
-"""Smallest change of interest: it moves the mean efficiency of the log by this. The budget of the paper's rig, the best that
-the tool was used on, states efficiencies to 0.003 to 0.005."""
+"""Smallest change of interest: it moves the mean efficiency of the log by this. The budget of the paper's rig, the best on
+which the tool was used, states efficiencies to 0.003 to 0.005."""
+
+
+MOST_WINDOWS = 12
+"""Number of windows that are evaluated: an even selection of those of a longer log. Noise belongs to the sensors. [1]"""
+
+INDEPENDENT = 0.04
+"""Time over which samples are averaged first: noise of a sensor that is sampled faster than it responds is not white. [s]"""
 
 
 class CycleComparison(msgspec.Struct, frozen=True):
@@ -69,7 +69,7 @@ class CycleComparison(msgspec.Struct, frozen=True):
     freedom: int
     chance: float
     moved: float
-    here: NDArray[np.bool_] | None
+    here: Mask | None
 
     @property
     def reported(self) -> bool:
@@ -81,7 +81,8 @@ class _Known(NamedTuple):
     """What may change an efficiency without a fault, all relative. [1]
 
     `gaps` is what bridged gaps may have changed of that of each cycle, (k,); `zeros` the share of the zeros in what is read;
-    `power_share` the change of the share of the loss over that of the power.
+    `power_share` the change of the share of the loss over that of the power; `repeats` the assumed repeatability with the
+    noise of the sensors in the window.
     """
 
     gaps: Signal
@@ -100,8 +101,7 @@ def changes_within(
     bridged : what bridging gaps may have changed of each cycle's energy, by stage [J]
     run : an open circuit has no efficiency of interest
     """
-    compared = compare_cycles(cycles, rig, bridged, run)
-    return [_finding(found) for found in compared if found.reported]
+    return [_finding(found) for found in compare_cycles(cycles, rig, bridged, run) if found.reported]
 
 
 def compare_cycles(
@@ -113,57 +113,70 @@ def compare_cycles(
     """
     if run.open_circuit:
         return []
-    delivered = [x for c in cycles if c.complete and (x := _delivered(c.metrics)) is not None]
-    if delivered and sum(delivered) / len(delivered) < IDLE:
+    whole = [c for c in cycles if c.complete]
+    if runs_idle([c.metrics.eta_gen if c.metrics.eta_pto is None else c.metrics.eta_pto for c in whole]):
         return []
-    power_share = 0.5 if run.load is not None else 1.0
-    noise = energy_noise(run, [c.window for c in cycles if c.complete])
+    noise = energy_noise(run, [c.window for c in whole])
     given = {m: [k for k, c in enumerate(cycles) if c.complete and getattr(c.metrics, m) is not None] for m in RATIOS}
     tested = [m for m in ("eta_trans", "eta_gen") if len(given[m]) > 1] or ["eta_pto"] * (len(given["eta_pto"]) > 1)
     compared = []
     for metric in tested:
-        rows = given[metric]
-        here = [cycles[k] for k in rows]
-        known = _Known(
-            _bridged_share(metric, cycles, rows, bridged), _zeros(here, rig), power_share, _repeats(metric, noise)
-        )
-        found = _largest_change(metric, here, known, len(tested))
-        compared += [] if found is None else [found]
-    return compared
-
-
-def _delivered(metrics: Metrics) -> float | None:
-    """Share of the energy that arrives at the DC link, None where it is unknown."""
-    return metrics.eta_pto if metrics.eta_pto is not None else metrics.eta_gen
-
-
-def _bridged_share(
-    metric: str, cycles: Sequence[CycleResult], rows: Sequence[int], bridged: Mapping[str, tuple[float, ...]]
-) -> Signal:
-    """Share of an efficiency of each cycle that bridging may have changed, (k,). [1]"""
-    share = np.zeros(len(rows))
-    for energy in RATIOS[metric]:
-        joules = bridged.get(energy.removeprefix("energy_"))
-        if joules is not None:
-            share += [joules[k] / max(getattr(cycles[k].metrics, energy), NOTHING) for k in rows]
-    return share
+        here = [cycles[k] for k in given[metric]]
+        gaps = np.zeros(len(here))
+        for energy in RATIOS[metric]:
+            joules = bridged.get(energy.removeprefix("energy_"), np.zeros(len(cycles)))
+            gaps += [joules[c] / max(getattr(cycles[c].metrics, energy), NOTHING) for c in given[metric]]
+        repeats = math.hypot(REPEATS, *(noise.get(energy.removeprefix("energy_"), 0.0) for energy in RATIOS[metric]))
+        known = _Known(gaps, _zeros(here, rig), 0.5 if run.load is not None else 1.0, repeats)
+        compared.append(_largest_change(metric, here, known, len(tested)))
+    return [found for found in compared if found is not None]
 
 
 def _zeros(cycles: Sequence[CycleResult], rig: Rig) -> float:
     """Share that the zeros of force cell and torque sensor may have in what they read on the plateau. [1]"""
     total = 0.0
-    for channel in ("force", "torque"):
-        plateaus = [c.summary.payout.plateau for c in cycles if c.summary.payout.plateau is not None]
-        read = [abs(x) for p in plateaus if (x := getattr(p, channel)) is not None]
+    plateaus = [p for c in cycles if (p := c.summary.payout.plateau) is not None]
+    for channel, values in (("force", [p.force for p in plateaus]), ("torque", [p.torque for p in plateaus])):
+        read = [abs(x) for x in values if x is not None]
         if read and channel in rig.sensors:
             zero = sum(s.limit or 2.0 * s.u for s in error_sources(channel, rig.sensors[channel]) if s.part == "zero")
             total += zero / max(sum(read) / len(read), zero) if zero else 0.0
     return total
 
 
-def _repeats(metric: str, noise: Mapping[str, float]) -> float:
-    """Assumed repeatability of an efficiency, with the noise of the sensors in the window, relative. [1]"""
-    return math.hypot(REPEATS, *(noise.get(energy.removeprefix("energy_"), 0.0) for energy in RATIOS[metric]))
+def energy_noise(run: Run, windows: Sequence[Window]) -> dict[str, float]:
+    """Relative standard deviation of an energy in a window by the white noise of its channels, by stage. [1]
+
+    The noise of a channel is that of its samples in the window. In the sum of the power over n samples it averages out by the
+    square root of n.
+
+    Parameters
+    ----------
+    windows : those that are whole
+    """
+    chosen = windows[:: -(-len(windows) // MOST_WINDOWS)] if windows else ()
+    rows = [slice(*np.searchsorted(run.t, (w.onset, w.cutoff)).tolist()) for w in chosen]
+    count = max(1, int(INDEPENDENT * run.fs + 1e-6))
+    found = {}
+    for stage in STAGES:
+        names = sources(run.channels, stage)
+        if rows and all(name in run.channels for name in names):
+            square = [_square([_averaged(run.channels[name][part], count) for name in names]) for part in rows]
+            found[stage] = float(np.sqrt(np.mean(square)))
+    return found
+
+
+def _averaged(x: Signal, count: int) -> Signal:
+    """Means of so many samples each."""
+    means: Signal = x[: x.size // count * count].reshape(-1, count).mean(axis=1)
+    return means
+
+
+def _square(factors: Sequence[Signal]) -> float:
+    """Relative variance of the integral of a power, one channel or the product of two, by the noise of these. [1]"""
+    x, y = (*factors, np.ones(factors[0].size))[:2]
+    square = white_noise(x) ** 2 * float(y @ y) + white_noise(y) ** 2 * float(x @ x)
+    return square / max(float(x @ y) ** 2, NOTHING)
 
 
 def _largest_change(metric: str, cycles: Sequence[CycleResult], known: _Known, metrics: int) -> CycleComparison | None:
@@ -172,41 +185,46 @@ def _largest_change(metric: str, cycles: Sequence[CycleResult], known: _Known, m
     mean, n = float(np.mean(eta)), len(cycles)
     if mean <= 0.0:
         return None
-    energies = np.array([[getattr(c.metrics, e) for e in RATIOS[metric]] for c in cycles])
-    energies = np.maximum(energies, NOTHING)
+    energies = np.maximum([[getattr(c.metrics, e) for e in RATIOS[metric]] for c in cycles], NOTHING)
     lengths = np.array([[c.window.cutoff - c.window.onset] for c in cycles])
     size = np.hstack([np.log(energies), np.log(energies / lengths)])
     first = np.concatenate([np.arange(1, n), np.ones(max(n - 2, 0), dtype=np.int64)])
-    other = n - first
     drift = _drift_weights(n)
-    change = np.concatenate([_differences(eta / mean, first), drift @ (eta / mean)])
-    spread = np.concatenate([1.0 / first + 1.0 / other, np.sum(drift**2, axis=1)])
-    differs = np.abs(np.concatenate([_differences(size, first), drift @ size]))
+    one, other = _means(np.column_stack([eta / mean, known.gaps, size]), first)
+    change = np.concatenate([other[:, 0] - one[:, 0], drift @ (eta / mean)])
+    bridged = np.concatenate([other[:, 1] + one[:, 1], np.abs(drift) @ known.gaps])
+    differs = np.abs(np.concatenate([other[:, 2:] - one[:, 2:], drift @ size]))
     differs = np.maximum(differs[:, :2].min(axis=1), differs[:, 2:].min(axis=1))  # of energies and of powers
-    gaps = known.gaps
-    bridged = _means(gaps, first) + (gaps.sum() - _means(gaps, first) * first) / other
-    allowed = known.power_share * (1.0 - mean + known.zeros) * differs + np.concatenate([bridged, np.abs(drift) @ gaps])
+    allowed = known.power_share * (1.0 - mean + known.zeros) * differs + bridged
+    spread = np.concatenate([1.0 / first + 1.0 / (n - first), np.sum(drift**2, axis=1)])
     within = np.maximum(n * float(np.var(eta / mean)) - change**2 / spread, 0.0)
     freedom = PRIOR + n - 2
-    s = np.sqrt((PRIOR * known.repeats**2 + within) / freedom)
-    t = np.maximum(np.abs(change) - allowed, 0.0) / (s * np.sqrt(spread))
+    scatter = np.sqrt((PRIOR * known.repeats**2 + within) / freedom * spread)
+    t = np.maximum(np.abs(change) - allowed, 0.0) / scatter
     best = int(np.argmax(t))
-    of_mean = np.concatenate([np.minimum(first, other) / n, np.full(len(drift), 0.5)])
+    of_mean = min(first[best], n - first[best]) / n if best < first.size else 0.5
     return CycleComparison(
         metric=metric,
         cycles=cycles,
         mean=mean,
         change=float(change[best]),
         explained=float(allowed[best]),
-        scatter=float((s * np.sqrt(spread))[best]),
+        scatter=float(scatter[best]),
         freedom=freedom,
         chance=probability(float(t[best]), freedom) * change.size * metrics,
-        moved=float((abs(change[best]) - allowed[best]) * mean * of_mean[best]),
+        moved=float((abs(change[best]) - allowed[best]) * mean * of_mean),
         here=_cycles_apart(n, best),
     )
 
 
-def _cycles_apart(n: int, row: int) -> NDArray[np.bool_] | None:
+def _means(x: Signal, first: Index) -> tuple[Signal, Signal]:
+    """Means of columns over the first cycles of every split and then over each cycle but the first and the last, and means
+    over the other cycles, (2 n - 3, columns) each."""
+    sums = np.concatenate([np.cumsum(x, axis=0)[:-1], x[1:-1]])
+    return sums / first[:, None], (x.sum(axis=0) - sums) / (len(x) - first)[:, None]
+
+
+def _cycles_apart(n: int, row: int) -> Mask | None:
     """Cycles that a comparison sets against the others, (n,), by its number; None for the drift, which is the last one."""
     if row >= 2 * n - 3:
         return None
@@ -218,24 +236,8 @@ def _drift_weights(n: int) -> Signal:
 
     Of two cycles that is their difference, which is compared anyway: then (0, 2), and so of more than `MOST_ALONG`.
     """
-    if n > MOST_ALONG:
-        return np.zeros((0, n))
     along = np.linspace(-0.5, 0.5, n)
-    return (along / (along @ along))[None][: max(n - 2, 0)]
-
-
-def _means(x: Signal, first: NDArray[np.int64]) -> Signal:
-    """Means over the first cycles of every split and then over each cycle but the first and the last, (2 n - 3, ...)."""
-    sums = np.concatenate([np.cumsum(x, axis=0)[:-1], x[1:-1]])
-    return sums / first.reshape(-1, *(1,) * (x.ndim - 1))
-
-
-def _differences(x: Signal, first: NDArray[np.int64]) -> Signal:
-    """Means over the other cycles less those of `_means`."""
-    mean, n = _means(x, first), len(x)
-    a = first.reshape(-1, *(1,) * (x.ndim - 1))
-    difference: Signal = (x.sum(axis=0) - mean * a) / (n - a) - mean
-    return difference
+    return (along / (along @ along))[None][: 0 if n > MOST_ALONG else n - 2]
 
 
 def probability(t: float, freedom: float) -> float:
@@ -253,17 +255,17 @@ def _finding(found: CycleComparison) -> Finding:
     cycles, here, span = found.cycles, found.here, found.cycles
     if here is None:
         one, other = found.mean * (1.0 - 0.5 * found.change), found.mean * (1.0 + 0.5 * found.change)
-        said = f"drifts from {one:.3f} in cycle {cycles[0].cycle} to {other:.3f} in cycle {cycles[-1].cycle}"
+        course = f"drifts from {one:.3f} in cycle {cycles[0].cycle} to {other:.3f} in cycle {cycles[-1].cycle}"
     else:
         eta = np.array([getattr(c.metrics, found.metric) for c in cycles])
         one, other = float(np.mean(eta[here])), float(np.mean(eta[~here]))
         fewer = here if here.sum() <= (~here).sum() else ~here
         span = [c for c, chosen in zip(cycles, fewer, strict=True) if chosen]
-        said = f"is {one:.3f} in {_named(cycles, here)} and {other:.3f} in {_named(cycles, ~here)}"
+        course = f"is {one:.3f} in {_named(cycles, here)} and {other:.3f} in {_named(cycles, ~here)}"
     explained = f"; speed, gaps and zeros explain {found.explained:.1%} at most" if found.explained >= 0.0005 else ""
     return Finding(
         "efficiency_change",
-        f"{found.metric} {said}, a change of {abs(other - one) / max(one, other):.1%}{explained}",
+        f"{found.metric} {course}, a change of {abs(other - one) / max(one, other):.1%}{explained}",
         f"kept as logged; look at {LOOK_AT[found.metric]}",
         start=span[0].window.onset,
         end=span[-1].window.cutoff,
@@ -279,7 +281,7 @@ LOOK_AT = {
 """What may have changed, by efficiency."""
 
 
-def _named(cycles: Sequence[CycleResult], here: NDArray[np.bool_]) -> str:
+def _named(cycles: Sequence[CycleResult], here: Mask) -> str:
     """Cycles by their numbers: one, a stretch, or all the others."""
     numbers = [c.cycle for c, chosen in zip(cycles, here, strict=True) if chosen]
     if len(numbers) == 1:

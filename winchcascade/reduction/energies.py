@@ -1,56 +1,61 @@
-"""The three power streams: line, shaft, DC link."""
+"""Powers of line, shaft and DC link, and their energies over each window and each whole cycle from onset to next onset.
+
+Gas that a payout compresses returns its energy in haul-in. From onset to onset the line ends where it began, so that the net
+energy of the line is the sum of losses and delivered energy. The uncertainty by gaps comes with each energy.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import integrals
+from winchcascade.core.integrate import Stream, integrals
+from winchcascade.core.rig_file import Thresholds
+from winchcascade.core.run import Run, Signal
+from winchcascade.reduction.efficiency import is_efficiency, ratio
 from winchcascade.reduction.gap_error import energy_error, gaps_of, instant_error
-from winchcascade.reduction.net_energy import PARTS, SIGN, NetSpan, spans_of
-from winchcascade.reduction.windows import Window
-
-if TYPE_CHECKING:
-    from winchcascade.core.integrate import Stream
-    from winchcascade.core.rig_file import Thresholds
-    from winchcascade.core.run import Signal
-    from winchcascade.reduction.phased_run import PhasedRun
-
+from winchcascade.reduction.phased_run import PhasedRun, Window, travel_in
+from winchcascade.reduction.phases import Cycle
 
 STAGES = ("line", "mech", "gen")
-"""The stages of the cascade in the order of the power's way."""
+"""The stages of the cascade in the direction in which power flows."""
 
+NET_TRAVEL_MAX = 0.01
+"""Largest net travel of a cycle, as a share of its stroke: a line that ends elsewhere leaves energy in the gas. [1]"""
 
-def power_line(f_line: Signal, v_line: Signal) -> Signal:
-    """Power that the tether brings in, P = F v (Eq. 2); forces in N, velocities in m/s, payout positive. [W]"""
-    return f_line * v_line
+PARTS = {
+    "line": ("line", "window"),
+    "mech": ("mech", "window"),
+    "gen": ("gen", "window"),
+    "payout": ("line", "payout"),
+    "returned": ("line", "haul_in"),
+    "net": ("line", "cycle"),
+    "gen_cycle": ("gen", "cycle"),
+}
+"""Each energy of a cycle: the stage whose power is integrated, and the span over which."""
+
+SIGN = {"returned": -1.0}
+"""Energies that are counted against the line's direction: what the line gives back is positive."""
 
 
 def power_mech(tau_pto: Signal, v_line: Signal, r_drum: float) -> Signal:
-    """Power of the shaft behind the clutch, P = tau v / r_drum (Eq. 3); torque in N m, radius in m. [W]"""
+    """Power of the PTO shaft, P = tau v / r_drum (Eq. 3); torque in N m, radius in m. [W]"""
     return tau_pto * (v_line / r_drum)
-
-
-def power_gen(v_dc: Signal, i_dc: Signal) -> Signal:
-    """Power at the DC link, P = Vdc Idc (Eq. 4). [W]"""
-    return v_dc * i_dc
 
 
 def stream(channels: Mapping[str, Signal], stage: str, r_drum: float | None) -> Stream | None:
     """Power stream of one stage as a function of the rows of the log, None where log or rig lack what it needs. [W]
 
-    A logged mechanical power is taken as it is; otherwise torque and drum radius give it.
+    The line has P = F v (Eq. 2), the DC link P = Vdc Idc (Eq. 4). A logged mechanical power is taken as it is; otherwise
+    torque and drum radius give it.
     """
     if any(name not in channels for name in sources(channels, stage)):
         return None
     x, y = (channels[name] for name in (*sources(channels, stage), "velocity")[:2])
-    if stage == "line":
-        return lambda part: power_line(x[part], y[part])
-    if stage == "gen":
-        return lambda part: power_gen(x[part], y[part])
+    if stage != "mech":
+        return lambda part: x[part] * y[part]
     if "power_mech" in channels:
         return x.__getitem__
     return None if r_drum is None else lambda part: power_mech(x[part], y[part], r_drum)
@@ -63,12 +68,101 @@ def power(channels: Mapping[str, Signal], stage: str, r_drum: float | None) -> S
 
 
 def sources(channels: Mapping[str, Signal], stage: str) -> tuple[str, ...]:
-    """Channels that a stage's power is made of."""
-    if stage == "line":
-        return ("force", "velocity")
-    if stage == "mech":
-        return ("power_mech",) if "power_mech" in channels else ("torque", "velocity")
-    return ("vdc", "idc")
+    """Channels of which the power of a stage is made."""
+    if stage == "mech" and "power_mech" in channels:
+        return ("power_mech",)
+    return {"line": ("force", "velocity"), "mech": ("torque", "velocity"), "gen": ("vdc", "idc")}[stage]
+
+
+class NetSpan(msgspec.Struct, frozen=True, rename={"begin": "begin_s", "end": "end_s", "travel": "travel_m"}):
+    """A whole cycle from onset to next onset [s] and the net travel of the line in it [m].
+
+    `reason` gives the reason why the cycle has no net energies, None where it has.
+    """
+
+    begin: float
+    end: float
+    travel: float | None = None
+    reason: str | None = None
+
+
+def find_net_spans(phased: PhasedRun) -> list[NetSpan]:
+    """Find the span of each whole cycle, and why a cycle is not whole.
+
+    The last cycle of a log ends with the log if its haul-in is complete and the line is at rest by then.
+    """
+    cycles, after = phased.cycles, phased.next_onset
+    ends = [*(c.onset for c in cycles[1:]), float(phased.run.t[-1]) if after is None else after]
+    spans = [(c.onset, end) for c, end in zip(cycles, ends, strict=False)]
+    found = []
+    for (begin, end), cycle, moved, stroke in zip(
+        spans, cycles, travel_in(phased.run, np.array(spans).reshape(-1, 2)), phased.travel, strict=True
+    ):
+        reason = _not_whole(phased.run, cycle)
+        if reason is None and after is None and cycle is cycles[-1] and not _ends_at_rest(phased):
+            reason = "the log ends before the line is at rest after the haul-in"
+        if reason is None and abs(moved) > NET_TRAVEL_MAX * abs(stroke):
+            reason = f"the line ends more than {NET_TRAVEL_MAX:.0%} of its stroke from where it began"
+        found.append(NetSpan(begin, end, moved, reason))
+    return found
+
+
+def _ends_at_rest(phased: PhasedRun) -> bool:
+    """Whether the last haul-in ends, and the line rests at the log's end for as long as the velocity is smoothed over."""
+    limits, t, haul_in = phased.rig.thresholds, phased.run.t, phased.cycles[-1].haul_in
+    begin = float(t[-1]) - limits.smoothing
+    if haul_in is None or haul_in[1] > begin:
+        return False
+    return bool(np.max(np.abs(phased.v_smooth[np.searchsorted(t, begin) :])) <= limits.v_onset)
+
+
+def _not_whole(run: Run, cycle: Cycle) -> str | None:
+    if "force" not in run.channels:
+        return "the log has no line tension"
+    if run.open_circuit:
+        return "net energies are not evaluated in open circuit"
+    if cycle.begins_inside:
+        return "the log begins inside the payout"
+    if cycle.hold is None:
+        return "the log ends inside the payout"
+    return None if cycle.haul_in is not None else "no haul-in follows"
+
+
+def spans_of(windows: Sequence[Window], cycles: Sequence[Cycle], nets: Sequence[NetSpan]) -> dict[str, Signal]:
+    """Begin and end of the spans of all cycles by name, (k, 2) each [s]; without length for a cycle that is not whole."""
+    rows = [
+        (*window, c.onset, c.payout_end, *c.haul_in, n.begin, n.end)
+        if n.reason is None and c.haul_in is not None
+        else (*window, *(c.onset,) * 6)
+        for window, c, n in zip([(w.onset, w.cutoff) for w in windows], cycles, nets, strict=True)
+    ]
+    spans = np.array(rows).reshape(-1, 4, 2).swapaxes(0, 1)
+    return dict(zip(("window", "payout", "haul_in", "cycle"), spans, strict=True))
+
+
+def net_metrics(joules: Mapping[str, float | None], span: NetSpan) -> tuple[dict[str, float | None], NetSpan]:
+    """Put the metrics of one whole cycle together, and add to its span why it has none.
+
+    Parameters
+    ----------
+    joules : energies by their names in `PARTS` [J]
+
+    Examples
+    --------
+    >>> parts = {"payout": 10e3, "returned": 2e3, "net": 8e3, "gen_cycle": 6e3}
+    >>> net_metrics(parts, NetSpan(0.0, 60.0))[0]["eta_net"]
+    0.75
+    """
+    net = joules["net"]
+    if span.reason is None and net is not None and net <= 0.0:
+        span = msgspec.structs.replace(span, reason="the net energy of the line is not positive")
+    if span.reason is not None:
+        return {}, span
+    values = {f"energy_{name}": joules[name] for name in ("payout", "returned", "net", "gen_cycle")}
+    eta = ratio(joules["gen_cycle"], net)
+    if eta is None or is_efficiency(eta):
+        return values | {"eta_net": eta}, span
+    return values | {"eta_net": None}, msgspec.structs.replace(span, reason="E_gen / E_net lies outside 0 to 1")
 
 
 class Energies(msgspec.Struct, frozen=True):
@@ -93,7 +187,10 @@ def integrate_energies(phased: PhasedRun, windows: Sequence[Window], nets: Seque
     bridged: dict[str, tuple[float, ...]] = {}
     faults: dict[str, dict[int, str]] = {span: {} for span in spans}
     moved = dict.fromkeys(spans, np.zeros(len(windows)))  # at an onset the line hardly moves
-    moved["window"] = _cutoff_error(phased, spans["window"])
+    if phased.rule != "payout":  # what moves onset or plateau moves the cutoff that depends on it
+        onset, cutoff = spans["window"].T
+        instants = onset if isinstance(phased.rule, float) else cutoff - limits.settle
+        moved["window"] = instant_error(run, phased.v_smooth, instants)
     for stage in STAGES:
         watts = stream(run.channels, stage, phased.rig.r_drum)
         if watts is None:
@@ -115,14 +212,6 @@ def integrate_energies(phased: PhasedRun, windows: Sequence[Window], nets: Seque
         joules,
         bridged,
     )
-
-
-def _cutoff_error(phased: PhasedRun, spans: Signal) -> Signal:
-    """What gaps may move each cutoff, by moving the onset or the plateau that it depends on, (k,) [s]."""
-    if phased.rule == "payout":
-        return np.zeros(len(spans))
-    instants = spans[:, 0] if isinstance(phased.rule, float) else spans[:, 1] - phased.rig.thresholds.settle
-    return instant_error(phased.run, phased.v_smooth, instants)
 
 
 def gap_faults(name: str, gaps: Signal, spans: Signal, share: Signal, limits: Thresholds) -> dict[int, str]:

@@ -1,18 +1,13 @@
-"""How much the bridging of gaps could change an energy: what intact data beside a gap say that it may hide."""
+"""Largest change of an energy by the bridging of gaps, by the intact data beside each gap."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
 from winchcascade.core.integrate import integrals
-from winchcascade.core.run import CLOCK
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from winchcascade.core.run import Run, Signal
+from winchcascade.core.run import CLOCK, Index, Run, Signal
 
 NEAR = 0.3
 """A gap of the velocity this close to an instant moves it: half the width that smooths the velocity. [s]"""
@@ -24,15 +19,21 @@ TOUCH = 1e-9
 """A window that ends where a gap begins touches it: the gap is why it ends there. [s]"""
 
 
-def gaps_of(run: Run, channels: tuple[str, ...]) -> Signal:
+def all_gaps(run: Run, channels: Sequence[str]) -> Signal:
+    """Gaps of the clock and of any of the channels, (k, 2) stamps in order of time [s]."""
+    gaps: Signal = np.concatenate(
+        [np.empty((0, 2)), *(run.gaps[name] for name in (CLOCK, *channels) if name in run.gaps)]
+    )
+    return gaps[np.argsort(gaps[:, 0], kind="stable")]
+
+
+def gaps_of(run: Run, channels: Sequence[str]) -> Signal:
     """Gaps that touch any of the channels, (k, 2) in order of time [s]."""
-    known = [run.gaps[name] for name in (CLOCK, *channels) if name in run.gaps]
-    gaps = np.concatenate(known) if known else np.empty((0, 2))
-    gaps = gaps[np.argsort(gaps[:, 0], kind="stable")] + (-TOUCH, TOUCH)
+    gaps: Signal = all_gaps(run, channels) + np.array([-TOUCH, TOUCH])
     return np.clip(gaps, run.t[0], run.t[-1])
 
 
-def windows_of(gaps: Signal, windows: Signal) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def windows_of(gaps: Signal, windows: Signal) -> tuple[Index, Index]:
     """Index of the first window that each gap overlaps, and of the last if that is another; -1 for none.
 
     The windows are in order and do not overlap.
@@ -70,11 +71,10 @@ def energy_error(t: Signal, watts: Signal, gaps: Signal, spans: Signal, moved: S
     moved : (k,) what gaps move the end of each span [s]
     """
     square = (moved * np.interp(spans[:, 1], t, watts)) ** 2  # gaps err independently of each other
-    error = bridging_error(t, watts, gaps) ** 2
+    error = bridging_error(t, watts, gaps)
     for which in windows_of(gaps, spans):
-        np.add.at(square, which[which >= 0], error[which >= 0])
-    changed: Signal = np.sqrt(square)
-    return changed
+        np.add.at(square, which[which >= 0], error[which >= 0] ** 2)
+    return np.sqrt(square)
 
 
 def _hidden(t: Signal, x: Signal, gaps: Signal) -> Signal:
@@ -85,9 +85,8 @@ def _hidden(t: Signal, x: Signal, gaps: Signal) -> Signal:
     chord = (last - first) / width
     bend_in = (first - np.interp(gaps[:, 0] - reach, t, x)) / reach - chord
     bend_out = chord - (np.interp(gaps[:, 1] + reach, t, x) - last) / reach
-    total = bend_in + bend_out
     kink = bend_in * bend_out > 0
-    height = width * np.where(kink, bend_in * bend_out / np.where(kink, total, 1.0), bend_in)
+    height = width * np.where(kink, bend_in * bend_out / np.where(kink, bend_in + bend_out, 1.0), bend_in)
     jump = width * np.maximum(np.abs(bend_in), np.abs(bend_out))
     area: Signal = 0.5 * width * np.where(kink, np.abs(height), jump)
     return area

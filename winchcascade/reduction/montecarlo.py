@@ -7,34 +7,24 @@ GUM's factor of 1.96 standard uncertainties would give 1.13 of it.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import msgspec
 import numpy as np
 
-from winchcascade.core.accuracy import ErrorSource
+from winchcascade.core.run import Index, Signal
 from winchcascade.reduction.efficiency import ALL_METRICS, ALL_RATIOS, Metrics
+from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.uncertainty import (
     R_DRUM,
     SAMPLING,
     Budget,
+    ErrorModel,
     Stage,
     budget,
-    counted,
-    run_sources,
+    error_model,
     sampling_limit,
-    stage_integrals,
 )
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from winchcascade.core.accuracy import Part
-    from winchcascade.core.run import Signal
-    from winchcascade.reduction.reduction_result import Reduction
-
-    Rows = NDArray[np.intp]
-    Errors = Mapping[tuple[str, Part], Signal]
 
 SEED = 20260
 """Seed of the draws unless another is given, so that the same log gives the same interval."""
@@ -87,7 +77,7 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED, draws: int = DRAWS) -
     """State the uncertainty of the means of a reduction: budget by the GUM, intervals by a Monte Carlo.
 
     Each interval takes the sensors' errors and the mean's repeatability together; the latter is drawn from Student's
-    distribution, as few cycles tell it only roughly (JCGM 101, 6.4.9). A single cycle tells nothing of it, so its interval is
+    distribution, as few cycles determine it only roughly (JCGM 101, 6.4.9). A single cycle does not show it, so its interval is
     that of the sensors alone.
 
     Parameters
@@ -102,22 +92,19 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED, draws: int = DRAWS) -
     >>> round(found.standard.eta_trans, 4), found.method["eta_trans"]
     (0.0048, 'gum')
     """
-    known = budget(reduction)
+    model = error_model(reduction)
+    known = budget(reduction, model)
     rng = np.random.default_rng(seed)
-    rows = {m: np.flatnonzero(mask) for m, mask in counted(reduction).items()}
-    spread = _spread(reduction, rows, known, rng, draws) if reduction.complete else {}
+    spread = _spread(reduction, model, known, rng, draws) if reduction.complete else {}
     student = {1: np.zeros(draws)}
-    scratch = np.empty(draws)
     drawn, whole, alone = {}, {}, {}
     for metric, x in spread.items():
         scatter = getattr(known.repeatability, metric) or 0.0
         drawn[metric] = float(np.hypot(np.std(x), scatter))
-        n = len(rows[metric])
+        n = model.rows[metric].size
         if n not in student:
             student[n] = rng.standard_t(n - 1, draws)
-        np.multiply(student[n], scatter, out=scratch)
-        scratch += x
-        whole[metric] = _interval(scratch)
+        whole[metric] = _interval(student[n] * scatter + x)
         alone[metric] = _interval(x) if scatter else whole[metric]
     within = max(LINEAR_WITHIN, 3.0 / np.sqrt(draws))
     method: dict[str, Method] = {
@@ -141,57 +128,23 @@ def _interval(x: Signal) -> Interval:
 
 
 def _spread(
-    reduction: Reduction, rows: Mapping[str, Rows], known: Budget, rng: np.random.Generator, draws: int
+    reduction: Reduction, model: ErrorModel, known: Budget, rng: np.random.Generator, draws: int
 ) -> dict[str, Signal]:
-    """Means of the metrics for all draws, (draws,) each, made in blocks that stay in the processor's cache."""
-    stages = stage_integrals(reduction)
-    spread: dict[str, Signal] = {}
-    for start in range(0, draws, BLOCK):
+    """Means of the metrics for drawn errors, (draws,) each; nothing for a metric without an accuracy."""
+    spread = {m: np.empty(draws) for m in ALL_METRICS if getattr(known.mean, m) is not None}
+    for start in range(0, draws, BLOCK):  # blocks that stay in the cache of the processor
         part = slice(start, min(start + BLOCK, draws))
-        for metric, x in _draw(reduction, stages, rows, known, rng, part.stop - part.start).items():
-            spread.setdefault(metric, np.empty(draws))[part] = x
+        drawn = _draw(model, rng, part.stop - start)
+        for metric, x in spread.items():
+            rows = model.rows[metric]
+            if metric in ALL_RATIOS:
+                out, into = (drawn[name.removeprefix("energy_")] for name in ALL_RATIOS[metric])
+                x[part] = _ratio(out, into, rows, getattr(reduction.mean, metric))
+            else:
+                kind, name = metric.split("_", 1)
+                per = model.stages[name].t[rows, None] if kind == "power" else 1.0
+                x[part] = (drawn[name].parts[rows] / per).mean(axis=0) @ drawn[name].weights * drawn[name].factor
     return spread
-
-
-def _draw(
-    reduction: Reduction,
-    stages: Mapping[str, Stage],
-    rows_of: Mapping[str, Rows],
-    known: Budget,
-    rng: np.random.Generator,
-    draws: int,
-) -> dict[str, Signal]:
-    """Means of the metrics for drawn sensor errors, (draws,) each; nothing for a metric without an accuracy."""
-    errors = {(s.channel, s.part): _errors(s, rng, draws) for s in run_sources(reduction.rig, stages)}
-    gaps = {name: _bridged(stage, rows_of[f"energy_{name}"], rng, draws) for name, stage in stages.items()}
-    limit = sampling_limit(stages)
-    drawn = {name: _drawn(stage, errors, gaps[name], limit, draws) for name, stage in stages.items()}
-    spread = {}
-    for metric in ALL_METRICS:
-        rows = rows_of[metric]
-        if getattr(known.mean, metric) is None:
-            continue
-        if metric in ALL_RATIOS:
-            out, into = (drawn[name.removeprefix("energy_")] for name in ALL_RATIOS[metric])
-            spread[metric] = _ratio(out, into, rows, getattr(reduction.mean, metric))
-        else:
-            kind, name = metric.split("_", 1)
-            per = stages[name].t[rows] if kind == "power" else np.ones(rows.size)
-            spread[metric] = drawn[name].mean(drawn[name].parts[rows] / per[:, None])
-    return spread
-
-
-def _errors(source: ErrorSource, rng: np.random.Generator, draws: int) -> Signal:
-    if source.limit is None:
-        return source.u * rng.standard_normal(draws)
-    return rng.uniform(-source.limit, source.limit, draws)
-
-
-def _bridged(stage: Stage, rows: Rows, rng: np.random.Generator, draws: int) -> Signal | float:
-    """Factors on the mean energy of a stage by what bridged gaps may have changed."""
-    energy = abs(float(np.sum(stage.energy[rows])))
-    share = float(np.sqrt(np.sum(stage.bridged[rows] ** 2) / 3.0)) / energy if energy > 0 else 0.0
-    return 1.0 + share * rng.standard_normal(draws) if share > 0 else 1.0
 
 
 class _Drawn(msgspec.Struct, frozen=True):
@@ -206,32 +159,39 @@ class _Drawn(msgspec.Struct, frozen=True):
     weights: Signal
     factor: Signal | float
 
-    def mean(self, parts: Signal) -> Signal:
-        """Mean over rows of `parts` for each draw, (draws,): it needs the means of the integrals alone."""
-        drawn: Signal = parts.mean(axis=0) @ self.weights * self.factor
-        return drawn
 
-
-def _drawn(stage: Stage, errors: Errors, gaps: Signal | float, limit: float, draws: int) -> _Drawn:
+def _draw(model: ErrorModel, rng: np.random.Generator, draws: int) -> dict[str, _Drawn]:
     """Energies that channels without errors would have given, (1 + gain) x + zero being read of x."""
-    zero_x, zero_y = (errors.get((name or "", "zero"), 0.0) for name in (stage.first, stage.second))
-    sampled = stage.sampled / limit if limit > 0.0 else stage.sampled
-    weights = np.empty((5, draws))
-    for row, weight in enumerate((1.0, -zero_y, -zero_x, zero_x * zero_y)):
-        weights[row] = stage.scale * weight
-    weights[4] = errors.get((SAMPLING, "gain"), 0.0)
-    for name in (stage.first, stage.second or "", R_DRUM if stage.by_radius else ""):
-        gaps = gaps / (1.0 + errors.get((name, "gain"), 0.0))
-    return _Drawn(stage, np.column_stack((stage.xy, stage.x, stage.y, stage.t, sampled)), weights, gaps)
+    errors: dict[tuple[str, str], Signal] = {}
+    for s in model.sources:
+        errors[s.channel, s.part] = (
+            s.u * rng.standard_normal(draws) if s.limit is None else rng.uniform(-s.limit, s.limit, draws)
+        )
+    limit = sampling_limit(model.stages) or 1.0
+    drawn = {}
+    for name, stage in model.stages.items():
+        rows = model.rows[f"energy_{name}"]
+        energy = abs(float(np.sum(stage.energy[rows])))
+        share = float(np.sqrt(np.sum(stage.bridged[rows] ** 2) / 3.0)) / energy if energy > 0 else 0.0
+        factor = 1.0 + share * rng.standard_normal(draws) if share > 0 else 1.0  # by what bridged gaps may have changed
+        for channel in (stage.first, stage.second or "", R_DRUM if stage.by_radius else ""):
+            factor = factor / (1.0 + errors.get((channel, "gain"), 0.0))
+        zero_x, zero_y = (errors.get((channel or "", "zero"), 0.0) for channel in (stage.first, stage.second))
+        weights = np.empty((5, draws))
+        for row, weight in enumerate((1.0, -zero_y, -zero_x, zero_x * zero_y)):
+            weights[row] = stage.scale * weight
+        weights[4] = errors.get((SAMPLING, "gain"), 0.0)
+        parts = np.column_stack((stage.xy, stage.x, stage.y, stage.t, stage.sampled / limit))
+        drawn[name] = _Drawn(stage, parts, weights, factor)
+    return drawn
 
 
-def _ratio(out: _Drawn, into: _Drawn, rows: Rows, mean: float) -> Signal:
+def _ratio(out: _Drawn, into: _Drawn, rows: Index, mean: float) -> Signal:
     """Mean of the ratios of the cycles for each draw, about their reduced mean."""
     chosen = rows[np.linspace(0, len(rows) - 1, min(len(rows), MOST_CYCLES)).round().astype(int)]
     total = np.zeros(out.weights.shape[1])
     for k in chosen.tolist():
         total += (out.parts[k] @ out.weights) / (into.parts[k] @ into.weights)
-    mean_drawn = total / len(chosen) * (out.factor / into.factor)
     nominal = float(np.mean(out.stage.energy[chosen] / into.stage.energy[chosen]))
-    drawn: Signal = mean_drawn + (mean - nominal)
+    drawn: Signal = total / len(chosen) * (out.factor / into.factor) + (mean - nominal)
     return drawn

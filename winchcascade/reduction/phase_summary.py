@@ -1,26 +1,28 @@
-"""What each phase of a cycle was like: time means, travel, top speed."""
+"""Summary of each phase of a cycle: time means, travel, top speed."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, TypeVar
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import extremes, integrals, means
+from winchcascade.core.integrate import Stream, extremes, integrals, means
+from winchcascade.core.run import Signal
 from winchcascade.reduction.energies import STAGES, stream
+from winchcascade.reduction.phased_run import PhasedRun
+from winchcascade.reduction.phases import Cycle
 
-if TYPE_CHECKING:
-    from winchcascade.core.integrate import Stream
-    from winchcascade.core.rig_file import Rig
-    from winchcascade.core.run import Run, Signal
-    from winchcascade.reduction.phased_run import PhasedRun
-    from winchcascade.reduction.phases import Plateau
+WRITTEN = {
+    "begin": "begin_s", "braking": "braking_s", "duration": "duration_s", "travel": "travel_m", "speed": "speed_mps",
+    "speed_max": "speed_max_mps", "force": "force_n", "force_min": "force_min_n", "torque": "torque_nm",
+    "energy_line": "energy_line_j", "power_line": "power_line_w", "power_mech": "power_mech_w", "power_gen": "power_gen_w",
+}  # fmt: skip
+"""Names of the fields in written files, which have the units in them."""
 
 
-class PlateauSummary(msgspec.Struct, frozen=True):
+class PlateauSummary(msgspec.Struct, frozen=True, rename=WRITTEN):
     """Time means from the plateau's beginning to the start of braking; SI units, None for what is not measured."""
 
     begin: float
@@ -33,7 +35,7 @@ class PlateauSummary(msgspec.Struct, frozen=True):
     power_gen: float | None
 
 
-class PayoutSummary(msgspec.Struct, frozen=True):
+class PayoutSummary(msgspec.Struct, frozen=True, rename=WRITTEN):
     """Payout: duration [s], travel [m], top speed of the smoothed velocity [m/s], and its plateau if it has one."""
 
     duration: float
@@ -51,8 +53,8 @@ class HoldSummary(msgspec.Struct, frozen=True):
     pressure: float | None
 
 
-class HaulInSummary(msgspec.Struct, frozen=True):
-    """Haul-in: duration [s], top speed as a magnitude [m/s], mean and least force [N], line energy, negative [J]."""
+class HaulInSummary(msgspec.Struct, frozen=True, rename=WRITTEN):
+    """Haul-in: duration [s], top speed as a magnitude [m/s], mean and minimum force [N], line energy, negative [J]."""
 
     duration: float
     speed_max: float
@@ -69,78 +71,54 @@ class PhaseSummary(msgspec.Struct, frozen=True):
     haul_in: HaulInSummary | None
 
 
-Span = tuple[float, float]
-
-Summary = TypeVar("Summary")
-
-
 def summarise(phased: PhasedRun) -> list[PhaseSummary]:
     """Summarise the phases of every cycle."""
-    run, rig, cycles = phased.run, phased.rig, phased.cycles
-    flat = _plateaus(run, phased.plateaus, rig)
-    paid_out = [
-        PayoutSummary(c.payout_end - c.onset, travel, top, p)
-        for c, travel, top, p in zip(cycles, phased.travel, phased.speed_max, flat, strict=True)
+    run, cycles = phased.run, phased.cycles
+    flat = _windows(cycles, [None if p is None else (p.begin, max(p.braking, p.begin)) for p in phased.plateaus])
+    on_plateau = _means(phased, ("velocity", "force", "torque", "power_line", "power_mech", "power_gen"), flat)
+    plateaus = [
+        None if p is None else PlateauSummary(begin, braking, p.speed if speed is None else speed, *rest)
+        for p, (begin, braking), (speed, *rest) in zip(phased.plateaus, flat.tolist(), on_plateau, strict=True)
     ]
-    holds = _holds(run, [c.hold for c in cycles])
-    hauls = _haul_ins(run, phased.v_smooth, [c.haul_in for c in cycles], rig)
-    return [PhaseSummary(*phases) for phases in zip(paid_out, holds, hauls, strict=True)]
-
-
-def _windows(spans: Sequence[Span | None]) -> Signal:
-    """Begin and end of a phase of the cycles that have it, (k, 2) [s]."""
-    return np.array([span for span in spans if span is not None]).reshape(-1, 2)
-
-
-def _of_cycles(spans: Sequence[Span | None], summaries: Iterator[Summary]) -> list[Summary | None]:
-    """Summaries of a phase at the places of the cycles that have it, None at the others."""
-    return [None if span is None else next(summaries) for span in spans]
-
-
-def _means(run: Run, signals: Sequence[Stream | None], windows: Signal) -> list[list[float | None]]:
-    """Time means of signals over windows; None for what is not measured and for a mean over no time."""
+    held = _means(phased, ("force", "torque", "pressure"), _windows(cycles, [c.hold for c in cycles]))
+    hauls = _windows(cycles, [c.haul_in for c in cycles])
+    top = (-extremes(run.t, phased.v_smooth, hauls)[0]).tolist()
+    force, line = run.channels.get("force"), stream(run.channels, "line", phased.rig.r_drum)
+    nothing: list[float | None] = [None] * len(cycles)
+    least = nothing if force is None else extremes(run.t, force, hauls)[0].tolist()
+    energy = nothing if line is None else integrals(run.t, line, hauls).tolist()
+    hauled = zip(top, _means(phased, ("force",), hauls), least, energy, strict=True)
     return [
-        [None] * len(windows) if x is None else [_finite(value) for value in means(run.t, x, windows).tolist()]
-        for x in signals
+        PhaseSummary(
+            PayoutSummary(_seconds(c.payout_end - c.onset), travel, speed_max, plateau),
+            None if c.hold is None else HoldSummary(_seconds(c.hold[1] - c.hold[0]), *hold),
+            None if c.haul_in is None else HaulInSummary(_seconds(c.haul_in[1] - c.haul_in[0]), v, mean, low, joule),
+        )
+        for c, travel, speed_max, plateau, hold, (v, (mean,), low, joule) in zip(
+            cycles, phased.travel, phased.speed_max, plateaus, held, hauled, strict=True
+        )
     ]
 
 
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+def _seconds(duration: float) -> float:
+    """A difference of stamps without the error of their subtraction. [s]"""
+    return round(duration, 9)
 
 
-def _channel(run: Run, name: str) -> Stream | None:
-    return run.channels[name].__getitem__ if name in run.channels else None
+def _windows(cycles: Sequence[Cycle], spans: Sequence[tuple[float, float] | None]) -> Signal:
+    """Begin and end of a phase in each cycle, (k, 2) [s]; without length where a cycle does not have it."""
+    windows = [(c.onset, c.onset) if span is None else span for c, span in zip(cycles, spans, strict=True)]
+    return np.array(windows).reshape(-1, 2)
 
 
-def _plateaus(run: Run, plateaus: Sequence[Plateau | None], rig: Rig) -> list[PlateauSummary | None]:
-    spans = [None if p is None else (p.begin, max(p.braking, p.begin)) for p in plateaus]
-    windows, known = _windows(spans), [p.speed for p in plateaus if p is not None]
-    signals = [_channel(run, name) for name in ("velocity", "force", "torque")]
-    signals += [stream(run.channels, stage, rig.r_drum) for stage in STAGES]
-    rows = zip(windows.tolist(), known, *_means(run, signals, windows), strict=True)
-    return _of_cycles(
-        spans,
-        (PlateauSummary(a, b, flat if speed is None else speed, *rest) for (a, b), flat, speed, *rest in rows),
-    )
-
-
-def _holds(run: Run, spans: Sequence[Span | None]) -> list[HoldSummary | None]:
-    windows = _windows(spans)
-    columns = _means(run, [_channel(run, name) for name in ("force", "torque", "pressure")], windows)
-    rows = zip(windows.tolist(), *columns, strict=True)
-    return _of_cycles(spans, (HoldSummary(end - begin, *rest) for (begin, end), *rest in rows))
-
-
-def _haul_ins(run: Run, v_smooth: Signal, spans: Sequence[Span | None], rig: Rig) -> list[HaulInSummary | None]:
-    windows = _windows(spans)
-    top = -extremes(run.t, v_smooth, windows)[0]
-    force, line = run.channels.get("force"), stream(run.channels, "line", rig.r_drum)
-    nothing: list[float | None] = [None] * len(windows)
-    columns = [
-        _means(run, [_channel(run, "force")], windows)[0],
-        nothing if force is None else extremes(run.t, force, windows)[0].tolist(),
-        nothing if line is None else integrals(run.t, line, windows).tolist(),
-    ]
-    rows = zip(windows.tolist(), top.tolist(), *columns, strict=True)
-    return _of_cycles(spans, (HaulInSummary(end - begin, speed, *rest) for (begin, end), speed, *rest in rows))
+def _means(phased: PhasedRun, names: Sequence[str], windows: Signal) -> list[list[float | None]]:
+    """Time means of channels and powers in each window; None for what is not measured and for a mean over no time."""
+    run = phased.run
+    signals: dict[str, Stream | None] = {name: x.__getitem__ for name, x in run.channels.items()}
+    signals |= {f"power_{stage}": stream(run.channels, stage, phased.rig.r_drum) for stage in STAGES}
+    columns = np.full((len(windows), len(names)), np.nan)
+    for k, name in enumerate(names):
+        x = signals.get(name)
+        if x is not None:
+            columns[:, k] = means(run.t, x, windows)
+    return [[value if math.isfinite(value) else None for value in row] for row in columns.tolist()]

@@ -1,24 +1,36 @@
-"""A run whose phases are known: cycles, plateaus and payouts, found by the rules of the rig."""
+"""A run whose phases are known: cycles, plateaus and payouts by the rules of the rig, and the integration windows of these."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.accuracy import error_sources, zero_uncertainty
+from winchcascade.core.errors import OptionError
 from winchcascade.core.integrate import extremes, integrals, median
-from winchcascade.reduction.phases import check_cycles, detect, find_plateau, smoothed_velocity
-
-if TYPE_CHECKING:
-    from winchcascade.core.rig_file import Rig, WindowRule
-    from winchcascade.core.run import Run, Signal
-    from winchcascade.reduction.phases import Cycle, Plateau
+from winchcascade.core.rig_file import Rig, Thresholds, WindowRule
+from winchcascade.core.run import Finding, Run, Signal
+from winchcascade.reduction.phases import Cycle, Plateau, check_cycles, detect, find_plateau, smoothed_velocity
 
 MOST_CYCLES = 12
-"""Number of cycles that are checked: an even selection of a longer log's. Faults of a sensor concern all of them."""
+"""Maximum number of cycles that are checked: an even selection of those of a longer log. Faults of a sensor concern all."""
+
+STEADY = 1.03
+"""A payout cut by the end of the log has reached its plateau if its top speed exceeds the plateau's by no more than this."""
+
+SHORTEST = 2.0
+"""Minimum length of a window in sampling intervals: its ends are interpolated, and fewer samples would be only ends."""
+
+
+class Window(msgspec.Struct, frozen=True):
+    """Integration window of one payout [s], and why it does not lie whole in the payout, where it does not."""
+
+    onset: float
+    cutoff: float
+    fault: str | None = None
 
 
 class PhasedRun(msgspec.Struct, frozen=True):
@@ -105,12 +117,118 @@ def travel_in(run: Run, spans: Signal) -> list[float]:
     return list(map(float, np.diff(np.interp(spans, run.t, displacement), axis=1)[:, 0]))
 
 
-def middle(values: Sequence[float]) -> tuple[float, float]:
-    """Median of some values and its standard uncertainty by their median deviation, 0 for a single one.
+def find_window(
+    cycle: Cycle, plateau: Plateau | None, top_speed: float, log_end: float, rule: WindowRule, thresholds: Thresholds
+) -> Window:
+    """Set the integration window of a payout by the rule (Sec. 3.2).
 
-    >>> middle([1.0, 2.0, 9.0])[0]
-    2.0
+    Parameters
+    ----------
+    top_speed : largest smoothed velocity of the payout [m/s]
+    log_end : last stamp [s]
+    rule : "auto" ends `settle` after the plateau begins, never past braking; "payout" with the payout; a number that
+        many seconds after the onset
     """
-    x = np.array(values)
-    centre = median(x)
-    return centre, 1.4826 * median(np.abs(x - centre)) * float(np.sqrt(0.5 * np.pi / x.size))
+    if cycle.begins_inside:
+        return Window(cycle.onset, cycle.payout_end, "the log begins inside the payout, so its onset is unknown")
+    if rule == "payout":
+        fault = "the log ends inside the payout" if cycle.ends_inside else None
+        return Window(cycle.onset, cycle.payout_end, fault)
+    if rule != "auto":
+        late = cycle.onset + float(rule) - log_end
+        fault = f"the log ends {late:.2f} s before the window does" if late > 0.0 else None
+        return Window(cycle.onset, min(cycle.onset + float(rule), log_end), fault)
+    if plateau is None:
+        return Window(cycle.onset, cycle.payout_end, "the payout never holds a plateau speed")
+    settled = plateau.begin + thresholds.settle
+    early = cycle.ends_inside and (settled > cycle.payout_end or top_speed > STEADY * plateau.speed)
+    fault = "the log ends before the payout has settled on its plateau" if early else None
+    return Window(cycle.onset, min(settled, plateau.braking), fault)
+
+
+def find_windows(phased: PhasedRun) -> list[Window]:
+    """Windows by the rule; where payouts should be alike, one that was aborted is distinguished from the others."""
+    end, usual = float(phased.run.t[-1]), _usual_travel(phased)
+    following = [*(c.onset for c in phased.cycles[1:]), math.inf]
+    found = []
+    for k, (cycle, plateau, top) in enumerate(zip(phased.cycles, phased.plateaus, phased.speed_max, strict=True)):
+        window = find_window(cycle, plateau, top, end, phased.rule, phased.rig.thresholds)
+        fault = window.fault or _fault(phased, k, window, following[k], usual)
+        found.append(msgspec.structs.replace(window, fault=fault))
+    return found
+
+
+def _fault(phased: PhasedRun, k: int, window: Window, after: float, usual: float) -> str | None:
+    """Why a window is too short for the course of a power, or does not hold one payout like the others.
+
+    Parameters
+    ----------
+    k : index of the cycle
+    after : onset of the next payout [s]
+    usual : travel of the other payouts [m]
+    """
+    length, fs, cycle, travel = window.cutoff - window.onset, phased.run.fs, phased.cycles[k], phased.travel[k]
+    if length * fs < SHORTEST:
+        return f"its window of {length:.3g} s is shorter than two samples, which are {1.0 / fs:.3g} s apart"
+    if phased.rule == "payout":
+        return None
+    if window.cutoff > after:
+        return "its window reaches into the next payout"
+    late = window.cutoff - cycle.payout_end
+    if not cycle.ends_inside and travel < phased.rig.thresholds.aborted_below * usual:
+        return f"the payout is aborted after {travel:.2f} m, where others travel {usual:.2f} m"
+    if not cycle.ends_inside and late > _detection_slack(phased):
+        return f"the payout ends {late:.2f} s before its window does"
+    return None
+
+
+def check_lengths(phased: PhasedRun, windows: Sequence[Window]) -> list[Finding]:
+    """Report payouts that end before a window of fixed length does.
+
+    Raises
+    ------
+    OptionError : that is so for more than half of the payouts that are seen whole and not aborted
+    """
+    if not isinstance(phased.rule, float):
+        return []
+    least = phased.rig.thresholds.aborted_below * _usual_travel(phased)
+    whole = [
+        (c, w)
+        for c, w, travel in zip(phased.cycles, windows, phased.travel, strict=True)
+        if not c.begins_inside and not c.ends_inside and travel >= least
+    ]
+    late = [(c, w) for c, w in whole if w.cutoff - c.payout_end > _detection_slack(phased)]
+    if not late:
+        return []
+    most = max(w.cutoff - c.payout_end for c, w in late)
+    found = (
+        f"{len(late)} of {len(whole)} payouts end before their window of {phased.rule:g} s does, by up to {most:.2f} s"
+    )
+    lengths = [c.payout_end - c.onset for c, _ in whole]
+    fits = math.floor(100.0 * min(lengths)) / 100.0
+    if 2 * len(late) > len(whole):
+        raise OptionError(
+            f"{phased.run.name}: {found}, so that it holds hold or haul-in; the payouts last {min(lengths):.2f} to "
+            f"{max(lengths):.2f} s. Give a window of at most {fits:.2f} s, or the rule auto or payout."
+        )
+    return [
+        Finding(
+            "window_beyond_payout",
+            f"{found}; a window of {fits:.2f} s fits into all of them",
+            "those cycles are left out of the mean",
+            start=late[0][1].onset,
+            end=late[-1][1].cutoff,
+            count=len(late),
+        )
+    ]
+
+
+def _usual_travel(phased: PhasedRun) -> float:
+    """Median travel of the payouts whose onset the log holds; 0 without any. [m]"""
+    whole = [travel for c, travel in zip(phased.cycles, phased.travel, strict=True) if not c.begins_inside]
+    return median(np.array(whole)) if whole else 0.0
+
+
+def _detection_slack(phased: PhasedRun) -> float:
+    """By how much the end of a payout may be found too early: half the smoothing, or one sample of a slower log. [s]"""
+    return max(0.5 * phased.rig.thresholds.smoothing, 1.0 / phased.run.fs)

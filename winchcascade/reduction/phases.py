@@ -7,26 +7,18 @@ of a payout and is followed by more payout belongs to it; a jog that a rest part
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import accumulate, pairwise
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.errors import OptionError
 from winchcascade.core.integrate import median, quantile, running
-from winchcascade.core.run import CLOCK
+from winchcascade.core.rig_file import Thresholds
+from winchcascade.core.run import Index, Run, Signal
 from winchcascade.core.smooth import local_quadratic
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from winchcascade.core.rig_file import Thresholds
-    from winchcascade.core.run import Run, Signal
-
-    Index = NDArray[np.intp]
+from winchcascade.reduction.gap_error import all_gaps
 
 NOISE = 1.5
 """A run that peaks below this many times the onset speed is noise about the threshold, not a motion."""
@@ -45,8 +37,8 @@ Shorter stops are a line that tightens or a crane that takes up its load: there 
 class Cycle(msgspec.Struct, frozen=True):
     """Instants of one cycle on the log's clock [s].
 
-    `haul_in` is None where the log ends before it. `begins_inside` and `ends_inside` tell a payout that the log's first
-    or last sample cuts.
+    `haul_in` is None where the log ends before it. `begins_inside` and `ends_inside` mark a payout that the first or last
+    sample of the log cuts.
     """
 
     onset: float
@@ -86,39 +78,32 @@ def detect(run: Run, v_smooth: Signal, thresholds: Thresholds) -> list[Cycle]:
     ----------
     v_smooth : (n,) line velocity, smoothed, payout positive [m/s]
     """
-    gaps = long_gaps(run, thresholds.gap_max)
-    runs = _find_runs(run, v_smooth, thresholds.v_onset, gaps)
+    runs = _find_runs(run, v_smooth, thresholds.v_onset, long_gaps(run, thresholds.gap_max))
     position = list(accumulate(runs.travel, initial=0.0))
     turns = _without_reversals(_turning_points(position, thresholds.stroke_min), position, thresholds)
     legs = list(pairwise(turns))
-    upward = [position[b] > position[a] for a, b in legs]
-    cycles = []
-    for k, (a, b) in enumerate(legs):
-        if upward[k]:
-            after = legs[k + 1] if k + 1 < len(legs) else None
-            cycles.append(_cycle(run.t, v_smooth, runs, (a, b), after, thresholds))
-    return _with_holds(cycles, float(run.t[-1]))
+    return [
+        _cycle(run.t, v_smooth, runs, leg, after, thresholds)
+        for leg, after in zip(legs, [*legs[1:], None], strict=False)
+        if position[leg[1]] > position[leg[0]]
+    ]
 
 
-def check_cycles(asked: tuple[int, int], cycles: Sequence[Cycle], log: str) -> None:
-    """Refuse to count a first and a last cycle of which a log has none; OptionError tells what it has."""
-    first, last = asked
+def check_cycles(chosen: tuple[int, int], cycles: Sequence[Cycle], log: str) -> None:
+    """Require that a log has some of the cycles from a first to a last one; OptionError reports how many it has."""
+    first, last = chosen
     if not 1 <= first <= min(last, len(cycles)):
-        raise OptionError(
-            f"{log}: cycles {first} to {last} are asked for, but it has {len(cycles)}; choose among those."
-        )
+        raise OptionError(f"{log}: cycles {first} to {last} were chosen, but it has {len(cycles)}; choose among those.")
 
 
 def long_gaps(run: Run, longest: float) -> Signal:
     """Gaps of the line velocity that are too long to know what moved inside, (k, 2) stamps [s]."""
-    known = [run.gaps[key] for key in (CLOCK, "velocity") if key in run.gaps]
-    gaps = np.concatenate(known) if known else np.empty((0, 2))
-    gaps = gaps[gaps[:, 1] - gaps[:, 0] > longest]
-    return gaps[np.argsort(gaps[:, 0])]
+    gaps = all_gaps(run, ("velocity",))
+    return gaps[gaps[:, 1] - gaps[:, 0] > longest]
 
 
 def _find_runs(run: Run, v: Signal, v_onset: float, gaps: Signal) -> _Runs:
-    """Cut the velocity into runs; a long gap is a run of its own that travels what the displacement says."""
+    """Cut the velocity into runs; a long gap is a run of its own, whose travel the displacement gives."""
     side = (v > v_onset).astype(np.int8) - (v < -v_onset).astype(np.int8)
     first = np.searchsorted(run.t, gaps[:, 0], side="right")
     last = np.searchsorted(run.t, gaps[:, 1], side="left")
@@ -135,14 +120,10 @@ def _find_runs(run: Run, v: Signal, v_onset: float, gaps: Signal) -> _Runs:
         if 0 < b < v.size:  # what a straight line over the gap travels is not known, so it does not count
             travel[np.searchsorted(start, b) - 1] -= 0.5 * (v[b - 1] + v[b]) * (run.t[b] - run.t[b - 1]) * (a == b)
     start, stop, travel, peak = start[moving], stop[moving], travel[moving], peak[moving]
-    if gaps.size:
-        unseen = _moved_unseen(run, first, last)
-        order = np.argsort(np.concatenate((start, last - 0.5)), kind="stable")
-        start = np.concatenate((start, first))[order]
-        stop = np.concatenate((stop, last))[order]
-        travel = np.concatenate((travel, unseen))[order]
-        peak = np.concatenate((peak, np.zeros(unseen.size)))[order]
-    return _Runs(start.tolist(), stop.tolist(), travel.tolist(), peak.tolist())
+    order = np.argsort(np.concatenate((start, last - 0.5)), kind="stable")
+    unseen = first, last, _moved_unseen(run, first, last), np.zeros(first.size)
+    columns = zip((start, stop, travel, peak), unseen, strict=True)
+    return _Runs(*(np.concatenate(both)[order].tolist() for both in columns))
 
 
 def _moved_unseen(run: Run, first: Index, last: Index) -> Signal:
@@ -195,15 +176,17 @@ def _cycle(
     """Instants of the payout between two turning points and of the haul-in between the next two."""
     first, last = _motion(t, runs, leg, thresholds, sign=1.0)
     begin, end = runs.start[first], runs.stop[last]
+    payout_end = _motion_end(t, v, end, thresholds.v_onset)
     haul_in = None
     if after is not None:
         down, up = _motion(t, runs, after, thresholds, sign=-1.0)
         level = -thresholds.v_onset
         haul_in = (crossing(t, v, runs.start[down], level), _motion_end(t, v, runs.stop[up], level))
+    hold_end = float(t[-1]) if haul_in is None else haul_in[0]
     return Cycle(
         onset=crossing(t, v, begin, thresholds.v_onset),
-        payout_end=_motion_end(t, v, end, thresholds.v_onset),
-        hold=None,
+        payout_end=payout_end,
+        hold=None if end == v.size else (payout_end, max(hold_end, payout_end)),
         haul_in=haul_in,
         begins_inside=begin == 0,
         ends_inside=end == v.size,
@@ -217,11 +200,11 @@ def _motion(t: Signal, runs: _Runs, leg: tuple[int, int], thresholds: Thresholds
     least = min(max(NOISE * thresholds.v_onset, thresholds.creep_max * top), top)
     motions = [k for k in along if runs.peak[k] >= least]
     lively = [k for k in range(motions[0], motions[-1] + 1) if runs.peak[k] >= least or runs.peak[k] == 0.0]
-    parts = [
-        part
-        for part in _parted_by_rests(t, runs, lively)
-        if _extent(runs, part) >= thresholds.stroke_min and not set(part).isdisjoint(motions)
-    ]
+    parts = []
+    for part in _parted_by_rests(t, runs, lively):
+        position = list(accumulate((runs.travel[k] for k in part), initial=0.0))
+        if max(position) - min(position) >= thresholds.stroke_min and not set(part).isdisjoint(motions):
+            parts.append(part)
     if parts:
         motions = [k for k in motions if parts[0][0] <= k <= parts[-1][-1]]
     return motions[0], motions[-1]
@@ -235,12 +218,6 @@ def _parted_by_rests(t: Signal, runs: _Runs, lively: list[int]) -> list[list[int
             parts.append([])
         parts[-1].append(k)
     return parts
-
-
-def _extent(runs: _Runs, part: list[int]) -> float:
-    """Distance between the farthest places of a stretch of runs. [m]"""
-    position = list(accumulate((runs.travel[k] for k in part), initial=0.0))
-    return max(position) - min(position)
 
 
 def crossing(t: Signal, v: Signal, k: int, level: float) -> float:
@@ -260,16 +237,6 @@ def _motion_end(t: Signal, v: Signal, k: int, level: float) -> float:
     return float(t[k - 1]) if unseen else crossing(t, v, k, level)
 
 
-def _with_holds(cycles: list[Cycle], end: float) -> list[Cycle]:
-    """Put the hold between payout and haul-in, or between payout and the log's end."""
-    held = []
-    for cycle in cycles:
-        until = cycle.haul_in[0] if cycle.haul_in is not None else end
-        hold = None if cycle.ends_inside else (cycle.payout_end, max(until, cycle.payout_end))
-        held.append(Cycle(cycle.onset, cycle.payout_end, hold, cycle.haul_in, cycle.begins_inside, cycle.ends_inside))
-    return held
-
-
 def find_plateau(t: Signal, v_smooth: Signal, cycle: Cycle, thresholds: Thresholds) -> Plateau | None:
     """Find the plateau of a payout: None where the speed never stays near its top for `plateau_hold`.
 
@@ -282,7 +249,7 @@ def find_plateau(t: Signal, v_smooth: Signal, cycle: Cycle, thresholds: Threshol
     if v.size < 3:
         return None
     top = quantile(v, thresholds.plateau_quantile)
-    if not top > 0.0:  # a payout that nothing but a gap tells of
+    if not top > 0.0:  # a payout that moves in a gap alone
         return None
     speed = median(v[v >= thresholds.plateau_band * top])
     level = thresholds.plateau_level * speed
@@ -290,16 +257,11 @@ def find_plateau(t: Signal, v_smooth: Signal, cycle: Cycle, thresholds: Threshol
     high[1:-1] = v >= level
     edges = np.flatnonzero(high[1:] != high[:-1]) + first
     stretches = [
-        (
-            crossing(t, v_smooth, int(a), level) if a > first else float(t[a]),
-            _stretch_end(t, v_smooth, int(b), level, last),
+        (  # cut by the ends of the payout where v does not pass the level
+            crossing(t, v_smooth, a, level) if a > first else float(t[a]),
+            crossing(t, v_smooth, b, level) if b < last else float(t[b - 1]),
         )
-        for a, b in zip(edges[::2], edges[1::2], strict=True)
+        for a, b in edges.reshape(-1, 2).tolist()
     ]
     begin = next((a for a, b in stretches if b - a >= thresholds.plateau_hold), None)
     return None if begin is None else Plateau(speed, begin, stretches[-1][1])
-
-
-def _stretch_end(t: Signal, v: Signal, k: int, level: float, last: int) -> float:
-    """Instant at which v falls below the level before sample k; the payout's end where it does not fall. [s]"""
-    return crossing(t, v, k, level) if k < last else float(t[min(k, t.size) - 1])

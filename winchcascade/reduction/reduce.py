@@ -4,40 +4,37 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
-import msgspec
 import numpy as np
 
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.integrate import integrals
 from winchcascade.core.jobs import side_by_side
-from winchcascade.core.rig_file import Rig
+from winchcascade.core.rig_file import Rig, WindowRule
 from winchcascade.core.rig_toml import built_in
-from winchcascade.core.run import Finding
+from winchcascade.core.run import Finding, Run
 from winchcascade.reduction.bins import TORQUE, Bin, bin_powers, engaged
 from winchcascade.reduction.checks.lag import lag_findings
 from winchcascade.reduction.checks.load import load_findings
-from winchcascade.reduction.checks.resolution import resolution_findings
-from winchcascade.reduction.checks.sampling import check_sampling
+from winchcascade.reduction.checks.sampling import check_sampling, resolution_findings
 from winchcascade.reduction.checks.zeros import zero_findings
 from winchcascade.reduction.efficiency import METRICS, ensemble_mean, largest_deviation, metrics, total
 from winchcascade.reduction.efficiency_changes import changes_within
-from winchcascade.reduction.energies import STAGES, Energies, integrate_energies, stream
-from winchcascade.reduction.net_energy import NetSpan, find_net_spans, net_metrics
+from winchcascade.reduction.energies import (
+    STAGES,
+    Energies,
+    NetSpan,
+    find_net_spans,
+    integrate_energies,
+    net_metrics,
+    stream,
+)
 from winchcascade.reduction.phase_summary import PhaseSummary, summarise
-from winchcascade.reduction.phased_run import find_phases
+from winchcascade.reduction.phased_run import PhasedRun, Window, check_lengths, find_phases, find_window, find_windows
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
-from winchcascade.reduction.windows import Window, check_lengths, find_window, find_windows
-
-if TYPE_CHECKING:
-    from winchcascade.core.rig_file import WindowRule
-    from winchcascade.core.run import Run
-    from winchcascade.reduction.phased_run import PhasedRun
-
 
 MOST_BINS = 20_000
-"""More bins of generator speed than this are a slip in a rig file."""
+"""Maximum number of bins of generator speed: more show an error in a rig file."""
 
 
 def window_rule(word: str | float) -> WindowRule:
@@ -85,11 +82,10 @@ def reduce(
     rig = rig or built_in()
     phased = find_phases(run, rig, window_rule(rig.thresholds.window if window is None else window), cycles)
     windows, nets = find_windows(phased), find_net_spans(phased)
-    beyond = check_lengths(phased, windows)
+    findings = [*_not_given(run, rig), *_too_few(cycles, phased), *check_lengths(phased, windows)]
     summaries, (energy, bins) = side_by_side(
         lambda: summarise(phased), lambda: _energies_and_bins(phased, windows, nets), samples=run.samples
     )
-    findings = [*_not_given(run, rig), *_too_few(cycles, phased), *beyond]
     sampling = check_sampling(phased, energy)
     findings += [*load_findings(phased, summaries), *lag_findings(phased), *zero_findings(phased), *sampling.findings]
     findings += resolution_findings(phased, energy)
@@ -128,18 +124,17 @@ def first_metrics(run: Run, rig: Rig, window: float | None = None) -> dict[str, 
         span = find_window(phased.cycles[0], phased.plateaus[0], top, end, phased.rule, rig.thresholds)
         if span.fault is None:
             ends = np.array([[span.onset, span.cutoff]])
-            streams = {stage: stream(run.channels, stage, rig.r_drum) for stage in STAGES}
-            energy = {
-                f"energy_{stage}": None if watts is None else float(integrals(run.t, watts, ends)[0])
-                for stage, watts in streams.items()
-            }
+            energy: dict[str, float | None] = {}
+            for stage in STAGES:
+                watts = stream(run.channels, stage, rig.r_drum)
+                energy[f"energy_{stage}"] = None if watts is None else float(integrals(run.t, watts, ends)[0])
             got, odd = metrics(energy, span.cutoff - span.onset, open_circuit=run.open_circuit)
             return {name: odd.get(name, getattr(got, name)) for name in METRICS}
     return dict.fromkeys(METRICS)
 
 
 def require_payouts(reduction: Reduction) -> None:
-    """Refuse a log in which the line never pays out: LogError."""
+    """Require that the line of a log pays out: LogError if it never does."""
     if not reduction.cycles:
         limits = reduction.rig.thresholds
         raise LogError(
@@ -148,13 +143,13 @@ def require_payouts(reduction: Reduction) -> None:
         )
 
 
-def _too_few(asked: tuple[int, int] | None, phased: PhasedRun) -> list[Finding]:
-    """A log that ends before the last cycle that is asked for."""
+def _too_few(chosen: tuple[int, int] | None, phased: PhasedRun) -> list[Finding]:
+    """Report a log that ends before the last cycle that was chosen."""
     last = phased.first + len(phased.cycles) - 1
-    if asked is None or asked[1] <= last:
+    if chosen is None or chosen[1] <= last:
         return []
-    message = f"the log ends with cycle {last}, and cycles {asked[0]} to {asked[1]} are asked for"
-    return [Finding("incomplete_cycle", message, f"cycles {asked[0]} to {last} count")]
+    message = f"the log ends with cycle {last}, and cycles {chosen[0]} to {chosen[1]} were chosen"
+    return [Finding("incomplete_cycle", message, f"cycles {chosen[0]} to {last} count")]
 
 
 def _not_given(run: Run, rig: Rig) -> list[Finding]:
@@ -181,35 +176,37 @@ def _results(
     for k, (cycle, window, net, summary) in enumerate(of_cycles):
         number = phased.first + k
         joules = {name: None if column is None else column[k] for name, column in energy.joules.items()}
-        taken = {f"energy_{stage}": joules[stage] for stage in STAGES}
-        values, no_efficiency = metrics(taken, window.cutoff - window.onset, open_circuit=phased.run.open_circuit)
         of_cycle, net = net_metrics(joules, net)
+        values, no_efficiency = metrics(
+            {f"energy_{stage}": joules[stage] for stage in STAGES} | of_cycle,
+            window.cutoff - window.onset,
+            open_circuit=phased.run.open_circuit,
+        )
         for name, value in no_efficiency.items():
             odd.setdefault(name, []).append((number, value))
         if window.fault is not None:
-            findings.append(_incomplete(phased.run, number, window, window.fault))
-        values = msgspec.structs.replace(values, **of_cycle)
+            rows = phased.rows(window.onset, window.cutoff)
+            message, action = f"cycle {number} is incomplete: {window.fault}", "listed, left out of the mean"
+            findings.append(
+                Finding(
+                    "incomplete_cycle",
+                    message,
+                    action,
+                    start=window.onset,
+                    end=window.cutoff,
+                    removed=rows.stop - rows.start,
+                )
+            )
         results.append(CycleResult(number, window.fault is None, cycle, window, summary, values, net))
     findings += [_no_efficiency(name, places) for name, places in odd.items()]
     return results
-
-
-def _incomplete(run: Run, number: int, window: Window, fault: str) -> Finding:
-    return Finding(
-        "incomplete_cycle",
-        f"cycle {number} is incomplete: {fault}",
-        "listed, left out of the mean",
-        start=window.onset,
-        end=window.cutoff,
-        removed=int(np.searchsorted(run.t, window.cutoff) - np.searchsorted(run.t, window.onset)),
-    )
 
 
 def _no_efficiency(name: str, places: Sequence[tuple[int, float]]) -> Finding:
     number, value = max(places, key=lambda place: abs(place[1] - 0.5))
     return Finding(
         "out_of_range",
-        f"{name} is no efficiency in {len(places)} cycle{'s' if len(places) > 1 else ''} ({value:.3f} in cycle {number}); "
+        f"{name} lies outside 0 to 1 in {len(places)} cycle{'s' if len(places) > 1 else ''} ({value:.3f} in cycle {number}); "
         f"check unit, gain and sign of what it is made of",
         "not reported",
         count=len(places),

@@ -10,10 +10,10 @@ from winchcascade.core.rig_file import Rig, WindowRule
 from winchcascade.core.run import Finding, Run
 from winchcascade.reduction.bins import Bin
 from winchcascade.reduction.efficiency import Metrics
-from winchcascade.reduction.net_energy import NetSpan
+from winchcascade.reduction.energies import NetSpan
 from winchcascade.reduction.phase_summary import PhaseSummary
+from winchcascade.reduction.phased_run import Window
 from winchcascade.reduction.phases import Cycle
-from winchcascade.reduction.windows import Window
 
 
 class CycleResult(msgspec.Struct, frozen=True):
@@ -29,7 +29,7 @@ class CycleResult(msgspec.Struct, frozen=True):
 
 
 class Reduction(msgspec.Struct, frozen=True):
-    """What a log says about the rig: every cycle, their mean and repeatability, and powers over generator speed.
+    """Result of the reduction of a log: every cycle, their mean and repeatability, and powers over generator speed.
 
     `mean` and `max_deviation_percent` are over complete cycles; `total` sums their energies and gives ratios of sums. The
     net energies of whole cycles are over those complete cycles that have them.

@@ -9,24 +9,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.accuracy import ErrorSource, error_sources
 from winchcascade.core.integrate import integrals
-from winchcascade.core.quantity import Quantity
+from winchcascade.core.rig_file import Rig
+from winchcascade.core.run import Index, Mask, Signal
 from winchcascade.reduction.efficiency import ALL_METRICS, ALL_RATIOS, NOTHING, Metrics
-from winchcascade.reduction.energies import sources
-from winchcascade.reduction.net_energy import PARTS, SIGN, spans_of
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from winchcascade.core.rig_file import Rig
-    from winchcascade.core.run import Signal
-    from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.reduction.energies import PARTS, SIGN, sources, spans_of
+from winchcascade.reduction.reduction_result import Reduction
 
 R_DRUM = "r_drum"
 """Name of the drum radius among the sources: it has a tolerance where a rig file states one."""
@@ -39,10 +32,10 @@ TAKEN_AS_EXACT = ("velocity",)
 
 
 NORMAL_REACH = 3.0
-"""A normal error reaches to so many standard uncertainties."""
+"""Largest normal error that is considered, in standard uncertainties."""
 
 GAIN_REACH = 0.9
-"""A gain that may be off by this share of one tells nothing of what was read."""
+"""Smallest error of a gain, as a share of one, with which a reading is no measurement."""
 
 
 class Contribution(msgspec.Struct, frozen=True):
@@ -103,8 +96,32 @@ class Stage(msgspec.Struct, frozen=True):
         """Energies as reduced, (k,) [J]."""
         return self.scale * self.xy
 
+    @property
+    def channels(self) -> set[str]:
+        """Channels of which the stage is made."""
+        return {self.first} if self.second is None else {self.first, self.second}
 
-def stage_integrals(reduction: Reduction) -> dict[str, Stage]:
+
+class ErrorModel(msgspec.Struct, frozen=True):
+    """What errors act on: the measured stages by their names in `PARTS`, the sources of uncertainty of the run, and the indices
+    of the cycles over which the mean of each metric is taken."""
+
+    stages: Mapping[str, Stage]
+    sources: tuple[ErrorSource, ...]
+    rows: Mapping[str, Index]
+
+
+def error_model(reduction: Reduction) -> ErrorModel:
+    """Integrate the stages of a reduction, and list its sources of uncertainty."""
+    stages = _stage_integrals(reduction)
+    rows = {
+        m: np.flatnonzero([c.complete and getattr(c.metrics, m) is not None for c in reduction.cycles])
+        for m in ALL_METRICS
+    }
+    return ErrorModel(stages, tuple(_sources(reduction.rig, stages)), rows)
+
+
+def _stage_integrals(reduction: Reduction) -> dict[str, Stage]:
     """Integrate what the energies of each measured stage are made of, over the window and the whole of every cycle."""
     run, rig, cycles = reduction.run, reduction.rig, reduction.cycles
     spans = spans_of([c.window for c in cycles], [c.phases for c in cycles], [c.net for c in cycles])
@@ -137,69 +154,62 @@ def stage_integrals(reduction: Reduction) -> dict[str, Stage]:
     return stages
 
 
-def counted(reduction: Reduction) -> dict[str, NDArray[np.bool_]]:
-    """Cycles over which the mean of each metric is taken, (k,)."""
-    return {
-        m: np.array([c.complete and getattr(c.metrics, m) is not None for c in reduction.cycles], dtype=bool)
-        for m in ALL_METRICS
-    }
-
-
-def budget(reduction: Reduction) -> Budget:
+def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
     """Uncertainty budget of a reduction by the GUM: sensitivities times standard uncertainties, added in squares.
 
     Sensor errors are the same in every cycle and act on all means at once; repeatability is s/sqrt(N) of the cycles.
+
+    Parameters
+    ----------
+    model : of this reduction, if it is made already
     """
-    stages = stage_integrals(reduction)
-    complete = np.array([c.complete for c in reduction.cycles], dtype=bool)
-    known = run_sources(reduction.rig, stages)
-    unknown = _without_accuracy(stages, known)
+    model = model or error_model(reduction)
+    stages, rows_of = model.stages, model.rows
+    channels, with_accuracy = _channels(stages), {s.channel for s in model.sources}
+    unknown = channels - with_accuracy - set(TAKEN_AS_EXACT)
+    measured = {name for name, stage in stages.items() if not stage.channels & unknown}
     given = [m for m in ALL_METRICS if getattr(reduction.mean, m) is not None]
-    rows_of = counted(reduction)
-    stated = [m for m in ALL_METRICS if not (channels_of(m, stages) & set(unknown)) and _stages_of(m) <= set(stages)]
-    reach, gains = _reach(known, stages, complete)
+    stated = [m for m in ALL_METRICS if _stages_of(m) <= measured]
+    reach, gains = _reach(model, np.array([c.complete for c in reduction.cycles], dtype=bool))
     undetermined = [m for m in stated if m in given and _is_undetermined(m, reach, gains)]
     stated = [m for m in stated if m not in undetermined]
     rows = []
     square = {m: np.zeros(len(reduction.cycles)) for m in stated}
     mean_square = dict.fromkeys(stated, 0.0)
-    changes: list[tuple[ErrorSource | None, dict[str, Signal]]] = [(s, _changes(s, stages, stated)) for s in known]
-    if any(stage.bridged.any() for stage in stages.values()):
-        changes.append((None, _bridging(stages, stated)))
-    for source, changed in changes:
+    for source, joules in _energy_errors(model):
+        changed = _of_metrics(joules, stages, stated, independent=source is None)
         of = {m: _of_mean(x[rows_of[m]], shared=source is not None) for m, x in changed.items() if m in given}
         rows.append(Contribution(source, Metrics(**of)))
         for m, x in changed.items():
             square[m] += x**2
             mean_square[m] += of.get(m, 0.0) ** 2
     sensors = {m: math.sqrt(mean_square[m]) for m in stated if m in given}
-    scatter = _repeatability([c.metrics for c in reduction.complete], given)
+    columns = {m: [getattr(reduction.cycles[k].metrics, m) for k in rows_of[m].tolist()] for m in given}
+    scatter = {m: float(np.std(x, ddof=1)) / math.sqrt(len(x)) for m, x in columns.items() if len(x) > 1}
     mean = {m: math.hypot(u, scatter.get(m, 0.0)) for m, u in sensors.items()}
     return Budget(
         rows=tuple(rows),
         sensors=Metrics(**sensors),
         repeatability=Metrics(**scatter),
         mean=Metrics(**mean),
-        freedom=Metrics(**{m: _freedom(u, scatter.get(m, 0.0), int(rows_of[m].sum())) for m, u in mean.items()}),
+        freedom=Metrics(**{m: _freedom(u, scatter.get(m, 0.0), rows_of[m].size) for m, u in mean.items()}),
         cycles=tuple(
             Metrics(**{m: math.sqrt(square[m][k]) for m in stated if getattr(c.metrics, m) is not None})
             for k, c in enumerate(reduction.cycles)
         ),
-        exact=tuple(sorted(_channels(stages) & set(TAKEN_AS_EXACT) - {s.channel for s in known})),
-        unknown=unknown,
+        exact=tuple(sorted(channels & set(TAKEN_AS_EXACT) - with_accuracy)),
+        unknown=tuple(sorted(unknown)),
         undetermined=tuple(undetermined),
-        reach=max((reach[s] for pair in ALL_RATIOS.values() for s in map(_stage_of, pair) if s in reach), default=0.0),
+        reach=max((reach[s] for m in ALL_RATIOS for s in _stages_of(m) if s in reach), default=0.0),
     )
 
 
-def _reach(
-    known: Sequence[ErrorSource], stages: Mapping[str, Stage], complete: NDArray[np.bool_]
-) -> tuple[dict[str, float], dict[str, float]]:
-    """Largest share of each stage's energy, in any cycle, that all errors together could change, and that gains could."""
-    reach, gains = dict.fromkeys(stages, 0.0), dict.fromkeys(stages, 0.0)
-    for name, stage in stages.items():
+def _reach(model: ErrorModel, complete: Mask) -> tuple[dict[str, float], dict[str, float]]:
+    """Largest share of the energy of each stage, in any cycle, that all errors together could change, and that gains could."""
+    reach, gains = dict.fromkeys(model.stages, 0.0), dict.fromkeys(model.stages, 0.0)
+    for name, stage in model.stages.items():
         energy = np.maximum(np.abs(stage.energy), NOTHING)
-        for source in known:
+        for source in model.sources:
             most = NORMAL_REACH * source.u if source.limit is None else source.limit
             share = (np.abs(_energy_slope(source, stage)) / energy)[complete & (stage.t > 0)]
             reach[name] += most * float(np.max(share, initial=0.0))
@@ -209,8 +219,8 @@ def _reach(
 
 def _is_undetermined(metric: str, reach: Mapping[str, float], gains: Mapping[str, float]) -> bool:
     """Whether the errors could take away all of what a metric is divided by: an energy, or one plus a gain."""
-    into = _stage_of(ALL_RATIOS[metric][1]) if metric in ALL_RATIOS else None
-    return any(gains[s] >= GAIN_REACH for s in _stages_of(metric)) or (into is not None and reach[into] >= 1.0)
+    divided = metric in ALL_RATIOS and reach[_stage_of(ALL_RATIOS[metric][1])] >= 1.0
+    return divided or any(gains[s] >= GAIN_REACH for s in _stages_of(metric))
 
 
 def shares(part: Metrics, whole: Metrics) -> Metrics:
@@ -223,33 +233,21 @@ def shares(part: Metrics, whole: Metrics) -> Metrics:
     return Metrics(**{m: (a / b) ** 2 for m, (a, b) in pairs.items() if a is not None and b})
 
 
-def run_sources(rig: Rig, stages: Mapping[str, Stage]) -> list[ErrorSource]:
+def _sources(rig: Rig, stages: Mapping[str, Stage]) -> list[ErrorSource]:
     """Every source of uncertainty of the stages of a run: sensors of their channels, drum radius, and coarse sampling."""
-    found: list[ErrorSource] = []
-    for channel in sorted(_channels(stages)):
-        if channel in rig.sensors:
-            found += error_sources(channel, rig.sensors[channel])
-    radius: Quantity | None = rig.winch.r_drum
+    sensors = {name: rig.sensors[name] for name in sorted(_channels(stages)) if name in rig.sensors}
+    found = [source for name, sensor in sensors.items() for source in error_sources(name, sensor)]
+    radius = rig.winch.r_drum
     if any(s.by_radius for s in stages.values()) and radius is not None and radius.tolerance:
         found.append(ErrorSource(R_DRUM, "gain", radius.tolerance / radius.value, None, radius.source))
-    limit = sampling_limit(stages)
-    if limit > 0.0:
-        found.append(
-            ErrorSource(SAMPLING, "gain", limit / math.sqrt(3.0), limit, "reduction of every second and third sample")
-        )
-    return found
+    limit, origin = sampling_limit(stages), "reduction of every second and third sample"
+    return [*found, ErrorSource(SAMPLING, "gain", limit / math.sqrt(3.0), limit, origin)] if limit > 0.0 else found
 
 
 def sampling_limit(stages: Mapping[str, Stage]) -> float:
     """Largest share of a stage's energy, all cycles together, that thinning the log changes. [1]"""
     energies = [(abs(float(s.sampled.sum())), abs(float(s.energy.sum()))) for s in stages.values()]
     return max((changed / energy for changed, energy in energies if energy > NOTHING), default=0.0)
-
-
-def channels_of(metric: str, stages: Mapping[str, Stage]) -> set[str]:
-    """Channels that a metric is made of."""
-    found = [(stages[s].first, stages[s].second) for s in _stages_of(metric) if s in stages]
-    return {name for pair in found for name in pair if name is not None}
 
 
 def _stages_of(metric: str) -> set[str]:
@@ -262,11 +260,7 @@ def _stage_of(energy: str) -> str:
 
 
 def _channels(stages: Mapping[str, Stage]) -> set[str]:
-    return {name for s in stages.values() for name in (s.first, s.second) if name is not None}
-
-
-def _without_accuracy(stages: Mapping[str, Stage], known: Sequence[ErrorSource]) -> tuple[str, ...]:
-    return tuple(sorted(_channels(stages) - {s.channel for s in known} - set(TAKEN_AS_EXACT)))
+    return set().union(*(stage.channels for stage in stages.values()))
 
 
 def _of_mean(changed: Signal, *, shared: bool) -> float:
@@ -274,10 +268,18 @@ def _of_mean(changed: Signal, *, shared: bool) -> float:
     return abs(float(np.mean(changed))) if shared else math.sqrt(float(np.sum(changed**2))) / changed.size
 
 
-def _changes(source: ErrorSource, stages: Mapping[str, Stage], metrics: Sequence[str]) -> dict[str, Signal]:
-    """Change of each metric of each cycle with one standard uncertainty of a source, (k,) each."""
-    joules = {name: source.u * _energy_slope(source, stage) for name, stage in stages.items()}
-    return _of_metrics(joules, stages, metrics, independent=False)
+def _energy_errors(model: ErrorModel) -> list[tuple[ErrorSource | None, dict[str, Signal]]]:
+    """Change of the energy of each stage in each cycle with one standard uncertainty of a source, (k,) each [J].
+
+    The last row, without a source, is what bridged gaps may have changed, as a standard uncertainty.
+    """
+    stages = model.stages.items()
+    errors: list[tuple[ErrorSource | None, dict[str, Signal]]] = [
+        (source, {name: source.u * _energy_slope(source, stage) for name, stage in stages}) for source in model.sources
+    ]
+    if any(stage.bridged.any() for _, stage in stages):
+        errors.append((None, {name: stage.bridged / math.sqrt(3.0) for name, stage in stages}))
+    return errors
 
 
 def _energy_slope(source: ErrorSource, stage: Stage) -> Signal:
@@ -293,12 +295,6 @@ def _energy_slope(source: ErrorSource, stage: Stage) -> Signal:
     return -stage.scale * (stage.y if source.channel == stage.first else stage.x)
 
 
-def _bridging(stages: Mapping[str, Stage], metrics: Sequence[str]) -> dict[str, Signal]:
-    """What bridged gaps may have changed of each metric of each cycle, (k,), as a standard uncertainty."""
-    errors = {name: stage.bridged / math.sqrt(3.0) for name, stage in stages.items()}
-    return _of_metrics(errors, stages, metrics, independent=True)
-
-
 def _of_metrics(
     joules: Mapping[str, Signal],
     stages: Mapping[str, Stage],
@@ -311,8 +307,8 @@ def _of_metrics(
     for metric in metrics:
         if metric in ALL_RATIOS:
             out, into = map(_stage_of, ALL_RATIOS[metric])
-            taken = stages[into].energy
-            taken = np.where(np.abs(taken) > NOTHING, taken, np.inf)  # no ratio is made of nothing
+            energy = stages[into].energy
+            taken = np.where(np.abs(energy) > NOTHING, energy, np.inf)  # nothing divided by nothing is no ratio
             up, down = joules[out] / taken, stages[out].energy / taken * (joules[into] / taken)
             changed[metric] = np.hypot(up, down) if independent else up - down
         else:
@@ -320,12 +316,6 @@ def _of_metrics(
             per = np.maximum(stages[stage].t, 1e-12) if kind == "power" else 1.0
             changed[metric] = joules[stage] / per
     return changed
-
-
-def _repeatability(cycles: Sequence[Metrics], given: Sequence[str]) -> dict[str, float]:
-    """Standard uncertainty of each mean from the scatter of the cycles, s/sqrt(N); nothing for a single one."""
-    columns = {m: [x for c in cycles if (x := getattr(c, m)) is not None] for m in given}
-    return {m: float(np.std(x, ddof=1)) / math.sqrt(len(x)) for m, x in columns.items() if len(x) > 1}
 
 
 def _freedom(combined: float, scatter: float, n: int) -> float:

@@ -1,1 +1,1 @@
-"""Results laid out for reading: terminal, JSON, Parquet."""
+"""Tables, figures and texts of every result: terminal, HTML, PDF, JSON, Parquet and workbook."""

@@ -1,50 +1,71 @@
-"""An audit of a published table: as text and as records for JSON."""
+"""An audit of a published table against itself and against a rig: as text and as records for JSON."""
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
-from winchcascade.core.published_table import load_text
+from winchcascade.core.published_table import load_text, unit_suffix
 from winchcascade.core.version import __version__
-from winchcascade.report.table_text import finite, load_record, table_record, title_lines
-from winchcascade.report.text_table import indented, wrapped
-from winchcascade.tables.row_audit import percent
+from winchcascade.report.text_table import indented, table_lines, wrapped
+from winchcascade.tables.attainable_row import RAMPS, STARTED
+from winchcascade.tables.audit import percent
 
 if TYPE_CHECKING:
-    from winchcascade.core.published_table import Span
-    from winchcascade.tables.audit import Audit
-    from winchcascade.tables.row_audit import Contradiction, Repair
+    from collections.abc import Iterable, Sequence
+
+    from winchcascade.core.published_table import PublishedTable, Span
+    from winchcascade.rig.effects.effect import Field
+    from winchcascade.tables.attainable import Ability, Reach, SuspectResult
+    from winchcascade.tables.attainable_row import Cell, RowReach
+    from winchcascade.tables.audit import Audit, Contradiction
+    from winchcascade.tables.effect_search import Values
 
 AUDIT_SCHEMA = "winchcascade/audit/1"
-_VERDICTS = {"contradicted": "CONTRADICTED", "not_checkable": "not to be told"}
+_VERDICTS = {"contradicted": "CONTRADICTED", "not_checkable": "cannot be verified"}
+
+
+def title_lines(table: PublishedTable) -> list[str]:
+    """Name, title and source of a table."""
+    return wrapped(f"{table.name}: {table.title}") + wrapped(f"source: {table.source}")
+
+
+def table_record(table: PublishedTable) -> dict[str, str]:
+    """Which table it is, as records have it."""
+    return {"name": table.name, "title": table.title, "source": table.source, "path": table.path}
+
+
+def load_record(load: float) -> dict[str, float | bool]:
+    """A load as records have it: JSON has null ohms for an open circuit."""
+    return {"load_ohm": load, "open_circuit": math.isinf(load)}
 
 
 def audit_text(audit: Audit) -> str:
     """What a table says against itself, the verdicts on its claims and the windows it does not print; 100 columns at most."""
-    known = audit.known
-    lines = [*title_lines(audit.table)]
-    lines += wrapped(
+    known, cells, claims = audit.known, len(audit.contradictions), len(audit.contradicted)
+    lines = title_lines(audit.table) + wrapped(
         f"bounds: means over {known.basis}: an efficiency can differ from the ratio of mean energies by "
         f"{percent(known.bounds.ratio)}, eta_pto from eta_trans eta_gen by {percent(known.bounds.product)}"
     )
     lines += wrapped(f"assumed, as the table does not say: {', '.join(known.assumed)}") if known.assumed else []
-    lines += ["", f"cells that contradict each other: {len(audit.contradictions) or 'none'}"]
+    lines += ["", f"cells that contradict each other: {cells or 'none'}"]
     for item in audit.contradictions:
         lines += indented(item.sentence)
         lines += wrapped(_remedy(item), indent="    ") if item.kind == "row" else []
     if audit.claims:
-        lines += ["", f"claims of the text: {len(audit.claims)}, contradicted: {len(audit.contradicted) or 'none'}"]
-    for verdict in ("contradicted", "not_checkable"):
-        for claim in audit.claims:
-            if claim.verdict == verdict:
-                lines += indented(f"{_VERDICTS[verdict]}: {claim.sentence} [{claim.claim.where}]")
+        lines += ["", f"claims of the text: {len(audit.claims)}, contradicted: {claims or 'none'}"]
+    for claim in sorted(audit.claims, key=lambda claim: claim.verdict != "contradicted"):
+        if claim.verdict in _VERDICTS:
+            lines += indented(f"{_VERDICTS[claim.verdict]}: {claim.sentence} [{claim.claim.where}]")
     confirmed = sum(claim.verdict == "confirmed" for claim in audit.claims)
     lines += indented(f"confirmed: {confirmed}, each in the JSON") if confirmed else []
-    return "\n".join([*lines, *_windows(audit), "", _audit_summary(audit)]) + "\n"
+    lines += ["", "windows recovered from energy over power:", *_windows(audit)] if audit.windows else []
+    found = f"found: {cells} contradiction{'s'[: cells != 1]} between cells, {claims} contradicted claim{'s'[: claims != 1]}"
+    return "\n".join([*lines, "", "nothing contradicts itself" if audit.ok else found]) + "\n"
 
 
 def audit_record(audit: Audit) -> dict[str, Any]:
-    """The audit as nested records, schema `winchcascade/audit/1`; an open end of an interval is None."""
+    """The audit as nested records, schema `winchcascade/audit/1`; JSON has null for the open end of an interval."""
     known = audit.known
     return {
         "schema": AUDIT_SCHEMA,
@@ -57,7 +78,7 @@ def audit_record(audit: Audit) -> dict[str, Any]:
             "deviation_eta": known.eta,
             "ratio": known.bounds.ratio,
             "product": known.bounds.product,
-            "assumed": list(known.assumed),
+            "assumed": known.assumed,
         },
         "contradictions": [_contradiction_record(item) for item in audit.contradictions],
         "claims": [
@@ -84,63 +105,298 @@ def audit_record(audit: Audit) -> dict[str, Any]:
 
 def _remedy(item: Contradiction) -> str:
     """Which single cell would mend a row."""
-    if not item.repairs:
-        return "No change of a single cell makes this row consistent."
-    first, *rest = item.repairs
-    if not rest:
-        return f"Only one cell's change makes the row consistent: {_changed(first)}."
-    return (
-        f"A change of one cell makes the row consistent: {', or '.join(_changed(repair) for repair in item.repairs)}."
-    )
-
-
-def _changed(repair: Repair) -> str:
-    return f"{repair.metric} {repair.text}"
+    changes = [f"{repair.metric} {repair.text}" for repair in item.repairs]
+    if len(changes) == 1:
+        return f"Only one cell's change makes the row consistent: {changes[0]}."
+    if changes:
+        return f"A change of one cell makes the row consistent: {', or '.join(changes)}."
+    return "No change of a single cell makes this row consistent."
 
 
 def _windows(audit: Audit) -> list[str]:
-    if not audit.windows:
-        return []
-    lines = ["", "windows recovered from energy over power:"]
+    lines = []
     for w in audit.windows:
-        if w.span is None:
-            lines.append(f"  {load_text(w.load)}: none; the stages contradict each other or leave it open")
-        else:
+        span = "none; the stages contradict each other or leave it open"
+        if w.span is not None:
             middle, half = 0.5 * (w.span.low + w.span.high), 0.5 * (w.span.high - w.span.low)
-            lines.append(
-                f"  {load_text(w.load)}: {w.span.low:.4f} to {w.span.high:.4f} s ({middle:.4f} s +- {percent(half / middle)})"
-            )
+            span = f"{w.span.low:.4f} to {w.span.high:.4f} s ({middle:.4f} s +- {percent(half / middle)})"
+        lines.append(f"  {load_text(w.load)}: {span}")
     for shared in audit.shared:
-        loads = ", ".join(load_text(load) for load in shared.loads)
         if len(shared.loads) > 1:
+            loads = ", ".join(load_text(load) for load in shared.loads)
             span = f"{shared.span.low:.4f} to {shared.span.high:.4f} s"
             lines += indented(f"{loads} can share one window: {span}, such as {shared.shortest:g} s")
-    lines += indented(f"no fewer than {len(audit.shared)} windows fit all rows") if len(audit.shared) > 1 else []
-    return lines
-
-
-def _audit_summary(audit: Audit) -> str:
-    if audit.ok:
-        return "nothing contradicts itself"
-    cells, claims = len(audit.contradictions), len(audit.contradicted)
-    return f"found: {cells} contradiction{'s'[: cells != 1]} between cells, {claims} contradicted claim{'s'[: claims != 1]}"
+    return lines + (
+        indented(f"no fewer than {len(audit.shared)} windows fit all rows") if len(audit.shared) > 1 else []
+    )
 
 
 def _contradiction_record(item: Contradiction) -> dict[str, Any]:
     return {
         "kind": item.kind,
         **({} if item.load is None else load_record(item.load)),
-        "cells": list(item.cells),
+        "cells": item.cells,
         "metric": item.metric,
         "printed": item.printed,
         "unit": item.unit,
         "allowed": _span_record(item.allowed),
-        "missed_by": finite(item.missed_by),
+        "missed_by": item.missed_by,
         "sentence": item.sentence,
-        "repairs": [{"metric": r.metric, "low": r.low, "high": finite(r.high)} for r in item.repairs],
+        "repairs": [{"metric": r.metric, "low": r.low, "high": r.high} for r in item.repairs],
         "line": item.line,
     }
 
 
-def _span_record(span: Span | None) -> list[float | None] | None:
-    return None if span is None else [finite(span.low), finite(span.high)]
+def _span_record(span: Span | None) -> tuple[float, float] | None:
+    return None if span is None else (span.low, span.high)
+
+
+# ------------------------------------------------------------------------------------------- the table against a rig
+_WORTH, _NOTHING = 0.2, 0.005
+"""An effect that takes away less than this share of what is out of reach is not shown in detail, or said to do nothing. [1]"""
+
+_SIZES = {1: "one effect", 2: "pairs", 3: "sets of three"}
+
+
+def reach_text(reach: Reach) -> str:
+    """What can be reached row by row, how far the table lies outside, and which effects could be why; 100 columns at most."""
+    cells = [cell for row in reach.rows for cell in row.cells]
+    metrics = list(dict.fromkeys(cell.metric for cell in cells))
+    lines = ["", *wrapped(_basis(reach)), *(line for note in reach.notes for line in wrapped(f"note: {note}"))]
+    for item in reach.not_judged:
+        lines += wrapped(f"not judged: {load_text(item.load)}: {item.reason}")
+    if reach.rows:
+        head = ["ohm", "m/s", *(text for metric in metrics for text in (f" {metric}", "reach", "off"))]
+        points = _range([100.0 * cell.allowed for cell in cells], ".1f")
+        lines += ["", *_columns([head, *(_row(row, metrics) for row in reach.rows)])]
+        lines += indented(
+            "off: percentage points beyond the nearer end; in brackets where rounding and repeatability "
+            f"({points} points) bridge it"
+        )
+    for metric in metrics:
+        lines += ["", *_verdict(reach, metric)]
+    if not reach.ok:
+        lines += [*_neither(reach), *_details(reach), *_sets(reach)]
+    judged, outside = len(cells), len(reach.outside)
+    summary = f"{outside} of {judged} efficiencies cannot be reached"
+    if not judged or reach.ok:
+        summary = f"all {judged} efficiencies can be reached" if judged else "no row could be judged"
+    return "\n".join([*lines, "", f"physics: {summary}"]) + "\n"
+
+
+def _basis(reach: Reach) -> str:
+    shortest, longest = 100 * min(RAMPS), 100 * max(RAMPS)
+    return (
+        f"physics: what rig {reach.rig.name} can reach on payouts that speed up for {shortest:.0f} to {longest:.0f} % of the "
+        f"window, evenly or smoothly, from 0 or {STARTED:g} m of line, at the speeds that the printed powers imply; its "
+        "numbers and sensors within one standard uncertainty"
+    )
+
+
+def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
+    return table_lines(rows, close=range(len(rows[0])), indent="  ")
+
+
+def _row(row: RowReach, metrics: Sequence[str]) -> list[str]:
+    cells = {cell.metric: cell for cell in row.cells}
+    load = "open" if math.isinf(row.load) else f"{row.load:.6g}"
+    texts = [load, _range((row.speeds.low, row.speeds.high), ".2f", "-")]
+    for metric in metrics:
+        cell = cells.get(metric)
+        if cell is None:
+            texts += ["-", "", ""]
+        else:
+            texts += [f"{'~' * cell.derived}{cell.printed:.3f}", f"{cell.low:.3f}-{cell.high:.3f}", _off(cell)]
+    return texts
+
+
+def _off(cell: Cell) -> str:
+    text = f"{100.0 * cell.gap:+.1f}"
+    return "0" if float(text) == 0.0 else text if cell.outside else f"({text})"
+
+
+def _verdict(reach: Reach, metric: str) -> list[str]:
+    """How far the table deviates in one efficiency, and which effects could do that alone."""
+    judged = [cell for row in reach.rows for cell in row.cells if cell.metric == metric]
+    outside = [cell for cell in judged if cell.outside]
+    if not outside:
+        return [f"{metric}: all {len(judged)} rows within reach"]
+    lines = []
+    for side, cells in (("above", [c for c in outside if c.gap > 0]), ("below", [c for c in outside if c.gap < 0])):
+        if cells:
+            beyond = _range([100.0 * abs(cell.gap) for cell in cells], ".1f")
+            middle = _range([100.0 * abs(cell.printed - cell.nominal) for cell in cells], ".1f")
+            lines += wrapped(
+                f"{metric}: {len(cells)} of {len(judged)} rows {side} what the rig can reach, by {beyond} points "
+                f"({middle} from the middle payout)"
+            )
+    if metric not in _wanted(reach):
+        return lines
+    able: dict[str, list[str]] = {"explains": [], "beyond_plausible": []}
+    for mover in reach.explanation.suspects:
+        able.setdefault(mover.ability(metric).verdict, []).append(mover.effect)
+    beyond = ", ".join(able["beyond_plausible"])
+    lines += indented(f"one cause would do, at a plausible value: {', '.join(able['explains']) or 'none'}")
+    return lines + (indented(f"one would do at a value beyond what is plausible: {beyond}") if beyond else [])
+
+
+def _wanted(reach: Reach) -> list[str]:
+    """Efficiencies whose causes are listed: the two stages where they are out of reach, else their product."""
+    outside = {cell.metric for _, cell in reach.outside}
+    stages: list[str] = [metric for metric in ("eta_trans", "eta_gen") if metric in outside]
+    return stages or sorted(outside)
+
+
+def _neither(reach: Reach) -> list[str]:
+    """Effects that cannot bring any of the efficiencies within reach, and how much of it they take away."""
+    metrics = _wanted(reach)
+    parts = []
+    for mover in reach.explanation.suspects:
+        found = [mover.ability(metric) for metric in metrics]
+        if all(ability.verdict == "no" for ability in found):
+            parts.append((max(one.closed for one in found), mover.effect, [f"{one.closed:.0%}" for one in found]))
+    parts.sort(key=lambda part: (-part[0], part[1]))
+    some = "; ".join(f"{name} {', '.join(shares)}" for most, name, shares in parts if most >= _NOTHING)
+    nothing = ", ".join(name for most, name, _ in parts if most < _NOTHING)
+    sentence = (
+        f"{'explain neither' if len(metrics) > 1 else 'do not explain it'} alone; at a plausible value they take away so "
+        f"much of what is out of reach of {' and of '.join(metrics)}: {some}"
+    )
+    return [
+        "",
+        *(wrapped(sentence) if some else []),
+        *(wrapped(f"take away nothing: {nothing}") if nothing else []),
+    ]
+
+
+def _details(reach: Reach) -> list[str]:
+    """Effects that help: what is plausible, what the rows need, and the share that a plausible value takes away."""
+    metrics = _wanted(reach)
+    rows = [["effect", "plausible", *(text for metric in metrics for text in (f"{metric} needs", "closes"))]]
+    for mover in reach.explanation.suspects:
+        found = [mover.ability(metric) for metric in metrics]
+        if max(one.closed for one in found) >= _WORTH:
+            first, *others = mover.fields
+            span = f"{first.low:g}..{first.high:g}{unit_suffix(first.unit)}"
+            needs = [text for one in found for text in (_needs(reach, one), f"{one.closed:.0%}")]
+            rows.append([mover.effect, f"{len(mover.fields)} fields" if others else span, *needs])
+    note = indented("needs: from the row that needs least to the one that needs most; * in some rows no value does")
+    return ["", *_columns(rows), *note] if len(rows) > 1 else []
+
+
+def _needs(reach: Reach, ability: Ability) -> str:
+    """The values that the rows need."""
+    outside = {row.load for row, cell in reach.outside if cell.metric == ability.metric}
+    needed = [value for row, value in zip(reach.rows, ability.needed, strict=False) if row.load in outside]
+    values = sorted((value for value in needed if value is not None), key=abs)
+    if not values:
+        return "-"
+    texts = [f"{value:.2g}" if abs(value) < 100.0 else f"{value:.0f}" for value in (values[0], values[-1])]
+    return "..".join(dict.fromkeys(texts)) + ("*" if None in needed else "")
+
+
+def _sets(reach: Reach) -> list[str]:
+    found = reach.explanation
+    if found.sets:
+        lines = ["", f"all within reach at plausible values, the smallest sets ({_SIZES[found.size]}), best fit first:"]
+        return lines + [line for values in found.sets for line in indented(_values_text(reach, values))]
+    none = f"no set of up to {found.size} effects brings all within reach at plausible values"
+    lines = ["", none] if found.size else []
+    if found.closest is not None:
+        out = f"{100.0 * found.closest.excess:.1f} points out of reach in all"
+        lines += indented(f"closest: {_values_text(reach, found.closest)}; {out}")
+    return lines
+
+
+def _values_text(reach: Reach, values: Values) -> str:
+    fields = {(mover.effect, field.name): field for mover in reach.explanation.suspects for field in mover.fields}
+    parts = [
+        f"{effect} {', '.join(_field_text(fields[effect, name], value) for name, value in given.items())}"
+        for effect, given in values.fields.items()
+    ]
+    left = ", ".join(f"{metric} {100.0 * value:.1f}" for metric, value in values.left.items())
+    return f"{' with '.join(parts)}; left, rms: {left} points"
+
+
+def _field_text(field: Field, value: float) -> str:
+    stops = [f" (at its bound {bound:g})" for bound in (field.low, field.high) if value == bound != field.absent]
+    return f"{field.name} {value:.3g}{unit_suffix(field.unit)}{''.join(stops)}"
+
+
+def _range(values: Iterable[float], digits: str, to: str = " to ") -> str:
+    """Smallest and largest of some values, or the one that they all are."""
+    texts = [format(value, digits) for value in sorted(values)]
+    return texts[0] if texts[0] == texts[-1] else f"{texts[0]}{to}{texts[-1]}"
+
+
+def reach_record(reach: Reach) -> dict[str, Any]:
+    """The same as nested records: the entry `physics` of an audit's JSON."""
+    found = reach.explanation
+    return {
+        "rig": reach.rig.name,
+        "ok": reach.ok,
+        "deviation_eta": reach.scatter,
+        "notes": reach.notes,
+        "rows": [_row_record(row) for row in reach.rows],
+        "not_judged": [{**load_record(item.load), "reason": item.reason} for item in reach.not_judged],
+        "effects": [_mover_record(reach, mover) for mover in found.suspects],
+        "sets": [_values_record(values) for values in found.sets],
+        "closest": None if found.closest is None else _values_record(found.closest),
+    }
+
+
+def _row_record(row: RowReach) -> dict[str, Any]:
+    return {
+        **load_record(row.load),
+        "window_s": row.window,
+        "speed_mps": [row.speeds.low, row.speeds.high],
+        "efficiencies": {
+            cell.metric: {
+                "printed": cell.printed,
+                "derived": cell.derived,
+                "allowed": cell.allowed,
+                "reach": [cell.low, cell.high],
+                "nominal": cell.nominal,
+                "standard_uncertainty": cell.u,
+                "off": cell.gap,
+                "outside": cell.outside,
+            }
+            for cell in row.cells
+        },
+    }
+
+
+def _mover_record(reach: Reach, mover: SuspectResult) -> dict[str, Any]:
+    return {
+        "effect": mover.effect,
+        "stage": mover.stage,
+        "fields": {
+            field.name: {"unit": field.unit, "absent": field.absent, "plausible": [field.low, field.high]}
+            for field in mover.fields
+        },
+        "can": {
+            one.metric: {
+                "verdict": one.verdict,
+                "closed": one.closed,
+                "needed": [
+                    {**load_record(row.load), "value": value} for row, value in zip(reach.rows, one.needed, strict=True)
+                ]
+                if one.needed
+                else None,
+            }
+            for one in mover.abilities
+        },
+        "best": None if mover.best is None else _values_record(mover.best),
+    }
+
+
+def _values_record(values: Values) -> dict[str, Any]:
+    return {
+        "fields": values.fields,
+        "reported": values.reported,
+        "left_rms": values.left,
+        "out_of_reach": values.excess,
+        "enough": values.enough,
+        "plausible": values.plausible,
+        "at_bound": values.at_bound,
+    }

@@ -9,7 +9,7 @@ from winchcascade.core.campaign_file import origin_record, origin_words
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.version import __version__
 from winchcascade.report.digits import number, places, significant
-from winchcascade.report.text_table import table_lines, wrapped
+from winchcascade.report.text_table import indented, table_lines, wrapped
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 CALIBRATION_SCHEMA = "winchcascade/calibration/1"
 
 SURE = 3.0
-"""A lag of so many standard uncertainties is told."""
+"""Number of standard uncertainties from which a lag is reported."""
 
 LATE = 5e-3
 """And only if it is longer than this: a logger reads its channels one after the other. [s]"""
@@ -43,25 +43,29 @@ def calibration_text(calibration: Calibration, written: Path | None = None) -> s
     ----------
     written : the rig file that was made of it
     """
-    run, regression = calibration.run, calibration.regression
-    lines = wrapped(
-        f"{one_line(run.name)}: open circuit ({one_line(run.load_source)}), {run.samples} samples at {run.fs:.6g} Hz; "
-        f"rig {one_line(calibration.rig.name)}"
-    )
-    lines += wrapped(f"data: {one_line(origin_words([run.origin]))}")
-    lines += ["", *table_lines([_HEAD, *(_row(n) for n in calibration.numbers)], left=(0, 4, 5)), ""]
-    lines += [*wrapped(_regression(calibration)), *wrapped(_eq8(regression, calibration))]
-    lines += wrapped(f"cannot be told apart here: {'; '.join(calibration.together) or 'nothing'}")
-    lines += wrapped(f"against rig {one_line(calibration.rig.name)}: {_comparison(calibration)}")
-    findings = [*_lag(regression), *_misfit(calibration), *_unsettled(calibration)]
-    lines.append(f"findings: {len(findings) or 'none'}")
-    for finding in findings:
-        lines += wrapped(finding, indent="  ")
+    run, rig = calibration.run, one_line(calibration.rig.name)
+    findings = _findings(calibration)
+    lines = [
+        *wrapped(
+            f"{one_line(run.name)}: open circuit ({one_line(run.load_source)}), {run.samples} samples at {run.fs:.6g} Hz; "
+            f"rig {rig}"
+        ),
+        *wrapped(f"data: {one_line(origin_words([run.origin]))}"),
+        "",
+        *table_lines([_HEAD, *(_row(n) for n in calibration.numbers)], left=(0, 4, 5)),
+        "",
+        *wrapped(_regression(calibration.regression)),
+        *wrapped(_eq8(calibration.regression, calibration)),
+        *wrapped(f"cannot be distinguished here: {'; '.join(calibration.together) or 'nothing'}"),
+        *wrapped(f"against rig {rig}: {_comparison(calibration)}"),
+        f"findings: {len(findings) or 'none'}",
+        *(line for finding in findings for line in indented(finding)),
+    ]
     if run.findings:
         lines += wrapped(f"the log itself has {len(run.findings)}: `winchcascade reduce` lists what is wrong with it")
     if written is not None:
-        kept = [n.name for n in calibration.numbers if not n.new]
-        lines += wrapped(f"rig file: {written}" + (f" ({', '.join(kept)} as before)" if kept else ""))
+        kept = ", ".join(n.name for n in calibration.numbers if not n.new)
+        lines += wrapped(f"rig file: {written}" + (f" ({kept} as before)" if kept else ""))
     return "\n".join(lines) + "\n"
 
 
@@ -109,18 +113,17 @@ def calibration_record(calibration: Calibration) -> dict[str, Any]:
 def _row(n: Number) -> tuple[str, ...]:
     """A number with the digits that its uncertainty allows, a very small one as a power of ten."""
     decimals = places(n.u) if n.u > 0.0 else 6
-    found, low, high = (number(x, decimals) for x in (n.value, n.low, n.high))
-    before = number(n.before, decimals) if math.isfinite(n.before) else "-"
-    return (n.name, before, found, f"{low} to {high}", n.unit, n.how)
+    before = number(n.before, decimals).replace("–", "-")
+    interval = f"{number(n.low, decimals)} to {number(n.high, decimals)}"
+    return (n.name, before, number(n.value, decimals), interval, n.unit, n.how)
 
 
-def _regression(calibration: Calibration) -> str:
-    r = calibration.regression
+def _regression(r: BackEmf) -> str:
     u = (r.high - r.k_e) / BEYOND
-    decimals = places(u)
+    k_e, low, high = (number(x, places(u)) for x in (r.k_e, r.low, r.high))
     return (
         f"back-EMF: {r.rpm.size} samples from {r.rpm.min():.0f} to {r.rpm.max():.0f} rpm, R2 = {r.r2:.5f}, "
-        f"k_e = {number(r.k_e, decimals)} V/rpm, 95 % from {number(r.low, decimals)} to {number(r.high, decimals)}; standard "
+        f"k_e = {k_e} V/rpm, 95 % from {low} to {high}; standard "
         f"uncertainty {100.0 * u / r.k_e:.2f} %, of which the fit {100.0 * r.u_fit / r.k_e:.2f} %, the gain of the Vdc sensor "
         f"{100.0 * r.u_sensor / r.k_e:.2f} %"
     )
@@ -128,12 +131,12 @@ def _regression(calibration: Calibration) -> str:
 
 def _eq8(r: BackEmf, calibration: Calibration) -> str:
     bleed = calibration.rig.dc_link.r_bleed
-    off = r.eq8 / r.k_e - 1.0
+    deviation = r.eq8 / r.k_e - 1.0
     draws = "" if bleed is None else f" of {bleed.value:g} ohm, {1e3 * r.vdc.max() / bleed.value:.0f} mA at most,"
     return (
-        f"Eq. 8 alone would read {number(r.eq8, places((r.high - r.k_e) / BEYOND))} V/rpm, {100.0 * abs(off):.1f} % too "
-        f"{'low' if off < 0 else 'high'}: it knows neither what the bleed{draws} nor what the charging capacitor draws through "
-        "the bridge"
+        f"Eq. 8 alone would read {number(r.eq8, places((r.high - r.k_e) / BEYOND))} V/rpm, {100.0 * abs(deviation):.1f} % too "
+        f"{'low' if deviation < 0 else 'high'}: it knows neither what the bleed{draws} nor what the charging capacitor draws "
+        "through the bridge"
     )
 
 
@@ -161,25 +164,10 @@ def _and(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
-def _lag(r: BackEmf) -> list[str]:
-    """A lag of Vdc, where it is beyond doubt."""
-    if abs(r.lag) <= max(SURE * r.u_lag, LATE):
-        return []
-    when = "late" if r.lag > 0 else "early"
-    return [f"lag: Vdc is recorded {1e3 * abs(r.lag):.0f} ms {when} (95 % within {1e3 * BEYOND * r.u_lag:.0f} ms)"]
-
-
-def _unsettled(calibration: Calibration) -> list[str]:
-    if calibration.settled:
-        return []
-    names = _and([n.name for n in calibration.numbers if n.new and n.name != "k_e"] or ["other numbers than k_e"])
-    return [f"fit: it did not come to rest, so {names} are no result; a log with more payouts tells more"]
-
-
-def _misfit(calibration: Calibration) -> list[str]:
-    """Signs that something else acts on the rig, which then sits in the numbers."""
-    found = []
-    names = _and([n.name for n in calibration.numbers if n.new and n.name != "k_e"] or ["the numbers"])
+def _findings(calibration: Calibration) -> list[str]:
+    """A lag of Vdc that is significant, signs that something else acts on the rig, and a fit that did not come to rest."""
+    r, found = calibration.regression, []
+    names = [n.name for n in calibration.numbers if n.new and n.name != "k_e"]
     if calibration.misfit > MISFIT:
         found.append(
             f"fit: with the numbers found, force, torque and pressure still differ from the model by "
@@ -189,7 +177,16 @@ def _misfit(calibration: Calibration) -> list[str]:
         strains = _and([f"{s.name} by {abs(s.by):.0f}" for s in calibration.strained])
         found.append(f"fit: it moves {strains} of their tolerances")
     if found:
+        inside = _and(names or ["the numbers"])
         found[-1] += (
-            f"; something else acts on this rig, part of it may sit in {names}: `winchcascade diagnose` tells what"
+            f"; something else acts on this rig, and part of it may be contained in {inside}: `winchcascade diagnose` "
+            "finds what it is"
         )
+    if abs(r.lag) > max(SURE * r.u_lag, LATE):
+        when = "late" if r.lag > 0 else "early"
+        within = f"95 % within {1e3 * BEYOND * r.u_lag:.0f} ms"
+        found.insert(0, f"lag: Vdc is recorded {1e3 * abs(r.lag):.0f} ms {when} ({within})")
+    if not calibration.settled:
+        others = _and(names or ["other numbers than k_e"])
+        found.append(f"fit: it did not converge, so {others} are no result; use a log with more payouts")
     return found

@@ -3,56 +3,63 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
+from urllib.parse import quote
 
 import msgspec
 import numpy as np
+from msgspec.structs import asdict, replace
 
-from winchcascade.core.campaign_file import Origin, banner, joint_origin, origin_from, origin_words
+from winchcascade.core.campaign_file import KINDS, banner, joint_origin, origin_words
 from winchcascade.core.version import __version__
+from winchcascade.reduction.efficiency import FIELDS, METRICS, NET_METRICS
 from winchcascade.report import campaign_figures as figures
-from winchcascade.report import campaign_tables as tables
-from winchcascade.report.digits import percent, stated
+from winchcascade.report.campaign_record import (
+    CampaignRecord,
+    FailedLog,
+    LogSummary,
+    by_load,
+    load_text,
+    mixed_windows,
+    window_text,
+)
+from winchcascade.report.digits import number, percent, places, stated, uncertain
 from winchcascade.report.model_account import Account
 from winchcascade.report.model_section import Named, campaign_section
-from winchcascade.report.publish import publish
-from winchcascade.report.report_model import Note, Point, Report, Section, Table, Tile
+from winchcascade.report.records import FindingRecord
+from winchcascade.report.report_model import Note, Point, Report, Section, Table, TableColumn, Tile, make_table, rows_of
 from winchcascade.report.report_parts import data_point, made_on, picture, provenance_table, section
 from winchcascade.report.style import house_style
+from winchcascade.report.tables import DECIMALS, UNIT, metrics_note
+from winchcascade.report.wording import SYMBOL
 
 SEED = 20260
-"""Seed of the draws that tell how likely each load is the best."""
+"""Seed of the draws from which the probability follows that a load is the best."""
 
 DRAWS = 20_000
 
 LISTED = 800
 """Characters of a list of files that is given in full."""
 
-
-def write_campaign_reports(
-    summary: Mapping[str, Any], out: Path, reports: Sequence[str], *, results: Path | None = None, command: str = ""
-) -> None:
-    """Write the report of a campaign into the folder that holds its dataset.
-
-    Parameters
-    ----------
-    summary : the campaign's record, schema `winchcascade/campaign/1`
-    reports : "html", "pdf" or both
-    results : folder by which the record names the results of single logs, if it is another one
-    """
-    html, pdf = (out / f"campaign.{ending}" if ending in reports else None for ending in ("html", "pdf"))
-    publish(make_campaign_report(summary, out, results=results, command=command), html=html, pdf=pdf, force=True)
+MOST_RUNS = 150
+"""Logs that a table lists; of more the first and the last half of that."""
 
 
 def make_campaign_report(
-    summary: Mapping[str, Any], out: Path, *, results: Path | None = None, command: str = ""
+    campaign: CampaignRecord, out: Path, *, results: Path | None = None, command: str = ""
 ) -> Report:
-    """Make the rows and figures of the report of a campaign from its record, its dataset in a folder, and its results."""
-    runs = tables.by_load([run for run in summary["runs"] if run["fault"] is None])
-    failed = [run for run in summary["runs"] if run["fault"] is not None]
-    loaded = [run for run in runs if not run["open_circuit"]] or runs
+    """Make the rows and figures of the report of a campaign from its record, its dataset in a folder, and its results.
+
+    Parameters
+    ----------
+    results : folder by which the record names the results of single logs, if it is another one
+    """
+    runs, failed = by_load(campaign.reduced), campaign.failed
+    loaded = [run for run in runs if not run.open_circuit] or runs
+    rigs = sorted({run.rig for run in runs})
     with house_style():
         sections = (
             section(
@@ -61,13 +68,13 @@ def make_campaign_report(
                     figures.over_load(loaded), "loads",
                     f"Mean powers and efficiencies over {figures.over_what(loaded)}; bars are 95 % intervals. "
                     + ("Lines join the means of the logs of each load. " if figures.repeated(loaded) else "")
-                    + _not_joined(loaded)
+                    + (_NOT_JOINED if len(figures.comparable(loaded)) > 1 else "")
                     + "Where η_pto is highest, most of the line's energy reaches the DC link.",
                     "Points of powers and efficiencies over the load; the values are in the tables.",
                 ),
-                tables.energies_table(runs) if runs else None,
-                tables.efficiencies_table(runs) if runs else None,
-                tables.net_table(runs),
+                energies_table(runs) if runs else None,
+                efficiencies_table(runs) if runs else None,
+                net_table(runs),
             ),
             section(
                 "speed", "Over generator speed",
@@ -80,53 +87,43 @@ def make_campaign_report(
                 ),
             ),
             *_model(runs, results or out),
-            section("repeatability", "Repeatability", tables.repeatability_table(runs) if runs else None),
+            section("repeatability", "Repeatability", repeatability_table(runs)),
             section(
-                "findings", "Logs and findings", tables.logs_table(runs) if runs else Note("No log could be used."),
-                tables.between_table(summary.get("between_logs", ())),
-                tables.faults_table(failed),
+                "findings", "Logs and findings", logs_table(runs) if runs else Note("No log could be used."),
+                between_table(campaign.between),
+                faults_table(failed),
             ),
-            section("provenance", "Provenance", _provenance(summary, runs, command)),
+            section("provenance", "Provenance", _provenance(campaign, runs, command)),
         )  # fmt: skip
     return Report(
         kind="Campaign",
-        title=summary["title"],
-        subtitle=_subtitle(runs),
+        title=campaign.title,
+        subtitle=f"rig {', '.join(rigs)}" if rigs else "",
         generator=f"winchcascade/{__version__}",
         tiles=_tiles(loaded),
         points=tuple(_points(runs, failed, loaded)),
         sections=tuple(s for s in sections if s.blocks),
-        banner=banner(_origins(runs)),
+        banner=banner([run.origin for run in runs]),
     )
 
 
-def _not_joined(runs: Sequence[tables.Run]) -> str:
-    if len(tables.comparable(runs)) < 2:
-        return ""
-    return "Lines join only logs of one window rule and of one kind of data; hollow markers are of another than the first. "
+_NOT_JOINED = (
+    "Lines join only logs of one window rule and of one kind of data; hollow markers are of another than the first. "
+)
 
 
-def _origins(runs: Sequence[tables.Run]) -> list[Origin]:
-    return [origin_from(run) for run in runs]
-
-
-def _subtitle(runs: Sequence[tables.Run]) -> str:
-    rigs = sorted({run["rig"] for run in runs})
-    return f"rig {', '.join(rigs)}" if rigs else ""
-
-
-def _bins(out: Path, runs: Sequence[tables.Run]) -> dict[str, list[dict[str, Any]]]:
+def _bins(out: Path, runs: Sequence[LogSummary]) -> figures.Bins:
     """Bins of the runs that are drawn, from the dataset."""
     from pyarrow import parquet
 
-    names = {run["name"] for run in figures.drawn_runs(runs)}
-    found: dict[str, list[dict[str, Any]]] = {}
+    names = {run.name for run in figures.drawn_runs(runs)}
+    found: dict[str, list[dict[str, float]]] = {}
     columns = ["run", "rpm_low", "rpm_high", "torque_nm", "power_mech_w", "power_gen_w"]
     with parquet.ParquetFile(out / "dataset" / "bins.parquet") as file:
         for batch in file.iter_batches(columns=columns):
             for row in batch.to_pylist():
-                if row["run"] in names:
-                    found.setdefault(row["run"], []).append(row)
+                if (name := row.pop("run")) in names:
+                    found.setdefault(name, []).append({k: value for k, value in row.items() if value is not None})
     return found
 
 
@@ -136,51 +133,47 @@ class _Kept(msgspec.Struct):
     model: Account | None = None
 
 
-def _model(runs: Sequence[tables.Run], out: Path) -> list[Section]:
+def _model(runs: Sequence[LogSummary], out: Path) -> list[Section]:
     """The logs beside their simulations: those that are drawn, and the first open circuit in any case."""
-    opened = [run for run in runs if run["open_circuit"]][:1]
     drawn = figures.drawn_runs(runs)
+    opened = [run for run in runs if run.open_circuit][:1]
     shown = [run for run in opened if run not in drawn] + drawn
-    accounts = [(run, _kept(out / run["result"])) for run in shown]
-    loads = figures.load_names(shown)
-    found = [Named(run["name"], load, a) for (run, a), load in zip(accounts, loads, strict=True) if a is not None]
-    made = campaign_section(found, joint_origin(_origins(runs)).word)
+    found = []
+    for run, load in zip(shown, figures.load_names(shown), strict=True):
+        try:
+            account = msgspec.json.decode((out / run.result).read_bytes(), type=_Kept).model
+        except (OSError, msgspec.DecodeError):  # a result of another making
+            account = None
+        found += [] if account is None else [Named(run.name, load, account)]
+    made = campaign_section(found, joint_origin([run.origin for run in runs]).word)
     return [] if made is None else [made]
 
 
-def _kept(result: Path) -> Account | None:
-    """What a log's result keeps of its simulation; None for a result of another making."""
-    try:
-        return msgspec.json.decode(result.read_bytes(), type=_Kept).model
-    except (OSError, msgspec.DecodeError):
-        return None
-
-
 class Best(NamedTuple):
-    """The run of the highest eta_pto, how likely its load is the best, the best run of the next load, and how many logs
-    the best load has.
+    """The log of the highest eta_pto, the probability that its load is the best, the best log of the next load, and how many
+    logs the best load has.
     """
 
-    run: tables.Run
+    run: LogSummary
     likely: float
-    following: tables.Run
+    following: LogSummary
     logs: int
 
 
-def best_load(runs: Sequence[tables.Run]) -> Best | None:
-    """The load of the run of the highest eta_pto, and the load that is next; None where none can be told.
+def best_load(runs: Sequence[LogSummary]) -> Best | None:
+    """The load of the log of the highest eta_pto, and the load that is next; None where no two can be compared.
 
-    Each mean is drawn from a normal distribution with its standard uncertainty, the runs independent of each other: as
-    runs with the same sensors share their errors, the true probability is rather higher. A load is the best where any of
-    its runs is.
+    Each mean is drawn from a normal distribution with its standard uncertainty, the logs independent of each other: as
+    logs with the same sensors share their errors, the true probability is rather higher. A load is the best where any of
+    its logs is.
     """
-    given = [run for run in runs if run["mean"]["eta_pto"] is not None and not run["open_circuit"]]
-    given = [run for run in given if run["standard_uncertainty"]["eta_pto"] and run["load_ohm"] is not None]
-    loads = np.array([run["load_ohm"] for run in given], dtype=float)
+    given = [run for run in runs if run.standard_uncertainty.eta_pto and run.mean.eta_pto is not None]
+    given = [run for run in given if run.load_ohm is not None and not run.open_circuit]
+    loads = np.array([run.load_ohm for run in given], dtype=float)
     if np.unique(loads).size < 2:
         return None
-    mean = np.array([run["mean"]["eta_pto"] for run in given])
-    u = np.array([run["standard_uncertainty"]["eta_pto"] for run in given])
+    mean = np.array([run.mean.eta_pto for run in given])
+    u = np.array([run.standard_uncertainty.eta_pto for run in given])
     drawn = mean + u * np.random.default_rng(SEED).standard_normal((DRAWS, len(given)))
     share = np.bincount(np.argmax(drawn, axis=1), minlength=len(given)) / DRAWS
     order = np.argsort(-mean, kind="stable")
@@ -189,87 +182,73 @@ def best_load(runs: Sequence[tables.Run]) -> Best | None:
     return Best(given[order[0]], float(share[same].sum()), given[following], int(same.sum()))
 
 
-def _name(run: tables.Run) -> str:
-    return run["name"] if tables.load_of(run) is None else f"{tables.load_text(run)} Ω"
+def _name(run: LogSummary) -> str:
+    return run.name if run.load is None else f"{load_text(run)} Ω"
 
 
-def _tiles(runs: Sequence[tables.Run]) -> tuple[Tile, ...]:
+def _mean(metric: str, run: LogSummary) -> str:
+    """Mean of a metric with the digits that its standard uncertainty allows."""
+    return stated(getattr(run.mean, metric), getattr(run.standard_uncertainty, metric), DECIMALS[metric])
+
+
+def _interval(metric: str, run: LogSummary) -> str:
+    ends, u = run.interval_95[FIELDS[metric]], getattr(run.standard_uncertainty, metric)
+    return "–" if ends is None or not u else f"{number(ends[0], places(u))} to {number(ends[1], places(u))}"
+
+
+def _tiles(runs: Sequence[LogSummary]) -> tuple[Tile, ...]:
     """The best load with its efficiency, and the largest power."""
     tiles = []
     best = best_load(runs)
     if best is not None:
-        run, likely = best.run, best.likely
-        u, (low, high) = run["standard_uncertainty"]["eta_pto"], run["interval_95"]["eta_pto"]
-        tiles.append(
-            Tile(
-                "Best load",
-                "",
-                _name(run),
-                f"best with a probability of {percent(likely) if likely < 0.995 else '>99'} %",
-            )
-        )
-        tiles.append(
-            Tile(
-                "η_pto", "there" if best.logs == 1 else f"there, highest of {best.logs} logs",
-                stated(run["mean"]["eta_pto"], u, 3), f"95 %: {stated(low, u, 3)} to {stated(high, u, 3)}",
-            )
-        )  # fmt: skip
-    powered = [run for run in runs if run["mean"]["power_gen_w"] is not None and not run["open_circuit"]]
+        sure = f"best with a probability of {percent(best.likely) if best.likely < 0.995 else '>99'} %"
+        there = "there" if best.logs == 1 else f"there, highest of {best.logs} logs"
+        tiles.append(Tile("Best load", "", _name(best.run), sure))
+        tiles.append(Tile("η_pto", there, _mean("eta_pto", best.run), f"95 %: {_interval('eta_pto', best.run)}"))
+    powered = [(power, run) for run in runs if (power := run.mean.power_gen) is not None and not run.open_circuit]
     if powered:
-        run = max(powered, key=lambda r: float(r["mean"]["power_gen_w"]))
-        u = run["standard_uncertainty"]["power_gen_w"]
-        ends = run["interval_95"]["power_gen_w"]
-        text = "uncertainty unknown" if ends is None else f"95 %: {stated(ends[0], u, 0)} to {stated(ends[1], u, 0)} W"
-        value = stated(run["mean"]["power_gen_w"], u, 0)
-        tiles.append(Tile("P_gen", f"largest, at {_name(run)}", f"{value} W", text))
+        _, run = max(powered, key=lambda pair: pair[0])
+        unknown = run.interval_95[FIELDS["power_gen"]] is None
+        text = "uncertainty unknown" if unknown else f"95 %: {_interval('power_gen', run)} W"
+        tiles.append(Tile("P_gen", f"largest, at {_name(run)}", f"{_mean('power_gen', run)} W", text))
     return tuple(tiles)
 
 
-def _points(runs: Sequence[tables.Run], failed: Sequence[tables.Run], loaded: Sequence[tables.Run]) -> list[Point]:
-    points = []
-    if runs:
-        points.append(data_point(_origins(runs)))
-    mixed = tables.mixed_windows(runs)
-    if mixed:
-        points.append(Point("Windows", mixed, "warn"))
-    total, whole = sum(run["cycles"] for run in runs), sum(run["complete"] for run in runs)
+def _points(runs: Sequence[LogSummary], failed: Sequence[FailedLog], loaded: Sequence[LogSummary]) -> list[Point]:
+    points = [data_point([run.origin for run in runs])] if runs else []
+    mixed = mixed_windows(runs)
+    points += [Point("Windows", mixed, "warn")] if mixed else []
+    total, whole = sum(run.cycles for run in runs), sum(run.complete for run in runs)
     text = f"{len(runs)} of {len(runs) + len(failed)} reduced, {whole} of {total} cycles complete."
     points.append(Point("Logs", text, "warn" if failed or whole < total else "plain"))
     best = best_load(loaded)
     if best is not None:
-        run, following = best.run, best.following
+        first, second = (f"{_name(run)} with {{}}{_mean('eta_pto', run)}" for run in (best.run, best.following))
         sure = "" if best.likely > 0.95 else " The uncertainties do not tell them apart."
-        values = [stated(r["mean"]["eta_pto"], r["standard_uncertainty"]["eta_pto"], 3) for r in (run, following)]
-        points.append(
-            Point(
-                "Best load", f"{_name(run)} with η_pto = {values[0]}, then {_name(following)} with {values[1]}.{sure}"
-            )
-        )
-    found = [run for run in runs if run["findings"]]
+        points.append(Point("Best load", f"{first.format('η_pto = ')}, then {second.format('')}.{sure}"))
+    found = [run for run in runs if run.findings]
     if found:
-        kinds = sorted({kind.replace("_", " ") for run in found for kind in run["findings"]})
+        kinds = sorted({kind.replace("_", " ") for run in found for kind in run.findings})
         points.append(Point("Findings", f"In {len(found)} of {len(runs)} logs: {', '.join(kinds)}.", "warn"))
     elif runs:
         points.append(Point("Findings", "No fault found in any log.", "good"))
-    worst = [
-        (run["max_deviation_percent"]["eta_pto"], run)
-        for run in loaded
-        if run["max_deviation_percent"]["eta_pto"] is not None
-    ]
+    worst = [(most, run) for run in loaded if (most := run.max_deviation_percent.eta_pto) is not None]
     if worst:
-        most, run = max(worst, key=lambda pair: float(pair[0]))
+        most, run = max(worst, key=lambda pair: pair[0])
         points.append(Point("Repeatability", f"η_pto deviates from its mean by {most:.2f} % at most, at {_name(run)}."))
     return points
 
 
-def _provenance(summary: Mapping[str, Any], runs: Sequence[tables.Run], command: str) -> Table:
-    loads = [tables.load_of(run) for run in runs]
-    finite = sorted({load for load in loads if load is not None and math.isfinite(load)})
+def _provenance(campaign: CampaignRecord, runs: Sequence[LogSummary], command: str) -> Table:
+    finite = sorted({run.load for run in runs if run.load is not None and math.isfinite(run.load)})
+    results = ", ".join(run.result for run in runs)
+    if len(results) > LISTED:
+        results = f"runs/NAME.json of the NAME of each of the {len(runs)} logs in campaign.json"
     rows = [
-        ("Campaign", summary["title"]),
-        ("Data", origin_words(_origins(runs))),
-        ("Logs", f"{len(summary['runs'])}; hash, rig and window of each are in its own report and its result"),
-        ("Results", _results(runs)),
+        ("Campaign", campaign.title),
+        ("Data", origin_words([run.origin for run in runs])),
+        ("Logs", f"{len(campaign.runs)}; hash, rig and window of each are in its own report and its result"),
+        ("Results", f"{results}; other files in runs are of other calls" if runs else ""),
         ("Loads", ", ".join(f"{load:g}" for load in finite[:20]) + (" Ω" if finite else "")),
         ("Made by", f"winchcascade {__version__}"),
         ("Command", command),
@@ -278,11 +257,131 @@ def _provenance(summary: Mapping[str, Any], runs: Sequence[tables.Run], command:
     return provenance_table(rows)
 
 
-def _results(runs: Sequence[tables.Run]) -> str:
-    """The files that count: an earlier call may have left those of other logs beside them."""
-    if not runs:
-        return ""
-    listed = ", ".join(run["result"] for run in runs)
-    if len(listed) > LISTED:
-        listed = f"runs/NAME.json of the NAME of each of the {len(runs)} logs in campaign.json"
-    return f"{listed}; other files in runs are of other calls"
+# ---------------------------------------------------------------------------------------------------------- the tables
+_LOG: TableColumn[LogSummary] = TableColumn("Log", text=True, of=lambda run: run.name)
+_LOAD: TableColumn[LogSummary] = TableColumn("Load", "Ω", of=load_text)
+_WINDOW: TableColumn[LogSummary] = TableColumn("Window", "s", of=window_text)
+_CYCLES: TableColumn[LogSummary] = TableColumn("Cycles", of=lambda run: run.complete)
+
+
+def _table(
+    name: str, caption: str, columns: Sequence[TableColumn[LogSummary]], runs: Sequence[LogSummary], note: str = ""
+) -> Table:
+    """A row for each log, of many for the first and the last ones."""
+    rows = rows_of(columns, runs, most=MOST_RUNS, more="more, in the dataset")
+    return make_table(name, caption, columns, rows, note=note)
+
+
+def _linked(table: Table, runs: Sequence[LogSummary]) -> Table:
+    """A table whose rows lead to the reports of the logs, unless it lists a part of them alone."""
+    links = tuple(f"runs/{quote(run.name)}.html" for run in runs)
+    return replace(table, links=() if len(runs) > MOST_RUNS else links)
+
+
+def _given(runs: Sequence[LogSummary], metrics: Iterable[str]) -> list[str]:
+    """Metrics of which any log has a mean."""
+    return [m for m in metrics if any(getattr(run.mean, m) is not None for run in runs)]
+
+
+def _with_uncertainty(metric: str, run: LogSummary) -> str:
+    value, u = getattr(run.mean, metric), getattr(run.standard_uncertainty, metric)
+    return f"{_mean(metric, run)}{'' if value is None or not u else f' ± {uncertain(u)}'}"
+
+
+def _metric_columns(metrics: Iterable[str]) -> list[TableColumn[LogSummary]]:
+    """Means of metrics with their standard uncertainties."""
+    return [TableColumn(SYMBOL[m], UNIT[m], of=partial(_with_uncertainty, m)) for m in metrics]
+
+
+def energies_table(runs: Sequence[LogSummary]) -> Table:
+    """Mean energies and powers of every log with their standard uncertainties (the layout of Table 2)."""
+    given = _given(runs, [f"{kind}_{stage}" for stage in ("line", "mech", "gen") for kind in ("energy", "power")])
+    caption = "Mean energies over the integration window and mean powers in it, ± standard uncertainty."
+    columns = [_LOG, _LOAD, _WINDOW, _CYCLES, *_metric_columns(given)]
+    return _linked(_table("energies", caption, columns, runs, metrics_note(given).strip()), runs)
+
+
+def efficiencies_table(runs: Sequence[LogSummary]) -> Table:
+    """Mean efficiencies of every log with their standard uncertainties and 95 % intervals."""
+    given = _given(runs, METRICS[6:])
+    columns = [_LOG, _LOAD, _WINDOW]
+    for m, column in zip(given, _metric_columns(given), strict=True):
+        columns += [column, TableColumn("95 % interval", of=partial(_interval, m))]
+    caption = "Efficiencies: means of the cycles' ratios, ± standard uncertainty, and 95 % intervals."
+    note = (
+        f"{metrics_note(given)}Errors of the sensors are common to all runs with the same sensors, so differences between "
+        "loads are better known than each value."
+    )
+    return _table("efficiencies", caption, columns, runs, note)
+
+
+def net_table(runs: Sequence[LogSummary]) -> Table | None:
+    """Net energies of whole cycles of every log, means with their standard uncertainties; None where no log has any."""
+    given = _given(runs, NET_METRICS)
+    caption = (
+        "Whole cycles: line energy of the payout, line energy returned in haul-in, and net line energy from onset to "
+        "next onset, ± standard uncertainty."
+    )
+    note = (
+        f"These energies do not depend on the integration window. {_NET_RATIO if 'eta_net' in given else ''}"
+        "The report of each log states why it has none; in open circuit they are not evaluated."
+    )
+    return _table("net", caption, [_LOG, _LOAD, *_metric_columns(given)], runs, note) if given else None
+
+
+_NET_RATIO = "η_net = E_gen, cycle / E_net. "
+
+
+def repeatability_table(runs: Sequence[LogSummary]) -> Table | None:
+    """Largest deviation of any cycle from the mean, for every log; None where no log has two cycles."""
+    several = [run for run in runs if run.complete > 1]
+    given = [m for m in METRICS if any(getattr(run.max_deviation_percent, m) is not None for run in several)]
+    columns = [_LOG, _LOAD, _CYCLES, *(TableColumn(SYMBOL[m], "%", 2, of=partial(_deviation, m)) for m in given)]
+    caption = "Repeatability: largest deviation of any cycle from the mean of its run, in percent of the mean."
+    return _table("repeatability", caption, columns, several) if given else None
+
+
+def _deviation(metric: str, run: LogSummary) -> float | None:
+    value: float | None = asdict(run.max_deviation_percent)[metric]
+    return value
+
+
+def logs_table(runs: Sequence[LogSummary]) -> Table:
+    """Every log: its cycles, and what was found wrong with it."""
+    columns = [
+        _LOG,
+        _LOAD,
+        _WINDOW,
+        TableColumn("Data", text=True, of=lambda run: KINDS[run.origin.measured]),
+        TableColumn("Complete cycles", of=lambda run: f"{run.complete} of {run.cycles}"),
+        TableColumn("Data lost", "%", of=lambda run: percent(run.removed_share, 2)),
+        TableColumn("Findings", text=True, of=_findings),
+    ]
+    caption = "Logs: complete cycles, share of the samples that findings took out, number and kinds of findings."
+    return _linked(_table("logs", caption, columns, runs), runs)
+
+
+def _findings(run: LogSummary) -> str:
+    kinds = ", ".join(kind.replace("_", " ") for kind in run.findings)
+    return f"{run.finding_count}: {kinds}" if kinds else "none"
+
+
+def between_table(found: Sequence[tuple[str, FindingRecord]]) -> Table | None:
+    """Findings that a log has beside the others; None if there is none."""
+    columns: list[TableColumn[tuple[str, FindingRecord]]] = [
+        TableColumn("Log", text=True, of=lambda one: one[0]),
+        TableColumn("Finding", text=True, of=lambda one: f"{one[1].kind.replace('_', ' ')}: {one[1].message}"),
+        TableColumn("What to do", text=True, of=lambda one: one[1].action),
+    ]
+    caption = "Logs that lie apart from the others. The data are kept; the operator decides."
+    return make_table("between", caption, columns, rows_of(columns, found[:MOST_RUNS])) if found else None
+
+
+def faults_table(failed: Sequence[FailedLog]) -> Table | None:
+    """Logs that could not be used, each with its sentence; None if there is none."""
+    columns: list[TableColumn[FailedLog]] = [
+        TableColumn("Log", text=True, of=lambda run: run.name),
+        TableColumn("Why", text=True, of=lambda run: run.fault),
+    ]
+    rows = rows_of(columns, failed[:MOST_RUNS])
+    return make_table("faults", "Logs that could not be used.", columns, rows) if failed else None

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import msgspec
+
 from winchcascade.core.campaign_file import joint_origin, origin_record, origin_words
 from winchcascade.core.plain_text import one_line
-from winchcascade.core.published_table import load_text, unit_suffix
+from winchcascade.core.published_table import load_text
 from winchcascade.core.version import __version__
-from winchcascade.report.table_text import load_record, table_record, title_lines
-from winchcascade.report.text_table import wrapped
+from winchcascade.report.audit_text import load_record, table_record, title_lines
+from winchcascade.report.text_table import at_most, indented, table_lines, wrapped
 
 if TYPE_CHECKING:
     from winchcascade.tables.check import CellCheck, Check
@@ -31,11 +33,10 @@ def check_text(check: Check) -> str:
     for load in dict.fromkeys(cell.load for cell in check.cells):
         cells = [cell for cell in check.cells if cell.load == load]
         log = next((cell.log for cell in cells if cell.log is not None), None)
+        rows = [] if log is None else [_HEAD, *(_cell_row(cell) for cell in cells)]
         lines += wrapped(f"{load_text(load)}: {'no run' if log is None else log}")
-        if log is not None:
-            lines += [f"  {line}" for line in _aligned([_HEAD, *(_cell_row(cell) for cell in cells)])]
-        lines += [line for text in _findings(check, load) for line in wrapped(text, indent="  ")]
-        lines.append("")
+        lines += table_lines(rows, left=(0, len(_HEAD) - 1), close=(6, 7), indent="  ")
+        lines += [*(line for text in _findings(check, load) for line in indented(text)), ""]
     for note in check.notes:
         lines += wrapped(f"note: {note}")
     return "\n".join([*lines, _summary(check)]) + "\n"
@@ -43,11 +44,10 @@ def check_text(check: Check) -> str:
 
 def _findings(check: Check, load: float) -> list[str]:
     """What is wrong with the log of a row: nothing, or the number of its findings and the first of them."""
-    found = check.findings.get(load, ())
-    if not found:
-        return []
-    more = [f"... {len(found) - MOST_FINDINGS} more, all in --json"] if len(found) > MOST_FINDINGS else []
-    return [f"findings in this log: {len(found)}", *(f"! {one_line(text)}" for text in found[:MOST_FINDINGS]), *more]
+    found = [[f"! {one_line(text)}"] for text in check.findings.get(load, ())]
+    return (
+        [f"findings in this log: {len(found)}", *at_most(found, MOST_FINDINGS, "more, all in --json")] if found else []
+    )
 
 
 def junit_xml(check: Check) -> str:
@@ -61,9 +61,9 @@ def junit_xml(check: Check) -> str:
     root = ElementTree.Element("testsuites", {"name": "winchcascade check", **counts})
     suite = ElementTree.SubElement(root, "testsuite", {"name": one_line(check.table.name), **counts, "time": "0"})
     properties = ElementTree.SubElement(suite, "properties")
-    ElementTree.SubElement(properties, "property", {"name": "generator", "value": f"winchcascade/{__version__}"})
     data = one_line(origin_words(check.origins))
-    ElementTree.SubElement(properties, "property", {"name": "data", "value": data})
+    for name, value in (("generator", f"winchcascade/{__version__}"), ("data", data)):
+        ElementTree.SubElement(properties, "property", {"name": name, "value": value})
     for cell in check.cells:
         place = f"{one_line(check.table.name)}.{load_text(cell.load).replace(' ', '_').replace('.', 'p')}"
         case = ElementTree.SubElement(suite, "testcase", {"classname": place, "name": cell.metric, "time": "0"})
@@ -87,19 +87,18 @@ def github_annotations(check: Check, table_path: str | Path) -> str:
     """One workflow command a line: an error at the cell in the table file for every miss, a warning at its row for each log
     with findings, a notice for every note.
     """
-
-    def place(line: int | None) -> str:
-        return f"file={_property(str(table_path))}" + (f",line={line}" if line is not None else "")
-
-    lines = []
-    for cell in check.misses:
-        title = _property(f"{load_text(cell.load)} {cell.metric}")
-        lines.append(f"::error {place(cell.line)},title={title}::{_message(miss_sentence(cell))}")
+    found = [
+        ("error", cell.line, f"{load_text(cell.load)} {cell.metric}", miss_sentence(cell)) for cell in check.misses
+    ]
     for load in check.findings:
         row = check.table.row(load)
-        title = _property(f"{load_text(load)} findings")
-        text = _message("\n".join(_findings(check, load)))
-        lines.append(f"::warning {place(row.lines.get('') if row else None)},title={title}::{text}")
+        text = "\n".join(_findings(check, load))
+        found.append(("warning", row.lines.get("") if row else None, f"{load_text(load)} findings", text))
+    file = f"file={_property(str(table_path))}"
+    lines = [
+        f"::{kind} {file}{'' if line is None else f',line={line}'},title={_property(title)}::{_message(text)}"
+        for kind, line, title, text in found
+    ]
     lines += [f"::notice::{_message(one_line(note))}" for note in check.notes]
     return "".join(f"{line}\n" for line in lines)
 
@@ -111,15 +110,15 @@ def check_record(check: Check) -> dict[str, Any]:
         "version": __version__,
         "table": table_record(check.table),
         "data": origin_record(joint_origin(check.origins)),
-        "factors": {name: getattr(check.factors, name) for name in check.factors.__struct_fields__},
+        "factors": msgspec.structs.asdict(check.factors),
         "ok": check.ok,
         "misses": len(check.misses),
         "cells": [
             {
                 **load_record(cell.load),
                 "metric": cell.metric,
-                "unit": cell.unit,
-                "decimals": cell.decimals,
+                "unit": cell.column.unit,
+                "decimals": cell.column.decimals,
                 "outcome": cell.outcome,
                 "log": cell.log,
                 "printed": cell.printed,
@@ -137,7 +136,7 @@ def check_record(check: Check) -> dict[str, Any]:
             for cell in check.cells
         ],
         "findings": [{**load_record(load), "findings": list(found)} for load, found in check.findings.items()],
-        "notes": list(check.notes),
+        "notes": check.notes,
     }
 
 
@@ -155,17 +154,13 @@ def miss_sentence(cell: CellCheck) -> str:
 
 
 def _recipe(check: Check) -> str:
-    capped = " (at most the table's)" if check.table.deviations else ""
+    factors, capped = check.factors, " (at most the table's)" if check.table.deviations else ""
     parts = (
-        "half a unit of the last decimal",
-        f"largest deviation of the cycles{capped}",
-        "2 standard uncertainties u of the mean",
+        (factors.rounding, "half a unit of the last decimal"),
+        (factors.deviation, f"largest deviation of the cycles{capped}"),
+        (factors.uncertainty, "2 standard uncertainties u of the mean"),
     )
-    names = check.factors.__struct_fields__
-    factors = {name: getattr(check.factors, name) for name in names}
-    return " + ".join(
-        part if factors[name] == 1 else f"{factors[name]:g} x {part}" for name, part in zip(names, parts, strict=True)
-    )
+    return " + ".join(part if factor == 1 else f"{factor:g} x {part}" for factor, part in parts)
 
 
 def _cell_row(cell: CellCheck) -> tuple[str, ...]:
@@ -186,12 +181,12 @@ def _cell_row(cell: CellCheck) -> tuple[str, ...]:
 
 
 def _printed(cell: CellCheck) -> str:
-    return f"{cell.printed:.{max(cell.decimals, 0)}f}{unit_suffix(cell.unit)}"
+    return cell.column.text(cell.printed)
 
 
 def _fine(value: float, cell: CellCheck, *, more: int = 1, sign: bool = False) -> str:
     """A number with more decimals than are printed."""
-    return f"{value:{'+' if sign else ''}.{max(cell.decimals + more, 0)}f}"
+    return f"{value:{'+' if sign else ''}.{max(cell.column.decimals + more, 0)}f}"
 
 
 def _by(missed: float, cell: CellCheck) -> str:
@@ -201,35 +196,13 @@ def _by(missed: float, cell: CellCheck) -> str:
 
 
 def _summary(check: Check) -> str:
-    agreed, all_of = len(check.cells) - len(check.misses), len(check.cells)
-    if check.ok:
-        return f"all {all_of} cells agree"
-    unmeasured = sum(cell.outcome == "not_measured" for cell in check.cells)
-    without = sum(cell.outcome == "no_run" for cell in check.cells)
+    outcomes = Counter(cell.outcome for cell in check.misses)
+    unmeasured, without = outcomes["not_measured"], outcomes["no_run"]
     off = len(check.misses) - unmeasured - without
-    parts = [
-        f"{n} {what}"
-        for n, what in (
-            (off, "differs" if off == 1 else "differ"),
-            (unmeasured, "not measured"),
-            (without, "without a run"),
-        )
-        if n
-    ]
-    return f"{agreed} of {all_of} cells agree; {', '.join(parts)}"
-
-
-def _aligned(rows: Iterable[tuple[str, ...]]) -> list[str]:
-    """Columns under each other: the first and the last to the left, numbers to the right."""
-    rows = list(rows)
-    last = len(rows[0]) - 1
-    width = [max(len(row[k]) for row in rows) for k in range(last + 1)]
-
-    def line(row: tuple[str, ...]) -> str:
-        numbers = [text.rjust(width[k]) for k, text in enumerate(row) if 0 < k < last]
-        return "  ".join([row[0].ljust(width[0]), *numbers[:4], " ".join(numbers[4:]), row[last]]).rstrip()
-
-    return [line(row) for row in rows]
+    counts = ((off, "differs" if off == 1 else "differ"), (unmeasured, "not measured"), (without, "without a run"))
+    named = ", ".join(f"{n} {what}" for n, what in counts if n)
+    missed = f"{len(check.cells) - len(check.misses)} of {len(check.cells)} cells agree; {named}"
+    return f"all {len(check.cells)} cells agree" if check.ok else missed
 
 
 def _message(text: str) -> str:

@@ -3,39 +3,39 @@
 from __future__ import annotations
 
 import platform
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from pathlib import Path
 
 from winchcascade.core.campaign_file import banner
 from winchcascade.core.version import __version__
-from winchcascade.diagnosis.gap_location import STANDS_OUT
+from winchcascade.diagnosis.diagnose import ModelDiagnosis
+from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
+from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report import diagnosis_figures as figures
 from winchcascade.report import diagnosis_tables as tables
 from winchcascade.report import diagnosis_words as words
+from winchcascade.report.diagnosis_causes import (
+    numbers_figure,
+    odds_figure,
+    profile_figure,
+    threshold_words,
+    thresholds,
+)
 from winchcascade.report.diagnosis_data import Sides, most_telling, sides
-from winchcascade.report.diagnosis_laws import numbers_figure, profile_figure
 from winchcascade.report.diagnosis_method import METHOD, line_method
 from winchcascade.report.diagnosis_names import (
     apart_words,
-    display_of,
     load_words,
     phase_words,
     probability_words,
     share_words,
 )
-from winchcascade.report.diagnosis_odds import odds_figure, threshold_words, thresholds
 from winchcascade.report.digits import significant
 from winchcascade.report.publish import publish
 from winchcascade.report.report_model import Note, Point, Report, Section, Table, Tile
 from winchcascade.report.report_parts import data_point, file_digest, made_on, picture, provenance_table, section
 from winchcascade.report.style import house_style
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from winchcascade.diagnosis.diagnose import ModelDiagnosis
-    from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
 
 
 def write_diagnosis_reports(
@@ -52,25 +52,27 @@ def write_diagnosis_reports(
 
 def make_diagnosis_report(found: ModelDiagnosis | LineDiagnosis, *, command: str = "") -> Report:
     """Make the rows and figures of the report of a diagnosis."""
-    with house_style():
-        sections = _line_sections(found, command) if isinstance(found, LineDiagnosis) else _sections(found, command)
     size, rig = f"{len(found.runs)} logs", f"{found.rig.name} as given"
-    if isinstance(found, LineDiagnosis):
-        size = f"{sum(len(set(part.cycle.tolist())) for part in found.lines.parts)} cycles"
-        rig = f"{found.rig.name}: line force, speed and winch power, no model"
+    with house_style():
+        if isinstance(found, LineDiagnosis):
+            sections = _line_sections(found)
+            size = f"{words.cycles_of(found)} cycles"
+            rig = f"{found.rig.name}: line tension, speed and winch power, no model"
+        else:
+            sections = _sections(found)
     return Report(
         kind="Diagnosis of a campaign",
         title=found.title,
         subtitle=f"{size} · rig {rig} · {len(found.suspects)} suspects",
         generator=f"winchcascade/{__version__}",
         tiles=_tiles(found),
-        points=tuple(_line_points(found) if isinstance(found, LineDiagnosis) else _points(found)),
-        sections=tuple(s for s in sections if s.blocks),
+        points=_points(found),
+        sections=tuple(s for s in (*sections, _provenance(found, command)) if s.blocks),
         banner=banner(words.origins_of(found)),
     )
 
 
-def _sections(found: ModelDiagnosis, command: str) -> tuple[Section, ...]:
+def _sections(found: ModelDiagnosis) -> tuple[Section, ...]:
     both = sides(found)
     return (
         _where(found),
@@ -79,156 +81,147 @@ def _sections(found: ModelDiagnosis, command: str) -> tuple[Section, ...]:
         _over_speed(found, both),
         _next(
             found,
-            "The run that would tell most.",
-            "Tried were the smallest, the middle and the largest load of the campaign at three speeds. The difference is what "
-            "is left of it after every tolerance, every zero and the rival's own numbers have adapted as far as they can.",
+            "The sharpest next run.",
+            "The minimum, the middle and the maximum load of the campaign were tried at three speeds. The difference is what "
+            "remains of it after every tolerance, every zero and the numbers of the alternative have adapted as far as they "
+            "can.",
         ),
-        _remainder(found),
+        section(
+            "remainder", "Residual",
+            Note(words.remainder_words(found)) if found.remainder else None,
+            tables.alarms_table(found),
+            tables.roughness_table(found),
+            tables.nuisances_table(found),
+        ),
         section("considered", "What else was considered", tables.suspects_table(found), tables.thresholds_table(found)),
         _method(METHOD),
-        section("provenance", "Provenance", tables.logs_table(found), _provenance(found, command)),
-    )
+    )  # fmt: skip
 
 
-def _line_sections(found: LineDiagnosis, command: str) -> tuple[Section, ...]:
+def _line_sections(found: LineDiagnosis) -> tuple[Section, ...]:
     return (
         _line_where(found),
         _line_which(found),
         _line_how_far(found),
         _next(
             found,
-            "The motion that would tell most.",
-            "Tried were reel-out in steps of speed, reel-out in steps of force, out and back at one speed, and a swinging "
-            "speed. The difference is what is left of it once the other explanation's own numbers have adapted as far as these "
-            "logs allow; of motions that tell about as much, the one with the least effort is named.",
+            "The sharpest next motion.",
+            "Reel-out in steps of speed, reel-out in steps of line tension, out and back at one speed, and a swinging speed "
+            "were tried. The difference is what remains of it once the numbers of the other explanation have adapted as far "
+            "as these logs allow; of motions with about the same difference, the one with the minimum effort is named.",
         ),
         _method(line_method(found)),
-        section("provenance", "Provenance", tables.line_logs_table(found), _provenance(found, command)),
     )
 
 
 # ---------------------------------------------------------------------------------------------- the page for a decision
 def _tiles(found: ModelDiagnosis | LineDiagnosis) -> tuple[Tile, ...]:
-    """Verdict, leading cause, and share that is closed; without a cause, with a model, how far the logs are off."""
-    line, count = isinstance(found, LineDiagnosis), len(found.causes)
-    none = "nothing stands out" if found.verdict == "no_gap" else "no cause named"
-    named = f"{count} cause{'s' if count > 1 else ''} named" if count else none
+    """Verdict, leading cause, and share that is closed; without a cause, with a model, the size of the gap."""
+    count = len(found.causes)
+    named = "no significant gap" if found.verdict == "no_gap" else "no cause named"
+    if count:
+        named = f"{count} cause{'s' if count > 1 else ''} named"
     tiles = [Tile("Verdict", "", words.VERDICTS[found.verdict], named)]
-    if found.causes:
-        lead = found.causes[0]
-        sure = f"probability {probability_words(lead.probability)}"
-        tiles.append(Tile("Leading cause", sure, lead.effect, words.cause_words(found, lead)))
+    for lead in found.causes[:1]:
+        likely = f"probability {probability_words(lead.probability)}"
+        tiles.append(Tile("Leading cause", likely, lead.effect, words.cause_words(found, lead)))
     if found.closure is not None:
-        share, interval = share_words(found.closure.share), f"95 %: {words.interval_words(found)}"
-        tiles.append(Tile("Gap closed", f"on unseen {'cycles' if line else 'logs'}", share, interval))
+        share, interval = share_words(found.closure.share), f"95 %: {words.interval_words(found.closure)}"
+        tiles.append(Tile("Gap closed", f"on held-out {words.phrases_of(found).item}s", share, interval))
     if not found.causes and not isinstance(found, LineDiagnosis):
         tiles += _extremes(found)
     return tuple(tiles)
 
 
 def _extremes(found: ModelDiagnosis) -> list[Tile]:
-    """The mean that is farthest off, and the strongest sign of something unexplained or how many effects were tried."""
-    tiles = []
-    ranked = figures.worst_first(found)
-    if ranked:
-        worst = ranked[0]
-        where = f"{words.NAMES[worst.channel]}, {phase_words(worst.phase)}, {load_words(worst.load)}"
-        size = f"{abs(worst.z):.1f}"
-        tiles.append(Tile("Largest gap", f"limit {STANDS_OUT:g}", size, f"standard uncertainties: {where}"))
-    if found.remainder is not None and found.remainder.alarms:
-        alarm = found.remainder.alarms[0]
-        where = words.about_words(alarm.about, words.files_of(found))
-        size, kind = significant(alarm.size, 2), tables.SIGNS[alarm.kind]
-        tiles.append(Tile("Strongest sign", f"limit {alarm.limit:g}", size, f"{kind}: {where}"))
-    else:
-        tiles.append(Tile("Effects tried", "", f"{len(found.suspects)}", "none is named"))
-    return tiles
+    """The most significant mean, and the strongest sign of something unexplained or how many effects were tried."""
+    tiles = [
+        Tile(
+            "Largest gap", f"limit {STANDS_OUT:g}", f"{abs(worst.z):.1f}",
+            f"standard uncertainties: {words.NAMES[worst.channel]}, {phase_words(worst.phase)}, {load_words(worst.load)}",
+        )
+        for worst in figures.worst_first(found)[:1]
+    ]  # fmt: skip
+    if found.remainder is None or not found.remainder.alarms:
+        return [*tiles, Tile("Effects tried", "", f"{len(found.suspects)}", "none is named")]
+    alarm = found.remainder.alarms[0]
+    what = f"{tables.SIGNS[alarm.kind]}: {words.about_words(alarm.about, words.files_of(found))}"
+    return [*tiles, Tile("Strongest sign", f"limit {alarm.limit:g}", significant(alarm.size, 2), what)]
 
 
-def _points(found: ModelDiagnosis) -> list[Point]:
+def _points(found: ModelDiagnosis | LineDiagnosis) -> tuple[Point, ...]:
     """What a reader must know after ten seconds, in sentences."""
-    alarms = found.remainder is not None and found.remainder.alarms
-    hidden, clean = found.unnamed, found.verdict == "no_gap"
-    where = f"{words.where_words(found)} {words.arises_words(found)}".strip()
-    return _stated(
-        *_first_points(found, where),
-        Point("How far", words.closure_words(found)),
-        Point("What next", words.experiment_words(found)),
-        Point("What is left", words.remainder_words(found) if found.remainder else "", "warn" if alarms else "plain"),
-        Point("What was checked", words.checked_words(found) if clean else ""),
-        Point("What would show", _seen_words(found) if clean else ""),
-        Point(
-            "Not named",
-            f"The best fit used {', '.join(hidden)} too. While something stays unexplained such further effects may "
-            "only imitate it, so they are not named."
-            if hidden and found.causes
-            else "",
-            "warn",
-        ),
+    if isinstance(found, LineDiagnosis):
+        small = words.small_words(found)
+        sign, steady = [Point("Sign corrected", words.flipped_words(found), "warn")], words.again_words(found)
+        others = [Point("Not needed", f"{small}." if small else "")]
+    else:
+        clean, sign, steady = found.verdict == "no_gap", [], ""
+        others = [
+            Point("What was checked", words.checked_words(found) if clean else ""),
+            Point("What would show", _seen_words(found) if clean else ""),
+        ]
+    hidden, residual = found.unnamed if found.causes else (), found.remainder
+    return tuple(
+        point
+        for point in (
+            data_point(words.origins_of(found)),
+            *sign,
+            Point(
+                "Verdict", words.verdict_words(found), "good" if found.verdict in ("no_gap", "explained") else "warn"
+            ),
+            Point("Where", f"{words.where_words(found)} {words.arises_words(found)}".strip()),
+            *_cause_points(found),
+            Point("How sure", words.sure_words(found)),
+            Point("How far", words.closure_words(found)),
+            Point("How steady", steady),
+            Point("What next", words.experiment_words(found)),
+            Point(
+                "Residual",
+                words.remainder_words(found) if residual else "",
+                "warn" if residual and residual.alarms else "plain",
+            ),
+            *others,
+            Point(
+                "Not named",
+                f"The best fit used {', '.join(hidden)} too. While the residual is significant they may only imitate its "
+                "cause, so they are not named."
+                if hidden
+                else "",
+                "warn",
+            ),
+        )
+        if point.text
     )
 
 
-def _line_points(found: LineDiagnosis) -> list[Point]:
-    """As `_points`, for a winch without a model."""
-    alarms = found.remainder is not None and found.remainder.alarms
-    hidden, small = found.unnamed, words.small_words(found)
-    data, *others = _first_points(found, words.where_words(found))
-    return _stated(
-        data,
-        Point("Sign turned", words.flipped_words(found), "warn"),
-        *others,
-        Point("How far", words.closure_words(found)),
-        Point("How steady", words.again_words(found)),
-        Point("What next", words.experiment_words(found)),
-        Point("What is left", words.remainder_words(found), "warn" if alarms else "plain"),
-        Point("Not needed", f"{small}." if small else ""),
-        Point(
-            "Not named",
-            f"The best fit used {', '.join(hidden)} too; while a structure is left they may only imitate it."
-            if hidden and found.causes
-            else "",
-            "warn",
-        ),
-    )
-
-
-def _stated(*points: Point) -> list[Point]:
-    """Points that have a text."""
-    return [point for point in points if point.text]
-
-
-def _first_points(found: ModelDiagnosis | LineDiagnosis, where: str) -> list[Point]:
-    """Data, verdict, where, every cause, and how sure they are."""
-    good = found.verdict in ("no_gap", "explained")
-    many = len(found.causes) > 1
-    causes = []
+def _cause_points(found: DiagnosisResult) -> list[Point]:
+    """What each cause is, and its numbers."""
+    points = []
     for k, cause in enumerate(found.causes, start=1):
-        what, numbers = words.meaning_words(found, cause.effect), words.cause_words(found, cause)
-        text = f"{cause.effect}: {what[:1].lower()}{what[1:].rstrip('.')}. Found: {numbers}."
-        rivals = " or ".join(rival.effect for rival in cause.rivals)
-        causes.append(Point(f"Cause {k}" if many else "Cause", f"{text} Or in its place {rivals}." if rivals else text))
-    return [
-        data_point(words.origins_of(found)),
-        Point("Verdict", words.verdict_words(found), "good" if good else "warn"),
-        Point("Where", where),
-        *causes,
-        Point("How sure", words.sure_words(found)),
-    ]
+        what, others = words.meaning_words(found, cause.effect), words.alternatives_words(cause, " or ")
+        text = f"{cause.effect}: {what[:1].lower()}{what[1:].rstrip('.')}. Found: {words.cause_words(found, cause)}."
+        points.append(
+            Point(
+                f"Cause {k}" if len(found.causes) > 1 else "Cause",
+                f"{text} Or in its place {others}." if others else text,
+            )
+        )
+    return points
 
 
 EXAMPLES = ("copper_heating", "gear_mesh_loss", "line_friction", "precharge")
-"""One effect of each stage, which tells how small a gap would have been seen."""
+"""One effect of each stage, which shows how small a gap would have been named."""
 
 
 def _seen_words(found: ModelDiagnosis) -> str:
     """How small some effects might have been and still be named."""
-    known = [one for one in thresholds(found) if one.effect in EXAMPLES and one.value is not None]
-    parts = [f"{display_of(one.effect, one.name).what} {threshold_words(one)}" for one in known]
-    return (
-        f"Alone it would have been named from: {', '.join(parts)}. All effects are in the table of thresholds."
-        if parts
-        else ""
+    parts = ", ".join(
+        f"{one.shown.what} {threshold_words(one)}"
+        for one in thresholds(found)
+        if one.effect in EXAMPLES and one.value is not None
     )
+    return f"Alone it would have been named from: {parts}. All effects are in the table of thresholds." if parts else ""
 
 
 # ---------------------------------------------------------------------------------------------------------- the evidence
@@ -257,16 +250,16 @@ def _where(found: ModelDiagnosis) -> Section:
 
 
 STAGE_BY_STAGE = (
-    "The map reads end to end: the line's motion alone drives the model, so what is wrong in one stage shows in those behind "
-    "it, and upstream through torque and force. Stage by stage each is given its own inputs from the log instead: read it to "
-    "see where the gap arises. A sensor that is off shows in every stage that it feeds or ends."
+    "The map reads end to end: the motion of the line alone drives the model. A deviation of one stage therefore shows in "
+    "those behind it, and upstream through torque and line tension. Stage by stage each stage has its own inputs from the log "
+    "instead, which shows where the gap arises. A deviating sensor shows in every stage that it feeds or ends."
 )
 
 YARDSTICKS = (
     "A difference counts only against what could make it by chance. Three yardsticks make up its standard uncertainty: "
     "the noise of the sensors and the zero of each log's sensor; how the cycles of a log repeat; and how well the "
-    "numbers of the rig file, the loads and the gains of the sensors are known, carried through the simulation. Force "
-    "and torque are compared only while the line moves: at rest friction just bounds them."
+    "numbers of the rig file, the loads and the gains of the sensors are known, carried through the simulation. Line "
+    "tension and torque are compared only while the line moves: at rest friction just bounds them."
 )
 
 
@@ -289,28 +282,22 @@ def _which(found: ModelDiagnosis) -> Section:
             "A falling curve with a band; its value at 10 A is in the table of causes.",
         ),
         picture(
-            odds_figure(found), "odds", _odds_caption(found),
+            odds_figure(found), "odds",
+            f"{'Probability of each effect (green: named), and odds' if found.causes else 'Odds'} of the likeliest of "
+            f"{len(found.sets)} sets of effects that were fitted, against the best one: a bar that is as long as the first "
+            "would be as likely, one of no length is ruled out.",
             "Bars of probabilities; those of the causes are in the table.",
         ),
         tables.rivals_table(found),
     )  # fmt: skip
 
 
-def _odds_caption(found: ModelDiagnosis) -> str:
-    both = "Probability of each effect (green: named), and odds" if found.causes else "Odds"
-    return (
-        f"{both} of the likeliest of {len(found.sets)} sets of effects that were fitted, against the best one: a bar that is "
-        "as long as the first would be as likely, one of no length is ruled out."
-    )
-
-
 def _how_far(found: ModelDiagnosis, both: Sides) -> Section:
     log = most_telling(found)
     run, word = found.data.logs[log].run, words.word_of(found)
     fresh = found.closure is not None and log in found.closure.withheld
-    after = ", and with the fitted effects by a fit that did not know this log" if fresh else ""
-    panels = figures.error_panels(found)
-    names = " and of ".join(words.NAMES[p.channel] for p in panels)
+    after = ", and with the fitted effects by a fit without this log" if fresh else ""
+    names = " and of ".join(words.NAMES[channel] for channel in figures.error_panels(found))
     limit = (
         " Dashed: where the stator carries its rated current, as the model has it."
         if found.rig.generator.i_rated
@@ -320,7 +307,7 @@ def _how_far(found: ModelDiagnosis, both: Sides) -> Section:
         "how-far", "How far the gap closes" if found.causes else "The gap in time and over current",
         picture(
             figures.closure_bars(found), "closure-bars",
-            "Misfit before and after, in units of the noise, on logs that took no part in the fit.",
+            "Misfit before and after, in units of the noise, on held-out logs.",
             "Pairs of points for each channel; the values are in the table.",
         ),
         tables.closure_table(found),
@@ -340,12 +327,12 @@ def _how_far(found: ModelDiagnosis, both: Sides) -> Section:
 
 
 def _over_speed(found: ModelDiagnosis, both: Sides) -> Section:
-    after = ", and with the fitted effects" if found.causes else ""
+    word, after = words.word_of(found), ", and with the fitted effects" if found.causes else ""
     return section(
         "speed", "Current, torque and power over speed",
         picture(
-            figures.over_speed_figure(found, both, words.word_of(found)), "speed",
-            f"Payouts at a light, a middle and a heavy load: {words.word_of(found)}, simulated by the rig as given{after} "
+            figures.over_speed_figure(found, both, word), "speed",
+            f"Payouts at a light, a middle and a heavy load: {word}, simulated by the rig as given{after} "
             "(the paper's Figs 18a, 18c and 18d). Means of blocks in bins of 250 rpm.",
             "Lines of the logs and marks of the simulations over generator speed.",
         ),
@@ -357,84 +344,66 @@ def _next(found: DiagnosisResult, caption: str, how: str) -> Section:
 
     Parameters
     ----------
-    how : what was tried, and how the difference was reckoned
+    how : what was tried, and how the difference was computed
     """
     plan = found.experiment
     if plan is None:
-        return Section("next", "What to test next", ())
-    one, other = plan.separates
+        return section("next", "What to test next")
     rows = (
         *([] if plan.load is None else [("Load", load_words(plan.load))]),
         ("Motion", words.profile_words(plan)),
-        ("Tells apart", f"{one} from {other}"),
+        ("Distinguishes", " from ".join(plan.separates)),
         ("They would differ by", f"{apart_words(plan.expected_z)} standard deviations"),
     )
-    return Section(
-        "next",
-        "What to test next",
-        (Table("experiment", caption, ("Item", "Value"), ("", ""), rows, (0, 1)), Note(how)),
+    return section(
+        "next", "What to test next", Table("experiment", caption, ("Item", "Value"), ("", ""), rows, (0, 1)), Note(how)
     )
 
 
 def _method(texts: Sequence[str]) -> Section:
     """The method in short; what stands before the first full stop of a paragraph is what it is about."""
-    parts = (text.partition(". ") for text in texts)
-    return section("method", "Method and its limits", *(Note(rest, about) for about, _, rest in parts))
+    return section("method", "Method and its limits", *(Note(*reversed(text.split(". ", 1))) for text in texts))
 
 
-def _remainder(found: ModelDiagnosis) -> Section:
-    left = [] if found.remainder is None else [Note(words.remainder_words(found))]
-    return section(
-        "remainder",
-        "What is left",
-        *left,
-        tables.alarms_table(found),
-        tables.roughness_table(found),
-        tables.nuisances_table(found),
-    )
-
-
-def _provenance(found: ModelDiagnosis | LineDiagnosis, command: str) -> Table:
+def _provenance(found: ModelDiagnosis | LineDiagnosis, command: str) -> Section:
     import numpy
 
     rig, sets = found.rig, len(found.sets)
     if isinstance(found, LineDiagnosis):
-        judged, source = "Judged", "Source of the logs and the rig"
+        logs, judged, source = tables.line_logs_table(found), "Judged", "Source of the logs and the rig"
         fits = f"{sets} sets of suspects, {found.moments.folds} times each"
     else:
-        judged, source = "Withheld", "Source of the rig's numbers"
+        logs, judged, source = tables.logs_table(found), "Withheld", "Source of the rig's numbers"
         fits = f"{sets} set{'s' if sets > 1 else ''} of effects; {len(found.data.nuisances)} tolerances beside each"
-    return provenance_table(
-        [
-            ("Campaign", found.title),
-            (judged, words.judged_words(found)),
-            ("Rig", f"{rig.name} ({rig.path})" if rig.path else rig.name),
-            (source, rig.source),
-            ("SHA-256 of the rig file", file_digest(rig.path)),
-            ("Suspects", ", ".join(found.suspects)),
-            ("Fits", fits),
-            ("Seed of the resampled cycles", str(found.seed)),
-            ("Made by", f"winchcascade {__version__}, Python {platform.python_version()}, numpy {numpy.__version__}"),
-            ("Command", command),
-            ("Made on", made_on()),
-        ]
-    )
+    rows = [
+        ("Campaign", found.title),
+        (judged, words.judged_words(found)),
+        ("Rig", f"{rig.name} ({rig.path})" if rig.path else rig.name),
+        (source, rig.source),
+        ("SHA-256 of the rig file", file_digest(rig.path)),
+        ("Suspects", ", ".join(found.suspects)),
+        ("Fits", fits),
+        ("Seed of the resampled cycles", str(found.seed)),
+        ("Made by", f"winchcascade {__version__}, Python {platform.python_version()}, numpy {numpy.__version__}"),
+        ("Command", command),
+        ("Made on", made_on()),
+    ]
+    return section("provenance", "Provenance", logs, provenance_table(rows))
 
 
 # --------------------------------------------------------------------------------------------- of a winch without a model
 def _line_where(found: LineDiagnosis) -> Section:
-    word = words.word_of(found)
-    causes = " and with the causes" if found.closure is not None else ""
-    role = ""
+    word, causes, role = words.word_of(found), "", ""
     if found.closure is not None:
+        causes = " and with the causes"
         role = (
-            " These cycles took no part in the fit." if found.lines.judged[0].withheld else " Each by a fit without it."
+            " Each by a fit without it." if found.closure.left_out_in_turn else " These cycles took no part in the fit."
         )
     return section(
         "where", "Where a gap was looked for" if found.verdict == "no_gap" else "Where the gap lies",
         picture(
             figures.power_history(found, word), "history",
-            f"Power of the winch: {word}, line force times speed{causes}; below, what is left of it.{role}",
+            f"Power of the winch: {word}, line tension times speed{causes}; below, the residual.{role}",
             "Lines over time; root mean squares are in the table.",
         ),
         tables.line_places_table(found),
@@ -447,9 +416,8 @@ def _line_which(found: LineDiagnosis) -> Section:
         tables.causes_table(found),
         picture(
             figures.closed_bars(found), "closed",
-            "What is left of the squared error with each cause alone and together (green: chosen), on cycles that the fit did "
-            "not know.",
-            "Bars of the squared error that is left; the values are in the table of sets.",
+            "Squared error with each cause alone and together (green: chosen), on held-out cycles.",
+            "Bars of the squared error; the values are in the table of sets.",
         ),
         tables.line_suspects_table(found),
         tables.sets_table(found),

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from winchcascade.core.run import Signal
 from winchcascade.diagnosis.block_means import PHASES
+from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.gap_map import without_zeros
 from winchcascade.diagnosis.predict import CHANNELS
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.diagnose import ModelDiagnosis
 
 BIN = 250.0
 """Width of the bins of generator speed in which block means are averaged. [rpm]"""
@@ -26,33 +23,28 @@ OUT, HAUL_IN = PHASES.index("payout"), PHASES.index("haul_in")
 class Sides(NamedTuple):
     """Blocks of every log, (M, 5) each, SI units, columns of `CHANNELS`: logged, and simulated before and after.
 
-    `after` comes from fits that did not know the log, where there are such; `known` (M,) tells where there are not.
+    `after` comes from fits without the log, where there are such.
     """
 
     logged: Signal
     before: Signal
     after: Signal | None
-    known: NDArray[np.bool_]
 
 
 def sides(found: ModelDiagnosis) -> Sides:
     """Blocks as logged and as simulated, each log's zeros estimated alike on either side."""
-    data = found.data
-    logged = data.measured
+    data, logged = found.data, found.data.measured
     before = logged - without_zeros(data, logged - found.predicted)
-    known = np.ones(logged.shape[0], dtype=bool)
     if not found.causes:
-        return Sides(logged, before, None, known)
+        return Sides(logged, before, None)
     after = logged - without_zeros(data, logged - found.fitted)
     if found.closure is not None:
-        fresh = np.isfinite(found.closure.residual[:, 0])
-        after = np.where(fresh[:, None], logged - np.nan_to_num(found.closure.residual), after)
-        known = ~fresh
-    return Sides(logged, before, after, known)
+        after = np.where(np.isfinite(found.closure.residual[:, :1]), logged - found.closure.residual, after)
+    return Sides(logged, before, after)
 
 
 class Series(NamedTuple):
-    """One channel of one log over its blocks, (m,) each in SI units; NaN where the channel says nothing.
+    """One channel of one log over its blocks, (m,) each in SI units; NaN where the channel has no value.
 
     `t` are the middles of the blocks [s], `rpm` the generator speed that the line gives while the clutch is engaged, `noise`
     one standard deviation of a block's mean.
@@ -61,33 +53,37 @@ class Series(NamedTuple):
     t: Signal
     rpm: Signal
     phase: NDArray[np.intp]
+    noise: Signal
     logged: Signal
     before: Signal
-    after: Signal | None
-    noise: Signal
+    after: Signal | None = None
+
+    @property
+    def values(self) -> list[Signal]:
+        """Logged, before and, where there is one, after."""
+        return [self.logged, self.before, *([] if self.after is None else [self.after])]
+
+    @property
+    def errors(self) -> list[Signal]:
+        """Logged minus simulated, before and, where there is one, after."""
+        return [self.logged - simulated for simulated in self.values[1:]]
 
 
 def series(found: ModelDiagnosis, both: Sides, log: int, channel: str) -> Series:
     """Take one channel of one log out of the blocks of all."""
     one, rows, k = found.data.logs[log], found.data.rows[log], CHANNELS.index(channel)
     blocks, run, seen = one.course.blocks, one.run, one.noise.seen[:, k]
-
-    def column(x: Signal) -> Signal:
-        return np.where(seen, x[rows, k], np.nan)
-
     return Series(
-        t=0.5 * (run.t[blocks.start] + run.t[blocks.stop - 1]),
-        rpm=blocks.mean(run.channels["velocity"]) * (found.rig.rpm_per_velocity or math.nan),
-        phase=blocks.phase,
-        logged=column(both.logged),
-        before=column(both.before),
-        after=None if both.after is None else column(both.after),
-        noise=np.where(seen, one.noise.total[:, k], np.nan),
+        0.5 * (run.t[blocks.start] + run.t[blocks.stop - 1]),
+        blocks.mean(run.channels["velocity"]) * (found.rig.rpm_per_velocity or math.nan),
+        blocks.phase,
+        np.where(seen, one.noise.total[:, k], np.nan),
+        *(np.where(seen, x[rows, k], np.nan) for x in both if x is not None),
     )
 
 
 def seen_channels(found: ModelDiagnosis) -> list[str]:
-    """Channels that say something in any log."""
+    """Channels that have a value in any log."""
     return [c for k, c in enumerate(CHANNELS) if any(log.noise.seen[:, k].any() for log in found.data.logs)]
 
 
@@ -104,49 +100,26 @@ def loaded(found: ModelDiagnosis) -> list[int]:
 def representative(found: ModelDiagnosis) -> list[int]:
     """Three logs that stand for all loads: the lightest, the one in the middle, and the heaviest."""
     own = loaded(found)
-    return list(dict.fromkeys([own[0], own[len(own) // 2], own[-1]])) if own else []
+    return list(dict.fromkeys([*own[:1], *own[len(own) // 2 :][:1], *own[-1:]]))
 
 
 def most_telling(found: ModelDiagnosis) -> int:
-    """The log in which the gap stands out most: one that took no part in a fit where there is one."""
+    """The log with the most significant gap, a held-out one where there is one."""
     candidates = list(found.closure.withheld) if found.closure is not None else loaded(found) or by_load(found)
-    size = {k: max((abs(p.z) for p in found.places if p.log == k), default=0.0) for k in candidates}
-    return max(candidates, key=lambda k: size[k])
+    return max(candidates, key=lambda k: max((abs(p.z) for p in found.places if p.log == k), default=0.0))
 
 
-class SpeedCurve(NamedTuple):
-    """Means of payout blocks over generator speed [rpm], (n,) each: logged, before, after."""
+def over_speed(*factors: Series) -> list[Signal]:
+    """Average the payout blocks of a channel, or the product of several, in bins of generator speed, until braking.
 
-    rpm: Signal
-    logged: Signal
-    before: Signal
-    after: Signal | None
-
-
-def over_speed(one: Series, other: Series | None = None) -> SpeedCurve:
-    """Average the payout blocks of a channel, or the product with another, in bins of generator speed, until braking."""
-
-    def times(x: Signal, y: Signal | None) -> Signal:
-        return x if y is None else x * y
-
-    logged = times(one.logged, None if other is None else other.logged)
-    before = times(one.before, None if other is None else other.before)
-    after = None if one.after is None else times(one.after, None if other is None else other.after)
-    here = before_braking(one) & np.isfinite(logged) & np.isfinite(before) & (one.rpm > 0.0)
-    number = np.floor(one.rpm[here] / BIN).astype(np.intp)
-    bins, place = np.unique(number, return_inverse=True)
-    count = np.bincount(place)
-
-    def mean(x: Signal) -> Signal:
-        averaged: Signal = np.bincount(place, weights=x[here]) / count
-        return averaged
-
-    return SpeedCurve(
-        mean(one.rpm) if bins.size else np.zeros(0),
-        mean(logged) if bins.size else np.zeros(0),
-        mean(before) if bins.size else np.zeros(0),
-        None if after is None else mean(after) if bins.size else np.zeros(0),
-    )
+    Returns
+    -------
+    Means of generator speed [rpm], logged, before and, where there is one, after; (n,) each.
+    """
+    rpm, values = factors[0].rpm, [np.prod(column, axis=0) for column in zip(*(x.values for x in factors), strict=True)]
+    here = before_braking(factors[0]) & np.isfinite(values[0]) & np.isfinite(values[1]) & (rpm > 0.0)
+    _, place = np.unique(np.floor(rpm[here] / BIN), return_inverse=True)
+    return [np.bincount(place, weights=x[here]) / np.bincount(place) for x in (rpm, *values)]
 
 
 def stretches(here: NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -155,9 +128,8 @@ def stretches(here: NDArray[np.bool_]) -> list[tuple[int, int]]:
     >>> stretches(np.array([True, True, False, True]))
     [(0, 2), (3, 4)]
     """
-    begins = np.flatnonzero(here & ~np.concatenate(([False], here[:-1])))
-    ends = np.flatnonzero(here & ~np.concatenate((here[1:], [False]))) + 1
-    return list(zip(begins.tolist(), ends.tolist(), strict=True))
+    edges = np.flatnonzero(np.diff(here, prepend=False, append=False)).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))
 
 
 def before_braking(one: Series) -> NDArray[np.bool_]:
@@ -180,14 +152,14 @@ def stator_current(found: ModelDiagnosis) -> tuple[Signal, Signal]:
     from winchcascade.rig.kernel import constants
 
     models = data.models(best.nu, best.effects(found.suspects))
-    stator, direct = [], []
+    pairs = [np.zeros((2, 0))]
     for k in loaded(found):
         log = data.logs[k]
         here = log.noise.seen[:, CHANNELS.index("idc")] & (log.course.blocks.phase == OUT)
-        kept = log.course.shaft(constants(models[k], log.course.load))
-        stator.append(log.course.block_mean(kept.i_s)[here])
-        direct.append(log.measured[here, CHANNELS.index("idc")])
-    return (np.concatenate(stator), np.concatenate(direct)) if stator else (np.zeros(0), np.zeros(0))
+        stator = log.course.block_mean(log.course.shaft(constants(models[k], log.course.load)).i_s)
+        pairs.append(np.array([stator, log.measured[:, CHANNELS.index("idc")]])[:, here])
+    stator, direct = np.concatenate(pairs, axis=1)
+    return stator, direct
 
 
 def rated_dc_current(found: ModelDiagnosis) -> float | None:
@@ -201,4 +173,4 @@ def rated_dc_current(found: ModelDiagnosis) -> float | None:
 
 
 NEAR = 0.15
-"""Blocks whose stator current is within this share of the rated one tell the DC current that belongs to it."""
+"""The rated DC current comes from blocks whose stator current is within this share of the rated one. [1]"""

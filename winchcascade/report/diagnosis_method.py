@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from winchcascade.diagnosis.block_means import BLOCK
 from winchcascade.diagnosis.causes import AS_GOOD
+from winchcascade.diagnosis.closure import PULLED, RESTLESS, ROUGH
+from winchcascade.diagnosis.evidence import CLEARLY
 from winchcascade.diagnosis.line.line_closure import SLOW
+from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.line.line_selection import DRAWS, FOLDS, MATERIAL
-from winchcascade.diagnosis.remainder import PULLED, RESTLESS, ROUGH
-from winchcascade.diagnosis.selection import CLEARLY
 from winchcascade.diagnosis.solve import HUBER
 from winchcascade.report.diagnosis_words import slope_words
-
-if TYPE_CHECKING:
-    from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 
 METHOD = (
     "Model. Each log's line motion drives a model of the rig with the numbers of the rig file (Hsu et al. 2026, Tables 3 "
@@ -32,16 +28,16 @@ METHOD = (
     "what its free numbers cost over their plausible range, minus ln 28 for each effect. Sets are screened by the slopes of "
     "one fit and the best are fitted anew. The smallest set wins unless a larger one has more by "
     f"{CLEARLY:g}. The probabilities are those among the sets that were fitted; an effect that falls short by less than "
-    f"{AS_GOOD:g} in place of a cause is its rival.",
-    "Closure. Each withheld log is predicted by a fit that did not know it. With mean squares of blocks, share = 1 − "
+    f"{AS_GOOD:g} in place of a cause is an alternative to it.",
+    "Closure. Each withheld log is predicted by a fit without it. With mean squares of blocks, share = 1 − "
     "Σ(after² − noise²)/noise² ÷ Σ(before² − noise²)/noise² over channels and logs; the zeros of each log's sensors are "
     "estimated alike on either side. The interval resamples the cycles.",
-    f"Alarms. A remainder is called structured if blocks of a channel and phase exceed {ROUGH:g} times their noise, if the "
+    f"Alarms. A residual counts as structured if blocks of a channel and phase exceed {ROUGH:g} times their noise, if the "
     f"scatter within blocks exceeds {RESTLESS:g} times what noise explains, or if a number with a tolerance had to "
     f"move by more than {PULLED:g} of its standard uncertainties.",
-    "Limits. Only effects of the catalogue can be named; what none of them explains is told as a remainder. The "
-    "intervals assume that the stated tolerances hold. Two effects that do the same to these logs are rivals, whatever "
-    "the probability of each. At rest force and torque say next to nothing.",
+    "Limits. Only effects of the catalogue can be named; what none of them explains is reported as a residual. The "
+    "intervals assume that the stated tolerances hold. Two effects that do the same to these logs are alternatives, whatever "
+    "the probability of each. At rest, line tension and torque contain almost no information.",
 )
 """Paragraphs: what is done, by which formula, and what that leaves open."""
 
@@ -54,22 +50,22 @@ def line_method(found: LineDiagnosis) -> tuple[str, ...]:
         "drag over speed. A gain or a zero of the force cell changes F. The power is linear in all of them, and none is known "
         "beforehand: no drum radius, inertia or loss of the rig file enters.",
         f"Acceleration. It is the {slope_words(found)}; at most 0.4 s, as more would blur what the winch does. Withheld "
-        "cycles have no say in it.",
+        "cycles do not take part in that choice.",
         "Choice. Each of the sets of suspects is fitted by least squares within its bounds (m, F₀, b not negative; the force "
         "cell within the catalogue) without each cycle in turn, and predicts that cycle. Of the sets whose error is within one "
-        f"standard error over cycles of the least (Breiman et al. 1984), or within {100.0 * MATERIAL:g} % of the gap, the "
+        f"standard error over cycles of the minimum (Breiman et al. 1984), or within {100.0 * MATERIAL:g} % of the gap, the "
         f"smallest is chosen; a cause that closes less than {100.0 * MATERIAL:g} % is left out. With fewer than {FOLDS} cycles "
         "each is cut into pieces.",
         f"Probability. The cycles are resampled {DRAWS} times, with the errors that each set made of them, and the same rule "
-        "chooses: the probability of a set is how often it is chosen, that of a cause how often a set with it is. It tells how "
-        "far the choice hangs on which cycles were logged, not whether the list of suspects is complete.",
+        "chooses: the probability of a set is how often it is chosen, that of a cause how often a set with it is. It shows how "
+        "far the choice depends on which cycles were logged, not whether the list of suspects is complete.",
         "Intervals. 95 %, from the scatter of each cycle's scores, so correlation within a cycle is allowed for (Liang and "
-        "Zeger 1986), with Student's t. What the width of the slope blurs is told by another width and added.",
-        "Closure. 1 − Σ after² ÷ Σ before² over the samples of cycles that the fit did not know; its interval resamples them.",
-        f"Structure. What is left keeps a structure if more than {100.0 * SLOW:.0f} % of its squares last longer than a "
+        "Zeger 1986), with Student's t. The effect of the width of the slope is estimated with another width and added.",
+        "Closure. 1 − Σ after² ÷ Σ before² over the samples of held-out cycles; its interval resamples them.",
+        f"Structure. The residual has a structure if more than {100.0 * SLOW:.0f} % of its squares last longer than a "
         f"second, or if means over 0.44 s are more than {ROUGH:g} times their noise by second differences in a phase, and "
         "either makes more than 1 % of the squared gap.",
-        "Limits. A loss that grows with the line force alone looks like a gain of the force cell. Inertia that changes with "
-        "the tether on the drum, and losses that change with temperature, are told as a mean; the numbers of the withheld "
+        "Limits. A loss that grows with the line tension alone looks like a gain of the force cell. Inertia that changes with "
+        "the tether on the drum, and losses that change with temperature, are reported as a mean; the numbers of the withheld "
         "cycles alone show how far they move. What is faster than the samples is seen as noise.",
     )

@@ -20,9 +20,6 @@ PLENTY = 100.0
 """More standard deviations than this are not counted."""
 
 
-_PHASES = {"payout": "payout", "hold": "hold", "haul_in": "haul-in"}
-
-
 def display_of(effect: str, name: str, unit: str = "") -> Display:
     """How a number is shown; one of an effect from elsewhere by its own name and unit."""
     if effect in EFFECTS:
@@ -30,13 +27,8 @@ def display_of(effect: str, name: str, unit: str = "") -> Display:
     return Display(name.replace("_", " "), 1.0, "" if unit == "1" else unit, signed=False)
 
 
-def quantity_words(effect: str, name: str, found: Reported) -> tuple[str, str]:
-    """A reported number with its unit, and its 95 % interval, with as many digits as the interval allows."""
-    return number_words(display_of(effect, name, found.unit), found, 5)
-
-
-def number_words(how: Display, found: Reported, otherwise: int) -> tuple[str, str]:
-    """A number and its 95 % interval as they are shown, with the digits that the interval allows, else with so many."""
+def number_words(how: Display, found: Reported, otherwise: int = 5) -> tuple[str, str]:
+    """A number and its 95 % interval with their unit, with the digits that the interval allows, else with so many."""
     u = (found.high - found.low) / 3.92 * how.factor
     size = max(abs(found.value * how.factor), 1e-12)
     decimals = places(u) if u > 0.0 else otherwise - 1 - math.floor(math.log10(size))
@@ -44,11 +36,6 @@ def number_words(how: Display, found: Reported, otherwise: int) -> tuple[str, st
     if how.signed and found.value > 0.0:
         value = f"+{value}"
     return f"{value} {how.unit}".rstrip(), f"{low} to {high} {how.unit}".rstrip()
-
-
-def without_unit(interval: str, how: Display) -> str:
-    """An interval that stands beside a number with the unit."""
-    return interval.removesuffix(how.unit).rstrip()
 
 
 def probability_words(p: float) -> str:
@@ -67,7 +54,7 @@ def load_words(load: float | None, unit: str = "Ω") -> str:
 
 def phase_words(phase: str) -> str:
     """A phase as a text writes it."""
-    return _PHASES[phase]
+    return phase.replace("_", "-")
 
 
 def share_words(share: float) -> str:

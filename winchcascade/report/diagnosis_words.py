@@ -3,17 +3,31 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
-from winchcascade.core.campaign_file import joint_origin
-from winchcascade.diagnosis.diagnosis_result import Spot
-from winchcascade.diagnosis.gap_location import STANDS_OUT, arises
+from winchcascade.core.campaign_file import Origin, joint_origin
+from winchcascade.diagnosis.causes import BACK, HOLD, RAMP
+from winchcascade.diagnosis.diagnose import ModelDiagnosis
+from winchcascade.diagnosis.diagnosis_result import (
+    Alarm,
+    Arises,
+    DiagnosisResult,
+    Experiment,
+    GapClosure,
+    NamedCause,
+    Place,
+    Spot,
+    StagePlace,
+    Where,
+)
+from winchcascade.diagnosis.gap_map import STANDS_OUT, arises
+from winchcascade.diagnosis.line.line_causes import STEP, SWING
 from winchcascade.diagnosis.line.line_closure import BURST
-from winchcascade.diagnosis.line.line_data import POWER, beside
+from winchcascade.diagnosis.line.line_data import POWER, CyclePart, beside
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-from winchcascade.diagnosis.line.line_next_run import STEP, SWING
 from winchcascade.diagnosis.line.line_selection import DRAWS
-from winchcascade.diagnosis.next_run import BACK, HOLD, RAMP
+from winchcascade.diagnosis.nuisances import Nuisance
 from winchcascade.report.diagnosis_names import (
     apart_words,
     display_of,
@@ -22,29 +36,10 @@ from winchcascade.report.diagnosis_names import (
     number_words,
     phase_words,
     probability_words,
-    quantity_words,
     share_words,
-    without_unit,
 )
 from winchcascade.report.digits import number, significant
 from winchcascade.rig.effects.effect import Display
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from winchcascade.core.campaign_file import Origin
-    from winchcascade.diagnosis.diagnose import ModelDiagnosis
-    from winchcascade.diagnosis.diagnosis_result import (
-        Alarm,
-        Arises,
-        DiagnosisResult,
-        Experiment,
-        NamedCause,
-        Reported,
-        Where,
-    )
-    from winchcascade.diagnosis.line.line_data import CyclePart
-    from winchcascade.diagnosis.nuisances import Nuisance
 
 VERDICTS = {
     "no_gap": "No gap",
@@ -54,22 +49,23 @@ VERDICTS = {
 }
 """Verdicts as headings."""
 
-NAMES = {"pressure": "pressure", "force": "line force", "torque": "torque", "vdc": "Vdc", "idc": "Idc"}
+NAMES = {
+    "pressure": "pressure", "force": "line tension", "torque": "torque", "vdc": "Vdc", "idc": "Idc", POWER: "winch power",
+}  # fmt: skip
 UNITS = {"pressure": "Pa", "force": "N", "torque": "N m", "vdc": "V", "idc": "A"}
-SYMBOLS = {"vdc": "Vdc", "idc": "Idc"}
 SENSORS = {
     "pressure": "pressure sensor", "force": "force cell", "torque": "torque sensor", "vdc": "sensor of Vdc",
     "idc": "sensor of Idc",
 }  # fmt: skip
 
 FAR_ENOUGH = 3.0
-"""An experiment tells two effects apart if they are expected to differ by so many standard deviations."""
+"""An experiment distinguishes two effects if they are expected to differ by at least so many standard deviations."""
 
 SURE = 0.95
-"""A cause of a smaller probability is said to be less than sure."""
+"""A cause of a smaller probability is listed with its probability."""
 
 EXPLAINED = 0.9
-"""Below this share a gap of a winch without a model counts as explained only if what is left is noise."""
+"""Below this share, a gap of a winch without a model counts as explained only if the residual is noise."""
 
 LINE_NUMBERS = {
     "drum_inertia": Display("inertia, as a mass on the line", 1.0, "kg", signed=False),
@@ -78,7 +74,7 @@ LINE_NUMBERS = {
     "force_gain": Display("gain of the force cell", 100.0, "%"),
     "force_zero": Display("zero of the force cell", 1.0, "N"),
 }
-"""How the number of each suspect is told without a model, in units of the line."""
+"""Display of the number of each suspect without a model, in units of the line."""
 
 LINE_MEANINGS = {
     "drum_inertia": "What turns with the line (drum, gear, machine, tether on the drum) takes power to speed up and gives it "
@@ -89,6 +85,65 @@ LINE_MEANINGS = {
     "force_zero": "The force cell reads too much or too little, by the same force everywhere.",
 }
 """What each suspect is on a winch of which only line and shaft are known."""
+
+
+class Phrases(NamedTuple):
+    """What the sentences of the two kinds of diagnosis do not share.
+
+    `suspect` is what may be a cause, `none` the absence of all, `item` what is held out, `gap` what the causes close, `closes`
+    that on held-out data, `alike` what an alternative does. `verdicts` are sentences, by the verdict or by the residual.
+    """
+
+    suspect: str
+    none: str
+    item: str
+    gap: str
+    closes: str
+    alike: str
+    verdicts: dict[str, str]
+
+
+MODEL = Phrases(
+    suspect="effect",
+    none="no effect of the catalogue",
+    item="log",
+    gap="explainable gap",
+    closes="gap on held-out logs",
+    alike="explain the data",
+    verdicts={
+        "no_gap": "Nothing in these logs is significant against noise and the tolerances of the rig: no cause is named.",
+        "no_cause": "The logs differ from the model by more than noise and tolerances, but no effect of the catalogue explains "
+        "it: the cause lies outside the catalogue.",
+        "explained": "{closes}; the residual is not significant.",
+        "partly_explained": "{closes}, but the residual exceeds noise: something else acts too.",
+        "unexplained": "The best set of the catalogue closes only {share} of the gap on held-out logs and leaves a structured "
+        "residual: take the names below as a hint at most.",
+    },
+)
+LINE = Phrases(
+    suspect="suspect",
+    none="no suspect",
+    item="cycle",
+    gap="squared error",
+    closes="squared error between winch power and line power on held-out cycles",
+    alike="predict",
+    verdicts={
+        "no_gap": "The power of the winch is that of its line, line tension times speed, but for noise: no cause predicts "
+        "held-out cycles any better.",
+        "no_cause": "The power of the winch differs from that of its line by more than noise, but no suspect explains it: "
+        "neither inertia nor losses in units of the line nor the force cell.",
+        "noise": "{closes}; the residual is no more than noise.",
+        "quiet": "{closes}; the residual has no structure.",
+        "structure": "{closes}, but the residual has a structure: something else acts too, and part of it may be in these "
+        "numbers.",
+        "more": "{closes}; the residual exceeds noise.",
+    },
+)
+
+
+def phrases_of(found: DiagnosisResult) -> Phrases:
+    """Phrases of the kind of a diagnosis."""
+    return LINE if isinstance(found, LineDiagnosis) else MODEL
 
 
 # ------------------------------------------------------------------------------------------------- what things are called
@@ -113,26 +168,51 @@ def files_of(found: DiagnosisResult) -> list[str]:
     return [run.name for run in found.runs]
 
 
-def number_told(found: DiagnosisResult, effect: str, name: str, value: Reported) -> tuple[str, str, str]:
-    """What a reported number is, its value with its unit, and its 95 % interval."""
-    if not isinstance(found, LineDiagnosis):
-        return (display_of(effect, name, value.unit).what, *quantity_words(effect, name, value))
-    how = LINE_NUMBERS[effect]
-    text, interval = number_words(how, value, 3)
-    return how.what, text, interval if value.high > value.low else "at the end of what is plausible"
+class CauseNumber(NamedTuple):
+    """A number of a cause as the tables show it: what it is, its value with its unit, its 95 % interval with and without it.
+
+    The texts about the cause itself are empty for all but its first number.
+    """
+
+    effect: str
+    stage: str
+    what: str
+    value: str
+    interval: str
+    beside: str
+    probability: str
+    alternatives: str
 
 
-def number_row(found: DiagnosisResult, effect: str, name: str, value: Reported) -> tuple[str, str, str]:
-    """As `number_told`, the interval without the unit, for a table."""
-    what, text, interval = number_told(found, effect, name, value)
-    how = LINE_NUMBERS[effect] if isinstance(found, LineDiagnosis) else display_of(effect, name, value.unit)
-    return what, text, without_unit(interval, how)
+def numbers_of(found: DiagnosisResult, cause: NamedCause, *, again: bool = False) -> list[CauseNumber]:
+    """Every number of a cause.
+
+    Parameters
+    ----------
+    again : the numbers of a winch without a model as the withheld cycles alone give them
+    """
+    numbers = []
+    about = (cause.effect, cause.stage, probability_words(cause.probability), alternatives_words(cause, ", ") or "none")
+    for name, value in cause.parameters.items():
+        if isinstance(found, LineDiagnosis):
+            how, value = LINE_NUMBERS[cause.effect], found.again[cause.effect] if again else value
+            text, interval = number_words(how, value, 3)
+            interval = interval if value.high > value.low else "at the end of what is plausible"
+        else:
+            how = display_of(cause.effect, name, value.unit)
+            text, interval = number_words(how, value)
+        numbers.append(
+            CauseNumber(*about[:2], how.what, text, interval, interval.removesuffix(how.unit).rstrip(), *about[2:])
+        )
+        about = ("",) * 4
+    return numbers
 
 
-def cause_words(found: DiagnosisResult, cause: NamedCause) -> str:
-    """Every number of a cause, with its interval."""
-    parts = [number_told(found, cause.effect, name, value) for name, value in cause.parameters.items()]
-    return "; ".join(f"{what} {text} (95 %: {interval})" for what, text, interval in parts)
+def cause_words(found: DiagnosisResult, cause: NamedCause, *, again: bool = False) -> str:
+    """Every number of a cause, with its interval; `again` as for `numbers_of`."""
+    return "; ".join(
+        f"{n.what} {n.value} ({'' if again else '95 %: '}{n.interval})" for n in numbers_of(found, cause, again=again)
+    )
 
 
 def meaning_words(found: DiagnosisResult, effect: str) -> str:
@@ -140,7 +220,12 @@ def meaning_words(found: DiagnosisResult, effect: str) -> str:
     return LINE_MEANINGS[effect] if isinstance(found, LineDiagnosis) else found.suspects[effect].summary
 
 
-def spot_words(spot: Spot, names: Mapping[str, str] = SYMBOLS) -> str:
+def alternatives_words(cause: NamedCause, conjunction: str) -> str:
+    """Names of the alternatives to a cause."""
+    return conjunction.join(rival.effect for rival in cause.rivals)
+
+
+def spot_words(spot: Spot, names: Mapping[str, str] = NAMES) -> str:
     """A spot of the gap: channel and phase.
 
     >>> spot_words(Spot("idc", "haul_in")), spot_words(Spot("idc", "payout", within_blocks=True), {})
@@ -164,24 +249,22 @@ def about_words(about: Spot | Nuisance, files: Sequence[str]) -> str:
     ----------
     files : names of the logs, in their order
     """
-    if isinstance(about, Spot):
-        return spot_words(about, {**SYMBOLS, POWER: "winch power"})
-    return nuisance_words(about, files)
+    return spot_words(about) if isinstance(about, Spot) else nuisance_words(about, files)
 
 
 def differs_text(spot: Spot | None) -> str:
-    """In what a cause and its alternative differ most, as the JSON says it.
+    """Where a cause and its alternative differ most, as the JSON has it.
 
     >>> differs_text(Spot("idc", "payout", 4.5, z=458.52)), differs_text(Spot("power_mech", "hold", bias=12.3))
     ('idc during payout at 4.5 ohm, where they differ by 458.5 sigma', 'power_mech during hold, by 12 W rms')
     """
     if spot is None or spot.load is None:
-        return differs_words(spot)
+        return differs_words(spot, {})
     return f"{spot_words(spot, {})} at {load_words(spot.load, 'ohm')}, where they differ by {spot.z:.1f} sigma"
 
 
-def differs_words(spot: Spot | None) -> str:
-    """In what a cause and its alternative differ most.
+def differs_words(spot: Spot | None, names: Mapping[str, str] = NAMES) -> str:
+    """Where a cause and its alternative differ most.
 
     >>> differs_words(Spot("idc", "payout", 4.5, z=458.52))
     'Idc during payout at 4.5 Ω, by more than 100 standard deviations'
@@ -189,61 +272,32 @@ def differs_words(spot: Spot | None) -> str:
     if spot is None:
         return "nothing that these logs measure"
     if spot.load is None:
-        return f"{spot_words(spot)}, by {spot.bias:.0f} W rms"
-    return f"{spot_words(spot)} at {load_words(spot.load)}, by {apart_words(spot.z)} standard deviations"
+        return f"{spot_words(spot, names)}, by {spot.bias:.0f} W rms"
+    return f"{spot_words(spot, names)} at {load_words(spot.load)}, by {apart_words(spot.z)} standard deviations"
 
 
 # ----------------------------------------------------------------------------------------------------------- the verdict
 def verdict_words(found: DiagnosisResult) -> str:
     """One honest sentence about the verdict."""
-    line = isinstance(found, LineDiagnosis)
-    if found.verdict == "no_gap":
-        return (
-            "The power of the winch is that of its line, force times speed, but for noise: no cause predicts cycles that it "
-            "does not know any better."
-            if line
-            else "Nothing in these logs stands out of noise and of what is not known of the rig: no cause is named."
-        )
-    if found.closure is None:
-        return (
-            "The power of the winch differs from that of its line by more than noise, but no suspect explains it: neither "
-            "inertia nor losses in line units nor the force cell."
-            if line
-            else "The logs differ from the model by more than noise and tolerances, but no effect of the catalogue explains "
-            "it: the cause lies outside the catalogue."
-        )
+    phrases, closure = phrases_of(found), found.closure
+    if closure is None:
+        return phrases.verdicts["no_gap" if found.verdict == "no_gap" else "no_cause"]
     count, more = len(found.causes), len(found.unnamed)
     named = "The named cause closes" if count == 1 else f"The {count} named causes close"
     if more:
         named = f"A fit of {count + more} effects, of which the leading {count} are named, closes"
-    share = share_words(found.closure.share).replace(">", "more than")
+    state: str = found.verdict
     if isinstance(found, LineDiagnosis):
-        return _line_verdict(found, f"{named} {share}", noise=found.closure.share < EXPLAINED)
-    if found.verdict == "explained":
-        return f"{named} {share} of the gap on logs that did not take part in the fit; what is left is not significant."
-    if found.verdict == "partly_explained":
-        return (
-            f"{named} {share} of the gap on logs that did not take part in the fit, but what is left is more than "
-            "noise: something else acts too."
-        )
-    return (
-        f"The best that the catalogue offers closes only {share} of the gap on logs that did not take part in the "
-        "fit and leaves a structure: take the names below as a hint at most."
-    )
-
-
-def _line_verdict(found: LineDiagnosis, closes: str, *, noise: bool) -> str:
-    text = f"{closes} of the squared error between winch power and line power on cycles that the fit did not know"
-    if found.verdict == "explained":
-        return f"{text}; what is left {'is no more than noise' if noise else 'keeps no structure'}."
-    if found.remainder is not None and found.remainder.alarms:
-        return f"{text}, but what is left keeps a structure: something else acts too, and part of it may sit in these numbers."
-    return f"{text}; what is left is more than noise."
+        alarms = found.remainder is not None and found.remainder.alarms
+        explained = "noise" if closure.share < EXPLAINED else "quiet"
+        state = explained if state == "explained" else "structure" if alarms else "more"
+    share = share_words(closure.share).replace(">", "more than")
+    return phrases.verdicts[state].format(closes=f"{named} {share} of the {phrases.closes}", share=share)
 
 
 # ------------------------------------------------------------------------------------------------------------- the place
 def where_sentence(where: Where, word: str = "measured") -> str:
-    """Where a gap lies: in which direction, at what currents and speeds, by how much; as the JSON says it.
+    """Where a gap lies: in which direction, at what currents and speeds, by how much; as the JSON has it.
 
     Parameters
     ----------
@@ -253,7 +307,7 @@ def where_sentence(where: Where, word: str = "measured") -> str:
     if worst.channel == POWER:
         return (
             f"{where.stage}: in {phase_words(worst.phase)} the {word} power of the winch lies {abs(worst.bias) / 1e3:.2g} kW "
-            f"{'above' if worst.bias > 0.0 else 'below'} line force times speed on average (z = {worst.z:+.0f}), "
+            f"{'above' if worst.bias > 0.0 else 'below'} line tension times speed on average (z = {worst.z:+.0f}), "
             f"{worst.rms / 1e3:.2g} kW rms; that phase holds {100.0 * worst.share:.0f} % of the squared gap."
         )
     region = ""
@@ -262,36 +316,38 @@ def where_sentence(where: Where, word: str = "measured") -> str:
         if where.i_dc[1] > 0.5:
             region += f" and {max(where.i_dc[0], 0.0):.1f} to {where.i_dc[1]:.1f} A DC"
     place = "a sensor" if where.stage == "sensor" else f"the {where.stage} stage"
-    return (
-        f"The gap lies in {place}: {_off(worst.channel, where.size)} during {phase_words(worst.phase)}{region}, most "
-        f"clearly{_at_load(worst.load)}, by up to {size_text(worst.channel, where.size)}."
-    )
+    return f"The gap lies in {place}: {_deviates(worst, where.size, region)}by up to {size_text(worst.channel, where.size)}."
 
 
 def arises_sentence(own: Arises | None) -> str:
-    """In which stage a gap arises when each is given its own logged inputs, as the JSON says it."""
+    """In which stage a gap arises when each stage has its logged inputs, as the JSON has it."""
     if own is None:
         return ""
+    inputs = "With logged inputs to each stage,"
     if own.worst is None:
-        return f"Given its own logged inputs, no stage alone is off by more than {STANDS_OUT:g} standard uncertainties."
+        return f"{inputs} no stage deviates by more than {STANDS_OUT:g} standard uncertainties."
     stages = " and ".join([", ".join(own.off[:-1]), own.off[-1]] if len(own.off) > 1 else own.off)
     if own.sensor is not None:
         return (
-            f"Given their own logged inputs, the {stages} stages are off as a gain error of about {100.0 * own.gain:+.1g} % in "
-            f"the {SENSORS[own.sensor]} alone would have them."
+            f"{inputs} the {stages} stages deviate as they would with a gain error of about {100.0 * own.gain:+.1g} % in the "
+            f"{SENSORS[own.sensor]} alone."
         )
-    one = len(own.off) == 1
-    which = f"the {stages} stage alone is off" if one else f"the {stages} stages are off, the {own.off[0]} most"
-    return (
-        f"Given {'its' if one else 'their'} own logged inputs, {which}: {_off(own.worst.channel, own.worst.bias)} during "
-        f"{phase_words(own.worst.phase)}, most clearly{_at_load(own.worst.load)}, by "
-        f"{size_text(own.worst.channel, own.worst.bias)} in the mean."
+    which = (
+        f"the {stages} stages deviate, the {own.off[0]} most"
+        if len(own.off) > 1
+        else f"only the {stages} stage deviates"
     )
+    size = size_text(own.worst.channel, own.worst.bias)
+    return f"{inputs} {which}: {_deviates(own.worst, own.worst.bias)}by {size} in the mean."
 
 
-def _off(channel: str, bias: float) -> str:
-    """In which direction a channel is off, by the sign of measured minus simulated."""
-    return f"{NAMES[channel]} is {'over' if bias < 0.0 else 'under'}-predicted"
+def _deviates(worst: Place | StagePlace, bias: float, region: str = "") -> str:
+    """In which direction a channel deviates, by the sign of measured minus simulated, and at which load it does so most."""
+    load = "" if worst.load is None else " in open circuit" if math.isinf(worst.load) else f" at {worst.load:g} ohm"
+    return (
+        f"{NAMES[worst.channel]} is {'over' if bias < 0.0 else 'under'}-predicted during {phase_words(worst.phase)}{region}, "
+        f"most clearly{load}, "
+    )
 
 
 def size_text(channel: str, size: float) -> str:
@@ -304,12 +360,8 @@ def size_text(channel: str, size: float) -> str:
     return f"{abs(size) * factor:.3g} {unit}"
 
 
-def _at_load(load: float | None) -> str:
-    return "" if load is None else " in open circuit" if math.isinf(load) else f" at {load:g} ohm"
-
-
 def where_words(found: DiagnosisResult) -> str:
-    """Where the gap lies end to end; where no mean stands out, the strongest sign instead."""
+    """Where the gap lies end to end; where no mean is significant, the strongest sign instead."""
     if found.where is None:
         return ""
     if isinstance(found, LineDiagnosis):
@@ -317,16 +369,16 @@ def where_words(found: DiagnosisResult) -> str:
     alarms = found.remainder.alarms if found.remainder is not None else ()
     if not alarms or any(abs(place.z) > STANDS_OUT for place in found.places):
         return _signs(where_sentence(found.where))
-    return f"No mean over a phase is off by more than noise and tolerances allow. {alarm_words(alarms[0], files_of(found))}."
+    return f"No mean over a phase deviates beyond noise and tolerances. {alarm_words(alarms[0], files_of(found))}."
 
 
-def arises_words(found: ModelDiagnosis) -> str:
-    """In which stage the gap arises when each is given its own measured inputs."""
+def arises_words(found: DiagnosisResult) -> str:
+    """In which stage the gap arises when each stage has its logged inputs."""
     return "" if found.where is None else _signs(arises_sentence(found.where.arises))
 
 
 def says_more(found: ModelDiagnosis) -> bool:
-    """Whether the stages by themselves say anything beyond the stage that is told already."""
+    """Whether the stages by themselves show anything beyond the stage that is reported already."""
     if found.where is None:
         return False
     own = arises(found.stages)
@@ -339,13 +391,12 @@ def _signs(text: str) -> str:
 
 def checked_words(found: ModelDiagnosis) -> str:
     """What was checked where no gap was found."""
-    out = sum(abs(place.z) > STANDS_OUT for place in found.places)
-    off = "none is" if not out else f"{out} are"
+    out, alone = (sum(abs(place.z) > STANDS_OUT for place in places) for places in (found.places, found.stages))
+    deviate = "none deviates" if not out else f"{out} deviate"
     more = ", but no effect explains that better than tolerances do" if out else ""
-    alone = sum(abs(place.z) > STANDS_OUT for place in found.stages)
-    staged = f" Stage by stage {alone} of {len(found.stages)} are." if alone else ""
+    staged = f" Stage by stage {alone} of {len(found.stages)} do." if alone else ""
     return (
-        f"{len(found.places)} means by channel, phase and load: {off} off by more than {STANDS_OUT:g} standard "
+        f"{len(found.places)} means by channel, phase and load: {deviate} by more than {STANDS_OUT:g} standard "
         f"uncertainties{more}.{staged} {len(found.suspects)} effects: none explains more than chance would."
     )
 
@@ -353,119 +404,77 @@ def checked_words(found: ModelDiagnosis) -> str:
 # ---------------------------------------------------------------------------------------------------- how sure, how far
 def sure_words(found: DiagnosisResult) -> str:
     """How sure the causes are, and what no effect of the catalogue is and looks like one of them."""
-    if isinstance(found, LineDiagnosis):
-        return _sure_by_resampling(found)
-    effects = [found.suspects[cause.effect] for cause in found.causes]
-    alike = [f"{effect.unlisted} would look like {effect.name}" for effect in effects if effect.unlisted]
-    text = _sure_by_evidence(found)
-    return f"{text} Not in the catalogue: {'; '.join(alike)}." if alike else text
-
-
-def _sure_by_evidence(found: DiagnosisResult) -> str:
-    if not found.causes:
-        others = len(found.sets) - 1
-        tried = f"{others} set{'s' if others > 1 else ''} of effects came near enough to be fitted" if others else ""
-        none = "no effect at all" if found.verdict == "no_gap" else "none of the catalogue's effects"
-        text = f"Probability of {none}: {probability_words(found.sets.get((), 0.0))}"
-        return f"{text}; {tried}." if tried else f"{text}; no set of effects came near enough to be fitted."
-    each = "The cause has" if len(found.causes) == 1 else "Each cause has"
-    weak = [cause for cause in found.causes if cause.probability < SURE]
-    rivalled = [cause for cause in found.causes if cause.rivals]
-    if not weak and not rivalled:
-        least = min(c.probability for c in found.causes)
-        size = "above 0.99" if least > 0.995 else f"of {least:.2f} at least"
-        return f"{each} a probability {size}, and no other effect of the catalogue explains the same data as well."
+    phrases, count, others = phrases_of(found), len(found.causes), len(found.sets) - 1
+    if not count:
+        fitted = f"; {others or 'no'} other set{'' if others == 1 else 's'} of effects came near enough to be fitted"
+        likely = f"Probability of {phrases.none}: {probability_words(found.sets.get((), 0.0))}"
+        return f"{likely}." if isinstance(found, LineDiagnosis) else f"{likely}{fitted}."
+    sure = [cause.probability for cause in found.causes if cause.probability >= SURE]
     parts = [
-        f"{c.effect} has a probability of {probability_words(c.probability)}".replace("of <", "below").replace(
-            "of >", "above"
-        )
-        for c in weak
+        f"{c.effect} has a probability of {probability_words(c.probability)}".replace("of <", "below")
+        for c in found.causes
+        if c.probability < SURE
     ]
-    for cause in rivalled:
-        names = " and ".join(rival.effect for rival in cause.rivals)
-        better = any(rival.probability > cause.probability for rival in cause.rivals)
-        parts.append(f"{names} would explain the data {'at least' if better else 'about'} as well as {cause.effect}")
-    text = "; ".join(parts)
-    if len(weak) < len(found.causes):
-        text += "; all others are above 0.95" if weak else f"; {each.lower()} a probability above 0.95"
-    return f"{text}."
-
-
-def _sure_by_resampling(found: DiagnosisResult) -> str:
-    if not found.causes:
-        return f"Probability of no cause: {probability_words(found.sets[()])}."
-    weak = [cause for cause in found.causes if cause.probability < SURE]
-    parts = [f"{c.effect} was chosen in {number(100.0 * c.probability, 0)} % of them" for c in weak]
-    if not weak:
-        each = "The cause was" if len(found.causes) == 1 else "Each cause was"
-        least = min(cause.probability for cause in found.causes)
-        parts.append(
-            f"{each} chosen in {'more than 99' if least > 0.995 else number(100.0 * least, 0)} % of {DRAWS} resampled sets of "
-            "cycles"
-        )
-    elif len(weak) < len(found.causes):
-        parts.append("the others in more than 95 %")
-    rivals = [
-        f"{' and '.join(rival.effect for rival in cause.rivals)} would predict about as well as {cause.effect}"
+    if sure:
+        which = "all others have" if parts else "The cause has" if count == 1 else "Each cause has"
+        parts.append(f"{which} a probability {'above 0.99' if min(sure) > 0.995 else f'of at least {min(sure):.2f}'}")
+    alike = [
+        f"{alternatives_words(cause, ' and ')} would {phrases.alike} "
+        f"{'at least' if any(r.probability > cause.probability for r in cause.rivals) else 'about'} as well as {cause.effect}"
         for cause in found.causes
         if cause.rivals
     ]
-    begin = f"Of {DRAWS} resampled sets of cycles: " if weak else ""
-    return f"{begin}{'; '.join([*parts, *(rivals or ['no other suspect predicts as well in place of one'])])}."
+    parts += alike or [f"no other {phrases.suspect} would {phrases.alike} as well"]
+    text = "; ".join(parts)
+    if isinstance(found, LineDiagnosis):
+        return f"{text}. A probability is a share of {DRAWS} resampled sets of cycles."
+    effects = (found.suspects[cause.effect] for cause in found.causes)
+    unlisted = [f"{effect.unlisted} would look like {effect.name}" for effect in effects if effect.unlisted]
+    return f"{text}. Not in the catalogue: {'; '.join(unlisted)}." if unlisted else f"{text}."
 
 
 def closure_words(found: ModelDiagnosis | LineDiagnosis) -> str:
     """How much of the gap is closed, between which bounds it lies, and how that is known."""
-    closure = found.closure
-    if closure is None:
+    if found.closure is None:
         return ""
-    share, line = share_words(closure.share).replace(">", "More than"), isinstance(found, LineDiagnosis)
-    gap = "squared error" if line else "explainable gap"
-    text = f"{share} of the {gap} is closed (95 %: {interval_words(found)}), {judged_words(found)}."
+    share = share_words(found.closure.share).replace(">", "More than")
+    text = f"{share} of the {phrases_of(found).gap} is closed (95 %: {interval_words(found.closure)}), {judged_words(found)}."
     if not isinstance(found, LineDiagnosis) or found.closure is None:
         return text
     beyond = share_words(found.closure.beyond_noise).replace(">", "more than")
     return f"{text} Of what exceeds the white noise of the power it is {beyond}."
 
 
-def interval_words(found: DiagnosisResult) -> str:
+def interval_words(closure: GapClosure) -> str:
     """Interval of the share that is closed."""
-    if found.closure is None:
-        return ""
-    low, high = share_words(found.closure.low), share_words(found.closure.high)
+    low, high = share_words(closure.low), share_words(closure.high)
     return low if low == high else f"{low.removesuffix(' %')} to {high}"
 
 
 def judged_words(found: ModelDiagnosis | LineDiagnosis) -> str:
     """On what the causes are judged, and whether it took part in the choice."""
+    items, each, held_out = f"{phrases_of(found).item}s", "each log with a load", []
     if isinstance(found, LineDiagnosis):
-        return _judged_cycles(found)
-    data = found.data
-    if data.withheld:
-        names = [load_words(data.logs[k].run.load) for k in sorted(data.withheld)]
-        return f"judged on logs that took part in neither choice nor fit ({', '.join(names)})"
+        each = f"each of {found.moments.folds} {'stretches' if cycles_of(found) < found.moments.folds else 'cycles'}"
+        held_out = [part_words(part) for part in found.lines.parts if part.withheld]
+    else:
+        held_out = [load_words(found.data.logs[k].run.load) for k in sorted(found.data.withheld)]
+    if held_out:
+        return f"judged on {items} that took part in neither choice nor fit ({', '.join(held_out)})"
     if found.closure is None:
-        return "all logs took part"
-    return "judged on each log with a load by a fit without it; the causes were chosen on all logs"
+        return f"all {items} took part"
+    return f"judged on {each} by a fit without it; the causes were chosen on all {items}"
 
 
-def _judged_cycles(found: LineDiagnosis) -> str:
-    if found.closure is None:
-        return "all cycles took part"
-    if found.closure.left_out_in_turn:
-        folds = found.moments.folds
-        few = len({(k, c) for k, part in enumerate(found.lines.parts) for c in part.cycle.tolist()}) < folds
-        what = f"each of {folds} {'stretches' if few else 'cycles'}"
-        return f"judged on {what} by a fit without it; the causes were chosen on all"
-    parts = " and ".join(part_words(part) for part in found.closure.parts)
-    return f"judged on {parts}, which took part in neither choice nor fit"
+def cycles_of(found: LineDiagnosis) -> int:
+    """Number of the cycles of all parts."""
+    return sum(len(set(part.cycle.tolist())) for part in found.lines.parts)
 
 
 def part_words(part: CyclePart) -> str:
     """The cycles of a part and its log."""
     first, last = int(part.cycle.min()), int(part.cycle.max())
-    cycles = f"cycle {first}" if first == last else f"cycles {first} to {last}"
-    return f"{cycles} of {part.run.name}"
+    return f"{f'cycle {first}' if first == last else f'cycles {first} to {last}'} of {part.run.name}"
 
 
 # ------------------------------------------------------------------------------------------------------- what to test next
@@ -474,18 +483,18 @@ def profile_words(plan: Experiment) -> str:
 
     >>> from winchcascade.diagnosis.diagnosis_result import Experiment
     >>> profile_words(Experiment("force_steps", 1.0, ("a", "b"), 3.0, force=2000.0))
-    'reel-out at a constant 1.0 m/s, the line force in steps from 1.0 kN to 3.0 kN, 10 s each'
+    'reel-out at a constant 1.0 m/s, the line tension in steps from 1.0 kN to 3.0 kN, 10 s each'
     """
     v, force = plan.speed, f"{plan.force / 1e3:.1f} kN"
     return {
         "cycle": f"one cycle: {RAMP:g} s ramp to {v:.2f} m/s, {plan.length:.1f} m of payout, {HOLD:g} s hold, haul-in at "
         f"{BACK * v:.2f} m/s",
-        "speed_steps": f"reel-out at a constant line force of {force}, in steps to a quarter, half, three quarters and all of "
-        f"{v:.1f} m/s, {STEP:g} s each",
-        "force_steps": f"reel-out at a constant {v:.1f} m/s, the line force in steps from {0.5 * plan.force / 1e3:.1f} kN to "
+        "speed_steps": f"reel-out at a constant line tension of {force}, in steps to a quarter, half, three quarters and all "
+        f"of {v:.1f} m/s, {STEP:g} s each",
+        "force_steps": f"reel-out at a constant {v:.1f} m/s, the line tension in steps from {0.5 * plan.force / 1e3:.1f} kN to "
         f"{1.5 * plan.force / 1e3:.1f} kN, {STEP:g} s each",
-        "out_and_back": f"reel-out and haul-in by turns at {v:.1f} m/s and a constant line force of {force}, {STEP:g} s each",
-        "swing": f"reel-out at a constant line force of {force}, the speed swinging between {0.5 * v:.1f} and {v:.1f} m/s "
+        "out_and_back": f"reel-out and haul-in by turns at {v:.1f} m/s and a constant line tension of {force}, {STEP:g} s each",
+        "swing": f"reel-out at a constant line tension of {force}, the speed swinging between {0.5 * v:.1f} and {v:.1f} m/s "
         f"every {SWING:g} s, for {4.0 * STEP:g} s",
     }[plan.motion]
 
@@ -496,33 +505,26 @@ def experiment_words(found: DiagnosisResult) -> str:
     if plan is None:
         return ""
     one, other = plan.separates
-    line, apart = isinstance(found, LineDiagnosis), apart_words(plan.expected_z)
-    run = profile_words(plan) if line else f"{load_words(plan.load)}, {profile_words(plan)}"
-    rival = any(rival.effect == other for cause in found.causes for rival in cause.rivals)
-    if plan.expected_z < FAR_ENOUGH and (line or rival):
+    apart = f"{apart_words(plan.expected_z)} standard deviations"
+    run = profile_words(plan) if plan.load is None else f"{load_words(plan.load)}, {profile_words(plan)}"
+    alternative = any(rival.effect == other for cause in found.causes for rival in cause.rivals)
+    if plan.expected_z < FAR_ENOUGH and (plan.load is None or alternative):
         return (
-            f"None of the {'motions' if line else 'runs'} that were considered tells {one} from {other}: they would differ by "
-            f"{apart} standard deviations at most ({run}). Measure one of the two directly."
+            f"None of the runs that were considered distinguishes {one} from {other}: they would differ by {apart} at most "
+            f"({run}). Measure one of the two directly."
         )
-    if rival:
-        return f"{upper(run)}. There {one} and {other} differ by {apart} standard deviations, so it tells which it is."
-    if line:
-        return (
-            f"No rival is left to be told apart. The sharpest further test is of {one} against the suspect that comes nearest, "
-            f"{other}. {upper(run)}: there the two differ by {apart} standard deviations."
-        )
+    if alternative:
+        return f"{upper(run)}. There {one} and {other} differ by {apart}, which distinguishes them."
+    none = "No alternative explanation remains"
     if plan.expected_z < FAR_ENOUGH:
         return (
-            f"No rival is left to be told apart: these logs rule out {other}, which comes next. A further run would add little "
-            f"to them: at most {apart} standard deviations more ({run})."
+            f"{none}: these logs rule out {other}, the next suspect. A further run would add at most {apart} ({run})."
         )
-    return (
-        f"No rival is left to be told apart. The sharpest further test of {one} is a run against the next suspect, "
-        f"{other}: {run}. There the two differ by {apart} standard deviations."
-    )
+    run = f"{run}. They differ there by {apart}"
+    return f"{none}. The sharpest further test compares {one} with the next suspect, {other}: {run}."
 
 
-# ---------------------------------------------------------------------------------------------------------- what is left
+# -------------------------------------------------------------------------------------------------------------- the residual
 def alarm_words(alarm: Alarm, files: Sequence[str]) -> str:
     """A sign of something unexplained, without a full stop.
 
@@ -530,19 +532,15 @@ def alarm_words(alarm: Alarm, files: Sequence[str]) -> str:
     ----------
     files : names of the logs, in their order
     """
-    return upper(_alarm(alarm, files))
-
-
-def _alarm(alarm: Alarm, files: Sequence[str]) -> str:
-    where, size, limit = about_words(alarm.about, files), f"{alarm.size:.1f}", f"{alarm.limit:g}"
-    if alarm.kind == "structure" and isinstance(alarm.about, Spot) and alarm.about.channel == POWER:
-        return f"{where}: means of 0.44 s are {size} times their noise (limit {limit})"
+    where, size, limit = about_words(alarm.about, files), f"{alarm.size:.1f}", f"(limit {alarm.limit:g})"
+    of_power = isinstance(alarm.about, Spot) and alarm.about.channel == POWER
+    blocks = "means of 0.44 s are" if of_power else "the root mean square of the residual is"
     return {
-        "structure": f"{where}: the root mean square of what is left is {size} times the noise (limit {limit})",
-        "scatter": f"{where}: the scatter is {size} times what noise explains (limit {limit})",
-        "ripple": f"{where}: the means scatter about a smooth course {size} times as much as noise explains (limit {limit})",
-        "nuisance": f"{where} had to move by {size} of its standard uncertainties (limit {limit})",
-        "slow": f"{number(100.0 * alarm.size, 0)} % of what is left lasts longer than a second (limit "
+        "structure": f"{upper(where)}: {blocks} {size} times the noise {limit}",
+        "scatter": f"{upper(where)}: the scatter is {size} times what noise explains {limit}",
+        "ripple": f"{upper(where)}: the means scatter about a smooth course {size} times as much as noise explains {limit}",
+        "nuisance": f"{upper(where)} had to move by {size} of its standard uncertainties {limit}",
+        "slow": f"{number(100.0 * alarm.size, 0)} % of the squared residual lasts longer than a second (limit "
         f"{number(100.0 * alarm.limit, 0)} %)",
     }[alarm.kind]
 
@@ -553,42 +551,40 @@ def alarm_meaning(alarm: Alarm) -> str:
         "structure": "the model's shape is wrong there",
         "scatter": "something faster than a block of 0.4 s moves, a ripple or a vibration",
         "ripple": "something comes and goes within seconds, as with every turn of a drum that is out of round",
-    }.get(alarm.kind, "either its tolerance is wrong or it stands in for something else")
+    }.get(alarm.kind, "either its tolerance is wrong or it takes the place of another effect")
 
 
 def remainder_words(found: DiagnosisResult) -> str:
     """What the causes leave."""
+    left = found.remainder
+    if left is None:
+        return "There is no residual beyond noise."
     if isinstance(found, LineDiagnosis):
         return _line_remainder(found)
-    if found.remainder is None:
-        return "Nothing is left beyond noise."
-    left = found.remainder
-    open_share = 1.0 if found.closure is None else max(1.0 - found.closure.share, 0.0)
-    part = "Less than 1 %" if open_share < 0.01 else f"{number(100.0 * open_share, 0)} %"
+    share = 1.0 if found.closure is None else max(1.0 - found.closure.share, 0.0)
+    part = "Less than 1 %" if share < 0.01 else f"{number(100.0 * share, 0)} %"
     closed = "" if found.closure is None else f"{part} of the gap stays open"
     if not left.alarms:
-        return f"{closed}; it has no structure that stands out of noise." if closed else "It has no structure."
-    signs = "one sign" if len(left.alarms) == 1 else f"{len(left.alarms)} signs"
-    begin = f"{closed}, with {signs} of something unexplained" if closed else f"{upper(signs)} of something unexplained"
-    which = "" if len(left.alarms) == 1 else " The strongest:"
-    return f"{begin}.{which} {alarm_words(left.alarms[0], files_of(found))}; {alarm_meaning(left.alarms[0])}."
+        return f"{closed}; it has no significant structure." if closed else "It has no structure."
+    several = len(left.alarms) > 1
+    signs = f"{f'{len(left.alarms)} signs' if several else 'one sign'} of something unexplained"
+    strongest = f"{alarm_words(left.alarms[0], files_of(found))}; {alarm_meaning(left.alarms[0])}."
+    return f"{f'{closed}, with {signs}' if closed else upper(signs)}.{' The strongest:' if several else ''} {strongest}"
 
 
 def _line_remainder(found: LineDiagnosis) -> str:
     left = found.remainder
     if left is None:
         return ""
-    signs = upper("; ".join(_alarm(alarm, ()) for alarm in left.alarms))
-    signs = f"{signs}." if signs else ""
+    signs = "".join(f" {alarm_words(alarm, ())}." for alarm in left.alarms)
     if found.closure is None or not isinstance(left.worst, Spot):
-        return signs
-    shape = (
+        return signs.strip()
+    slow = f", and {number(100.0 * left.slow, 0)} % lasts longer than a second"
+    return (
         f"{share_words(left.share)} of the squared error stays open: {number(100.0 * left.in_worst, 0)} % of it in "
         f"{phase_words(left.worst.phase or '')}, {number(100.0 * left.bursts, 0)} % in {100.0 * BURST:.0f} % of the samples"
+        f"{'' if any(alarm.kind == 'slow' for alarm in left.alarms) else slow}.{signs}"
     )
-    if any(alarm.kind == "slow" for alarm in left.alarms):
-        return f"{shape}. {signs}"
-    return f"{shape}, and {number(100.0 * left.slow, 0)} % lasts longer than a second. {signs}".rstrip()
 
 
 # --------------------------------------------------------------------------------------------- of a winch without a model
@@ -596,28 +592,26 @@ def again_words(found: LineDiagnosis) -> str:
     """Whether the withheld cycles alone give the same numbers."""
     if not found.again:
         return ""
-    apart, parts = [], []
-    for cause in found.causes:
-        other, ((name, own),) = found.again[cause.effect], cause.parameters.items()
-        what, value, interval = number_told(found, cause.effect, name, other)
-        parts.append(f"{what} {value} ({interval})")
-        if other.low > own.high or other.high < own.low:
-            apart.append(cause.effect)
-    text = f"Fitted to the withheld cycles alone: {'; '.join(parts)}."
-    if apart:
-        return f"{text} The intervals of {' and '.join(apart)} do not meet: it changes in the course of the logs."
-    return f"{text} The intervals meet: the numbers are steady."
+    pairs = {cause.effect: (found.again[cause.effect], *cause.parameters.values()) for cause in found.causes}
+    apart = [effect for effect, (alone, fitted) in pairs.items() if alone.low > fitted.high or alone.high < fitted.low]
+    numbers = "; ".join(cause_words(found, cause, again=True) for cause in found.causes)
+    steady = (
+        f"The intervals of {' and '.join(apart)} do not overlap: the number changes in the course of the logs."
+        if apart
+        else "The intervals overlap: the numbers are steady."
+    )
+    return f"Fitted to the withheld cycles alone: {numbers}. {steady}"
 
 
 def flipped_words(found: LineDiagnosis) -> str:
-    """Which channels were logged with the other sign, which ingest turned."""
-    said = [
-        f"{run.name}: {finding.message}; {finding.action}"
+    """Channels that were logged with the opposite sign, which ingest corrected."""
+    flipped = {
+        f"{run.name}: {finding.message}; {finding.action}": None
         for run in found.runs
         for finding in run.findings
         if finding.kind == "sign_flipped"
-    ]
-    return "; ".join(dict.fromkeys(said)) + "." if said else ""
+    }
+    return "; ".join(flipped) + "." if flipped else ""
 
 
 def small_words(found: LineDiagnosis) -> str:
@@ -633,12 +627,16 @@ def small_words(found: LineDiagnosis) -> str:
 def slope_words(found: LineDiagnosis) -> str:
     """Over how many samples the acceleration was taken, and why."""
     lines = found.lines
-    count = 2 * beside(lines.parts[0].run, lines.span) + 1
     tried = " and ".join(f"{span:g} s" for span in lines.spans)
-    why = f"of {tried}, the one with which the fit best predicts cycles it did not know" if len(lines.spans) > 1 else ""
-    return f"slope of a local quadratic over {count} samples, {lines.span:g} s{f' ({why})' if why else ''}"
+    why = f" (of {tried}, the one with which the fit best predicts held-out cycles)" if len(lines.spans) > 1 else ""
+    return f"slope of a local quadratic over {samples_of(found)} samples, {lines.span:g} s{why}"
+
+
+def samples_of(found: LineDiagnosis) -> int:
+    """Samples over which the slope of the velocity is taken."""
+    return 2 * beside(found.lines.parts[0].run, found.lines.span) + 1
 
 
 def set_words(names: Sequence[str]) -> str:
     """A set of suspects."""
-    return " + ".join(names) if names else "none: line force times speed"
+    return " + ".join(names) if names else "none: line tension times speed"

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 import platform
+from collections import Counter
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from msgspec.structs import asdict
 
 from winchcascade.core.campaign_file import banner, origin_words
 from winchcascade.core.version import __version__
@@ -19,7 +22,7 @@ from winchcascade.report.report_model import Note, Point, Report, Section, Table
 from winchcascade.report.report_parts import data_point, file_digest, made_on, picture, provenance_table, section
 from winchcascade.report.style import house_style
 from winchcascade.report.traces import readout
-from winchcascade.report.wording import by_sensor, net_reasons, not_known
+from winchcascade.report.wording import SYMBOL, decisive, net_reasons, not_known, window_words
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Signal
@@ -93,19 +96,18 @@ def _about(reduction: Reduction) -> str:
 
 def _tiles(reduction: Reduction, found: Uncertainty) -> tuple[Tile, ...]:
     """The efficiencies with their intervals, and energies where there are fewer than three."""
-    given = [m for m in (*METRICS[6:], *METRICS[:3]) if getattr(reduction.mean, m) is not None][:3]
+    given = [m for m in (*METRICS[6:], *METRICS[:3]) if asdict(reduction.mean)[m] is not None][:3]
     tiles = []
     for m in given:
-        u, interval = getattr(found.standard, m), found.interval_95.get(m)
-        value = tables.mean_text(reduction, found, m)
-        unit = tables.UNIT[m]
-        scatter = getattr(found.budget.repeatability, m)
-        text = (
-            f"± {f'{uncertain(scatter)} {unit}'.rstrip()} by repeatability alone" if scatter else "uncertainty unknown"
-        )
+        unit, interval, u = tables.UNIT[m], found.interval_95.get(m), asdict(found.standard)[m]
+        scatter = asdict(found.budget.repeatability)[m]
+        text = "uncertainty unknown"
         if interval is not None and u:
             text = f"95 %: {stated(interval.low, u, 3)} to {stated(interval.high, u, 3)} {unit}".strip()
-        tiles.append(Tile(tables.SYMBOL[m], _NAMES[m], f"{value} {unit}".strip(), text))
+        elif scatter:
+            text = f"± {f'{uncertain(scatter)} {unit}'.rstrip()} by repeatability alone"
+        value = f"{tables.mean_text(reduction, found, m)} {unit}".strip()
+        tiles.append(Tile(SYMBOL[m], _NAMES[m], value, text))
     return tuple(tiles)
 
 
@@ -122,33 +124,35 @@ def best_and_worst(reduction: Reduction) -> tuple[CycleResult, CycleResult, str]
 def _points(reduction: Reduction, found: Uncertainty) -> list[Point]:
     """What a reader must know after ten seconds, in sentences."""
     n, of = len(reduction.complete), len(reduction.cycles)
-    points = []
-    points.append(data_point([reduction.run.origin]))
-    window = reduction.window if isinstance(reduction.window, str) else f"{reduction.window:g} s from the onset"
-    points.append(
-        Point("Cycles", f"{n} of {of} complete; integration window: {window}.", "plain" if n == of else "warn")
-    )
+    cycles = f"{n} of {of} complete; integration window: {window_words(reduction.window)}."
+    return [
+        data_point([reduction.run.origin]),
+        Point("Cycles", cycles, "plain" if n == of else "warn"),
+        *_best_points(reduction),
+        *_net_points(reduction, found),
+        _log_point(reduction),
+        *_uncertainty_points(found),
+        *([Point("Rig", reduction.rig.note)] if reduction.rig.note else []),
+    ]
+
+
+def _best_points(reduction: Reduction) -> list[Point]:
+    """The best and the worst cycle, with as many digits as show how they differ, four at least."""
     extremes = best_and_worst(reduction)
-    if extremes is not None:
-        best, worst, m = extremes
-        high, low = _told_apart(getattr(best.metrics, m), getattr(worst.metrics, m))
-        points.append(
-            Point(
-                "Best and worst",
-                f"Cycle {best.cycle} with {tables.SYMBOL[m]} = {high}, cycle {worst.cycle} with {low}; the largest deviation "
-                f"from the mean is {getattr(reduction.max_deviation_percent, m):.2f} %.",
-            )
-        )
-    points += _net_points(reduction, found)
-    points.append(_log_point(reduction))
-    points += _uncertainty_points(found)
-    if reduction.rig.note:
-        points.append(Point("Rig", reduction.rig.note))
-    return points
+    if extremes is None:
+        return []
+    best, worst, m = extremes
+    high, low = (asdict(cycle.metrics)[m] for cycle in (best, worst))
+    decimals = max(places((high - low) / 3.0) if high > low else 0, 3 - math.floor(math.log10(max(abs(high), NOTHING))))
+    text = (
+        f"Cycle {best.cycle} with {SYMBOL[m]} = {number(high, decimals)}, cycle {worst.cycle} with {number(low, decimals)}; "
+        f"the largest deviation from the mean is {asdict(reduction.max_deviation_percent)[m]:.2f} %."
+    )
+    return [Point("Best and worst", text)]
 
 
 def _net_points(reduction: Reduction, found: Uncertainty) -> list[Point]:
-    """What is left of the line's energy once haul-in has returned its part, and what of that is delivered."""
+    """The residual energy of the line once haul-in has returned its part, and what of that is delivered."""
     mean, text = reduction.mean, partial(tables.mean_text, reduction, found)
     if mean.energy_net is None:
         reasons = net_reasons(reduction.cycles)
@@ -161,24 +165,14 @@ def _net_points(reduction: Reduction, found: Uncertainty) -> list[Point]:
     return [Point("Whole cycles", sentence + ratio)]
 
 
-def _told_apart(high: float, low: float) -> tuple[str, str]:
-    """Two values with as many digits as show how they differ, four at least."""
-    decimals = max(places((high - low) / 3.0) if high > low else 0, 3 - math.floor(math.log10(max(abs(high), NOTHING))))
-    return number(high, decimals), number(low, decimals)
-
-
 def _log_point(reduction: Reduction) -> Point:
-    quality = reduction.quality
-    if not quality:
+    kinds = Counter(finding.kind for finding in reduction.quality)
+    if not kinds:
         return Point("Log", "No fault found.", "good")
-    kinds: dict[str, int] = {}
-    for f in quality:
-        kinds[f.kind] = kinds.get(f.kind, 0) + 1
     named = ", ".join(k.replace("_", " ") + (f" ({n} times)" if n > 1 else "") for k, n in kinds.items())
-    lost = lost_share(reduction)
+    lost, total = lost_share(reduction), kinds.total()
     bridged = f", {percent(lost, 2)} % of the time bridged" if lost else ""
-    plural = "s" if len(quality) > 1 else ""
-    return Point("Log", f"{len(quality)} finding{plural}{bridged}: {named}.", "warn")
+    return Point("Log", f"{total} finding{'s' * (total > 1)}{bridged}: {named}.", "warn")
 
 
 def lost_share(reduction: Reduction) -> float:
@@ -194,24 +188,27 @@ def lost_share(reduction: Reduction) -> float:
 
 
 def _uncertainty_points(found: Uncertainty) -> list[Point]:
-    known = found.budget
-    named = []
-    for m in METRICS[6:]:
-        parts = by_sensor(known, m)
-        if parts:
-            name, share = max(parts.items(), key=lambda part: part[1])
-            named.append(f"{tables.SYMBOL[m]}: {share:.0%} {name}".replace("%", " %"))
-    text = f"What makes most of the variance: {', '.join(named)}. " if named else ""
-    rest = not_known(known)
-    text += ". ".join(s[0].upper() + s[1:] for s in rest) + "." if rest else ""
-    return [Point("Uncertainty", text.strip(), "warn" if known.unknown else "plain")] if text else []
+    parts = ", ".join(f"{SYMBOL[m]}: {100.0 * share:.0f} % {name}" for m, share, name in decisive(found.budget))
+    rest = ". ".join(sentence[0].upper() + sentence[1:] for sentence in not_known(found.budget))
+    texts = [f"What makes most of the variance: {parts}." if parts else "", f"{rest}." if rest else ""]
+    text = " ".join(text for text in texts if text)
+    return [Point("Uncertainty", text, "warn" if found.budget.unknown else "plain")] if text else []
 
 
 def _sections(reduction: Reduction, found: Uncertainty, model: Modelled, command: str) -> tuple[Section, ...]:
     powers = figures.powers_of(reduction)
     sections = (
         _results(reduction, found),
-        _histories(reduction, powers),
+        section(
+            "histories", "Time histories",
+            picture(
+                figures.time_histories(reduction, powers), "histories",
+                "Channels and powers over the whole log. "
+                + (_NOT_SHADED if len(reduction.cycles) > figures.SHADED_CYCLES else _SHADED),
+                "Line plots of every channel over time; the values are in the log, means of the phases in the tables.",
+                interactive=True,
+            ),
+        ),
         _powers(reduction, powers),
         _cycles(reduction, powers),
         run_section(model),
@@ -226,36 +223,20 @@ def _sections(reduction: Reduction, found: Uncertainty, model: Modelled, command
 
 def _results(reduction: Reduction, found: Uncertainty) -> Section:
     given = [m for m in ALL_METRICS if m.startswith("energy") and getattr(reduction.mean, m) is not None]
-    told = {m: tables.mean_text(reduction, found, m) for m in given}
-    words = ", ".join(f"{tables.SYMBOL[m]} {text} J" for m, text in told.items())
-    net = (
-        " b: over the whole cycle the stored energy is returned, so that only losses remain."
-        if "energy_net" in given
-        else ""
-    )
+    means = {m: tables.mean_text(reduction, found, m) for m in given}
+    words = ", ".join(f"{SYMBOL[m]} {text} J" for m, text in means.items())
+    net = " b: over the whole cycle the stored energy is returned, so that only losses remain."
     return section(
         "results", "Energies and efficiencies",
         picture(
-            figures.energy_flow(reduction, told), "flow",
+            figures.energy_flow(reduction, means), "flow",
             "Where the energy of the line goes, as a mean over the complete cycles: heights are energies. a: in the "
             "integration window, stage by stage; grey does not reach the next stage within the window, as it is lost, or "
-            f"stored and returned or delivered later.{net} η are means of the cycles' ratios.",
+            f"stored and returned or delivered later.{net if 'energy_net' in given else ''} η are means of the cycles' ratios.",
             f"Flow diagram: {words}.",
         ),
         tables.cycles_table(reduction, found),
         tables.net_table(reduction, found),
-    )  # fmt: skip
-
-
-def _histories(reduction: Reduction, powers: dict[str, Signal]) -> Section:
-    return section(
-        "histories", "Time histories",
-        picture(
-            figures.time_histories(reduction, powers), "histories",
-            "Channels and powers over the whole log." + _shade_words(reduction),
-            "Line plots of every channel over time; the values are in the log, means of the phases in the tables.",
-            interactive=True,
-        ),
     )  # fmt: skip
 
 
@@ -285,17 +266,17 @@ def _cycles(reduction: Reduction, powers: dict[str, Signal]) -> Section:
     extremes = best_and_worst(reduction)
     best, worst, by = (None, None, "")
     if extremes is not None:
-        best, worst, by = extremes[0].cycle, extremes[1].cycle, f" Best and worst by {tables.SYMBOL[extremes[2]]}."
+        best, worst, by = extremes[0].cycle, extremes[1].cycle, f" Best and worst by {SYMBOL[extremes[2]]}."
     many = len(reduction.cycles)
-    told = "Cycles on a common clock that starts at each onset: where the curves part, the cycles did not repeat."
+    caption = "Cycles on a common clock that starts at each onset: where the curves part, the cycles did not repeat."
     if many == 1:
-        told = "The cycle on a clock that starts at its onset."
+        caption = "The cycle on a clock that starts at its onset."
     some = f" {figures.OVERLAID} of {many} cycles, evenly chosen." if many > figures.OVERLAID else ""
     return section(
         "cycles-and-phases", "Cycles and phases",
         picture(
             figures.overlaid(reduction, powers, best, worst), "overlaid",
-            f"{told} Dashed: end of the window.{by}{some}",
+            f"{caption} Dashed: end of the window.{by}{some}",
             "Line plots of the cycles laid over each other.",
         ),
         picture(
@@ -325,10 +306,8 @@ def _repeatability(reduction: Reduction, found: Uncertainty) -> Section:
     )  # fmt: skip
 
 
-def _shade_words(reduction: Reduction) -> str:
-    if len(reduction.cycles) > figures.SHADED_CYCLES:
-        return " Phases are not shaded: they would be too narrow to see."
-    return " Payouts and holds are shaded, the dashed lines bound the integration windows."
+_SHADED = "Payouts and holds are shaded, the dashed lines bound the integration windows."
+_NOT_SHADED = "Phases are not shaded: they would be too narrow to see."
 
 
 def _provenance(reduction: Reduction, found: Uncertainty, command: str) -> Table:

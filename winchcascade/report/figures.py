@@ -10,20 +10,20 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch, Rectangle
 from matplotlib.path import Path as Outline
+from msgspec.structs import asdict
 
 from winchcascade.reduction.bins import engaged
-from winchcascade.reduction.efficiency import ALL_METRICS, RATIOS
+from winchcascade.reduction.efficiency import ALL_RATIOS, METRICS, RATIOS
 from winchcascade.reduction.energies import STAGES, power
 from winchcascade.report.digits import significant
 from winchcascade.report.style import COLOURS, STAGE_STYLE, WIDTH, label_panel
-from winchcascade.report.traces import PANELS, clock_zero, envelope, time_label
-from winchcascade.report.wording import by_sensor
+from winchcascade.report.traces import PANELS, clock_zero, end_of, envelope, time_label
+from winchcascade.report.wording import by_sensor, tex
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from winchcascade.core.rig_file import Rig
-    from winchcascade.core.run import Run, Signal
+    from winchcascade.core.run import Signal
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
     from winchcascade.reduction.uncertainty import Budget
 
@@ -37,23 +37,41 @@ SHADED_CYCLES = 60
 DOTS = 1200
 """Samples of each power that are drawn over the generator's speed at most; of more, an even selection."""
 
-TEX = {"line": r"$P_\mathrm{line}$", "mech": r"$P_\mathrm{mech}$", "gen": r"$P_\mathrm{gen}$"}
-_ENERGY_TEX = {"line": r"$E_\mathrm{line}$", "mech": r"$E_\mathrm{mech}$", "gen": r"$E_\mathrm{gen}$"}
-_CYCLE_TEX = {
-    "energy_payout": r"$E_\mathrm{payout}$",
-    "energy_net": r"$E_\mathrm{net}$",
-    "energy_gen_cycle": r"$E_\mathrm{gen}$",
-}
+TREND_FROM = 6
+"""With fewer cycles than this the table shows a drift as well."""
+
+OVERLAID = 40
+"""Cycles that are laid over each other at most; of more, an even selection."""
+
+OVERLAID_POINTS = 6000
+"""Points of all overlaid cycles together in one panel, about."""
+
 _STAGE_WORDS = {"line": "line", "mech": "shaft", "gen": "DC link"}
-ETA_TEX = {
-    "eta_trans": r"$\eta_\mathrm{trans}$",
-    "eta_gen": r"$\eta_\mathrm{gen}$",
-    "eta_pto": r"$\eta_\mathrm{pto}$",
-    "eta_net": r"$\eta_\mathrm{net}$",
-    "energy_line": _ENERGY_TEX["line"],
-    "energy_mech": _ENERGY_TEX["mech"],
-    "energy_gen": _ENERGY_TEX["gen"],
+
+_BAR_STYLE = {
+    "force cell": ("line", ""),
+    "torque sensor": ("mech", "//"),
+    "shaft power": ("mech", "//"),
+    "Vdc": ("gen", ""),
+    "Idc": ("gen", "\\\\"),
+    "repeatability": ("loss", ""),
+    "bridged gaps": ("soft", ".."),
 }
+"""Colour and hatching of each part of the variance."""
+
+_TREND_STAGE = {
+    "eta_trans": "mech",
+    "eta_gen": "gen",
+    "eta_pto": "line",
+    **{f"energy_{stage}": stage for stage in STAGES},
+}
+"""Stage of which a metric has the colour in the figure of the trend."""
+
+_TURN, _DROP = 0.38, -0.3
+"""Where a loss turns down between two bars, as a share of the way, and how far it goes."""
+
+STAGE_MARKS = {"line": "o", "mech": "s", "gen": "^"}
+"""Markers of the stages."""
 
 
 def readable(unit: str, *signals: Signal) -> tuple[float, str]:
@@ -68,82 +86,86 @@ def powers_of(reduction: Reduction) -> dict[str, Signal]:
     return {stage: x for stage, x in found.items() if x is not None}
 
 
+def _panels(
+    rows: int, columns: int, *, each: float, around: float, top: float, gaps: dict[str, float]
+) -> tuple[Figure, list[Axes]]:
+    """A figure of panels with one horizontal axis.
+
+    Parameters
+    ----------
+    each, around, top : height of a row of panels, space above and below all of them, and the part of it above [in]
+    """
+    height = around + each * rows
+    figure = Figure((WIDTH, height))
+    axes = figure.subplots(rows, columns, sharex=True, squeeze=False, gridspec_kw=gaps)
+    figure.subplots_adjust(left=0.095, right=0.985, top=1 - top / height, bottom=0.42 / height)
+    return figure, list(axes.ravel())
+
+
+def _trace(ax: Axes, t: Signal, x: Signal, *, most: int = DRAWN, **style: Any) -> None:
+    """Draw a signal over time by as many points as show its peaks."""
+    rows = envelope(x, most)
+    ax.plot(t[rows], x[rows], **style)
+
+
+def _stage_style(stage: str) -> dict[str, Any]:
+    """Colour and dashes of the power of a stage, and its symbol for the legend."""
+    return {"color": COLOURS[stage], "ls": STAGE_STYLE[stage], "label": tex(f"power_{stage}")}
+
+
 def time_histories(reduction: Reduction, powers: dict[str, Signal]) -> Figure:
     """Draw every channel and the powers over the whole log, phases shaded, windows marked (the paper's Fig. 5)."""
     run, zero = reduction.run, clock_zero(reduction.run)
+    t = run.t - zero
     panels = [panel for panel in PANELS if panel[0] in run.channels]
     rows = len(panels) + bool(powers)
-    height = 0.75 + 0.98 * rows
-    figure = Figure((WIDTH, height))
-    axes: list[Axes] = list(figure.subplots(rows, 1, sharex=True, squeeze=False, gridspec_kw={"hspace": 0.42})[:, 0])
-    figure.subplots_adjust(left=0.095, right=0.985, top=1 - 0.3 / height, bottom=0.42 / height)
+    figure, axes = _panels(rows, 1, each=0.98, around=0.75, top=0.3, gaps={"hspace": 0.42})
     for k, (ax, (name, title, unit, factor)) in enumerate(zip(axes, panels, strict=False)):
         x = run.channels[name]
-        rows_drawn = envelope(x, DRAWN)
         short, unit = readable(unit, x)
-        ax.plot(run.t[rows_drawn] - zero, x[rows_drawn] * factor * short, color=COLOURS["ink"], gid=f"trace-{name}")
-        label_panel(ax, "abcdefgh"[k], title)
-        ax.set_ylabel(unit)
+        _trace(ax, t, x * (factor * short), color=COLOURS["ink"], gid=f"trace-{name}")
+        label_panel(ax, "abcdefgh"[k], title, y=unit)
     if powers:
-        ax = axes[-1]
         short, unit = readable("W", *powers.values())
         for stage, x in powers.items():
-            rows_drawn = envelope(x, DRAWN)
-            ax.plot(
-                run.t[rows_drawn] - zero, x[rows_drawn] * short, color=COLOURS[stage], ls=STAGE_STYLE[stage], label=TEX[stage],
-                gid=f"trace-power_{stage}",
-            )  # fmt: skip
-        label_panel(ax, "abcdefgh"[rows - 1], "Power")
-        ax.set_ylabel(unit)
-        ax.legend(loc="lower right", ncols=3, bbox_to_anchor=(1.0, 0.98), borderaxespad=0.0)
+            _trace(axes[-1], t, x * short, gid=f"trace-power_{stage}", **_stage_style(stage))
+        label_panel(axes[-1], "abcdefgh"[rows - 1], "Power", y=unit)
+        axes[-1].legend(loc="lower right", ncols=3, bbox_to_anchor=(1.0, 0.98), borderaxespad=0.0)
     axes[-1].set_xlabel(time_label(run))
-    axes[-1].set_xlim(run.t[0] - zero, run.t[-1] - zero)
+    axes[-1].set_xlim(t[0], t[-1])
     for k, ax in enumerate(axes):
         ax.xaxis.set_gid(f"xaxis-{k}")
-        _shade_phases(ax, k, reduction.cycles, zero)
-    _phase_key(axes[0], reduction.cycles)
+        if len(reduction.cycles) <= SHADED_CYCLES:
+            _shade_phases(ax, k, reduction.cycles, zero)
+    if len(reduction.cycles) <= SHADED_CYCLES:
+        _phase_key(axes[0], reduction.cycles)
     figure.align_ylabels(axes)
     return figure
 
 
 def _shade_phases(ax: Axes, panel: int, cycles: Sequence[CycleResult], zero: float) -> None:
     """Shade payouts and holds, and bound the windows by dashed lines."""
-    if len(cycles) > SHADED_CYCLES:
-        return
     for c in cycles:
-        spans = [("payout", (c.phases.onset, c.phases.payout_end)), ("hold", c.phases.hold)]
-        for phase, span in spans:
+        for phase, span in (("payout", (c.phases.onset, c.phases.payout_end)), ("hold", c.phases.hold)):
             if span is not None:
-                ax.axvspan(
-                    span[0] - zero, span[1] - zero, color=COLOURS[phase], lw=0, gid=f"span-{c.cycle}-{phase}-{panel}"
-                )
+                begin, end = span[0] - zero, span[1] - zero
+                ax.axvspan(begin, end, color=COLOURS[phase], lw=0, gid=f"span-{c.cycle}-{phase}-{panel}")
         style: Any = "--" if c.complete else ":"
-        for end, edge in (("onset", c.window.onset), ("cutoff", c.window.cutoff)):
-            ax.axvline(edge - zero, color=COLOURS["soft"], ls=style, lw=0.7, gid=f"edge-{c.cycle}-{end}-{panel}")
+        for name, edge in (("onset", c.window.onset), ("cutoff", c.window.cutoff)):
+            ax.axvline(edge - zero, color=COLOURS["soft"], ls=style, lw=0.7, gid=f"edge-{c.cycle}-{name}-{panel}")
 
 
 def _phase_key(ax: Axes, cycles: Sequence[CycleResult]) -> None:
-    """Say above the panels what the shades and the dashed lines are."""
-    if len(cycles) > SHADED_CYCLES:
-        return
-    entries = [
-        Rectangle((0, 0), 1, 1, fc=COLOURS["payout"], ec=COLOURS["soft"], lw=0.4),
-        Rectangle((0, 0), 1, 1, fc=COLOURS["hold"], ec=COLOURS["soft"], lw=0.4),
-        ax.plot([], [], ls="--", lw=0.8, color=COLOURS["soft"])[0],
-    ]
-    names = ["payout", "hold", "integration window"]
-    if any(not c.complete for c in cycles):
-        entries.append(ax.plot([], [], ls=":", lw=0.8, color=COLOURS["soft"])[0])
-        names.append("of an incomplete cycle")
+    """Name the shades and the dashed lines above the panels."""
+    entries: dict[str, Any] = {
+        phase: Rectangle((0, 0), 1, 1, fc=COLOURS[phase], ec=COLOURS["soft"], lw=0.4) for phase in ("payout", "hold")
+    }
+    lines = {"integration window": "--"} | ({} if all(c.complete for c in cycles) else {"of an incomplete cycle": ":"})
+    entries |= {name: ax.plot([], [], ls=dash, lw=0.8, color=COLOURS["soft"])[0] for name, dash in lines.items()}
     ax.legend(
-        entries,
-        names,
-        loc="lower right",
-        ncols=len(names),
-        bbox_to_anchor=(1.0, 1.0),
-        borderaxespad=0.1,
+        entries.values(), entries, loc="lower right", ncols=len(entries), bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1,
         columnspacing=1.2,
-    )
+    )  # fmt: skip
 
 
 def power_streams(reduction: Reduction, powers: dict[str, Signal]) -> Figure | None:
@@ -166,33 +188,21 @@ def _one_cycle(ax: Axes, reduction: Reduction, powers: dict[str, Signal]) -> Non
     part = slice(*np.searchsorted(run.t, (cycle.phases.onset - 1.0, end + 0.5)).tolist())
     short, unit = readable("W", *(x[part] for x in powers.values()))
     for stage, x in powers.items():
-        rows = envelope(x[part], DRAWN)
-        ax.plot(
-            run.t[part][rows] - zero,
-            x[part][rows] * short,
-            color=COLOURS[stage],
-            ls=STAGE_STYLE[stage],
-            label=TEX[stage],
-        )
+        _trace(ax, run.t[part] - zero, x[part] * short, **_stage_style(stage))
     for edge in (cycle.window.onset, cycle.window.cutoff):
         ax.axvline(edge - zero, color=COLOURS["soft"], ls="--", lw=0.8)
-    label_panel(ax, "a", f"Cycle {cycle.cycle}")
-    ax.set_xlabel(time_label(run))
-    ax.set_ylabel(f"Power ({unit})")
+    label_panel(ax, "a", f"Cycle {cycle.cycle}", x=time_label(run), y=f"Power ({unit})")
     ax.legend(
         loc="lower right", ncols=3, bbox_to_anchor=(1.01, 1.0), borderaxespad=0.1, columnspacing=0.8, handlelength=1.9
     )
 
 
 def _over_speed(ax: Axes, reduction: Reduction, powers: dict[str, Signal]) -> None:
-    run, rig, bins = reduction.run, reduction.rig, reduction.bins
-    counted = reduction.complete
-    flat = [c.summary.payout.plateau for c in counted]
-    rows = np.flatnonzero(engaged(run, [c.phases for c in counted], flat, rig))
+    run, rig, bins, counted = reduction.run, reduction.rig, reduction.bins, reduction.complete
+    rows = np.flatnonzero(engaged(run, [c.phases for c in counted], [c.summary.payout.plateau for c in counted], rig))
     rows = rows[:: max(1, -(-rows.size // DOTS))]
-    factor = rig.rpm_per_velocity or 0.0
-    rated = rig.generator.speed_rated
-    highest = bins[-1].rpm_high
+    speed = run.channels["velocity"][rows] * (rig.rpm_per_velocity or 0.0)
+    rated, highest = rig.generator.speed_rated, bins[-1].rpm_high
     if rated is not None and rated.value * 30.0 / np.pi < highest:
         ax.axvspan(rated.value * 30.0 / np.pi, highest, color=COLOURS["over"], lw=0)
         ax.text(
@@ -201,15 +211,12 @@ def _over_speed(ax: Axes, reduction: Reduction, powers: dict[str, Signal]) -> No
         )  # fmt: skip
     short, unit = readable("W", *(x[rows] for x in powers.values()))
     for stage, x in powers.items():
-        dots(ax, run.channels["velocity"][rows] * factor, x[rows] * short, COLOURS[stage])
+        dots(ax, speed, x[rows] * short, COLOURS[stage])
         means = [(0.5 * (b.rpm_low + b.rpm_high), y * short) for b in bins if (y := b.power.get(stage)) is not None]
-        ax.plot(
-            *np.array(means).reshape(-1, 2).T, color=COLOURS[stage], ls=STAGE_STYLE[stage], lw=1.3, label=TEX[stage]
-        )
+        ax.plot(*np.array(means).reshape(-1, 2).T, lw=1.3, **_stage_style(stage))
     ax.set_xlim(min(0.0, bins[0].rpm_low), highest)
-    label_panel(ax, "b", f"Payouts; lines: means in bins of {rig.thresholds.rpm_bin:g} rpm")
-    ax.set_xlabel("Generator speed (rpm)")
-    ax.set_ylabel(f"Power ({unit})")
+    title = f"Payouts; lines: means in bins of {rig.thresholds.rpm_bin:g} rpm"
+    label_panel(ax, "b", title, x="Generator speed (rpm)", y=f"Power ({unit})")
     ax.legend(loc="upper left")
 
 
@@ -225,13 +232,25 @@ def representative(reduction: Reduction) -> CycleResult:
     return (*reduction.complete, *reduction.cycles)[0]
 
 
+class _Step(NamedTuple):
+    """One bar of an energy flow: its metric and its stage, where it is, and what leaves before the next bar.
+
+    `leaving` is the metric of what leaves, where that is not the difference from the next bar.
+    """
+
+    metric: str
+    stage: str
+    where: str
+    leaves: str = ""
+    leaving: str = ""
+
+
 class _Flow(NamedTuple):
-    """One bar of an energy flow: its energy [J] and colour, texts above it, and what leaves and what goes on behind it."""
+    """One bar of an energy flow: its energy [J] and colour, text above it, and what leaves and what goes on behind it."""
 
     joule: float
     colour: str
     name: str
-    where: str
     leaves: str = ""
     goes_on: str = ""
 
@@ -245,20 +264,25 @@ def energy_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) ->
     ----------
     texts : means as they are stated, by metric; with four digits if not given
     """
-    mean = reduction.mean
-    told = {m: (texts or {}).get(m) or significant(x, 4) for m in ALL_METRICS if (x := getattr(mean, m)) is not None}
+    stored = {"mech": " in the rotor", "line": " in the gas" if reduction.rig.restoring.volume_gas is not None else ""}
+    given = [stage for stage in STAGES if asdict(reduction.mean)[f"energy_{stage}"] is not None]
+    stored["line"] *= given[1:2] == ["mech"]
+    window = [_Step(f"energy_{s}", s, _STAGE_WORDS[s], f"lost or stored{stored.get(s, '')}") for s in given]
+    cycle = [
+        _Step("energy_payout", "line", "line, payout", "returned in haul-in", "energy_returned"),
+        _Step("energy_net", "line", "line, net", "lost"),
+        _Step("energy_gen_cycle", "gen", "DC link, whole cycle"),
+    ]
+    named = (("Integration window", window), ("Whole cycle, from onset to next onset", cycle))
+    flows = [(title, _flow_of(reduction, steps, texts or {})) for title, steps in named]
     rows = [
         (title, flow)
-        for title, flow in (
-            ("Integration window", _window_flow(reduction, told)),
-            ("Whole cycle, from onset to next onset", _cycle_flow(reduction, told)),
-        )
+        for title, flow in flows
         if len(flow) > 1 and flow[-1].joule > 0 and all(b.joule <= a.joule for a, b in pairwise(flow))
     ]
     if not rows:
         return None
-    height = 2.3
-    figure = Figure((WIDTH, height * len(rows)))
+    figure = Figure((WIDTH, 2.3 * len(rows)))
     for k, (title, flow) in enumerate(rows):
         ax = figure.add_axes((0.0, 1.0 - (k + 1) / len(rows), 1.0, 1.0 / len(rows)))
         ax.set_axis_off()
@@ -268,59 +292,25 @@ def energy_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) ->
     return figure
 
 
-def _window_flow(reduction: Reduction, told: Mapping[str, str]) -> list[_Flow]:
-    """The energies of the window stage by stage, and what does not reach the next stage: lost, or stored until later."""
-    mean = reduction.mean
-    known = [s for s in STAGES if f"energy_{s}" in told]
-    flow = []
-    for stage, following in zip(known, [*known[1:], ""], strict=False):
-        joule = float(getattr(mean, f"energy_{stage}"))
+def _flow_of(reduction: Reduction, steps: Sequence[_Step], texts: Mapping[str, str]) -> list[_Flow]:
+    """Bars of the steps up to the first that has no mean energy; a loss is a share of the first bar."""
+    mean: dict[str, float | None] = asdict(reduction.mean)
+    flow: list[_Flow] = []
+    for step, following in zip(steps, (*steps[1:], None), strict=False):
+        joule = mean[step.metric]
+        if joule is None:
+            break
+        after = None if following is None else mean[following.metric]
         leaves = goes_on = ""
-        if following:
-            rest = joule - float(getattr(mean, f"energy_{following}"))
-            whole = float(getattr(mean, f"energy_{known[0]}"))
-            leaves = (
-                f"{_where_stored(reduction.rig, stage, following)}: {_of_whole(rest, whole, _ENERGY_TEX[known[0]])}"
-            )
-            eta = next((n for n, r in RATIOS.items() if r == (f"energy_{following}", f"energy_{stage}")), "")
-            value = getattr(mean, eta, None)
-            goes_on = "" if value is None else f"{ETA_TEX[eta]} = {value:.3f}"
-        text = f"{_ENERGY_TEX[stage]} = {told[f'energy_{stage}']} J"
-        flow.append(_Flow(joule, stage, text, _STAGE_WORDS[stage], leaves, goes_on))
+        if following is not None and after is not None:
+            whole = flow[0].joule if flow else joule
+            lost = mean.get(step.leaving) or joule - after
+            leaves = f"{step.leaves}: {significant(lost)} J, {100 * lost / whole:.1f} % of {tex(steps[0].metric)}"
+            eta = next((n for n, pair in ALL_RATIOS.items() if pair == (following.metric, step.metric)), "")
+            goes_on = "" if (value := mean.get(eta)) is None else f"{tex(eta)} = {value:.3f}"
+        text = f"{tex(step.metric)} = {texts.get(step.metric) or significant(joule, 4)} J\n{step.where}"
+        flow.append(_Flow(joule, step.stage, text, leaves, goes_on))
     return flow
-
-
-def _where_stored(rig: Rig, stage: str, following: str) -> str:
-    """Name what leaves between two stages of a window: energy that is stored there is returned or delivered later."""
-    if stage == "line" and following == "mech" and rig.restoring.volume_gas is not None:
-        return "lost or stored in the gas"
-    return "lost or stored in the rotor" if stage == "mech" else "lost or stored"
-
-
-def _cycle_flow(reduction: Reduction, told: Mapping[str, str]) -> list[_Flow]:
-    """The line's energy of a whole cycle: taken in the payout, less what is returned in haul-in, less losses."""
-    mean = reduction.mean
-    if mean.energy_payout is None or mean.energy_net is None:
-        return []
-    whole, taken = mean.energy_payout, _CYCLE_TEX["energy_payout"]
-    back = "" if mean.energy_returned is None else _of_whole(mean.energy_returned, whole, taken)
-    flow = [
-        _Flow(whole, "line", f"{taken} = {told['energy_payout']} J", "line, payout", f"returned in haul-in: {back}")
-    ]
-    lost = eta = ""
-    if mean.energy_gen_cycle is not None:
-        lost = f"lost: {_of_whole(mean.energy_net - mean.energy_gen_cycle, whole, taken)}"
-        eta = "" if mean.eta_net is None else f"{ETA_TEX['eta_net']} = {mean.eta_net:.3f}"
-    name = f"{_CYCLE_TEX['energy_net']} = {told['energy_net']} J"
-    flow.append(_Flow(mean.energy_net, "line", name, "line, net", lost, eta))
-    if mean.energy_gen_cycle is not None:
-        name = f"{_CYCLE_TEX['energy_gen_cycle']} = {told['energy_gen_cycle']} J"
-        flow.append(_Flow(mean.energy_gen_cycle, "gen", name, "DC link, whole cycle"))
-    return flow
-
-
-def _of_whole(joule: float, whole: float, name: str) -> str:
-    return f"{significant(joule)} J, {100 * joule / whole:.1f} % of {name}"
 
 
 def _draw_flow(ax: Axes, flow: Sequence[_Flow]) -> None:
@@ -330,43 +320,40 @@ def _draw_flow(ax: Axes, flow: Sequence[_Flow]) -> None:
     at = np.linspace(0.0, 10.0, len(flow))
     for k, (x, h, item) in enumerate(zip(at, heights, flow, strict=True)):
         ax.add_patch(Rectangle((x, top - h), bar, h, fc=COLOURS[item.colour], lw=0))
-        ax.text(
-            x + bar / 2, top + 0.05, f"{item.name}\n{item.where}",
-            ha="left" if k == 0 else "right" if k == len(flow) - 1 else "center", va="bottom", fontsize=8.5,
-        )  # fmt: skip
+        side = "left" if k == 0 else "right" if k == len(flow) - 1 else "center"
+        ax.text(x + bar / 2, top + 0.05, item.name, ha=side, va="bottom", fontsize=8.5)
         if k + 1 == len(flow):
             continue
-        _flow(ax, x + bar, at[k + 1], top, h, heights[k + 1], item.colour)
-        middle = (x + bar + at[k + 1]) / 2
-        ax.text(middle, top - heights[k + 1] / 2, item.goes_on, ha="center", va="center", fontsize=9.5)
-        turn = x + bar + _TURN * (at[k + 1] - x - bar) + (h - heights[k + 1]) / 2
+        begin, end, after = x + bar, at[k + 1], heights[k + 1]
+        ax.add_patch(Rectangle((begin, top - after), end - begin, after, fc=COLOURS[item.colour], alpha=0.28, lw=0))
+        ax.add_patch(_leaving(begin, begin + _TURN * (end - begin), top - h, top - after))
+        ax.text((begin + end) / 2, top - after / 2, item.goes_on, ha="center", va="center", fontsize=9.5)
+        turn = begin + _TURN * (end - begin) + (h - after) / 2
         ax.text(turn, _DROP - 0.04, item.leaves, ha="center", va="top", fontsize=8)
     ax.set_xlim(-0.9, 11.2)
     ax.set_ylim(-0.62, 1.62)
 
 
-_TURN, _DROP = 0.38, -0.3
-"""Where a loss turns down between two bars, as a share of the way, and how far it goes."""
-
-
-def _flow(ax: Axes, x0: float, x1: float, top: float, before: float, after: float, stage: str) -> None:
-    """The band that goes on to the next bar, and the one that leaves."""
-    ax.add_patch(Rectangle((x0, top - after), x1 - x0, after, fc=COLOURS[stage], alpha=0.28, lw=0))
-    low, high, turn = top - before, top - after, x0 + _TURN * (x1 - x0)
+def _leaving(begin: float, turn: float, low: float, high: float) -> PathPatch:
+    """The band of what leaves: from a bar to where it turns down."""
     width = high - low
     points = [
-        (x0, high), (turn, high), (turn + width, high), (turn + width, high - width), (turn + width, _DROP),
-        (turn, _DROP), (turn, low), (x0, low), (x0, high),
+        (begin, high), (turn, high), (turn + width, high), (turn + width, high - width), (turn + width, _DROP),
+        (turn, _DROP), (turn, low), (begin, low), (begin, high),
     ]  # fmt: skip
     line, curve = Outline.LINETO, Outline.CURVE3
     codes = [Outline.MOVETO, line, curve, curve, line, line, line, line, Outline.CLOSEPOLY]
-    ax.add_patch(PathPatch(Outline(points, codes), fc=COLOURS["loss"], lw=0))
+    return PathPatch(Outline(points, codes), fc=COLOURS["loss"], lw=0)
+
+
+_MEANS = (*METRICS[6:], "eta_net", *METRICS[:3])
+"""Metrics of the figures of uncertainty and trend: efficiencies, then energies of the window."""
 
 
 def uncertainty_bars(known: Budget) -> Figure | None:
     """Draw which sensor makes which share of the variance of each mean."""
-    metrics = [m for m in ETA_TEX if getattr(known.mean, m)]
-    parts = {m: by_sensor(known, m) for m in metrics}
+    parts = {m: by_sensor(known, m) for m, u in asdict(known.mean).items() if m in _MEANS and u}
+    metrics = [m for m in _MEANS if m in parts]
     names = sorted({n for p in parts.values() for n in p}, key=lambda n: (n == "repeatability", n))
     if not names:
         return None
@@ -390,73 +377,44 @@ def uncertainty_bars(known: Budget) -> Figure | None:
                     bbox={"boxstyle": "round,pad=0.15", "fc": COLOURS["paper"], "lw": 0},
                 )  # fmt: skip
         left += share
-    ax.set_yticks(rows, [ETA_TEX[m] for m in metrics])
-    ax.set_xlim(0, 100)
-    ax.set_xlabel("Share of the variance of the mean (%)")
+    ax.set_yticks(rows, [tex(m) for m in metrics])
+    ax.set(xlim=(0, 100), xlabel="Share of the variance of the mean (%)")
     ax.grid(axis="y", visible=False)
     ax.legend(loc="lower right", ncols=len(names), bbox_to_anchor=(1.0, 1.0), handlelength=1.4, columnspacing=1.2)
     return figure
 
 
-_BAR_STYLE = {
-    "force cell": ("line", ""),
-    "torque sensor": ("mech", "//"),
-    "shaft power": ("mech", "//"),
-    "Vdc": ("gen", ""),
-    "Idc": ("gen", "\\\\"),
-    "repeatability": ("loss", ""),
-    "bridged gaps": ("soft", ".."),
-}
-"""Colour and hatching of each part of the variance."""
-
-
-TREND_FROM = 6
-"""With fewer cycles than this the table shows a drift as well."""
-
-OVERLAID = 40
-"""Cycles that are laid over each other at most; of more, an even selection."""
-
-OVERLAID_POINTS = 6000
-"""Points of all overlaid cycles together in one panel, about."""
-
-
 def overlaid(reduction: Reduction, powers: dict[str, Signal], best: int | None, worst: int | None) -> Figure | None:
-    """Lay the cycles over each other on a clock that starts at each onset; best and worst stand out.
+    """Lay the cycles over each other on a clock that starts at each onset; best and worst are drawn on top.
 
     Parameters
     ----------
-    best, worst : numbers of the cycles of the highest and the lowest efficiency, None where they cannot be told
+    best, worst : numbers of the cycles of the highest and the lowest efficiency, None where they are unknown
     """
     run, cycles = reduction.run, reduction.cycles
     names = [n for n in ("velocity", "force", "torque", "pressure") if n in run.channels][:3]
-    panels = [p for p in PANELS if p[0] in names]
-    columns: list[tuple[str, str, Signal]] = [(t, u, run.channels[n] * f) for n, t, u, f in panels]
-    last = [s for s in ("gen", "mech", "line") if s in powers][:1]
-    columns += [(f"Power {TEX[s]}", "W", powers[s]) for s in last]
+    columns = [(title, unit, run.channels[n] * factor) for n, title, unit, factor in PANELS if n in names]
+    columns += [(f"Power {tex(f'power_{s}')}", "W", powers[s]) for s in ("gen", "mech", "line") if s in powers][:1]
     if not cycles or not columns:
         return None
-    rows = -(-len(columns) // 2)
-    height = 0.5 + 1.55 * rows
-    figure = Figure((WIDTH, height))
-    grid = figure.subplots(rows, 2, sharex=True, squeeze=False, gridspec_kw={"hspace": 0.36, "wspace": 0.24})
-    figure.subplots_adjust(left=0.095, right=0.985, top=1 - 0.42 / height, bottom=0.42 / height)
-    axes: list[Axes] = list(grid.ravel())
-    for ax in axes[len(columns) :]:
-        ax.set_visible(False)
-    chosen = _selection(cycles, best, worst)
-    longest = max(_end_of(c, run) - c.phases.onset for c in chosen)
+    gaps = {"hspace": 0.36, "wspace": 0.24}
+    figure, axes = _panels(-(-len(columns) // 2), 2, each=1.55, around=0.5, top=0.42, gaps=gaps)
+    even = np.linspace(0, len(cycles) - 1, min(len(cycles), OVERLAID)).round().astype(int).tolist()
+    chosen = [cycles[k] for k in even if cycles[k].cycle not in (best, worst)]
+    chosen += [c for number in (worst, best) for c in cycles if c.cycle == number]
+    parts = [(c, slice(*np.searchsorted(run.t, (c.phases.onset - 1.0, end_of(c))).tolist())) for c in chosen]
+    longest = max(min(end_of(c), float(run.t[-1])) - c.phases.onset for c in chosen)
     for k, (ax, (title, unit, x)) in enumerate(zip(axes, columns, strict=False)):
         short, unit = readable(unit, x)
-        for c in chosen:
-            _one_overlaid(ax, run, x * short, c, best, worst, most=max(150, OVERLAID_POINTS // len(chosen)))
-        for c in chosen[:1]:
-            ax.axvline(c.window.cutoff - c.window.onset, color=COLOURS["soft"], ls="--", lw=0.8)
-        label_panel(ax, "abcdefgh"[k], title)
-        ax.set_ylabel(unit)
+        for c, part in parts:
+            style, most = _overlaid_style(c, best, worst), max(150, OVERLAID_POINTS // len(chosen))
+            _trace(ax, run.t[part] - c.phases.onset, x[part] * short, most=most, **style)
+        ax.axvline(chosen[0].window.cutoff - chosen[0].window.onset, color=COLOURS["soft"], ls="--", lw=0.8)
+        label_panel(ax, "abcdefgh"[k], title, y=unit, x="Time since onset (s)" if k + 2 >= len(columns) else "")
         ax.set_xlim(-1.0, longest)
-        if k + 2 >= len(columns):
-            ax.set_xlabel("Time since onset (s)")
-            ax.tick_params(labelbottom=True)
+        ax.tick_params(labelbottom=k + 2 >= len(columns))
+    for ax in axes[len(columns) :]:
+        ax.set_visible(False)
     handles, labels = axes[0].get_legend_handles_labels()
     named = dict(zip(labels, handles, strict=True))
     if len(named) > 1:
@@ -464,73 +422,41 @@ def overlaid(reduction: Reduction, powers: dict[str, Signal], best: int | None, 
     return figure
 
 
+def _overlaid_style(c: CycleResult, best: int | None, worst: int | None) -> dict[str, Any]:
+    if c.cycle == best:
+        return {"color": COLOURS["line"], "lw": 1.1, "label": f"best, cycle {best}"}
+    if c.cycle == worst:
+        return {"color": COLOURS["mech"], "lw": 1.1, "ls": (0, (4, 1.2)), "label": f"worst, cycle {worst}"}
+    if not c.complete:
+        return {"color": COLOURS["soft"], "lw": 0.7, "ls": ":", "label": "incomplete"}
+    return {"color": COLOURS["soft"], "lw": 0.7, "label": "other cycles" if best else "complete"}
+
+
 def trend(reduction: Reduction) -> Figure | None:
     """Draw efficiencies and energies over the number of the cycle, so that a drift is seen; None for few cycles."""
     complete = reduction.complete
-    etas = [m for m in RATIOS if getattr(reduction.mean, m) is not None]
-    energies = [m for m in ETA_TEX if m.startswith("energy") and getattr(reduction.mean, m) is not None]
-    groups = [(title, names) for title, names in (("Efficiencies", etas), ("Energies", energies)) if names]
-    if len(complete) < TREND_FROM or not groups:
+    if len(complete) < TREND_FROM:
         return None
-    height = 0.55 + 1.5 * len(groups)
-    figure = Figure((WIDTH, height))
-    axes: list[Axes] = list(
-        figure.subplots(len(groups), 1, sharex=True, squeeze=False, gridspec_kw={"hspace": 0.3})[:, 0]
-    )
-    figure.subplots_adjust(left=0.095, right=0.985, top=1 - 0.25 / height, bottom=0.42 / height)
+    known = [m for m, value in asdict(reduction.mean).items() if value is not None]
+    etas, energies = ([m for m in names if m in known] for names in (RATIOS, METRICS[:3]))
+    groups = [row for row in (("Efficiencies", "1", etas), ("Energies", "J", energies)) if row[2]]
+    if not groups:
+        return None
+    figure, axes = _panels(len(groups), 1, each=1.5, around=0.55, top=0.25, gaps={"hspace": 0.3})
     number = np.array([c.cycle for c in complete], dtype=float)
-    for k, (ax, (title, names)) in enumerate(zip(axes, groups, strict=True)):
-        columns = {name: np.array([getattr(c.metrics, name) for c in complete], dtype=float) for name in names}
-        short, unit = readable("J" if title == "Energies" else "1", *columns.values())
-        ax.set_ylabel(unit)
-        for name, joule in columns.items():
-            values = joule * short
+    for k, (ax, (title, unit, names)) in enumerate(zip(axes, groups, strict=True)):
+        columns = {name: np.array([asdict(c.metrics)[name] for c in complete], dtype=float) for name in names}
+        short, unit = readable(unit, *columns.values())
+        for name, values in columns.items():
             rows = envelope(values, DRAWN // 2)
+            x, y, few = number[rows], values[rows] * short, len(rows) <= 200
             stage = _TREND_STAGE[name]
-            ax.plot(number[rows], values[rows], color=COLOURS[stage], lw=0.5, alpha=0.5)
-            mark: Any = {"line": "o", "mech": "s", "gen": "^"}[stage]
-            few = len(rows) <= 200
-            ax.plot(
-                number[rows] if few else [], values[rows] if few else [], ls="none", marker=mark, ms=2.2, mew=0,
-                color=COLOURS[stage], label=ETA_TEX[name],
-            )  # fmt: skip
+            ax.plot(x, y, color=COLOURS[stage], lw=0.5, alpha=0.5)
+            mark: Any = {"ls": "none", "marker": STAGE_MARKS[stage], "ms": 2.2, "mew": 0, "color": COLOURS[stage]}
+            ax.plot(x if few else [], y if few else [], label=tex(name), **mark)
             if not few:
-                dots(ax, number[rows], values[rows], COLOURS[stage])
-        label_panel(ax, "ab"[k], title)
+                dots(ax, x, y, COLOURS[stage])
+        label_panel(ax, "ab"[k], title, y=unit)
         ax.legend(loc="lower right", ncols=3, bbox_to_anchor=(1.0, 0.98), borderaxespad=0.0, markerscale=1.8)
     axes[-1].set_xlabel("Cycle")
     return figure
-
-
-_TREND_STAGE = {
-    "eta_trans": "mech", "eta_gen": "gen", "eta_pto": "line", "energy_line": "line", "energy_mech": "mech", "energy_gen": "gen",
-}  # fmt: skip
-
-
-def _selection(cycles: Sequence[CycleResult], best: int | None, worst: int | None) -> list[CycleResult]:
-    """Cycles to be drawn, best and worst last so that they lie on top."""
-    even = np.linspace(0, len(cycles) - 1, min(len(cycles), OVERLAID)).round().astype(int)
-    rest = [cycles[k] for k in even.tolist() if cycles[k].cycle not in (best, worst)]
-    return rest + [c for number in (worst, best) for c in cycles if c.cycle == number]
-
-
-def _end_of(cycle: CycleResult, run: Run) -> float:
-    phases = cycle.phases
-    end = phases.haul_in[1] if phases.haul_in is not None else phases.hold[1] if phases.hold else phases.payout_end
-    return min(end, float(run.t[-1]))
-
-
-def _one_overlaid(
-    ax: Axes, run: Run, x: Signal, c: CycleResult, best: int | None, worst: int | None, *, most: int
-) -> None:
-    part = slice(*np.searchsorted(run.t, (c.phases.onset - 1.0, _end_of(c, run))).tolist())
-    rows = envelope(x[part], most)
-    t = run.t[part][rows] - c.phases.onset
-    style: dict[str, Any] = {"color": COLOURS["soft"], "lw": 0.7, "label": "other cycles" if best else "complete"}
-    if c.cycle == best:
-        style = {"color": COLOURS["line"], "lw": 1.1, "label": f"best, cycle {best}"}
-    elif c.cycle == worst:
-        style = {"color": COLOURS["mech"], "lw": 1.1, "ls": (0, (4, 1.2)), "label": f"worst, cycle {worst}"}
-    elif not c.complete:
-        style = {"color": COLOURS["soft"], "lw": 0.7, "ls": ":", "label": "incomplete"}
-    ax.plot(t, x[part][rows], **style)

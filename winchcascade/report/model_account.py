@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Mapping
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from winchcascade.core.errors import LogError
 from winchcascade.core.quantity import KGF
+from winchcascade.core.run import Signal
 from winchcascade.reduction.energies import power
-from winchcascade.report.model_data import before_braking
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from winchcascade.core.run import Signal
-    from winchcascade.reduction.bins import Mask
-    from winchcascade.report.model_data import ModelComparison
+from winchcascade.report.model_data import ModelComparison, before_braking
 
 LEAST = 3
 """Bins of fewer samples are left out, or of fewer than there are cycles."""
 
 FAINT = 0.02
-"""Nor is anything divided by a mean below this share of the largest one: a ratio of two noises says nothing."""
+"""Nothing is divided by a mean below this share of the maximum: a ratio of two noises has no meaning."""
 
 MOST_BINS = 40
 """Bins of displacement and of velocity, about at most."""
@@ -46,9 +42,9 @@ class Shown(NamedTuple):
 
 SHOWN = {
     "pressure_kgcm2": Shown("Gas pressure, gauge", "kg/cm²", "Line displacement (m)"),
-    "force_n": Shown("Line force", "N", "Line velocity (m/s)"),
+    "force_n": Shown("Line tension", "N", "Line velocity (m/s)"),
     "power_gen_w": Shown("Power at the DC link", "W"),
-    "torque_nm": Shown("Torque behind the clutch", "N·m"),
+    "torque_nm": Shown("Torque of the PTO shaft", "N·m"),
     "vdc_v": Shown("Voltage of the DC link", "V"),
     "idc_a": Shown("Current of the DC link", "A"),
     "resistance_ohm": Shown("Apparent resistance", "Ω"),
@@ -58,7 +54,7 @@ SHOWN = {
 """Curves by their name in written files, in the order of the paper's Figs 13 to 17."""
 
 HAUL_IN = "pressure_haul_in_kgcm2"
-"""ComparedCurve of the pressure while the line is hauled in, drawn beside that of the payouts."""
+"""Curve of the pressure while the line is hauled in, drawn beside that of the payouts."""
 
 _LOADED = ("power_gen_w", "torque_nm", "idc_a", "resistance_ohm", "loss_w", "eta_gen")
 """Curves without a meaning in open circuit, where only the bleed carries a current."""
@@ -139,60 +135,65 @@ def ratio(above: Signal, below: Signal) -> Signal:
 
 
 # ---------------------------------------------------------------------------------------------------------- the curves
-def curves_of(comparison: ModelComparison) -> dict[str, ComparedCurve]:
-    """Make the curves of Figs 13 to 17 that a log has the channels for; in open circuit those that mean something there."""
-    found = _tether_curves(comparison) | _speed_curves(comparison)
-    left_out = _LOADED if comparison.run.open_circuit else ()
-    return {name: curve for name, curve in found.items() if curve.x and name not in left_out}
+class Abscissa(NamedTuple):
+    """What curves are drawn over, (n,), the samples that count, (n,), and the width of a bin.
+
+    A curve has the mean of each bin as its abscissa, or the middle of the bin if `middles` is set.
+    """
+
+    x: Signal
+    rows: NDArray[np.bool_]
+    width: float
+    middles: bool = False
 
 
-def _tether_curves(comparison: ModelComparison) -> dict[str, ComparedCurve]:
-    """Pressure over displacement, out and back, and force over velocity (Fig. 13a, b)."""
-    run, model = comparison.run.channels, comparison.simulation.run.channels
-    least = least_of(comparison)
-    found: dict[str, ComparedCurve] = {}
-    if "pressure" in run and "displacement" in run:
-        x = run["displacement"]
-        width = round_width(float(np.ptp(x)))
-        for name, rows in (("pressure_kgcm2", comparison.payout), (HAUL_IN, comparison.haul_in)):
-            pair = (y["pressure"][rows] / _KGCM2 for y in (run, model))
-            found[name] = _curve(*means(x[rows], width, x[rows], *pair, least=least)[1:])
-    if "force" in run:
-        rows = comparison.driven | comparison.haul_in
-        v = run["velocity"]
-        pair = (y["force"][rows] for y in (run, model))
-        found["force_n"] = _curve(*means(v[rows], round_width(float(np.ptp(v))), v[rows], *pair, least=least)[1:])
-    return found
-
-
-def _speed_curves(comparison: ModelComparison) -> dict[str, ComparedCurve]:
-    """What is drawn over generator speed while the clutch is engaged (Figs 13c and 14 to 17)."""
-    if comparison.rig.rpm_per_velocity is None:
-        return {}
-    rows = comparison.driven
-    rpm, width = comparison.rpm[rows], speed_width(comparison)
-    run = speed_columns(comparison.run.channels, comparison.rig.r_drum, rows)
-    model = speed_columns(comparison.simulation.run.channels, comparison.rig.r_drum, rows)
-    columns = [column for name in run for column in (run[name], model[name])]
-    middles, *columns = means(rpm, width, *columns, least=least_of(comparison))
-    both = {name: (log, simulated) for name, log, simulated in zip(run, columns[::2], columns[1::2], strict=True)}
-    for name, above, below in (("resistance_ohm", "vdc_v", "idc_a"), ("eta_gen", "power_gen_w", "power_mech_w")):
-        if above in both and below in both:
-            both[name] = (ratio(both[above][0], both[below][0]), ratio(both[above][1], both[below][1]))
-    return {name: _curve(middles, *pair) for name, pair in both.items() if name in SHOWN}
-
-
-def speed_columns(channels: Mapping[str, Signal], r_drum: float | None, rows: Mask) -> dict[str, Signal]:
-    """Channels and powers that are averaged over generator speed, with the loss P_mech - P_gen (Eq. 11)."""
-    names = {"torque_nm": "torque", "vdc_v": "vdc", "idc_a": "idc"}
-    found = {name: channels[channel][rows] for name, channel in names.items() if channel in channels}
-    for name, stage in (("power_mech_w", "mech"), ("power_gen_w", "gen")):
-        watts = power(channels, stage, r_drum)
-        if watts is not None:
-            found[name] = watts[rows]
-    if "power_mech_w" in found and "power_gen_w" in found:
+def quantities(channels: Mapping[str, Signal], r_drum: float | None) -> dict[str, Signal]:
+    """Channels and powers that are compared, (n,) each by name, with the loss P_mech - P_gen (Eq. 11)."""
+    names = (("torque_nm", "torque"), ("vdc_v", "vdc"), ("idc_a", "idc"), ("force_n", "force"))
+    found = {name: channels[channel] for name, channel in names if channel in channels}
+    if "pressure" in channels:
+        found["pressure_kgcm2"] = found[HAUL_IN] = channels["pressure"] / _KGCM2
+    powers = {"power_mech_w": power(channels, "mech", r_drum), "power_gen_w": power(channels, "gen", r_drum)}
+    found |= {name: watt for name, watt in powers.items() if watt is not None}
+    if found.keys() >= powers.keys():
         found["loss_w"] = found["power_mech_w"] - found["power_gen_w"]
     return found
+
+
+def abscissas(comparison: ModelComparison) -> dict[str, Abscissa]:
+    """What each quantity is drawn over: displacement, out and back, velocity (Fig. 13a, b), or generator speed.
+
+    Over speed only the samples count in which the clutch is engaged (Figs 13c and 14 to 17).
+    """
+    run, found = comparison.run.channels, {}
+    v, x = run["velocity"], run.get("displacement")
+    if x is not None:
+        found["pressure_kgcm2"] = Abscissa(x, comparison.payout, round_width(float(np.ptp(x))))
+        found[HAUL_IN] = found["pressure_kgcm2"]._replace(rows=comparison.haul_in)
+    found["force_n"] = Abscissa(v, comparison.driven | comparison.haul_in, round_width(float(np.ptp(v))))
+    if comparison.rig.rpm_per_velocity is not None:
+        speed = Abscissa(comparison.rpm, comparison.driven, speed_width(comparison), middles=True)
+        found |= dict.fromkeys(("torque_nm", "vdc_v", "idc_a", "power_mech_w", "power_gen_w", "loss_w"), speed)
+    return found
+
+
+def curves_of(comparison: ModelComparison) -> dict[str, ComparedCurve]:
+    """Make the curves of Figs 13 to 17 that a log has the channels for; in open circuit those that mean something there."""
+    log, simulated = (
+        quantities(run.channels, comparison.rig.r_drum) for run in (comparison.run, comparison.simulation.run)
+    )
+    found: dict[str, tuple[Signal, ...]] = {}
+    for name, (x, rows, width, middles) in abscissas(comparison).items():
+        if name in log:
+            columns = (column[rows] for column in (x, log[name], simulated[name]))
+            middle, *binned = means(x[rows], width, *columns, least=least_of(comparison))
+            found[name] = (middle if middles else binned[0], *binned[1:])
+    for name, above, below in (("resistance_ohm", "vdc_v", "idc_a"), ("eta_gen", "power_gen_w", "power_mech_w")):
+        if above in found and below in found:
+            found[name] = (found[above][0], *map(ratio, found[above][1:], found[below][1:]))
+    shown = {*SHOWN, HAUL_IN} - set(_LOADED if comparison.run.open_circuit else ())
+    curves = {name: _curve(*columns) for name, columns in found.items() if name in shown}
+    return {name: curve for name, curve in curves.items() if curve.x}
 
 
 def _curve(x: Signal, log: Signal, simulated: Signal) -> ComparedCurve:
@@ -210,17 +211,17 @@ def differences_of(comparison: ModelComparison) -> dict[str, Difference]:
     """Log minus simulation over the payouts, channel by channel; torque and Idc not in open circuit."""
     run, model, rows = comparison.run.channels, comparison.simulation.run.channels, comparison.payout
     left_out = ("torque", "idc") if comparison.run.open_circuit else ()
-    found = {}
-    for name, (_, factor) in COMPARED.items():
-        if name in run and name not in left_out and rows.any():
-            apart = (run[name][rows] - model[name][rows]) * factor
-            found[name] = Difference(float(np.mean(apart)), float(np.sqrt(np.mean(apart**2))))
-    return found
+    apart = {
+        name: (run[name][rows] - model[name][rows]) * factor
+        for name, (_, factor) in COMPARED.items()
+        if name in run and name not in left_out and rows.any()
+    }
+    return {name: Difference(float(np.mean(x)), float(np.sqrt(np.mean(x**2)))) for name, x in apart.items()}
 
 
 # ---------------------------------------------------------------------------------------------------------- the budget
 class Group(NamedTuple):
-    """Entries of `rig.ledger.LEDGER` that are shown together: `behind` the torque sensor, seen from the line, or before it."""
+    """Entries of `rig.simulate.LEDGER` that are shown together: `behind` the torque sensor, seen from the line, or before."""
 
     name: str
     behind: tuple[str, ...] = ()
@@ -251,7 +252,7 @@ ALWAYS = ("stored", "screw", "line", "inertia", "mesh", "damper", "copper", "dio
 """Groups that a table shows in any case, from the line to the DC link; others only where there is something in them."""
 
 NOTHING = 5e-4
-"""A share of the line's energy below this is nothing to be named. [1]"""
+"""A share of the energy of the line below this is not named. [1]"""
 
 
 class LossBudget(msgspec.Struct, frozen=True):
@@ -273,8 +274,7 @@ class LossBudget(msgspec.Struct, frozen=True):
     @property
     def mech(self) -> float:
         """Simulated share of the line's energy that reaches the torque sensor. [1]"""
-        behind = [name for name, group in GROUPS.items() if group.behind]
-        return (sum(self.groups[name] for name in behind) - self.drum) / self.line
+        return (sum(self.groups[name] for name, group in GROUPS.items() if group.behind) - self.drum) / self.line
 
 
 def budget_of(comparison: ModelComparison) -> LossBudget | None:
@@ -305,7 +305,7 @@ DAMPERS = (0.0, 0.5, 1.0, 1.5, 2.0)
 
 
 class Sweep(msgspec.Struct, frozen=True):
-    """Line force in bins of generator speed, logged and simulated with the rig's damper times each of `factors` [N]."""
+    """Line tension in bins of generator speed, logged and simulated with the rig's damper times each of `factors` [N]."""
 
     rpm: tuple[float, ...]
     log: tuple[float, ...]
@@ -332,7 +332,7 @@ class Regression(msgspec.Struct, frozen=True):
 
 
 def sweep_of(comparison: ModelComparison) -> Sweep | None:
-    """Simulate an open circuit with other dampers on the fast shaft (Fig. 11); None without a force or a damper."""
+    """Simulate an open circuit with other dampers on the fast shaft (Fig. 11); None without a force channel or a damper."""
     from winchcascade.rig.simulate import simulate
 
     run, model, rows = comparison.run, comparison.simulation.model, comparison.driven
@@ -342,9 +342,9 @@ def sweep_of(comparison: ModelComparison) -> Sweep | None:
     forces = [run.channels["force"][rows]]
     for factor in DAMPERS:
         shaft = msgspec.structs.replace(model.drivetrain, b_rotor=factor * nominal)
-        changed = msgspec.structs.replace(model, drivetrain=shaft)
-        found = comparison.simulation if factor == 1.0 else simulate(run, changed)
-        forces.append(found.run.channels["force"][rows])
+        damped = msgspec.structs.replace(model, drivetrain=shaft)
+        simulation = comparison.simulation if factor == 1.0 else simulate(run, damped)
+        forces.append(simulation.run.channels["force"][rows])
     rpm, log, *simulated = means(comparison.rpm[rows], speed_width(comparison), *forces, least=least_of(comparison))
     return Sweep(kept(rpm), kept(log), DAMPERS, tuple(kept(x) for x in simulated), nominal)
 
@@ -365,7 +365,7 @@ def regression_of(comparison: ModelComparison) -> Regression | None:
 
 # --------------------------------------------------------------------------------------------------------- the account
 class Account(msgspec.Struct, frozen=True, omit_defaults=True):
-    """All that the figures across logs need of one comparison; `why` says why there is none.
+    """All that the figures across logs need of one comparison; `why` is the reason if there is none.
 
     `word` is what the log is called, `cycles` of `total` complete cycles are compared, `rated` is the generator's speed [rpm],
     `gear` its speed over that of the drum.

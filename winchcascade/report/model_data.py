@@ -14,10 +14,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from winchcascade.core.rig_file import Rig
-    from winchcascade.core.run import Run, Signal
-    from winchcascade.reduction.bins import Mask
+    from winchcascade.core.run import Mask, Run, Signal
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
-    from winchcascade.rig.parts import MissingNumber, Model
+    from winchcascade.rig.parts import Model
     from winchcascade.rig.simulate import Simulation
 
 LONGEST = 200.0
@@ -33,8 +32,14 @@ SLOWEST = 5.0
 """With a lower sampling rate a log does not show how the line starts and brakes. [Hz]"""
 
 
+NAMED_EACH = 4
+"""Numbers that a rig file lacks are named each if they are no more than this, else by their sections."""
+
+NO_VELOCITY = "the log has no line velocity, which drives a simulation."
+
+
 class LeftOut(msgspec.Struct, frozen=True):
-    """Why a log is not compared with a simulation, in one sentence."""
+    """The reason for which a log is not compared with a simulation, in one sentence."""
 
     why: str
 
@@ -43,9 +48,9 @@ class ModelComparison(msgspec.Struct, frozen=True):
     """A log and its simulation at the same stamps.
 
     `run` is the log, or of a long one the part that was simulated; `cycles` are the complete cycles in it, out of `total`.
-    `payout`, `driven` and `haul_in`, (n,) each, tell the samples of these cycles that count: of their payouts, of what of
-    these lies before braking while the clutch drives the generator, and of their haul-ins; bridged samples do not. `changed`
-    says what the model has beyond the rig file, nothing for the baseline.
+    `payout`, `driven` and `haul_in`, (n,) each, select the samples of these cycles that count: of their payouts, of the part of
+    these before braking while the clutch drives the generator, and of their haul-ins; bridged samples do not count. `changed`
+    states what the model has beyond the rig file, nothing for the baseline.
     """
 
     run: Run
@@ -70,20 +75,17 @@ def compare_with_baseline(reduction: Reduction) -> ModelComparison | LeftOut:
     from winchcascade.rig.parts import NoModel, model_of
 
     if "velocity" not in reduction.run.channels:
-        return LeftOut("the log has no line velocity, which drives a simulation.")
+        return LeftOut(NO_VELOCITY)
     model = model_of(reduction.rig)
-    if isinstance(model, NoModel):
-        return LeftOut(_lacking(reduction.rig, model.missing) if model.missing else model.why)
-    return compare(reduction, model)
-
-
-def _lacking(rig: Rig, missing: Sequence[MissingNumber]) -> str:
-    """What a rig file lacks for a model, in one short sentence: few numbers by name, many by section."""
-    what = ", ".join(map(str, missing))
-    if len(missing) > 4:
-        sections = dict.fromkeys(f"[{number.section}]" for number in missing)
-        what = f"{len(missing)} numbers under {', '.join(sections)}"
-    return f"the rig file of {rig.name} lacks what a model needs: {what} (`winchcascade rig hsu2026` shows them)."
+    if not isinstance(model, NoModel):
+        return compare(reduction, model)
+    if not model.missing:
+        return LeftOut(model.why)
+    what, sections = ", ".join(map(str, model.missing)), dict.fromkeys(f"[{n.section}]" for n in model.missing)
+    if len(model.missing) > NAMED_EACH:
+        what = f"{len(model.missing)} numbers under {', '.join(sections)}"
+    name = reduction.rig.name
+    return LeftOut(f"the rig file of {name} lacks what a model needs: {what} (`winchcascade rig hsu2026` shows them).")
 
 
 def compare(reduction: Reduction, model: Model, *, changed: str = "") -> ModelComparison | LeftOut:
@@ -93,9 +95,9 @@ def compare(reduction: Reduction, model: Model, *, changed: str = "") -> ModelCo
     ----------
     changed : what the model has beyond the rig file, in words; nothing for the baseline
     """
-    why = _obstacle(reduction)
-    if why:
-        return LeftOut(why)
+    for holds, why in _obstacles(reduction):
+        if holds:
+            return LeftOut(why)
     run, cycles = _part(reduction)
     if not cycles:
         return LeftOut(f"no complete cycle ends within {LONGEST:g} s of its onset, the longest that is simulated.")
@@ -107,7 +109,7 @@ def compare(reduction: Reduction, model: Model, *, changed: str = "") -> ModelCo
         return LeftOut(str(fault).removeprefix(f"{run.name}: "))
     if not all(np.isfinite(x).all() for x in simulation.run.channels.values()):
         return LeftOut("along this motion the model gives no finite numbers; check unit and scale of the velocity.")
-    whole = ~_bridged(run)
+    whole, plateaus = ~_bridged(run), [c.summary.payout.plateau for c in cycles]
     return ModelComparison(
         run=run,
         rig=reduction.rig,
@@ -115,24 +117,26 @@ def compare(reduction: Reduction, model: Model, *, changed: str = "") -> ModelCo
         total=len(reduction.complete),
         simulation=simulation,
         payout=_within(run.t, [(c.phases.onset, c.phases.payout_end) for c in cycles]) & whole,
-        driven=_driven(run, cycles, reduction.rig) & whole,
+        driven=engaged(run, [c.phases for c in cycles], plateaus, reduction.rig)
+        & _within(run.t, before_braking(cycles))
+        & whole,
         haul_in=_within(run.t, [c.phases.haul_in for c in cycles if c.phases.haul_in is not None]) & whole,
         changed=changed,
     )
 
 
-def _obstacle(reduction: Reduction) -> str:
-    """Why a log cannot be simulated, an empty text if it can."""
+def _obstacles(reduction: Reduction) -> tuple[tuple[bool, str], ...]:
+    """Whether each reason holds for which a log cannot be simulated."""
     run = reduction.run
-    if "velocity" not in run.channels:
-        return "the log has no line velocity, which drives a simulation."
-    if run.load is None:
-        return "the load of the log is not known; give it by --load-ohm or in a campaign.toml."
-    if not reduction.complete:
-        return "the log has no complete cycle."
-    if run.fs < SLOWEST:
-        return f"the log has {run.fs:.3g} samples a second; with fewer than {SLOWEST:g} it does not show how the line starts."
-    return ""
+    return (
+        ("velocity" not in run.channels, NO_VELOCITY),
+        (run.load is None, "the load of the log is not known; give it by --load-ohm or in a campaign.toml."),
+        (not reduction.complete, "the log has no complete cycle."),
+        (
+            run.fs < SLOWEST,
+            f"the log has {run.fs:.3g} samples a second; with fewer than {SLOWEST:g} it does not show how the line starts.",
+        ),
+    )
 
 
 def _part(reduction: Reduction) -> tuple[Run, tuple[CycleResult, ...]]:
@@ -152,21 +156,16 @@ def _part(reduction: Reduction) -> tuple[Run, tuple[CycleResult, ...]]:
 
 def _end(cycle: CycleResult) -> float:
     """End of a cycle: of its haul-in, where the log holds it. [s]"""
-    phases = cycle.phases
-    last = phases.haul_in or phases.hold or (0.0, phases.payout_end)
+    last = cycle.phases.haul_in or cycle.phases.hold or (0.0, cycle.phases.payout_end)
     return max(last[1], cycle.window.cutoff)
-
-
-def _driven(run: Run, cycles: Sequence[CycleResult], rig: Rig) -> Mask:
-    """Samples in which the clutch drives the generator, before the drum brakes and the rotor begins to run on alone, (n,)."""
-    plateaus = [c.summary.payout.plateau for c in cycles]
-    return engaged(run, [c.phases for c in cycles], plateaus, rig) & _within(run.t, before_braking(cycles))
 
 
 def before_braking(cycles: Sequence[CycleResult]) -> list[tuple[float, float]]:
     """From the onset of each payout to the start of its braking, to its end where it holds no plateau. [s]"""
-    found = [(c.phases, c.summary.payout.plateau) for c in cycles]
-    return [(p.onset, p.payout_end if flat is None else flat.braking) for p, flat in found]
+    return [
+        (c.phases.onset, c.phases.payout_end if c.summary.payout.plateau is None else c.summary.payout.plateau.braking)
+        for c in cycles
+    ]
 
 
 def _within(t: Signal, spans: Sequence[tuple[float, float]]) -> Mask:
@@ -180,7 +179,6 @@ def _within(t: Signal, spans: Sequence[tuple[float, float]]) -> Mask:
 def _bridged(run: Run) -> Mask:
     """Samples of which any channel was bridged, (n,)."""
     bridged = np.zeros(run.t.size, dtype=bool)
-    for gaps in run.gaps.values():
-        for before, after in gaps:
-            bridged[np.searchsorted(run.t, before, side="right") : np.searchsorted(run.t, after, side="left")] = True
+    for before, after in (gap for gaps in run.gaps.values() for gap in gaps):
+        bridged[np.searchsorted(run.t, before, side="right") : np.searchsorted(run.t, after, side="left")] = True
     return bridged

@@ -5,16 +5,29 @@ Also the loss budget as stacked bars: where the energy of the line goes, load by
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
+from winchcascade.core.run import Signal
 from winchcascade.report.digits import significant
 from winchcascade.report.figures import dots, readable
-from winchcascade.report.model_account import GROUPS, HAUL_IN, NOTHING, SHOWN, SPEED
+from winchcascade.report.model_account import (
+    GROUPS,
+    HAUL_IN,
+    NOTHING,
+    SHOWN,
+    SPEED,
+    ComparedCurve,
+    LossBudget,
+    Regression,
+    Sweep,
+)
 from winchcascade.report.style import (
     COLOURS,
     LOAD_COLOURS,
@@ -23,15 +36,8 @@ from winchcascade.report.style import (
     label_panel,
     lines_within,
     text_width,
+    wide_figure,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from matplotlib.axes import Axes
-
-    from winchcascade.core.run import Signal
-    from winchcascade.report.model_account import ComparedCurve, LossBudget, Regression, Sweep
 
 MARKS: tuple[Any, ...] = ("o", "s", "^", "D", "v", "P", "X")
 """Markers of the logs in the order of their loads."""
@@ -109,12 +115,9 @@ def panels(
     named = 0 if len(drawn) == 1 else lines_within([name for _, name in _loads(drawn)])
     head = 0.24 + (0.01 + LINE * named if named else 0.0) + (0.32 if gear is not None else 0.22)
     height = head + rows * 2.15 - 0.1 + (0.6 if columns == 1 else 0.0)
-    figure = Figure((WIDTH, height))
-    grid = figure.subplots(rows, columns, squeeze=False).ravel()
-    figure.subplots_adjust(
-        left=0.09, right=0.972, top=1 - head / height, bottom=0.42 / height,
-        wspace={1: 0.2, 2: 0.24, 3: 0.36}[columns], hspace=0.5,
-    )  # fmt: skip
+    spaces = {"wspace": {1: 0.2, 2: 0.24, 3: 0.36}[columns], "hspace": 0.5}
+    figure = wide_figure(height, right=0.972, head=head)
+    grid = figure.subplots(rows, columns, squeeze=False, gridspec_kw=spaces).ravel()
     shaded = False
     for ax, name, letter in zip(grid, given, _LETTERS if len(given) > 1 else ("",), strict=False):
         _panel(ax, letter, name, drawn, (clouds or {}).get(name), MOST_MARKS // columns)
@@ -122,7 +125,8 @@ def panels(
             ax.set_xlim(left=0.0)
             shaded |= shade_over_speed(ax, rated)
         if gear is not None:
-            _add_drum_speed(ax, gear)
+            slower = (lambda rpm, gear=gear: np.asarray(rpm) / gear, lambda rpm, gear=gear: np.asarray(rpm) * gear)
+            ax.secondary_xaxis("top", functions=slower).set_xlabel("Drum speed (rpm)")
     for ax in grid[len(given) :]:
         ax.set_visible(False)
     _legend(figure, drawn, word=word, shaded=shaded, sampled=bool(clouds))
@@ -133,9 +137,8 @@ def _panel(
     ax: Axes, letter: str, name: str, drawn: Sequence[Drawn], cloud: tuple[Signal, Signal] | None, most: int
 ) -> None:
     """Draw one quantity of all logs with so many markers at most."""
-    shown = SHOWN[name]
-    beside = (name, HAUL_IN) if name == "pressure_kgcm2" else (name,)
-    curves = [(d, key, d.curves[key]) for d in drawn for key in beside if key in d.curves]
+    shown, keys = SHOWN[name], (name, HAUL_IN) if name == "pressure_kgcm2" else (name,)
+    curves = [(d, key, d.curves[key]) for d in drawn for key in keys if key in d.curves]
     short, unit = readable(shown.unit, *(np.array((*c.log, *c.simulated)) for _, _, c in curves))
     if cloud is not None:
         dots(ax, cloud[0], cloud[1] * short, COLOURS["soft"])
@@ -143,8 +146,8 @@ def _panel(
     for k, (d, key, c) in enumerate(curves):
         ax.plot(c.x, np.array(c.log) * short, color=COLOURS[d.log], lw=1.2, ls=_BACK if key == HAUL_IN else "-")
         ax.plot(
-            c.x, np.array(c.simulated) * short, ls="none", marker=d.mark, ms=MARK_SIZE, mew=0.7, mfc=COLOURS["paper"],
-            mec=COLOURS[d.simulated], markevery=(k % step, step),
+            c.x, np.array(c.simulated) * short, ls="none", mec=COLOURS[d.simulated], markevery=(k % step, step),
+            **_mark(d.mark),
         )  # fmt: skip
     if letter:
         label_panel(ax, letter, shown.title)
@@ -167,51 +170,45 @@ def shade_over_speed(ax: Axes, rated: float | None) -> bool:
     return True
 
 
-def _add_drum_speed(ax: Axes, gear: float) -> None:
-    """Add an axis above a panel with the speed of the drum, which turns slower than the generator by the gear."""
-    above = ax.secondary_xaxis(
-        "top", functions=(lambda rpm: np.asarray(rpm) / gear, lambda rpm: np.asarray(rpm) * gear)
-    )
-    above.set_xlabel("Drum speed (rpm)")
-
-
 # ---------------------------------------------------------------------------------------------------------- the legends
 def _legend(figure: Figure, drawn: Sequence[Drawn], *, word: str, shaded: bool, sampled: bool) -> None:
     """Add the legend of lines, markers and shades above the panels; of several logs name each."""
-    one = len(drawn) == 1
-    line, mark, shape = (drawn[0].log, drawn[0].simulated, drawn[0].mark) if one else ("ink", "ink", "o")
-    entries = [samples_entry(f"{word}, samples", "soft")] if sampled else []
-    entries.append((Line2D([], [], color=COLOURS[line], lw=1.2), f"{word}, means" if sampled else word))
-    entries.append((_key(mark, shape, ls="none"), "simulated, means" if sampled else "simulated"))
-    if shaded:
-        entries.append(patch_entry("over rated speed", "over"))
+    one = drawn[0] if len(drawn) == 1 else Drawn("", {}, simulated="ink")
+    entries = [
+        *([samples_entry(f"{word}, samples", "soft")] if sampled else []),
+        line_entry(f"{word}, means" if sampled else word, one.log, lw=1.2),
+        line_entry("simulated, means" if sampled else "simulated", one.simulated, ls="none", **_mark(one.mark)),
+        *([patch_entry("over rated speed", "over")] if shaded else []),
+    ]
     legend_above(figure, entries)
-    if not one:
+    if len(drawn) > 1:
         legend_above(figure, _loads(drawn), line=1)
 
 
 def _loads(drawn: Sequence[Drawn]) -> list[Entry]:
     """One entry for each load, however many logs it has."""
     first = {d.name: d for d in reversed(drawn)}
-    return [(_key(d.log, d.mark, lw=1.2), d.name) for d in reversed(first.values())]
+    return [line_entry(d.name, d.log, lw=1.2, **_mark(d.mark)) for d in reversed(first.values())]
 
 
-def _key(colour: str, mark: Any, **style: Any) -> Line2D:
-    """A marker as the panels show it, on its line if a style says so."""
-    return Line2D(
-        [], [], color=COLOURS[colour], marker=mark, ms=MARK_SIZE, mew=0.7, mfc=COLOURS["paper"], mec=COLOURS[colour],
-        **style,
-    )  # fmt: skip
+def _mark(mark: Any) -> dict[str, Any]:
+    """Style of a marker of the simulation."""
+    return {"marker": mark, "ms": MARK_SIZE, "mew": 0.7, "mfc": COLOURS["paper"]}
+
+
+def line_entry(text: str, colour: str = "ink", **style: Any) -> Entry:
+    """Entry of a legend for a line or, with a marker in its style, for points."""
+    return Line2D([], [], **{"color": COLOURS[colour], **style}), text
 
 
 def samples_entry(text: str, colour: str) -> Entry:
     """Entry of a legend for dots."""
-    return Line2D([], [], ls="none", marker=".", ms=4, mew=0, color=COLOURS[colour], alpha=0.6), text
+    return line_entry(text, colour, ls="none", marker=".", ms=4, mew=0, alpha=0.6)
 
 
-def patch_entry(text: str, colour: str) -> Entry:
+def patch_entry(text: str, colour: str, **style: Any) -> Entry:
     """Entry of a legend for a shade."""
-    return Rectangle((0, 0), 1, 1, fc=COLOURS[colour], ec=COLOURS["soft"], lw=0.4), text
+    return Rectangle((0, 0), 1, 1, **{"fc": COLOURS[colour], "ec": COLOURS["soft"], "lw": 0.4, **style}), text
 
 
 def legend_above(figure: Figure, entries: Sequence[Entry], *, line: int = 0) -> None:
@@ -224,52 +221,39 @@ def legend_above(figure: Figure, entries: Sequence[Entry], *, line: int = 0) -> 
 
 
 # --------------------------------------------------------------------------------------------------- an open circuit
-_DASHED: Any = (0, (5, 2))
-
-
 def damper_sweep(sweep: Sweep, *, word: str, rated: float | None) -> Figure:
-    """Draw the line force in open circuit over generator speed, logged and simulated with several dampers (Fig. 11)."""
-    figure = Figure((WIDTH, 2.9))
+    """Draw the line tension in open circuit over generator speed, logged and simulated with several dampers (Fig. 11)."""
+    figure = wide_figure(2.9, right=0.972, head=0.29)
     ax = figure.subplots()
-    figure.subplots_adjust(left=0.09, right=0.972, top=0.9, bottom=0.145)
     entries: list[Any] = [(ax.plot(sweep.rpm, sweep.log, color=COLOURS["ink"], lw=1.4)[0], word)]
     for k, (factor, force) in enumerate(zip(sweep.factors, sweep.simulated, strict=True)):
         (drawn,) = ax.plot(
-            sweep.rpm, force, color=COLOURS[LOAD_COLOURS[k % len(LOAD_COLOURS)]], lw=0.5, marker=MARKS[k % len(MARKS)],
-            ms=MARK_SIZE, mew=0.7, mfc=COLOURS["paper"],
-        )  # fmt: skip
-        entries.append(
-            (drawn, "no damper" if factor == 0 else "as in the rig file" if factor == 1 else f"{factor:g} ×")
+            sweep.rpm, force, color=COLOURS[LOAD_COLOURS[k % len(LOAD_COLOURS)]], lw=0.5, **_mark(MARKS[k % len(MARKS)])
         )
-    ax.set_xlim(left=0.0)
+        entries.append((drawn, {0.0: "no damper", 1.0: "as in the rig file"}.get(factor, f"{factor:g} ×")))
+    ax.set(xlim=(0.0, None), xlabel=SPEED, ylabel="Line tension (N)")
     if shade_over_speed(ax, rated):
         entries.append(patch_entry("over rated speed", "over"))
-    ax.set_xlabel(SPEED)
-    ax.set_ylabel("Line force (N)")
     legend_above(figure, entries)
     return figure
 
 
 def back_emf_figure(fit: Regression, *, word: str) -> Figure:
     """Draw the DC voltage and the back-EMF of an open circuit over generator speed, with the line through zero (Fig. 12)."""
-    figure = Figure((WIDTH, 2.6))
+    figure = wide_figure(2.6, right=0.972, head=0.468)
     left, right = figure.subplots(1, 2, gridspec_kw={"wspace": 0.24})
-    figure.subplots_adjust(left=0.09, right=0.972, top=0.82, bottom=0.165)
-    rpm, end = np.array(fit.rpm), 1.05 * max(fit.rpm)
-    ends = np.array([0.0, end])
+    ends = np.array([0.0, 1.05 * max(fit.rpm)])
+    rig: dict[str, Any] = {"ls": (0, (5, 2)), "lw": 0.9}
     right.fill_between(ends, 0.9 * fit.reference * ends, 1.1 * fit.reference * ends, color=COLOURS["payout"], lw=0)
-    right.plot(ends, fit.reference * ends, color=COLOURS["soft"], ls=_DASHED, lw=0.9)
+    right.plot(ends, fit.reference * ends, color=COLOURS["soft"], **rig)
     right.plot(ends, fit.slope * ends, color=COLOURS["mech"], lw=0.9)
     for ax, letter, title, volt in (
         (left, "a", "Voltage of the DC link", fit.v_dc),
         (right, "b", "Back-EMF, line to line, rms", fit.v_ll),
     ):
-        dots(ax, rpm, np.array(volt), COLOURS["ink"])
-        ax.set_xlim(0.0, end)
-        ax.set_ylim(bottom=0.0)
-        ax.set_xlabel(SPEED)
-        ax.set_ylabel("V")
-        label_panel(ax, letter, title)
+        dots(ax, np.array(fit.rpm), np.array(volt), COLOURS["ink"])
+        ax.set(xlim=ends, ylim=(0.0, None))
+        label_panel(ax, letter, title, x=SPEED, y="V")
     right.text(
         0.04, 0.95, f"{fit.slope:.5f} V/rpm\n95 %: {fit.low:.5f} to {fit.high:.5f}\nR² = {fit.r2:.4f}",
         transform=right.transAxes, va="top", linespacing=1.4,
@@ -278,8 +262,8 @@ def back_emf_figure(fit: Regression, *, word: str) -> Figure:
         figure,
         [
             samples_entry(f"{word}, samples used", "ink"),
-            (Line2D([], [], color=COLOURS["mech"], lw=0.9), "line through zero"),
-            (Line2D([], [], color=COLOURS["soft"], ls=_DASHED, lw=0.9), "rig file"),
+            line_entry("line through zero", "mech", lw=0.9),
+            line_entry("rig file", "soft", **rig),
             patch_entry("rig file ± 10 %", "payout"),
         ],
     )
@@ -328,21 +312,18 @@ def budget_bars(names: Sequence[str], budgets: Sequence[LossBudget], *, word: st
     present = [g for g in GROUPS if any(abs(b.shares[g]) >= NOTHING for b in budgets)]
     entries = _entries(present, budgets, word)
     head, foot = 0.16 + 0.17 * -(-len(entries) // 7), 0.42
-    height = head + foot + _PITCH * (len(names) + 0.1)
-    figure = Figure((WIDTH, height))
-    ax = figure.subplots()
     widest = max(text_width(line) for name in names for line in name.split("\n"))
-    figure.subplots_adjust(
-        left=max(0.125, (widest + _BESIDE) / WIDTH), right=0.905, top=1 - head / height, bottom=foot / height
-    )
+    height, left = head + foot + _PITCH * (len(names) + 0.1), max(0.125, (widest + _BESIDE) / WIDTH)
+    figure = wide_figure(height, left=left, right=0.905, head=head, foot=foot)
+    ax = figure.subplots()
     rows = [float(k) for k in reversed(range(len(names)))]
     for row, budget in zip(rows, budgets, strict=True):
         _bar(ax, row, budget, present)
-        _shares(ax, row, budget)
-    ax.set_yticks(rows, names)
-    ax.set_ylim(-0.62, len(names) - 0.52)
-    ax.set_xlim(min(0.0, *(100.0 * share for b in budgets for share in b.shares.values())), 100.0)
-    ax.set_xlabel("Share of the line's energy in the window (%)")
+    lowest = min(0.0, *(100.0 * share for b in budgets for share in b.shares.values()))
+    ax.set(
+        yticks=rows, yticklabels=names, ylim=(-0.62, len(names) - 0.52), xlim=(lowest, 100.0),
+        xlabel="Share of the line's energy in the window (%)",
+    )  # fmt: skip
     ax.grid(axis="y", visible=False)
     handles, texts = zip(*entries, strict=True)
     figure.legend(
@@ -353,11 +334,14 @@ def budget_bars(names: Sequence[str], budgets: Sequence[LossBudget], *, word: st
 
 
 def _bar(ax: Axes, row: float, budget: LossBudget, present: Sequence[str]) -> None:
-    """Stack the shares of one log from the DC link to the line; what is given back lies left of zero."""
-    right = left = 0.0
+    """Stack the shares of one log from the DC link to the line; what is given back lies left of zero.
+
+    A stroke across the bar marks what reaches the simulated torque sensor, points below it shaft and DC link of the log.
+    """
+    drum, right, left = 100.0 * budget.drum / budget.line, 0.0, 0.0
     for name in present:
-        (colour, hatch), begin = _LOOK[name], right
-        for share in _parts(budget, name):
+        (colour, hatch), begin, whole = _LOOK[name], right, 100.0 * budget.shares[name]
+        for share in (whole - drum, drum) if name == "inertia" else (whole,):  # the torque sensor lies between the two
             at = right if share >= 0 else left + share
             ax.barh(row, abs(share), left=at, height=_BAR, fc=COLOURS[colour], hatch=hatch, ec=COLOURS["paper"], lw=0.5)
             right, left = (right + share, left) if share >= 0 else (right, left + share)
@@ -370,38 +354,28 @@ def _bar(ax: Axes, row: float, budget: LossBudget, present: Sequence[str]) -> No
     ax.text(
         1.012, row, f"{significant(budget.line, 4)} J", transform=ax.get_yaxis_transform(), ha="left", va="center", fontsize=7.5
     )  # fmt: skip
-
-
-def _parts(budget: LossBudget, name: str) -> Iterator[float]:
-    """Share of a group; of the inertia that of the rotor and that of the drum, so that the torque sensor lies between. [%]"""
-    share, drum = 100.0 * budget.shares[name], 100.0 * budget.drum / budget.line
-    yield from (share - drum, drum) if name == "inertia" else (share,)
-
-
-def _shares(ax: Axes, row: float, budget: LossBudget) -> None:
-    """Mark what reaches the torque sensor: of the simulation a stroke across the bar; shaft and DC link of the log below it."""
     ax.plot([100.0 * budget.mech] * 2, [row - 0.5, row + 0.33], color=COLOURS["ink"], lw=1.1, zorder=4)
-    whole = budget.log.get("line", 0.0)
     for stage, (mark, _) in _POINTS.items():
-        if stage in budget.log and whole > 0:
-            ax.plot(100.0 * budget.log[stage] / whole, row + _LANE, **_point(mark))
+        if stage in budget.log and budget.log.get("line", 0.0) > 0:
+            share = 100.0 * budget.log[stage] / budget.log["line"]
+            ax.plot(share, row + _LANE, marker=mark, zorder=5, clip_on=False, **_POINT)
 
 
-def _point(mark: str) -> dict[str, Any]:
-    """Style of a point of the log."""
-    return {
-        "ls": "none", "marker": mark, "ms": 4.2, "mew": 0.9, "mfc": COLOURS["paper"], "mec": COLOURS["ink"], "zorder": 5,
-        "clip_on": False,
-    }  # fmt: skip
+_POINT: dict[str, Any] = {"color": COLOURS["ink"], "ls": "none", "ms": 4.2, "mew": 0.9, "mfc": COLOURS["paper"]}
+"""Style of a point of the log."""
 
 
 def _entries(present: Sequence[str], budgets: Sequence[LossBudget], word: str) -> list[Entry]:
     """What the legend names: the parts, then stroke and points."""
-    entries: list[Entry] = [
-        (Rectangle((0, 0), 1, 1, fc=COLOURS[colour], hatch=hatch, ec=COLOURS["paper"], lw=0.5), GROUPS[name].name)
-        for name, (colour, hatch) in ((name, _LOOK[name]) for name in present)
+    return [
+        *(
+            patch_entry(GROUPS[name].name, _LOOK[name][0], hatch=_LOOK[name][1], ec=COLOURS["paper"], lw=0.5)
+            for name in present
+        ),
+        line_entry("shaft, simulated", lw=1.1),
+        *(
+            line_entry(f"{what}, {word}", marker=mark, **_POINT)
+            for stage, (mark, what) in _POINTS.items()
+            if any(stage in b.log for b in budgets)
+        ),
     ]
-    entries.append((Line2D([], [], color=COLOURS["ink"], lw=1.1), "shaft, simulated"))
-    given = [stage for stage in _POINTS if any(stage in b.log for b in budgets)]
-    marks = {stage: Line2D([], [], **_point(_POINTS[stage][0])) for stage in given}
-    return entries + [(marks[stage], f"{_POINTS[stage][1]}, {word}") for stage in given]

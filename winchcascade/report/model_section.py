@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
-import msgspec
 import numpy as np
+from matplotlib.figure import Figure
+from msgspec.structs import astuple, replace
 
-from winchcascade.core.quantity import KGF
+from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report import model_figures as figures
 from winchcascade.report.digits import number
 from winchcascade.report.model_account import (
@@ -18,24 +20,17 @@ from winchcascade.report.model_account import (
     GROUPS,
     NOTHING,
     Account,
+    Difference,
+    LossBudget,
+    abscissas,
     account_of,
-    speed_columns,
+    quantities,
     speed_width,
 )
 from winchcascade.report.model_data import ModelComparison, compare_with_baseline
-from winchcascade.report.report_model import Note, Picture, Section, Table
+from winchcascade.report.report_model import Block, Note, Picture, Section, Table, TableColumn, make_table
 from winchcascade.report.report_parts import picture, section
 from winchcascade.report.style import cut_apart
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.figure import Figure
-    from numpy.typing import NDArray
-
-    from winchcascade.reduction.reduction_result import Reduction
-    from winchcascade.report.model_account import LossBudget, Regression, Sweep
-    from winchcascade.report.report_model import Block
 
 TETHER = ("pressure_kgcm2", "force_n", "power_gen_w")
 GENERATOR = ("torque_nm", "vdc_v", "idc_a", "resistance_ohm")
@@ -65,30 +60,32 @@ def modelled(reduction: Reduction) -> Modelled:
 
 # ---------------------------------------------------------------------------------------------------------- of one log
 def run_section(found: Modelled) -> Section:
-    """Lay one log beside its simulation; where there is none, say why. To be called in the house style."""
+    """Lay one log beside its simulation; where there is none, give the reason. Called within the style of the figures."""
     account, comparison = found.account, found.comparison
+    words = _words(account.word)
     if comparison is None:
-        return Section("model", _words(account.word).heading, (Note(f"Left out: {account.why}"),))
-    note = _aim(account.word)
-    if account.cycles < account.total:
-        note += f" Of the {account.total} complete cycles the first {account.cycles} are simulated and compared."
-    blocks = [
-        Note(note),
+        return section("model", words.heading, Note(f"Left out: {account.why}"))
+    first = f" Of the {account.total} complete cycles the first {account.cycles} are simulated and compared."
+    load = "open circuit" if math.isinf(comparison.run.load or math.inf) else f"{comparison.run.load:g} Ω"
+    return section(
+        "model",
+        words.heading,
+        Note(f"{_aim(account.word)}{first if account.cycles < account.total else ''}"),
         *_run_pictures(comparison, account),
         _differences_table([account], [()], ()),
         *_open_circuit(account),
-    ]
-    if account.budget is not None:
-        load = "open circuit" if math.isinf(comparison.run.load or math.inf) else f"{comparison.run.load:g} Ω"
-        bars = figures.budget_bars([load], [account.budget], word=account.word)
-        blocks.append(_picture(bars, "model-budget", _budget_caption([account])))
-        blocks.append(_one_budget_table(account.budget))
-    return section("model", _words(account.word).heading, *blocks)
+        None if account.budget is None else _budget_picture([load], [account.budget], [account]),
+        None if account.budget is None else _one_budget_table(account.budget),
+    )
 
 
 def _run_pictures(comparison: ModelComparison, account: Account) -> list[Picture | None]:
     """Figs 13, 14, 16 and 17 of one log."""
-    means, speed = _one_log(account), _speed_words(account, speed_width(comparison))
+    means = (
+        f"Dots: {_words(account.word).samples}; solid lines: their means; markers: means of the simulation over the same "
+        f"samples ({_simulated_with([account])})."
+    )
+    speed = _speed_words(account, f"; bins of {speed_width(comparison):g} rpm")
     shown = [
         (TETHER, "model-tether", f"{means} {speed}"),
         (GENERATOR, "model-generator", means),
@@ -99,65 +96,65 @@ def _run_pictures(comparison: ModelComparison, account: Account) -> list[Picture
     drawn, dots = [figures.Drawn("", account.curves)], clouds(comparison)
     return [
         _panels(
-            figures.panels(drawn, names, word=account.word, rated=account.rated, clouds=dots),
-            figures.given_names(drawn, names), name, words,
+            name, words, drawn, names, figures.panels(drawn, names, word=account.word, rated=account.rated, clouds=dots)
         )
         for names, name, words in shown
-    ]  # fmt: skip
+    ]
 
 
-def _panels(figure: Figure | None, given: Sequence[str], name: str, words: str) -> Picture | None:
+def _panels(
+    name: str, words: str, drawn: Sequence[figures.Drawn], names: Sequence[str], figure: Figure | None
+) -> Picture | None:
     """Picture of some panels, whose caption begins with what they show."""
-    return None if figure is None else _picture(figure, name, f"{shown_words(given)} {words}")
+    given = figures.given_names(drawn, names)
+    return _picture(figure, name, f"{shown_words(given)} {words}") if given else None
 
 
 def clouds(comparison: ModelComparison) -> figures.Clouds:
     """Samples of the log that stand behind its curves, in the units of the curves; an even selection of many."""
-    run = comparison.run.channels
-    found: figures.Clouds = {}
-    moving = np.flatnonzero(comparison.payout | comparison.haul_in)
-    coupled = np.flatnonzero(comparison.driven | comparison.haul_in)
-    if "pressure" in run and "displacement" in run:
-        rows = _even(moving)
-        found["pressure_kgcm2"] = (run["displacement"][rows], run["pressure"][rows] / (KGF * 1e4))
-    if "force" in run:
-        rows = _even(coupled)
-        found["force_n"] = (run["velocity"][rows], run["force"][rows])
-    rows = _even(np.flatnonzero(comparison.driven))
-    counted = np.zeros(comparison.run.t.size, dtype=bool)
-    counted[rows] = True
-    for name, y in speed_columns(run, comparison.rig.r_drum, counted).items():
-        found[name] = (comparison.rpm[counted], y)
+    log, found = quantities(comparison.run.channels, comparison.rig.r_drum), {}
+    for name, (x, own, *_) in abscissas(comparison).items():
+        if name in log:
+            rows = np.flatnonzero(own | comparison.haul_in if name == "pressure_kgcm2" else own)
+            rows = rows[:: max(1, -(-rows.size // CLOUD))]
+            found[name] = (x[rows], log[name][rows])
     return found
-
-
-def _even(rows: NDArray[np.intp]) -> NDArray[np.intp]:
-    """An even selection of rows, `CLOUD` at most."""
-    return rows[:: max(1, -(-rows.size // CLOUD))]
 
 
 def _open_circuit(account: Account) -> list[Block | None]:
     """The damper's sweep and the back-EMF's regression, where the log is an open circuit."""
     blocks: list[Block | None] = []
-    if account.sweep is not None:
-        figure = figures.damper_sweep(account.sweep, word=account.word, rated=account.rated)
-        blocks.append(_picture(figure, "model-damper", _sweep_caption(account, account.sweep)))
-    if account.regression is not None:
-        figure = figures.back_emf_figure(account.regression, word=account.word)
-        blocks.append(_picture(figure, "model-emf", _regression_caption(account, account.regression)))
+    sweep, fit, word = account.sweep, account.regression, account.word
+    if sweep is not None:
+        factors = f"{', '.join(f'{factor:g}' for factor in sweep.factors[:-1])} and {sweep.factors[-1]:g}"
+        caption = (
+            f"Line tension in open circuit over generator speed, means in bins. Thick line: {_words(word).lines}; markers: "
+            f"simulated ({_simulated_with([account])}) with the viscous damper of the fast shaft at {factors} times the "
+            f"{sweep.nominal:.3g} N·m·s/rad of the rig file."
+        )
+        blocks.append(_picture(figures.damper_sweep(sweep, word=word, rated=account.rated), "model-damper", caption))
+    if fit is not None:
+        caption = (
+            f"Open circuit above 1000 rpm: voltage of the DC link, {_words(word).lines}, and the back-EMF that it requires. "
+            f"The line through zero has a slope of {fit.slope:.5f} V/rpm, 95 %: {fit.low:.5f} to {fit.high:.5f}, "
+            f"R² = {fit.r2:.4f}, from {fit.points} samples; the rig {account.rig} has {fit.reference:.4f} V/rpm."
+        )
+        blocks.append(_picture(figures.back_emf_figure(fit, word=word), "model-emf", caption))
     return blocks
 
 
 _ALTS = {
     "model-budget": "Stacked bars of the simulated loss budget; the energies are in the table.",
-    "model-damper": "Curves of the line force over generator speed, one for each damper.",
+    "model-damper": "Curves of the line tension over generator speed, one for each damper.",
     "model-emf": "Dots of voltages over generator speed with a line through zero; its slope is in the caption.",
 }
 
 
-def _picture(figure: Figure, name: str, caption: str) -> Picture | None:
-    alt = _ALTS.get(name, "Lines of the log and markers of the simulation; the mean differences are in the table.")
-    return picture(figure, name, caption, alt)
+def _picture(figure: Figure | None, name: str, caption: str) -> Picture | None:
+    return picture(
+        figure, name, caption,
+        _ALTS.get(name, "Lines of the log and markers of the simulation; the mean differences are in the table."),
+    )  # fmt: skip
 
 
 # -------------------------------------------------------------------------------------------------------- of a campaign
@@ -186,9 +183,7 @@ def campaign_section(logs: Sequence[Named], word: str) -> Section | None:
     logs : in the order of their loads
     word : what the logs are called
     """
-    given = [
-        log._replace(account=msgspec.structs.replace(log.account, word=word)) for log in logs if not log.account.why
-    ]
+    given = [log._replace(account=replace(log.account, word=word)) for log in logs if not log.account.why]
     left_out = [log for log in logs if log.account.why]
     blocks: list[Block | None] = [Note(_reasons(left_out, alone=not given))] if left_out else []
     if given:
@@ -197,72 +192,71 @@ def campaign_section(logs: Sequence[Named], word: str) -> Section | None:
 
 
 def _reasons(left_out: Sequence[Named], *, alone: bool) -> str:
-    whys = list(dict.fromkeys(log.account.why for log in left_out))
+    whys = {log.account.why for log in left_out}
     if alone and len(whys) == 1:
-        return f"Left out: {whys[0]}"
-    named = [f"{log.name}: {log.account.why.rstrip('.')}" for log in left_out[:MOST_REASONS]]
+        return f"Left out: {whys.pop()}"
+    named = "; ".join(f"{log.name}: {log.account.why.rstrip('.')}" for log in left_out[:MOST_REASONS])
     more = f"; and {len(left_out) - MOST_REASONS} more" if len(left_out) > MOST_REASONS else ""
-    return f"Not simulated: {'; '.join(named)}{more}."
+    return f"Not simulated: {named}{more}."
 
 
 def _campaign_pictures(given: Sequence[Named]) -> list[Block | None]:
     accounts = [log.account for log in given]
-    drawn = figures.by_load([log.load for log in given], [a.curves for a in accounts])
-    rated = next((a.rated for a in accounts if a.rated is not None), None)
-    gear = next((a.gear for a in accounts if a.gear is not None), None)
+    drawn, word = figures.by_load([log.load for log in given], [a.curves for a in accounts]), accounts[0].word
+    rated, gear = (
+        next((x for x in values if x is not None), None)
+        for values in ([a.rated for a in accounts], [a.gear for a in accounts])
+    )
     opened = next((a for a in accounts if a.open_circuit), None)
-    means = _all_logs(accounts)
+    means = (
+        f"Solid lines: {_words(word).lines}; markers: simulated ({_simulated_with(accounts)}); both are means in bins over the "
+        "same samples."
+    )
     shown = (
         (TETHER, "model-tether", f"{means} {_speed_words(accounts[0])}", None),
         (GENERATOR[:1], "model-torque", means if opened is None else f"{means} {_OPEN_CIRCUIT}", gear),
         (GENERATOR[1:], "model-generator", means, None),
         (LOSSES, "model-losses", means, None),
     )
-    blocks: list[Block | None] = [
-        _panels(
-            figures.panels(drawn, names, word=accounts[0].word, rated=rated, gear=above),
-            figures.given_names(drawn, names), name, words,
-        )
+    pictures = [
+        _panels(name, words, drawn, names, figures.panels(drawn, names, word=word, rated=rated, gear=above))
         for names, name, words, above in shown
-    ]  # fmt: skip
-    return blocks + (_open_circuit(opened) if opened is not None else [])
+    ]
+    return [*pictures, *([] if opened is None else _open_circuit(opened))]
 
 
 def _campaign_tables(given: Sequence[Named]) -> list[Block | None]:
     accounts = [log.account for log in given]
-    booked = [
-        (name, log.account.budget)
-        for name, log in zip(row_names(given), given, strict=True)
-        if log.account.budget is not None
+    differences = _differences_table(accounts, [(log.name, log.load) for log in given], ("Log", "Load"))
+    booked = {k: a.budget for k, a in enumerate(accounts) if a.budget is not None}
+    if not booked:
+        return [differences]
+    names, budgets = row_names(given), list(booked.values())
+    return [
+        differences,
+        _budget_picture(["\n".join(names[k]) for k in booked], budgets, accounts),
+        _budget_table([", ".join(names[k]) for k in booked], budgets),
     ]
-    blocks: list[Block | None] = [
-        _differences_table(accounts, [(log.name, log.load) for log in given], ("Log", "Load"))
-    ]
-    if booked:
-        names, budgets = zip(*booked, strict=True)
-        bars = figures.budget_bars(["\n".join(name) for name in names], budgets, word=accounts[0].word)
-        blocks.append(_picture(bars, "model-budget", _budget_caption(accounts)))
-        blocks.append(_budget_table([", ".join(name) for name in names], budgets))
-    return blocks
 
 
 # -------------------------------------------------------------------------------------------------------- the captions
 _SYMBOL = {"torque": "τ", "vdc": "Vdc", "idc": "Idc", "pressure": "p", "force": "F"}
 _CALLED = {
-    "torque": "τ: torque behind the clutch",
+    "torque": "τ: torque of the PTO shaft",
     "vdc": "Vdc, Idc: voltage and current of the DC link",
     "pressure": "p: gas pressure, gauge",
-    "force": "F: line force",
+    "force": "F: line tension",
 }
 _DECIMALS = {"torque": 2, "vdc": 2, "idc": 3, "pressure": 3, "force": 1}
+_UNKNOWN = Difference(math.nan, math.nan)
 _FINE = 2000.0
 """With less energy of the line than this a budget has a decimal. [J]"""
 
 _WORDS = {
     "pressure_kgcm2": "gas pressure over displacement (haul-ins dashed)",
-    "force_n": "line force over line velocity (haul-ins left of zero)",
+    "force_n": "line tension over line velocity (haul-ins left of zero)",
     "power_gen_w": "power at the DC link over generator speed",
-    "torque_nm": "torque behind the clutch over generator speed",
+    "torque_nm": "torque of the PTO shaft over generator speed",
     "vdc_v": "voltage of the DC link over generator speed",
     "idc_a": "current of the DC link over generator speed",
     "resistance_ohm": "apparent resistance Vdc / Idc over generator speed",
@@ -299,7 +293,7 @@ def shown_words(names: Sequence[str]) -> str:
     """What the panels of a figure show, in their order.
 
     >>> shown_words(["vdc_v", "torque_nm"])
-    'Voltage of the DC link (a), torque behind the clutch (b) over generator speed.'
+    'Voltage of the DC link (a), torque of the PTO shaft (b) over generator speed.'
     """
     over = " over generator speed"
     words = [_WORDS[name] for name in names]
@@ -329,63 +323,30 @@ def _aim(word: str) -> str:
     )
 
 
-def _one_log(account: Account) -> str:
-    """What dots, lines and markers of a figure of one log are."""
-    return (
-        f"Dots: {_words(account.word).samples}; solid lines: their means; markers: means of the simulation over the same "
-        f"samples ({_simulated_with([account])})."
-    )
-
-
-def _all_logs(accounts: Sequence[Account]) -> str:
-    """What lines and markers of a figure of several logs are; all of them are called alike."""
-    return (
-        f"Solid lines: {_words(accounts[0].word).lines}; markers: simulated ({_simulated_with(accounts)}); both are "
-        "means in bins over the same samples."
-    )
-
-
-def _speed_words(account: Account, width: float | None = None) -> str:
-    """What the generator's speed is, and in which bins means are taken."""
+def _speed_words(account: Account, bins: str = "") -> str:
+    """What the generator's speed is; `bins` states in which bins means are taken."""
     gear = "" if account.gear is None else f" times {account.gear:g}"
-    bins = "" if width is None else f"; bins of {width:g} rpm"
     return f"Generator speed: that of the drum{gear}, from each onset to the start of braking{bins}."
 
 
-def _sweep_caption(account: Account, sweep: Sweep) -> str:
-    """What the sweep of the damper shows."""
-    factors = ", ".join(f"{factor:g}" for factor in sweep.factors[:-1])
-    return (
-        f"Line force in open circuit over generator speed, means in bins. Thick line: {_words(account.word).lines}; markers: "
-        f"simulated ({_simulated_with([account])}) with the viscous damper of the fast shaft at {factors} and "
-        f"{sweep.factors[-1]:g} times the {sweep.nominal:.3g} N·m·s/rad of the rig file."
+def _budget_picture(names: Sequence[str], budgets: Sequence[LossBudget], accounts: Sequence[Account]) -> Picture | None:
+    """Stacked bars of the loss budgets."""
+    words = _words(accounts[0].word)
+    reached = " and ".join(
+        what
+        for stage, what in (("mech", "shaft"), ("gen", "DC link"))
+        if any(stage in budget.log for budget in budgets)
     )
-
-
-def _regression_caption(account: Account, fit: Regression) -> str:
-    """What was fitted to the open circuit, with its interval."""
-    return (
-        f"Open circuit above 1000 rpm: voltage of the DC link, {_words(account.word).lines}, and the back-EMF that it asks "
-        f"for. The line through zero has a slope of {fit.slope:.5f} V/rpm, 95 %: {fit.low:.5f} to {fit.high:.5f}, "
-        f"R² = {fit.r2:.4f}, from {fit.points} samples; the rig {account.rig} has {fit.reference:.4f} V/rpm."
+    points = (
+        f"; points below it: shares of the {words.logged} energy of the line that reach {reached}" if reached else ""
     )
-
-
-def _budget_caption(accounts: Sequence[Account]) -> str:
-    """What the stacked bars and the points on them are."""
+    bleed = "; in open circuit the DC link feeds its bleed alone" if any(a.open_circuit for a in accounts) else ""
     caption = (
         f"Simulated loss budget ({_simulated_with(accounts)}): where the energy of the simulated line goes within the "
-        "integration window, as a mean over the cycles; beside each bar that energy. The stroke across a bar "
-        "is what reaches the torque sensor"
+        "integration window, as a mean over the cycles; beside each bar that energy. The stroke across a bar is what reaches "
+        f"the torque sensor{points}. Inertia is that of rotor and drum{bleed}."
     )
-    logged = {stage for a in accounts if a.budget is not None for stage in a.budget.log}
-    reached = " and ".join(what for stage, what in (("mech", "shaft"), ("gen", "DC link")) if stage in logged)
-    if reached:
-        caption += f"; points below it: shares of the {_words(accounts[0].word).logged} energy of the line that reach {reached}"
-    caption += ". Inertia is that of rotor and drum"
-    if any(a.open_circuit for a in accounts):
-        caption += "; in open circuit the DC link feeds its bleed alone"
-    return caption + "."
+    return _picture(figures.budget_bars(names, budgets, word=accounts[0].word), "model-budget", caption)
 
 
 # ---------------------------------------------------------------------------------------------------------- the tables
@@ -407,20 +368,28 @@ def _differences_table(
         note += " In open circuit torque and Idc are not compared."
     if any(account.cycles < account.total for account in accounts):
         note += " Of a long log the first complete cycles are compared."
-    return Table(
-        id="differences",
-        caption=f"{_words(accounts[0].word).table} − simulated over the payouts: mean (bias) and root mean square (rms).",
-        head=(*head, "Cycles", *(f"{_SYMBOL[name]} {what}" for name in names for what in ("bias", "rms"))),
-        units=(*("" for _ in head), "", *(COMPARED[name][0] for name in names for _ in range(2))),
-        rows=tuple((*first, f"{a.cycles}", *_differences(a, names)) for first, a in zip(firsts, accounts, strict=True)),
-        text_columns=tuple(range(len(head))),
+    return make_table(
+        "differences",
+        f"{_words(accounts[0].word).table} − simulated over the payouts: mean (bias) and root mean square (rms).",
+        [
+            *(TableColumn[object](name, text=True) for name in head),
+            TableColumn("Cycles"),
+            *(
+                TableColumn(f"{_SYMBOL[name]} {what}", COMPARED[name][0], _DECIMALS[name])
+                for name in names
+                for what in ("bias", "rms")
+            ),
+        ],
+        [
+            (
+                *first,
+                f"{a.cycles}",
+                *(x for name in names for x in astuple(a.differences.get(name, _UNKNOWN))),
+            )
+            for first, a in zip(firsts, accounts, strict=True)
+        ],
         note=note,
     )
-
-
-def _differences(account: Account, names: Sequence[str]) -> list[str]:
-    found = [(account.differences.get(name), _DECIMALS[name]) for name in names]
-    return [number(x, k) for d, k in found for x in ((d.bias, d.rms) if d is not None else (None, None))]
 
 
 def _named(budgets: Sequence[LossBudget]) -> list[str]:
@@ -449,20 +418,22 @@ def _parts_note(groups: Sequence[str]) -> str:
     return f"{text[:1].upper()}{text[1:]}."
 
 
+def _joules(budget: LossBudget, groups: Sequence[str]) -> list[str]:
+    """Energy of the line, and of each group."""
+    return [number(x, 1 if budget.line < _FINE else 0) for x in (budget.line, *(budget.groups[g] for g in groups))]
+
+
 def _budget_table(names: Sequence[str], budgets: Sequence[LossBudget]) -> Table:
     """Loss budget of several logs, a row for each, mean energies of their windows."""
     groups = _named(budgets)
-
-    def row(name: str, b: LossBudget) -> tuple[str, ...]:
-        decimals = 1 if b.line < _FINE else 0
-        return (name, number(b.line, decimals), *(number(b.groups[g], decimals) for g in groups))
-
-    return Table(
-        id="loss-budget",
-        caption="Simulated loss budget: energy of the line in the window and where it goes, means over the cycles.",
-        head=("Load", "total", *(GROUPS[g].name for g in groups)),
-        units=("", *("J" for _ in range(1 + len(groups)))),
-        rows=tuple(row(name, b) for name, b in zip(names, budgets, strict=True)),
+    return make_table(
+        "loss-budget",
+        "Simulated loss budget: energy of the line in the window and where it goes, means over the cycles.",
+        [
+            TableColumn[object]("Load", text=True),
+            *(TableColumn(name, "J") for name in ("total", *(GROUPS[g].name for g in groups))),
+        ],
+        [(name, *_joules(budget, groups)) for name, budget in zip(names, budgets, strict=True)],
         note=_parts_note(groups),
     )
 
@@ -470,14 +441,16 @@ def _budget_table(names: Sequence[str], budgets: Sequence[LossBudget]) -> Table:
 def _one_budget_table(budget: LossBudget) -> Table:
     """Loss budget of one log, a row for each part, in joules and in percent of the line's energy."""
     groups = _named([budget])
-    decimals = 1 if budget.line < _FINE else 0
-    rows = [(GROUPS[g].name, number(budget.groups[g], decimals), number(100 * budget.shares[g], 2)) for g in groups]
-    return Table(
-        id="loss-budget",
-        caption="Simulated loss budget, from the line to the DC link: energies in the window, means over the cycles.",
-        head=("Part", "Energy", "Share of the line's"),
-        units=("", "J", "%"),
-        rows=(*rows, ("from the line", number(budget.line, decimals), number(100 * sum(budget.shares.values()), 2))),
-        summary=1,
+    line, *joules = _joules(budget, groups)
+    return make_table(
+        "loss-budget",
+        "Simulated loss budget, from the line to the DC link: energies in the window, means over the cycles.",
+        [
+            TableColumn[object]("Part", text=True),
+            TableColumn("Energy", "J"),
+            TableColumn("Share of the line's", "%", 2),
+        ],
+        [(GROUPS[g].name, joule, 100 * budget.shares[g]) for g, joule in zip(groups, joules, strict=True)],
+        below=[("from the line", line, 100 * sum(budget.shares.values()))],
         note=_parts_note(groups),
     )

@@ -1,8 +1,10 @@
-"""How a batch goes on, on the error stream: a bar where a person looks, a line for each fault elsewhere."""
+"""Progress of a command on the error stream: a line or a bar in a terminal, elsewhere a line for each fault."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -10,48 +12,28 @@ from typing import Any
 from winchcascade.core.plain_text import lines, one_line
 
 
-class Telling:
-    """Says in one changing line what is being done, where a person looks, and nothing elsewhere."""
+@contextmanager
+def status_line(title: str) -> Iterator[Callable[[str], None]]:
+    """Show in one changing line of a terminal what is being done; elsewhere show nothing."""
+    if not sys.stderr.isatty():
+        yield lambda _: None
+        return
+    from rich.console import Console
+    from rich.markup import escape
 
-    def __init__(self, title: str) -> None:
-        self._title = one_line(title)
-        self._status: Any = None
-
-    def __enter__(self) -> Telling:
-        """Show the line if somebody can see it."""
-        if sys.stderr.isatty():
-            from rich.console import Console
-            from rich.markup import escape
-
-            self._status = Console(stderr=True).status(escape(self._title))
-            self._status.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Take the line away."""
-        if self._status is not None:
-            self._status.stop()
-
-    def __call__(self, text: str) -> None:
-        """Tell what is being done now."""
-        if self._status is not None:
-            from rich.markup import escape
-
-            self._status.update(escape(f"{self._title}: {one_line(text)}"))
+    with Console(stderr=True).status(escape(one_line(title))) as line:
+        yield lambda text: line.update(escape(f"{one_line(title)}: {one_line(text)}"))
 
 
 class Progress:
-    """Shows a bar while it is a context; tells faults as they come."""
+    """Shows a bar while it is a context, and reports faults as they come."""
 
     def __init__(self, title: str) -> None:
         self._title = title
         self._bar: Any = None
-        self._task: Any = None
 
     def __enter__(self) -> Progress:
-        """Start with nothing shown: a batch that has nothing to do says nothing."""
+        """Start with nothing shown: a batch that has nothing to do shows nothing."""
         return self
 
     def __exit__(
@@ -62,7 +44,7 @@ class Progress:
             self._bar.stop()
 
     def begin(self, kept: int, todo: int) -> None:
-        """Show the bar if somebody can see it and there is something to do."""
+        """Show the bar in a terminal, if there is something to do."""
         if not todo or not sys.stderr.isatty():
             return
         from rich.console import Console
@@ -74,18 +56,18 @@ class Progress:
             TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
             console=Console(stderr=True),
         )  # fmt: skip
-        self._task = self._bar.add_task(escape(self._title), total=kept + todo, completed=kept)
+        self._bar.add_task(escape(self._title), total=kept + todo, completed=kept)
         self._bar.start()
 
     def waiting(self, folder: Path) -> None:
-        """Report that another call works in the folder of the results, so that nobody takes the wait for a fault."""
+        """Report that another call works in the folder of the results, so that the wait does not look like a fault."""
         sys.stderr.write(lines(f"waiting for another call that works in {one_line(str(folder))}\n"))
         sys.stderr.flush()
 
     def done(self, name: str, fault: str | None) -> None:
-        """One more is done, or failed: its name is then told at once, the reason with the others at the end."""
+        """Count one more as done; of one that failed show the name at once, the reason comes with the others at the end."""
         if self._bar is not None:
-            self._bar.advance(self._task)
+            self._bar.advance(self._bar.task_ids[0])
         if fault is None:
             return
         line = lines(one_line(f"failed: {name}"))

@@ -1,27 +1,138 @@
-"""A report into its files."""
+"""A report into its files: one page that needs no other file and makes no request, and a PDF from the same rows and figures."""
 
 from __future__ import annotations
 
+import re
+from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+import msgspec
+
+from winchcascade.core.files import write_content
+from winchcascade.report.page_setup import cleaned, made_at, template_folder
+from winchcascade.report.style import COLOURS
+
 if TYPE_CHECKING:
-    from pathlib import Path
+    from winchcascade.report.report_model import Report, Table
 
-    from winchcascade.report.report_model import Report
+_SYMBOL = re.compile(
+    r"\b([EPFvpητ])_(line|mech|gen, cycle|gen|trans|pto|max|min|mean|plateau|hold|payout|returned|net)\b"
+)
+
+FEW = 4
+"""A table of numbers with no more columns than this is not stretched over the page."""
 
 
-def publish(report: Report, *, html: Path | None, pdf: Path | None, force: bool = False) -> None:
-    """Write a report as a self-contained page, as a PDF, or both; what lays out the other is not imported.
+def publish(report: Report, *, html: Path | None = None, pdf: Path | None = None, force: bool = False) -> None:
+    """Write a report as a self-contained page, as a PDF, or both, each whole or not at all.
 
     Raises
     ------
     OutputError : a file that cannot be written, or that this tool did not write and `force` does not allow to replace
     """
-    if html is not None:
-        from winchcascade.report.html import write_html
+    for path, content in ((html, html_text), (pdf, pdf_bytes)):
+        if path is not None:
+            write_content(path, content(report), force=force)
 
-        write_html(report, html, force=force)
-    if pdf is not None:
-        from winchcascade.report.pdf import write_pdf
 
-        write_pdf(report, pdf, force=force)
+def html_text(report: Report) -> str:
+    """A report as one self-contained page; every text is escaped, colours follow the reader's theme."""
+    import jinja2
+    from markupsafe import Markup, escape
+
+    def symbols(text: str) -> Markup:
+        return Markup(_SYMBOL.sub(r"\1<sub>\2</sub>", str(escape(text))).replace(" %", "\u00a0%"))
+
+    folder = template_folder()
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(folder), autoescape=True, trim_blocks=True, lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )  # fmt: skip
+    environment.filters |= {
+        "symbols": symbols,
+        "symbol": lambda text: symbols(text) if _SYMBOL.fullmatch(text) else escape(text),
+        "drawing": lambda svg: Markup(themed(svg)),
+        "width": width,
+        "kind": lambda block: type(block).__name__,
+    }
+    report = cleaned(report)
+    return environment.get_template("report.html.j2").render(
+        report=report,
+        style=Markup((folder / "style.css").read_text(encoding="utf-8")),
+        script=Markup((folder / "report.js").read_text(encoding="utf-8")),
+        traces=Markup(report.traces.replace("<", "\\u003c")),
+    )
+
+
+def width(table: Table) -> str:
+    """How wide a table is: few columns of numbers stand close together; of many the first stays in sight on a phone."""
+    if len(table.head) <= FEW and set(table.text_columns) <= {0}:
+        return "narrow"
+    return "wide" if len(table.head) > FEW and not table.is_long(0) else "full"
+
+
+def themed(svg: str) -> str:
+    """A figure whose named colours are variables of the page, so that it turns dark with it."""
+    for name, colour in COLOURS.items():
+        svg = svg.replace(colour, f"var(--{name})")
+    return svg
+
+
+def pdf_bytes(report: Report) -> bytes:
+    """Typeset a report with Typst. Texts reach Typst as data and never as markup, so nothing in them can be a command."""
+    import matplotlib
+    import typst
+
+    report = cleaned(report)
+    text = msgspec.json.encode(report).decode()
+    fonts = Path(matplotlib.get_data_path()) / "fonts" / "ttf"
+    shown = set(msgspec.json.encode(msgspec.structs.replace(report, traces="")).decode())
+    strange = {c for c in shown if ord(c) > 0x7F and ord(c) not in _covered(fonts / "DejaVuSans.ttf")}
+    fallback = _fonts_for(strange) if strange else []
+    for c in strange - {c for _, covers in fallback for c in covers}:
+        text = text.replace(c, f"⟨U+{ord(c):04X}⟩")
+    content = typst.Compiler(
+        (template_folder() / "report.typ").read_bytes(),
+        font_paths=typst.Fonts(
+            include_system_fonts=False, font_paths=[fonts, *(Path(file).parent for file, _ in fallback)]
+        ),
+        sys_inputs={"report": text},
+    ).compile(timestamp=int(made_at().timestamp()))
+    assert isinstance(content, bytes)
+    return content
+
+
+@cache
+def _covered(font: Path) -> frozenset[int]:
+    """Characters of the font that is always there."""
+    return frozenset(_characters(str(font)))
+
+
+def _characters(font: str) -> set[int]:
+    from matplotlib.ft2font import FT2Font
+
+    return set(FT2Font(font).get_charmap())
+
+
+def _fonts_for(strange: set[str]) -> list[tuple[str, set[str]]]:
+    """Fonts of this system that hold characters which the fonts at hand lack, likely ones first."""
+    from matplotlib.font_manager import findSystemFonts
+
+    likely = re.compile(
+        r"cjk|noto|han|hei|ming|song|gothic|malgun|msjh|pingfang|hiragino|arialuni|unifont", re.IGNORECASE
+    )
+    found: list[tuple[str, set[str]]] = []
+    missing = set(strange)
+    for file in sorted(findSystemFonts(), key=lambda file: (likely.search(Path(file).name) is None, file)):
+        try:
+            known = _characters(file)
+        except (RuntimeError, OSError):  # a font that cannot be read is none
+            continue
+        covers = {c for c in missing if ord(c) in known}
+        if covers:
+            found.append((file, covers))
+            missing -= covers
+        if not missing:
+            break
+    return found

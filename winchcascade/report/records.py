@@ -4,27 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
 from msgspec import UNSET, UnsetType
 
 from winchcascade.core.campaign_file import origin_record
-from winchcascade.core.files import write_content
 from winchcascade.core.quantity import KGF, si_unit
 from winchcascade.core.run import CHANNELS
 from winchcascade.core.version import __version__
 from winchcascade.reduction.efficiency import FIELDS, Metrics
-from winchcascade.reduction.energies import STAGES
+from winchcascade.reduction.energies import STAGES, NetSpan
 from winchcascade.reduction.montecarlo import uncertainty
+from winchcascade.reduction.phase_summary import HaulInSummary, PayoutSummary
 from winchcascade.reduction.uncertainty import shares
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Finding
     from winchcascade.reduction.bins import Bin
     from winchcascade.reduction.montecarlo import Interval, Uncertainty
-    from winchcascade.reduction.phase_summary import PayoutSummary
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
     from winchcascade.reduction.uncertainty import Contribution
 
@@ -71,28 +69,6 @@ class PhasesRecord(msgspec.Struct, frozen=True):
     haul_in: tuple[float, float] | None
 
 
-class PlateauRecord(msgspec.Struct, frozen=True):
-    """Time means over the plateau of a payout."""
-
-    begin_s: float
-    braking_s: float
-    speed_mps: float
-    force_n: float | None
-    torque_nm: float | None
-    power_line_w: float | None
-    power_mech_w: float | None
-    power_gen_w: float | None
-
-
-class PayoutRecord(msgspec.Struct, frozen=True):
-    """Summary of a payout."""
-
-    duration_s: float
-    travel_m: float
-    speed_max_mps: float
-    plateau: PlateauRecord | None
-
-
 class HoldRecord(msgspec.Struct, frozen=True):
     """Summary of a hold."""
 
@@ -102,22 +78,12 @@ class HoldRecord(msgspec.Struct, frozen=True):
     pressure_kgcm2: float | None
 
 
-class HaulInRecord(msgspec.Struct, frozen=True):
-    """Summary of a haul-in."""
-
-    duration_s: float
-    speed_max_mps: float
-    force_n: float | None
-    force_min_n: float | None
-    energy_line_j: float | None
-
-
 class PhaseSummaryRecord(msgspec.Struct, frozen=True):
     """Summaries of the phases of a cycle; null for a phase that the log does not hold."""
 
-    payout: PayoutRecord
+    payout: PayoutSummary
     hold: HoldRecord | None
-    haul_in: HaulInRecord | None
+    haul_in: HaulInSummary | None
 
 
 class WindowRecord(msgspec.Struct, frozen=True):
@@ -128,15 +94,6 @@ class WindowRecord(msgspec.Struct, frozen=True):
     duration_s: float
 
 
-class NetSpanRecord(msgspec.Struct, frozen=True):
-    """Span of the net energies, from onset to next onset, and the reason why a cycle has none."""
-
-    begin_s: float
-    end_s: float
-    travel_m: float | None
-    reason: str | None
-
-
 class CycleRecord(msgspec.Struct, frozen=True):
     """One cycle with its phases, their summary, its window, its metrics and their standard uncertainties."""
 
@@ -145,7 +102,7 @@ class CycleRecord(msgspec.Struct, frozen=True):
     phases: PhasesRecord
     phase_summary: PhaseSummaryRecord
     window: WindowRecord
-    net_span: NetSpanRecord
+    net_span: NetSpan
     energy_line_j: float | None
     energy_mech_j: float | None
     energy_gen_j: float | None
@@ -333,79 +290,30 @@ def finding_record(finding: Finding, samples: int) -> FindingRecord:
 def cycle_record(cycle: CycleResult, standard_uncertainty: Metrics) -> CycleRecord:
     """One cycle with the standard uncertainties of its metrics."""
     phases, window, summary = cycle.phases, cycle.window, cycle.summary
-    hold, haul_in = summary.hold, summary.haul_in
+    hold = None
+    if summary.hold is not None:
+        pressure = None if summary.hold.pressure is None else summary.hold.pressure / _KGCM2
+        hold = HoldRecord(summary.hold.duration, summary.hold.force, summary.hold.torque, pressure)
     return CycleRecord(
         cycle=cycle.cycle,
         complete=cycle.complete,
         phases=PhasesRecord((phases.onset, phases.payout_end), phases.hold, phases.haul_in),
-        phase_summary=PhaseSummaryRecord(
-            payout=_payout(summary.payout),
-            hold=None
-            if hold is None
-            else HoldRecord(
-                duration_s=_seconds(hold.duration),
-                force_n=hold.force,
-                torque_nm=hold.torque,
-                pressure_kgcm2=None if hold.pressure is None else hold.pressure / _KGCM2,
-            ),
-            haul_in=None
-            if haul_in is None
-            else HaulInRecord(
-                duration_s=_seconds(haul_in.duration),
-                speed_max_mps=haul_in.speed_max,
-                force_n=haul_in.force,
-                force_min_n=haul_in.force_min,
-                energy_line_j=haul_in.energy_line,
-            ),
-        ),
-        window=WindowRecord(window.onset, window.cutoff, _seconds(window.cutoff - window.onset)),
-        net_span=NetSpanRecord(cycle.net.begin, cycle.net.end, cycle.net.travel, cycle.net.reason),
+        phase_summary=PhaseSummaryRecord(summary.payout, hold, summary.haul_in),
+        window=WindowRecord(window.onset, window.cutoff, round(window.cutoff - window.onset, 9)),
+        net_span=cycle.net,
         **{FIELDS[name]: value for name, value in msgspec.structs.asdict(cycle.metrics).items()},
         standard_uncertainty=standard_uncertainty,
     )
 
 
-def _seconds(duration: float) -> float:
-    """A difference of stamps without the dust of their subtraction."""
-    return round(duration, 9)
-
-
-def _payout(payout: PayoutSummary) -> PayoutRecord:
-    flat = payout.plateau
-    return PayoutRecord(
-        duration_s=_seconds(payout.duration),
-        travel_m=payout.travel,
-        speed_max_mps=payout.speed_max,
-        plateau=None
-        if flat is None
-        else PlateauRecord(
-            begin_s=flat.begin,
-            braking_s=flat.braking,
-            speed_mps=flat.speed,
-            force_n=flat.force,
-            torque_nm=flat.torque,
-            power_line_w=flat.power_line,
-            power_mech_w=flat.power_mech,
-            power_gen_w=flat.power_gen,
-        ),
-    )
-
-
 def bin_record(item: Bin) -> BinRecord:
     """One bin of generator speed."""
-    powers = {f"power_{stage}_w": item.power[stage] for stage in STAGES}
-    errors = {f"power_{stage}_w_standard_error": item.standard_error[stage] for stage in STAGES}
     return BinRecord(
         rpm_low=item.rpm_low,
         rpm_high=item.rpm_high,
         count=item.count,
-        **powers,
-        **errors,
+        **{f"power_{stage}_w": item.power[stage] for stage in STAGES},
+        **{f"power_{stage}_w_standard_error": item.standard_error[stage] for stage in STAGES},
         torque_nm=item.torque,
         torque_nm_standard_error=item.torque_standard_error,
     )
-
-
-def write_json(reduction: Reduction, found: Uncertainty, path: Path, *, force: bool = False) -> None:
-    """Write the JSON of one log; whole or not at all."""
-    write_content(path, reduction_json(reduction, found), force=force)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from winchcascade.core.campaign_file import Origin, origin_words
+from winchcascade.core.store import digest_of
 from winchcascade.report.page_setup import made_at
 from winchcascade.report.report_model import Block, Picture, Point, Section, Table
 from winchcascade.report.style import svg_text
@@ -47,9 +48,7 @@ def provenance_table(rows: Sequence[tuple[str, str]]) -> Table:
 
 def file_digest(path: str) -> str:
     """SHA-256 of a rig file, nothing for a built-in one."""
-    import hashlib
-
-    return hashlib.sha256(Path(path).read_bytes()).hexdigest() if Path(path).is_file() else ""
+    return digest_of(Path(path).read_bytes()) if Path(path).is_file() else ""
 
 
 def made_on() -> str:

@@ -10,18 +10,17 @@ from typing import TYPE_CHECKING
 import msgspec
 from msgspec.structs import asdict
 
-from winchcascade.core.errors import OutputError
 from winchcascade.core.files import check_replaceable, write_whole
+from winchcascade.core.store import make_one
 from winchcascade.reduction.efficiency import FIELDS, Metrics
+from winchcascade.reduction.energies import NetSpan
+from winchcascade.reduction.phase_summary import HaulInSummary, PlateauSummary
 from winchcascade.report.records import (
     SCHEMA,
     BinRecord,
     CycleRecord,
-    HaulInRecord,
     HoldRecord,
-    NetSpanRecord,
     PhasesRecord,
-    PlateauRecord,
     RunRecord,
     WindowRecord,
     bin_record,
@@ -55,10 +54,7 @@ def write_parquet(reduction: Reduction, folder: Path, *, force: bool = False) ->
     import pyarrow as pa
     from pyarrow import parquet
 
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as fault:
-        raise OutputError(f"{folder}: the folder cannot be made ({fault.strerror}); choose another.") from None
+    make_one(folder, "another")
     files = parquet_files(folder, reduction.run.name)
     for path in files.values():
         check_replaceable(path, force=force)
@@ -120,15 +116,15 @@ def _flat_run(record: RunRecord) -> Row:
 
 
 def _flat_cycle(record: CycleRecord) -> Row:
-    """A cycle in one row: nested names joined, phases as begin and end."""
-    summary, own = record.phase_summary, asdict(record)
+    """A cycle in one row: nested names joined, phases as begin and end; names beyond the schema of the table do no harm."""
+    own = asdict(record)
     row: Row = {name: own[name] for name in ("cycle", "complete", *FIELDS.values())} | asdict(record.window)
     for phase, span in asdict(record.phases).items():
         row[f"{phase}_begin_s"], row[f"{phase}_end_s"] = span or (None, None)
+    summary = record.phase_summary
     parts = {"net": record.net_span, "payout": summary.payout, "plateau": summary.payout.plateau, "hold": summary.hold}
     for prefix, part in {**parts, "haul_in": summary.haul_in}.items():
-        row |= {f"{prefix}_{name}": value for name, value in ({} if part is None else asdict(part)).items()}
-    del row["payout_plateau"]
+        row |= {f"{prefix}_{name}": value for name, value in (msgspec.to_builtins(part) or {}).items()}
     return row
 
 
@@ -137,7 +133,7 @@ _RUN_ENDS = ("", "_standard_uncertainty", "_low_95", "_high_95", "_max_deviation
 
 def _floats(record: type[msgspec.Struct], prefix: str = "") -> dict[str, type]:
     """Columns of the numbers of a record."""
-    return {f"{prefix}{name}": float for name in record.__struct_fields__}
+    return {f"{prefix}{name}": float for name in record.__struct_encode_fields__}
 
 
 _COLUMNS: dict[str, dict[str, type]] = {
@@ -152,10 +148,10 @@ _COLUMNS: dict[str, dict[str, type]] = {
         **dict.fromkeys(FIELDS.values(), float),
         **{f"{phase}_{end}_s": float for phase in PhasesRecord.__struct_fields__ for end in ("begin", "end")},
         **{f"payout_{name}": float for name in ("duration_s", "travel_m", "speed_max_mps")},
-        **_floats(PlateauRecord, "plateau_"),
+        **_floats(PlateauSummary, "plateau_"),
         **_floats(HoldRecord, "hold_"),
-        **_floats(HaulInRecord, "haul_in_"),
-        **_floats(NetSpanRecord, "net_"),
+        **_floats(HaulInSummary, "haul_in_"),
+        **_floats(NetSpan, "net_"),
         "net_reason": str,
     },
     "bins": {**_floats(BinRecord), "count": int},

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy as np
+from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import text_to_path
 
@@ -19,7 +20,6 @@ logging.getLogger("matplotlib").setLevel(logging.ERROR)  # what it says of its o
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 WIDTH = 6.7
 """Width of a figure: that of a page of A4 between its margins. [in]"""
@@ -51,7 +51,7 @@ LOAD_COLOURS = tuple(f"load{k}" for k in range(7))
 """Colours of logs in the order of their loads, from an open circuit to the heaviest."""
 
 STAGE_STYLE = {"line": "-", "mech": (0, (5, 1.2)), "gen": (0, (2.2, 1.2))}
-"""Lines of the stages differ in dashes too, so that they are told apart without colour."""
+"""Lines of the stages differ in dashes too, so that they can be distinguished without colour."""
 
 _RC = {
     "font.family": "DejaVu Sans",
@@ -102,9 +102,26 @@ def house_style() -> Iterator[None]:
         yield
 
 
-def label_panel(axes: Axes, letter: str, title: str) -> None:
-    """Write a panel's letter and title above it, to the left."""
+def wide_figure(
+    height: float, *, left: float = 0.09, right: float = 0.985, head: float = 0.3, foot: float = 0.42
+) -> Figure:
+    """An empty figure as wide as a page.
+
+    Parameters
+    ----------
+    height : [in]
+    left, right : edges of the panels, as shares of the width
+    head, foot : room above and below the panels [in]
+    """
+    figure = Figure((WIDTH, height))
+    figure.subplots_adjust(left=left, right=right, top=1 - head / height, bottom=foot / height)
+    return figure
+
+
+def label_panel(axes: Axes, letter: str, title: str, *, x: str = "", y: str = "") -> None:
+    """Write a panel's letter and title above it, to the left, and the labels of its axes that are given."""
     axes.set_title(f"({letter}) {title}", loc="left", pad=3)
+    axes.set(**{"xlabel": x} if x else {}, **{"ylabel": y} if y else {})
 
 
 def svg_text(figure: Figure, name: str) -> str:
@@ -170,7 +187,7 @@ def lines_within(texts: Sequence[str], *, handle: float = 2.0, gap: float = 1.1)
 
 
 def cut_apart(names: Sequence[str], most: int = SHORT) -> list[str]:
-    """Cut names in the middle, or as near to it as leaves them apart; names that no such cut tells apart are numbered.
+    """Cut names in the middle, or as near to it as leaves them apart; names that no such cut distinguishes are numbered.
 
     >>> cut_apart(["r9.csv", "2026-03-01_winch_r9.csv", "2026-03-02_winch_r9.csv"])
     ['r9.csv', '2026-03-01…_r9.csv', '2026-03-02…_r9.csv']

@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
-from msgspec.structs import asdict, replace
+from msgspec.structs import asdict
 
-from winchcascade.core.quantity import KGF, find_unit, si_unit
+from winchcascade.core.quantity import find_unit, si_unit
 from winchcascade.core.run import CHANNELS
 from winchcascade.reduction.efficiency import ALL_METRICS, METRICS, NET_METRICS, RATIOS
 from winchcascade.reduction.energies import STAGES
 from winchcascade.reduction.uncertainty import R_DRUM, shares
 from winchcascade.report.digits import MINUS, number, of_many, percent, places, significant, stated, uncertain
-from winchcascade.report.report_model import Cell, Table, TableColumn, make_table, rows_of
+from winchcascade.report.report_model import Table, TableColumn, make_table, rows_of
 from winchcascade.report.traces import clock_zero
-from winchcascade.report.wording import label, net_reasons, not_known, source_name
+from winchcascade.report.wording import SYMBOL, label, net_reasons, not_known, of_phase, source_name
 
 if TYPE_CHECKING:
     from winchcascade.core.rig_file import Sensor
     from winchcascade.core.run import Finding
-    from winchcascade.reduction.montecarlo import Uncertainty
+    from winchcascade.reduction.bins import Bin
+    from winchcascade.reduction.montecarlo import Interval, Uncertainty
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
     from winchcascade.reduction.uncertainty import Contribution
 
@@ -38,16 +39,8 @@ MOST_REASONS = 3
 MOST_BINS = 80
 """Bins that a table lists; of more an even selection."""
 
-SYMBOL = {
-    "energy_line": "E_line", "energy_mech": "E_mech", "energy_gen": "E_gen", "power_line": "P_line", "power_mech": "P_mech",
-    "power_gen": "P_gen", "eta_trans": "η_trans", "eta_gen": "η_gen", "eta_pto": "η_pto", "energy_payout": "E_payout",
-    "energy_returned": "E_returned", "energy_net": "E_net", "energy_gen_cycle": "E_gen, cycle", "eta_net": "η_net",
-}  # fmt: skip
-"""Symbols of the metrics; what follows the underscore is set low."""
-
 UNIT = {m: "J" if m.startswith("energy") else "W" if m.startswith("power") else "" for m in ALL_METRICS}
 DECIMALS = {m: 3 if m.startswith("eta") else 0 for m in ALL_METRICS}
-_KGCM2 = KGF * 1e4
 
 
 _STAGE = {"line": "the line (force times speed)", "mech": "the shaft", "gen": "the DC link (Vdc times Idc)"}
@@ -74,54 +67,6 @@ def _four(value: float | None, metric: str) -> str:
     return number(value, 3 - math.floor(math.log10(abs(value))))
 
 
-def cycles_table(reduction: Reduction, found: Uncertainty) -> Table:
-    """Energies, mean powers and efficiencies of every cycle, their mean, its uncertainty and the largest deviation."""
-    given = [m for m in METRICS if any(getattr(c.metrics, m) is not None for c in reduction.cycles)]
-    n = len(reduction.complete)
-    more = "; the mean's uncertainty adds the repeatability" if n > 1 else ""
-    incomplete = "" if n == len(reduction.cycles) else " A cycle in brackets is incomplete and not in the mean."
-    columns = [
-        TableColumn("Window", "s", 2, of=lambda c: c.window.cutoff - c.window.onset),
-        *_metric_columns(reduction, found, given),
-    ]
-    columns.insert(0, TableColumn("Cycle", text=True, of=label))
-    return make_table(
-        "cycles",
-        "Cycles: energies E over the integration window, mean powers P in it, efficiencies η." + incomplete,
-        columns,
-        _cycle_rows(columns, reduction.cycles),
-        below=_means(reduction, found, given, n),
-        note=metrics_note(given)
-        + (f"Digits of a cycle are those that the sensors' errors allow{more}." if found.method else ""),
-    )
-
-
-def net_table(reduction: Reduction, found: Uncertainty) -> Table | None:
-    """Energies of every whole cycle, from onset to next onset, and their means; None where no cycle has any."""
-    given = [m for m in NET_METRICS if any(getattr(c.metrics, m) is not None for c in reduction.cycles)]
-    if not given:
-        return None
-    n = sum(c.metrics.energy_net is not None for c in reduction.complete)
-    reasons = net_reasons(reduction.cycles)
-    missing = f"Without net energies: {'; '.join(reasons[:MOST_REASONS])}. " if reasons else ""
-    ratio = "; η_net = E_gen, cycle / E_net" if "eta_net" in given else ""
-    columns = [
-        TableColumn("Cycle", text=True, of=label),
-        TableColumn("Onset to onset", "s", 2, of=lambda c: c.net.end - c.net.begin),
-        *_metric_columns(reduction, found, given),
-    ]
-    return make_table(
-        "net",
-        "Whole cycles: line energy of the payout, line energy returned in haul-in, and net line energy from onset to "
-        "next onset.",
-        columns,
-        _cycle_rows(columns, reduction.cycles),
-        below=_means(reduction, found, given, n),
-        note=f"{missing}These energies do not depend on the integration window{ratio}. The zero of the force cell cancels in "
-        "E_net, its gain does not.",
-    )
-
-
 def _metric_columns(reduction: Reduction, found: Uncertainty, given: Sequence[str]) -> list[TableColumn[CycleResult]]:
     """Columns of metrics with the digits that the uncertainty of each cycle allows."""
     of = {c.cycle: u for c, u in zip(reduction.cycles, found.budget.cycles, strict=True)}
@@ -133,65 +78,116 @@ def _metric_columns(reduction: Reduction, found: Uncertainty, given: Sequence[st
     return [TableColumn(SYMBOL[m], UNIT[m], of=partial(text, m)) for m in given]
 
 
+def _given(reduction: Reduction, metrics: Sequence[str]) -> list[str]:
+    """Metrics that any cycle has."""
+    return [m for m in metrics if any(getattr(c.metrics, m) is not None for c in reduction.cycles)]
+
+
+def cycles_table(reduction: Reduction, found: Uncertainty) -> Table:
+    """Energies, mean powers and efficiencies of every cycle, their mean, its uncertainty and the largest deviation."""
+    given, n = _given(reduction, METRICS), len(reduction.complete)
+    more = "; the mean's uncertainty adds the repeatability" if n > 1 else ""
+    incomplete = "" if n == len(reduction.cycles) else " A cycle in brackets is incomplete and not in the mean."
+    columns: list[TableColumn[CycleResult]] = [
+        _CYCLE,
+        TableColumn("Window", "s", 2, of=lambda c: c.window.cutoff - c.window.onset),
+        *_metric_columns(reduction, found, given),
+    ]
+    return make_table(
+        "cycles",
+        "Cycles: energies E over the integration window, mean powers P in it, efficiencies η." + incomplete,
+        columns,
+        rows_of(columns, reduction.cycles, most=MOST_CYCLES),
+        below=_means(reduction, found, given, n),
+        note=metrics_note(given)
+        + (f"Digits of a cycle are those that the sensors' errors allow{more}." if found.method else ""),
+    )
+
+
+def net_table(reduction: Reduction, found: Uncertainty) -> Table | None:
+    """Energies of every whole cycle, from onset to next onset, and their means; None where no cycle has any."""
+    given = _given(reduction, NET_METRICS)
+    if not given:
+        return None
+    reasons = net_reasons(reduction.cycles)
+    missing = f"Without net energies: {'; '.join(reasons[:MOST_REASONS])}. " if reasons else ""
+    ratio = "; η_net = E_gen, cycle / E_net" if "eta_net" in given else ""
+    columns: list[TableColumn[CycleResult]] = [
+        _CYCLE,
+        TableColumn("Onset to onset", "s", 2, of=lambda c: c.net.end - c.net.begin),
+        *_metric_columns(reduction, found, given),
+    ]
+    return make_table(
+        "net",
+        "Whole cycles: line energy of the payout, line energy returned in haul-in, and net line energy from onset to "
+        "next onset.",
+        columns,
+        rows_of(columns, reduction.cycles, most=MOST_CYCLES),
+        below=_means(reduction, found, given, sum(c.metrics.energy_net is not None for c in reduction.complete)),
+        note=f"{missing}These energies do not depend on the integration window{ratio}. The zero of the force cell cancels in "
+        "E_net, its gain does not.",
+    )
+
+
 def _means(reduction: Reduction, found: Uncertainty, given: Sequence[str], n: int) -> list[tuple[str, ...]]:
     """Rows below those of the cycles: the mean over n cycles, its uncertainty and the largest deviation."""
-    below: list[tuple[str, ...]] = []
-    if n and given:
-        below.append((f"mean of {n}", "", *(mean_text(reduction, found, m) for m in given)))
-    if any(m in found.method for m in given):
-        below.append(("standard uncertainty", "", *(uncertain(getattr(found.standard, m)) for m in given)))
-        below.append(("95 % interval, from", "", *(end_text(found, m, "low") for m in given)))
-        below.append(("to", "", *(end_text(found, m, "high") for m in given)))
-    if n > 1 and given:
-        deviation = reduction.max_deviation_percent
-        below.append(("largest deviation (%)", "", *(number(getattr(deviation, m), 2) for m in given)))
-    return below
+    stated_u = any(m in found.method for m in given)
+    rows: tuple[tuple[str, bool, Callable[[str], str]], ...] = (
+        (f"mean of {n}", n > 0, partial(mean_text, reduction, found)),
+        ("standard uncertainty", stated_u, lambda m: uncertain(getattr(found.standard, m))),
+        ("95 % interval, from", stated_u, lambda m: end_text(found, m, "low")),
+        ("to", stated_u, lambda m: end_text(found, m, "high")),
+        ("largest deviation (%)", n > 1, lambda m: number(getattr(reduction.max_deviation_percent, m), 2)),
+    )
+    return [(name, "", *map(text, given)) for name, wanted, text in rows if wanted and given]
 
 
 def metrics_note(given: Sequence[str]) -> str:
     """What the symbols of some metrics mean."""
     stages = [f"{s}, {what}" for s, what in _STAGE.items() if f"energy_{s}" in given or f"power_{s}" in given]
     ratios = [f"{SYMBOL[m]} = {SYMBOL[up]} / {SYMBOL[low]}" for m, (up, low) in RATIOS.items() if m in given]
-    told = f"Subscripts: {'; '.join(stages)}" if stages else ""
-    return "".join(f"{text}. " for text in (told, ", ".join(ratios)) if text)
+    subscripts = f"Subscripts: {'; '.join(stages)}" if stages else ""
+    return "".join(f"{text}. " for text in (subscripts, ", ".join(ratios)) if text)
 
 
-def end_text(found: Uncertainty, metric: str, end: str) -> str:
+def end_text(found: Uncertainty, metric: str, end: Literal["low", "high"]) -> str:
     """One end of a 95 % interval, with the digits of the standard uncertainty."""
     interval, u = found.interval_95.get(metric), getattr(found.standard, metric)
-    return "–" if interval is None or not u else number(getattr(interval, end), places(u))
+    return "–" if interval is None or not u else number(asdict(interval)[end], places(u))
 
 
-def _cycle_rows(columns: Sequence[TableColumn[CycleResult]], cycles: Sequence[CycleResult]) -> list[tuple[Cell, ...]]:
-    """Rows of the cycles, of many the first and the last ones."""
-    return rows_of(columns, cycles, most=MOST_CYCLES)
+_CYCLE: TableColumn[CycleResult] = TableColumn("Cycle", text=True, of=label)
 
 
-def _plateau(name: str, cycle: CycleResult) -> float | None:
-    flat = cycle.summary.payout.plateau
-    return None if flat is None else asdict(flat)[name]
+def _phase_columns(*columns: tuple[str, str, int, str, str]) -> list[TableColumn[CycleResult]]:
+    """Columns of the summaries of phases: name, unit, decimals, phase and field."""
+    return [
+        TableColumn(name, unit, digits, of=partial(of_phase, phase, field))
+        for name, unit, digits, phase, field in columns
+    ]
 
 
 def payouts_table(reduction: Reduction) -> Table:
     """Payout of every cycle: instants, travel, and time means over its plateau."""
     zero = clock_zero(reduction.run)
     columns: list[TableColumn[CycleResult]] = [
-        TableColumn("Cycle", text=True, of=label),
+        _CYCLE,
         TableColumn("Onset", "s", 2, of=lambda c: c.phases.onset - zero),
-        TableColumn("Payout", "s", 2, of=lambda c: c.summary.payout.duration),
-        TableColumn("Travel", "m", 2, of=lambda c: c.summary.payout.travel),
-        TableColumn("v_max", "m/s", 2, of=lambda c: c.summary.payout.speed_max),
-        TableColumn("v_plateau", "m/s", 3, of=partial(_plateau, "speed")),
-        TableColumn("F", "N", of=partial(_plateau, "force")),
-        TableColumn("τ", "N·m", 1, of=partial(_plateau, "torque")),
-        *(TableColumn(SYMBOL[f"power_{s}"], "W", of=partial(_plateau, f"power_{s}")) for s in STAGES),
+        *_phase_columns(
+            ("Payout", "s", 2, "payout", "duration"),
+            ("Travel", "m", 2, "payout", "travel"),
+            ("v_max", "m/s", 2, "payout", "speed_max"),
+            ("v_plateau", "m/s", 3, "plateau", "speed"),
+            ("F", "N", 0, "plateau", "force"),
+            ("τ", "N·m", 1, "plateau", "torque"),
+            *((SYMBOL[f"power_{s}"], "W", 0, "plateau", f"power_{s}") for s in STAGES),
+        ),
     ]
     note = (
-        f"Onset: when the payout begins{_since(zero)}. v: line velocity; F: line force; τ: torque behind the clutch. "
+        f"Onset: when the payout begins{_since(zero)}. v: line velocity; F: line tension; τ: torque of the PTO shaft. "
         "Plateau: the stretch of steady speed."
     )
-    caption = "Payouts, with time means over the plateau."
-    return _without_empty(make_table("payouts", caption, columns, _cycle_rows(columns, reduction.cycles), note=note))
+    return _phases_table("payouts", "Payouts, with time means over the plateau.", columns, reduction, note)
 
 
 def _since(zero: float) -> str:
@@ -199,78 +195,68 @@ def _since(zero: float) -> str:
     return f", counted from {zero:.2f} s on the log's clock" if zero else ""
 
 
-def _hold(name: str, cycle: CycleResult) -> float | None:
-    hold = cycle.summary.hold
-    return None if hold is None else asdict(hold)[name]
-
-
-def _pressure(cycle: CycleResult) -> float | None:
-    pressure = _hold("pressure", cycle)
-    return None if pressure is None else pressure / _KGCM2
-
-
-def _haul_in(name: str, cycle: CycleResult) -> float | None:
-    haul_in = cycle.summary.haul_in
-    return None if haul_in is None else asdict(haul_in)[name]
-
-
-_HOLD_COLUMNS: tuple[TableColumn[CycleResult], ...] = (
-    TableColumn("Cycle", text=True, of=label),
-    TableColumn("Hold", "s", 2, of=partial(_hold, "duration")),
-    TableColumn("F_hold", "N", of=partial(_hold, "force")),
-    TableColumn("τ_hold", "N·m", 1, of=partial(_hold, "torque")),
-    TableColumn("p_hold", "kg/cm²", 2, of=_pressure),
-    TableColumn("Haul-in", "s", 2, of=partial(_haul_in, "duration")),
-    TableColumn("v_max", "m/s", 2, of=partial(_haul_in, "speed_max")),
-    TableColumn("F_mean", "N", of=partial(_haul_in, "force")),
-    TableColumn("F_min", "N", of=partial(_haul_in, "force_min")),
-    TableColumn("E_line", "J", of=partial(_haul_in, "energy_line")),
-)
-
-
 def holds_table(reduction: Reduction) -> Table:
     """Hold and haul-in of every cycle."""
-    return _without_empty(
-        make_table(
-            "holds",
-            "Holds and haul-ins: time means; the energy of a haul-in is returned to the line and negative.",
-            _HOLD_COLUMNS,
-            _cycle_rows(_HOLD_COLUMNS, reduction.cycles),
-            note="F: line force; τ: torque behind the clutch; p: accumulator pressure, gauge; v: line speed of the haul-in.",
-        )
-    )
+    columns = [
+        _CYCLE,
+        *_phase_columns(
+            ("Hold", "s", 2, "hold", "duration"),
+            ("F_hold", "N", 0, "hold", "force"),
+            ("τ_hold", "N·m", 1, "hold", "torque"),
+            ("p_hold", "kg/cm²", 2, "hold", "pressure"),
+            ("Haul-in", "s", 2, "haul_in", "duration"),
+            ("v_max", "m/s", 2, "haul_in", "speed_max"),
+            ("F_mean", "N", 0, "haul_in", "force"),
+            ("F_min", "N", 0, "haul_in", "force_min"),
+            ("E_line", "J", 0, "haul_in", "energy_line"),
+        ),
+    ]
+    caption = "Holds and haul-ins: time means; the energy of a haul-in is returned to the line and negative."
+    note = "F: line tension; τ: torque of the PTO shaft; p: accumulator pressure, gauge; v: line speed of the haul-in."
+    return _phases_table("holds", caption, columns, reduction, note)
+
+
+def _phases_table(
+    name: str, caption: str, columns: Sequence[TableColumn[CycleResult]], reduction: Reduction, note: str
+) -> Table:
+    """A row for each cycle, without the columns that hold nothing."""
+    rows = rows_of(columns, reduction.cycles, most=MOST_CYCLES)
+    used = [k for k in range(len(columns)) if k == 0 or any(row[k] not in (None, "") for row in rows)]
+    return make_table(name, caption, [columns[k] for k in used], [[row[k] for k in used] for row in rows], note=note)
 
 
 def bins_table(reduction: Reduction) -> Table | None:
     """Mean powers in bins of generator speed; None where that speed is unknown."""
+    columns: list[TableColumn[Bin]] = [
+        TableColumn(
+            "Generator speed", "rpm", text=True, of=lambda b: f"{number(b.rpm_low, 0)} to {number(b.rpm_high, 0)}"
+        ),
+        TableColumn("Samples", of=lambda b: b.count),
+    ]
     stages = [s for s in STAGES if any(b.power.get(s) is not None for b in reduction.bins)]
-    if not reduction.bins or not stages:
-        return None
-    rows = []
-    step = -(-len(reduction.bins) // MOST_BINS)
-    for b in reduction.bins[::step]:
-        powers: list[str] = []
-        for s in stages:
-            error = b.standard_error.get(s)
-            powers += [stated(b.power.get(s), error, 0), uncertain(error)]
-        rows.append((f"{number(b.rpm_low, 0)} to {number(b.rpm_high, 0)}", f"{b.count}", *powers))
-    return Table(
-        id="bins",
-        caption="Mean powers of the payouts in bins of generator speed, with the standard error of their samples.",
-        head=("Generator speed", "Samples", *(h for s in stages for h in (SYMBOL[f"power_{s}"], "±"))),
-        units=("rpm", "", *("W" for _ in stages for _ in range(2))),
-        rows=tuple(rows),
-        note=("" if len(rows) == len(reduction.bins) else f"{len(rows)} of {len(reduction.bins)} bins, evenly chosen. ")
-        + "The standard error takes samples as independent, which smooth motion makes too small.",
-    )
+    for s in stages:
+        columns += [
+            TableColumn(SYMBOL[f"power_{s}"], "W", of=partial(_power_text, s)),
+            TableColumn("±", "W", of=partial(_error_text, s)),
+        ]
+    rows = rows_of(columns, reduction.bins[:: max(1, -(-len(reduction.bins) // MOST_BINS))])
+    note = "" if len(rows) == len(reduction.bins) else f"{len(rows)} of {len(reduction.bins)} bins, evenly chosen. "
+    note += "The standard error takes samples as independent, which smooth motion makes too small."
+    caption = "Mean powers of the payouts in bins of generator speed, with the standard error of their samples."
+    return make_table("bins", caption, columns, rows, note=note) if stages else None
+
+
+def _power_text(stage: str, b: Bin) -> str:
+    return stated(b.power.get(stage), b.standard_error.get(stage), 0)
+
+
+def _error_text(stage: str, b: Bin) -> str:
+    return uncertain(b.standard_error.get(stage))
 
 
 def findings_table(reduction: Reduction) -> Table | None:
     """What was found wrong with the log and what was done; None for a clean log."""
-    quality, samples = reduction.quality, reduction.run.samples
-    if not quality:
-        return None
-    zero = clock_zero(reduction.run)
+    quality, samples, zero = reduction.quality, reduction.run.samples, clock_zero(reduction.run)
     columns: list[TableColumn[Finding]] = [
         TableColumn("Finding", text=True, of=lambda f: f.kind.replace("_", " ")),
         TableColumn("Channel", text=True, of=lambda f: f.channel or ""),
@@ -285,85 +271,67 @@ def findings_table(reduction: Reduction) -> Table | None:
         rows.append((f"… {len(quality) - MOST_FINDINGS} more", *[""] * 6))
     note = f"Times are{_since(zero).lstrip(',')}." if zero else ""
     caption = "Findings: what is wrong with the log, and what was done about it."
-    return make_table("findings", caption, columns, rows, note=note)
+    return make_table("findings", caption, columns, rows, note=note) if quality else None
 
 
-def _without_empty(table: Table) -> Table:
-    """A table without the columns that hold nothing but dashes."""
-    used = [k for k in range(len(table.head)) if k == 0 or any(row[k] not in ("", "–") for row in table.rows)]
-    return replace(
-        table,
-        head=tuple(table.head[k] for k in used),
-        units=tuple(table.units[k] for k in used),
-        rows=tuple(tuple(row[k] for k in used) for row in table.rows),
-        text_columns=tuple(n for n, k in enumerate(used) if k in table.text_columns),
-    )
+_METRIC: tuple[TableColumn[str], ...] = (
+    TableColumn("Metric", text=True, of=SYMBOL.__getitem__),
+    TableColumn("Unit", text=True, of=UNIT.__getitem__),
+)
 
 
 def repeatability_table(reduction: Reduction, found: Uncertainty) -> Table | None:
     """Scatter of the complete cycles: largest deviation, which cycle has it, and s/sqrt(N); None for fewer than two."""
-    complete = reduction.complete
-    if len(complete) < 2:
-        return None
-    rows = []
-    for m in ALL_METRICS:
-        mean = getattr(reduction.mean, m)
-        counted = [c for c in complete if getattr(c.metrics, m) is not None]
-        if mean is None or len(counted) < 2:
-            continue
-        values = [getattr(c.metrics, m) for c in counted]
-        far = max(counted, key=lambda c: abs(getattr(c.metrics, m) - mean))
-        u = getattr(found.budget.repeatability, m)
-        rows.append((
-            SYMBOL[m], UNIT[m], mean_text(reduction, found, m),
-            stated(min(values), u, DECIMALS[m]), stated(max(values), u, DECIMALS[m]),
-            number(getattr(reduction.max_deviation_percent, m), 2), f"{far.cycle}", uncertain(u * math.sqrt(len(values))),
-            uncertain(u),
-        ))  # fmt: skip
-    if not rows:
-        return None
-    return Table(
-        id="repeatability",
-        caption=f"Repeatability of {len(complete)} complete cycles.",
-        head=("Metric", "Unit", "Mean", "Least", "Largest", "Largest deviation", "in cycle", "s", "s/√N"),
-        units=("", "", "", "", "", "%", "", "", ""),
-        rows=tuple(rows),
-        text_columns=(0, 1),
-        note="The largest deviation of a cycle from the mean, in percent of the mean. s: standard deviation of a cycle; "
-        "s/√N: of the mean of the N cycles; of net energies, of those that are whole.",
+    mean, scatter = asdict(reduction.mean), asdict(found.budget.repeatability)
+    values = {
+        m: {c.cycle: x for c in reduction.complete if (x := getattr(c.metrics, m)) is not None} for m in ALL_METRICS
+    }
+    given = [m for m in ALL_METRICS if mean[m] is not None and len(values[m]) > 1]
+    columns: list[TableColumn[str]] = [
+        *_METRIC,
+        TableColumn("Mean", of=partial(mean_text, reduction, found)),
+        TableColumn("Least", of=lambda m: stated(min(values[m].values()), scatter[m], DECIMALS[m])),
+        TableColumn("Largest", of=lambda m: stated(max(values[m].values()), scatter[m], DECIMALS[m])),
+        TableColumn("Largest deviation", "%", 2, of=asdict(reduction.max_deviation_percent).__getitem__),
+        TableColumn("in cycle", of=lambda m: f"{max(values[m], key=lambda k: abs(values[m][k] - mean[m]))}"),
+        TableColumn("s", of=lambda m: uncertain(scatter[m] * math.sqrt(len(values[m])))),
+        TableColumn("s/√N", of=lambda m: uncertain(scatter[m])),
+    ]
+    caption = f"Repeatability of {len(reduction.complete)} complete cycles."
+    note = (
+        "The largest deviation of a cycle from the mean, in percent of the mean. s: standard deviation of a cycle; "
+        "s/√N: of the mean of the N cycles; of net energies, of those that are whole."
     )
+    return make_table("repeatability", caption, columns, rows_of(columns, given), note=note) if given else None
 
 
 def uncertainty_table(reduction: Reduction, found: Uncertainty) -> Table | None:
     """Uncertainty of each mean: of the sensors, of the repeatability, together, and the 95 % interval; None without any."""
-    known = found.budget
-    if not found.method:
-        return None
-    rows = []
-    for m in ALL_METRICS:
-        mean, u = getattr(reduction.mean, m), getattr(found.standard, m)
-        if mean is None:
-            continue
-        freedom = getattr(known.freedom, m)
-        alone = found.interval_95_sensors.get(m)
-        rows.append((
-            SYMBOL[m], UNIT[m], stated(mean, u, DECIMALS[m]), uncertain(getattr(known.sensors, m)),
-            uncertain(getattr(known.repeatability, m)), uncertain(u),
-            "–" if freedom is None else "∞" if freedom > 1000 else number(freedom, 0 if freedom >= 10 else 1),
-            f"{end_text(found, m, 'low')} to {end_text(found, m, 'high')}" if u else "–",
-            "–" if alone is None else _span(alone.low, alone.high, getattr(known.sensors, m)),
-        ))  # fmt: skip
-    if not rows:
-        return None
-    return Table(
-        id="uncertainty",
-        caption="Standard uncertainty u of the means and 95 % intervals.",
-        head=("Metric", "Unit", "Mean", "u, sensors", "u, cycles", "u", "ν", "95 % interval", "these cycles alone"),
-        units=("", "", "", "", "", "", "", "", ""),
-        rows=tuple(rows),
-        text_columns=(0, 1),
-        note=_how_stated(found),
-    )
+    mean, u, known, alone = asdict(reduction.mean), asdict(found.standard), found.budget, found.interval_95_sensors
+    sensors, scatter, freedom = asdict(known.sensors), asdict(known.repeatability), asdict(known.freedom)
+    given = [m for m in ALL_METRICS if mean[m] is not None]
+    columns: list[TableColumn[str]] = [
+        *_METRIC,
+        TableColumn("Mean", of=lambda m: stated(mean[m], u[m], DECIMALS[m])),
+        TableColumn("u, sensors", of=lambda m: uncertain(sensors[m])),
+        TableColumn("u, cycles", of=lambda m: uncertain(scatter[m])),
+        TableColumn("u", of=lambda m: uncertain(u[m])),
+        TableColumn("ν", of=lambda m: _freedom_text(freedom[m])),
+        TableColumn("95 % interval", of=lambda m: _span(found.interval_95.get(m), u[m])),
+        TableColumn("these cycles alone", of=lambda m: _span(alone.get(m), sensors[m])),
+    ]
+    caption = "Standard uncertainty u of the means and 95 % intervals."
+    table = make_table("uncertainty", caption, columns, rows_of(columns, given), note=_how_stated(found))
+    return table if found.method and given else None
+
+
+def _freedom_text(freedom: float | None) -> str:
+    """Effective degrees of freedom, infinite from where they make no difference."""
+    return "∞" if freedom is not None and freedom > 1000 else number(freedom, 0 if (freedom or 0.0) >= 10 else 1)
+
+
+def _span(ends: Interval | None, u: float | None) -> str:
+    return f"{number(ends.low, places(u))} to {number(ends.high, places(u))}" if ends is not None and u else "–"
 
 
 def unknown_words(found: Uncertainty) -> str:
@@ -375,18 +343,13 @@ def unknown_words(found: Uncertainty) -> str:
 
 def _how_stated(found: Uncertainty) -> str:
     """Where the stated uncertainties come from."""
-    by_draws = [SYMBOL[m] for m in ALL_METRICS if found.method.get(m) == "monte_carlo"]
-    which = "the Monte Carlo confirms the budget of every metric"
-    if by_draws:
-        which = f"of {', '.join(by_draws)} the Monte Carlo's u is stated, as the errors do not act linearly"
+    by_draws = ", ".join(SYMBOL[m] for m in ALL_METRICS if found.method.get(m) == "monte_carlo")
+    which = f"of {by_draws} the Monte Carlo's u is stated, as the errors do not act linearly"
     return (
-        f"Monte Carlo of {found.draws} draws, seed {found.seed}: {which}. ν: effective degrees of freedom. 'These cycles "
-        "alone' leaves the repeatability out: it is what the sensors leave open of the very cycles of this log."
+        f"Monte Carlo of {found.draws} draws, seed {found.seed}: "
+        f"{which if by_draws else 'the Monte Carlo confirms the budget of every metric'}. ν: effective degrees of freedom. "
+        "'These cycles alone' leaves the repeatability out: it is what the sensors leave open of the very cycles of this log."
     )
-
-
-def _span(low: float, high: float, u: float | None) -> str:
-    return f"{number(low, places(u))} to {number(high, places(u))}" if u else "–"
 
 
 def budget_table(found: Uncertainty, source: str = "") -> Table | None:
@@ -398,22 +361,20 @@ def budget_table(found: Uncertainty, source: str = "") -> Table | None:
     """
     known = found.budget
     metrics = [m for m in (*METRICS[6:], "eta_net", *METRICS[:3]) if getattr(known.mean, m)]
-    if not metrics:
-        return None
-    rows = [(*_about(r), *(percent(getattr(shares(r.of, known.mean), m) or None) for m in metrics)) for r in known.rows]
+    rows = [(_about(r), shares(r.of, known.mean)) for r in known.rows]
     scatter = shares(known.repeatability, known.mean)
-    rows.append(("repeatability", "", "normal", "", "cycles", *(percent(getattr(scatter, m)) for m in metrics)))
-    return Table(
-        id="budget",
-        caption="Uncertainty budget: share of the variance of each mean, in percent.",
-        head=("Source", "Limit", "Distribution", "u", "From", *(SYMBOL[m] for m in metrics)),
-        units=("", "", "", "", "", *("%" for _ in metrics)),
-        rows=tuple(rows),
-        text_columns=(0, 1, 2, 3, 4),
-        note="Errors of a sensor are the same over the whole log, so they do not average out over its cycles. A limit in "
-        "shares of the full scale is half zero and half gain error. u: standard uncertainty of the error."
-        + _from(source),
+    cells = [(*about, *(percent(getattr(share, m) or None) for m in metrics)) for about, share in rows]
+    cells.append(("repeatability", "", "normal", "", "cycles", *(percent(getattr(scatter, m)) for m in metrics)))
+    columns: list[TableColumn[str]] = [
+        *(TableColumn(name, text=True) for name in ("Source", "Limit", "Distribution", "u", "From")),
+        *(TableColumn(SYMBOL[m], "%") for m in metrics),
+    ]
+    caption = "Uncertainty budget: share of the variance of each mean, in percent."
+    note = (
+        "Errors of a sensor are the same over the whole log, so they do not average out over its cycles. A limit in "
+        f"shares of the full scale is half zero and half gain error. u: standard uncertainty of the error.{_from(source)}"
     )
+    return make_table("budget", caption, columns, cells, note=note) if metrics else None
 
 
 def _from(source: str) -> str:
@@ -425,9 +386,8 @@ def _about(row: Contribution) -> tuple[str, str, str, str, str]:
     source = row.source
     if source is None:
         return source_name(None), "", "rectangular", "", "data beside the gaps"
-    if source.part == "gain" or source.channel == R_DRUM:
-        factor, unit = 100.0, "%"
-    else:
+    factor, unit = 100.0, "%"
+    if source.part != "gain" and source.channel != R_DRUM:
         factor, unit = 1.0, si_unit(CHANNELS[source.channel].dimension).replace(".", "·")
     limit = "" if source.limit is None else f"{significant(source.limit * factor)} {unit}"
     return source_name(source), limit, source.shape, f"{significant(source.u * factor)} {unit}", source.origin or "–"
@@ -435,42 +395,40 @@ def _about(row: Contribution) -> tuple[str, str, str, str, str]:
 
 def sensors_table(reduction: Reduction) -> Table | None:
     """Sensors of the channels of the log, as the rig file states them."""
-    rows = []
-    for name, sensor in reduction.rig.sensors.items():
-        if name not in reduction.run.channels:
-            continue
-        known = find_unit(sensor.unit)
-        factor = 1.0 if known is None else known.factor
-        ends = (
-            "–"
-            if sensor.high is None
-            else f"{_given(sensor.low or 0.0, factor)} to {_given(sensor.high, factor)} {sensor.unit}"
-        )
-        rows.append((name, sensor.instrument or "–", ends, _accuracy(sensor, factor), sensor.source or "–"))
-    if not rows:
-        return None
-    return Table(
-        id="sensors",
-        caption="Sensors, as the rig file states them; accuracies are limits.",
-        head=("Channel", "Instrument", "Range", "Accuracy", "From"),
-        units=("", "", "", "", ""),
-        rows=tuple(rows),
-        text_columns=(0, 1, 2, 3, 4),
-        note=_from(reduction.rig.source).strip(),
-    )
+    sensors = [(name, sensor) for name, sensor in reduction.rig.sensors.items() if name in reduction.run.channels]
+    columns: list[TableColumn[tuple[str, Sensor]]] = [
+        TableColumn("Channel", text=True, of=lambda item: item[0]),
+        TableColumn("Instrument", text=True, of=lambda item: item[1].instrument or "–"),
+        TableColumn("Range", text=True, of=lambda item: _range(item[1])),
+        TableColumn("Accuracy", text=True, of=lambda item: _accuracy(item[1])),
+        TableColumn("From", text=True, of=lambda item: item[1].source or "–"),
+    ]
+    caption = "Sensors, as the rig file states them; accuracies are limits."
+    note = _from(reduction.rig.source).strip()
+    return make_table("sensors", caption, columns, rows_of(columns, sensors), note=note) if sensors else None
 
 
-def _given(value: float, factor: float = 1.0) -> str:
-    """A number of a rig file, in the file's own unit."""
-    return f"{value / factor:.6g}".replace("-", MINUS)
+def _in_unit(value: float, sensor: Sensor) -> str:
+    """A number of a sensor, in the unit that the rig file gives it."""
+    unit = find_unit(sensor.unit)
+    return _given_number(value / (1.0 if unit is None else unit.factor))
 
 
-def _accuracy(sensor: Sensor, factor: float) -> str:
-    parts = []
-    if sensor.accuracy_full_scale is not None:
-        parts.append(f"{_given(100.0 * sensor.accuracy_full_scale)} % of full scale")
-    if sensor.accuracy_reading is not None:
-        parts.append(f"{_given(100.0 * sensor.accuracy_reading)} % of the reading")
-    if sensor.accuracy is not None:
-        parts.append(f"{_given(sensor.accuracy, factor)} {sensor.unit}")
-    return " and ".join(parts) or "not stated"
+def _given_number(value: float) -> str:
+    return f"{value:.6g}".replace("-", MINUS)
+
+
+def _range(sensor: Sensor) -> str:
+    if sensor.high is None:
+        return "–"
+    return f"{_in_unit(sensor.low or 0.0, sensor)} to {_in_unit(sensor.high, sensor)} {sensor.unit}"
+
+
+def _accuracy(sensor: Sensor) -> str:
+    full, reading, own = sensor.accuracy_full_scale, sensor.accuracy_reading, sensor.accuracy
+    parts = [
+        "" if full is None else f"{_given_number(100.0 * full)} % of full scale",
+        "" if reading is None else f"{_given_number(100.0 * reading)} % of the reading",
+        "" if own is None else f"{_in_unit(own, sensor)} {sensor.unit}",
+    ]
+    return " and ".join(part for part in parts if part) or "not stated"

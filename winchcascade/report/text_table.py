@@ -10,12 +10,15 @@ from winchcascade.report.report_model import Cell, T, TableColumn, rows_of
 WIDTH = 100
 
 
-def table_lines(rows: Sequence[Sequence[str]], *, left: Collection[int] = (0,), indent: str = "") -> list[str]:
+def table_lines(
+    rows: Sequence[Sequence[str]], *, left: Collection[int] = (0,), close: Collection[int] = (), indent: str = ""
+) -> list[str]:
     """Rows of texts in aligned columns, two spaces apart.
 
     Parameters
     ----------
     left : columns that are aligned to the left; all others are aligned to the right
+    close : columns that stand one space behind the one before them
 
     Examples
     --------
@@ -23,20 +26,12 @@ def table_lines(rows: Sequence[Sequence[str]], *, left: Collection[int] = (0,), 
     ['log    load', 'a.csv     9']
     """
     width = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    gaps = ["" if k == 0 else " " if k in close else "  " for k in range(len(width))]
     lines = []
     for row in rows:
         cells = [c.ljust(w) if k in left else c.rjust(w) for k, (c, w) in enumerate(zip(row, width, strict=True))]
-        lines.append(indent + "  ".join(cells).rstrip())
+        lines.append(indent + "".join(gap + cell for gap, cell in zip(gaps, cells, strict=True)).rstrip())
     return lines
-
-
-def plain_rows(columns: Sequence[TableColumn[T]], rows: Sequence[Sequence[Cell]]) -> list[list[str]]:
-    """Names of the columns, their units, then the texts of the cells of each row."""
-    return [
-        [column.name for column in columns],
-        [column.unit for column in columns],
-        *([plain_cell(cell, column.decimals) for cell, column in zip(row, columns, strict=True)] for row in rows),
-    ]
 
 
 def plain_cell(value: Cell, decimals: int = 0) -> str:
@@ -73,11 +68,26 @@ def listing(
     """
     half, rest = most // 2, len(items) - most
     shown = items if rest <= 0 else [*items[:half], *items[-half:]]
-    rows = [*plain_rows(columns, rows_of(columns, shown)), *below]
+    rows = [
+        [column.name for column in columns],
+        [column.unit for column in columns],
+        *([plain_cell(x, c.decimals) for x, c in zip(row, columns, strict=True)] for row in rows_of(columns, shown)),
+        *below,
+    ]
     lines = table_lines(without_empty(rows) if used else rows)
     if rest > 0:
         lines.insert(2 + half, f"... {rest} {more} ...")
     return lines
+
+
+def at_most(blocks: Sequence[list[str]], most: int, more: str, indent: str = "") -> list[str]:
+    """Lines of the first blocks, and how many more there are.
+
+    >>> at_most([["a"], ["b"], ["c"]], 1, "more, all in --json")
+    ['a', '... 2 more, all in --json']
+    """
+    lines = [line for block in blocks[:most] for line in block]
+    return lines if len(blocks) <= most else [*lines, f"{indent}... {len(blocks) - most} {more}"]
 
 
 def wrapped(text: str, indent: str = "", width: int = WIDTH) -> list[str]:

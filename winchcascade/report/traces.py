@@ -28,8 +28,8 @@ PANELS = (
     ("displacement", "Line displacement", "m", 1.0),
     ("velocity", "Line velocity", "m/s", 1.0),
     ("pressure", "Accumulator pressure, gauge", "kg/cm²", 1.0 / (KGF * 1e4)),
-    ("force", "Line force", "N", 1.0),
-    ("torque", "Torque behind the clutch", "N·m", 1.0),
+    ("force", "Line tension", "N", 1.0),
+    ("torque", "Torque of the PTO shaft", "N·m", 1.0),
     ("vdc", "Voltage of the DC link", "V", 1.0),
     ("idc", "Current of the DC link", "A", 1.0),
 )
@@ -99,7 +99,7 @@ def readout(run: Run, cycles: Sequence[CycleResult], powers: Mapping[str, Signal
     page = {
         "span": [float(run.t[0]) - zero, float(run.t[-1]) - zero],
         "label": time_label(run),
-        "cycles": [[c.cycle, c.phases.onset - zero - 1.0, _end(c) - zero] for c in cycles[:MOST_SPANS]],
+        "cycles": [[c.cycle, c.phases.onset - zero - 1.0, end_of(c) + 0.5 - zero] for c in cycles[:MOST_SPANS]],
         "times": np.round((run.t if whole else run.t[starts]) - zero, 3).tolist(),
         "traces": rows,
     }
@@ -111,6 +111,7 @@ def _short(x: Signal) -> list[float]:
     return [float(f"{value:.4g}") for value in x.tolist()]
 
 
-def _end(cycle: CycleResult) -> float:
+def end_of(cycle: CycleResult) -> float:
+    """End of the last phase of a cycle that the log holds. [s]"""
     phases = cycle.phases
-    return (phases.haul_in or phases.hold or (0.0, phases.payout_end))[1] + 0.5
+    return (phases.haul_in or phases.hold or (0.0, phases.payout_end))[1]

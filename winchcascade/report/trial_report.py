@@ -16,7 +16,7 @@ from winchcascade.report.diagnosis_names import display_of
 from winchcascade.report.digits import MINUS, number, places, significant
 from winchcascade.report.model_figures import legend_above
 from winchcascade.report.publish import publish
-from winchcascade.report.report_model import Note, Point, Report, Table, Tile
+from winchcascade.report.report_model import Note, Point, Report, Table, TableColumn, Tile, make_table, rows_of
 from winchcascade.report.report_parts import made_on, picture, provenance_table, section
 from winchcascade.report.style import COLOURS, WIDTH, house_style
 from winchcascade.report.trial_text import (
@@ -32,6 +32,7 @@ from winchcascade.report.trial_text import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from winchcascade.blind.score import CaseScore, ParameterScore, Score
@@ -133,65 +134,69 @@ def _provenance(score: Score, command: str) -> Table:
 
 
 # ---------------------------------------------------------------------------------------------------------- the tables
+def _count_columns(name: str, unit: str, cases: str) -> list[TableColumn[tuple[str, Count]]]:
+    """What is counted, and the count with its share and the 95 % interval of that."""
+    return [
+        TableColumn(name, unit, text=True, of=lambda row: row[0].strip()),
+        TableColumn(cases, of=lambda row: count_cells(row[1])[0]),
+        TableColumn("Share", of=lambda row: count_cells(row[1])[1]),
+        TableColumn("95 % interval", "Wilson", of=lambda row: count_cells(row[1])[2].removeprefix("95 %: ")),
+    ]
+
+
 def totals_table(score: Score) -> Table:
     """What came of all cases."""
-    rows = [(name.strip(), *_cells(count)) for name, count in totals(score) if count.of]
-    return Table(
-        id="totals",
-        caption="What came of the cases.",
-        head=("Outcome", "Cases", "Share", "95 % interval"),
-        units=("", "", "", "Wilson"),
-        rows=tuple(rows),
-        note="Misnamed: another effect was named; silent: no gap was seen; abstained: a gap was seen and left unexplained. "
-        "Outsiders hide something that is not in the catalogue: they are recognised if their gap is not called explained.",
+    columns = _count_columns("Outcome", "", "Cases")
+    note = (
+        "Misnamed: another effect was named; silent: no gap was seen; abstained: a gap was seen and left unexplained. "
+        "Outsiders hide something that is not in the catalogue: they are recognised if their gap is not called explained."
     )
+    rows = rows_of(columns, [row for row in totals(score) if row[1].of])
+    return make_table("totals", "What came of the cases.", columns, rows, note=note)
 
 
 def strengths_table(score: Score) -> Table | None:
     """Single effects that were named, by strength; None without any."""
-    rows = tuple((f"{strength:g}", *_cells(count)) for strength, count in score.strengths.items())
-    if not rows:
-        return None
-    return Table(
-        id="strengths",
-        caption="Single effects named, by the strength of the effect.",
-        head=("Strength", "Named", "Share", "95 % interval"),
-        units=("of full", "", "", "Wilson"),
-        rows=rows,
-        note="Full strength is the size at which an effect was chosen to stand clearly out of what is not known of the rig.",
+    columns = _count_columns("Strength", "of full", "Named")
+    rows = rows_of(columns, [(f"{strength:g}", count) for strength, count in score.strengths.items()])
+    caption = "Single effects named, by the strength of the effect."
+    note = (
+        "Full strength is the size at which an effect was chosen to stand clearly out of what is not known of the rig."
     )
+    return make_table("strengths", caption, columns, rows, note=note) if rows else None
+
+
+def _text_columns(*names: str) -> list[TableColumn[str]]:
+    return [TableColumn(name, text=True) for name in names]
 
 
 def taken_table(score: Score) -> Table:
     """What each hidden effect was taken for."""
-    return Table(
-        id="taken",
-        caption="What was hidden, how often, how often it was named, and what it was taken for otherwise.",
-        head=("Hidden", "Cases", "Named", "Otherwise taken for"),
-        units=("", "", "", "(cases)"),
-        rows=tuple((*cells, "–" if others == "-" else others) for *cells, others in taken_rows(score)),
-        text_columns=(0, 3),
-        note=f"“{NO_GAP}” is right where nothing is hidden, “{UNEXPLAINED}” where the cause is outside the catalogue.",
-    )
+    columns: list[TableColumn[tuple[str, ...]]] = [
+        TableColumn("Hidden", text=True, of=lambda row: row[0]),
+        TableColumn("Cases", of=lambda row: row[1]),
+        TableColumn("Named", of=lambda row: row[2]),
+        TableColumn("Otherwise taken for", "(cases)", text=True, of=lambda row: "–" if row[3] == "-" else row[3]),
+    ]
+    caption = "What was hidden, how often, how often it was named, and what it was taken for otherwise."
+    note = f"“{NO_GAP}” is right where nothing is hidden, “{UNEXPLAINED}” where the cause is outside the catalogue."
+    return make_table("taken", caption, columns, rows_of(columns, taken_rows(score)), note=note)
 
 
 def parameters_table(score: Score) -> Table | None:
     """Numbers of the named effects beside the truth; None without any."""
     rows = [(case.case, *_parameter(p)) for case in score.cases for p in case.parameters]
-    if not rows:
-        return None
-    return Table(
-        id="parameters",
-        caption="Numbers of the effects that were named, beside the truth.",
-        head=("Case", "Effect", "What changes", "Truth", "Found", "95 % interval", "Holds the truth"),
-        units=("",) * 7,
-        rows=tuple(rows),
-        text_columns=(0, 1, 2, 6),
-    )
+    columns = [
+        *_text_columns("Case", "Effect", "What changes"),
+        *(TableColumn(name) for name in ("Truth", "Found", "95 % interval")),
+        *_text_columns("Holds the truth"),
+    ]
+    caption = "Numbers of the effects that were named, beside the truth."
+    return make_table("parameters", caption, columns, rows) if rows else None
 
 
 def _parameter(p: ParameterScore) -> tuple[str, ...]:
-    """Cells of a number: as a diagnosis tells it, with the digits that its interval allows."""
+    """Cells of a number: as a diagnosis reports it, with the digits that its interval allows."""
     how = display_of(p.effect, p.parameter)
     what = f"{how.what}, {how.unit}" if how.unit else how.what
     if p.value is None or p.low is None or p.high is None:
@@ -204,50 +209,43 @@ def _parameter(p: ParameterScore) -> tuple[str, ...]:
     return (p.effect, what, truth, value, f"{low} to {high}", "yes" if p.covered else "no")
 
 
-def _cells(count: Count) -> tuple[str, str, str]:
-    """Cells of a count under a head that says that the interval is one of 95 %."""
-    part, share, interval = count_cells(count)
-    return part, share, interval.removeprefix("95 %: ")
-
-
-def _hidden(case: CaseScore) -> str:
-    return hidden_words(case).replace(" x ", " × ")
+_CASE: tuple[TableColumn[CaseScore], ...] = (
+    TableColumn("Case", text=True, of=lambda case: case.case),
+    TableColumn("Hidden", text=True, of=lambda case: hidden_words(case).replace(" x ", " × ")),
+)
 
 
 def closure_table(score: Score) -> Table | Note:
     """How much each diagnosis closed, as claimed and as computed again."""
-    rows = []
-    for case in score.cases:
-        if case.share_claimed is None and case.closure.share is None:
-            continue
-        claimed = "–" if case.share_claimed is None else share_text(case.share_claimed)
-        found = case.closure.fault or ("–" if case.closure.share is None else share_text(case.closure.share))
-        rows.append((case.case, _hidden(case), claimed, found))
-    if not rows:
-        return Note("No diagnosis claims to have closed anything.")
-    return Table(
-        id="closure",
-        caption="Share of the explainable gap that was closed on withheld logs: as claimed, and from the predicted logs.",
-        head=("Case", "Hidden", "Claimed", "Computed again"),
-        units=("",) * 4,
-        rows=tuple(rows),
-        text_columns=(0, 1),
-        note="Computed from means over blocks of 0.4 s while the line moves, the zeros of the sensors sought alike before and "
-        "after; the noise is that of the blocks themselves.",
+    claimed = [case for case in score.cases if case.share_claimed is not None or case.closure.share is not None]
+    columns: list[TableColumn[CaseScore]] = [
+        *_CASE,
+        TableColumn("Claimed", of=lambda case: _share(case.share_claimed)),
+        TableColumn("Computed again", of=lambda case: case.closure.fault or _share(case.closure.share)),
+    ]
+    caption = "Share of the explainable gap that was closed on withheld logs: as claimed, and from the predicted logs."
+    note = (
+        "Computed from means over blocks of 0.4 s while the line moves, the zeros of the sensors sought alike before and "
+        "after; the noise is that of the blocks themselves."
     )
+    if not claimed:
+        return Note("No diagnosis claims to have closed anything.")
+    return make_table("closure", caption, columns, rows_of(columns, claimed), note=note)
+
+
+def _share(value: float | None) -> str:
+    return "–" if value is None else share_text(value)
 
 
 def cases_table(score: Score) -> Table:
     """Every case."""
-    rows = [(c.case, _hidden(c), c.outcome.replace("_", " "), said_words(c)) for c in score.cases]
-    return Table(
-        id="cases",
-        caption="Every case: what was hidden, what came of it, and what was said.",
-        head=("Case", "Hidden", "Outcome", "Said"),
-        units=("",) * 4,
-        rows=tuple(rows),
-        text_columns=(0, 1, 2, 3),
-    )
+    columns: list[TableColumn[CaseScore]] = [
+        *_CASE,
+        TableColumn("Outcome", text=True, of=lambda case: case.outcome.replace("_", " ")),
+        TableColumn("Said", text=True, of=said_words),
+    ]
+    caption = "Every case: what was hidden, what came of it, and what was said."
+    return make_table("cases", caption, columns, rows_of(columns, score.cases))
 
 
 # --------------------------------------------------------------------------------------------------------- the figures
@@ -260,7 +258,9 @@ def taken_figure(score: Score) -> Figure | None:
     cases = score.of_kind("single", "none", "outsider")
     if not cases:
         return None
-    rows, columns = _rows(score, cases), _columns(score, cases)
+    hidden = {hidden_name(case) for case in cases}
+    rows = [name for name in hidden_order(score) if name in hidden]
+    columns = _columns(rows, {_column(case) for case in cases})
     counts, wrong = np.zeros((2, len(rows), len(columns)), dtype=int)
     for case in cases:
         place = rows.index(hidden_name(case)), columns.index(_column(case))
@@ -279,21 +279,13 @@ def taken_figure(score: Score) -> Figure | None:
     ax.set_xticks(range(len(columns)), columns, rotation=90, fontsize=6.5)
     ax.set_yticks(range(len(rows)), rows, fontsize=6.5)
     ax.xaxis.tick_top()
-    ax.set_xlim(-0.6, len(columns) - 0.4)
-    ax.set_ylim(len(rows) - 0.4, -0.6)
+    ax.set(xlim=(-0.6, len(columns) - 0.4), ylim=(len(rows) - 0.4, -0.6))
     return figure
 
 
-def _rows(score: Score, cases: tuple[CaseScore, ...]) -> list[str]:
-    hidden = {hidden_name(case) for case in cases}
-    return [name for name in hidden_order(score) if name in hidden]
-
-
-def _columns(score: Score, cases: tuple[CaseScore, ...]) -> list[str]:
+def _columns(rows: Sequence[str], taken: set[str]) -> list[str]:
     """Columns in the order of the rows, so that what is named stands on the diagonal."""
-    taken = {_column(case) for case in cases}
-    rows = [NO_GAP if name == NOTHING else name for name in _rows(score, cases)]
-    named = [name for name in rows if name in taken]
+    named = [name for name in (NO_GAP if row == NOTHING else row for row in rows) if name in taken]
     last = [name for name in (SEVERAL, UNEXPLAINED) if name in taken]
     return [*named, *sorted(taken - set(named) - set(last)), *last]
 
@@ -306,16 +298,12 @@ def _column(case: CaseScore) -> str:
 def coverage_figure(score: Score) -> Figure | None:
     """Draw each diagnosed parameter with its interval, less the truth, over the size of the true change."""
     found = []
-    for case in score.cases:
-        for p in case.parameters:
-            if p.value is None or p.low is None or p.high is None:
-                continue
-            absent = 1.0 if p.parameter in ("n", "k_e_ratio_at_10_a") else 0.0
-            size = abs(p.truth - absent)
+    for p in sorted((p for case in score.cases for p in case.parameters), key=lambda p: p.effect):
+        if p.value is not None and p.low is not None and p.high is not None:
+            size = abs(p.truth - (1.0 if p.parameter in ("n", "k_e_ratio_at_10_a") else 0.0))
             found.append((p.effect, p.covered, [(v - p.truth) / size for v in (p.value, p.low, p.high)]))
     if not found:
         return None
-    found.sort(key=lambda row: row[0])
     figure = Figure((WIDTH, 2.6))
     ax = figure.subplots()
     figure.subplots_adjust(left=0.09, right=0.985, top=0.91, bottom=0.36)

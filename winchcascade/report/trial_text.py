@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from statistics import median
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
-from winchcascade.blind.cases import ORIGIN
+from winchcascade.blind.cases import ORIGIN, SEALED
 from winchcascade.blind.injected import OUTSIDERS, PARTS
 from winchcascade.blind.score import NOTHING, Count, Score, hidden_name
-from winchcascade.blind.sealed_answers import SEALED
 from winchcascade.core.campaign_file import Origin, origin_words
-from winchcascade.report.campaign_text import altered_lines
-from winchcascade.report.text_table import table_lines
+from winchcascade.report.campaign_record import altered_lines
+from winchcascade.report.text_table import indented, table_lines
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,10 +26,10 @@ HIDDEN = ("single", "pair")
 def totals(score: Score) -> list[tuple[str, Count]]:
     """Counts of a trial with their names, in the order of the report."""
     return [
-        ("effects named (cause or declared rival, nothing beyond)", score.count("named", *HIDDEN)),
+        ("effects named (cause or declared alternative, nothing beyond)", score.count("named", *HIDDEN)),
         ("  single effects", score.count("named", "single")),
         ("  pairs", score.count("named", "pair")),
-        ("named exactly, no rival needed", score.strict),
+        ("named exactly, without an alternative", score.strict),
         ("misnamed", score.count("misnamed", *HIDDEN)),
         ("silent: no gap seen", score.count("silent", *HIDDEN)),
         ("abstained: left unexplained", score.count("abstained", *HIDDEN)),
@@ -49,7 +48,7 @@ def hidden_words(case: CaseScore) -> str:
 
 
 def said_words(case: CaseScore) -> str:
-    """What was said of a case: its verdict, and the causes with their rivals."""
+    """Verdict of a case, and its causes with their alternatives."""
     if case.verdict is None:
         return "not diagnosed"
     causes = [
@@ -64,59 +63,27 @@ WIDELY = 0.85
 """Share of a gap beyond which it counts as closed for the most part."""
 
 
-class Closing(NamedTuple):
-    """Shares closed in the named cases, how far the claims of all cases are from them, and predictions that are of no use."""
-
-    shares: tuple[float, ...]
-    apart: tuple[float, ...]
-    faults: int
-
-
-def closing(score: Score) -> Closing:
-    """How much was closed, as computed again from the predictions."""
-    named = [c.closure.share for c in score.of_kind(*HIDDEN) if c.outcome == "named"]
-    both = [(c.closure.share, c.share_claimed) for c in score.cases]
-    return Closing(
-        tuple(share for share in named if share is not None),
-        tuple(abs(found - said) for found, said in both if found is not None and said is not None),
-        sum(c.closure.fault is not None for c in score.cases),
-    )
-
-
-def closure_words(score: Score) -> str:
-    """How much was closed where a cause was named, and how far the claims are from it; for the terminal."""
-    shares, apart, faults = closing(score)
-    words = []
-    if shares:
-        words.append(
-            f"{share_text(median(shares))} in the middle of {len(shares)} named cases, above {share_text(WIDELY)} in "
-            f"{sum(share > WIDELY for share in shares)} of them, {share_text(min(shares))} at least"
-        )
-    if apart:
-        words.append(f"{share_text(median(apart))} from the claim in the middle, {share_text(max(apart))} at most")
-    if faults:
-        words.append(f"{faults} without usable predictions")
-    return "; ".join(words) or "nothing to compute it from"
-
-
 def closure_sentence(score: Score) -> str:
-    """The same as sentences of a report."""
-    shares, apart, faults = closing(score)
-    text = ""
+    """How much was closed where the effect was named, computed again from the predictions, and how far the claims deviate."""
+    named = [case.closure.share for case in score.of_kind(*HIDDEN) if case.outcome == "named"]
+    shares = [share for share in named if share is not None]
+    both = [(case.closure.share, case.share_claimed) for case in score.cases]
+    apart = [100.0 * abs(found - said) for found, said in both if found is not None and said is not None]
+    faults = sum(case.closure.fault is not None for case in score.cases)
+    sentences = []
     if shares:
         wide = sum(share > WIDELY for share in shares)
-        text += (
+        sentences.append(
             f"Where the effect was named, {share_text(median(shares))} of the gap is closed on withheld logs (median of "
-            f"{len(shares)} cases; {share_text(min(shares))} at least; above {100 * WIDELY:g} % in {wide}). "
+            f"{len(shares)} cases; {share_text(min(shares))} at least; above {100 * WIDELY:g} % in {wide})."
         )
     if apart:
-        text += (
-            f"What the diagnosis claims is off by {100 * median(apart):.1f} percentage points (median), by "
-            f"{100 * max(apart):.1f} at most. "
+        sentences.append(
+            f"The claims deviate by {median(apart):.1f} percentage points (median), by {max(apart):.1f} at most."
         )
     if faults:
-        text += f"{faults} cases have no usable predictions. "
-    return text.rstrip() or "No prediction is there to compute it from."
+        sentences.append(f"{faults} cases have no usable predictions.")
+    return " ".join(sentences) or "There is no prediction to compute it from."
 
 
 def share_text(value: float) -> str:
@@ -140,10 +107,9 @@ def hidden_order(score: Score) -> list[str]:
 
 def taken_rows(score: Score) -> list[tuple[str, str, str, str]]:
     """By what was hidden: how many cases, how many were named, and what the others were taken for."""
-    found = score.taken_for
     rows = []
     for hidden in hidden_order(score):
-        row = found[hidden]
+        row = score.taken_for[hidden]
         others = [f"{name} ({n})" for name, n in sorted(row.items(), key=lambda x: -x[1]) if name != hidden]
         rows.append((hidden, str(sum(row.values())), str(row.get(hidden, 0)), ", ".join(others) or "-"))
     return rows
@@ -151,27 +117,33 @@ def taken_rows(score: Score) -> list[tuple[str, str, str, str]]:
 
 # -------------------------------------------------------------------------------------------------------- the terminal
 def trial_text(score: Score, place: Path) -> str:
-    """The counts of a trial, by strength too, and each case that was not named; 100 columns at most."""
+    """The counts of a trial, by strength too, and each case that was not named; 128 columns at most."""
+    wrong = [case for case in score.cases if not case.went_well and case.outcome != "missing"]
+    cases = [(f"  {c.case}", hidden_words(c), c.outcome.replace("_", " "), said_words(c)) for c in wrong]
+    head = ("  hidden", "cases", "named", "otherwise taken for (cases)")
     lines = [
         f"trial {place}: {len(score.cases)} cases, seed {score.seed}",
         f"answers: SHA-256 {score.sealed_sha256}",
         f"data: {origin_words([Origin(False, ORIGIN)])}",
         "",
+        *_aligned([(name, *count_cells(count)) for name, count in totals(score) if count.of]),
+        "",
+        "single effects named, by strength:",
+        *_aligned([(f"  {strength:g}", *count_cells(count)) for strength, count in score.strengths.items()]),
+        "",
+        "closure, computed again from the predictions:",
+        *indented(closure_sentence(score)),
+        "",
+        "what each was taken for:",
+        *_aligned([head, *((f"  {hidden}", *cells) for hidden, *cells in taken_rows(score))]),
+        "",
+        "cases that were not named, misnamed or reported without a cause:" if wrong else _ALL_WELL,
+        *(_aligned(cases) if wrong else []),
     ]
-    lines += _aligned([(name, *count_cells(count)) for name, count in totals(score) if count.of])
-    lines += ["", "single effects named, by strength:"]
-    lines += _aligned([(f"  {strength:g}", *count_cells(count)) for strength, count in score.strengths.items()])
-    lines += ["", f"closure, computed again from the predictions: {closure_words(score)}"]
-    lines += ["", "what each was taken for:"]
-    rows = [("  hidden", "cases", "named", "otherwise taken for (cases)")]
-    lines += _aligned([*rows, *((f"  {hidden}", *cells) for hidden, *cells in taken_rows(score))])
-    wrong = [case for case in score.cases if not case.went_well and case.outcome != "missing"]
-    if wrong:
-        lines += ["", "cases that were not named, told wrongly or raised without a cause:"]
-        lines += _aligned([(f"  {c.case}", hidden_words(c), c.outcome.replace("_", " "), said_words(c)) for c in wrong])
-    else:
-        lines += ["", "every case that was diagnosed was told rightly"]
     return "\n".join(lines) + "\n"
+
+
+_ALL_WELL = "every diagnosis that was made is correct"
 
 
 def dealt_text(done: TrialProgress, place: Path) -> str:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from msgspec.structs import asdict
+
+from winchcascade.core.quantity import KGF
 from winchcascade.reduction.efficiency import METRICS
 from winchcascade.reduction.uncertainty import R_DRUM, SAMPLING, shares
 
@@ -11,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from winchcascade.core.accuracy import ErrorSource
+    from winchcascade.core.rig_file import WindowRule
     from winchcascade.reduction.reduction_result import CycleResult
     from winchcascade.reduction.uncertainty import Budget
 
@@ -27,40 +31,72 @@ SENSORS = {
 """What a source of uncertainty is called in a sentence."""
 
 
+SYMBOL = {
+    "energy_line": "E_line", "energy_mech": "E_mech", "energy_gen": "E_gen", "power_line": "P_line", "power_mech": "P_mech",
+    "power_gen": "P_gen", "eta_trans": "η_trans", "eta_gen": "η_gen", "eta_pto": "η_pto", "energy_payout": "E_payout",
+    "energy_returned": "E_returned", "energy_net": "E_net", "energy_gen_cycle": "E_gen, cycle", "eta_net": "η_net",
+}  # fmt: skip
+"""Symbols of the metrics; what follows the underscore is set low."""
+
+
+def tex(metric: str) -> str:
+    """Symbol of a metric in a figure.
+
+    >>> tex("eta_trans"), tex("energy_gen_cycle")
+    ('$\\\\eta_\\\\mathrm{trans}$', '$E_\\\\mathrm{gen}$')
+    """
+    letter, _, place = SYMBOL[metric].partition(", ")[0].partition("_")
+    return "$" + letter.replace("η", r"\eta") + rf"_\mathrm{{{place}}}$"
+
+
 def source_name(source: ErrorSource | None) -> str:
     """Name a source of uncertainty: the sensor and what of it errs."""
     if source is None:
         return "bridged gaps"
-    name = SENSORS.get(source.channel, source.channel)
-    return name if source.channel in (R_DRUM, SAMPLING) else f"{name}, {source.part}"
+    return _sensor(source) + ("" if source.channel in (R_DRUM, SAMPLING) else f", {source.part}")
 
 
 def by_sensor(known: Budget, metric: str) -> dict[str, float]:
     """Share of the variance of a metric's mean by sensor, zero and gain together, and by repeatability. [1]"""
     found: dict[str, float] = {}
-    for row in known.rows:
-        name = "bridged gaps" if row.source is None else SENSORS.get(row.source.channel, row.source.channel)
-        share = getattr(shares(row.of, known.mean), metric)
-        if share:
+    rows = [("bridged gaps" if row.source is None else _sensor(row.source), row.of) for row in known.rows]
+    for name, of in (*rows, ("repeatability", known.repeatability)):
+        if share := asdict(shares(of, known.mean))[metric]:
             found[name] = found.get(name, 0.0) + share
-    share = getattr(shares(known.repeatability, known.mean), metric)
-    return found | ({"repeatability": share} if share else {})
+    return found
 
 
-def decisive(known: Budget) -> list[str]:
-    """Which sensor decides the uncertainty of each efficiency."""
-    sentences = []
-    for metric in METRICS[6:]:
-        parts = by_sensor(known, metric)
-        if parts:
-            name, share = max(parts.items(), key=lambda part: part[1])
-            sentences.append(f"{metric} {share:.0%} {name}")
-    return [f"most of the variance: {', '.join(sentences)}"] if sentences else []
+def _sensor(source: ErrorSource) -> str:
+    return SENSORS.get(source.channel, source.channel)
+
+
+def decisive(known: Budget) -> list[tuple[str, float, str]]:
+    """Which sensor decides the uncertainty of each efficiency: the metric, the share of its variance, and the sensor."""
+    parts = [(metric, by_sensor(known, metric)) for metric in METRICS[6:]]
+    return [(metric, max(found.values()), max(found, key=found.__getitem__)) for metric, found in parts if found]
+
+
+def window_words(window: WindowRule) -> str:
+    """Rule of an integration window."""
+    return window if isinstance(window, str) else f"{window:g} s from the onset"
 
 
 def label(cycle: CycleResult) -> str:
     """Number of a cycle, in brackets if it is incomplete."""
     return f"{cycle.cycle}" if cycle.complete else f"({cycle.cycle})"
+
+
+def of_phase(phase: str, field: str, cycle: CycleResult) -> float | None:
+    """A number of the summary of a phase of a cycle, pressure in kg/cm²; None where the log does not give it."""
+    summary = cycle.summary
+    parts = {
+        "payout": summary.payout,
+        "plateau": summary.payout.plateau,
+        "hold": summary.hold,
+        "haul_in": summary.haul_in,
+    }
+    value: float | None = (asdict(part) if (part := parts[phase]) is not None else {}).get(field)
+    return value / (KGF * 1e4) if field == "pressure" and value is not None else value
 
 
 LISTED_CYCLES = 6
@@ -75,29 +111,34 @@ def net_reasons(cycles: Sequence[CycleResult]) -> list[str]:
             by_reason.setdefault(cycle.net.reason, []).append(cycle.cycle)
     sentences = []
     for reason, found in sorted(by_reason.items(), key=lambda item: -len(item[1])):
-        listed = ", ".join(map(str, found[:LISTED_CYCLES]))
         more = f" and {len(found) - LISTED_CYCLES} more" if len(found) > LISTED_CYCLES else ""
-        named = f"cycle{'s' * (len(found) > 1)} {listed}{more}"
+        named = f"cycle{'s' * (len(found) > 1)} {', '.join(map(str, found[:LISTED_CYCLES]))}{more}"
         sentences.append(f"{'all cycles' if 1 < len(found) == len(cycles) else named}: {reason}")
     return sentences
 
 
 def not_known(known: Budget) -> list[str]:
     """What the rig file leaves unknown of the uncertainty."""
-    sentences = []
-    if known.unknown:
-        names = ", ".join(known.unknown)
-        sentences.append(
-            f"unknown for lack of an accuracy of {names} (accuracy_full_scale under [sensors] of the rig file)"
+    repeatability, exact = asdict(known.repeatability), ", ".join(known.exact)
+    stated = [metric for metric in METRICS if asdict(known.mean)[metric] is not None]
+    return [
+        text
+        for text, wanted in (
+            (
+                f"unknown for lack of an accuracy of {', '.join(known.unknown)} (accuracy_full_scale under [sensors] of the "
+                "rig file)",
+                known.unknown,
+            ),
+            (
+                f"not determined for {', '.join(known.undetermined)}: the errors of the sensors could take away all that it "
+                "is made of",
+                known.undetermined,
+            ),
+            (
+                "repeatability not known, as one cycle does not show it",
+                stated and all(repeatability[metric] is None for metric in stated),
+            ),
+            (f"{exact} taken as exact", stated and exact),
         )
-    if known.undetermined:
-        names = ", ".join(known.undetermined)
-        sentences.append(
-            f"not determined for {names}: the errors of the sensors could take away all that it is made of"
-        )
-    stated = [metric for metric in METRICS if getattr(known.mean, metric) is not None]
-    if stated and all(getattr(known.repeatability, metric) is None for metric in stated):
-        sentences.append("repeatability not known, as one cycle does not show it")
-    if stated and known.exact:
-        sentences.append(f"{', '.join(known.exact)} taken as exact")
-    return sentences
+        if wanted
+    ]

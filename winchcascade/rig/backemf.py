@@ -1,35 +1,29 @@
-"""The back-EMF constant from an open circuit: a regression that knows the bleed, the capacitor and the bridge (Sec. 4.2)."""
-
-from __future__ import annotations
+"""The back-EMF constant from an open circuit: a regression with bleed, capacitor and bridge (Sec. 4.2)."""
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.errors import LogError
+from winchcascade.core.run import Run, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.rig.bridge import back_emfs, bridge_table
-from winchcascade.rig.simulate import SAMPLES
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from winchcascade.core.run import Run, Signal
-    from winchcascade.rig.parts import Model
+from winchcascade.rig.parts import Model
+from winchcascade.rig.simulate import SMOOTHING
 
 RPM_LEAST = 1000.0
 """The regression begins at this generator speed (Sec. 4.2). [rpm]"""
 
 BLOCK = 0.44
-"""Samples closer together than this share their error: noise of the smoothed velocity, ringing, gusts. [s]"""
+"""Length of a block of time whose samples share their error: noise of the smoothed velocity, ringing, gusts. [s]"""
 
 COVERED = 1.96
-"""Standard uncertainties on either side of a 95 % interval."""
+"""Half-width of a 95 % interval in standard uncertainties."""
 
 LEAST = 25
-"""Fewer samples carry no regression."""
+"""Minimum number of samples of a regression."""
 
 
 class BackEmf(msgspec.Struct, frozen=True):
@@ -37,8 +31,8 @@ class BackEmf(msgspec.Struct, frozen=True):
 
     `u_fit` is the standard uncertainty of the fit, `u_sensor` that of the voltage sensor's gain [V/rpm]; `lag` [s] is how
     late Vdc is recorded, with its standard uncertainty `u_lag`. `rpm`, `v_ll` and `vdc`, (n,) each, are the samples that
-    were fitted: generator speed, back-EMF that the DC side asks for [V], and measured DC voltage [V]. `eq8` is what Eq. 8
-    alone would read, without bleed and commutation [V/rpm].
+    were fitted: generator speed, back-EMF that follows from the DC side [V], and measured DC voltage [V]. `eq8` is the
+    constant by Eq. 8 alone, without bleed and commutation [V/rpm].
     """
 
     k_e: float
@@ -58,10 +52,10 @@ class BackEmf(msgspec.Struct, frozen=True):
 def back_emf(run: Run, model: Model, payouts: Sequence[tuple[float, float]], *, u_gain: float = 0.0) -> BackEmf:
     """Fit the back-EMF constant to an open-circuit log above 1000 rpm.
 
-    While the bridge conducts, it carries what the bleed takes and what charges the capacitor; the back-EMF that this asks
-    for, commutation and diodes included, is proportional to the speed. Samples in which the capacitor holds its voltage
-    against a falling speed tell nothing of the machine, and braking is left out by the payouts that are handed in. A lag of
-    Vdc is fitted beside the constant, since on a ramp it looks like a smaller one.
+    While the bridge conducts, it carries the currents of bleed and capacitor. The back-EMF that gives them, commutation and
+    diodes included, is proportional to the speed. Samples in which the capacitor holds its voltage against a falling speed
+    contain nothing of the machine; the given payouts exclude braking. A lag of Vdc is fitted beside the constant, since on
+    a ramp it looks like a smaller one.
 
     Parameters
     ----------
@@ -74,58 +68,55 @@ def back_emf(run: Run, model: Model, payouts: Sequence[tuple[float, float]], *, 
     """
     if "vdc" not in run.channels:
         raise LogError(f"{run.name}: no DC voltage, which a back-EMF constant is fitted to; log Vdc.")
-    speed = local_quadratic(run.t, run.channels["velocity"], SAMPLES / run.fs)
-    vdc = run.channels["vdc"]
-    smooth = local_quadratic(run.t, vdc, SAMPLES / run.fs)
-    current = smooth / model.dc_link.r_bleed + model.dc_link.c_dc * np.gradient(smooth, run.t)
+    vdc, speed = run.channels["vdc"], local_quadratic(run.t, run.channels["velocity"], SMOOTHING)
+    bleed, current = dc_currents(run, model, vdc)
     rpm = speed / model.winch.r_drum * model.drivetrain.gear * 30.0 / math.pi
-    used = (rpm > RPM_LEAST) & (current > 0.5 * smooth / model.dc_link.r_bleed) & _inside(run.t, payouts)
+    used = (rpm > RPM_LEAST) & (current > 0.5 * bleed)
+    used &= np.logical_or.reduce([(run.t >= begin) & (run.t <= end) for begin, end in payouts])
     if np.count_nonzero(used) < LEAST:
         raise LogError(
             f"{run.name}: {np.count_nonzero(used)} samples above {RPM_LEAST:g} rpm in which the bridge conducts; a "
             f"back-EMF constant needs at least {LEAST}: pay out faster, or for longer."
         )
-    v_ll = _emf_asked(vdc, current, rpm, model)
-    slope, u_fit, lag, u_lag, r2 = _through_zero(run.t[used], rpm[used], np.gradient(rpm, run.t)[used], v_ll[used])
-    u = math.hypot(u_fit, slope * u_gain)
+    slope, rpm, vdc = np.gradient(rpm, run.t)[used], rpm[used], vdc[used]
+    v_ll, _ = machine_state(model, rpm, vdc, current[used])
+    k_e, u_fit, lag, u_lag, r2 = _through_zero(run.t[used], rpm, slope, v_ll)
+    u = math.hypot(u_fit, k_e * u_gain)
     return BackEmf(
-        k_e=slope,
-        low=slope - COVERED * u,
-        high=slope + COVERED * u,
+        k_e=k_e,
+        low=k_e - COVERED * u,
+        high=k_e + COVERED * u,
         r2=r2,
         u_fit=u_fit,
-        u_sensor=slope * u_gain,
+        u_sensor=k_e * u_gain,
         lag=lag,
         u_lag=u_lag,
-        eq8=float(
-            np.sum(rpm[used] * (vdc[used] + 2.0 * model.generator.v_diode)) / (math.sqrt(2.0) * np.sum(rpm[used] ** 2))
-        ),
-        rpm=rpm[used],
-        v_ll=v_ll[used],
-        vdc=vdc[used],
+        eq8=float(np.sum(rpm * (vdc + 2.0 * model.generator.v_diode)) / (math.sqrt(2.0) * np.sum(rpm**2))),
+        rpm=rpm,
+        v_ll=v_ll,
+        vdc=vdc,
     )
 
 
-def _inside(t: Signal, stretches: Sequence[tuple[float, float]]) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    inside = np.zeros(t.size, dtype=bool)
-    for begin, end in stretches:
-        inside |= (t >= begin) & (t <= end)
-    return inside
+def dc_currents(run: Run, model: Model, vdc: Signal) -> tuple[Signal, Signal]:
+    """Current of the bleed, and the sum of the currents of bleed and capacitor, from the smoothed DC voltage, (n,) each [A]."""
+    smooth = local_quadratic(run.t, vdc, SMOOTHING)
+    bleed: Signal = smooth / model.dc_link.r_bleed
+    return bleed, bleed + model.dc_link.c_dc * np.gradient(smooth, run.t)
 
 
-def _emf_asked(vdc: Signal, current: Signal, rpm: Signal, model: Model) -> Signal:
-    """Back-EMF, line to line, rms, at which the bridge carries a current into a voltage, (n,) [V]."""
+def machine_state(model: Model, rpm: Signal, vdc: Signal, current: Signal) -> tuple[Signal, Signal]:
+    """Back-EMF, line to line, rms [V], and stator current [A] at which the bridge carries a current into a voltage, (n,)."""
     machine = model.generator
-    reactance = machine.pole_pairs * np.maximum(rpm, 1.0) * math.pi / 30.0 * machine.l_s
-    total = np.maximum(vdc, 0.0) + 2.0 * machine.v_diode
-    v_ll, _ = back_emfs(total, np.maximum(current, 0.0), machine.r_s, reactance, bridge_table())
-    return v_ll
+    reactance = machine.pole_pairs * rpm * math.pi / 30.0 * machine.l_s
+    v_total = np.maximum(vdc, 0.0) + 2.0 * machine.v_diode
+    return back_emfs(v_total, np.maximum(current, 0.0), machine.r_s, reactance, bridge_table())
 
 
 def _through_zero(t: Signal, rpm: Signal, slope: Signal, v_ll: Signal) -> tuple[float, float, float, float, float]:
     """Least squares of v_ll = k_e (rpm - lag d rpm/dt): k_e and its standard uncertainty, lag and its own, and R2.
 
-    Errors within a block of time hang together, so the covariance is that of clustered residuals (Liang and Zeger 1986).
+    Errors within a block of time are correlated, so the covariance is that of clustered residuals (Liang and Zeger 1986).
     """
     design = np.column_stack([rpm, -slope])
     fitted, *_ = np.linalg.lstsq(design, v_ll, rcond=None)
@@ -136,6 +127,5 @@ def _through_zero(t: Signal, rpm: Signal, slope: Signal, v_ll: Signal) -> tuple[
     bread = np.linalg.inv(design.T @ design)
     filled = np.unique(block).size
     covariance = bread @ (scores.T @ scores) @ bread * filled / max(filled - 2, 1)
-    k_e, lag = float(fitted[0]), float(fitted[1] / fitted[0])
-    r2 = 1.0 - float(residual @ residual) / float(np.sum((v_ll - np.mean(v_ll)) ** 2))
-    return k_e, math.sqrt(covariance[0, 0]), lag, math.sqrt(covariance[1, 1]) / k_e, r2
+    k_e, r2 = float(fitted[0]), 1.0 - float(residual @ residual) / float(np.sum((v_ll - np.mean(v_ll)) ** 2))
+    return k_e, math.sqrt(covariance[0, 0]), float(fitted[1]) / k_e, math.sqrt(covariance[1, 1]) / k_e, r2

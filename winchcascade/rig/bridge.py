@@ -1,24 +1,21 @@
 """The three-phase diode bridge on a stiff DC link, from open circuit to heavy overlap: exact, by a table of its steady states.
 
-A textbook average is off by 3 % near open circuit, where the capacitor charges to the peak, and by 7 % at 4.5 ohm at speed,
+A textbook average deviates by 3 % near open circuit, where the capacitor charges to the peak, and by 7 % at 4.5 ohm at speed,
 where commutation takes 60 degrees. So the switched circuit was solved over a grid once (`switched.py`); here the table is
 interpolated by cubic convolution (Keys 1981). On a stiff DC side the state follows the speed and the voltage within a period.
-"""
 
-from __future__ import annotations
+The inverse gives the voltage, or the back-EMF, at which the bridge carries a given current. Both are monotonic in the
+current, so there is one root: Newton steps by the slopes of the bridge start at the previous sample and stay in a bracket.
+"""
 
 import math
 from functools import cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
 
+from winchcascade.core.run import Signal
 from winchcascade.rig.switched import PHI_HIGH, PHI_LOW, TABLE
-
-if TYPE_CHECKING:
-    from winchcascade.core.run import Signal
-
 
 _SQRT2 = math.sqrt(2.0)
 
@@ -26,13 +23,11 @@ _SQRT2 = math.sqrt(2.0)
 @cache
 def bridge_table() -> Signal:
     """The solved grid, (s, phi, 2), with a border that lets the interpolation reach the edges, (s + 2, phi + 2, 2)."""
-    grid = np.load(TABLE).astype(np.float64)
-    wide = np.empty((grid.shape[0] + 2, grid.shape[1] + 2, 2))
-    wide[1:-1, 1:-1] = grid
-    wide[0, 1:-1], wide[-1, 1:-1] = 3 * grid[0] - 3 * grid[1] + grid[2], 3 * grid[-1] - 3 * grid[-2] + grid[-3]
-    wide[:, 0] = 3 * wide[:, 1] - 3 * wide[:, 2] + wide[:, 3]
-    wide[:, -1] = 3 * wide[:, -2] - 3 * wide[:, -3] + wide[:, -4]
-    return wide
+    wide = np.load(TABLE).astype(np.float64)
+    for _ in range(2):
+        ends = [3 * a - 3 * b + c for a, b, c in (wide[:3], wide[:-4:-1])]
+        wide = np.concatenate((ends[:1], wide, ends[1:])).swapaxes(0, 1)
+    return np.ascontiguousarray(wide)
 
 
 @njit(cache=True, error_model="numpy")
@@ -57,6 +52,47 @@ def _slopes(x: float) -> tuple[float, float, float, float]:
     )
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def bridge_slopes(
+    v_total: float, v_ll: float, r_s: float, reactance: float, table: Signal
+) -> tuple[float, float, float, float, float, float]:
+    """DC and stator rms current [A], their slopes over the DC voltage [A/V], and over the angle atan2(r_s, reactance) [A/rad].
+
+    The first two slopes hold at one `reactance`, those over the angle at one impedance. Arguments are those of `bridge_state`.
+    A caller that does not use the latter pays nothing for them: the compiler drops their sums.
+    """
+    if v_ll <= 0.0 or v_total >= _SQRT2 * v_ll:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    rows, columns = table.shape[0] - 3, table.shape[1] - 3
+    root = math.sqrt(1.0 - max(v_total, 0.0) / (_SQRT2 * v_ll))
+    per_angle = columns / (PHI_HIGH - PHI_LOW)
+    s, phi = root * rows, (math.atan2(r_s, reactance) - PHI_LOW) * per_angle
+    i, j = min(int(s), rows - 1), min(max(int(phi), 0), columns - 1)
+    beyond = min(max(phi - j, 0.0), 1.0)
+    across, rise, along, turn = _weights(s - i), _slopes(s - i), _weights(beyond), _slopes(beyond)
+    i_dc = i_s = up_dc = up_s = by_dc = by_s = 0.0
+    for a in range(4):
+        row_dc = row_s = turned_dc = turned_s = 0.0
+        for b in range(4):
+            dc, stator = table[i + a, j + b, 0], table[i + a, j + b, 1]
+            row_dc += along[b] * dc
+            row_s += along[b] * stator
+            turned_dc += turn[b] * dc
+            turned_s += turn[b] * stator
+        i_dc += across[a] * row_dc
+        i_s += across[a] * row_s
+        up_dc += rise[a] * row_dc
+        up_s += rise[a] * row_s
+        by_dc += across[a] * turned_dc
+        by_s += across[a] * turned_s
+    scale = v_ll / math.hypot(r_s, reactance)
+    falling = -scale * rows / (2.0 * max(root, 1e-6) * _SQRT2 * v_ll)
+    return (
+        max(i_dc, 0.0) * scale, max(i_s, 0.0) * scale, min(up_dc * falling, 0.0), min(up_s * falling, 0.0),
+        by_dc * scale * per_angle, by_s * scale * per_angle,
+    )  # fmt: skip
+
+
 @njit(cache=True, error_model="numpy")
 def bridge_state(
     v_total: float, v_ll: float, r_s: float, reactance: float, table: Signal
@@ -76,126 +112,74 @@ def bridge_state(
         link. Currents are proportional to the voltages at a given ratio of these, so the slope over `v_ll` is
         (i - v_total di) / v_ll. The generator's air-gap power is v_total i_dc + 3 r_s i_s^2 [W].
     """
-    if v_ll <= 0.0 or v_total >= _SQRT2 * v_ll:
-        return 0.0, 0.0, 0.0, 0.0
-    rows, columns = table.shape[0] - 3, table.shape[1] - 3
-    root = math.sqrt(1.0 - max(v_total, 0.0) / (_SQRT2 * v_ll))
-    s = root * rows
-    phi = (math.atan2(r_s, reactance) - PHI_LOW) / (PHI_HIGH - PHI_LOW) * columns
-    i, j = min(int(s), rows - 1), min(max(int(phi), 0), columns - 1)
-    across, rise, along = _weights(s - i), _slopes(s - i), _weights(min(max(phi - j, 0.0), 1.0))
-    i_dc = i_s = up_dc = up_s = 0.0
-    for a in range(4):
-        row_dc = row_s = 0.0
-        for b in range(4):
-            row_dc += along[b] * table[i + a, j + b, 0]
-            row_s += along[b] * table[i + a, j + b, 1]
-        i_dc += across[a] * row_dc
-        i_s += across[a] * row_s
-        up_dc += rise[a] * row_dc
-        up_s += rise[a] * row_s
-    scale = v_ll / math.hypot(r_s, reactance)
-    falling = -scale * rows / (2.0 * max(root, 1e-6) * _SQRT2 * v_ll)
-    return max(i_dc, 0.0) * scale, max(i_s, 0.0) * scale, min(up_dc * falling, 0.0), min(up_s * falling, 0.0)
-
-
-@njit(cache=True, error_model="numpy")
-def bridge_turned(v_total: float, v_ll: float, r_s: float, reactance: float, table: Signal) -> tuple[float, float]:
-    """How mean DC current and stator rms current change with the angle atan2(r_s, reactance), at one impedance. [A/rad]"""
-    if v_ll <= 0.0 or v_total >= _SQRT2 * v_ll:
-        return 0.0, 0.0
-    rows, columns = table.shape[0] - 3, table.shape[1] - 3
-    s = math.sqrt(1.0 - max(v_total, 0.0) / (_SQRT2 * v_ll)) * rows
-    phi = (math.atan2(r_s, reactance) - PHI_LOW) / (PHI_HIGH - PHI_LOW) * columns
-    i, j = min(int(s), rows - 1), min(max(int(phi), 0), columns - 1)
-    across, turn = _weights(s - i), _slopes(min(max(phi - j, 0.0), 1.0))
-    by_dc = by_s = 0.0
-    for a in range(4):
-        row_dc = row_s = 0.0
-        for b in range(4):
-            row_dc += turn[b] * table[i + a, j + b, 0]
-            row_s += turn[b] * table[i + a, j + b, 1]
-        by_dc += across[a] * row_dc
-        by_s += across[a] * row_s
-    scale = v_ll / math.hypot(r_s, reactance) * columns / (PHI_HIGH - PHI_LOW)
-    return by_dc * scale, by_s * scale
+    return bridge_slopes(v_total, v_ll, r_s, reactance, table)[:4]
 
 
 CLOSE = 1e-9
-"""The last of Newton's steps is shorter than this share of the voltage; its error is about the square of that."""
+"""The last Newton step is shorter than this share of the voltage; its error is about the square of that."""
 
 MOST_STEPS = 60
-"""Steps at most: where the bridge can carry no such current the bracket is halved until it is as short."""
+"""Maximum number of steps: where the bridge cannot carry the current, the bracket is halved so many times."""
 
 
 @njit(cache=True, error_model="numpy")
+def _inverse(
+    known: Signal, i_dc: Signal, r_s: float, reactance: Signal, table: Signal, of_voltage: bool
+) -> tuple[Signal, Signal]:
+    """Find the voltage at a known back-EMF, or else the back-EMF at a known voltage, at which the bridge carries a current.
+
+    More voltage gives less current and more back-EMF gives more, so there is one root. The search starts at the ratio of the
+    previous sample. Without a current the voltage is the peak of the back-EMF.
+    """
+    found: Signal = np.maximum(known * _SQRT2, 0.0) if of_voltage else known / _SQRT2
+    i_s, ratio = np.zeros_like(known), 1.27 if of_voltage else 1.0
+    for n in range(known.size):
+        if i_dc[n] <= 0.0 or found[n] < 0.0:
+            continue
+        low, high = (
+            (0.0, found[n]) if of_voltage else (found[n], 3.0 * known[n] + 10.0 * i_dc[n] * (r_s + reactance[n]))
+        )
+        now = min(max(ratio * known[n], low), high)
+        for _ in range(MOST_STEPS):
+            v_total, v_ll = (now, known[n]) if of_voltage else (known[n], now)
+            i_b, i_s[n], by_v, _ = bridge_state(v_total, v_ll, r_s, reactance[n], table)
+            if (i_b > i_dc[n]) == of_voltage:
+                low = now
+            else:
+                high = now
+            slope = by_v if of_voltage else (i_b - v_total * by_v) / v_ll
+            step = (i_dc[n] - i_b) / slope if slope != 0.0 else math.inf
+            if abs(step) >= CLOSE * max(known[n], now) and not low < now + step < high:
+                step = 0.5 * (low + high) - now
+            now += step
+            if abs(step) < CLOSE * max(known[n], now):
+                break
+        found[n] = now
+        if known[n] > 0.0:
+            ratio = now / known[n]
+    return found, i_s
+
+
 def dc_voltages(v_ll: Signal, i_dc: Signal, r_s: float, reactance: Signal, table: Signal) -> tuple[Signal, Signal]:
     """Voltage behind the bridge, diodes included, at which a back-EMF gives a current, and the stator current, (n,) [V, A].
 
     Parameters
     ----------
     v_ll : (n,) back-EMF, line to line, rms [V]
-    i_dc : (n,) mean current of the bridge; none leaves the peak of the back-EMF [A]
+    i_dc : (n,) mean current of the bridge; without one the voltage is the peak of the back-EMF [A]
     r_s, reactance : of a phase, the latter (n,) [ohm]
     table : as `bridge.bridge_table` gives it
     """
-    voltage, i_s = np.zeros_like(v_ll), np.zeros_like(v_ll)
-    ratio = 0.9
-    for n in range(v_ll.size):
-        top = _SQRT2 * v_ll[n]
-        if i_dc[n] <= 0.0 or top <= 0.0:
-            voltage[n] = max(top, 0.0)
-            continue
-        low, high, now = 0.0, top, ratio * top
-        for _ in range(MOST_STEPS):
-            i_b, i_s[n], slope, _ = bridge_state(now, v_ll[n], r_s, reactance[n], table)
-            if i_b > i_dc[n]:
-                low = now
-            else:
-                high = now
-            after = now - (i_b - i_dc[n]) / slope if slope < 0.0 else low
-            if not low < after < high:
-                after = 0.5 * (low + high)
-            step, now = abs(after - now), after
-            if step < CLOSE * top:
-                break
-        voltage[n] = now
-        ratio = min(max(now / top, 0.01), 0.99)
-    return voltage, i_s
+    return _inverse(v_ll, i_dc, r_s, reactance, table, True)
 
 
-@njit(cache=True, error_model="numpy")
 def back_emfs(v_total: Signal, i_dc: Signal, r_s: float, reactance: Signal, table: Signal) -> tuple[Signal, Signal]:
     """Back-EMF at which a bridge carries a current into a voltage, line to line, rms, and the stator current, (n,) [V, A].
 
     Parameters
     ----------
     v_total : (n,) voltage of the DC link and of the two conducting diodes [V]
-    i_dc : (n,) mean current of the bridge; none takes none of the stator, and a back-EMF whose peak is the voltage [A]
+    i_dc : (n,) mean current of the bridge; without one the peak of the back-EMF is the voltage [A]
     r_s, reactance, table : as in `dc_voltages`
     """
-    v_ll, i_s = v_total / _SQRT2, np.zeros_like(v_total)
-    ratio = 1.0
-    for n in range(v_total.size):
-        if i_dc[n] <= 0.0:
-            continue
-        least = v_ll[n]
-        low, high = least, 3.0 * v_total[n] + 10.0 * i_dc[n] * (r_s + reactance[n])
-        now = min(max(ratio * v_total[n], low), high)
-        for _ in range(MOST_STEPS):
-            i_b, i_s[n], by_v, _ = bridge_state(v_total[n], now, r_s, reactance[n], table)
-            if i_b < i_dc[n]:
-                low = now
-            else:
-                high = now
-            slope = (i_b - v_total[n] * by_v) / now if now > 0.0 else 0.0
-            after = now + (i_dc[n] - i_b) / slope if slope > 0.0 else high
-            if not low < after < high:
-                after = 0.5 * (low + high)
-            step, now = abs(after - now), after
-            if step < CLOSE * now:
-                break
-        v_ll[n] = now
-        if v_total[n] > 0.0:
-            ratio = now / v_total[n]
-    return v_ll, i_s
+    return _inverse(v_total, i_dc, r_s, reactance, table, False)

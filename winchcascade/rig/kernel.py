@@ -1,48 +1,43 @@
 """The compiled step of the rig through time: every part and every law in one loop.
 
-The line's motion is given, so force and pressure follow from it at once; what has a state is the fast shaft behind clutch
-and shaft spring, the gas's temperature and the DC link. All are stepped by the trapezoidal rule, linearly implicitly (the
-spring by its own stiffness, DC link and machine together by the slopes of the bridge's characteristic, dry friction by its
-own), so the error falls with the square of the step.
+The motion of the line is given, so force and pressure follow from it at once. The fast shaft behind clutch and shaft spring,
+the temperature of the gas and the DC link have a state. All are stepped by the trapezoidal rule, linearly implicitly (the
+spring by its stiffness, DC link and machine together by the slopes of the bridge, dry friction by its slope), so the error
+falls with the square of the step.
 """
 
 from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from numba import njit
 
 from winchcascade.core.quantity import ATMOSPHERE
+from winchcascade.core.run import Signal
 from winchcascade.rig.bridge import bridge_state
-from winchcascade.rig.parts import NO_ROLLOFF, ROLLOFF_KNOTS
+from winchcascade.rig.parts import ROLLOFF_KNOTS, Model, rolloff_curve
 
-if TYPE_CHECKING:
-    from winchcascade.core.run import Signal
-    from winchcascade.rig.parts import Model
-
-SHAFT = ("clutch", "vdc", "idc", "omega_gen", "i_s", "torque_em", "i_bridge", "twist")
-"""What `run_shaft` gives at every step: torque that the clutch carries [N m], DC voltage [V] and current of the load [A],
-speed of the fast shaft [rad/s], stator current, rms [A], air-gap torque [N m], current of the bridge [A], twist of the shaft
-spring [rad]."""
+SHAFT = ("clutch", "i_s", "torque_em", "i_bridge", "vdc", "idc", "omega_gen", "twist")
+"""Output of `run_shaft` at every step: torque of the clutch [N m], stator current, rms [A], air-gap torque [N m], current of
+the bridge [A], DC voltage [V], current of the load [A], speed of the fast shaft [rad/s], twist of the shaft spring [rad]."""
 
 LINE = ("pressure", "force", "torque", "screw")
-"""What `run_line` gives at every step: gauge pressure [Pa], line force [N], torque that the sensor sees [N m], torque of the
+"""Output of `run_line` at every step: gauge pressure [Pa], line tension [N], torque that the sensor sees [N m], torque of the
 screw at the drum [N m]."""
 
 COLUMNS = (*SHAFT, *LINE)
 """Columns of a solution."""
 
 REST = 0.01
-"""Friction turns round within this speed of the line. [m/s]"""
+"""Friction at the line changes its sign within this speed of the line. [m/s]"""
 
 TURN = 0.5
-"""And that of the fast shaft within this speed. [rad/s]"""
-
+"""Friction of the fast shaft changes its sign within this speed. [rad/s]"""
 
 LEAST_VOLUME = 0.01
-"""A fit may try numbers with which the gas would vanish: no less than this share of it is left. [1]"""
+"""Minimum share of the gas volume that remains, as a fit may try numbers with which the gas would vanish. [1]"""
 
 
 class Constants(NamedTuple):
@@ -83,10 +78,8 @@ class Constants(NamedTuple):
 
 
 def constants(model: Model, load: float) -> Constants:
-    """Put a model's numbers together for one load; inf is an open circuit, which the bleed alone discharges. [ohm]"""
-    winch, gas, shaft, machine, link = (
-        model.winch, model.restoring, model.drivetrain, model.generator, model.dc_link,
-    )  # fmt: skip
+    """Put the numbers of a model together for one load; inf is an open circuit, which the bleed alone discharges. [ohm]"""
+    winch, gas, shaft, machine = model.winch, model.restoring, model.drivetrain, model.generator
     return Constants(
         winch.r_drum, winch.inertia, winch.friction, winch.drag, winch.layering,
         gas.lead, gas.eta_forward, gas.eta_reverse, gas.area, gas.pressure, gas.volume, gas.exponent, gas.cooling,
@@ -94,46 +87,45 @@ def constants(model: Model, load: float) -> Constants:
         shaft.gear, shaft.eta_mesh, shaft.b_rotor, shaft.windage, shaft.friction, shaft.clutch_drag, shaft.k_shaft,
         shaft.c_shaft, shaft.inertia_rotor,
         machine.pole_pairs, machine.k_e, machine.r_s, machine.l_s, machine.v_diode,
-        (1.0, *machine.rolloff), rolloff_slopes(machine.rolloff),
-        link.c_dc, link.r_bleed if math.isinf(load) else load * (1.0 + link.load_change),
+        (1.0, *machine.rolloff), rolloff_slopes(machine.rolloff), model.dc_link.c_dc, model.dc_link.resistance(load),
     )  # fmt: skip
 
 
-_NO_SLOPE = (0.0,) * len(ROLLOFF_KNOTS)
-
-
 @lru_cache(maxsize=256)
-def rolloff_slopes(left: tuple[float, ...]) -> tuple[float, ...]:
-    """Slopes at `ROLLOFF_KNOTS` of the monotone cubic through what is left there (Fritsch and Butland 1984). [1/A]"""
-    if left == NO_ROLLOFF:
-        return _NO_SLOPE
-    from scipy.interpolate import PchipInterpolator
-
-    slopes = PchipInterpolator(ROLLOFF_KNOTS, (1.0, *left)).derivative()(ROLLOFF_KNOTS)
-    return tuple(float(slope) for slope in slopes)
+def rolloff_slopes(rolloff: tuple[float, ...]) -> tuple[float, ...]:
+    """Slopes of `rolloff_curve` at `ROLLOFF_KNOTS`. [1/A]"""
+    return tuple(rolloff_curve(rolloff).derivative()(ROLLOFF_KNOTS).tolist())
 
 
 @njit(cache=True, error_model="numpy")
-def left_of_k_e(i_s: float, c: Constants) -> tuple[float, float]:
-    """What is left of the back-EMF constant at a stator current [1], and its slope [1/A]."""
+def rolloff_at(
+    i_s: float, rolloff: tuple[float, ...] | Signal, slopes: tuple[float, ...] | Signal
+) -> tuple[float, float]:
+    """Share of the back-EMF constant that remains at a stator current [1], and its slope [1/A].
+
+    Parameters
+    ----------
+    rolloff, slopes : share at `ROLLOFF_KNOTS` and its slopes there, or the change of both along a direction [1, 1/A]
+    """
     if i_s >= ROLLOFF_KNOTS[-1]:
-        return c.rolloff[-1], 0.0
+        return rolloff[-1], 0.0
     k = 0
     while i_s > ROLLOFF_KNOTS[k + 1]:
         k += 1
     width = ROLLOFF_KNOTS[k + 1] - ROLLOFF_KNOTS[k]
     x = (i_s - ROLLOFF_KNOTS[k]) / width
-    rise = c.rolloff[k + 1] - c.rolloff[k]
-    first, last = c.rolloff_slope[k] * width, c.rolloff_slope[k + 1] * width
-    bend, twist = 3.0 * rise - 2.0 * first - last, first + last - 2.0 * rise
-    return c.rolloff[k] + x * (first + x * (bend + x * twist)), (first + x * (2.0 * bend + 3.0 * x * twist)) / width
+    rise = rolloff[k + 1] - rolloff[k]
+    first, last = slopes[k] * width, slopes[k + 1] * width
+    square, cube = 3.0 * rise - 2.0 * first - last, first + last - 2.0 * rise
+    slope = (first + x * (2.0 * square + 3.0 * x * cube)) / width
+    return rolloff[k] + x * (first + x * (square + x * cube)), slope
 
 
 _NEAR = 1e-3
-"""Stator current is within this of the root before a last step of Newton, which leaves a ten-millionth or so. [A]"""
+"""Distance of the stator current from the root before the last Newton step, after which it is about 1e-7. [A]"""
 
 NEWTON_ALONE = 4
-"""Steps of Newton before a bracket is set up: from the step before, one is enough nearly always."""
+"""Newton steps before a bracket is used: from the previous time step, one is nearly always enough."""
 
 _SQRT2 = math.sqrt(2.0)
 
@@ -145,8 +137,8 @@ def weakened_bridge(
     """Currents of the bridge, DC and stator rms [A], while the latter weakens the back-EMF; the slopes of both over the DC
     voltage [A/V], and over the back-EMF that no current weakens, at one reactance [A/V].
 
-    More current, less back-EMF, so there is one root alone: Newton from a guess and, should it overshoot and jump to and fro
-    where the roll-off is steep, in a bracket.
+    More current leaves less back-EMF, so there is one root. Newton steps start at a guess; where the roll-off is steep they
+    may overshoot, and then they stay in a bracket.
     """
     if v_total >= _SQRT2 * v_full:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -154,16 +146,16 @@ def weakened_bridge(
         i_b, i_s, d_b, d_s = bridge_state(v_total, v_full, c.r_s, reactance, table)
         return i_b, i_s, d_b, d_s, (i_b - v_total * d_b) / v_full, (i_s - v_total * d_s) / v_full
     low, high, now = 0.0, math.inf, max(guess, 0.0)
-    left = bend = loop = missed = by_b = by_s = i_b = d_b = d_s = 0.0
+    left = steep = loop = missed = by_b = by_s = i_b = d_b = d_s = 0.0
     for turn in range(60):
         if turn == NEWTON_ALONE:
             _, high, _, _ = bridge_state(v_total, v_full, c.r_s, reactance, table)
             now = min(max(now, low), high)
-        left, slope = left_of_k_e(now, c)
-        v_ll, bend = v_full * left, v_full * slope
+        left, slope = rolloff_at(now, c.rolloff, c.rolloff_slope)
+        v_ll, steep = v_full * left, v_full * slope
         i_b, i_s, d_b, d_s = bridge_state(v_total, v_ll, c.r_s, reactance, table)
         by_b, by_s = (i_b - v_total * d_b) / v_ll, (i_s - v_total * d_s) / v_ll
-        loop, missed = 1.0 / (1.0 - by_s * bend), i_s - now
+        loop, missed = 1.0 / (1.0 - by_s * steep), i_s - now
         if abs(missed) < _NEAR:
             break
         if turn >= NEWTON_ALONE:
@@ -173,36 +165,36 @@ def weakened_bridge(
                 high = now
         newton = now + missed * loop
         now = newton if low < newton < high else 0.5 * (low + min(high, 2.0 * now + 1.0))
-    s_total, s_full = d_s * loop, by_s * left * loop
-    b_total, b_full = d_b + by_b * bend * s_total, by_b * (left + bend * s_full)
-    last = missed * loop
-    return i_b + by_b * bend * last, now + last, min(b_total, 0.0), s_total, b_full, s_full
+    s_total, s_full, last = d_s * loop, by_s * left * loop, missed * loop
+    b_total, b_full = d_b + by_b * steep * s_total, by_b * (left + steep * s_full)
+    return i_b + by_b * steep * last, now + last, min(b_total, 0.0), s_total, b_full, s_full
 
 
 @njit(cache=True, error_model="numpy")
 def _turned(
-    omega: float, half_way: float, twist: float, drum_half: float, em: float, brakes: float, dt: float, c: Constants
+    speeds: tuple[float, float, float], twist: float, machine: tuple[float, float], dt: float, c: Constants
 ) -> tuple[float, float, float]:
-    """Turn the fast shaft by one step, by the trapezoidal rule: the clutch's torque [N m], the twist [rad] and the speed
-    [rad/s] after it.
+    """Turn the fast shaft by one step, by the trapezoidal rule: torque of the clutch [N m], then twist [rad] and speed [rad/s]
+    at the end of the step.
 
     Parameters
     ----------
-    omega, half_way, twist : speed now, speed half-way as it is foreseen, and twist now
-    drum_half : speed of the drum half-way [rad/s]
-    em, brakes : air-gap torque at the foreseen speed [N m], and how it rises with the speed [N m s/rad]
+    speeds : of the fast shaft now and half-way, as predicted, and of the drum half-way [rad/s]
+    machine : air-gap torque at the predicted speed [N m], and its slope over the speed [N m s/rad]
     """
+    omega, half_way, drum_half = speeds
+    em, brakes = machine
     share = c.eta_mesh / c.gear
     stiff = 0.5 * dt * c.k_shaft + c.c_shaft
     mass = c.inertia_rotor / dt
     losses = 0.5 * (c.b_rotor + c.windage * abs(half_way) + brakes)
-    dry = 0.0
+    driven = mass * omega - em + brakes * half_way
     if c.friction != 0.0:
-        turned = math.tanh(half_way / TURN)
-        steep = c.friction * (1.0 - turned * turned) / TURN
+        sign = math.tanh(half_way / TURN)
+        steep = c.friction * (1.0 - sign * sign) / TURN
         losses += 0.5 * steep
-        dry = c.friction * turned - steep * half_way
-    driven = (mass - losses) * omega - em + brakes * half_way - dry
+        driven -= c.friction * sign - steep * half_way
+    driven -= losses * omega
     after = (driven + share * (c.k_shaft * twist + stiff * (drum_half - 0.5 * omega / c.gear))) / (
         mass + losses + 0.5 * share * stiff / c.gear
     )
@@ -225,11 +217,10 @@ def run_shaft(v: Signal, dt: float, c: Constants, table: Signal, out: Signal) ->
     out : (n, 8) is filled with `SHAFT`; torque and currents are the mean of the half steps on either side
     """
     omega = omega_before = twist = v_dc = guess = 0.0
-    torque_mid = em_mid = i_mid = is_mid = 0.0
+    middle_before = (0.0, 0.0, 0.0, 0.0)
     rpm = 30.0 / math.pi
     for n in range(v.size):
-        omega_drum = v[n] / c.r_drum
-        # bridge at the DC voltage now and the speed half-way, as it is foreseen
+        # bridge at the present DC voltage and the predicted speed half-way
         half_way = max(omega + 0.5 * (omega - omega_before), 0.0)
         v_total = v_dc + 2.0 * c.v_diode
         reactance = max(c.pole_pairs * half_way * c.l_s, 1e-6)
@@ -247,41 +238,38 @@ def run_shaft(v: Signal, dt: float, c: Constants, table: Signal, out: Signal) ->
         em_h = (v_total * b_h + 6.0 * c.r_s * i_s * s_h - em) * per
         em += em_v * fills
         brakes = max(em_h + em_v * b_h / holds, 0.0)
-        drum_half = omega_drum if n + 1 == v.size else 0.5 * (v[n] + v[n + 1]) / c.r_drum
-        torque, twist, after = _turned(omega, half_way, twist, drum_half, em, brakes, dt, c)
+        drum_half = 0.5 * (v[n] + v[min(n + 1, v.size - 1)]) / c.r_drum
+        torque, twist, after = _turned((omega, half_way, drum_half), twist, (em, brakes), dt, c)
         # DC link
         faster = 0.5 * (omega + after) - half_way
         change = max(2.0 * (fills + b_h * faster / holds), -v_dc)
         i_b = max(c.c_dc * change / dt + (v_dc + 0.5 * change) / c.load, 0.0)
         i_s = max(i_s + 0.5 * s_v * change + s_h * faster, 0.0)
         em += brakes * faster
-        first = 1.0 if n == 0 else 0.5
-        out[n, 0] = first * torque + (1.0 - first) * torque_mid
-        out[n, 1], out[n, 2], out[n, 3] = v_dc, v_dc / c.load, omega
-        out[n, 4] = first * i_s + (1.0 - first) * is_mid
-        out[n, 5] = first * em + (1.0 - first) * em_mid
-        out[n, 6] = first * i_b + (1.0 - first) * i_mid
-        out[n, 7] = twist
-        torque_mid, em_mid, i_mid, is_mid = torque, em, i_b, i_s
-        omega_before, omega, v_dc = omega, after, v_dc + change
+        out[n, 4], out[n, 5], out[n, 6], out[n, 7] = v_dc, v_dc / c.load, omega, twist
+        middle = (torque, i_s, em, i_b)
+        if n == 0:
+            middle_before = middle
+        for k in range(4):
+            out[n, k] = 0.5 * (middle[k] + middle_before[k])
+        middle_before, omega_before, omega, v_dc = middle, omega, after, v_dc + change
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def run_line(x: Signal, v: Signal, a: Signal, dt: float, c: Constants, torque: Signal, out: Signal) -> None:
-    """Give what the line feels: gas, screw, losses and inertia at the drum, and the torque that the clutch carries.
+    """Compute the line tension and its parts: gas, screw, losses and inertia at the drum, torque of the clutch.
 
     Parameters
     ----------
     x, v, a : (n,) displacement, velocity and acceleration of the line at even steps, payout positive [m, m/s, m/s2]
-    dt : step [s]; the gas's heat alone has a memory
-    torque : (n,) that the clutch carries [N m]
+    dt : step [s]; only the heat of the gas depends on earlier steps
+    torque : (n,) of the clutch [N m]
     out : (n, 4) is filled with `LINE`
     """
     heat = log_volume = 0.0
     for n in range(v.size):
-        omega_drum = v[n] / c.r_drum
         direction = math.tanh(v[n] / REST)
-        # gas: isothermal, and hotter by what its compression has not yet given away
+        # gas: isothermal, and hotter by the heat of compression that it still holds
         volume = max(c.volume - c.area * c.lead * x[n] / c.r_drum, LEAST_VOLUME * c.volume)
         gauge = c.pressure * (c.volume / volume) - ATMOSPHERE
         if c.exponent != 1.0:
@@ -294,7 +282,7 @@ def run_line(x: Signal, v: Signal, a: Signal, dt: float, c: Constants, torque: S
         thrust = gauge * c.area + c.seal_friction * direction
         screw = c.lead * thrust * (0.5 * (1.0 + direction) / c.eta_forward + 0.5 * (1.0 - direction) * c.eta_reverse)
         drag = -c.clutch_drag * 0.5 * (1.0 - direction) * abs(direction)
-        lost = c.line_friction * direction + c.line_drag * omega_drum
+        lost = c.line_friction * direction + c.line_drag * v[n] / c.r_drum
         seen = torque[n] + drag
         force = (screw + seen + lost + c.inertia_drum * a[n] / c.r_drum) / (c.r_drum * (1.0 + c.layering * x[n]))
         out[n, 0], out[n, 1], out[n, 2], out[n, 3] = gauge, force, seen, screw

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from typing import TYPE_CHECKING, Literal
 
 import msgspec
@@ -13,6 +14,8 @@ from winchcascade.core.errors import RigError
 from winchcascade.core.quantity import ATMOSPHERE, Quantity
 
 if TYPE_CHECKING:
+    from scipy.interpolate import PchipInterpolator
+
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Signal
 
@@ -59,8 +62,7 @@ class RestoringModel(msgspec.Struct, frozen=True):
     @property
     def eta_reverse(self) -> float:
         """Efficiency of the screw while the line is hauled in: thrust into torque (Table 3). [1]"""
-        tangent, flank = math.tan(self.lead_angle), math.cos(self.half_angle)
-        return (flank - self.mu / tangent) / (flank + self.mu * tangent)
+        return _thread(self.half_angle, self.mu, 1.0 / math.tan(self.lead_angle))
 
 
 def _thread(half_angle: float, mu: float, tangent: float) -> float:
@@ -98,14 +100,24 @@ ROLLOFF_KNOTS = (0.0, 4.0, 5.0, 6.0, 7.0, 9.0, 11.0, 14.0, 20.0)
 monotone cubic between them, constant beyond. [A]"""
 
 NO_ROLLOFF = (1.0,) * (len(ROLLOFF_KNOTS) - 1)
-"""All of the back-EMF constant is left at every current."""
+"""The whole back-EMF constant remains at every current."""
+
+
+@lru_cache(maxsize=256)
+def rolloff_curve(rolloff: tuple[float, ...]) -> PchipInterpolator:
+    """Share of the back-EMF constant over the stator current up to the last of `ROLLOFF_KNOTS`, by a monotone cubic [1]
+    (Fritsch and Butland 1984). `rolloff` is as in `GeneratorModel`.
+    """
+    from scipy.interpolate import PchipInterpolator
+
+    return PchipInterpolator(ROLLOFF_KNOTS, (1.0, *rolloff))
 
 
 class GeneratorModel(msgspec.Struct, frozen=True):
     """Machine of constant parameters: `pole_pairs`, back-EMF `k_e` line to line, rms [V/rpm], `r_s` [ohm] and `l_s` [H] of a
     phase, and the drop of each of the two conducting diodes `v_diode` [V].
 
-    Absent by default: `rolloff`, what is left of k_e at the stator currents of `ROLLOFF_KNOTS` beyond the first [1].
+    Absent by default: `rolloff`, share of k_e that remains at the stator currents of `ROLLOFF_KNOTS` beyond the first [1].
     """
 
     pole_pairs: float
@@ -126,6 +138,14 @@ class DcLinkModel(msgspec.Struct, frozen=True):
     r_bleed: float
     load_change: float = 0.0
 
+    def resistance(self, load: float) -> float:
+        """Resistance at the DC link with a nominal load; inf is an open circuit, in which the bleed is the load. [ohm]"""
+        return self.r_bleed if math.isinf(load) else load * (1.0 + self.load_change)
+
+
+ELECTRICAL = ("vdc", "idc")
+"""Channels that `Sensors.electrical_lag` delays."""
+
 
 class Sensors(msgspec.Struct, frozen=True):
     """Errors of the sensors by channel, absent by default: relative `gain`, `zero` in SI units, and the time by which Vdc
@@ -138,13 +158,24 @@ class Sensors(msgspec.Struct, frozen=True):
 
     def read(self, name: str, x: Signal) -> Signal:
         """What a sensor reads of a channel, (n,) in its unit."""
-        reading: Signal = x * (1.0 + self.gain.get(name, 0.0)) + self.zero.get(name, 0.0)
-        return reading
+        return x * (1.0 + self.gain.get(name, 0.0)) + self.zero.get(name, 0.0)
 
     def late(self, t: Signal) -> Signal:
         """Times at which Vdc and Idc were what is recorded at some stamps, (n,) [s]."""
         stamps: Signal = np.maximum(t - self.electrical_lag, t[0])
         return stamps
+
+    def _delays(self, name: str) -> bool:
+        return name in ELECTRICAL and self.electrical_lag != 0.0
+
+    def recorded(self, name: str, t: Signal, x: Signal) -> Signal:
+        """What a sensor with its lag records of a channel that is known at the stamps of the log, (n,) in its unit."""
+        return self.read(name, np.interp(self.late(t), t, x) if self._delays(name) else x)
+
+    def corrected(self, name: str, t: Signal, x: Signal) -> Signal:
+        """A recorded channel without gain, zero and lag of its sensor, (n,) in its unit."""
+        then = np.interp(t + self.electrical_lag, t, x) if self._delays(name) else x
+        return (then - self.zero.get(name, 0.0)) / (1.0 + self.gain.get(name, 0.0))
 
 
 class Model(msgspec.Struct, frozen=True):

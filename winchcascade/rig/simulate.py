@@ -1,27 +1,30 @@
-"""The line motion that drives a simulation: smoothed, so that inertia torques are not noise, at even steps."""
+"""Simulate a rig along the motion of a log: a Run in, a Run out, which `write_log` writes as a log.
+
+The line motion is smoothed, so that inertia torques are not noise, and taken at even steps. A ledger records where the energy
+of the line goes: stored, lost in each part, or delivered.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.campaign_file import SIMULATED
 from winchcascade.core.errors import LogError, RigError
-from winchcascade.core.run import Run
+from winchcascade.core.files import write_whole
+from winchcascade.core.quantity import UNITS
+from winchcascade.core.run import CHANNELS, SIMULATED_HEADERS, Run, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.rig.bridge import bridge_table
 from winchcascade.rig.kernel import COLUMNS, REST, SHAFT, TURN, constants, run_line, run_shaft
+from winchcascade.rig.parts import ELECTRICAL, Model
 
-if TYPE_CHECKING:
-    from winchcascade.core.run import Signal
-    from winchcascade.rig.parts import Model
-
-
-SAMPLES = 11
-"""Samples that the local quadratic spans: noise of an encoder is taken out, and braking keeps its edges (9 to 13 serve)."""
+SMOOTHING = 0.44
+"""Width of the local quadratic: it removes the noise of an encoder, and braking keeps its edges (0.36 to 0.52 s do). A width in
+samples would blur the motion of a log at 5 or 10 Hz. [s]"""
 
 
 class LineMotion(msgspec.Struct, frozen=True):
@@ -35,27 +38,25 @@ class LineMotion(msgspec.Struct, frozen=True):
 
 
 def motion_of(run: Run, step: float) -> LineMotion:
-    """Take the motion of a log: its velocity, smoothed over `SAMPLES` samples, and the displacement that it integrates to.
+    """Take the motion of a log: its velocity, smoothed over `SMOOTHING`, and the displacement that it integrates to.
 
-    The displacement begins where the log's does (0 without that channel), and follows its drift, so that gas and force
-    know the true payout.
+    The displacement begins where that of the log does (0 without that channel), and follows its drift, so that gas and force
+    follow the true payout.
 
     Parameters
     ----------
     step : of the simulation [s]
     """
-    v = local_quadratic(run.t, run.channels["velocity"], SAMPLES / run.fs)
-    motion = even_motion(run.t, v, step)
+    motion = even_motion(run.t, local_quadratic(run.t, run.channels["velocity"], SMOOTHING), step)
     measured = run.channels.get("displacement")
     if measured is None:
         return motion
-    integral = np.interp(run.t, motion.t, motion.x)
-    drift = local_quadratic(run.t, measured - integral, DRIFT)
+    drift = local_quadratic(run.t, measured - np.interp(run.t, motion.t, motion.x), DRIFT)
     return msgspec.structs.replace(motion, x=motion.x + np.interp(motion.t, run.t, drift))
 
 
 DRIFT = 2.0
-"""Width over which the difference of displacement and integrated velocity is taken for drift, not for noise. [s]"""
+"""Width over which the difference of displacement and integrated velocity is drift, not noise. [s]"""
 
 
 def even_motion(t: Signal, v: Signal, step: float) -> LineMotion:
@@ -67,83 +68,61 @@ def even_motion(t: Signal, v: Signal, step: float) -> LineMotion:
     """
     from scipy.interpolate import PchipInterpolator
 
-    n = int((t[-1] - t[0]) / step) + 1
-    even = t[0] + step * np.arange(n)
+    even = t[0] + step * np.arange(int((t[-1] - t[0]) / step) + 1)
     curve = PchipInterpolator(t, v)
-    speed, slope = curve(even), curve.derivative()(even)
-    x = np.concatenate(([0.0], np.cumsum(0.5 * step * (speed[1:] + speed[:-1]))))
-    return LineMotion(even, x, speed, slope, step)
+    speed = curve(even)
+    return LineMotion(even, _integral(speed, step), speed, curve.derivative()(even), step)
 
 
-STORED = ("gas", "drum", "shaft", "rotor", "capacitor")
-LOST = (
-    "screw",
-    "seal",
-    "line_loss",
-    "clutch",
-    "shaft_loss",
-    "mesh",
-    "damper",
-    "windage",
-    "friction",
-    "copper",
-    "diodes",
-)
-LEDGER = ("line", *STORED, *LOST, "dc")
-"""The line's energy; what is stored in gas, drum, shaft spring, rotor and capacitor; what is lost in screw, seals, between
-line and torque sensor, clutch, shaft, gear mesh, on the fast shaft, in copper and diodes; what the DC link delivers."""
+def _integral(y: Signal, step: float) -> Signal:
+    """Integrate a signal at even steps from the beginning to each step, by the trapezoidal rule."""
+    return np.concatenate(([0.0], np.cumsum(0.5 * step * (y[1:] + y[:-1]))))
+
+
+LEDGER = (
+    "line", "gas", "drum", "shaft", "rotor", "capacitor", "screw", "seal", "line_loss", "clutch", "shaft_loss", "mesh",
+    "damper", "windage", "friction", "copper", "diodes", "dc",
+)  # fmt: skip
+"""Energy of the line; energy stored in gas, drum, shaft spring, rotor and capacitor; energy lost in screw, seals, between line
+and torque sensor, clutch, shaft, gear mesh, on the fast shaft, in copper and diodes; energy that the DC link delivers."""
 
 
 def energies(model: Model, motion: LineMotion, load: float, out: Signal) -> dict[str, Signal]:
     """Book the energy of a solution from its beginning to each step, (n,) each [J].
 
-    The line's energy is that of the true line speed, which layers of rope change; the other entries add up to it.
+    The energy of the line is that of the true line speed, which layers of rope change; the other entries add up to it.
     """
-    winch, gas, shaft, machine, link = (
-        model.winch, model.restoring, model.drivetrain, model.generator, model.dc_link,
-    )  # fmt: skip
-    got = dict(zip(COLUMNS, out.T, strict=True))
-    omega_drum, omega = motion.v / winch.r_drum, got["omega_gen"]
+    c, got = constants(model, load), dict(zip(COLUMNS, out.T, strict=True))
+    omega_drum, omega = motion.v / c.r_drum, got["omega_gen"]
     direction = np.tanh(motion.v / REST)
-    drag = -shaft.clutch_drag * 0.5 * (1.0 - direction) * np.abs(direction)
-    torque = got["torque"] - drag
-    resistance = link.r_bleed if math.isinf(load) else load * (1.0 + link.load_change)
-    push = gas.lead * omega_drum * got["pressure"] * gas.area
-    seal = gas.lead * omega_drum * gas.seal_friction * direction
-    lost = winch.friction * direction + winch.drag * omega_drum
-    copper, diodes = 3.0 * machine.r_s * got["i_s"] ** 2, 2.0 * machine.v_diode * got["i_bridge"]
+    push = c.lead * omega_drum * got["pressure"] * c.area
+    seal = c.lead * omega_drum * c.seal_friction * direction
     watts = {
-        "line": got["force"] * omega_drum * winch.r_drum * (1.0 + winch.layering * motion.x),
+        "line": got["force"] * motion.v * (1.0 + c.layering * motion.x),
         "gas": push,
         "screw": got["screw"] * omega_drum - push - seal,
         "seal": seal,
-        "line_loss": lost * omega_drum,
-        "clutch": drag * omega_drum,
-        "mesh": torque * omega / shaft.gear * (1.0 - shaft.eta_mesh),
-        "damper": shaft.b_rotor * omega**2,
-        "windage": shaft.windage * np.abs(omega) ** 3,
-        "friction": shaft.friction * np.tanh(omega / TURN) * omega,
-        "copper": copper,
-        "diodes": diodes,
-        "dc": got["vdc"] ** 2 / resistance,
+        "line_loss": (c.line_friction * direction + c.line_drag * omega_drum) * omega_drum,
+        "clutch": (got["torque"] - got["clutch"]) * omega_drum,
+        "mesh": got["clutch"] * omega / c.gear * (1.0 - c.eta_mesh),
+        "damper": c.b_rotor * omega**2,
+        "windage": c.windage * np.abs(omega) ** 3,
+        "friction": c.friction * np.tanh(omega / TURN) * omega,
+        "copper": 3.0 * c.r_s * got["i_s"] ** 2,
+        "diodes": 2.0 * c.v_diode * got["i_bridge"],
+        "dc": got["vdc"] ** 2 / c.load,
+        "shaft_loss": got["clutch"] * (omega_drum - omega / c.gear),
     }
-    booked = {name: _running(watt, motion.step) for name, watt in watts.items()}
-    spring = 0.5 * shaft.k_shaft * got["twist"] ** 2
-    through = _running(torque * (omega_drum - omega / shaft.gear), motion.step)
-    booked["shaft"] = spring - spring[0]
-    booked["shaft_loss"] = through - booked["shaft"]
-    for name, half, state in (
-        ("drum", 0.5 * winch.inertia, omega_drum), ("rotor", 0.5 * shaft.inertia_rotor, omega),
-        ("capacitor", 0.5 * link.c_dc, got["vdc"]),
-    ):  # fmt: skip
-        booked[name] = half * (state**2 - state[0] ** 2)
+    stores = {
+        "drum": (c.inertia_drum, omega_drum),
+        "shaft": (c.k_shaft, got["twist"]),
+        "rotor": (c.inertia_rotor, omega),
+        "capacitor": (c.c_dc, got["vdc"]),
+    }
+    booked = {name: _integral(watt, motion.step) for name, watt in watts.items()}
+    booked |= {name: 0.5 * number * (state**2 - state[0] ** 2) for name, (number, state) in stores.items()}
+    booked["shaft_loss"] -= booked["shaft"]
     return {name: booked[name] for name in LEDGER}
-
-
-def _running(watt: Signal, step: float) -> Signal:
-    """Integrate a power from the beginning to each step. [J]"""
-    joule: Signal = np.concatenate(([0.0], np.cumsum(0.5 * step * (watt[1:] + watt[:-1]))))
-    return joule
 
 
 STEP = 1e-3
@@ -156,8 +135,8 @@ READ = ("pressure", "force", "torque", "vdc", "idc")
 class Simulation(msgspec.Struct, frozen=True):
     """What a model does along a motion.
 
-    `run` holds what the sensors would have logged; `rpm_gen` [rpm], `i_s` [A] and `torque_em` [N m] what they do not see,
-    at the same stamps. `solution` is what the kernel gave at every step of the motion.
+    `run` holds what the sensors would have logged; `rpm_gen` [rpm], `i_s` [A] and `torque_em` [N m] have no sensor and are
+    given at the same stamps. `solution` is that of the kernel at every step of the motion.
     """
 
     run: Run
@@ -170,9 +149,11 @@ class Simulation(msgspec.Struct, frozen=True):
 
     @property
     def energy(self) -> dict[str, Signal]:
-        """Where the line's energy went until each stamp, by the words of `ledger.LEDGER`, (n,) each [J]."""
-        booked = energies(self.model, self.motion, _load(self.run), self.solution)
-        return {name: np.interp(self.run.t, self.motion.t, joule) for name, joule in booked.items()}
+        """Energy of the line and where it went until each stamp, by the words of `LEDGER`, (n,) each [J]."""
+        return {
+            name: np.interp(self.run.t, self.motion.t, joule)
+            for name, joule in energies(self.model, self.motion, load_of(self.run), self.solution).items()
+        }
 
 
 def simulate(run: Run, model: Model, *, step: float = STEP) -> Simulation:
@@ -180,26 +161,50 @@ def simulate(run: Run, model: Model, *, step: float = STEP) -> Simulation:
 
     Parameters
     ----------
-    run : gives motion, load (unknown counts as an open circuit) and stamps; its other channels are not looked at
+    run : gives motion, load (unknown counts as an open circuit) and stamps; its other channels are not used
     step : of the simulation [s]
 
     Raises
     ------
     LogError : the line pays out further than gas or drum allow
-    RigError : the model has numbers that no rig has
+    RigError : the model has numbers that no rig can have
     """
     return simulate_along(run, model, motion_of(run, step))
 
 
 def simulate_along(run: Run, model: Model, motion: LineMotion) -> Simulation:
-    """Simulate the rig along a motion that is ready made, at the load and stamps of a log; refuses as `simulate` does."""
+    """Simulate the rig along a given motion, at the load and stamps of a log. Raises as `simulate`."""
     _check_model(model)
     _check_travel(run.name, model, motion)
-    return at_stamps(run, model, motion, solve(model, motion, _load(run)))
+    out, sensors = solve(model, motion, load_of(run)), model.sensors
+    rows, late = (dict(zip(COLUMNS, _between(motion, t, out).T, strict=True)) for t in (run.t, sensors.late(run.t)))
+    channels = {"displacement": np.interp(run.t, motion.t, motion.x), "velocity": run.channels["velocity"]}
+    channels |= {name: run.channels[name] for name in ("displacement",) if name in run.channels}
+    channels |= {name: sensors.read(name, (late if name in ELECTRICAL else rows)[name]) for name in READ}
+    return Simulation(
+        run=Run(
+            name=run.name,
+            t=run.t,
+            channels=channels,
+            fs=run.fs,
+            samples=run.t.size,
+            load=run.load,
+            load_source=run.load_source,
+            simulated=True,
+            about=run.about,
+            origin=SIMULATED,
+        ),
+        rpm_gen=rows["omega_gen"] * 30.0 / math.pi,
+        i_s=rows["i_s"],
+        torque_em=rows["torque_em"],
+        model=model,
+        motion=motion,
+        solution=out,
+    )
 
 
 def _check_model(model: Model) -> None:
-    """Refuse numbers that no rig has, as a rig file and several effects together may give them: RigError."""
+    """Reject numbers that no rig can have, as a rig file and several effects together may give them: RigError."""
     gas = model.restoring
     for what, value, fits, expected in (
         ("mesh efficiency", model.drivetrain.eta_mesh, 0.0 < model.drivetrain.eta_mesh <= 1.0, "above 0 and at most 1"),
@@ -215,7 +220,7 @@ def _check_model(model: Model) -> None:
 
 
 def _check_travel(name: str, model: Model, motion: LineMotion) -> None:
-    """Refuse a motion that leaves the gas no volume, or the rope no radius on the drum: LogError."""
+    """Reject a motion that leaves the gas no volume, or the rope no radius on the drum: LogError."""
     gas, winch = model.restoring, model.winch
     push = gas.area * gas.lead / winch.r_drum
     low, high = float(np.min(motion.x)), float(np.max(motion.x))
@@ -232,8 +237,8 @@ def _check_travel(name: str, model: Model, motion: LineMotion) -> None:
         )
 
 
-def _load(run: Run) -> float:
-    """Load of a run; an open circuit where it is not known. [ohm]"""
+def load_of(run: Run) -> float:
+    """Load of a run; inf, an open circuit, where it is unknown. [ohm]"""
     return math.inf if run.load is None else run.load
 
 
@@ -246,43 +251,6 @@ def solve(model: Model, motion: LineMotion, load: float) -> Signal:
     return out
 
 
-def at_stamps(run: Run, model: Model, motion: LineMotion, out: Signal) -> Simulation:
-    """Read a solution at the stamps of a log, as its sensors would."""
-
-    rows, late = _between(motion, run.t, out), None
-    sensors = model.sensors
-    if sensors.electrical_lag:
-        late = _between(motion, sensors.late(run.t), out)
-
-    def column(name: str) -> Signal:
-        seen = late if late is not None and name in ("vdc", "idc") else rows
-        return seen[:, COLUMNS.index(name)]
-
-    channels = {"displacement": np.interp(run.t, motion.t, motion.x), "velocity": run.channels["velocity"]}
-    channels |= {name: run.channels[name] for name in ("displacement",) if name in run.channels}
-    channels |= {name: sensors.read(name, column(name)) for name in READ}
-    return Simulation(
-        run=Run(
-            name=run.name,
-            t=run.t,
-            channels=channels,
-            fs=run.fs,
-            samples=run.t.size,
-            load=run.load,
-            load_source=run.load_source,
-            simulated=True,
-            about=run.about,
-            origin=SIMULATED,
-        ),
-        rpm_gen=column("omega_gen") * 30.0 / math.pi,
-        i_s=column("i_s"),
-        torque_em=column("torque_em"),
-        model=model,
-        motion=motion,
-        solution=out,
-    )
-
-
 def _between(motion: LineMotion, t: Signal, out: Signal) -> Signal:
     """Rows of a solution at some instants, between two steps by a straight line, (k, columns)."""
     place = np.clip((t - motion.t[0]) / motion.step, 0.0, motion.t.size - 1.0)
@@ -290,3 +258,26 @@ def _between(motion: LineMotion, t: Signal, out: Signal) -> Signal:
     share = (place - before)[:, None]
     rows: Signal = out[before] * (1.0 - share) + out[before + 1] * share
     return rows
+
+
+LOGGED = ("displacement", "velocity", *READ)
+"""Channels of a log, in the order of its columns."""
+
+
+def write_log(simulation: Simulation, path: Path, *, force: bool = False) -> None:
+    """Write a simulation as CSV, whole or not at all: the headers of a measured log, then those that mark it as simulated.
+
+    Raises
+    ------
+    OutputError : the file cannot be written, or is not this tool's own and `force` does not allow to replace it
+    """
+    run, shown = simulation.run, [CHANNELS[name] for name in LOGGED]
+    columns = [run.t, *(run.channels[channel.name] / UNITS[channel.unit].factor for channel in shown)]
+    table = np.column_stack([*columns, simulation.rpm_gen, simulation.i_s, simulation.torque_em])
+    header = ",".join(["Time (s)", *(channel.header for channel in shown), *SIMULATED_HEADERS])
+    formats = ["%.6f" if run.t[-1] < 1e6 else "%.3f"] + ["%.9g"] * (table.shape[1] - 1)
+    write_whole(
+        path,
+        lambda part: np.savetxt(part, table, fmt=formats, delimiter=",", header=header, comments=""),
+        force=force,
+    )

@@ -10,176 +10,132 @@ and rho = R / (w_e L). `solve_grid` solves a grid of them; the grid that ships b
 and is what `bridge.py` interpolates.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from winchcascade.core.run import Signal
+from winchcascade.core.run import Signal
 
 TABLE = Path(__file__).with_name("bridge_table.npy")
 """The solved grid, (s, phi, 2): mean DC current and rms phase current, times Z / V_LL with Z = sqrt(R^2 + (w_e L)^2)."""
 
 S_POINTS, PHI_POINTS = 257, 65
-"""Points of the grid, even in s = sqrt(1 - u) and in phi = atan(rho): both currents bend least over these."""
+"""Points of the grid, even in s = sqrt(1 - u) and in phi = atan(rho): both currents are closest to straight over these."""
 
 PHI_LOW, PHI_HIGH = 0.03, 1.56
 """Ends of the grid: R 3 % of the reactance, as of a short circuit at speed, and the reactance 1 % of R, as at a crawl."""
 
 _STEPS = 720
-"""Looks for a commutation in one period; its instant is then found by bisection."""
+"""Searches for a commutation in one period; its instant is then found by bisection."""
 
 _PERIODS = 400
-"""A steady state that is not reached after this many periods is no steady state."""
+"""A state that is not steady after this many periods is taken as it is."""
 
 _SETTLED = 1e-9
-"""Steady: currents repeat after a sixth of a period, the phases' roles exchanged, to this share of V_LL / Z."""
+"""Steady: currents repeat after a sixth of a period, the roles of the phases exchanged, to this share of V_LL / Z."""
+
+_BACK_EMF = math.sqrt(2.0 / 3.0) * np.exp(-2j * math.pi * np.arange(3) / 3.0)
+"""Back-EMFs of the phases, as amplitudes of exp(j theta). [V_LL]"""
+
+
+class _Mode(NamedTuple):
+    """What conducts from one commutation to the next, and the solution until then.
+
+    `_state` gives the current of a conducting phase [V_LL / (w_e L)], and of another one the potential of its terminal [V_LL],
+    over the negative rail or, where nothing conducts, over the star point: the real part of `wave` exp(j theta), plus
+    `level`, plus `free` exp(-rho (theta - start)).
+    """
+
+    rho: float
+    voltage: float
+    conducting: NDArray[np.bool_]
+    upper: NDArray[np.bool_]
+    start: float
+    wave: NDArray[np.complex128]
+    level: Signal
+    free: Signal
 
 
 @njit(cache=True)
-def _forced(rho: float, theta: float, phase: int, level: float, conducting: NDArray[np.bool_]) -> float:
-    """Current that the back-EMFs and the rails alone would drive through a conducting phase. [V_LL / (w_e L)]"""
-    amplitude = math.sqrt(2.0 / 3.0)
-    lag = math.atan2(1.0, rho)
-    impedance = math.sqrt(1.0 + rho * rho)
-    count = 0
-    mean = 0.0
-    for k in range(3):
-        if conducting[k]:
-            count += 1
-            mean += amplitude * math.cos(theta - 2.0 * math.pi * k / 3.0 - lag) / impedance
-    own = amplitude * math.cos(theta - 2.0 * math.pi * phase / 3.0 - lag) / impedance
-    return own - mean / count - level / rho
+def _mode(
+    rho: float, voltage: float, conducting: NDArray[np.bool_], upper: NDArray[np.bool_], start: float, currents: Signal
+) -> _Mode:
+    """Begin a mode at an angle with the currents there."""
+    wave, level, free = _BACK_EMF.copy(), np.zeros(3), np.zeros(3)
+    if np.any(conducting):
+        rail = upper * voltage
+        wave -= np.mean(_BACK_EMF[conducting])
+        level += np.mean(rail[conducting])
+        for k in range(3):
+            if conducting[k]:
+                wave[k] /= rho + 1j
+                level[k] = (level[k] - rail[k]) / rho
+                free[k] = currents[k] - (wave[k] * np.exp(1j * start)).real - level[k]
+    return _Mode(rho, voltage, conducting, upper, start, wave, level, free)
 
 
 @njit(cache=True)
-def _floating(theta: float, phase: int, rail: Signal, conducting: NDArray[np.bool_]) -> float:
-    """Potential of the terminal of a phase that does not conduct, over the negative rail. [V_LL]"""
-    amplitude = math.sqrt(2.0 / 3.0)
-    star, count = 0.0, 0
+def _state(mode: _Mode, theta: float) -> Signal:
+    """Currents of the conducting phases and potentials of the others at an angle, (3,)."""
+    turn, decay, state = np.exp(1j * theta), math.exp(-mode.rho * (theta - mode.start)), np.empty(3)
     for k in range(3):
-        if conducting[k]:
-            star += rail[k] - amplitude * math.cos(theta - 2.0 * math.pi * k / 3.0)
-            count += 1
-    return amplitude * math.cos(theta - 2.0 * math.pi * phase / 3.0) + star / count
+        state[k] = (mode.wave[k] * turn).real + mode.level[k] + mode.free[k] * decay
+    return state
 
 
 @njit(cache=True)
-def _levels(rail: Signal, conducting: NDArray[np.bool_]) -> Signal:
-    """Rail potential of each conducting phase over their mean. [V_LL]"""
-    mean, count = 0.0, 0
-    for k in range(3):
-        if conducting[k]:
-            mean += rail[k]
-            count += 1
-    return rail - mean / count if count else rail * 0.0
+def _currents(mode: _Mode, theta: float) -> Signal:
+    """Currents of the phases at an angle, (3,)."""
+    return np.where(mode.conducting, _state(mode, theta), 0.0)
 
 
 @njit(cache=True)
-def _currents(
-    rho: float, start: float, theta: float, initial: Signal, levels: Signal, conducting: NDArray[np.bool_]
-) -> Signal:
-    """Currents at an angle, from those at the start of the present mode of conduction."""
-    now = np.zeros(3)
-    decay = math.exp(-rho * (theta - start))
+def _fault(mode: _Mode, theta: float) -> int:
+    """Number of the phase whose diodes contradict the mode at an angle, plus 3 if it wants the upper rail; -1: none."""
+    state = _state(mode, theta)
+    if not np.any(mode.conducting):
+        return 3 + int(np.argmax(state)) if np.max(state) - np.min(state) > mode.voltage else -1
     for k in range(3):
-        if conducting[k]:
-            free = initial[k] - _forced(rho, start, k, levels[k], conducting)
-            now[k] = _forced(rho, theta, k, levels[k], conducting) + free * decay
-    return now
-
-
-@njit(cache=True)
-def _fault(
-    rho: float, start: float, theta: float, initial: Signal, levels: Signal, rail: Signal, upper: NDArray[np.bool_],
-    conducting: NDArray[np.bool_], voltage: float,
-) -> int:  # fmt: skip
-    """Number of the phase whose diodes contradict the present mode at an angle, plus 3 if it wants the upper rail; -1: none."""
-    amplitude = math.sqrt(2.0 / 3.0)
-    count = 0
-    for k in range(3):
-        count += conducting[k]
-    if count == 0:
-        high, low = 0, 0
-        for k in range(1, 3):
-            if math.cos(theta - 2.0 * math.pi * k / 3.0) > math.cos(theta - 2.0 * math.pi * high / 3.0):
-                high = k
-            if math.cos(theta - 2.0 * math.pi * k / 3.0) < math.cos(theta - 2.0 * math.pi * low / 3.0):
-                low = k
-        difference = math.cos(theta - 2.0 * math.pi * high / 3.0) - math.cos(theta - 2.0 * math.pi * low / 3.0)
-        return 3 + high if amplitude * difference > voltage else -1
-    now = _currents(rho, start, theta, initial, levels, conducting)
-    for k in range(3):
-        if conducting[k]:
-            if (now[k] < 0.0) if upper[k] else (now[k] > 0.0):
+        if mode.conducting[k]:
+            if (state[k] < 0.0) if mode.upper[k] else (state[k] > 0.0):
                 return k
-        else:
-            potential = _floating(theta, k, rail, conducting)
-            if potential > voltage:
-                return 3 + k
-            if potential < 0.0:
-                return k
+        elif state[k] > mode.voltage:
+            return 3 + k
+        elif state[k] < 0.0:
+            return k
     return -1
 
 
 @njit(cache=True)
-def _next_commutation(
-    rho: float, start: float, theta: float, target: float, initial: Signal, levels: Signal, rail: Signal,
-    upper: NDArray[np.bool_], conducting: NDArray[np.bool_], voltage: float,
-) -> tuple[int, float]:  # fmt: skip
+def _next_commutation(mode: _Mode, theta: float, target: float) -> tuple[int, float]:
     """What `_fault` first finds after an angle and by a target, and the angle where; -1 and the target if nothing."""
-    fault = _fault(rho, start, target, initial, levels, rail, upper, conducting, voltage)
-    if fault < 0:
-        return fault, target
-    low, high = theta, target
-    for _ in range(46):
-        middle = 0.5 * (low + high)
-        at = _fault(rho, start, middle, initial, levels, rail, upper, conducting, voltage)
-        if at >= 0:
-            high, fault = middle, at
-        else:
-            low = middle
+    fault, low, high = _fault(mode, target), theta, target
+    if fault >= 0:
+        for _ in range(46):
+            middle = 0.5 * (low + high)
+            at = _fault(mode, middle)
+            if at >= 0:
+                high, fault = middle, at
+            else:
+                low = middle
     return fault, high
 
 
 @njit(cache=True)
-def _commutate(
-    fault: int,
-    now: Signal,
-    theta: float,
-    conducting: NDArray[np.bool_],
-    upper: NDArray[np.bool_],
-    rail: Signal,
-    voltage: float,
-) -> None:
-    """Put the phase that contradicts its mode into the right one."""
-    phase, wants_upper = fault % 3, fault >= 3
-    count = 0
-    for k in range(3):
-        count += conducting[k]
-    if conducting[phase]:
-        conducting[phase] = False
-        now[phase] = 0.0
-        if count == 2:
-            for k in range(3):
-                conducting[k] = False
-                now[k] = 0.0
-        return
-    conducting[phase], upper[phase] = True, wants_upper
-    rail[phase] = voltage if wants_upper else 0.0
-    if count == 0:  # the current needs a way back: through the phase of the lowest back-EMF
-        low = 0
-        for k in range(1, 3):
-            if math.cos(theta - 2.0 * math.pi * k / 3.0) < math.cos(theta - 2.0 * math.pi * low / 3.0):
-                low = k
-        conducting[low], upper[low], rail[low] = True, False, 0.0
+def _commutate(mode: _Mode, fault: int, theta: float) -> _Mode:
+    """Begin the mode in which the phase that contradicts the present one conducts or not as it should."""
+    conducting, upper, state = mode.conducting.copy(), mode.upper.copy(), _state(mode, theta)
+    conducting[fault % 3], upper[fault % 3] = not conducting[fault % 3], fault >= 3
+    if not np.any(mode.conducting):  # the current returns through the phase of the lowest back-EMF
+        back = np.argmin(state)
+        conducting[back], upper[back] = True, False
+    elif np.sum(conducting) == 1:
+        conducting[:] = False
+    return _mode(mode.rho, mode.voltage, conducting, upper, theta, np.where(mode.conducting, state, 0.0))
 
 
 @njit(cache=True)
@@ -192,52 +148,32 @@ def steady_state(u: float, rho: float) -> tuple[float, float]:
     rho : resistance over reactance of a phase, above 0 [1]
     """
     impedance = math.sqrt(1.0 + rho * rho)
-    voltage = u * math.sqrt(2.0)
-    conducting, upper = np.zeros(3, dtype=np.bool_), np.zeros(3, dtype=np.bool_)
-    rail, initial = np.zeros(3), np.zeros(3)
-    levels = _levels(rail, conducting)
-    start = theta = 0.0
-    step = 2.0 * math.pi / _STEPS
-    sixth = _STEPS // 6
-    before = np.zeros(3)
+    nothing = np.zeros(3, dtype=np.bool_)
+    mode = _mode(rho, u * math.sqrt(2.0), nothing, nothing, 0.0, np.zeros(3))
+    theta, before = 0.0, np.zeros(3)
     charge = square = 0.0
-    for period in range(6 * _PERIODS):
+    for sixth in range(6 * _PERIODS):
         charge = square = 0.0
-        for _ in range(sixth):
-            target = theta + step
-            last = _currents(rho, start, theta, initial, levels, conducting)
+        for _ in range(_STEPS // 6):
+            target = theta + 2.0 * math.pi / _STEPS
             for _ in range(12):  # commutations within one step
-                fault, end = _next_commutation(
-                    rho, start, theta, target, initial, levels, rail, upper, conducting, voltage
-                )
-                middle_now = _currents(rho, start, 0.5 * (theta + end), initial, levels, conducting)
-                now = _currents(rho, start, end, initial, levels, conducting)
+                fault, end = _next_commutation(mode, theta, target)
+                first, middle, last = _currents(mode, theta), _currents(mode, 0.5 * (theta + end)), _currents(mode, end)
                 width = (end - theta) / 6.0  # Simpson's rule
-                for k in range(3):
-                    square += width * (last[k] ** 2 + 4.0 * middle_now[k] ** 2 + now[k] ** 2) / 3.0
-                    if conducting[k] and upper[k]:
-                        charge += width * (last[k] + 4.0 * middle_now[k] + now[k])
+                square += width * np.sum(first**2 + 4.0 * middle**2 + last**2) / 3.0
+                charge += width * np.sum((first + 4.0 * middle + last)[mode.upper])
                 theta = end
-                last = now
                 if fault < 0:
                     break
-                _commutate(fault, now, theta, conducting, upper, rail, voltage)
-                initial[:] = now
-                for k in range(3):
-                    if not conducting[k]:
-                        initial[k] = 0.0
-                last = initial.copy()
-                levels = _levels(rail, conducting)
-                start = theta
+                mode = _commutate(mode, fault, theta)
                 if theta >= target:
                     break
             theta = target
-        now = _currents(rho, start, theta, initial, levels, conducting)
-        change = 0.0
-        for k in range(3):  # after a sixth of a period phase k + 1 carries what phase k carried, with the other sign
-            change = max(change, abs(now[k] + before[(k + 1) % 3]))
-        before[:] = now
-        if period > 12 and change * impedance < _SETTLED:
+        now = _currents(mode, theta)
+        # after a sixth of a period phase k + 1 carries what phase k carried, with the other sign
+        change = np.max(np.abs(now + np.roll(before, -1)))
+        before = now
+        if sixth > 12 and change * impedance < _SETTLED:
             break
     width = math.pi / 3.0
     return charge / width * impedance, math.sqrt(square / width) * impedance

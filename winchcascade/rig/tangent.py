@@ -1,52 +1,43 @@
-"""How a solution of the shaft moves with its numbers: derivatives of every step, carried along beside the solution.
+"""Derivatives of a solution of the shaft over its numbers, computed step by step beside the solution.
 
-One pass costs about as much as two solutions, whatever the number of derivatives; differences of solutions would cost one each.
+One pass costs about as much as two solutions, for any number of derivatives; differences of solutions would cost one each.
 """
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
 from numba import njit
 
-from winchcascade.rig.bridge import bridge_state, bridge_turned
-from winchcascade.rig.kernel import SHAFT, TURN, left_of_k_e, weakened_bridge
+from winchcascade.core.run import Signal
+from winchcascade.rig.bridge import bridge_slopes, bridge_table
+from winchcascade.rig.kernel import SHAFT, TURN, Constants, rolloff_at, weakened_bridge
 from winchcascade.rig.parts import ROLLOFF_KNOTS
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from winchcascade.core.run import Signal
-    from winchcascade.rig.kernel import Constants
 
 NUMBERS = (
     "r_drum", "gear", "eta_mesh", "b_rotor", "windage", "friction", "k_shaft", "c_shaft", "inertia_rotor", "k_e", "r_s", "l_s",
     "v_diode", "c_dc", "load",
 )  # fmt: skip
-"""Fields of `Constants` whose derivatives are carried; directions of the roll-off follow them."""
+"""Fields of `Constants` whose derivatives are computed: nine mechanical ones first; directions of the roll-off follow them."""
 
-_R_DRUM, _GEAR, _ETA, _DAMPER, _WINDAGE, _FRICTION, _K, _C, _J, _K_E, _R_S, _L_S, _V_DIODE, _C_DC, _LOAD = range(
-    len(NUMBERS)
-)
+_R_DRUM, _GEAR, _, _, _, _, _K, _C, _, _K_E, _R_S, _L_S, _V_DIODE, _C_DC, _LOAD = range(len(NUMBERS))
 _FIRST_WAY = len(NUMBERS)
 
 WIDE = 24
-"""Derivatives that are carried at once: a number that the compiler knows, so that it takes four or eight at a time."""
+"""Number of derivatives that are computed at once, a constant, so that the compiler takes four or eight at a time."""
 
 MOST_WAYS = WIDE - len(NUMBERS)
-"""So many of them are directions of the roll-off."""
+"""Maximum number of directions of the roll-off among them."""
 
 _ROWS = 13
 _D_OMEGA, _D_TWIST, _D_V, _D_LAST, _D_MEAN, _D_SEEN = (WIDE * row for row in range(6))
-"""Where the derivatives of the state begin in the working array: speed of the fast shaft, twist, DC voltage, the clutch's
-torque of the step before and its mean of two, DC voltage at the beginning of the step."""
+"""Offsets of the derivatives of the state in the working array: speed of the fast shaft, twist, DC voltage, torque of the
+clutch in the previous step and its mean of two steps, DC voltage at the beginning of the step."""
 
 _S, _B, _V, _EM, _AFTER, _SLIP, _TORQUE = (WIDE * row for row in range(6, _ROWS))
-"""And where that begins which a number moves at once, not by the state: stator and bridge current, DC voltage half-way,
-air-gap torque, torque on the fast shaft, slip of the shaft spring, its torque."""
+"""Offsets of the partial derivatives at a fixed state: stator and bridge current, DC voltage half-way, air-gap torque, torque
+on the fast shaft, slip of the shaft spring, its torque."""
 
 Direction = tuple[float, ...]
 """Change of the roll-off at every knot and of its slopes there, in a row."""
@@ -57,8 +48,8 @@ _OMEGA, _TWIST, _V_DC = SHAFT.index("omega_gen"), SHAFT.index("twist"), SHAFT.in
 class Tangent(msgspec.Struct, frozen=True):
     """Derivatives of a solution of the shaft, at some of its steps.
 
-    `clutch` and `vdc` (k, n) are those of the clutch's torque [N m] and of the DC voltage [V] over each of `NUMBERS` and then
-    along each of `directions` of the roll-off; `numbers` are those of the solution itself.
+    `clutch` and `vdc` (k, n) are those of the torque of the clutch [N m] and of the DC voltage [V] over each of `NUMBERS` and
+    then along each of `directions` of the roll-off; `numbers` are those of the solution itself.
     """
 
     numbers: Constants
@@ -67,17 +58,14 @@ class Tangent(msgspec.Struct, frozen=True):
     vdc: Signal
 
     def change(self, numbers: Constants) -> tuple[Signal, Signal]:
-        """By how much torque of the clutch [N m] and DC voltage [V] change to other numbers, (n,) each, to first order."""
-        moves = [(k, getattr(numbers, name) - getattr(self.numbers, name)) for k, name in enumerate(NUMBERS)]
+        """Change of torque of the clutch [N m] and DC voltage [V] to other numbers, (n,) each, to first order."""
+        moves = np.zeros(self.clutch.shape[0])
+        moves[:_FIRST_WAY] = [getattr(numbers, name) - getattr(self.numbers, name) for name in NUMBERS]
         way = direction(self.numbers, numbers)
         if any(way):
-            moves.append((len(NUMBERS) + self.directions.index(way), 1.0))
-        clutch, vdc = np.zeros((2, self.clutch.shape[1]))
-        for k, move in moves:
-            if move:
-                clutch += move * self.clutch[k]
-                vdc += move * self.vdc[k]
-        return clutch, vdc
+            moves[_FIRST_WAY + self.directions.index(way)] = 1.0
+        used = np.flatnonzero(moves)
+        return moves[used] @ self.clutch[used], moves[used] @ self.vdc[used]
 
 
 def direction(here: Constants, there: Constants) -> Direction:
@@ -88,55 +76,39 @@ def direction(here: Constants, there: Constants) -> Direction:
 
 
 def tangent_of(
-    v: Signal, dt: float, numbers: Constants, table: Signal, solution: Signal, every: int, ways: Sequence[Direction]
+    v: Signal, dt: float, numbers: Constants, solution: Signal, every: int, ways: Sequence[Direction]
 ) -> Tangent:
     """Differentiate a solution of `run_shaft`.
 
     Parameters
     ----------
-    v, dt, numbers, table : as the solution was made with
+    v, dt, numbers : as the solution was made with
     solution : (n, 8) as `run_shaft` filled it
-    every : so many steps lie between two at which derivatives are kept
+    every : number of steps from one at which derivatives are kept to the next
     ways : directions of the roll-off
 
     Raises
     ------
-    ValueError : more directions than are carried at once
+    ValueError : more directions than are computed at once
     """
     if len(ways) > MOST_WAYS:
-        raise ValueError(f"{len(ways)} directions of the roll-off; at most {MOST_WAYS} are carried at once.")
-    knots = len(ROLLOFF_KNOTS)
-    bent = np.array(ways, dtype=np.float64).reshape(-1, 2, knots)
+        raise ValueError(f"{len(ways)} directions of the roll-off; at most {MOST_WAYS} are computed at once.")
+    bent = np.array(ways, dtype=np.float64).reshape(-1, 2, len(ROLLOFF_KNOTS))
     kept = np.zeros((2, len(NUMBERS) + bent.shape[0], -(-v.size // every)))
-    run_tangent(v, dt, numbers, table, solution, every, bent, kept)
+    run_tangent(v, dt, numbers, bridge_table(), solution, every, bent, kept)
     return Tangent(numbers, tuple(ways), kept[0], kept[1])
-
-
-@njit(cache=True)
-def _bent(i_s: float, rolloff: Signal, slope: Signal) -> float:
-    """Change of what is left of the back-EMF constant at a stator current, along one direction. [1]"""
-    if i_s >= ROLLOFF_KNOTS[-1]:
-        return float(rolloff[-1])
-    k = 0
-    while i_s > ROLLOFF_KNOTS[k + 1]:
-        k += 1
-    width = ROLLOFF_KNOTS[k + 1] - ROLLOFF_KNOTS[k]
-    x = (i_s - ROLLOFF_KNOTS[k]) / width
-    rise = rolloff[k + 1] - rolloff[k]
-    first, last = slope[k] * width, slope[k + 1] * width
-    return float(rolloff[k] + x * (first + x * (3.0 * rise - 2.0 * first - last + x * (first + last - 2.0 * rise))))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def run_tangent(
     v: Signal, dt: float, c: Constants, table: Signal, solution: Signal, every: int, bent: Signal, kept: Signal
 ) -> None:
-    """Carry derivatives along a solution, step by step as `run_shaft` made it.
+    """Compute derivatives along a solution, step by step as `run_shaft` made it.
 
     Parameters
     ----------
-    bent : (j, 2, knots) directions of the roll-off: of what is left, and of its slopes
-    kept : (2, k, m) is filled with derivatives of the clutch's torque and of the DC voltage
+    bent : (j, 2, knots) directions of the roll-off: change of the share at the knots, and of its slopes
+    kept : (2, k, m) is filled with derivatives of the torque of the clutch and of the DC voltage
     """
     size = kept.shape[1]
     rpm = 30.0 / math.pi
@@ -149,7 +121,7 @@ def run_tangent(
         omega, twist, v_dc = solution[n, _OMEGA], solution[n, _TWIST], solution[n, _V_DC]
         omega_after, v_after = solution[n + 1, _OMEGA], solution[n + 1, _V_DC]
         half_way, v_half, change = 0.5 * (omega + omega_after), 0.5 * (v_dc + v_after), v_after - v_dc
-        # bridge: currents over speed and voltage half-way, and over its own numbers at once
+        # bridge: currents over speed and voltage half-way, and over its own numbers
         v_total = v_half + 2.0 * c.v_diode
         reactance = max(c.pole_pairs * half_way * c.l_s, 1e-6)
         v_full = c.k_e * half_way * rpm
@@ -157,10 +129,9 @@ def run_tangent(
         guess = i_s
         s_h = b_h = 0.0
         if i_b > 0.0:
-            left, left_slope = left_of_k_e(i_s, c)
+            left, left_slope = rolloff_at(i_s, c.rolloff, c.rolloff_slope)
             v_ll = v_full * left
-            _, _, b_total, s_total = bridge_state(v_total, v_ll, c.r_s, reactance, table)
-            b_turned, s_turned = bridge_turned(v_total, v_ll, c.r_s, reactance, table)
+            _, _, b_total, s_total, b_turned, s_turned = bridge_slopes(v_total, v_ll, c.r_s, reactance, table)
             square = c.r_s * c.r_s + reactance * reactance
             b_ll, s_ll = (i_b - v_total * b_total) / v_ll, (i_s - v_total * s_total) / v_ll
             b_r, s_r = (b_turned * reactance - i_b * c.r_s) / square, (s_turned * reactance - i_s * c.r_s) / square
@@ -176,13 +147,13 @@ def run_tangent(
             w[_S + _R_S], w[_B + _R_S] = s_r, b_r
             w[_S + _L_S], w[_B + _L_S] = s_x * c.pole_pairs * half_way, b_x * c.pole_pairs * half_way
             for j in range(bent.shape[0]):
-                v_bent = v_full * _bent(i_s, bent[j, 0], bent[j, 1])
+                v_bent = v_full * rolloff_at(i_s, bent[j, 0], bent[j, 1])[0]
                 w[_S + _FIRST_WAY + j] = s_ll * v_bent * loop
                 w[_B + _FIRST_WAY + j] = b_ll * v_bent + through * w[_S + _FIRST_WAY + j]
         else:
             w[_S : _S + WIDE] = 0.0
             w[_B : _B + WIDE] = 0.0
-        # DC link: its voltage half-way over the speed there, and at once
+        # DC link: its voltage half-way over the speed there, and over its own numbers
         stores = 2.0 * c.c_dc / dt
         holds = stores + 1.0 / c.load - b_v
         v_h = b_h / holds
@@ -195,26 +166,30 @@ def run_tangent(
         em_h = em_b * b_h + em_s * s_h - em * per
         w[_EM + _V_DIODE], w[_EM + _R_S] = 2.0 * i_b * per, 3.0 * i_s * i_s * per
         # fast shaft
-        turned, edge = 1.0, 0.0
+        sign, edge = 1.0, 0.0
         if half_way < 20.0 * TURN:
-            turned = math.tanh(half_way / TURN)
-            edge = (1.0 - turned * turned) / TURN
+            sign = math.tanh(half_way / TURN)
+            edge = (1.0 - sign * sign) / TURN
         losses = 0.5 * (c.b_rotor + 2.0 * c.windage * half_way + c.friction * edge + em_h + em_v * v_h)
         drum_half = 0.5 * (v[n] + v[n + 1]) / c.r_drum
         slip = drum_half - half_way / c.gear
-        on = 1.0 if c.k_shaft * twist + stiff * slip > 0.0 else 0.0
+        torque = c.k_shaft * twist + stiff * slip
+        on = 1.0 if torque > 0.0 else 0.0
         bound = on * 0.5 * share * stiff / c.gear
         moved = 1.0 / (mass + losses + bound) if omega_after > 0.0 else 0.0
-        torque = c.k_shaft * twist + stiff * slip
-        w[_AFTER + _J] = -(omega_after - omega) / dt
-        w[_AFTER + _DAMPER] = -half_way
-        w[_AFTER + _WINDAGE] = -half_way * half_way
-        w[_AFTER + _FRICTION] = -turned
-        w[_AFTER + _ETA] = on * torque / c.gear
-        w[_AFTER + _GEAR] = on * share / c.gear * (stiff * half_way / c.gear - torque)
-        w[_AFTER + _K] = on * share * (twist + 0.5 * dt * slip)
-        w[_AFTER + _C] = on * share * slip
-        w[_AFTER + _R_DRUM] = -on * share * stiff * drum_half / c.r_drum
+        mechanical = (
+            -on * share * stiff * drum_half / c.r_drum,
+            on * share / c.gear * (stiff * half_way / c.gear - torque),
+            on * torque / c.gear,
+            -half_way,
+            -half_way * half_way,
+            -sign,
+            on * share * (twist + 0.5 * dt * slip),
+            on * share * slip,
+            -(omega_after - omega) / dt,
+        )
+        for k in range(9):
+            w[_AFTER + k] = mechanical[k]
         w[_SLIP + _GEAR], w[_SLIP + _R_DRUM] = half_way / (c.gear * c.gear), -drum_half / c.r_drum
         w[_TORQUE + _K], w[_TORQUE + _C] = twist + 0.5 * dt * slip, slip
         keeps, pulls = mass - losses - bound, on * share * c.k_shaft
@@ -224,7 +199,6 @@ def run_tangent(
             d_em = em_v * d_given + em_b * w[_B + k] + em_s * w[_S + k] + w[_EM + k]
             d_after = moved * (keeps * d_omega + pulls * d_twist - d_em + w[_AFTER + k])
             d_half = 0.5 * (d_omega + d_after)
-            d_v_half = d_given + v_h * d_half
             d_slip = w[_SLIP + k] - d_half / c.gear
             d_torque = on * (c.k_shaft * d_twist + stiff * d_slip + w[_TORQUE + k])
             w[_D_TWIST + k] = on * (d_twist + dt * d_slip)
@@ -232,10 +206,8 @@ def run_tangent(
             w[_D_LAST + k] = d_torque
             w[_D_OMEGA + k] = d_after
             w[_D_SEEN + k] = d_v
-            w[_D_V + k] = 2.0 * d_v_half - d_v
+            w[_D_V + k] = 2.0 * (d_given + v_h * d_half) - d_v
         if n % every == 0:
-            for k in range(size):
-                kept[0, k, n // every], kept[1, k, n // every] = w[_D_MEAN + k], w[_D_SEEN + k]
+            kept[0, :, n // every], kept[1, :, n // every] = w[_D_MEAN:][:size], w[_D_SEEN:][:size]
     if (v.size - 1) % every == 0:
-        for k in range(size):
-            kept[0, k, (v.size - 1) // every], kept[1, k, (v.size - 1) // every] = w[_D_LAST + k], w[_D_V + k]
+        kept[0, :, -1], kept[1, :, -1] = w[_D_LAST:][:size], w[_D_V:][:size]

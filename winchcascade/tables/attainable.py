@@ -1,32 +1,23 @@
-"""Which suspects could move a table's efficiencies to what is printed, which cannot, and how far off each would have to be."""
+"""A published table against the constants of a rig: what no plausible payout attains, and which suspects could explain it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.jobs import Nobody, Watch
-from winchcascade.core.published_table import load_text
+from winchcascade.core.published_table import PublishedTable, load_text
 from winchcascade.core.rig_file import Rig
+from winchcascade.core.run import Signal
+from winchcascade.diagnosis.suspects import Suspects
+from winchcascade.rig.effects.effect import Effect, Field
 from winchcascade.rig.parts import baseline
-from winchcascade.tables.attainable_row import Cell, NotJudged, RowReach, bounds_of_row, windows_of
-from winchcascade.tables.effect_curves import ETAS, Bench, EffectCurve, field_curves
-from winchcascade.tables.effect_search import Search, Values
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from winchcascade.core.published_table import Table
-    from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.suspects import Suspects
-    from winchcascade.rig.effects.effect import Effect
-    from winchcascade.tables.effect_search import Curves
-    from winchcascade.tables.plausible_payouts import Reduce
-
+from winchcascade.tables.attainable_row import Cell, NotJudged, Reduce, RowReach, bounds_of_row, windows_of
+from winchcascade.tables.effect_search import ETAS, Bench, Curves, EffectCurve, Search, Values, field_curves
 
 Verdict = Literal["explains", "beyond_plausible", "no"]
 """Whether one value of the effect brings all rows within reach: a plausible one, an implausible one, none."""
@@ -51,7 +42,7 @@ LARGEST = 3
 
 
 class Ability(msgspec.Struct, frozen=True):
-    """What one effect alone can do about one efficiency.
+    """The effect of one suspect alone on one efficiency.
 
     `closed` is the share of what is out of reach that its best plausible value takes away, over all rows [1]. `needed` has, for
     each row, the value nearest to absent that brings the row within reach, None where none does or where none is needed; empty
@@ -64,30 +55,20 @@ class Ability(msgspec.Struct, frozen=True):
     needed: tuple[float | None, ...]
 
 
-class FieldRange(msgspec.Struct, frozen=True):
-    """What a field may be: its value where the effect is absent and the bounds of what is plausible, in its unit."""
-
-    name: str
-    unit: str
-    absent: float
-    low: float
-    high: float
-
-
-class Mover(msgspec.Struct, frozen=True):
-    """One suspect before a table: what it can do for each efficiency that is out of reach.
+class SuspectResult(msgspec.Struct, frozen=True):
+    """One suspect and its fields: its effect on each efficiency that is out of reach.
 
     `best` has its best values over all rows and efficiencies, plausible or not; None for a suspect that moves nothing here.
     """
 
     effect: str
     stage: str
-    fields: tuple[FieldRange, ...]
+    fields: tuple[Field, ...]
     abilities: tuple[Ability, ...] = ()
     best: Values | None = None
 
     def ability(self, metric: str) -> Ability:
-        """What it can do for one efficiency."""
+        """Its effect on one efficiency."""
         return next((one for one in self.abilities if one.metric == metric), Ability(metric, "no", 0.0, ()))
 
 
@@ -98,55 +79,47 @@ class Explanation(msgspec.Struct, frozen=True):
     comes nearest.
     """
 
-    movers: tuple[Mover, ...]
+    suspects: tuple[SuspectResult, ...]
     sets: tuple[Values, ...] = ()
     size: int = 0
     closest: Values | None = None
 
 
-def explain(bench: Bench, suspects: Suspects, tell: Callable[[str], None]) -> Explanation:
+def explain(bench: Bench, suspects: Suspects, on_progress: Callable[[str], None]) -> Explanation:
     """Look at every suspect alone, then at sets of those that move something.
 
     Parameters
     ----------
-    tell : is told the name of each suspect when it is done
+    on_progress : called with the name of each suspect when it is done
     """
     curves: dict[str, Sequence[EffectCurve | None]] = {}
-    movers = []
+    results = []
     for name, kind in suspects.items():
         curves[name] = field_curves(bench, kind)
-        movers.append(_mover(bench, name, kind, curves[name]))
-        tell(name)
+        results.append(_suspect_result(bench, name, kind, curves))
+        on_progress(name)
     active = {name: suspects[name] for name in suspects if any(curve is not None for curve in curves[name])}
-    found = _smallest_sets(bench, active, curves)
-    return msgspec.structs.replace(found, movers=tuple(movers))
+    return msgspec.structs.replace(_smallest_sets(bench, active, curves), suspects=tuple(results))
 
 
-def _mover(bench: Bench, name: str, kind: Effect, curves: Sequence[EffectCurve | None]) -> Mover:
-    if all(curve is None for curve in curves):
-        return Mover(name, kind.stage, _ranges(kind))
+def _suspect_result(bench: Bench, name: str, kind: Effect, curves: Curves) -> SuspectResult:
+    if all(curve is None for curve in curves[name]):
+        return SuspectResult(name, kind.stage, kind.fields)
     before = bench.excess_by_metric(bench.nominal)
-    search = Search(bench, {name: kind}, {name: curves})
-    abilities = tuple(_ability(search, k, float(before[k])) for k in _told_of(before))
-    best = search.told(search.polished(search.fit(wide=True), wide=True)) if before.any() else None
-    return Mover(name, kind.stage, _ranges(kind), abilities, best)
-
-
-def _told_of(before: Signal) -> list[int]:
-    """Places of the efficiencies whose causes are told: the stages that are out of reach, else the whole, their product."""
+    search = Search(bench, {name: kind}, curves)
     outside = [k for k in range(len(ETAS)) if before[k] > 0.0]
-    return [k for k in outside if ETAS[k] != "eta_pto"] or outside
-
-
-def _ranges(kind: Effect) -> tuple[FieldRange, ...]:
-    return tuple(FieldRange(own.name, own.unit, own.absent, own.low, own.high) for own in kind.fields)
+    stages = [k for k in outside if ETAS[k] != "eta_pto"]  # the whole is their product
+    abilities = tuple(_ability(search, k, float(before[k])) for k in stages or outside)
+    best = search.simulated_values(search.polished(search.fit(wide=True), wide=True)) if before.any() else None
+    return SuspectResult(name, kind.stage, kind.fields, abilities, best)
 
 
 def _ability(search: Search, k: int, before: float) -> Ability:
-    """What a suspect can do for one efficiency, the k-th of `ETAS`, of which `before` is out of reach in all rows."""
+    """Effect of a suspect on one efficiency, the k-th of `ETAS`, of which `before` is out of reach in all rows."""
     left = search.best_excess(k)
-    wide = left if left == 0.0 else search.best_excess(k, wide=True)
-    verdict: Verdict = "explains" if left == 0.0 else "beyond_plausible" if wide == 0.0 else "no"
+    verdict: Verdict = "explains"
+    if left > 0.0:
+        verdict = "no" if search.best_excess(k, wide=True) > 0.0 else "beyond_plausible"
     curve, bench = search.single, search.bench
     needed = () if curve is None else tuple(_needed(bench, curve, row, k) for row in range(len(bench.rows)))
     return Ability(ETAS[k], verdict, max(1.0 - left / before, 0.0), needed)
@@ -168,9 +141,9 @@ def _smallest_sets(bench: Bench, suspects: Suspects, curves: Curves) -> Explanat
     closest: Values | None = None
     for size in range(1, LARGEST + 1):
         ranked = _ranked(bench, suspects, curves, grown)
-        told = [_told(search, x) for search, x in ranked[:CANDIDATES]]
-        closest = min((one for one in (*told, closest) if one is not None), key=lambda one: one.excess, default=None)
-        enough = sorted((one for one in told if one is not None and one.enough), key=lambda one: one.misfit)
+        simulated = [values for search, x in ranked[:CANDIDATES] if (values := _simulated(search, x)) is not None]
+        closest = min((*simulated, *([closest] if closest else [])), key=lambda one: one.excess, default=None)
+        enough = sorted((one for one in simulated if one.enough), key=lambda one: one.misfit)
         if enough:
             return Explanation((), tuple(enough[:MOST_SETS]), size)
         seeds = [tuple(search.kinds) for search, _ in ranked[: None if size == 1 else SEEDS]]
@@ -182,22 +155,22 @@ def _ranked(
     bench: Bench, suspects: Suspects, curves: Curves, sets: Sequence[tuple[str, ...]]
 ) -> list[tuple[Search, Signal]]:
     """Sets with their values, first those that leave least out of reach on the curves, then those that fit best."""
-    searches = [Search(bench, {name: suspects[name] for name in names}, curves) for names in sets]
-    found: list[tuple[float, float, int, Search, Signal]] = []
-    for search in sorted(searches, key=Search.glimpse)[:LOOKED_AT]:
+    searches = (Search(bench, {name: suspects[name] for name in names}, curves) for names in sets)
+    found: list[tuple[tuple[float, float], Search, Signal]] = []
+    for search in sorted(searches, key=Search.first_look)[:LOOKED_AT]:
         x = search.fit()
-        if search.on_curves(x) > 0.0:
+        if bench.sums(search.on_curves(x))[0] > 0.0:
             x = search.fit(hinge=True)
-        found.append((search.on_curves(x), search.misfit_on_curves(x), len(found), search, x))
-    return [(search, x) for *_, search, x in sorted(found, key=lambda one: one[:3])]
+        found.append((bench.sums(search.on_curves(x)), search, x))
+    return [(search, x) for _, search, x in sorted(found, key=lambda one: one[0])]
 
 
-def _told(search: Search, x: Signal) -> Values | None:
-    """Simulate a set; if the curves promised too much, try to mend it."""
-    values = search.told(x)
+def _simulated(search: Search, x: Signal) -> Values | None:
+    """Simulate a set; improve its values by simulations if the curves were too optimistic."""
+    values = search.simulated_values(x)
     if values is None or values.enough or values.excess > MENDED:
         return values
-    return search.told(search.polished(x, hinge=True))
+    return search.simulated_values(search.polished(x, hinge=True))
 
 
 class Reach(msgspec.Struct, frozen=True):
@@ -226,7 +199,7 @@ class Reach(msgspec.Struct, frozen=True):
 
 
 def reach(
-    table: Table,
+    table: PublishedTable,
     rig: Rig,
     suspects: Suspects,
     reduce: Reduce,
@@ -234,7 +207,7 @@ def reach(
     scatter: float,
     watch: Watch | None = None,
 ) -> Reach:
-    """Hold a published table against what a rig's constants allow, and name the suspects that could make up the difference.
+    """Hold a published table against what the constants of a rig allow, and name the suspects that could explain a difference.
 
     Parameters
     ----------
@@ -250,18 +223,13 @@ def reach(
     windows, notes = windows_of(table)
     watch = watch or Nobody()
     watch.begin(0, len(table.rows) + len(suspects))
-    tell = partial(watch.done, fault=None)
-
-    rows: list[RowReach] = []
-    not_judged: list[NotJudged] = []
+    found: list[RowReach | NotJudged] = []
     for row in table.rows:
-        found = bounds_of_row(table, row, windows[row.load], rig, reduce, scatter)
-        if isinstance(found, NotJudged):
-            not_judged.append(found)
-        else:
-            rows.append(found)
-        tell(load_text(row.load))
+        found.append(bounds_of_row(table, row, windows[row.load], rig, reduce, scatter))
+        watch.done(load_text(row.load), None)
+    rows = tuple(row for row in found if isinstance(row, RowReach))
+    not_judged = tuple(row for row in found if isinstance(row, NotJudged))
     explanation = Explanation(())
-    if any(cell.outside for judged in rows for cell in judged.cells):
-        explanation = explain(Bench(rows, model, reduce), suspects, tell)
-    return Reach(rig, scatter, tuple(rows), tuple(not_judged), notes, explanation)
+    if any(cell.outside for row in rows for cell in row.cells):
+        explanation = explain(Bench(rows, model, reduce), suspects, partial(watch.done, fault=None))
+    return Reach(rig, scatter, rows, not_judged, notes, explanation)

@@ -9,16 +9,16 @@ tolerance.
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 
 from winchcascade.core.campaign_file import Origin, origin_from
 from winchcascade.core.errors import OptionError, WinchcascadeError
-from winchcascade.core.published_table import Row, Table, load_text, same_load
-from winchcascade.reduction.efficiency import METRICS
+from winchcascade.core.published_table import PrintedColumn, PublishedTable, TableRow, load_text, same_load
+from winchcascade.core.toml_text import Expected, entry
+from winchcascade.reduction.efficiency import FIELDS, METRICS
 
 REDUCTION_SCHEMA = "winchcascade/reduction/1"
 
@@ -36,7 +36,7 @@ class CheckError(WinchcascadeError):
 
 
 class Measured(msgspec.Struct, frozen=True):
-    """What a log says, in SI units by metric, None for what it cannot give.
+    """What a log gives, in SI units by metric, None for what it cannot give.
 
     `load` is in ohms, inf for an open circuit, None where it is not known; `deviation` is the largest one of a cycle from
     the mean [%], `uncertainty` the standard uncertainty of the mean and `repeatability` the part of it that the scatter of
@@ -61,7 +61,7 @@ class Factors(msgspec.Struct, frozen=True):
     uncertainty: float = 1.0
 
     def __post_init__(self) -> None:
-        """Refuse a factor that is no number from 0 up."""
+        """Reject a factor that is no number from 0 up."""
         for name in self.__struct_fields__:
             if not 0 <= (value := getattr(self, name)) < math.inf:
                 raise OptionError(
@@ -70,17 +70,15 @@ class Factors(msgspec.Struct, frozen=True):
 
 
 class CellCheck(msgspec.Struct, frozen=True):
-    """One cell of the table beside its measured value, all in the unit that is printed.
+    """One cell of the table beside its measured value, all in the unit of its column.
 
     `log` names the run, None where there is none; `line` is that of the cell in the table's file.
     """
 
     load: float
     metric: str
-    unit: str
-    decimals: int
+    column: PrintedColumn
     printed: float
-    outcome: Outcome
     log: str | None = None
     measured: float | None = None
     rounding: float = 0.0
@@ -104,6 +102,13 @@ class CellCheck(msgspec.Struct, frozen=True):
         return None if self.difference is None else max(0.0, abs(self.difference) - self.tolerance)
 
     @property
+    def outcome(self) -> Outcome:
+        """Whether the measured value agrees with the printed one, or why there is none."""
+        if self.missed_by is None:
+            return "no_run" if self.log is None else "not_measured"
+        return "ok" if self.missed_by <= _DUST * self.printed else "miss"
+
+    @property
     def ok(self) -> bool:
         """Whether the measured value agrees with the printed one."""
         return self.outcome == "ok"
@@ -112,11 +117,11 @@ class CellCheck(msgspec.Struct, frozen=True):
 class Check(msgspec.Struct, frozen=True):
     """All cells of a table against measured results.
 
-    `notes` says in sentences what was left out, capped or not known; `findings` holds, by load, those of each log;
+    `notes` describes in sentences what was left out, capped or not known; `findings` holds, by load, those of each log;
     `origins` where the data of each log come from.
     """
 
-    table: Table
+    table: PublishedTable
     factors: Factors
     cells: tuple[CellCheck, ...]
     notes: tuple[str, ...]
@@ -134,8 +139,15 @@ class Check(msgspec.Struct, frozen=True):
         return not self.misses
 
 
+_Object = Annotated[dict[str, Any], Expected("an object, as `winchcascade reduce --json` writes it")]
+_Findings = Annotated[list[dict[str, Any]], Expected("a list of findings")]
+_Load = Annotated[float | None, Expected("ohms above 0 or null", lambda load: 0 < load < math.inf)]
+_Number = Annotated[float | None, Expected("a number or null", math.isfinite)]
+_NotNegative = Annotated[_Number, Expected("a number that is not negative", lambda value: value >= 0)]
+
+
 def measured_from_record(record: object, where: str) -> Measured:
-    """Take what a reduction's JSON says (schema `winchcascade/reduction/1`); CheckError names what is wrong in it.
+    """Take what a reduction's JSON contains (schema `winchcascade/reduction/1`); CheckError names what is wrong in it.
 
     Parameters
     ----------
@@ -146,27 +158,32 @@ def measured_from_record(record: object, where: str) -> Measured:
         raise CheckError(
             f"{where}: its schema is {found!r}; expected {REDUCTION_SCHEMA}, as `winchcascade reduce LOG --json FILE` writes."
         )
-    log = _part(record, "log", where)
-    load = log.get("load_ohm")
-    if load is not None and (_is_no_number(load) or not 0 < load < math.inf):
-        raise CheckError(f"{where}: load_ohm is {load!r}; expected ohms above 0 or null.")
-    if load is None and log.get("open_circuit") is True:
-        load = math.inf
+
+    def metrics(within: Mapping[str, Any], key: str, kind: Any = _NotNegative) -> dict[str, float | None]:
+        part = entry(within.get(key), key, _Object, where, CheckError)
+        return {
+            metric: entry(part.get(FIELDS[metric]), f"{key} {FIELDS[metric]}", kind, where, CheckError)
+            for metric in METRICS
+        }
+
+    log = entry(record.get("log"), "log", _Object, where, CheckError)
+    load = entry(log.get("load_ohm"), "load_ohm", _Load, where, CheckError)
+    quality = entry(record.get("quality", []), "quality", _Findings, where, CheckError)
     parts = record.get("uncertainty")
     return Measured(
         name=str(log.get("path") or where),
-        load=load,
-        mean=_metrics(record, "mean", where),
-        deviation=_metrics(record, "max_deviation_percent", where),
-        uncertainty=_metrics(record, "standard_uncertainty", where),
-        repeatability=_metrics(parts, "repeatability", where) if isinstance(parts, dict) else {},
-        findings=_findings(record.get("quality", []), where),
+        load=math.inf if load is None and log.get("open_circuit") is True else load,
+        mean=metrics(record, "mean", _Number),
+        deviation=metrics(record, "max_deviation_percent"),
+        uncertainty=metrics(record, "standard_uncertainty"),
+        repeatability=metrics(parts, "repeatability") if isinstance(parts, dict) else {},
+        findings=tuple(f"{finding.get('kind')}: {finding.get('message')}" for finding in quality),
         origin=origin_from(record),
     )
 
 
 def check(
-    results: Sequence[Measured], table: Table, factors: Factors | None = None, *, whole_campaign: bool = True
+    results: Sequence[Measured], table: PublishedTable, factors: Factors | None = None, *, whole_campaign: bool = True
 ) -> Check:
     """Hold measured results against every cell of a published table.
 
@@ -194,18 +211,17 @@ def check(
     return Check(table, factors, tuple(cells), tuple(notes), found, tuple(runs[k].origin for k in sorted(runs)))
 
 
-def _by_row(results: Sequence[Measured], table: Table) -> tuple[dict[int, Measured], list[str]]:
+def _by_row(results: Sequence[Measured], table: PublishedTable) -> tuple[dict[int, Measured], list[str]]:
     """The result that belongs to each row, and what was left out."""
     runs: dict[int, Measured] = {}
     notes = []
     known = ", ".join(load_text(row.load) for row in table.rows)
     for result in results:
-        if result.load is None:
+        if (load := result.load) is None:
             raise CheckError(
                 f"{result.name}: its load is not known; expected load_ohm in a campaign.toml, or a reduction made "
                 "with --load-ohm."
             )
-        load = result.load
         row = next((k for k, row in enumerate(table.rows) if same_load(row.load, load)), None)
         if row is None and math.isinf(load):
             notes.append(f"{result.name}: open circuit; the table has no row for it, so it is left out.")
@@ -214,65 +230,50 @@ def _by_row(results: Sequence[Measured], table: Table) -> tuple[dict[int, Measur
                 f"{result.name}: {load_text(load)} has no row in {table.name}; expected one of {known}, so correct the load "
                 "or take another table."
             )
-        elif row in runs:
+        elif runs.setdefault(row, result) is not result:
             raise CheckError(
                 f"{result.name}: {load_text(load)} is the load of {runs[row].name} too; expected one log for each row, so "
                 "leave one out."
             )
-        else:
-            runs[row] = result
     if not runs:
         raise CheckError(f"no log has a row in {table.name}; expected at least one log at one of {known}.")
     return runs, notes
 
 
-def _cell(table: Table, row: Row, metric: str, run: Measured | None, factors: Factors) -> CellCheck:
-    column, printed = table.columns[metric], row.cells[metric]
-    line = row.lines.get(metric)
-    bare = CellCheck(row.load, metric, column.unit, column.decimals, printed, "no_run", line=line)
-    if run is None:
+def _cell(table: PublishedTable, row: TableRow, metric: str, run: Measured | None, factors: Factors) -> CellCheck:
+    column = table.columns[metric]
+    bare = CellCheck(
+        row.load, metric, column, row.cells[metric], None if run is None else run.name, line=row.lines.get(metric)
+    )
+    mean = None if run is None else run.mean.get(metric)
+    if run is None or mean is None:
         return bare
-    mean = run.mean.get(metric)
-    if mean is None:
-        return msgspec.structs.replace(bare, outcome="not_measured", log=run.name)
-    share, u = _share_that_counts(table, run, metric), run.uncertainty.get(metric) or 0.0
+    claimed, deviation = _claimed(table, metric), run.deviation.get(metric) or 0.0
+    u = run.uncertainty.get(metric) or 0.0
+    share = 1.0 if claimed is None or deviation <= claimed[0] else claimed[0] / deviation  # up to what the table prints
     scatter = min((run.repeatability.get(metric) or 0.0) / u, 1.0) if u else 0.0
     u *= math.sqrt(1.0 - (1.0 - share**2) * scatter**2)
-    cell = msgspec.structs.replace(
+    return msgspec.structs.replace(
         bare,
-        log=run.name,
         measured=mean / column.factor,
         rounding=factors.rounding * column.rounding,
-        deviation=factors.deviation * share * (run.deviation.get(metric) or 0.0) / 100.0 * abs(mean) / column.factor,
+        deviation=factors.deviation * share * deviation / 100.0 * abs(mean) / column.factor,
         uncertainty=factors.uncertainty * COVERAGE * u / column.factor,
     )
-    agrees = abs(mean / column.factor - printed) <= cell.tolerance + _DUST * printed
-    return msgspec.structs.replace(cell, outcome="ok" if agrees else "miss")
 
 
-def _claimed(table: Table, metric: str) -> tuple[float, str] | None:
+def _claimed(table: PublishedTable, metric: str) -> tuple[float, str] | None:
     """Largest deviation of a cycle that the table prints for a metric [%], rounding included, and as it is printed."""
     printed = table.deviations.get("deviation_eta" if metric.startswith("eta") else "deviation_energy")
     return None if printed is None else (100.0 * printed[1].span(printed[0]).high, printed[1].text(printed[0]))
 
 
-def _share_that_counts(table: Table, run: Measured, metric: str) -> float:
-    """Share of the scatter of a log's cycles that counts in a tolerance: 1 up to the deviation that the table prints."""
-    deviation, claimed = run.deviation.get(metric) or 0.0, _claimed(table, metric)
-    return 1.0 if claimed is None or deviation <= claimed[0] else claimed[0] / deviation
-
-
-def _capped(table: Table, run: Measured, row: Row) -> list[str]:
+def _capped(table: PublishedTable, run: Measured, row: TableRow) -> list[str]:
     """Metrics whose cycles deviate by more than the table prints, in one sentence for each printed deviation."""
     beyond: dict[str, list[str]] = {}
     for metric in row.cells:
         claimed, deviation = _claimed(table, metric), run.deviation.get(metric)
-        if (
-            claimed is not None
-            and deviation is not None
-            and deviation > claimed[0]
-            and run.mean.get(metric) is not None
-        ):
+        if claimed and deviation and deviation > claimed[0] and run.mean.get(metric) is not None:
             beyond.setdefault(claimed[1], []).append(f"{metric} {deviation:.3g} %")
     return [
         f"{run.name}: its cycles deviate by more than the {said} of the table ({', '.join(metrics)}); the deviation counts "
@@ -281,49 +282,16 @@ def _capped(table: Table, run: Measured, row: Row) -> list[str]:
     ]
 
 
-def _not_known(run: Measured, row: Row) -> list[str]:
-    """Parts of a tolerance that count as 0 because the log cannot tell them."""
+def _not_known(run: Measured, row: TableRow) -> list[str]:
+    """Parts of a tolerance that count as 0 because the log does not give them."""
     taken = [m for m in row.cells if run.mean.get(m) is not None]
     notes = []
     for part, why in (
-        ("deviation", "the largest deviation is not known, as of a single cycle"),
-        ("uncertainty", "the standard uncertainty is not known"),
+        (run.deviation, "the largest deviation is not known, as of a single cycle"),
+        (run.uncertainty, "the standard uncertainty is not known"),
     ):
-        unknown = [m for m in taken if getattr(run, part).get(m) is None]
+        unknown = [m for m in taken if part.get(m) is None]
         if unknown:
             which = "" if len(unknown) == len(taken) else f" of {', '.join(unknown)}"
             notes.append(f"{run.name}: {why}{which}; it counts as 0.")
     return notes
-
-
-def _part(record: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any]:
-    value = record.get(key)
-    if not isinstance(value, dict):
-        raise CheckError(f"{where}: {key} is {value!r}; expected an object, as `winchcascade reduce --json` writes it.")
-    return value
-
-
-def _findings(quality: object, where: str) -> tuple[str, ...]:
-    """What is wrong with a log, each finding as kind and message."""
-    if not isinstance(quality, list) or not all(isinstance(finding, dict) for finding in quality):
-        raise CheckError(f"{where}: quality is {repr(quality)[:40]}; expected a list of findings.")
-    return tuple(f"{finding.get('kind')}: {finding.get('message')}" for finding in quality)
-
-
-def _is_no_number(value: object) -> bool:
-    return isinstance(value, bool) or not isinstance(value, int | float)
-
-
-def _metrics(record: Mapping[str, Any], key: str, where: str) -> dict[str, float | None]:
-    """The nine metrics under the names of a written file: energies end in _j, powers in _w."""
-    part = _part(record, key, where)
-    values: dict[str, float | None] = {}
-    for metric in METRICS:
-        field = metric + {"energy": "_j", "power": "_w"}.get(metric.partition("_")[0], "")
-        value = part.get(field)
-        if value is not None and (_is_no_number(value) or not abs(value) <= sys.float_info.max):
-            raise CheckError(f"{where}: {key} {field} is {repr(value)[:40]}; expected a number or null.")
-        if value is not None and value < 0 and key != "mean":
-            raise CheckError(f"{where}: {key} {field} is {value}; expected a number that is not negative.")
-        values[metric] = value
-    return values

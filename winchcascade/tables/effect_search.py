@@ -1,21 +1,210 @@
-"""Values of some suspects that bring a table's efficiencies to what is printed: sought on curves, then simulated."""
+"""Values of some suspects that bring the efficiencies of a table to what is printed: searched on curves, then simulated.
+
+A curve shows how each efficiency follows one field of a suspect: it is simulated at a few values and interpolated between.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from functools import partial
 
 import msgspec
 import numpy as np
 
-from winchcascade.diagnosis.suspects import freedom, with_values
-from winchcascade.tables.effect_curves import ETAS, EffectCurve, bent, reach_of
+from winchcascade.core.jobs import all_at_once
+from winchcascade.core.run import Signal
+from winchcascade.diagnosis.suspects import Freedom, Suspects, freedom, with_values
+from winchcascade.reduction.efficiency import RATIOS
+from winchcascade.rig.effects.effect import ActiveEffect, Effect
+from winchcascade.rig.parts import Model
+from winchcascade.tables.attainable_row import PayoutMetrics, Reduce, RowReach, measure, meet
 
-if TYPE_CHECKING:
-    from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.suspects import Suspects
-    from winchcascade.rig.effects.effect import ActiveEffect
-    from winchcascade.tables.effect_curves import Bench
+ETAS = tuple(RATIOS)
+"""Efficiencies in the order of the columns of every array here."""
+
+DUST = 2e-4
+"""What may be left out of reach in all rows together: simulations of a table are no better. [1]"""
+
+
+class Bench:
+    """A test bench for the rows of a table: it simulates them with one changed model after the other.
+
+    All arrays are (rows, 3), columns as `ETAS`, NaN where the row has no such efficiency: `printed`; `allowed` by rounding and
+    repeatability; `below` and `above`, how far the ends of the reach lie from the middle payout; `sigma`, the standard
+    uncertainty of printed minus nominal. [1]
+    """
+
+    def __init__(self, rows: Sequence[RowReach], model: Model, reduce: Reduce) -> None:
+        self.rows, self.model, self.reduce = rows, model, reduce
+        cells = [{cell.metric: cell for cell in row.cells} for row in rows]
+        self.printed, self.allowed, self.nominal, low, high, u = (
+            np.array(
+                [[getattr(of[eta], name) if eta in of else np.nan for eta in ETAS] for of in cells], dtype=np.float64
+            )
+            for name in ("printed", "allowed", "nominal", "low", "high", "u")
+        )
+        self.below, self.above = self.nominal - low, high - self.nominal
+        self.sigma: Signal = np.sqrt((0.5 * self.allowed) ** 2 + u**2 + (0.5 * (high - low) - u) ** 2 / 3.0)
+        self.speeds = np.array([row.speed for row in rows])
+
+    def efficiencies(self, effects: Sequence[ActiveEffect], speeds: Signal) -> tuple[Signal, Signal] | None:
+        """Efficiencies with some effects along each row's middle payout at its printed power, (rows, 3), and the speeds [m/s].
+
+        None where the model cannot give a printed power or an efficiency.
+
+        Parameters
+        ----------
+        speeds : guesses, (rows,) [m/s]
+        """
+        model = self.model
+        for effect in effects:
+            model = effect.apply(model)
+        points = all_at_once(
+            [partial(self._point, model, row, guess) for row, guess in zip(self.rows, speeds.tolist(), strict=True)]
+        )
+        found = [point for point in points if point is not None]
+        if len(found) < len(points):
+            return None
+        eta = np.array([[point.metrics[metric] for metric in ETAS] for point in found], dtype=np.float64)  # None is NaN
+        if np.any(np.isnan(eta) & ~np.isnan(self.printed)):
+            return None
+        return np.where(np.isnan(self.printed), np.nan, eta), np.array([point.speed for point in found])
+
+    def _point(self, model: Model, row: RowReach, guess: float) -> PayoutMetrics | None:
+        if row.target is None:
+            return measure(self.reduce, model, row.payout, guess, row.load)
+        return meet(self.reduce, model, row.payout, row.load, row.target, guess)
+
+    def deviation(self, eta: Signal) -> Signal:
+        """How far such efficiencies are too high (positive) or too low for what is printed and allowed, (..., rows, 3).
+
+        0 where the printed value is within reach.
+        """
+        high, low = eta - self.below - self.printed, self.printed - eta - self.above
+        return np.where(high > self.allowed, high - self.allowed, np.minimum(self.allowed - low, 0.0))
+
+    def excess(self, eta: Signal) -> Signal:
+        """How far printed values lie out of reach about such efficiencies, beyond what is allowed, (..., rows, 3)."""
+        excess: Signal = np.abs(self.deviation(eta))
+        return excess
+
+    def excess_by_metric(self, eta: Signal) -> Signal:
+        """The same, summed over the rows, (3,)."""
+        total = np.nansum(self.excess(eta), axis=0)
+        return np.where(total < DUST, 0.0, total)
+
+    def sums(self, eta: Signal) -> tuple[float, float]:
+        """What is out of reach in all [1], and the sum of squares of printed minus simulated in standard uncertainties."""
+        return float(np.sum(self.excess_by_metric(eta))), float(np.nansum(self.misfit(eta) ** 2))
+
+    def misfit(self, eta: Signal) -> Signal:
+        """Printed minus simulated, in standard uncertainties, (..., rows, 3)."""
+        return (self.printed - eta) / self.sigma
+
+
+BEYOND = 4.0
+"""Values are looked at up to this many times the plausible ones, where that is possible at all. [1]"""
+
+NODES = (1.0, 0.5, 2.0, BEYOND)
+"""Where a field is simulated, as shares of the way from absent to the end of what is plausible; the end itself first. [1]"""
+
+FEW_NODES = (1.0, 2.0)
+"""The same for each field of a suspect that has several: they are simulated together where it matters."""
+
+SILENT = 2e-4
+"""An effect that moves no efficiency by more than this at the end of what is plausible has no curve here. [1]"""
+
+HELPS = 0.9
+"""An effect is looked at beyond what is plausible if it leaves less than this share of what is out of reach, but some. [1]"""
+
+GRID = 400
+"""Intervals that a curve is laid out on."""
+
+
+class EffectCurve(msgspec.Struct, frozen=True):
+    """Efficiencies over one field, the others absent.
+
+    `x` (n,) are even values, `ratio` (n, rows, 3) the logarithms of the efficiencies over those without the effect, `absent` is
+    the value without it.
+    """
+
+    x: Signal
+    ratio: Signal
+    absent: float
+
+    def at(self, values: Signal) -> Signal:
+        """Logarithmic ratio at some values of the field, (n, rows, 3)."""
+        place = np.clip((values - self.x[0]) / (self.x[1] - self.x[0]), 0.0, self.x.size - 1.0)
+        before = np.minimum(place.astype(np.intp), self.x.size - 2)
+        share = (place - before)[:, None, None]
+        ratio: Signal = (1.0 - share) * self.ratio[before] + share * self.ratio[before + 1]
+        return ratio
+
+    def slope(self, value: float) -> Signal:
+        """How the logarithmic ratio rises with the field at a value, (rows, 3)."""
+        width = self.x[1] - self.x[0]
+        before = min(max(int((value - self.x[0]) / width), 0), self.x.size - 2)
+        rise: Signal = (self.ratio[before + 1] - self.ratio[before]) / width
+        return rise
+
+
+def field_curves(bench: Bench, kind: Effect) -> list[EffectCurve | None]:
+    """The curve of each field of a suspect, None for a field that alone moves nothing."""
+    free = freedom(kind)
+    return [_curve(bench, kind, free, k) for k in range(len(free.names))]
+
+
+def reach_of(kind: Effect) -> tuple[Signal, Signal]:
+    """Lowest and highest values that are looked at, (k,) each: `BEYOND` what is plausible, within what is possible."""
+    free = freedom(kind)
+    least, most = (np.array([field.possible[end] for field in kind.fields]) for end in (0, 1))
+    return (
+        np.maximum(least, free.absent + BEYOND * (free.low - free.absent)),
+        np.minimum(most, free.absent + BEYOND * (free.high - free.absent)),
+    )
+
+
+def _curve(bench: Bench, kind: Effect, free: Freedom, k: int) -> EffectCurve | None:
+    nodes = {float(free.absent[k]): np.zeros(bench.printed.shape)}
+    for end in (free.low[k], free.high[k]):
+        if end != free.absent[k]:
+            nodes |= _side(bench, kind, free, k, float(end))
+    if len(nodes) == 1 or max(float(np.nanmax(np.abs(ratio))) for ratio in nodes.values()) < SILENT:
+        return None
+    from scipy.interpolate import PchipInterpolator
+
+    at = np.array(sorted(nodes))
+    x = np.linspace(at[0], at[-1], GRID + 1)
+    ratio = PchipInterpolator(at, np.array([nodes[value] for value in at.tolist()]))(x)
+    return EffectCurve(x, ratio, float(free.absent[k]))
+
+
+def _side(bench: Bench, kind: Effect, free: Freedom, k: int, end: float) -> dict[float, Signal]:
+    """Simulated nodes from absent to one end of what is plausible, and beyond it as long as that still may help."""
+    found: dict[float, Signal] = {}
+    helps, speeds = True, bench.speeds
+    low, high = reach_of(kind)
+    for share in NODES if len(free.names) == 1 else FEW_NODES:
+        values = free.absent.copy()
+        values[k] = min(max(values[k] + share * (end - values[k]), low[k]), high[k])
+        if float(values[k]) in found:
+            continue
+        there = bench.efficiencies([with_values(kind, values)], bench.speeds + share * (speeds - bench.speeds))
+        if there is None:
+            continue
+        ratio = np.where(np.isnan(bench.printed), 0.0, np.log(there[0] / bench.nominal))
+        found[float(values[k])] = ratio
+        if share == 1.0:
+            speeds = there[1]
+            if float(np.max(np.abs(ratio))) < SILENT:
+                break
+        if share >= 1.0:
+            before, after = bench.excess_by_metric(bench.nominal), bench.excess_by_metric(there[0])
+            helps = bool(np.any((after < HELPS * before) & (after > 0.0)))
+        if share != 1.0 and not helps:
+            break
+    return found
+
 
 Curves = Mapping[str, Sequence[EffectCurve | None]]
 
@@ -39,7 +228,7 @@ class Values(msgspec.Struct, frozen=True):
     """Effects with values, and what they leave of a table.
 
     `fields` and `reported` by effect. `left` is the rms of printed minus simulated by metric, `excess` the sum of what is still
-    out of reach [1], `misfit` the sum of squares of printed minus simulated in standard uncertainties. `plausible` tells
+    out of reach [1], `misfit` the sum of squares of printed minus simulated in standard uncertainties. `plausible` states
     whether all fields lie within their bounds, `at_bound` names those that stop at the end of what was looked at.
     """
 
@@ -96,11 +285,10 @@ class Search:
         if self.single is not None:
             x = self.single.x[(self.single.x >= low[0] - 1e-12) & (self.single.x <= high[0] + 1e-12)]
             x = np.concatenate((x, low, high, self.absent))
-            eta = self.bench.nominal * np.exp(self.single.at(x))
-            cost = np.sum(self._residual(eta, metric, hinge) ** 2, axis=-1)
-            return x[[int(np.argmin(cost))]]
+            residual = self._residual(self.bench.nominal * np.exp(self.single.at(x)), metric, hinge)
+            return x[[int(np.argmin(np.sum(residual**2, axis=-1)))]]
         return _descend(
-            lambda x: self._residual(self._eta(x), metric, hinge), self.absent, low, high, TRIALS,
+            lambda x: self._residual(self.on_curves(x), metric, hinge), self.absent, (low, high), TRIALS,
             slopes=lambda x: self._slopes(x, metric, hinge),
         )  # fmt: skip
 
@@ -111,41 +299,25 @@ class Search:
         """
         best = self.fit(metric=metric, hinge=True, wide=wide)
         if self.single is not None:
-            return float(self.bench.excess_by_metric(self._eta(best))[metric])
+            return float(self.bench.excess_by_metric(self.on_curves(best))[metric])
         found = [self.simulated(x) for x in (best, *self._bounds(wide))]
         return min(
             (float(self.bench.excess_by_metric(eta)[metric]) for eta in found if eta is not None), default=np.inf
         )
 
-    def on_curves(self, x: Signal) -> float:
-        """The same in all, on the curves."""
-        return float(np.sum(self.bench.excess_by_metric(self._eta(x))))
-
-    def glimpse(self) -> float:
+    def first_look(self) -> float:
         """What a few plausible values leave out of reach at best, on the curves: a first look at many sets. [1]
 
         The fields of one suspect go together from absent to an end of what is plausible, suspects go independently.
         """
         ratio = np.zeros((1, *self.bench.printed.shape))
         for name in self.kinds:
-            own = [k for k, (of, _) in enumerate(self.places) if of == name]
-            few = np.concatenate([self._along(own, end) for end in self._bounds(wide=False)])
-            ratio = (ratio[:, None] + few[None]).reshape(-1, *few.shape[1:])
-        over = np.nansum(self.bench.excess(self.bench.nominal * np.exp(ratio)), axis=(1, 2))
-        return float(over.min())
-
-    def _along(self, own: Sequence[int], end: Signal) -> Signal:
-        """Logarithmic ratios on the way of some fields from absent to an end, (FEW, rows, 3)."""
-        total = np.zeros((FEW, *self.bench.printed.shape))
-        for k in own:
-            curve = self.curves[k]
-            if curve is not None:
-                total += curve.at(np.linspace(self.absent[k], end[k], FEW))
-        return total
-
-    def misfit_on_curves(self, x: Signal) -> float:
-        """Sum of squares of printed minus simulated in standard uncertainties, on the curves."""
-        return float(np.nansum(self.bench.misfit(self._eta(x)) ** 2))
+            few = np.zeros((2, FEW, *self.bench.printed.shape))
+            for k, curve in enumerate(self.curves):
+                if curve is not None and self.places[k][0] == name:
+                    few += [curve.at(np.linspace(self.absent[k], end[k], FEW)) for end in self._bounds(wide=False)]
+            ratio = (ratio[:, None] + few.reshape(1, -1, *few.shape[2:])).reshape(-1, *few.shape[2:])
+        return float(np.nansum(self.bench.excess(self.bench.nominal * np.exp(ratio)), axis=(1, 2)).min())
 
     def effects(self, x: Signal) -> list[ActiveEffect]:
         """The suspects with values, (k,) in the order of their fields."""
@@ -154,7 +326,7 @@ class Search:
 
     def simulated(self, x: Signal) -> Signal | None:
         """Efficiencies at values of the fields, simulated, (rows, 3)."""
-        found = bent(self.bench, self.effects(x), self.speeds)
+        found = self.bench.efficiencies(self.effects(x), self.speeds)
         if found is None:
             return None
         eta, self.speeds = found
@@ -167,42 +339,32 @@ class Search:
             eta = self.simulated(values)
             return self._residual(self.bench.nominal if eta is None else eta, None, hinge)
 
-        return (
-            x
-            if self.single is not None
-            else _descend(residual, x, *self._bounds(wide), max(2, min(POLISH, FIELDS // x.size)))
-        )
+        if self.single is not None:
+            return x
+        return _descend(residual, x, self._bounds(wide), max(2, min(POLISH, FIELDS // x.size)))
 
-    def told(self, x: Signal) -> Values | None:
-        """Say of values of the fields what they leave, simulated; None where no model comes of them."""
+    def simulated_values(self, x: Signal) -> Values | None:
+        """What values of the fields leave, simulated; None where no model results from them."""
         eta = self.simulated(x)
         if eta is None:
             return None
-        bench, (low, high), (least, most) = self.bench, self.plausible, self.examined
-        gone = [
-            f"{name}.{field}"
-            for (name, field), value, a, b in zip(self.places, x.tolist(), least, most, strict=True)
-            if min(value - a, b - value) < AT_BOUND * (b - a) and value != self._absent_of(name, field)
-        ]
+        (low, high), (least, most) = self.plausible, self.examined
+        near = np.minimum(x - least, most - x) < AT_BOUND * (most - least)
         made = dict(zip(self.kinds, self.effects(x), strict=True))
-        fields = {
-            name: {field: value for (of, field), value in zip(self.places, x.tolist(), strict=True) if of == name}
-            for name in self.kinds
-        }
-        away = {metric: (bench.printed - eta)[:, k] for k, metric in enumerate(ETAS)}
-        known = {metric: gap[~np.isnan(gap)] for metric, gap in away.items()}
+        away = [gap[~np.isnan(gap)] for gap in (self.bench.printed - eta).T]
+        excess, misfit = self.bench.sums(eta)
         return Values(
-            fields=fields,
+            fields={
+                name: {field.name: value for field, value in zip(one.effect.fields, one.values, strict=True)}
+                for name, one in made.items()
+            },
             reported={name: {one.effect.parameter: one.reported} for name, one in made.items()},
-            left={metric: float(np.sqrt(np.mean(gap**2))) for metric, gap in known.items() if gap.size},
-            excess=float(np.sum(bench.excess_by_metric(eta))),
-            misfit=float(np.nansum(bench.misfit(eta) ** 2)),
+            left={eta: float(np.sqrt(np.mean(gap**2))) for eta, gap in zip(ETAS, away, strict=True) if gap.size},
+            excess=excess,
+            misfit=misfit,
             plausible=bool(np.all((x >= low - 1e-9) & (x <= high + 1e-9))),
-            at_bound=tuple(gone),
+            at_bound=tuple(".".join(self.places[k]) for k in np.flatnonzero(near & (x != self.absent))),
         )
-
-    def _absent_of(self, name: str, field: str) -> float:
-        return float(self.absent[self.places.index((name, field))])
 
     def _bounds(self, wide: bool) -> tuple[Signal, Signal]:
         low, high = self.examined
@@ -210,42 +372,36 @@ class Search:
             return low, high
         return np.maximum(low, self.plausible[0]), np.minimum(high, self.plausible[1])
 
-    def _eta(self, x: Signal) -> Signal:
+    def on_curves(self, x: Signal) -> Signal:
         """Efficiencies on the curves, (rows, 3)."""
         ratio = sum(curve.at(x[k : k + 1])[0] for k, curve in enumerate(self.curves) if curve is not None)
         eta: Signal = self.bench.nominal * np.exp(ratio)
         return eta
 
     def _residual(self, eta: Signal, metric: int | None, hinge: bool) -> Signal:
-        """What a search makes small, (..., n) from (..., rows, 3), nothing where the table prints nothing."""
+        """What a search minimizes, (..., n) from (..., rows, 3), nothing where the table prints nothing."""
         z = self.bench.misfit(eta)
-        parts = [SOFT * z, self.bench.excess(eta) / self.bench.sigma] if hinge else [z]
-        return _flat(parts, metric)
+        return _flat([SOFT * z, self.bench.excess(eta) / self.bench.sigma] if hinge else [z], metric)
 
     def _slopes(self, x: Signal, metric: int | None, hinge: bool) -> Signal:
         """Its derivatives on the curves, (n, k)."""
-        eta, sigma = self._eta(x), self.bench.sigma
-        way = [
-            np.zeros_like(eta) if curve is None else eta * curve.slope(value) / sigma
-            for curve, value in zip(self.curves, x.tolist(), strict=True)
-        ]
-        step = np.array(way)
-        parts = [-SOFT * step, self.bench.side(eta) * step] if hinge else [-step]
-        return _flat(parts, metric).T
+        eta = self.on_curves(x)
+        slopes = [curve.slope(x[k]) if curve is not None else np.zeros_like(eta) for k, curve in enumerate(self.curves)]
+        step = np.array(slopes) * eta / self.bench.sigma
+        return _flat([-SOFT * step, np.sign(self.bench.deviation(eta)) * step] if hinge else [-step], metric).T
 
 
 def _flat(parts: Sequence[Signal], metric: int | None) -> Signal:
     """Residuals in a row, of one efficiency or of all, (..., n)."""
     chosen = [part if metric is None else part[..., metric : metric + 1] for part in parts]
-    flat: Signal = np.concatenate([part.reshape(*part.shape[:-2], -1) for part in chosen], axis=-1)
+    flat = np.concatenate([part.reshape(*part.shape[:-2], -1) for part in chosen], axis=-1)
     return np.where(np.isnan(flat), 0.0, flat)
 
 
 def _descend(
     residual: Callable[[Signal], Signal],
     start: Signal,
-    low: Signal,
-    high: Signal,
+    bounds: tuple[Signal, Signal],
     steps: int,
     *,
     slopes: Callable[[Signal], Signal] | None = None,
@@ -253,14 +409,14 @@ def _descend(
     """Least squares within bounds, in shares of their width; derivatives by differences unless given."""
     from scipy.optimize import least_squares
 
+    low, high = bounds
     scale = np.maximum(high - low, 1e-12)
 
     def of_share(share: Signal) -> Signal:
         return residual(low + scale * share)
 
     def slopes_of_share(share: Signal) -> Signal:
-        assert slopes is not None
-        return slopes(low + scale * share) * scale
+        return slopes(low + scale * share) * scale if slopes else scale
 
     found = least_squares(
         of_share,
@@ -271,5 +427,4 @@ def _descend(
         diff_step=[STEP] * low.size,
         max_nfev=steps,
     )
-    x: Signal = low + scale * found.x
-    return x
+    return low + scale * found.x

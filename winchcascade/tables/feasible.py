@@ -1,5 +1,7 @@
 """Whether one row of a table can be true: a linear programme in the logarithms of its unrounded values.
 
+What a table prints of its cycles bounds how far a mean of ratios can lie from a ratio of means (`Repeatability`).
+
 For every stage ``E = P t`` with one window t; for every efficiency ``E_out / E_in = eta (1 + x)`` with ``|x| <= ratio``,
 and ``eta_pto = eta_trans eta_gen (1 + y)`` with ``|y| <= product`` (see `Bounds`); no stage gives out more than it takes
 in. A printed cell confines its value to what rounds to it. In logarithms all of this is linear, so that the programme finds a
@@ -12,17 +14,17 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping
 from functools import cache
-from typing import TYPE_CHECKING
 
-from winchcascade.core.published_table import Span
+import msgspec
+
+from winchcascade.core.published_table import DEVIATIONS, PublishedTable, Span
+from winchcascade.core.run import Signal
 from winchcascade.reduction.efficiency import METRICS, RATIOS
-from winchcascade.tables.ratio_of_means import Bounds
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
 
 STAGES = ("line", "mech", "gen")
+
+ASSUMED = {"deviation_energy": 0.20, "deviation_eta": 0.03}
+"""Largest deviations of a cycle that are assumed for a table that prints none; the audit reports this. [1]"""
 
 _UNKNOWN = 60.0
 """Logarithm that no value passes, so that a value nothing confines has finite ends."""
@@ -31,6 +33,83 @@ _DUST = 1e-9
 """Share by which an interval is widened: a value on the edge of its rounding must not be lost to the arithmetic."""
 
 _VARIABLES = (*METRICS, "window")
+
+
+class Bounds(msgspec.Struct, frozen=True):
+    """How far means of ratios can lie from ratios of means. [1]
+
+    `ratio` holds between an efficiency and the ratio of its mean energies, `product` between eta_pto and
+    eta_trans eta_gen.
+    """
+
+    ratio: float
+    product: float
+
+
+def mean_of_products(one: float, other: float, cycles: int | None) -> float:
+    """Largest mean of products of two sets of relative deviations from their means. [1]
+
+    N deviations that sum to zero and stay within d make ``|sum(e h)| / N`` at most ``d_e d_h`` for even N, and
+    ``d_e d_h (N - 1) / N`` for odd N, where one of them has to be zero. As ``mean(out) = mean(eta in) = mean(eta) mean(in)
+    (1 + sum(e h) / N)``, this is how far a ratio of means can lie from the mean of ratios.
+
+    Parameters
+    ----------
+    one, other : largest deviations of the two [1]
+    cycles : their number N; None takes the larger bound, that of even N
+
+    Examples
+    --------
+    >>> round(mean_of_products(0.18, 0.025, 3), 6), mean_of_products(0.18, 0.025, 1)
+    (0.003, 0.0)
+    """
+    return one * other * (1.0 if cycles is None or cycles % 2 == 0 else (cycles - 1) / cycles)
+
+
+class Repeatability(msgspec.Struct, frozen=True):
+    """Bounds of the deviations of the cycles behind a table, as the table prints them or as assumed.
+
+    `energy` and `eta` are the largest deviations of any cycle from the mean, rounding included [1]; `basis` describes them
+    in words, `assumed` names what the table does not print.
+    """
+
+    energy: float
+    eta: float
+    cycles: int | None
+    basis: str
+    assumed: tuple[str, ...]
+
+    @property
+    def bounds(self) -> Bounds:
+        """How far efficiencies can lie from the ratio of mean energies, and eta_pto from eta_trans eta_gen."""
+        return Bounds(
+            ratio=mean_of_products(self.energy, self.eta, self.cycles),
+            product=mean_of_products(self.eta, self.eta, self.cycles),
+        )
+
+
+def repeatability(table: PublishedTable) -> Repeatability:
+    """Read the repeatability of a table's cycles; what is not printed takes the assumed values.
+
+    A printed deviation counts with its rounding: 18 % is anything below 18.5 %.
+
+    >>> from winchcascade.core.table_toml import load_table
+    >>> round(repeatability(load_table("hsu2026-table2")).bounds.ratio, 6)
+    0.003145
+    """
+    printed = {name: table.deviations.get(name) for name in DEVIATIONS}
+    words = [f"{100 * ASSUMED[name]:g} %" if of is None else of[1].text(of[0]) for name, of in printed.items()]
+    assumed = [f"{name}_percent" for name, of in printed.items() if of is None]
+    assumed += ["cycles"] if table.cycles is None else []
+    energy, eta = (ASSUMED[name] if of is None else of[1].span(of[0]).high for name, of in printed.items())
+    cycles = "any number of cycles" if table.cycles is None else f"{table.cycles} cycle{'s'[: table.cycles != 1]}"
+    return Repeatability(
+        energy=energy,
+        eta=eta,
+        cycles=table.cycles,
+        basis=f"{cycles} with deviations of {words[0]} and {words[1]}" + (" (assumed)" if assumed else ""),
+        assumed=tuple(assumed),
+    )
 
 
 def is_feasible(cells: Mapping[str, Span], bounds: Bounds) -> bool:
@@ -44,13 +123,27 @@ def allowed(cells: Mapping[str, Span], bounds: Bounds, numerator: str, denominat
     The value may be a metric or `window`, whether it has a cell or not; an end that nothing confines is 0 or inf.
     """
     aim = {numerator: 1.0} | ({denominator: -1.0} if denominator else {})
-    low = _solve(cells, bounds, aim)
-    high = _solve(cells, bounds, {name: -sign for name, sign in aim.items()})
+    found = [_solve(cells, bounds, {name: side * sign for name, sign in aim.items()}) for side in (1.0, -1.0)]
+    low, high = (None if x is None else sum(s * float(x[_VARIABLES.index(n)]) for n, s in aim.items()) for x in found)
     if low is None or high is None:
         return None
-    ends = [sum(sign * float(x[_VARIABLES.index(name)]) for name, sign in aim.items()) for x in (low, high)]
     free = 0.5 * _UNKNOWN
-    return Span(0.0 if ends[0] < -free else math.exp(ends[0]), math.inf if ends[1] > free else math.exp(ends[1]))
+    return Span(0.0 if low < -free else math.exp(low), math.inf if high > free else math.exp(high))
+
+
+def stage_window(spans: Mapping[str, Span], stage: str) -> Span | None:
+    """Window that a stage's energy and power leave (E = P t), None without both; an end that is open is inf. [s]"""
+    energy, power = spans.get(f"energy_{stage}"), spans.get(f"power_{stage}")
+    if energy is None or power is None:
+        return None
+    return Span(max(energy.low, 0.0) / power.high, math.inf if power.low <= 0 else energy.high / power.low)
+
+
+def window(spans: Mapping[str, Span]) -> Span | None:
+    """Window that the energies and powers of all stages of a row leave together; None if none does. [s]"""
+    found = [span for stage in STAGES if (span := stage_window(spans, stage)) is not None]
+    low, high = max((span.low for span in found), default=0.0), min((span.high for span in found), default=math.inf)
+    return Span(low, high) if low <= high * (1.0 + 1e-9) and math.isfinite(high) else None
 
 
 def contradictions(cells: Mapping[str, Span], bounds: Bounds) -> Iterator[tuple[str, ...]]:
@@ -64,12 +157,10 @@ def contradictions(cells: Mapping[str, Span], bounds: Bounds) -> Iterator[tuple[
 
 def repairs(cells: Mapping[str, Span], bounds: Bounds) -> dict[str, Span]:
     """Cells of which a change of that one alone makes the row consistent, with the values that do."""
-    spans = {}
-    for name in cells:
-        span = allowed({other: cells[other] for other in cells if other != name}, bounds, name)
-        if span is not None:
-            spans[name] = span
-    return spans
+    found = {
+        name: allowed({other: span for other, span in cells.items() if other != name}, bounds, name) for name in cells
+    }
+    return {name: span for name, span in found.items() if span is not None}
 
 
 def _smallest(cells: Mapping[str, Span], bounds: Bounds) -> tuple[str, ...]:
@@ -77,29 +168,26 @@ def _smallest(cells: Mapping[str, Span], bounds: Bounds) -> tuple[str, ...]:
     thin = dict(cells)
     for name in reversed(list(cells)):
         less = {other: span for other, span in thin.items() if other != name}
-        if not is_feasible(less, bounds):
-            thin = less
-    for size in range(1, len(thin)):
-        for names in itertools.combinations(cells, size):
-            if not is_feasible({name: cells[name] for name in names}, bounds):
-                return names
-    return tuple(thin)
+        thin = thin if is_feasible(less, bounds) else less
+    smaller = (names for size in range(1, len(thin)) for names in itertools.combinations(cells, size))
+    return next((n for n in smaller if not is_feasible({name: cells[name] for name in n}, bounds)), tuple(thin))
 
 
-def _solve(cells: Mapping[str, Span], bounds: Bounds, aim: Mapping[str, float]) -> NDArray[np.float64] | None:
+def _solve(cells: Mapping[str, Span], bounds: Bounds, aim: Mapping[str, float]) -> Signal | None:
     """Logarithms of values in all cells that make the aim smallest; None if there are none."""
     from scipy.optimize import linprog
 
-    confined = [_logs(cells.get(name)) for name in _VARIABLES]
+    confined = [(-_UNKNOWN, _UNKNOWN)] * len(_VARIABLES)
+    for name, span in cells.items():  # a cell of zero has no lower end
+        confined[_VARIABLES.index(name)] = (_log(span.low * (1.0 - _DUST)), _log(span.high * (1.0 + _DUST)))
     if any(low > high for low, high in confined):
         return None
     a_ub, a_eq = _relations()
-    ratio = [math.log1p(bounds.ratio), -_log(1.0 - bounds.ratio)] * 3
-    product = [math.log1p(bounds.product), -_log(1.0 - bounds.product)]
+    slack = [end for share in (*[bounds.ratio] * 3, bounds.product) for end in (math.log1p(share), -_log(1.0 - share))]
     found = linprog(
         [aim.get(name, 0.0) for name in _VARIABLES],
         A_ub=a_ub,
-        b_ub=[*ratio, *product, *[0.0] * (len(a_ub) - 8)],
+        b_ub=[*slack, *[0.0] * (len(a_ub) - len(slack))],
         A_eq=a_eq,
         b_eq=[0.0] * len(a_eq),
         bounds=confined,
@@ -112,24 +200,15 @@ def _log(value: float) -> float:
     return -_UNKNOWN if value <= 0 else min(_UNKNOWN, math.log(value))
 
 
-def _logs(span: Span | None) -> tuple[float, float]:
-    """Ends of an interval in logarithms; a cell of zero has no lower one."""
-    if span is None:
-        return -_UNKNOWN, _UNKNOWN
-    return _log(span.low * (1.0 - _DUST)), _log(span.high * (1.0 + _DUST))
-
-
 @cache
-def _relations() -> tuple[tuple[tuple[float, ...], ...], tuple[tuple[float, ...], ...]]:
+def _relations() -> tuple[list[list[float]], list[list[float]]]:
     """Rows of the programme: inequalities (ratios both ways, product both ways, efficiencies) and equalities (windows)."""
-    ratio = [{out: 1.0, into: -1.0, eta: -1.0} for eta, (out, into) in RATIOS.items()]
-    product = {"eta_pto": -1.0, "eta_trans": 1.0, "eta_gen": 1.0}
-    both = [{name: sign * side for name, sign in rule.items()} for rule in ratio for side in (1.0, -1.0)]
-    both += [{name: -sign for name, sign in product.items()}, product]
+    ratios = [{out: 1.0, into: -1.0, eta: -1.0} for eta, (out, into) in RATIOS.items()]
+    ratios.append({"eta_pto": 1.0, "eta_trans": -1.0, "eta_gen": -1.0})
+    both = [{name: sign * side for name, sign in rule.items()} for rule in ratios for side in (1.0, -1.0)]
     passive = [{eta: 1.0} for eta in RATIOS] + [{out: 1.0, into: -1.0} for out, into in RATIOS.values()]
     windows = [{f"energy_{stage}": 1.0, f"power_{stage}": -1.0, "window": -1.0} for stage in STAGES]
-
-    def matrix(rules: list[dict[str, float]]) -> tuple[tuple[float, ...], ...]:
-        return tuple(tuple(rule.get(name, 0.0) for name in _VARIABLES) for rule in rules)
-
-    return matrix(both + passive), matrix(windows)
+    above, equal = (
+        [[rule.get(name, 0.0) for name in _VARIABLES] for rule in rules] for rules in (both + passive, windows)
+    )
+    return above, equal

@@ -1,1 +1,1 @@
-"""Diagnosis of a winch without a model: from line force, line speed and mechanical power alone."""
+"""Diagnosis of a winch without a model: from line tension, line speed and mechanical power alone."""

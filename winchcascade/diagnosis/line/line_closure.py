@@ -1,49 +1,49 @@
-"""How far the gap shrinks on cycles that the fit did not know, and what is left of it there."""
+"""Where the gap of a winch without a model lies, how far it shrinks on held-out cycles, and what the residual holds there."""
 
 from __future__ import annotations
 
 import math
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import median
-from winchcascade.core.white_noise import GAUSS, white_noise
-from winchcascade.diagnosis.block_means import PHASES
-from winchcascade.diagnosis.closure import DRAWS
-from winchcascade.diagnosis.diagnosis_result import Alarm, GapClosure, Remainder, Shrunk, Spot
+from winchcascade.core.integrate import white_noise
+from winchcascade.diagnosis.block_means import PHASES, in_a_row, scatter_about_course
+from winchcascade.diagnosis.closure import DRAWS, ROUGH
+from winchcascade.diagnosis.diagnosis_result import Alarm, GapClosure, Place, Remainder, Shrunk, Spot
+from winchcascade.diagnosis.gap_map import weigh
 from winchcascade.diagnosis.line.line_data import POWER, Lines
 from winchcascade.diagnosis.line.line_selection import Moments, coefficients, fold_labels
-from winchcascade.diagnosis.remainder import ROUGH
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from winchcascade.core.run import Signal
+    from winchcascade.diagnosis.block_means import Blocks
+    from winchcascade.diagnosis.diagnosis_result import Names
     from winchcascade.diagnosis.line.line_data import CyclePart
-    from winchcascade.diagnosis.line.line_selection import Names
 
 SLOW = 0.2
-"""What is left keeps a structure if more than this share of its squares lasts longer than a second."""
+"""The residual has a structure if more than this share of its squares lasts longer than a second."""
 
 LAGS = range(3, 8)
-"""Blocks of 0.44 s between two that are multiplied to tell what lasts: 1.3 s to 3.1 s."""
+"""Blocks of 0.44 s between two that are multiplied to find what lasts: 1.3 s to 3.1 s."""
 
 PART_OF_GAP = 0.01
-"""A structure that makes less of the squared gap than this decides nothing."""
+"""A structure with less than this share of the squared gap has no effect on the verdict."""
 
 FEW = 12
-"""Fewer threes of neighbouring blocks tell no noise."""
+"""Minimum number of triples of neighbouring blocks for an estimate of their noise."""
 
 BURST = 0.05
-"""The samples that are off most: this share of all."""
+"""Share of the samples, those with the largest residuals, whose part of the squares is reported."""
 
 
 class LineClosure(GapClosure, frozen=True):
-    """Share of the squared gap that the causes close on the parts that they are judged on: 1 - sum(after^2) / sum(gap^2).
+    """Share of the squared gap that the causes close on the parts that they are tested on: 1 - sum(after^2) / sum(gap^2).
 
-    `after` are, part by part, measured minus predicted at the samples that count, (k,) each [W], by a fit that did not know
-    them.
+    `after` are, part by part, measured minus predicted at the samples that count, (k,) each [W], by a fit without them.
     """
 
     parts: tuple[CyclePart, ...]
@@ -67,10 +67,10 @@ class LineClosure(GapClosure, frozen=True):
 
 
 class LineRemainder(Remainder, frozen=True):
-    """What the causes leave on the parts that they are judged on: signs of structure, and how bursty it is.
+    """The residual of the causes on the parts that they are tested on: signs of structure, and how bursty it is.
 
-    `slow` is the share of its squares that lasts longer than a second, `bursts` that of the `BURST` of the samples that are off
-    most, `in_worst` that of the phase that holds most of them.
+    `slow` is the share of its squares that lasts longer than a second, `bursts` that of the largest `BURST` of the samples,
+    `in_worst` that of the phase that holds most of them.
     """
 
     slow: float
@@ -78,122 +78,99 @@ class LineRemainder(Remainder, frozen=True):
     in_worst: float
 
 
+def block_means_of(parts: Sequence[CyclePart], x: Sequence[Signal]) -> tuple[Blocks, Signal]:
+    """Blocks of all parts in a row, and the means over them of what is given at the samples that count, (m,)."""
+    means = [part.means(own) for part, own in zip(parts, x, strict=True)]
+    return in_a_row([part.blocks for part in parts]), np.concatenate(means)
+
+
+def map_of(parts: Sequence[CyclePart]) -> tuple[Place, ...]:
+    """Map the gap: one row for each phase of which there are blocks."""
+    blocks, mean = block_means_of(parts, [part.gap for part in parts])
+    square = blocks.count * mean**2
+    rows = []
+    for number, name in enumerate(PHASES):
+        here = (blocks.phase == number) & np.isfinite(mean)
+        size = int(np.count_nonzero(here))
+        if size < 2:
+            continue
+        noise = scatter_about_course(blocks, mean, here, FEW)
+        noise = noise if math.isfinite(noise) else float(np.std(mean[here]))
+        share = float(square[here].sum()) / max(float(np.nansum(square)), 1e-300)
+        by = weigh(mean[here], blocks.cycle[here], np.full(size, noise), 0.0, np.zeros((size, 1)))
+        rows.append(
+            Place(**msgspec.structs.asdict(by), channel=POWER, phase=name, log=-1, load=None, blocks=size, share=share)
+        )
+    return tuple(rows)
+
+
 def judge(lines: Lines, m: Moments, names: Names, seed: int) -> LineClosure:
-    """Predict every judged sample from a fit without it: withheld parts by the fit as it is, others fold by fold."""
-    parts = lines.judged
-    labels = fold_labels(parts)
-    if parts[0].withheld:
-        whole = coefficients(m, lines, names)
-        after = [part.gap - part.columns @ whole for part in parts]
-    else:
-        left_out = np.array([coefficients(m, lines, names, without=g) for g in range(m.folds)])
-        after = [
-            part.gap - np.sum(part.columns * left_out[own], axis=1) for part, own in zip(parts, labels, strict=True)
-        ]
-    gap = np.concatenate([part.gap for part in parts])
-    left = np.concatenate(after)
-    label = np.concatenate(labels)
+    """Predict every held-out sample from a fit without it: withheld parts by the fit as it is, others fold by fold."""
+    parts, labels = lines.judged, fold_labels(lines.judged)
+    in_turn = not parts[0].withheld
+    fits = np.array([coefficients(m, lines, names, fold) for fold in (range(m.folds) if in_turn else [None])])
+    after = [
+        part.gap - np.sum(part.columns * fits[own if in_turn else 0], axis=1)
+        for part, own in zip(parts, labels, strict=True)
+    ]
+    gap, left, label = np.concatenate([part.gap for part in parts]), np.concatenate(after), np.concatenate(labels)
     old, new = np.bincount(label, gap**2), np.bincount(label, left**2)
     draws = np.random.default_rng(seed).integers(old.size, size=(DRAWS, old.size))
     shares = 1.0 - new[draws].sum(axis=1) / np.maximum(old[draws].sum(axis=1), 1e-300)
-    closed = float(1.0 - new.sum() / max(old.sum(), 1e-300))
-    low, high = (float(np.quantile(shares, q)) for q in (0.025, 0.975))
+    share = float(1.0 - new.sum() / max(old.sum(), 1e-300))
+    low, high = np.quantile(shares, (0.025, 0.975)).tolist()
+    before, after_rms = (float(np.sqrt(np.mean(x**2))) for x in (gap, left))
     return LineClosure(
-        channels={POWER: Shrunk(_rms(gap), _rms(left), white_noise(left))},
-        share=closed,
-        low=min(low, closed),
-        high=max(high, closed),
+        channels={POWER: Shrunk(before, after_rms, white_noise(left))},
+        share=share,
+        low=min(low, share),
+        high=max(high, share),
         parts=parts,
         after=tuple(after),
     )
 
 
-def _rms(x: Signal) -> float:
-    return float(np.sqrt(np.mean(x**2)))
-
-
 def left_in(parts: Sequence[CyclePart], after: Sequence[Signal], share: float) -> LineRemainder:
-    """Tell what is left from noise.
+    """Distinguish the residual from noise.
 
     Parameters
     ----------
     after : measured minus predicted, part by part, (k,) each [W]
     share : of the squared gap that stays open
     """
-    square = float(sum(np.sum(part.gap**2) for part in parts))
-    means = [part.means(x) for part, x in zip(parts, after, strict=True)]
+    blocks, mean = block_means_of(parts, after)
+    square = np.concatenate(after) ** 2
+    matters = PART_OF_GAP * float(sum(np.sum(part.gap**2) for part in parts))
+    slow = _lasting(blocks, mean, float(np.mean(square)))
     alarms = []
-    slow = lasting(parts, means, after)
-    left = np.concatenate(after) ** 2
-    if slow > SLOW and slow * float(left.sum()) > PART_OF_GAP * square:
+    if slow > SLOW and slow * float(square.sum()) > matters:
         alarms.append(Alarm("slow", Spot(POWER), slow, SLOW))
     for phase, name in enumerate(PHASES):
-        ratio, beyond = _rough(parts, means, phase)
-        if ratio > ROUGH and beyond > PART_OF_GAP * square:
+        here = (blocks.phase == phase) & np.isfinite(mean)
+        noise = scatter_about_course(blocks, mean, here, FEW)
+        mean_square = float(np.mean(mean[here] ** 2)) if here.any() else 0.0
+        ratio = math.sqrt(mean_square) / noise if noise > 0.0 else 0.0
+        if ratio > ROUGH and (mean_square - noise**2) * float(blocks.count[here].sum()) > matters:
             alarms.append(Alarm("structure", Spot(POWER, name), ratio, ROUGH))
-    largest = np.sort(left)[::-1]
-    phases = _by_phase(parts, after)
-    worst = max(phases, key=lambda name: phases[name])
+    largest, (_, squares) = np.sort(square)[::-1], block_means_of(parts, [x**2 for x in after])
+    by_phase = np.bincount(blocks.phase, np.nan_to_num(squares) * blocks.count, len(PHASES))
+    worst = int(np.argmax(by_phase))
     return LineRemainder(
         share=share,
         alarms=tuple(sorted(alarms, key=lambda alarm: -alarm.size / alarm.limit)),
-        worst=Spot(POWER, worst),
+        worst=Spot(POWER, PHASES[worst]),
         slow=slow,
-        bursts=float(largest[: max(int(BURST * left.size), 1)].sum() / max(left.sum(), 1e-300)),
-        in_worst=phases[worst],
+        bursts=float(largest[: max(int(BURST * square.size), 1)].sum() / max(square.sum(), 1e-300)),
+        in_worst=float(by_phase[worst] / max(by_phase.sum(), 1e-300)),
     )
 
 
-def lasting(parts: Sequence[CyclePart], means: Sequence[Signal], after: Sequence[Signal]) -> float:
+def _lasting(blocks: Blocks, mean: Signal, mean_square: float) -> float:
     """Share of the squares that lasts longer than a second: products of blocks that far apart in one phase. [1]
 
-    No mean is taken off, so a constant that is left lasts.
+    The mean is not subtracted, so a constant residual lasts.
     """
-    total, count = 0.0, 0
-    for part, mean in zip(parts, means, strict=True):
-        stretch = np.cumsum(~part.blocks.joined)
-        for lag in LAGS:
-            pairs = mean[lag:] * mean[:-lag]
-            both = (stretch[lag:] == stretch[:-lag]) & np.isfinite(pairs)
-            total += float(pairs[both].sum())
-            count += int(np.count_nonzero(both))
-    whole = float(np.mean(np.concatenate(after) ** 2))
-    return max(total / count / whole, 0.0) if count and whole > 0.0 else 0.0
-
-
-def _rough(parts: Sequence[CyclePart], means: Sequence[Signal], phase: int) -> tuple[float, float]:
-    """Root mean square of the blocks of one phase over their noise, and the squares beyond it, sample by sample [W2]."""
-    noise = block_noise(parts, means, phase)
-    own = [mean[(part.blocks.phase == phase) & np.isfinite(mean)] for part, mean in zip(parts, means, strict=True)]
-    blocks = np.concatenate(own)
-    if not blocks.size or not noise > 0.0:
-        return 0.0, 0.0
-    samples = sum(
-        float(part.blocks.count[(part.blocks.phase == phase) & np.isfinite(mean)].sum())
-        for part, mean in zip(parts, means, strict=True)
-    )
-    square = float(np.mean(blocks**2))
-    return math.sqrt(square) / noise, max(square - noise**2, 0.0) * samples
-
-
-def block_noise(parts: Sequence[CyclePart], means: Sequence[Signal], phase: int) -> float:
-    """Standard deviation of a block's mean in one phase, by the median of second differences; NaN where few tell it. [W]"""
-    bends = []
-    for part, mean in zip(parts, means, strict=True):
-        b = part.blocks
-        here = (b.phase == phase) & np.isfinite(mean)
-        threes = here[:-2] & here[1:-1] & here[2:] & b.joined[1:-1] & b.joined[2:]
-        bends.append(np.abs(mean[:-2] - 2.0 * mean[1:-1] + mean[2:])[threes] / math.sqrt(6.0))
-    together = np.concatenate(bends)
-    return GAUSS * median(together) if together.size >= FEW else math.nan
-
-
-def _by_phase(parts: Sequence[CyclePart], after: Sequence[Signal]) -> dict[str, float]:
-    """Share of the squares in each phase."""
-    sums = np.zeros(len(PHASES))
-    for part, x in zip(parts, after, strict=True):
-        mean = part.means(x**2)
-        for phase in range(len(PHASES)):
-            here = (part.blocks.phase == phase) & np.isfinite(mean)
-            sums[phase] += float(np.sum((mean * part.blocks.count)[here]))
-    return dict(zip(PHASES, (sums / max(sums.sum(), 1e-300)).tolist(), strict=True))
+    stretch = np.cumsum(~blocks.joined)
+    pairs = np.concatenate([(mean[k:] * mean[:-k])[stretch[k:] == stretch[:-k]] for k in LAGS])
+    pairs = pairs[np.isfinite(pairs)]
+    return max(float(np.mean(pairs)) / mean_square, 0.0) if pairs.size and mean_square > 0.0 else 0.0

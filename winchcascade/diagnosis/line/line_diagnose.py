@@ -4,25 +4,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, Where
-from winchcascade.diagnosis.line.line_causes import again_alone, causes_of
-from winchcascade.diagnosis.line.line_closure import LineClosure, LineRemainder, judge, left_in
+from winchcascade.diagnosis.diagnosis_result import HALF, MOSTLY, NAMED, DiagnosisResult, Entries, Where
+from winchcascade.diagnosis.line.line_causes import again_alone, causes_of, plan
+from winchcascade.diagnosis.line.line_closure import LineClosure, LineRemainder, judge, left_in, map_of
 from winchcascade.diagnosis.line.line_data import Lines, lines_of
-from winchcascade.diagnosis.line.line_gap import map_of, worst
-from winchcascade.diagnosis.line.line_next_run import plan
 from winchcascade.diagnosis.line.line_selection import Choice, Moments, choose, moments_of, with_best_span
-from winchcascade.diagnosis.rules import HALF, MOSTLY, NAMED, check_withheld
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from winchcascade.core.rig_file import Rig
-    from winchcascade.core.run import Run
     from winchcascade.diagnosis.diagnosis_result import Reported, Verdict
     from winchcascade.diagnosis.suspects import Suspects
 
 NOISY = 1.25
-"""What is left is not significant if its root mean square is below this many times the white noise in it."""
+"""Root mean square of the residual, in its white noise, below which it is not significant."""
 
 
 class LineDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
@@ -34,63 +30,56 @@ class LineDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     lines: Lines
     moments: Moments
     choice: Choice
-    closure: LineClosure | None
-    remainder: LineRemainder | None
+    closure: LineClosure | None = None
+    remainder: LineRemainder | None = None
     again: dict[str, Reported]
 
 
 def diagnose_line(
-    runs: Sequence[Run],
-    rig: Rig,
-    suspects: Suspects,
-    *,
-    title: str = "",
-    cycles: Sequence[tuple[int, int] | None] | None = None,
-    withheld: Sequence[int] = (),
-    seed: int = 0,
-    tell: Callable[[str], None] = lambda _: None,
+    entries: Entries, rig: Rig, suspects: Suspects, *, seed: int = 0, tell: Callable[[str], None] = lambda _: None
 ) -> LineDiagnosis:
-    """Diagnose logs of line force, speed and mechanical power, of a rig for which no model can be made.
+    """Diagnose logs of line tension, speed and mechanical power, of a rig for which no model can be made.
 
     Parameters
     ----------
+    entries : runs; if none is withheld, causes are chosen on all cycles and each is left out of the fit once
     suspects : effects by name that may be named; those that act between line and shaft count
-    cycles : of each run, the first and last cycle that count, None for all
-    withheld : numbers of runs that take part in neither choice nor fit; without any, causes are chosen on all cycles and each
-        is left out of the fit once
     seed : of the resampling of cycles
-    tell : is told what is being done
+    tell : called with a sentence on each step
 
     Raises
     ------
     CampaignError, LogError, OptionError : something cannot be used; the message says what
     """
-    check_withheld(runs, cycles, withheld, title)
+    entries.check_withheld()
     tell("taking the samples that count")
-    lines = with_best_span(lines_of(runs, rig, suspects, cycles or [None] * len(runs), withheld))
+    lines = with_best_span(lines_of(entries, rig, suspects))
     tell("leaving each cycle out in turn")
     moments = moments_of(lines.fitted)
     choice = choose(lines, moments, seed)
-    judged = judge(lines, moments, choice.chosen, seed) if choice.chosen else None
-    tell("looking for rivals")
+    closure = judge(lines, moments, choice.chosen, seed) if choice.chosen else None
+    tell("looking for alternative explanations")
     causes = causes_of(lines, moments, choice, suspects)
-    left = left_of(lines, judged)
-    verdict = verdict_of(judged, left)
+    if closure is None:
+        remainder = left_in(lines.parts, [part.gap for part in lines.parts], 1.0)
+    else:
+        remainder = left_in(closure.parts, closure.after, max(1.0 - closure.share, 0.0))
+    verdict = _verdict(closure, remainder)
     causes = causes if verdict == "explained" else causes[:NAMED]
-    places = map_of(lines.parts)
-    where = Where(causes[0].stage if causes else "transmission", worst(places))
+    places, no_gap = map_of(lines.parts), verdict == "no_gap"
+    most = max(places, key=lambda place: place.share)
     return LineDiagnosis(
-        title=title,
+        title=entries.title,
         rig=rig,
         seed=seed,
         runs=tuple(part.run for part in lines.parts),
         suspects={name: suspects[name] for name in lines.names},
         verdict=verdict,
-        where=None if verdict == "no_gap" else where,
+        where=None if no_gap else Where(causes[0].stage if causes else "transmission", most),
         chosen=choice.chosen,
         causes=causes,
-        closure=judged,
-        remainder=None if verdict == "no_gap" else left,
+        closure=closure,
+        remainder=None if no_gap else remainder,
         experiment=plan(lines, moments, choice, [cause.effect for cause in causes]),
         sets=dict(choice.probability),
         lines=lines,
@@ -101,18 +90,11 @@ def diagnose_line(
     )
 
 
-def left_of(lines: Lines, judged: LineClosure | None) -> LineRemainder:
-    """What the causes leave on the parts that they are judged on, or without a cause the whole gap."""
-    if judged is None:
-        return left_in(lines.parts, [part.gap for part in lines.parts], 1.0)
-    return left_in(judged.parts, judged.after, max(1.0 - judged.share, 0.0))
-
-
-def verdict_of(judged: LineClosure | None, left: LineRemainder) -> Verdict:
-    """Verdict: explained when at least `MOSTLY` is closed and no structure is left, or what is left is no more than noise."""
-    if judged is None:
-        return "unexplained" if left.alarms else "no_gap"
-    quiet = judged.power.after < NOISY * judged.power.noise
-    if not left.alarms and (quiet or judged.share >= MOSTLY):
+def _verdict(closure: LineClosure | None, remainder: LineRemainder) -> Verdict:
+    """Explained when at least `MOSTLY` is closed and no structure remains, or when the residual is no more than noise."""
+    if closure is None:
+        return "unexplained" if remainder.alarms else "no_gap"
+    quiet = closure.power.after < NOISY * closure.power.noise
+    if not remainder.alarms and (quiet or closure.share >= MOSTLY):
         return "explained"
-    return "partly_explained" if judged.share >= HALF or not left.alarms else "unexplained"
+    return "partly_explained" if closure.share >= HALF or not remainder.alarms else "unexplained"

@@ -1,4 +1,4 @@
-"""Which suspects: every set of them is fitted without each cycle in turn and must predict it (cross-validation)."""
+"""Which suspects: cross-validation of every set, which is fitted without each cycle in turn and predicts it."""
 
 from __future__ import annotations
 
@@ -9,25 +9,24 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from winchcascade.diagnosis.evidence import Linear
 from winchcascade.diagnosis.line.line_data import with_span
-from winchcascade.diagnosis.solve import box_minimum
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from winchcascade.core.run import Signal
+    from winchcascade.diagnosis.diagnosis_result import Names
     from winchcascade.diagnosis.line.line_data import CyclePart, Index, Lines
 
-Names = tuple[str, ...]
-
 FOLDS = 8
-"""With fewer cycles each is cut into pieces in order of time, until there are about as many."""
+"""Minimum number of folds: fewer cycles are cut into about as many pieces in order of time."""
 
 MATERIAL = 0.01
-"""A cause closes at least this share of the gap: logs of an hour tell far smaller ones, which decide nothing."""
+"""Minimum share of the gap that a cause closes: in logs of an hour far smaller ones are significant, and of no importance."""
 
 EVEN = 2.0
-"""Standard errors within which two sets are told apart by chance."""
+"""Standard errors within which two sets cannot be distinguished."""
 
 DRAWS = 1000
 """Resampled sets of cycles from which probabilities come."""
@@ -47,9 +46,9 @@ class Moments(msgspec.Struct, frozen=True):
 
 
 class Choice(msgspec.Struct, frozen=True):
-    """What cross-validation says: `errors` are squared errors of each set in each fold that it did not know, (G,) each [W2].
+    """Result of the cross-validation: `errors` are squared errors of each set in each fold, left out of its fit, (G,) [W2].
 
-    `best` has the least error; sets within `tolerance` of it are as good [W2], and `chosen` is the smallest of these.
+    `best` has the minimum error; sets within `tolerance` of it are as good [W2], and `chosen` is the smallest of these.
     """
 
     errors: Mapping[Names, Signal]
@@ -64,7 +63,7 @@ class Choice(msgspec.Struct, frozen=True):
         return float(self.errors[()].sum())
 
     def error(self, names: Names) -> float:
-        """Squared error of a set on folds that it did not know, over that without any cause. [1]"""
+        """Squared error of a set on folds without them in the fit, over that without any cause. [1]"""
         return float(self.errors[names].sum()) / max(self.gap, 1e-300)
 
     def as_good(self, names: Names) -> bool:
@@ -72,23 +71,20 @@ class Choice(msgspec.Struct, frozen=True):
         return float(self.errors[names].sum()) <= float(self.errors[self.best].sum()) + self.tolerance
 
     def even(self, names: Names) -> bool:
-        """Whether folds do not tell a set from the chosen one: their errors differ by less than two standard errors."""
+        """Whether a set cannot be distinguished from the chosen one: their errors differ by less than two standard errors."""
         apart = self.errors[names] - self.errors[self.chosen]
         return float(apart.sum()) <= EVEN * float(np.std(apart, ddof=1)) * math.sqrt(apart.size)
 
 
 def fold_labels(parts: Sequence[CyclePart]) -> list[Index]:
     """Number the folds: the cycles of all parts or, where they are few, pieces of them; of each part (k,) from 0."""
-    keys = [np.unique(part.cycle, return_inverse=True) for part in parts]
-    cycles = sum(own.size for own, _ in keys)
+    cycles = sum(np.unique(part.cycle).size for part in parts)
     pieces = -(-FOLDS // cycles) if cycles < FOLDS else 1
     labels, first = [], 0
-    for own, place in keys:
-        rank = np.zeros(place.size, dtype=np.intp)
-        for k in range(own.size):
-            inside = np.flatnonzero(place == k)
-            rank[inside] = np.arange(inside.size) * pieces // inside.size
-        labels.append(first + place * pieces + rank)
+    for part in parts:
+        own, place, count = np.unique(part.cycle, return_inverse=True, return_counts=True)
+        rank = np.arange(place.size) - np.searchsorted(place, place)  # within the cycle
+        labels.append(first + place * pieces + rank * pieces // count[place])
         first += own.size * pieces
     return labels
 
@@ -96,16 +92,13 @@ def fold_labels(parts: Sequence[CyclePart]) -> list[Index]:
 def moments_of(parts: Sequence[CyclePart]) -> Moments:
     """Sums of all parts, fold by fold."""
     gap = np.concatenate([part.gap for part in parts])
-    columns = np.vstack([part.columns for part in parts])
-    label = np.concatenate(fold_labels(parts))
-    order = np.argsort(label, kind="stable")
-    edges = np.flatnonzero(np.diff(label[order])) + 1
-    curve, slope, square = [], [], []
-    for x, y in zip(np.split(columns[order], edges), np.split(gap[order], edges), strict=True):
-        curve.append(x.T @ x)
-        slope.append(x.T @ y)
-        square.append(float(y @ y))
-    return Moments(np.array(curve), np.array(slope), np.array(square))
+    columns, label = np.vstack([part.columns for part in parts]), np.concatenate(fold_labels(parts))
+    folds = [(columns[label == g], gap[label == g]) for g in np.unique(label)]
+    return Moments(
+        curve=np.array([x.T @ x for x, _ in folds]),
+        slope=np.array([x.T @ y for x, y in folds]),
+        square=np.array([y @ y for _, y in folds]),
+    )
 
 
 def coefficients(m: Moments, lines: Lines, names: Names, without: int | None = None) -> Signal:
@@ -115,42 +108,33 @@ def coefficients(m: Moments, lines: Lines, names: Names, without: int | None = N
     ----------
     without : a fold that is left out
     """
-    found = np.zeros(len(lines.names))
-    if names:
-        curve, slope = m.curve.sum(axis=0), m.slope.sum(axis=0)
-        if without is not None:
-            curve, slope = curve - m.curve[without], slope - m.slope[without]
-        own = np.array([lines.names.index(name) for name in names])
-        found[own] = box_minimum(curve[np.ix_(own, own)], slope[own], lines.low[own], lines.high[own])
-    return found
-
-
-def square_left(m: Moments, fold: int, x: Signal) -> float:
-    """Squared error that coefficients leave in one fold. [W2]"""
-    return max(float(m.square[fold] - 2.0 * x @ m.slope[fold] + x @ m.curve[fold] @ x), 0.0)
+    curve, slope = m.curve.sum(axis=0), m.slope.sum(axis=0)
+    if without is not None:
+        curve, slope = curve - m.curve[without], slope - m.slope[without]
+    nothing, place = np.zeros(slope.size), {name: slice(k, k + 1) for k, name in enumerate(lines.names)}
+    return Linear(curve, slope, nothing, nothing, lines.low, lines.high, place).best(names)[1]
 
 
 def errors_of(m: Moments, lines: Lines, names: Names) -> Signal:
-    """Squared error of a set in every fold, predicted without it, (G,) [W2]."""
-    return np.array([square_left(m, g, coefficients(m, lines, names, without=g)) for g in range(m.folds)])
+    """Squared error of a set in every fold, predicted by a fit without the fold, (G,) [W2]."""
+    fits = [coefficients(m, lines, names, without=g) for g in range(m.folds)]
+    folds = zip(m.square, m.slope, m.curve, fits, strict=True)
+    return np.array([max(float(square - 2.0 * x @ slope + x @ curve @ x), 0.0) for square, slope, curve, x in folds])
 
 
 def with_best_span(lines: Lines) -> Lines:
-    """Take the slope of the velocity over the span with which all suspects together best predict folds they did not know.
+    """Take the slope of the velocity over the span with which all suspects together best predict folds left out of the fit.
 
-    The withheld parts have no say. A short span keeps what the winch does fast, a long one the noise of the velocity away.
+    The withheld parts take no part. A short span keeps fast motion, a long one removes the noise of the velocity.
     """
     if "drum_inertia" not in lines.names or len(lines.spans) == 1:
         return lines
-    return min((with_span(lines, span) for span in lines.spans), key=_least_error)
-
-
-def _least_error(lines: Lines) -> float:
-    return float(errors_of(moments_of(lines.fitted), lines, lines.names).sum())
+    spanned = [with_span(lines, span) for span in lines.spans]
+    return min(spanned, key=lambda there: float(errors_of(moments_of(there.fitted), there, there.names).sum()))
 
 
 def choose(lines: Lines, m: Moments, seed: int) -> Choice:
-    """Choose the smallest set of suspects that predicts cycles it did not know as well as the best set.
+    """Choose the smallest set of suspects that predicts cycles left out of its fit as well as the best set.
 
     As good means within one standard error, over folds, of the best set's error (Breiman, Friedman, Olshen and Stone 1984,
     Sec. 3.4.3), or within `MATERIAL` of the gap. The probability of a set is the share of resampled sets of folds in which the

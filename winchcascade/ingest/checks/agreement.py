@@ -1,31 +1,26 @@
-"""Whether channels that depend on one quantity agree: velocity and displacement, mechanical power and torque.
+"""Whether channels that depend on one quantity agree in sign, zero and gain: velocity and displacement, power and torque.
 
 Velocity and displacement are averaged over blocks of a second or more: the integral of the one and the change of the
-other, by their duration. Where the displacement rests the velocity's zero shows, where both move its gain. A displacement
-that is set back, counts both ways or is stuck for a while makes blocks that agree with no others, and these are left out.
+other, by their duration. Blocks in which the displacement rests show the zero of the velocity, blocks in which both move
+show its gain. A displacement that is set back, counts both ways or is stuck makes a few blocks that deviate from the
+others; these are left out. Channels that are logged with the opposite sign are found by physics, not by their first sample.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import ENOUGH, median, quantile, running, smallest_step
-from winchcascade.core.run import Finding
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from winchcascade.core.run import Mask, Signal
-
+from winchcascade.core.integrate import ENOUGH, GAUSS, median, median_and_error, quantile, running, smallest_step
+from winchcascade.core.run import Finding, Mask, Signal
 
 BLOCK = 1.0
-"""Least duration of a block: sensors' noise averages out, and a lag between the channels matters little. [s]"""
+"""Minimum duration of a block: noise of the sensors averages out, and a lag between the channels matters little. [s]"""
 
 STEPS = 2.0
-"""A block at the onset speed holds at least so many of the displacement's own steps."""
+"""Minimum number of steps of the displacement in a block at the onset speed."""
 
 MOVING = 2.0
 """A block moves above this many times the onset speed, and rests below once that speed."""
@@ -34,7 +29,7 @@ FEWEST = 5
 """Smallest number of blocks that shows a deviation."""
 
 GAIN = 0.01
-"""A gain that is off by less does not matter: energies are off by as much, and drums and wheels are known no better. [1]"""
+"""Smallest deviation of a gain that matters: drums and wheels are known no better. Energies deviate by as much. [1]"""
 
 ZERO = 1 / 6
 """A zero below this share of the onset speed does not matter: 0.005 m/s, 0.6 % of a payout at 0.86 m/s. [1]"""
@@ -43,10 +38,10 @@ CERTAIN = 4.0
 """A deviation is reported from this many standard uncertainties on."""
 
 STRAY = 5.0
-"""A block that lies so many standard deviations off the others is left out,"""
+"""A block that deviates from the others by so many standard deviations is left out,"""
 
 ALIKE = 0.3
-"""unless it is within this share of what they say: a slow sensor in a fast log makes blocks that differ by less in turn."""
+"""unless it deviates by less than this share: a slow sensor in a fast log makes blocks that differ by less in turn."""
 
 FOLLOWS = 0.2
 """A speed without a sign follows the displacement within this share,"""
@@ -66,6 +61,18 @@ DRIVEN = 0.3
 AS_MOTION = 0.8
 """A zero above this share of the onset speed lets rest count as motion: noise and waves do what it lacks."""
 
+FAST = 0.3
+"""Samples faster than this share of the top speed distinguish payout from haul-in."""
+
+CLEAR = 1.2
+"""A channel votes if it is this many times as large in one direction as in the other."""
+
+IDLE = {"force": 20.0, "torque": 2.0, "power_mech": 20.0, "vdc": 5.0, "idc": 0.03}
+"""What a channel of the other sign must exceed to be called flipped: well above zeros and noise. [N, N m, W, V, A]"""
+
+VACUUM = -1.05e5
+"""No gauge pressure lies below it. [Pa]"""
+
 
 class SpeedBlocks(msgspec.Struct, frozen=True):
     """Durations [s] of blocks, mean velocity and mean speed by the displacement in each [m/s], (k,) each."""
@@ -76,10 +83,9 @@ class SpeedBlocks(msgspec.Struct, frozen=True):
 
 
 def mean_speeds(t: Signal, v: Signal, displacement: Signal, v_onset: float) -> SpeedBlocks:
-    """Average both channels over blocks without holes and gaps; an encoder's coarse steps make the blocks longer."""
+    """Average both channels over blocks without holes and gaps; coarse steps of an encoder make the blocks longer."""
     usual = median(np.diff(t[:ENOUGH]))
-    seconds = max(BLOCK, STEPS * smallest_step(displacement) / v_onset)
-    step = max(1, round(min(seconds / usual, float(t.size))))
+    step = max(1, round(min(max(BLOCK, STEPS * smallest_step(displacement) / v_onset) / usual, float(t.size))))
     ends = np.arange(0, t.size, step)
     length, moved = np.diff(t[ends]), np.diff(displacement[ends])
     whole = np.isfinite(moved) & (length < 1.5 * step * usual)
@@ -87,8 +93,7 @@ def mean_speeds(t: Signal, v: Signal, displacement: Signal, v_onset: float) -> S
         holes = np.flatnonzero(~np.isfinite(v))
         for touched in (holes // step, (holes - 1) // step):  # a sample between two blocks is of both
             whole[touched[(touched >= 0) & (touched < whole.size)]] = False
-        v = v.copy()
-        v[holes] = 0.0
+        v = np.where(np.isfinite(v), v, 0.0)
     travelled = np.diff(running(t, v.__getitem__, ends))
     length = length[whole]
     return SpeedBlocks(length, travelled[whole] / length, moved[whole] / length)
@@ -111,96 +116,85 @@ def disagreements(t: Signal, v: Signal, displacement: Signal, v_onset: float) ->
     zero, findings = 0.0, []
     at_rest = np.abs(blocks.by_displacement) < v_onset
     if np.count_nonzero(at_rest) >= FEWEST:
-        found, doubt = _middle(blocks.v[at_rest] - blocks.by_displacement[at_rest])
-        if abs(found) > max(ZERO * v_onset, CERTAIN * doubt, step):
+        found, u = median_and_error(blocks.v[at_rest] - blocks.by_displacement[at_rest])
+        if abs(found) > max(ZERO * v_onset, CERTAIN * u, step):
             zero = found
-            findings.append(_zero_finding(zero, median(blocks.by_displacement[at_rest]), v_onset))
+            findings.append(_reported("velocity", _zero_text(zero, median(blocks.by_displacement[at_rest]), v_onset)))
     gain = _gain(blocks, moving, zero, step)
-    return findings if gain is None else [*findings, _gain_finding(gain)]
+    if gain is not None:
+        what = (
+            f"velocity integrates to {gain:#.4g} times the travel of the displacement; energies are proportional to the "
+            f"velocity: check unit and gain of both, and the radius at which each is taken"
+        )
+        findings.append(_reported("velocity", what))
+    return findings
 
 
-def _middle(x: Signal) -> tuple[float, float]:
-    """Median and its standard uncertainty, by the median deviation of what scatters normally."""
-    middle = median(x)
-    return middle, 1.4826 * median(np.abs(x - middle)) * float(np.sqrt(0.5 * np.pi / x.size))
+def _reported(channel: str, message: str) -> Finding:
+    return Finding("out_of_range", message, "reported and kept", channel)
 
 
 def _gain(blocks: SpeedBlocks, moving: Mask, zero: float, step: float) -> float | None:
-    """Travel by the velocity over travel by the displacement; None if that is 1 as far as it can be known. [1]"""
+    """Travel by the velocity over travel by the displacement; None if that is 1 within its uncertainty. [1]"""
     along = moving & ((blocks.v - zero) * blocks.by_displacement > 0)
-    seconds = blocks.seconds[along]
+    if np.count_nonzero(along) < FEWEST:
+        return None
     speed = np.abs(blocks.by_displacement[along])
     v = np.abs(blocks.v[along] - zero)
-    if speed.size < FEWEST:
-        return None
     rough = median(v / speed)
-    off = np.abs(v - rough * speed)
-    near = off <= np.maximum(STRAY * 1.4826 * median(off), ALIKE * rough * speed)
-    seconds, speed, v = seconds[near], speed[near], v[near]
-    if 2 * speed.size < np.count_nonzero(moving):
+    beyond = np.abs(v - rough * speed)
+    near = beyond <= np.maximum(STRAY * GAUSS * median(beyond), ALIKE * rough * speed)
+    if 2 * np.count_nonzero(near) < np.count_nonzero(moving):
         return None
+    seconds, speed, v = blocks.seconds[along][near], speed[near], v[near]
     travel = float(np.dot(speed, seconds))
     gain = float(np.dot(v, seconds)) / travel
-    doubt = float(np.linalg.norm((v - gain * speed) * seconds)) / travel
-    coarse = 0.5 * step * float(seconds.sum()) / travel
-    return gain if abs(gain - 1.0) > max(GAIN, CERTAIN * doubt, coarse) else None
+    u = float(np.linalg.norm((v - gain * speed) * seconds)) / travel
+    return gain if abs(gain - 1.0) > max(GAIN, CERTAIN * u, 0.5 * step * float(seconds.sum()) / travel) else None
 
 
-def _zero_finding(zero: float, drift: float, v_onset: float) -> Finding:
+def _zero_text(zero: float, drift: float, v_onset: float) -> str:
     """What the velocity reads beyond a displacement that rests, or beyond one that drifts. [m/s]"""
-    what = f"velocity reads {zero:+.3f} m/s while the displacement rests"
-    then = "; onsets, windows and energies go with it: check its zero"
     if 2.0 * abs(drift) > abs(zero):
-        what = f"velocity reads {zero + drift:+.3f} m/s where the displacement moves by {drift:+.3f} m/s"
-        then = ": one of the two drifts; check the zero of both"
-    elif abs(zero) > AS_MOTION * v_onset:
-        then = f", and motion counts from {v_onset:g} m/s: rest may pass for motion, and a log for one that begins inside it"
-        then += "; check its zero"
-    return Finding("out_of_range", what + then, "reported and kept", "velocity")
-
-
-def _gain_finding(gain: float) -> Finding:
-    return Finding(
-        "out_of_range",
-        f"velocity integrates to {gain:#.4g} times the travel of the displacement; energies go with the velocity: check unit "
-        f"and gain of both, and the radius at which each is taken",
-        "reported and kept",
-        "velocity",
-    )
+        return (
+            f"velocity reads {zero + drift:+.3f} m/s where the displacement moves by {drift:+.3f} m/s: one of the two drifts; "
+            f"check the zero of both"
+        )
+    at_rest = f"velocity reads {zero:+.3f} m/s while the displacement rests"
+    if abs(zero) > AS_MOTION * v_onset:
+        return (
+            f"{at_rest}, and motion counts from {v_onset:g} m/s: rest may pass for motion, and a log for one that begins "
+            f"inside it; check its zero"
+        )
+    return f"{at_rest}; onsets, windows and energies deviate with it: check its zero"
 
 
 def power_disagrees(channels: Mapping[str, Signal], r_drum: float | None) -> list[Finding]:
-    """Report a logged mechanical power that differs from what torque, velocity and the drum's radius [m] give."""
-    if r_drum is None or any(name not in channels for name in ("power_mech", "torque", "velocity")):
+    """Report a logged mechanical power that differs from what torque, velocity and drum radius [m] give."""
+    names = ("power_mech", "torque", "velocity")
+    if r_drum is None or any(name not in channels for name in names):
         return []
     every = max(1, channels["velocity"].size // ENOUGH)
-    logged, torque, v = (channels[name][::every] for name in ("power_mech", "torque", "velocity"))
+    logged, torque, v = (channels[name][::every] for name in names)
     by_torque = torque * v / r_drum
     known = np.isfinite(logged) & np.isfinite(by_torque)
-    logged, by_torque = logged[known], by_torque[known]
-    if by_torque.size == 0:
+    if not known.any():
         return []
-    driven = by_torque > max(DRIVEN * quantile(by_torque, 0.997), 0.0)
+    driven = known & (by_torque > max(DRIVEN * quantile(by_torque[known], 0.997), 0.0))
     if np.count_nonzero(driven) < FEWEST:
         return []
-    ratio, doubt = _middle(logged[driven] / by_torque[driven])
-    if abs(ratio - 1.0) <= max(POWER, CERTAIN * doubt):
-        return []
-    return [
-        Finding(
-            "out_of_range",
-            f"power_mech is {ratio:#.4g} times torque x velocity / r_drum, with {r_drum:g} m of the rig; E_mech goes with "
-            f"power_mech: check its unit and shaft, unit and gain of the torque, and r_drum",
-            "reported and kept",
-            "power_mech",
-        )
-    ]
+    ratio, u = median_and_error(logged[driven] / by_torque[driven])
+    what = (
+        f"power_mech is {ratio:#.4g} times torque x velocity / r_drum, with {r_drum:g} m of the rig; E_mech is the integral of "
+        f"power_mech: check its unit and shaft, unit and gain of the torque, and r_drum"
+    )
+    return [_reported("power_mech", what)] if abs(ratio - 1.0) > max(POWER, CERTAIN * u) else []
 
 
 def without_sign(t: Signal, v: Signal, displacement: Signal, v_onset: float, stroke_min: float) -> bool:
     """Whether the velocity is a speed: of one sign, however the displacement goes, and as fast both ways."""
     low, high = float(np.nanmin(v)), float(np.nanmax(v))
-    if min(abs(low), abs(high)) > ONE_SIDED * max(abs(low), abs(high)) and low < 0.0 < high:
+    if low < 0.0 < high and min(-low, high) > ONE_SIDED * max(-low, high):
         return False
     blocks = mean_speeds(t, v, displacement, v_onset)
     speed = np.abs(blocks.by_displacement)
@@ -212,6 +206,71 @@ def without_sign(t: Signal, v: Signal, displacement: Signal, v_onset: float, str
     alike = np.abs(ratio - median(ratio)) < FOLLOWS * ratio
     if np.count_nonzero(alike) < MOSTLY * alike.size:
         return False
-    travel = blocks.seconds[fast][alike] * blocks.by_displacement[fast][alike] * np.sign(blocks.v[fast][alike])
+    travel = (blocks.seconds * blocks.by_displacement * np.sign(blocks.v))[fast][alike]
     with_it, against = float(travel[travel > 0].sum()), -float(travel[travel < 0].sum())
     return min(with_it, against) > max(stroke_min, ONE_SIDED * max(with_it, against))
+
+
+def correct_signs(channels: dict[str, Signal]) -> list[Finding]:
+    """Correct the sign of channels that are logged with the opposite one, in place; the findings name them.
+
+    Line tension, torque and voltage are larger in payout, and the pressure rises with it: the majority of them decides the
+    sign of the velocity. The displacement follows the velocity; forces, torques and powers are positive in payout.
+    """
+    flipped: dict[str, str] = {}
+    some = {name: x[:: max(1, x.size // ENOUGH)] for name, x in channels.items()}
+    v = np.nan_to_num(some["velocity"])
+    if "pressure" in some and _median(some["pressure"]) < VACUUM:
+        some["pressure"] = -some["pressure"]
+        flipped["pressure"] = "it lies below the vacuum"
+    if _paid_out_negative(some, v):
+        v = -v
+        flipped["velocity"] = "payout is logged as negative"
+    if "displacement" in some and _follows(some["displacement"], v) < 0:
+        flipped["displacement"] = "it falls while the line pays out"
+    out = _fast(v)
+    for name, least in IDLE.items():
+        if name in some and _median(some[name][out]) < -least:
+            flipped[name] = "it is negative while the line pays out"
+    channels |= {name: -channels[name] for name in flipped}
+    return [
+        Finding("sign_flipped", f"{name} has the opposite sign: {why}", "sign corrected", name)
+        for name, why in flipped.items()
+    ]
+
+
+def _fast(v: Signal) -> Mask:
+    """Samples that move outward at more than a share of the top speed in that direction."""
+    return v > max(FAST * float(np.max(v, initial=0.0)), 1e-6)
+
+
+def _paid_out_negative(some: Mapping[str, Signal], v: Signal) -> bool:
+    """Whether most channels show that the line pays out where its velocity is negative.
+
+    The line tension votes only if both directions were logged; torque and voltage also by their absence.
+    """
+    up, down = _fast(v), _fast(-v)
+    votes = 0
+    for name in ("force", "torque", "vdc"):
+        if name not in some or (name == "force" and not (up.any() and down.any())):
+            continue
+        large, small = (_median(np.abs(some[name][part])) for part in (up, down))
+        if max(large, small) > IDLE[name]:
+            votes += int(large > CLEAR * small) - int(small > CLEAR * large)
+    if "pressure" in some:
+        votes += _follows(some["pressure"], v)
+    return votes < 0
+
+
+def _follows(x: Signal, v: Signal) -> int:
+    """Sign of how a channel changes with the velocity, 0 if that could be noise."""
+    change = np.nan_to_num(np.diff(x))
+    together = float(np.dot(change, v[1:]))
+    by_chance = float(np.linalg.norm(change) * np.linalg.norm(v)) / np.sqrt(v.size)
+    return int(np.sign(together)) if abs(together) > CERTAIN * by_chance else 0
+
+
+def _median(x: Signal) -> float:
+    """Median of what is finite; 0 where nothing is, as when the line never moves that way."""
+    x = x[np.isfinite(x)]
+    return median(x) if x.size else 0.0

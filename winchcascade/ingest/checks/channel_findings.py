@@ -1,49 +1,108 @@
-"""Findings about samples of one channel, and the unit in which they give its values."""
+"""Findings about the samples of one channel: their wording, and readings that the range of the sensor contradicts."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+import msgspec
 import numpy as np
 
 from winchcascade.core.quantity import find_unit
-from winchcascade.core.run import CHANNELS, Finding
+from winchcascade.core.rig_file import Sensor
+from winchcascade.core.run import CHANNELS, Finding, FindingKind, Index, Mask, Signal
+from winchcascade.ingest.checks.stuck import repeats_of
 
-if TYPE_CHECKING:
-    from winchcascade.core.run import FindingKind, Mask, Signal
+SATURATES = ("force", "torque", "power_mech", "vdc", "idc")
+"""Channels whose largest value must scatter; a line may move at one speed, and rest at one place."""
+
+FEWEST = 20
+"""Smallest number of samples that hold the largest value of a channel, as the sample before does, and show saturation."""
+
+MOSTLY = 0.5
+"""Share of the samples at the largest value that hold it as the sample before does: saturation comes in stretches. [1]"""
+
+RARELY = 0.3
+"""Chance that a sample repeats the one before, from which a channel is too coarse or too smooth to show saturation. [1]"""
 
 
 def at(t: Signal, bad: Mask, kind: FindingKind, channel: str, what: str, *, removed: bool = False) -> Finding:
     """A finding about the samples of one channel where `bad` is set."""
     index = np.flatnonzero(bad)
+    action = "bridged by straight lines" if removed else "reported and kept"
+    start, end = t[index[[0, -1]]].tolist()
     return Finding(
-        kind,
-        f"{index.size} {channel} {what}",
-        "bridged by straight lines" if removed else "reported and kept",
-        channel,
-        float(t[index[0]]),
-        float(t[index[-1]]),
-        int(index.size),
-        int(index.size) if removed else 0,
+        kind, f"{index.size} {channel} {what}", action, channel, start, end, index.size, index.size if removed else 0
     )
 
 
-def dead(t: Signal, name: str, action: str) -> Finding:
-    """A finding about a channel that holds one value throughout."""
-    return Finding(
-        "stuck",
-        f"{name} holds one value through the whole log while the line moves",
-        action,
-        name,
-        float(t[0]),
-        float(t[-1]),
-        t.size,
-        t.size,
-    )
-
-
-def usual_unit(name: str) -> tuple[str, float]:
-    """Unit in which the values of a channel are reported, and its factor to SI."""
-    unit = find_unit(CHANNELS[name].unit)
+def text_of(channel: str, value: float, digits: int = 5) -> str:
+    """Format a value of a channel, given in its SI unit, in the unit in which a log has it."""
+    unit = find_unit(CHANNELS[channel].unit)
     assert unit is not None
-    return CHANNELS[name].unit, unit.factor
+    return f"{value / unit.factor:.{digits}g}"
+
+
+def limits_of(sensor: Sensor | None) -> tuple[float, float]:
+    """Limits of a sensor, infinite where none is stated; its zero error may carry a reading below an end at zero."""
+    low, high = (None, None) if sensor is None else (sensor.low, sensor.high)
+    top = float("inf") if high is None else high
+    if sensor is None or low is None:
+        return float("-inf"), top
+    return low - ((sensor.accuracy_full_scale or 0.0) * top if low == 0 and np.isfinite(top) else 0.0), top
+
+
+def farthest(sensor: Sensor | None) -> float:
+    """Magnitude beyond which a sensor measures nothing, whichever sign is the payout's; inf where none is stated."""
+    low, high = limits_of(sensor)
+    return max(abs(low) if np.isfinite(low) else high, abs(high))
+
+
+def out_of_range(
+    t: Signal, name: str, x: Signal, wild: tuple[Index, Signal] | None, sign: float, sensor: Sensor
+) -> list[Finding]:
+    """Report values outside the range of the sensor; they are kept, as clipping or dropping them would hide what happened.
+
+    Parameters
+    ----------
+    wild : samples that were taken out as spikes, and what was logged there
+    sign : factor by which the sign of the channel was corrected
+    """
+    low, high = limits_of(sensor)
+    spikes = 0
+    if wild is not None:
+        x = x.copy()
+        logged = sign * wild[1]
+        x[wild[0]] = logged
+        spikes = int(np.count_nonzero((logged < low) | (logged > high)))
+    top, bottom = float(np.nanmax(x)), float(np.nanmin(x))
+    if bottom >= low and top <= high:
+        return []
+    limit, worst = (high, top) if top > high else (low, bottom)
+    what = (
+        f"samples lie outside the sensor's range, up to {text_of(name, worst)} {CHANNELS[name].unit} where it ends at "
+        f"{text_of(name, limit)}"
+    )
+    found = at(t, (x < low) | (x > high), "out_of_range", name, what)
+    action = f"reported and kept, but for {spikes} bridged as spikes" if spikes else found.action
+    return [msgspec.structs.replace(found, action=action)]
+
+
+def saturated(t: Signal, name: str, x: Signal) -> list[Finding]:
+    """Report a channel that holds its largest value in stretches while it scatters elsewhere: its sensor or input is saturated.
+
+    Parameters
+    ----------
+    x : (n,) values, NaN where it has holes, SI
+    """
+    low, high = float(np.nanmin(x)), float(np.nanmax(x))
+    top = high if high >= -low else low
+    held = x == top
+    again = int(np.count_nonzero(held[1:] & held[:-1]))
+    if top == 0.0 or again < FEWEST or again < MOSTLY * np.count_nonzero(held):
+        return []
+    change = np.diff(x)[~(held[1:] | held[:-1])]
+    if repeats_of(change[np.isfinite(change)]) > RARELY:
+        return []
+    what = (
+        f"samples hold its largest value, {text_of(name, top)} {CHANNELS[name].unit}, without noise: the sensor or its input "
+        f"is saturated"
+    )
+    return [at(t, held, "out_of_range", name, what)]

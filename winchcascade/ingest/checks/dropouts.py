@@ -1,29 +1,25 @@
-"""Dropouts: a channel jumps to one value, repeats it exactly, and jumps back, while the machine goes on.
+"""Dropouts: a channel jumps to one value, repeats it exactly, and jumps back, while the machine continues.
 
 Error codes (-999, 9999), zeros of a lost signal and held constants are of this kind, from one sample to many seconds. One
 channel gives the stretches (`_stretches`); the others decide whether the machine did it (`_contradicted`): a torque that
-vanishes while Vdc, Idc and the velocity go on cannot be the clutch, and a stopped crane makes all of them fall.
+vanishes while Vdc, Idc and the velocity continue cannot be the clutch, and a stopped crane makes all of them fall.
 A slow channel that is written as zero between its updates is found by its pattern alone (`find_fillers`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.integrate import median, positive_median, quantile, smallest_step
+from winchcascade.core.run import Index, Mask, Signal
 from winchcascade.ingest.checks.glitches import BEYOND, FAR, LEAST_SHARE, LONGEST, NOISE, STILL, TEARS, travelled
-
-if TYPE_CHECKING:
-    from winchcascade.core.run import Index, Mask, Signal
-    from winchcascade.ingest.checks.spikes import Bends
-
+from winchcascade.ingest.checks.spikes import Bends, Usual
 
 HOLDS = 0.5
-"""Another channel goes on if it departs, relative to its range, by less than this share of what the suspect departs."""
+"""Another channel continues if it departs, relative to its range, by less than this share of what the suspect departs."""
 
 ALONE = 0.1
 """The same where the velocity is the only other channel: with a light load, a small loss of speed opens the clutch."""
@@ -35,22 +31,22 @@ ONE_SIDED = 0.25
 """Share of the range that a jump must have where the stretch begins or ends without one: a clutch engages by less."""
 
 VALUES = 8
-"""Values of one channel that are looked at, those that most jumps lead to or from first."""
+"""Number of values of one channel that are evaluated, those that most jumps lead to or from first."""
 
 OFTEN = 5
-"""A channel passes one exact value in single samples less often than this; rarer ones are left to the search for spikes."""
+"""A channel passes one exact value in single samples less often than this; the search for spikes finds rarer ones."""
 
 ROUNDS = 4
-"""Times that the search is repeated: one code next to another is seen once that one is out."""
+"""Maximum number of repetitions of the search: one code next to another is found once that one is removed."""
 
 FILLED = 0.02
 """Of a slow channel with filled rows hardly any two neighbours hold a value: at most this share of those that do."""
 
 UPDATES = 20
-"""Fewer updates show no pattern."""
+"""Smallest number of updates that shows a pattern."""
 
 COARSE = 3.0
-"""A jump of fewer steps of the channel's own resolution is none of a fault."""
+"""Smallest jump of a fault, in steps of the resolution of the channel."""
 
 _LEVEL = 20_000
 """Number of samples that show the range and the noise of a channel."""
@@ -63,7 +59,7 @@ WITNESSES = {
     "idc": ("vdc", "torque", "power_mech", "velocity"),
     "velocity": ("torque", "power_mech", "vdc", "idc"),
 }
-"""Channels that fall together with a channel if the machine, and no fault of the logger, makes it fall."""
+"""Channels that fall together with a channel if the machine, not a fault of the logger, makes it fall."""
 
 
 class Dropout(msgspec.Struct, frozen=True):
@@ -84,32 +80,6 @@ class Dropout(msgspec.Struct, frozen=True):
     even: bool = True
 
 
-class _Level(msgspec.Struct, frozen=True):
-    """What a channel does without its suspected values: range and usual curvature."""
-
-    low: float
-    high: float
-    noise: float
-
-    @property
-    def span(self) -> float:
-        return self.high - self.low
-
-    @property
-    def least(self) -> float:
-        """Smallest jump of a dropout."""
-        return max(LEAST_SHARE * self.span, NOISE * self.noise)
-
-
-class _Samples(msgspec.Struct, frozen=True):
-    """The finite samples of a channel, their places in the log, the stamps of the log and what the channel usually does."""
-
-    t: Signal
-    x: Signal
-    place: Index
-    usual: _Level
-
-
 def find_dropouts(
     t: Signal, channels: Mapping[str, Signal], bends: Mapping[str, Bends], *, open_circuit: bool
 ) -> dict[str, list[Dropout]]:
@@ -120,13 +90,12 @@ def find_dropouts(
     t : (n,) stamps [s]
     channels : (n,) each, NaN where they have holes
     bends : where each channel bends sharply
-    open_circuit : no current flows, and a voltage says nothing of a load
+    open_circuit : no current flows, and a voltage does not show a load
     """
-    found: dict[str, list[Dropout]] = {}
-    level: dict[str, _Level] = {}
+    level: dict[str, Usual] = {}
     suspects = {name: _stretches(t, bends[name], level, name) for name in channels}
     if not any(suspects.values()):
-        return found
+        return {}
     for name in channels:
         level.setdefault(name, _level(bends[name].x, np.empty(0)))
     sure = {
@@ -135,15 +104,15 @@ def find_dropouts(
         for d in stretches
         if d.far or _cannot_be(t, name, d, channels)
     }
-    for name, stretches in suspects.items():
-        good = [
+    found = {
+        name: [
             d
             for d in stretches
             if (d.before, d.after) in sure or _contradicted(name, d, channels, suspects, level, open_circuit)
         ]
-        if good:
-            found[name] = good
-    return found
+        for name, stretches in suspects.items()
+    }
+    return {name: dropouts for name, dropouts in found.items() if dropouts}
 
 
 def find_filled(x: Signal) -> Mask | None:
@@ -173,16 +142,17 @@ def find_filled(x: Signal) -> Mask | None:
     return filled
 
 
-def _stretches(t: Signal, bends: Bends, level: dict[str, _Level], name: str) -> list[Dropout]:
-    """Stretches of one channel that repeat a value to which it jumped, and what the channel does without them."""
+def _stretches(t: Signal, bends: Bends, level: dict[str, Usual], name: str) -> list[Dropout]:
+    """Stretches of one channel that repeat a value to which it jumped; `level` gets what the channel does without them."""
     x = bends.x
     at = _jumps(bends)
     if at.size == 0:
         return []
     values = _values(x, at)
-    level[name] = usual = _level(x, values)
-    samples = _Samples(t, x, np.arange(x.size) if bends.place is None else bends.place, usual)
-    steps = np.abs(np.diff(x))
+    usual = _level(x, values)
+    level[name] = usual
+    samples = Bends(x, bends.places, usual, bends.found)
+    steps, step = np.abs(np.diff(x)), smallest_step(x)
     found = []
     for value in values.tolist():
         same = np.flatnonzero(x == value)
@@ -190,32 +160,27 @@ def _stretches(t: Signal, bends: Bends, level: dict[str, _Level], name: str) -> 
         last = same[np.diff(same, append=x.size + 9) > 1] + 1
         into = x[np.maximum(first - 1, 0)] - value
         out = x[np.minimum(last, x.size - 1)] - value
-        big = np.maximum(np.abs(into), np.abs(out)) > usual.least
+        big = np.maximum(np.abs(into), np.abs(out)) > usual.least(LEAST_SHARE, NOISE)
         if not big.any():
             continue
         other = (x[1:] != value) & (x[:-1] != value) & (steps < FAR * usual.span)
         largest = float(np.max(steps, initial=0.0, where=other))
-        dropouts = (
-            _dropout(samples, a, b, largest) for a, b in zip(first[big].tolist(), last[big].tolist(), strict=True)
-        )
-        known = [d for d in dropouts if d is not None]
+        ends = zip(first[big].tolist(), last[big].tolist(), strict=True)
+        known = [d for a, b in ends if (d := _dropout(t, samples, a, b, largest)) is not None]
         few = len(known) < OFTEN
         found += [d for d in known if not (few and d.after - d.before == 2) or (d.far and same.size > 1)]
-    least = COARSE * smallest_step(x)
-    found = [d for d in found if d.far or d.jump > least]
-    return found if any(d.far for d in found) else found + _uneven(samples, at)
+    found = [d for d in found if d.far or d.jump > COARSE * step]
+    return found if any(d.far for d in found) else found + _uneven(t, samples, at)
 
 
 def _jumps(bends: Bends) -> Index:
     """First samples of large steps."""
-    x, least = bends.x, LEAST_SHARE * bends.span
-    if x.size < 2 or least <= 0.0:
-        return np.empty(0, dtype=np.intp)
-    if NOISE * bends.noise >= least:  # codes are so many that they pass for noise, or there is nothing but noise
-        return np.flatnonzero(np.abs(np.diff(x)) > least)
-    near = np.sort(np.concatenate((bends.found - 1, bends.found)))
-    near = near[np.diff(near, prepend=-9) > 0]
-    return near[np.abs(x[near + 1] - x[near]) > least]
+    least = LEAST_SHARE * bends.usual.span
+    if bends.x.size < 2 or least <= 0.0:
+        return bends.found[:0]
+    if NOISE * bends.usual.noise >= least:  # so many codes that they pass for noise, or nothing but noise
+        return np.flatnonzero(np.abs(np.diff(bends.x)) > least)
+    return bends.steps(least, bends.found[:0])
 
 
 def _values(x: Signal, at: Index) -> Signal:
@@ -224,11 +189,10 @@ def _values(x: Signal, at: Index) -> Signal:
     first = np.flatnonzero(np.diff(ends, prepend=np.nan) != 0)
     count = np.diff(first, append=ends.size)
     most = np.argsort(-count, kind="stable")
-    most = most[count[most] >= 2][:VALUES]
-    return ends[first[most]]
+    return ends[first[most[count[most] >= 2][:VALUES]]]
 
 
-def _level(x: Signal, without: Signal) -> _Level:
+def _level(x: Signal, without: Signal) -> Usual:
     """Range and usual curvature of a channel without some values; with them if a coarse channel has no others."""
     spread, begin = x[:: max(1, x.size // _LEVEL)], x[:_LEVEL]
     others = ~(spread[:, None] == without).any(axis=1)
@@ -238,34 +202,33 @@ def _level(x: Signal, without: Signal) -> _Level:
     spread = spread[
         np.diff(spread, prepend=-np.inf) > 0
     ]  # each value once: a log may rest for hours and move for seconds
-    return _Level(quantile(spread, 0.005), quantile(spread, 0.995), positive_median(np.abs(np.diff(begin, 2))))
+    return Usual(quantile(spread, 0.005), quantile(spread, 0.995), positive_median(np.abs(np.diff(begin, 2))))
 
 
-def _dropout(samples: _Samples, first: int, last: int, largest: float) -> Dropout | None:
+def _dropout(t: Signal, samples: Bends, first: int, last: int, largest: float) -> Dropout | None:
     """A stretch of equal samples as a dropout: None where the channel moves into and out of it as it does elsewhere."""
-    t, x, place, usual = samples.t, samples.x, samples.place, samples.usual
+    x, place, usual = samples.x, samples.places, samples.usual
     value = float(x[first])
     ends = [float(x[k]) for k in (first - 1, last) if 0 <= k < x.size]
     jumps = [abs(end - value) for end in ends]
-    if not ends or (
-        len(ends) == 2 and (ends[0] - value) * (ends[1] - value) < 0.0
-    ):  # the whole log, a step of a staircase
+    if not ends or (ends[0] - value) * (ends[-1] - value) < 0.0:  # the whole log, a step of a staircase
         return None
     before, after = (int(place[first - 1]) if first else -1), (int(place[last]) if last < x.size else t.size)
     far = value < usual.low - FAR * usual.span or value > usual.high + FAR * usual.span
-    if min(jumps) <= usual.least and not far:
-        long = t[after - 1] - t[before + 1] >= LONGEST
-        if not long or max(jumps) < max(ONE_SIDED * usual.span, usual.least):
-            return None
+    least = usual.least(LEAST_SHARE, NOISE)
+    small = min(jumps) <= least and not far
+    one_sided = t[after - 1] - t[before + 1] >= LONGEST and max(jumps) >= max(ONE_SIDED * usual.span, least)
+    if small and not one_sided:
+        return None
     share = max(jump / max(abs(end), LEAST_SHARE * usual.span, 1e-300) for jump, end in zip(jumps, ends, strict=True))
     return Dropout(before, after, value, min(jumps), share, far, largest)
 
 
-def _uneven(samples: _Samples, at: Index) -> list[Dropout]:
+def _uneven(t: Signal, samples: Bends, at: Index) -> list[Dropout]:
     """Stretches between two jumps that hold no single value: noise about zero, values in another unit."""
-    t, x, place, usual = samples.t, samples.x, samples.place, samples.usual
+    x, place, usual = samples.x, samples.places, samples.usual
     size = x[at + 1] - x[at]
-    large = np.abs(size) > usual.least
+    large = np.abs(size) > usual.least(LEAST_SHARE, NOISE)
     at, size = at[large], size[large]
     found = []
     for k in np.flatnonzero(size[1:] * size[:-1] < 0.0).tolist():
@@ -285,28 +248,24 @@ def _uneven(samples: _Samples, at: Index) -> list[Dropout]:
 
 def _cannot_be(t: Signal, name: str, d: Dropout, channels: Mapping[str, Signal]) -> bool:
     """Whether a channel that only motion can change jumps where there is no such motion."""
+    usual = BEYOND * d.usual
     if name == "pressure":
-        return d.jump > BEYOND * d.usual > 0.0
+        return d.jump > usual > 0.0
     if name == "displacement":
-        return d.jump > max(BEYOND * d.usual, TEARS * _fastest(t, d, channels))
-    if (
-        name != "velocity"
-        or "displacement" not in channels
-        or d.before < 0
-        or d.after >= t.size
-        or d.jump < BEYOND * d.usual
-    ):
+        return d.jump > max(usual, TEARS * _fastest(t, d, channels))
+    if name != "velocity" or "displacement" not in channels or d.before < 0 or d.after >= t.size or d.jump < usual:
         return False
     moved, with_it, without = travelled(t, channels, d.before, d.after)
     return abs(moved - without) < HOLDS * abs(moved - with_it)
 
 
 def _fastest(t: Signal, d: Dropout, channels: Mapping[str, Signal]) -> float:
-    """Farthest that the line goes between two samples, by its velocity around a stretch; 0 where that is unknown. [m]"""
+    """Maximum travel of the line between two samples, by its velocity at the ends of a stretch; 0 where it is unknown. [m]"""
+    if "velocity" not in channels:
+        return 0.0
     around = slice(max(d.before, 0), d.after + 1)
-    v = np.abs(channels["velocity"][around]) if "velocity" in channels else np.empty(0)
-    v = v[[0, -1]] if v.size else v
-    return float(v.max() * np.diff(t[around]).max()) if v.size and np.isfinite(v).all() else 0.0
+    v = np.abs(channels["velocity"][around][[0, -1]])
+    return float(v.max() * np.diff(t[around]).max()) if np.isfinite(v).all() else 0.0
 
 
 def _contradicted(
@@ -314,13 +273,12 @@ def _contradicted(
     d: Dropout,
     channels: Mapping[str, Signal],
     suspects: Mapping[str, list[Dropout]],
-    level: Mapping[str, _Level],
+    level: Mapping[str, Usual],
     open_circuit: bool,
 ) -> bool:
-    """Whether the channels that would fall with this one go on as if nothing had happened."""
-    if name not in WITNESSES or (name == "velocity" and "displacement" in channels):
-        return False
-    if d.jump < BEYOND * d.usual:
+    """Whether the channels that would fall with this one continue as if nothing had happened."""
+    unfit = name not in WITNESSES or (name == "velocity" and "displacement" in channels)
+    if unfit or d.jump < BEYOND * d.usual:
         return False
     departs = {}
     together = False
@@ -333,10 +291,10 @@ def _contradicted(
         if beside:
             together |= not d.even and any(not e.even for e in beside)
             continue
-        if level[other].span > STILL * level[other].noise:
-            off = _departure(channels[other], d, side, LEAST_SHARE * level[other].span, idle=other != "velocity")
-            if off is not None:
-                departs[other] = off
+        least = LEAST_SHARE * level[other].span
+        moves = level[other].span > STILL * level[other].noise
+        if moves and (off := _departure(channels[other], d, side, least, idle=other != "velocity")) is not None:
+            departs[other] = off
     if together and not departs.keys() - {"velocity"}:  # all of a machine's forces and currents fall: a clutch may slip
         return False
     if name == "idc" and "vdc" in departs and departs.keys() <= {"vdc", "velocity"}:

@@ -1,23 +1,19 @@
 """Glitches: a few consecutive samples that jump away from both neighbours and jump back, which no machine does.
 
 One channel shows what jumps away and back (`find_pulses`); the others show whether the machine moved (`follows`); and the
-remaining jumps, as of a torque when the clutch engages, show what the channel itself can do (`without_usual_jumps`).
+remaining jumps, as of a torque when the clutch engages, show which jumps are usual for the channel itself.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.integrate import quantile
+from winchcascade.core.run import Index, Mask, Signal
 from winchcascade.ingest.checks.spikes import AROUND, Bends
-
-if TYPE_CHECKING:
-    from winchcascade.core.run import Index, Mask, Signal
-
 
 LONGEST = 0.2
 """A glitch lasts no longer: five samples at 25 Hz. Stops of the crane and saturated sensors do. [s]"""
@@ -26,22 +22,22 @@ FEWEST = 5
 """Values that nothing measured can be are a glitch of up to so many samples even where these last longer."""
 
 LEAST_SHARE = 0.1
-"""Either of its jumps is at least this share of the range in which the channel moves,"""
+"""Minimum size of either of its jumps over the range in which the channel moves,"""
 
 NOISE = 15.0
-"""and so many times the usual curvature of the log; of white noise these are 25 standard deviations."""
+"""over the usual curvature of the log; of white noise these are 25 standard deviations,"""
 
 BEYOND = 1.5
-"""And it is so many times the largest jump of the channel that is none of a glitch: what the machine does in one sample."""
+"""over the largest jump of the channel that belongs to no glitch: what the machine does in one sample,"""
 
 APART = 5.0
-"""And so many times what three in four steps around it stay below: in ringing and in noise there is none."""
+"""and over the upper quartile of the steps around it: in ringing and in noise there is no glitch."""
 
 BACK = 0.2
 """Its neighbours agree with each other, and with theirs, within this share of its jumps: after a snap load the line rings."""
 
 EVEN = 0.75
-"""Its samples stand off alike, the nearest at least this share of the farthest: a load that comes and goes has flanks; of a
+"""Its samples deviate alike, the nearest at least this share of the farthest: a load that comes and goes has flanks; of a
 half sine that spans four intervals, the middle three samples are 0.71 of each other."""
 
 RESOLVED = 3
@@ -49,7 +45,7 @@ RESOLVED = 3
 repeats one value exactly."""
 
 FAR = 5.0
-"""What stands so many times the channel's range off is no measurement, whatever the other channels do."""
+"""A value beyond the range of the channel by so many times that range is no measurement, whatever the other channels do."""
 
 STILL = 20.0
 """A channel whose range is not so many times its usual curvature holds noise alone, whose range means nothing."""
@@ -58,17 +54,17 @@ MOST = 0.01
 """A channel that jumps away and back in a larger share of its samples does so by itself: pulses, a chopper."""
 
 FEW = 20
-"""But so many samples may always be glitches, however short the log."""
+"""Number of samples that may always be glitches, however short the log."""
 
 WITNESS = 0.05
 """Another channel moves too if it leaves its own straight line by this share of its range, and comes back."""
 
 TEARS = 10.0
-"""A displacement that jumps so many times farther than the line's speed takes it in a sample is none: no other channel is
-asked, and what jumps in another one between the same samples is a fault of the logger too."""
+"""A displacement that jumps so many times farther than the line moves in a sample is a fault: no other channel is evaluated,
+and what jumps in another one between the same samples is a fault of the logger too."""
 
 _JUMPS = 6
-"""Jumps that one glitch may hold."""
+"""Maximum number of jumps in one glitch."""
 
 
 class Pulse(msgspec.Struct, frozen=True):
@@ -110,10 +106,12 @@ def find_glitches(t: Signal, channels: Mapping[str, Signal], pulses: Mapping[str
     glitches = {}
     for name, channel in pulses.items():
         alone = [p for p in channel.found if (p.before, p.after) in sure or not follows(t, name, p, channels, pulses)]
-        good = without_usual_jumps(alone, channel)
-        if good:
-            glitches[name] = [slice(p.before + 1, p.after) for p in good]
-    return glitches
+        usual = np.ones(channel.at.size, dtype=np.bool_)
+        for p in alone:
+            usual[np.searchsorted(channel.at, p.before) : np.searchsorted(channel.at, p.after)] = False
+        least = BEYOND * float(channel.size[usual].max(initial=0.0))
+        glitches[name] = [slice(p.before + 1, p.after) for p in alone if p.wild or p.jump > least]
+    return {name: found for name, found in glitches.items() if found}
 
 
 def find_pulses(bends: Bends, singles: Index, longest: int, limit: float) -> Pulses:
@@ -126,16 +124,14 @@ def find_pulses(bends: Bends, singles: Index, longest: int, limit: float) -> Pul
     longest : samples that a glitch may last
     limit : magnitude beyond which its sensor measures nothing, inf where that is unknown
     """
-    x, found = bends.x, bends.found
-    least = max(LEAST_SHARE * bends.span, NOISE * bends.noise)
-    moves = max(WITNESS * bends.span, 2 * bends.least)
-    steps = _without(np.concatenate((found - 1, found)), np.concatenate((singles - 1, singles)))
-    steps = steps[np.abs(x[steps + 1] - x[steps]) > least]
+    x, usual = bends.x, bends.usual
+    moves = max(WITNESS * usual.span, 2 * bends.least)
+    steps = bends.steps(usual.least(LEAST_SHARE, NOISE), singles)
     if steps.size == 0:
         return Pulses((), steps, np.empty(0), moves)
-    place = np.arange(x.size) if bends.place is None else bends.place
-    far = FAR * bends.span if bends.span > STILL * bends.noise else np.inf
-    lost = _Lost(bends.low - far, bends.high + far, limit)
+    place = bends.places
+    far = FAR * usual.span if usual.span > STILL * usual.noise else np.inf
+    lost = _Lost(usual.low - far, usual.high + far, limit)
     pulses: list[Pulse] = []
     free = -1
     for i, j in _pairs(x, steps, place, max(longest, FEWEST)):
@@ -148,16 +144,6 @@ def find_pulses(bends: Bends, singles: Index, longest: int, limit: float) -> Pul
     inside = sum(p.after - p.before - 1 for p in pulses if not p.wild)
     seldom = tuple(p for p in pulses if p.wild or inside <= max(FEW, MOST * x.size))
     return Pulses(seldom, place[genuine], np.abs(x[genuine + 1] - x[genuine]), moves)
-
-
-def _without(index: Index, others: Index) -> Index:
-    """Indices but for others, each once, in order; numpy's own functions of sets import its masked arrays."""
-    index = np.sort(index)
-    others = np.sort(others)
-    once = np.diff(index, prepend=-9) > 0
-    if others.size:
-        once &= others[np.minimum(np.searchsorted(others, index), others.size - 1)] != index
-    return index[once]
 
 
 class _Lost(msgspec.Struct, frozen=True):
@@ -241,15 +227,13 @@ def follows(t: Signal, name: str, pulse: Pulse, channels: Mapping[str, Signal], 
 
 
 def _torn(t: Signal, pulse: Pulse, channels: Mapping[str, Signal]) -> bool:
-    """Whether a displacement jumps where the velocity says that the line is nowhere near so fast."""
+    """Whether a displacement jumps much farther than the velocity allows."""
     if "velocity" not in channels or pulse.before < 0 or pulse.after >= t.size:
         return False
     around = slice(pulse.before, pulse.after + 1)
     v = np.abs(channels["velocity"][around])
-    fastest = float(v.max(initial=0.0, where=np.isfinite(v)))
-    if not np.isfinite(v[[0, -1]]).all():
-        return False
-    return pulse.jump > TEARS * fastest * float(np.diff(t[around]).max())
+    farthest = v.max(initial=0.0, where=np.isfinite(v)) * np.diff(t[around]).max()
+    return bool(np.isfinite(v[[0, -1]]).all() and pulse.jump > TEARS * farthest)
 
 
 def travelled(t: Signal, channels: Mapping[str, Signal], before: int, after: int) -> tuple[float, float, float]:
@@ -257,23 +241,14 @@ def travelled(t: Signal, channels: Mapping[str, Signal], before: int, after: int
     v, stamps = channels["velocity"][before : after + 1], t[before : after + 1]
     moved = channels["displacement"][after] - channels["displacement"][before]
     good = np.isfinite(v)
-    with_it = np.trapezoid(v[good], stamps[good])
-    return float(moved), float(with_it), float(0.5 * (v[0] + v[-1]) * (stamps[-1] - stamps[0]))
+    along = 0.5 * (v[0] + v[-1]) * (stamps[-1] - stamps[0])
+    return float(moved), float(np.trapezoid(v[good], stamps[good])), float(along)
 
 
 def _moves(x: Signal, moves: float, *, returns: bool) -> bool:
-    """Whether a channel leaves its straight line over a stretch, and, if asked for, returns to it as no ramp does."""
+    """Whether a channel leaves its straight line over a stretch, and, if required, returns to it as no ramp does."""
     x = x[np.isfinite(x)]
     if x.size < 3:
         return False
     off = float(np.max(np.abs(x - np.linspace(x[0], x[-1], x.size))))
     return off > moves and (not returns or abs(float(x[-1] - x[0])) < 0.5 * off)
-
-
-def without_usual_jumps(pulses: Sequence[Pulse], channel: Pulses) -> list[Pulse]:
-    """The pulses whose jumps exceed by far all that belong to none of them."""
-    usual = np.ones(channel.at.size, dtype=np.bool_)
-    for p in pulses:
-        usual[np.searchsorted(channel.at, p.before) : np.searchsorted(channel.at, p.after)] = False
-    bar = BEYOND * float(channel.size[usual].max(initial=0.0))
-    return [p for p in pulses if p.wild or p.jump > bar]

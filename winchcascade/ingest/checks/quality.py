@@ -1,33 +1,33 @@
-"""The faults of the channels of a log: each becomes a finding; what is lost is bridged, what is odd is kept and reported."""
+"""Faults of the channels of a log: each becomes a finding; lost samples are bridged, unusual ones are kept and reported."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
 
-from winchcascade.core.run import Finding
+from winchcascade.core.rig_file import Rig
+from winchcascade.core.run import CHANNELS, Finding, FindingKind, Index, Mask, Signal
 from winchcascade.core.smooth import local_quadratic
-from winchcascade.ingest.checks.agreement import disagreements, power_disagrees, without_sign
-from winchcascade.ingest.checks.channel_findings import at, dead, usual_unit
+from winchcascade.ingest.checks.agreement import correct_signs, disagreements, power_disagrees, without_sign
+from winchcascade.ingest.checks.channel_findings import (
+    SATURATES,
+    at,
+    farthest,
+    limits_of,
+    out_of_range,
+    saturated,
+    text_of,
+)
 from winchcascade.ingest.checks.dropouts import ROUNDS, Dropout, find_dropouts, find_filled
 from winchcascade.ingest.checks.glitches import LONGEST, Pulses, find_glitches, find_pulses
-from winchcascade.ingest.checks.sensor_range import SATURATES, farthest, limits_of, out_of_range, saturated
-from winchcascade.ingest.checks.signs import upright
 from winchcascade.ingest.checks.spikes import Bends, find_bends, single_spikes
 from winchcascade.ingest.checks.stuck import find_stuck, motion
-from winchcascade.ingest.checks.timing import coarse_finding, factor_finding, put_back
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from winchcascade.core.rig_file import Rig
-    from winchcascade.core.run import FindingKind, Index, Mask, Signal
-
+from winchcascade.ingest.checks.timing import check_clock
 
 _FEW = 1000
-"""Samples that show whether a channel changes at all, before the whole of it is looked at."""
+"""Number of samples that are compared first to show whether a channel changes at all."""
 
 
 class Checked(msgspec.Struct, frozen=True):
@@ -52,26 +52,23 @@ class _Log(msgspec.Struct):
     t: Signal
     channels: dict[str, Signal]
     rig: Rig
-    lost: dict[str, Mask] = msgspec.field(default_factory=dict)
+    lost: dict[str, Mask]
     spikes: dict[str, tuple[Index, Signal]] = msgspec.field(default_factory=dict)
     findings: list[Finding] = msgspec.field(default_factory=list)
 
     def take_out(self, name: str, bad: Mask, kind: FindingKind, what: str) -> Finding:
         """Mark samples of a channel as lost; the finding about them."""
         self.channels[name][bad] = np.nan
-        self.lost[name] = self.lost[name] | bad if name in self.lost else bad
+        self.lost[name] |= bad
         return at(self.t, bad, kind, name, what, removed=True)
 
     def take_out_spikes(self, name: str, samples: Index, what: str) -> list[Finding]:
         """Mark samples of a channel as lost and keep what was logged there; the finding about them, if there are any."""
         if samples.size == 0:
             return []
-        values = self.channels[name][samples]
-        if name in self.spikes:
-            earlier, logged = self.spikes[name]
-            self.spikes[name] = np.concatenate((earlier, samples)), np.concatenate((logged, values))
-        else:
-            self.spikes[name] = samples, values
+        new = samples, self.channels[name][samples]
+        earlier = self.spikes.get(name, (samples[:0], new[1][:0]))
+        self.spikes[name] = np.concatenate((earlier[0], new[0])), np.concatenate((earlier[1], new[1]))
         bad = np.zeros(self.t.size, dtype=bool)
         bad[samples] = True
         return [self.take_out(name, bad, "spike", what)]
@@ -79,8 +76,9 @@ class _Log(msgspec.Struct):
     def leave_out(self, name: str, action: str) -> None:
         """Leave out a channel that holds one value throughout."""
         del self.channels[name]
-        self.lost.pop(name, None)
-        self.findings.append(dead(self.t, name, action))
+        what = f"{name} holds one value through the whole log while the line moves"
+        start, end, n = float(self.t[0]), float(self.t[-1]), self.t.size
+        self.findings.append(Finding("stuck", what, action, name, start, end, n, n))
 
     def bridged(self, name: str, bad: Mask) -> Signal:
         """A channel whose holes are bridged by straight lines, those of the velocity by the displacement."""
@@ -100,7 +98,7 @@ def check(t: Signal, channels: dict[str, Signal], rig: Rig, *, simulated: bool, 
     simulated : a simulated log has no sensors that could be stuck or out of range
     open_circuit : without a load no current flows, however long
     """
-    log = _Log(t, channels, rig)
+    log = _Log(t, channels, rig, {name: np.zeros(t.size, dtype=bool) for name in channels})
     findings = log.findings
     for name in list(channels):
         _take_out_holes(log, name)
@@ -114,50 +112,38 @@ def check(t: Signal, channels: dict[str, Signal], rig: Rig, *, simulated: bool, 
     renumbered = np.empty((0, 2)) if simulated else _check_clock(log)
     t = log.t
     both = not simulated and "velocity" in channels and "displacement" in channels
-    _derive_velocity(log)
+    if "velocity" not in channels:
+        _derive_velocity(log)
     if both:
         _give_direction(log)
-    turned = upright(channels)
-    findings += turned
+    corrected = correct_signs(channels)
+    findings += corrected
     if not simulated:
-        signs = {f.channel: -1.0 for f in turned}
+        signs = {f.channel: -1.0 for f in corrected}
         for name, x in channels.items():
             if name in rig.sensors:
                 findings += out_of_range(t, name, x, log.spikes.get(name), signs.get(name, 1.0), rig.sensors[name])
             if name in SATURATES:
                 findings += saturated(t, name, x)
         _take_out_stuck(log, open_circuit)
-    if both and "displacement" in channels:
-        differ = disagreements(t, channels["velocity"], channels["displacement"], rig.thresholds.v_onset)
-        findings += [f for f in differ if not any(g.kind == "clock_mismatch" and g.start is None for g in findings)]
-    if not simulated:
+        clock_is_wrong = any(f.kind == "clock_mismatch" and f.start is None for f in findings)
+        if both and "displacement" in channels and not clock_is_wrong:
+            findings += disagreements(t, channels["velocity"], channels["displacement"], rig.thresholds.v_onset)
         findings += power_disagrees(channels, rig.r_drum)
     gaps = {}
     for name, bad in log.lost.items():
-        if name in channels:
+        if name in channels and bad.any():
             channels[name] = log.bridged(name, bad)
             edges = np.flatnonzero(np.diff(np.concatenate(([False], bad, [False])).astype(np.int8)))
             gaps[name] = t[np.column_stack((np.maximum(edges[::2] - 1, 0), np.minimum(edges[1::2], t.size - 1)))]
     if "force" in channels and channels["force"].min() < 0:
-        findings.append(at(t, channels["force"] < 0, "slack_line", "force", "samples have a line force below zero"))
+        findings.append(at(t, channels["force"] < 0, "slack_line", "force", "samples have a line tension below zero"))
     return Checked(t, channels, gaps, tuple(findings), renumbered)
 
 
 def _check_clock(log: _Log) -> Signal:
-    """Compare the clock with velocity and displacement and put the time of lost rows back; the gaps there, (k, 2). [s]"""
-    channels, thresholds = log.channels, log.rig.thresholds
-    none = np.empty((0, 2))
-    v, displacement = channels.get("velocity"), channels.get("displacement")
-    if v is None or displacement is None:
-        whole = coarse_finding(log.t, thresholds)
-    else:
-        whole = factor_finding(log.t, v, displacement, thresholds.v_onset)
-    if whole is not None:
-        log.findings.append(whole)
-        return none
-    timed = None if displacement is None else put_back(log.t, channels, thresholds)
-    if timed is None:
-        return none
+    """Check the clock, and move what was found before to the times put back; the gaps where they were lost, (k, 2). [s]"""
+    timed = check_clock(log.t, log.channels, log.rig.thresholds)
     for k, finding in enumerate(log.findings):
         if finding.start is not None and finding.end is not None:
             start, end = np.interp([finding.start, finding.end], log.t, timed.t).tolist()
@@ -173,13 +159,14 @@ def _take_out_holes(log: _Log, name: str) -> None:
     A channel that holds no number is missing.
     """
     x = log.channels[name]
-    bad = np.zeros(x.size, dtype=bool) if np.isfinite(x.sum()) else ~np.isfinite(x)
-    if bad.all():
-        del log.channels[name]
-        log.findings.append(Finding("missing_channel", f"the column for {name} holds no number", "left out", name))
-        return
-    if bad.any():
-        log.findings.append(log.take_out(name, bad, "not_a_number", "cells are empty or not a number"))
+    if not np.isfinite(x.sum()):
+        bad = ~np.isfinite(x)
+        if bad.all():
+            del log.channels[name]
+            log.findings.append(Finding("missing_channel", f"the column for {name} holds no number", "left out", name))
+            return
+        if bad.any():
+            log.findings.append(log.take_out(name, bad, "not_a_number", "cells are empty or not a number"))
     filled = find_filled(x)
     if filled is not None:
         what = "rows hold 0 between the updates of a slower channel"
@@ -187,14 +174,10 @@ def _take_out_holes(log: _Log, name: str) -> None:
 
 
 def _report_missing(log: _Log) -> None:
-    """Report channels that the rig's sensors promise and the log does not have; mechanical power replaces torque."""
-    reported = {f.channel for f in log.findings if f.kind == "missing_channel"}
+    """Report channels for which the rig has sensors and the log has no column; mechanical power replaces torque."""
+    known = {*log.channels, *(f.channel for f in log.findings if f.kind == "missing_channel")}
     for name in log.rig.sensors:
-        if (
-            name not in log.channels
-            and name not in reported
-            and not (name == "torque" and "power_mech" in log.channels)
-        ):
+        if name not in known and not (name == "torque" and "power_mech" in log.channels):
             message = f"the log has no {name} channel"
             log.findings.append(Finding("missing_channel", message, "metrics that need it are null", name))
 
@@ -206,14 +189,11 @@ def _constant(x: Signal) -> bool:
 
 def _derive_velocity(log: _Log) -> None:
     """Derive the velocity that the log lacks from its displacement, whose holes are then those of the velocity too."""
-    if "velocity" in log.channels:
-        return
     log.channels["velocity"] = _slope(log.t, log.channels["displacement"])
-    if "displacement" in log.lost:
-        log.lost["velocity"] = log.lost["displacement"].copy()
+    log.lost["velocity"] = log.lost["displacement"].copy()
     for k, f in enumerate(log.findings):
         if f.kind == "missing_channel" and f.channel == "velocity":
-            log.findings[k] = Finding(f.kind, f.message, "derived from the displacement", f.channel)
+            log.findings[k] = msgspec.structs.replace(f, action="derived from the displacement")
 
 
 def _give_direction(log: _Log) -> None:
@@ -246,7 +226,7 @@ def _take_out_spikes(log: _Log, *, open_circuit: bool) -> None:
     for name in log.channels:
         spikes = single_spikes(sharp[name])
         pulses[name] = find_pulses(sharp[name], spikes, longest, farthest(log.rig.sensors.get(name)))
-        what = "single samples stand far off their neighbours"
+        what = "single samples deviate far from their neighbours"
         findings[name] = log.take_out_spikes(name, sharp[name].logged(spikes), what)
     for name, glitches in find_glitches(log.t, log.channels, pulses).items():
         x = log.channels[name]
@@ -259,36 +239,32 @@ def _take_out_spikes(log: _Log, *, open_circuit: bool) -> None:
 def _take_out_dropouts(log: _Log, *, open_circuit: bool) -> dict[str, Bends]:
     """Take out the stretches in which a channel holds a value that it cannot have; where the channels then bend sharply."""
     bends = {name: find_bends(x) for name, x in log.channels.items()}
-    whole: dict[str, Signal] = {}
-    values: dict[str, list[Dropout]] = {}
-    taken: dict[str, list[Index]] = {}
+    taken: dict[str, tuple[Signal, list[Dropout], list[Index]]] = {}
     for _ in range(ROUNDS):
         dropouts = find_dropouts(log.t, log.channels, bends, open_circuit=open_circuit)
-        for name, stretches in dropouts.items():
+        for name, found in dropouts.items():
             x = log.channels[name]
-            if name not in whole:
-                whole[name] = x.copy()
-            for d in stretches:
+            _, stretches, parts = taken.setdefault(name, (x.copy(), [], []))
+            for d in found:
                 samples = np.arange(d.before + 1, d.after)
-                taken.setdefault(name, []).append(samples[(x[samples] == d.value) | (not d.even)])
-            values.setdefault(name, []).extend(stretches)
-            x[np.concatenate(taken[name])] = np.nan
+                parts.append(samples[(x[samples] == d.value) | (not d.even)])
+            stretches += found
+            x[np.concatenate(parts)] = np.nan
             bends[name] = find_bends(x)
         if not dropouts:
             break
-    for name, parts in taken.items():
-        log.channels[name][:] = whole[name]
-        what = f"samples jump to {_values(name, values[name])} while other channels go on, in {_places(len(parts))}"
+    for name, (whole, stretches, parts) in taken.items():
+        log.channels[name][:] = whole
+        what = f"samples jump to {_values(name, stretches)} while other channels continue, in {_places(len(parts))}"
         log.findings += log.take_out_spikes(name, np.concatenate(parts), what)
     return bends
 
 
 def _values(name: str, stretches: Sequence[Dropout]) -> str:
     """The values that a channel dropped to, the most frequent ones, for a sentence."""
-    unit, factor = usual_unit(name)
-    texts = [f"{'' if d.even else 'about '}{d.value / factor:.{6 if d.even else 2}g}" for d in stretches]
+    texts = [text_of(name, d.value, 6) if d.even else f"about {text_of(name, d.value, 2)}" for d in stretches]
     most = sorted({*texts}, key=lambda text: (-texts.count(text), text))
-    return f"{' or '.join(most[:2])} {unit}" + (" or other constants" if len(most) > 2 else "")
+    return f"{' or '.join(most[:2])} {CHANNELS[name].unit}" + (" or other constants" if len(most) > 2 else "")
 
 
 def _places(count: int) -> str:
@@ -302,7 +278,7 @@ def _take_out_stuck(log: _Log, open_circuit: bool) -> None:
     names = [name for name in channels if name != "velocity" and not (open_circuit and name == "idc")]
     for name in ("velocity", *names):
         x = channels[name]
-        low, high = limits_of(sensors[name]) if name in sensors else (-np.inf, np.inf)
+        low, high = limits_of(sensors.get(name))
         stretches = [(a, b) for a, b in find_stuck(name, x, line, channels) if low <= x[a] <= high]
         if not stretches:
             continue

@@ -1,28 +1,24 @@
 """Stuck channels: one value held while the channel should have changed.
 
-A channel at rest is not stuck: an encoder holds its value while the line does, and what a stage gives out is zero while
-nothing drives it. So either physics moves the channel while it holds still, or its noise is missing.
+A channel at rest is not stuck: an encoder holds its value while the line does, and the output of a stage is zero while
+nothing drives it. A channel is stuck if the motion should have changed it, or if its noise is missing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.integrate import ENOUGH, median, smallest_step
-
-if TYPE_CHECKING:
-    from winchcascade.core.run import Index, Mask, Signal
-
+from winchcascade.core.run import Index, Mask, Signal
 
 HELD = 0.3
-"""A value must be held this long to be looked at. [s]"""
+"""Minimum time for which a value is held, to be evaluated. [s]"""
 
 FEWEST = 10
-"""And for this many samples; `_held` is written for ten."""
+"""Minimum number of samples for which it is held; `_held` is written for ten."""
 
 SPEED_RANGE = 0.15
 """A channel that depends on speed must change when the speed of payout does by this share of its top."""
@@ -34,7 +30,7 @@ RISE = 0.05
 """The line speeds up if it gains this share of its top speed in 0.6 s."""
 
 IDLE = 0.02
-"""A stage gives nothing out below this share of its largest value."""
+"""A stage delivers nothing below this share of its largest value."""
 
 LOADED = 0.2
 """With more than this share of its largest torque the shaft turns."""
@@ -43,25 +39,25 @@ LEAST_TORQUE = 5.0
 """And with more than this. [N m]"""
 
 TRAVEL = 0.1
-"""What depends on the displacement must change when the line travels so far. [m]"""
+"""Travel of the line at which a channel that depends on the displacement must change. [m]"""
 
 APART = 0.01
-"""Velocity and displacement may differ by so much over a stretch. [m]"""
+"""Maximum difference of velocity and displacement over a stretch. [m]"""
 
 STEPS = 5.0
-"""The change that travel brings must be expected to be so many of the channel's own steps."""
+"""Minimum change that is expected from travel, in steps of the channel."""
 
 SPEED_STEPS = 60.0
-"""The change that speed brings, of which other things may take a part away, so many."""
+"""Minimum change that is expected from speed, in steps of the channel: other causes may offset a part of it."""
 
 LAG = 5
-"""The few slowest and fastest samples do not count: a logger that repeats each value lags behind the speed."""
+"""Number of slowest and fastest samples that do not count: a logger that repeats each value lags behind the speed."""
 
 UNLIKELY = -18.0
 """Logarithm of the chance below which a noisy channel does not repeat itself by accident: once in 60 million samples."""
 
 TURNS = 0.15
-"""A channel is noisy if this share of its changes turn back at once,"""
+"""A channel is noisy if this share of its changes reverses at once,"""
 
 LARGE = 0.3
 """and if this share of those are two of its steps or more: finer noise leaves it at one value or not, depending on where
@@ -89,7 +85,7 @@ class ObservedMotion(msgspec.Struct, frozen=True):
 
 
 def motion(t: Signal, v: Signal, v_onset: float) -> ObservedMotion:
-    """Prepare what every channel is held against; v finite, payout positive."""
+    """Prepare the motion with which every channel is compared; v finite, payout positive."""
     return ObservedMotion(t, v, v_onset, v > v_onset, v < -v_onset, float(v.max(initial=v_onset)))
 
 
@@ -98,7 +94,7 @@ def find_stuck(name: str, x: Signal, line: ObservedMotion, channels: Mapping[str
 
     Parameters
     ----------
-    name : channel, which says what it depends on
+    name : channel; its name decides on what it depends
     x : (n,) its values, finite or NaN
     channels : the other channels of the log: displacement and torque show whether a velocity is stuck
     """
@@ -106,19 +102,20 @@ def find_stuck(name: str, x: Signal, line: ObservedMotion, channels: Mapping[str
     if first.size == 0:
         return []
     stuck = _too_still(name, x, line, first, last)
-    if name in ("velocity", "displacement"):
-        stuck |= _loaded(first, last, x, line, channels, velocity=name == "velocity")
     if name == "velocity":
+        stuck |= _loaded(first, last, line, channels) & (x[first] < line.v_onset)
         stuck |= _apart(first, last, x, line, channels)
     elif name in ("displacement", "pressure"):
         stuck |= _unmoved(name, first, last, x, line)
+        if name == "displacement":
+            stuck |= _loaded(first, last, line, channels)
     else:
         stuck |= _unchanged(name, first, last, x, line)
     return list(zip(first[stuck].tolist(), last[stuck].tolist(), strict=True))
 
 
 def _held(x: Signal, t: Signal) -> tuple[Index, Index]:
-    """Stretches of one value, [first, last), that are long enough to be looked at."""
+    """Stretches of one value, [first, last), that are long enough to be evaluated."""
     alike = x[1:] == x[:-1]
     span = 1
     for more in (1, 2, 4, 1):  # alike over 2, 4, 8 and then 9 steps: ten samples of one value
@@ -139,7 +136,7 @@ def _among(mask: Mask, first: Index, last: Index) -> Index:
 
 
 def _apart(first: Index, last: Index, v: Signal, line: ObservedMotion, channels: Mapping[str, Signal]) -> Mask:
-    """Whether the displacement moved on other than a held velocity says, in blocks of 0.25 s."""
+    """Whether the displacement moved otherwise than by a held velocity, in blocks of 0.25 s."""
     apart = np.zeros(first.size, dtype=bool)
     if "displacement" not in channels:
         return apart
@@ -168,30 +165,26 @@ def _blocks(t: Signal, x: Signal, seconds: float) -> tuple[Signal, Signal]:
     return np.diff(t[ends]), np.diff(around[1])
 
 
-def _loaded(
-    first: Index, last: Index, x: Signal, line: ObservedMotion, channels: Mapping[str, Signal], *, velocity: bool
-) -> Mask:
-    """Whether the shaft carries torque, so that the line pays out, while an encoder says that it does not."""
+def _loaded(first: Index, last: Index, line: ObservedMotion, channels: Mapping[str, Signal]) -> Mask:
+    """Whether the shaft carries torque, so that the line pays out, while an encoder holds its value."""
     torque = channels.get("torque")
     if torque is None or not np.isfinite(torque).any():
         return np.zeros(first.size, dtype=bool)
-    alive = np.append(True, torque[1:] != torque[:-1])  # a torque that is stuck itself says nothing
+    alive = np.append(True, torque[1:] != torque[:-1])  # a torque that is stuck itself is no evidence
     high = alive & (torque > max(LOADED * float(np.nanmax(torque)), LEAST_TORQUE))
     high[1:-1] &= high[:-2] & high[2:]  # three in a row are no noise
     loaded = _among(high, first, last)
     stuck: Mask = (loaded >= FEWEST) & (loaded * median(np.diff(line.t[:1000])) >= HELD)
-    return stuck & (x[first] < line.v_onset) if velocity else stuck
+    return stuck
 
 
 def _unmoved(name: str, first: Index, last: Index, x: Signal, line: ObservedMotion) -> Mask:
     """Whether a channel that depends on where the line is holds still while the line travels."""
     stuck = np.zeros(first.size, dtype=bool)
-    often = _among(line.out | line.back, first, last) >= FEWEST
     position = line.position()
-    span = _ptp(x)
-    share = 1.0 if name == "displacement" else span / max(float(np.ptp(position)), 1e-9)
+    share = 1.0 if name == "displacement" else _range(x) / max(float(np.ptp(position)), 1e-9)
     least = max(TRAVEL, STEPS * smallest_step(x) / share if share else 0.0)
-    for k in np.flatnonzero(often).tolist():
+    for k in np.flatnonzero(_among(line.out | line.back, first, last) >= FEWEST).tolist():
         a, b = first[k], last[k]
         seconds, moved = _blocks(line.t[a:b], position[a:b], 1.0)
         stuck[k] = np.abs(moved[np.abs(moved) > line.v_onset * seconds]).sum() > least
@@ -201,36 +194,26 @@ def _unmoved(name: str, first: Index, last: Index, x: Signal, line: ObservedMoti
 def _unchanged(name: str, first: Index, last: Index, x: Signal, line: ObservedMotion) -> Mask:
     """Whether a channel that depends on speed holds still while the speed of payout changes."""
     stuck = np.zeros(first.size, dtype=bool)
-    often = _among(line.out, first, last) >= FEWEST
-    span, step = _ptp(x), smallest_step(x)
-    idle = IDLE * float(np.nanmax(np.abs(x)))
-    for k in np.flatnonzero(often).tolist():
-        part = slice(first[k], last[k])
-        driven = line.out[part]
+    span, step, largest = _range(x), smallest_step(x), float(np.nanmax(np.abs(x)))
+    for k in np.flatnonzero(_among(line.out, first, last) >= FEWEST).tolist():
+        t, v = line.t[first[k] : last[k]], line.v[first[k] : last[k]]
+        driven = line.out[first[k] : last[k]]
         if name in DRIVEN:
-            driven = driven & (line.v[part] > DRIVES * line.top_speed)
-            if abs(x[first[k]]) <= idle:
-                driven &= _speeds_up(line, part)
-        speeds = line.v[part][driven]
-        if speeds.size < FEWEST:
-            continue
-        speeds.sort()
-        change = (speeds[-LAG] - speeds[LAG - 1]) / line.top_speed
-        stuck[k] = change > SPEED_RANGE and (span == 0 or change * span > SPEED_STEPS * step)
+            driven = driven & (v > DRIVES * line.top_speed)
+            if (
+                abs(x[first[k]]) <= IDLE * largest
+            ):  # a line that slows down does not drive the shaft: the rotor runs on alone
+                gain = np.interp(t + 0.3, line.t, line.v) - np.interp(t - 0.3, line.t, line.v)
+                driven &= gain > RISE * line.top_speed
+        speeds = np.sort(v[driven])
+        if speeds.size >= FEWEST:
+            change = (speeds[-LAG] - speeds[LAG - 1]) / line.top_speed
+            stuck[k] = change > SPEED_RANGE and (span == 0 or change * span > SPEED_STEPS * step)
     return stuck
 
 
-def _speeds_up(line: ObservedMotion, part: slice) -> Mask:
-    """When the line gains speed: slowing down, the rotor runs on alone and its shaft carries nothing."""
-    t = line.t[part]
-    gain = np.interp(t + 0.3, line.t, line.v) - np.interp(t - 0.3, line.t, line.v)
-    rising: Mask = gain > RISE * line.top_speed
-    return rising
-
-
-def _ptp(x: Signal) -> float:
-    good = x[np.isfinite(x)]
-    return float(np.ptp(good)) if good.size else 0.0
+def _range(x: Signal) -> float:
+    return float(np.nanmax(x) - np.nanmin(x))
 
 
 def _too_still(name: str, x: Signal, line: ObservedMotion, first: Index, last: Index) -> Mask:
@@ -261,8 +244,7 @@ def repeats_of(change: Signal) -> float:
     if some.size < 20:
         return 1.0
     turn = some[1:] * some[:-1] < 0
-    size = np.minimum(np.abs(some[1:]), np.abs(some[:-1]))[turn]
-    large = size > 1.5 * np.abs(some).min()
+    large = np.minimum(np.abs(some[1:]), np.abs(some[:-1]))[turn] > 1.5 * np.abs(some).min()
     if np.mean(turn) < TURNS or np.mean(large) < LARGE:
         return 1.0
     return float(max(1.0 - some.size / change.size, 0.02))

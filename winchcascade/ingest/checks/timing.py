@@ -1,33 +1,28 @@
-"""What velocity and displacement say of the clock: a unit of time that is wrong, rows that were lost while the clock was
+"""Errors of the clock that velocity and displacement show: a wrong unit of time, rows that were lost while the clock was
 renumbered, a counter that was reset.
 
-The displacement changes from row to row by what the velocity gives. Where it does not, at one place alone, rows are missing
-or a counter was set; where it does not throughout, by a factor, the clock or a unit is wrong.
+The displacement changes from row to row by what the velocity gives. If it does not at a single place, rows are missing or a
+counter was set. If it differs by the same factor everywhere, the clock or a unit is wrong.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import median, quantile, smallest_step
-from winchcascade.core.run import Finding
+from winchcascade.core.integrate import GAUSS, median, quantile, running, smallest_step
+from winchcascade.core.rig_file import Thresholds
+from winchcascade.core.run import Finding, Signal
 from winchcascade.ingest.checks.agreement import MOVING
 
-if TYPE_CHECKING:
-    from winchcascade.core.rig_file import Thresholds
-    from winchcascade.core.run import Signal
-
-
 BLOCKS = 200
-"""Blocks of equal numbers of rows over which a factor is found, whatever the clock says."""
+"""Number of blocks of equal numbers of rows over which a factor is found; they do not depend on the clock."""
 
 FEWEST = 5
-"""Fewer blocks that move show no factor."""
+"""Smallest number of moving blocks that shows a factor."""
 
 UNITS = (60.0, 1e3, 3600.0, 6e4, 86400.0, 1e6, 3.6e6, 1e9)
 """Ratios of two units of time."""
@@ -36,22 +31,22 @@ NEAR = 0.03
 """A factor is such a ratio within this share: gains of velocity and displacement differ by less."""
 
 BEYOND = 20.0
-"""No gain is farther from 1."""
+"""Largest factor that an error of a gain may cause."""
 
 STANDS_OUT = 3.0
-"""A jump is so many times what 95 of 100 differences of displacement and velocity stay below while the line moves,"""
+"""Smallest jump over the 95 % quantile of the differences of displacement and velocity while the line moves,"""
 
 DEVIATIONS = 8.0
-"""so many standard deviations of them,"""
+"""over their standard deviation,"""
 
 ROW = 0.5
-"""and this share of a row's travel: a lost row is a whole one."""
+"""over the travel in a row, as at least one whole row is lost,"""
 
 STEPS = 1.5
-"""And so many steps of the displacement."""
+"""and over the step of the displacement."""
 
 MOST = 20
-"""With more jumps the displacement jumps by itself, as one that is sampled slowly does."""
+"""Maximum number of jumps: with more of them the displacement jumps by itself, as one that is sampled slowly does."""
 
 SIDE = 5
 """Rows on either side that give the speed where no velocity is logged."""
@@ -75,24 +70,49 @@ class Timed(msgspec.Struct, frozen=True):
     findings: tuple[Finding, ...]
 
 
-def factor_finding(t: Signal, v: Signal, displacement: Signal, v_onset: float) -> Finding | None:
-    """Report a clock that velocity and displacement contradict by a ratio of two units, or by more than any gain."""
+def check_clock(t: Signal, channels: dict[str, Signal], thresholds: Thresholds) -> Timed:
+    """Compare the clock with velocity and displacement; put back the time of rows that were lost while it was renumbered, and
+    take out the steps of a counter that was reset.
+
+    Parameters
+    ----------
+    t : (n,) stamps that rise [s]
+    channels : (n,) each, NaN where they have holes; the displacement is changed in place where a counter was reset
+    """
+    v, displacement = channels.get("velocity"), channels.get("displacement")
+    if v is None or displacement is None:
+        mismatch = _unconfirmed(t, thresholds)
+    else:
+        mismatch = _other_unit(t, _factor(t, v, displacement, thresholds.v_onset))
+    if mismatch is not None:
+        return Timed(t, np.empty((0, 2)), (Finding("clock_mismatch", mismatch, "reported and kept"),))
+    return Timed(t, np.empty((0, 2)), ()) if displacement is None else _put_back(t, channels, thresholds)
+
+
+def _unconfirmed(t: Signal, thresholds: Thresholds) -> str | None:
+    """Describe stamps that are too far apart to smooth the velocity, where no displacement confirms them."""
     usual = median(np.diff(t))
-    factor = _factor(t, v, displacement, v_onset)
+    if usual <= thresholds.smoothing:
+        return None
+    return (
+        f"stamps are {usual:.4g} s apart, and the velocity is smoothed over {thresholds.smoothing:g} s; no other channel "
+        f"confirms the clock. For stamps in a smaller unit, state it with override = true under [columns] of a rig file"
+    )
+
+
+def _other_unit(t: Signal, factor: float | None) -> str | None:
+    """Describe a clock that velocity and displacement contradict by a ratio of two units, or by more than any gain."""
     if factor is None:
         return None
-    large = max(factor, 1.0 / factor)
-    unit = any(abs(large / ratio - 1.0) < NEAR for ratio in UNITS)
+    usual, large = median(np.diff(t)), max(factor, 1.0 / factor)
     counts = bool(np.all(np.diff(t[: BLOCKS * SIDE]) == 1.0)) and large > 1.0 + NEAR
-    if not (unit or counts or large > BEYOND):
+    if not (counts or large > BEYOND or any(abs(large / ratio - 1.0) < NEAR for ratio in UNITS)):
         return None
     clock = "stamps may count rows" if counts else f"the true interval may be {usual / factor:.4g} s"
-    return Finding(
-        "clock_mismatch",
+    return (
         f"velocity integrates to {factor:#.4g} times the travel of the displacement, with stamps {usual:.4g} s apart: {clock}, "
-        f"or one of velocity and displacement is in another unit; give the right one with override = true under [columns] of a "
-        f"rig file",
-        "reported and kept",
+        f"or one of velocity and displacement is in another unit; state the right one with override = true under [columns] of "
+        f"a rig file"
     )
 
 
@@ -103,8 +123,8 @@ def _factor(t: Signal, v: Signal, displacement: Signal, v_onset: float) -> float
     if t.size < 2 * FEWEST:
         return None
     ends = np.linspace(0, t.size - 1, min(BLOCKS, t.size - 1) + 1).astype(np.intp)
-    area = np.append(0.0, np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t)))
-    travelled, moved, length = np.diff(area[ends]), np.diff(x[ends]), np.diff(t[ends])
+
+    travelled, moved, length = np.diff(running(t, v.__getitem__, ends)), np.diff(x[ends]), np.diff(t[ends])
     moving = (np.abs(travelled) > MOVING * v_onset * length) & (travelled * moved != 0.0)
     if np.count_nonzero(moving) < FEWEST:
         return None
@@ -114,70 +134,48 @@ def _factor(t: Signal, v: Signal, displacement: Signal, v_onset: float) -> float
     return factor if 0.0 < factor < math.inf else None
 
 
-def coarse_finding(t: Signal, thresholds: Thresholds) -> Finding | None:
-    """Report stamps too far apart to smooth the velocity, where no displacement confirms them."""
-    usual = median(np.diff(t))
-    if usual <= thresholds.smoothing:
-        return None
-    return Finding(
-        "clock_mismatch",
-        f"stamps are {usual:.4g} s apart, and the velocity is smoothed over {thresholds.smoothing:g} s; no other channel "
-        f"confirms the clock. Stamps of a smaller unit get it with override = true under [columns] of a rig file",
-        "reported and kept",
-    )
-
-
-def put_back(t: Signal, channels: dict[str, Signal], thresholds: Thresholds) -> Timed | None:
-    """Find rows lost while the clock was renumbered, and put their time back; take out the steps of a counter that was reset.
-
-    Parameters
-    ----------
-    t : (n,) stamps that rise [s]
-    channels : (n,) each; the displacement is changed in place where a counter was reset, and NaN where it has holes
-    """
-    jumps = find_jumps(t, channels, thresholds.v_onset)
-    if not jumps:
-        return None
-    t = t.copy()
+def _put_back(t: Signal, channels: dict[str, Signal], thresholds: Thresholds) -> Timed:
+    """Put back the time of lost rows, and take the steps of a counter that was reset out of the displacement."""
     x = channels["displacement"]
     findings, gaps = [], []
     step = max(smallest_step(x), 1e-9)
-    for jump in jumps:
+    for jump in find_jumps(t, channels, thresholds.v_onset):
         if _makes_up(t, channels, jump):
             continue
-        at = float(t[jump.before])
-        now = f"at {at:.2f} s the displacement jumps by {jump.metres:+.3f} m beyond what the velocity gives"
-        zeroed = (
-            abs(x[jump.after]) < STEPS * step + abs(jump.speed) * (t[jump.after] - at) and abs(x[jump.before]) > step
-        )
+        start = end = float(t[jump.before])
+        travel = abs(jump.speed) * (t[jump.after] - start)
+        action = "reported and kept"
         if abs(jump.speed) < thresholds.v_onset:
-            if abs(jump.metres) >= thresholds.stroke_min:
-                what = f"{now} while the line rests: rows were lost and the clock renumbered, or the counter was set"
-                findings.append(Finding("clock_mismatch", what, "reported and kept", start=at, end=at))
-        elif zeroed or jump.metres * jump.speed < 0.0:
+            if abs(jump.metres) < thresholds.stroke_min:
+                continue
+            cause = " while the line rests: rows were lost and the clock was renumbered, or the counter was set"
+        elif jump.metres * jump.speed < 0.0 or (
+            abs(x[jump.after]) < STEPS * step + travel and abs(x[jump.before]) > step
+        ):
             repeats = _repeats(channels, jump)
             x[jump.after :] -= jump.metres
-            what = f"{now}: the counter was set back" + (f", or {repeats} rows were written twice" if repeats else "")
-            findings.append(Finding("clock_mismatch", what, "step taken out of the displacement", start=at, end=at))
+            cause = ": the counter was set back" + (f", or {repeats} rows were written twice" if repeats else "")
+            action = "step removed from the displacement"
         else:
             lost = jump.metres / jump.speed
-            t[jump.after :] += lost
-            gaps.append((at, float(t[jump.after])))
-            what = f"{now}: {lost:.2f} s of rows were lost and the clock was renumbered, or the displacement slipped"
-            findings.append(
-                Finding("clock_mismatch", what, "treated as a gap of that length", start=at, end=gaps[-1][1])
-            )
-    return Timed(t, np.array(gaps).reshape(-1, 2), tuple(findings)) if findings else None
+            t = np.concatenate((t[: jump.after], t[jump.after :] + lost))
+            end = float(t[jump.after])
+            gaps.append((start, end))
+            cause = f": {lost:.2f} s of rows were lost and the clock was renumbered, or the displacement slipped"
+            action = "treated as a gap of that length"
+        what = f"at {start:.2f} s the displacement jumps by {jump.metres:+.3f} m beyond what the velocity gives{cause}"
+        findings.append(Finding("clock_mismatch", what, action, start=start, end=end))
+    return Timed(t, np.array(gaps).reshape(-1, 2), tuple(findings))
 
 
 def _makes_up(t: Signal, channels: Mapping[str, Signal], jump: Jump) -> bool:
-    """Whether a jump makes up what a displacement that held one value before did not count while the line moved."""
+    """Whether a jump makes up for travel that a displacement which held one value before did not count."""
     x, v = channels["displacement"], channels.get("velocity")
     if v is None:
         return False
     other = np.flatnonzero(x[: jump.before] != x[jump.before])
     held = slice(int(other[-1]) + 1 if other.size else 0, jump.before + 1)
-    return bool(abs(float(np.trapezoid(np.nan_to_num(v[held]), t[held]))) > ROW * abs(jump.metres))
+    return abs(float(np.trapezoid(np.nan_to_num(v[held]), t[held]))) > ROW * abs(jump.metres)
 
 
 def _repeats(channels: Mapping[str, Signal], jump: Jump) -> int:
@@ -185,9 +183,8 @@ def _repeats(channels: Mapping[str, Signal], jump: Jump) -> int:
     x = channels["displacement"]
     for again in np.flatnonzero(x[: jump.after] == x[jump.after])[::-1].tolist():
         count = jump.after - again
-        rows = slice(again, again + min(count, SIDE))
-        later = slice(jump.after, jump.after + min(count, SIDE))
-        if all(np.array_equal(y[rows], y[later]) for y in channels.values()):
+        size = min(count, SIDE)
+        if all(np.array_equal(y[again : again + size], y[jump.after : jump.after + size]) for y in channels.values()):
             return int(count)
     return 0
 
@@ -195,14 +192,12 @@ def _repeats(channels: Mapping[str, Signal], jump: Jump) -> int:
 def find_jumps(t: Signal, channels: Mapping[str, Signal], v_onset: float) -> list[Jump]:
     """Find the places at which the displacement jumps by what the line did not travel, in order; none if they are many."""
     x, v = channels["displacement"], channels.get("velocity")
-    good = np.isfinite(x) if v is None else np.isfinite(x) & np.isfinite(v)
-    rows = np.flatnonzero(good)
+    rows = np.flatnonzero(np.isfinite(x) if v is None else np.isfinite(x) & np.isfinite(v))
     if rows.size < 4 * SIDE:
         return []
     stamps, x = t[rows], x[rows]
     interval, moved = np.diff(stamps), np.diff(x)
-    before, after = _slopes(moved / interval) if v is None else (v[rows[:-1]], v[rows[1:]])
-    speed = 0.5 * (before + after)
+    speed = _mean_slopes(moved / interval) if v is None else 0.5 * (v[rows[:-1]] + v[rows[1:]])
     beyond = moved - speed * interval
     usual = (np.diff(rows) == 1) & (interval < 1.5 * median(interval))
     moving = usual & (np.abs(speed) > v_onset)
@@ -211,7 +206,7 @@ def find_jumps(t: Signal, channels: Mapping[str, Signal], v_onset: float) -> lis
     size = np.abs(beyond)
     least = max(
         STANDS_OUT * quantile(size[moving], 0.95),
-        DEVIATIONS * 1.4826 * median(size[moving]),
+        DEVIATIONS * GAUSS * median(size[moving]),
         STEPS * smallest_step(x),
     )
     found = np.flatnonzero(usual & (size > np.maximum(least, ROW * np.abs(speed) * interval)))
@@ -220,19 +215,13 @@ def find_jumps(t: Signal, channels: Mapping[str, Signal], v_onset: float) -> lis
     return [
         Jump(int(rows[k]), int(rows[k + 1]), float(beyond[k]), float(speed[k]))
         for k in found.tolist()
-        if _stays(beyond, k)
+        if abs(beyond[max(k - SIDE, 0) : k + SIDE + 1].sum() - beyond[k]) < ROW * size[k]  # a spike would come back
     ]
 
 
-def _stays(beyond: Signal, k: int) -> bool:
-    """Whether the displacement does not come back after a jump, as from a spike."""
-    around = np.delete(beyond[max(k - SIDE, 0) : k + SIDE + 1], min(k, SIDE))
-    return bool(abs(float(around.sum())) < ROW * abs(float(beyond[k])))
-
-
-def _slopes(slope: Signal) -> tuple[Signal, Signal]:
-    """Speeds before and after each step: medians of the slopes of the rows on either side. [m/s]"""
-    padded = np.concatenate((np.repeat(slope[:1], SIDE), slope, np.repeat(slope[-1:], SIDE)))
-    windows = np.lib.stride_tricks.sliding_window_view(padded, SIDE)
-    middle: Signal = np.partition(windows, SIDE // 2, axis=1)[:, SIDE // 2]
-    return middle[: slope.size], middle[SIDE + 1 : SIDE + 1 + slope.size]
+def _mean_slopes(slope: Signal) -> Signal:
+    """Mean of the speeds before and after each step, the medians of the slopes of the rows on either side. [m/s]"""
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(slope, SIDE, mode="edge"), SIDE)
+    middle = np.partition(windows, SIDE // 2, axis=1)[:, SIDE // 2]
+    mean: Signal = 0.5 * (middle[: slope.size] + middle[SIDE + 1 : SIDE + 1 + slope.size])
+    return mean

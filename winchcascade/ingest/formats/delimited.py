@@ -1,13 +1,17 @@
-"""The text of a file in blocks that end where lines end, so that a log of many hours needs no more memory than its numbers."""
+"""CSV and similar texts: comma, semicolon, tab, bar or blanks, decimal point or comma, any encoding, preamble and units row.
+
+The text is read in blocks that end where lines end, so that a log of many hours needs no more memory than its numbers. Arrow
+parses each block with all cores; only a block with an unusual cell is parsed cell by cell.
+"""
 
 from __future__ import annotations
 
 import codecs
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
@@ -15,15 +19,20 @@ import pyarrow as pa
 from pyarrow import csv
 
 from winchcascade.core.errors import LogError
-from winchcascade.core.run import Finding
-from winchcascade.ingest.cells import NOT_NUMBERS, is_cut, is_stamp, is_value, numbers, split_row
+from winchcascade.core.run import Finding, Signal
+from winchcascade.ingest.cells import (
+    NOT_NUMBERS,
+    is_cut,
+    is_stamp,
+    is_value,
+    numbers,
+    serial_days,
+    split_row,
+    waveform,
+)
 from winchcascade.ingest.dialects import read_header
 from winchcascade.ingest.layout import Layout, find_encoding, find_layout
 from winchcascade.ingest.source import LogSource, LogTable, without_notes
-
-if TYPE_CHECKING:
-    from winchcascade.core.run import Signal
-
 
 BLOCK = 1 << 22
 """Bytes that are parsed at a time."""
@@ -39,76 +48,45 @@ Parsed = TypeVar("Parsed")
 
 
 def in_parallel(parse: Callable[[Bytes], Parsed], blocks: Iterator[Bytes]) -> Iterator[Parsed]:
-    """Parse blocks in threads, a few ahead, and hand them on in their order."""
-    from collections import deque
+    """Parse blocks in threads, a few ahead, and yield them in their order."""
     from concurrent.futures import Future, ThreadPoolExecutor
 
-    ahead: deque[Future[Parsed]] = deque()
+    ahead: list[Future[Parsed]] = []
     with ThreadPoolExecutor(_WORKERS) as pool:
         for block in blocks:
             ahead.append(pool.submit(parse, block))
             if len(ahead) > _WORKERS:
-                yield ahead.popleft().result()
+                yield ahead.pop(0).result()
         while ahead:
-            yield ahead.popleft().result()
+            yield ahead.pop(0).result()
 
 
 def text_blocks(path: Path, encoding: str, skip: int) -> Iterator[Bytes]:
     """Text of a file from line `skip` on in ASCII-compatible bytes, cut where lines end; an unfinished line comes last."""
-    rest = b""
-    for data in _chunks(path, encoding):
-        whole = rest + bytes(data) if skip or (rest and b"\n" not in data[: 1 << 16].tobytes()) else None
-        if whole is not None:
-            while skip and (end := whole.find(b"\n")) >= 0:
-                whole, skip = whole[end + 1 :], skip - 1
-            data, rest = memoryview(whole), b""
-            if skip:
-                rest = whole
-                continue
-        end = _last_line_end(data)
-        if end == 0 and len(rest) + len(data) > _LONGEST_LINE:
-            raise LogError(
-                f"{path.name}: a line of more than {_LONGEST_LINE >> 20} MB; expected rows of a few numbers."
-            )
-        if end and rest:
-            begin = data[: 1 << 16].tobytes().find(b"\n") + 1
-            yield rest + bytes(data[:begin])
-            data, end, rest = data[begin:], end - begin, b""
-        if end:
-            yield data[:end]
-        rest += bytes(data[end:])
-    if rest and not skip:
-        yield rest
-
-
-def _chunks(path: Path, encoding: str) -> Iterator[memoryview]:
-    """The bytes of a file as ASCII-compatible text with line feeds, a block at a time."""
     decoder = codecs.getincrementaldecoder(encoding)(errors="replace") if encoding[:6] in ("utf-16", "utf-32") else None
-    old_mac = False
-    with path.open("rb") as file:
-        left = os.fstat(file.fileno()).st_size
-        while True:
-            buffer = bytearray(min(BLOCK, max(left, 0) + 1))
-            size = file.readinto(buffer)
-            if not size:
-                return
-            left -= size
-            data = memoryview(buffer)[:size]
-            if data[0] == 0 and not any(buffer[:size].strip(b"\0")):
+    rest, old_mac = b"", False
+    with path.open("rb", buffering=0) as file:
+        while data := file.read(BLOCK):
+            if data[0] == 0 and not data.strip(b"\0"):
                 data = data[:1]  # one byte suffices for the megabytes that a logger reserved and never wrote
             if decoder is not None:
-                data = memoryview(decoder.decode(data).encode())
-            old_mac = old_mac or (_last_line_end(data) == 0 and b"\r" in data[:_NEAR].tobytes())
-            yield memoryview(data.tobytes().replace(b"\r\n", b"\n").replace(b"\r", b"\n")) if old_mac else data
-
-
-def _last_line_end(data: memoryview) -> int:
-    """Position after the last line feed of a block, 0 if there is none."""
-    for size in (1 << 12, len(data)):
-        found = data[-size:].tobytes().rfind(b"\n") if size else -1
-        if found >= 0:
-            return max(len(data) - size, 0) + found + 1
-    return 0
+                data = decoder.decode(data).encode()
+            if old_mac or (b"\n" not in data and b"\r" in data[:_NEAR]):
+                old_mac, data = True, data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+            data = rest + data
+            begin = 0
+            while skip and (at := data.find(b"\n", begin)) >= 0:
+                begin, skip = at + 1, skip - 1
+            end = data.rfind(b"\n") + 1
+            if begin < end:
+                yield memoryview(data)[begin:end]
+            rest = data[end:]
+            if len(rest) > _LONGEST_LINE:
+                raise LogError(
+                    f"{path.name}: a line of more than {_LONGEST_LINE >> 20} MB; expected rows of a few numbers."
+                )
+    if rest and not skip:
+        yield rest
 
 
 _HEAD = 1 << 18
@@ -121,7 +99,7 @@ _HEADING = re.compile(rb"^(?!nan\b|inf)(?:[*]{3}End_|[a-z])[^\n]*\n?", re.IGNORE
 """A line of the heading that LabVIEW repeats above each segment; a row of data begins with a number or an empty cell."""
 
 _MOST_MARKS = 200
-"""Texts for "no number" that are handed to Arrow; a file with more of them is read cell by cell."""
+"""Number of texts for "no number" that Arrow is given; a file with more of them is read cell by cell."""
 
 
 def open_delimited(path: Path) -> LogSource:
@@ -147,11 +125,7 @@ def open_delimited(path: Path) -> LogSource:
             f"this is a log."
         )
     layout = find_layout(lines, path.name)
-    step, start = None, 0.0
-    if any(value[0] in "+-.0123456789" for value in layout.properties.values()):
-        from winchcascade.ingest.stamps import waveform
-
-        step, start = waveform(layout.properties)
+    step, start = waveform(layout.properties)
     return LogSource(
         headers=layout.headers,
         load=lambda wanted, time: _load(path, encoding, layout, step, wanted, time),
@@ -165,7 +139,9 @@ def _load(
     path: Path, encoding: str, layout: Layout, step: float | None, wanted: Sequence[int], time: int | None
 ) -> LogTable:
     """Read the wanted columns, block by block."""
-    parser = _Parser(layout, encoding if encoding[:3] != "utf" else "utf-8", step, wanted, time)
+    texts = time if time is not None and any(map(is_stamp, layout.column(time))) else None
+    used = [*wanted, *([] if time is None else [time])]
+    parser = _Parser(layout, encoding if encoding[:3] != "utf" else "utf-8", used, texts)
     blocks = text_blocks(path, encoding, layout.first)
     first = next(blocks, b"")
     parser.store(parser.parse(first))
@@ -174,35 +150,43 @@ def _load(
         parser.expect(int(1.05 * size / len(first) * parser.rows) + 1000)
     for table in in_parallel(parser.parse, blocks) if size > BLOCK else map(parser.parse, blocks):
         parser.store(table)
-    return parser.table(path.name)
+    columns = {k: column[: parser.rows] for k, column in parser.columns.items()}
+    whole = without_notes(LogTable(columns, stamps=None if texts is None else parser.texts))
+    findings = parser.findings(path.name)
+    values = {k: whole.values[k] for k in wanted}
+    if time is None or texts is not None:
+        return LogTable(values, whole.stamps, findings=findings)
+    stamps, stamped = _stamps(layout, step, time, whole.values[time])
+    return LogTable(values, stamps, stamped, findings)
+
+
+def _stamps(layout: Layout, step: float | None, time: int, stamps: Signal) -> tuple[Signal | None, bool]:
+    """The time column, and whether it is in seconds; None if it is empty, or counts rows beside a stated interval."""
+    first = stamps[:1000]
+    empty = stamps.size == 0 or (np.isnan(first).all() and np.isnan(stamps).all())
+    counts = bool(np.all(np.diff(first) == 1.0)) and read_header(layout.headers[time]).unit is None
+    if (empty and not any(layout.column(time))) or (step is not None and (empty or counts)):
+        return None, False
+    days = serial_days(stamps) if first.size > 1 and 0 < first[1] - first[0] < 1e-4 else None
+    return (stamps, False) if days is None else (days, True)
 
 
 class _Parser(msgspec.Struct):
-    """Columns that grow block by block, and what could not be read on the way."""
+    """The used columns, which grow block by block, and what could not be read on the way; `stamped` is a column of texts."""
 
     layout: Layout
     encoding: str
-    step: float | None
-    wanted: Sequence[int]
-    time: int | None
+    used: Sequence[int]
+    stamped: int | None
     rows: int = 0
     columns: dict[int, Signal] = msgspec.field(default_factory=dict)
     texts: list[str] = msgspec.field(default_factory=list)
     no_numbers: list[str] = msgspec.field(default_factory=lambda: list(NOT_NUMBERS))
     ragged: int = 0
     cut: list[str] = msgspec.field(default_factory=list)
-    stamped: bool = False
 
     def __post_init__(self) -> None:
-        if self.time is not None:
-            self.stamped = any(is_stamp(cell) for cell in self.layout.column(self.time))
-        self.columns = {k: np.empty(0) for k in self._numeric()}
-
-    def _numeric(self) -> list[int]:
-        return list(self.wanted) + ([self.time] if self.time is not None and not self.stamped else [])
-
-    def _used(self) -> list[int]:
-        return [*self.wanted, *([] if self.time is None else [self.time])]
+        self.columns = {k: np.empty(0) for k in self.used if k != self.stamped}
 
     def expect(self, rows: int) -> None:
         """Reserve memory for as many rows; unused memory costs nothing until it is written."""
@@ -213,14 +197,29 @@ class _Parser(msgspec.Struct):
                 self.columns[k] = grown
 
     def parse(self, block: Bytes) -> pa.Table | None:
-        """Read whole lines; an unfinished one is the end of a file that was cut off. None if nothing is left."""
+        """Read whole lines as numbers; None if none remain.
+
+        An unfinished line is the end of a file that was cut off. A block with odd rows or cells is mended line by line, then
+        if need be cell by cell.
+        """
         if block[-1:] != b"\n":
             block = self._end(bytes(block))
         if self.layout.labview:
             block = _HEADING.sub(b"", block)
         if self.layout.delimiter == " ":
             block = b"\n".join(re.sub(rb"[ \t]+", b" ", line.strip()) for line in bytes(block).splitlines())
-        return self._read(block) if len(block) else None
+        if not len(block):
+            return None
+        try:
+            return self._arrow(block, pa.float64(), quoted=self.layout.quoted)
+        except pa.ArrowInvalid:
+            block = self._mended(bytes(block))
+        if not block:
+            return None
+        try:
+            return self._arrow(block, pa.float64(), quoted=True)
+        except pa.ArrowInvalid:
+            return self._by_cell(self._arrow(block, pa.binary(), quoted=True))
 
     def _end(self, line: bytes) -> bytes:
         """The last line of a file, which no line end closes, if it is whole."""
@@ -238,27 +237,15 @@ class _Parser(msgspec.Struct):
         self.cut.append("the file is cut off inside a row")
         return b""
 
-    def _read(self, block: Bytes) -> pa.Table | None:
-        """Parse a block as numbers; one with odd rows or cells is mended line by line, then if need be cell by cell."""
-        try:
-            return self._arrow(block, pa.float64(), quoted=self.layout.quoted)
-        except pa.ArrowInvalid:
-            block = self._mended(bytes(block))
-        if not block:
-            return None
-        try:
-            return self._arrow(block, pa.float64(), quoted=True)
-        except pa.ArrowInvalid:
-            return self._by_cell(self._arrow(block, pa.binary(), quoted=True))
-
     def _arrow(self, block: Bytes, kind: Any, *, quoted: bool) -> pa.Table:
-        names = [f"c{k}" for k in range(self.layout.width)]
-        types = {f"c{k}": kind for k in self._numeric()}
-        if self.stamped:
-            types[f"c{self.time}"] = pa.binary()
+        types = {str(k): pa.binary() if k == self.stamped else kind for k in self.used}
         return csv.read_csv(
             pa.BufferReader(pa.py_buffer(block)),
-            read_options=csv.ReadOptions(column_names=names, block_size=max(_PIECE, len(block)), use_threads=False),
+            read_options=csv.ReadOptions(
+                column_names=[str(k) for k in range(self.layout.width)],
+                block_size=max(_PIECE, len(block)),
+                use_threads=False,
+            ),
             parse_options=csv.ParseOptions(delimiter=self.layout.delimiter, quote_char='"' if quoted else False),
             convert_options=csv.ConvertOptions(
                 include_columns=list(types),
@@ -275,7 +262,7 @@ class _Parser(msgspec.Struct):
         delimiter, most = self.layout.delimiter.encode(), self.layout.width - 1
         rows = []
         lines = text.splitlines()
-        if max(self._used(), default=0) > 0 and b"\0" not in text:  # the others are remarks, and there may be millions
+        if max(self.used, default=0) > 0 and b"\0" not in text:  # the others are remarks, and there may be millions
             lines = [line for line in lines if delimiter in line]
         for line in lines:
             if b"\0" in line:
@@ -287,16 +274,15 @@ class _Parser(msgspec.Struct):
         return _D_EXPONENT.sub(b"E", b"\n".join(rows).replace(_MINUS_SIGN, b"-"))
 
     def _fitted(self, line: bytes) -> list[bytes]:
-        """A line with cells too many or too few, fitted where none is lost that is wanted; else left out and counted."""
+        """A line with cells too many or too few, fitted if no wanted cell is lost; else left out and counted."""
         cells = split_row(line.decode("latin-1"), self.layout.delimiter)
-        width, used = self.layout.width, self._used()
-        spare = max(used, default=0) < min(
-            width - 1, len(cells)
-        )  # too much or too little, in columns that are not read
+        width = self.layout.width
+        # Too much or too little, in columns that are not read.
+        spare = max(self.used, default=0) < min(width - 1, len(cells))
         remark = len(cells) > width and (self.layout.more or not any(cells[width:]))
         if len(cells) != width and not spare and not remark:
-            if is_value(cells[0]) and len(cells) > 1:  # anything else is a remark, or a preamble where logs were joined
-                self.ragged += 1
+            # Anything else is a remark, or a preamble where logs were joined.
+            self.ragged += is_value(cells[0]) and len(cells) > 1
             return []
         cells = [cell.replace('"', "") for cell in (cells + [""] * width)[:width]]
         quote = '"{}"' if any(self.layout.delimiter in cell for cell in cells) else "{}"
@@ -305,61 +291,37 @@ class _Parser(msgspec.Struct):
     def _by_cell(self, texts: pa.Table) -> pa.Table:
         """Numbers of a block in which some cells are none; their texts are known from then on."""
         columns = {}
-        for k in self._numeric():
-            values, strange = numbers(self._decoded(texts, k), self.layout.decimal)
-            columns[f"c{k}"] = pa.Array.from_buffers(pa.float64(), values.size, [None, pa.py_buffer(values)])
-            free = max(0, _MOST_MARKS - len(self.no_numbers))
-            self.no_numbers += [s for s in strange if s not in self.no_numbers][:free]
-        if self.stamped:
-            columns[f"c{self.time}"] = texts.column(f"c{self.time}")
+        for k in self.used:
+            column = texts.column(str(k))
+            if k != self.stamped:
+                values, strange = numbers(self._decoded(column), self.layout.decimal)
+                column = pa.Array.from_buffers(pa.float64(), values.size, [None, pa.py_buffer(values)])
+                known = self.no_numbers
+                known += [s for s in strange if s not in known][: max(0, _MOST_MARKS - len(known))]
+            columns[str(k)] = column
         return pa.table(columns)
 
-    def _decoded(self, table: pa.Table, k: int) -> list[str]:
-        return [(cell or b"").decode(self.encoding, "replace") for cell in table.column(f"c{k}").to_pylist()]
+    def _decoded(self, column: pa.ChunkedArray) -> list[str]:
+        return [(cell or b"").decode(self.encoding, "replace") for cell in column.to_pylist()]
 
     def store(self, table: pa.Table | None) -> None:
         """Append the rows of a block."""
         if table is None:
             return
-        count = table.num_rows
-        need = self.rows + count
+        need = self.rows + table.num_rows
         if self.columns and need > next(iter(self.columns.values())).size:
             self.expect(max(need, int(1.5 * self.rows)))
         for k, column in self.columns.items():
             at = self.rows
-            for chunk in table.column(f"c{k}").chunks:
+            for chunk in table.column(str(k)).chunks:
                 column[at : at + len(chunk)] = _floats(chunk)
                 at += len(chunk)
-        if self.stamped and self.time is not None:
-            self.texts += self._decoded(table, self.time)
+        if self.stamped is not None:
+            self.texts += self._decoded(table.column(str(self.stamped)))
         self.rows = need
 
-    def table(self, where: str) -> LogTable:
-        """What was read, rows that hold nothing at all left out, with the findings of the reading."""
-        values = {k: column[: self.rows] for k, column in self.columns.items()}
-        whole = without_notes(LogTable(values, stamps=self.texts if self.stamped else None))
-        findings = self._findings(where)
-        stamps, stamped = (whole.stamps, False) if self.stamped else self._stamps(whole.values)
-        return LogTable({k: whole.values[k] for k in self.wanted}, stamps, stamped, findings)
-
-    def _stamps(self, values: Mapping[int, Signal]) -> tuple[Signal | None, bool]:
-        """The time column as numbers, and whether it is in seconds; none if it is empty, or counts rows beside an interval."""
-        if self.time is None:
-            return None, False
-        stamps = values[self.time]
-        first = stamps[:1000]
-        empty = stamps.size == 0 or (np.isnan(first).all() and np.isnan(stamps).all())
-        counts = bool(np.all(np.diff(first) == 1.0)) and read_header(self.layout.headers[self.time]).unit is None
-        if (empty and not any(self.layout.column(self.time))) or (self.step is not None and (empty or counts)):
-            return None, False
-        if first.size > 1 and 0 < first[1] - first[0] < 1e-4:
-            from winchcascade.ingest.stamps import serial_days
-
-            days = serial_days(stamps)
-            return (stamps, False) if days is None else (days, True)
-        return stamps, False
-
-    def _findings(self, where: str) -> tuple[Finding, ...]:
+    def findings(self, where: str) -> tuple[Finding, ...]:
+        """Report lines that could not be read; LogError if there are too many of them."""
         found = []
         odd, width = self.ragged, self.layout.width
         if odd > max(10, 0.5 * self.rows):

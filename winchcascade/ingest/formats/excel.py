@@ -1,4 +1,4 @@
-"""The table in a sheet of a workbook: its row of names, its row of units, and what its cells hold."""
+"""Workbooks (.xlsx, .xls, .xlsb, .ods): the sheet that holds a table, its names, its units and its cells."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from contextlib import suppress
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 from xml.parsers import expat
 
 import msgspec
@@ -19,14 +19,10 @@ from python_calamine import CalamineError, CalamineWorkbook, PasswordError
 
 from winchcascade.core.errors import LogError
 from winchcascade.core.quantity import find_unit
+from winchcascade.core.run import Signal
 from winchcascade.ingest.cells import is_stamp
-from winchcascade.ingest.dialects import recognise
-from winchcascade.ingest.source import Header, LogSource, LogTable, damage_reported
-from winchcascade.ingest.table_choice import FEWEST_ROWS, choose, moves
-
-if TYPE_CHECKING:
-    from winchcascade.core.run import Signal
-
+from winchcascade.ingest.dialects import Header, recognise
+from winchcascade.ingest.source import FEWEST_ROWS, LogSource, LogTable, choose, damage_reported, moves, without_notes
 
 Cell = int | float | str | bool | dt.time | dt.date | dt.datetime | dt.timedelta
 Row = Sequence[Cell]
@@ -64,8 +60,8 @@ def find_table(rows: Sequence[Row]) -> SheetLayout | None:
             index = columns[0] - 1  # the index of a data frame has data and no name
             if index >= 0 and rows[k][index] == "" and _holds_data(rows[first : first + ROWS_LOOKED_AT], index):
                 columns += (index,)
-            headers = tuple(Header(str(rows[k][j]).strip(), _unit(rows[k + 1][j]) if units else None) for j in columns)
-            best = SheetLayout(columns, headers, first, share)
+            headers = (Header(str(rows[k][j]).strip(), _unit(rows[k + 1][j]) if units else None) for j in columns)
+            best = SheetLayout(columns, tuple(headers), first, share)
     return best
 
 
@@ -78,8 +74,8 @@ def _is_units(row: Row) -> bool:
     """Whether a row holds units: nothing but texts, at least half of them known units."""
     filled = [cell for cell in row if cell != ""]
     texts = [cell for cell in filled if isinstance(cell, str)]
-    known = sum(find_unit(_unit(text) or "") is not None for text in texts)
-    return bool(filled) and len(texts) == len(filled) and 2 * known >= len(filled)
+    known = [text for text in texts if find_unit(_unit(text) or "") is not None]
+    return 0 < len(filled) == len(texts) <= 2 * len(known)
 
 
 def _unit(cell: Cell) -> str | None:
@@ -97,27 +93,16 @@ def _holds_data(rows: Sequence[Row], j: int) -> bool:
 
 def _is_datum(cell: Cell) -> bool:
     """Whether a cell is a number or a stamp, also one written as text such as 2026-03-01 10:00:00,040."""
-    if not isinstance(cell, str):
-        return True
-    return cell.strip() != "" and (not is_name(cell) or re.search(r"\d[:/.\-]\d", cell) is not None)
-
-
-def without_empty_end(rows: list[Row], headers: Sequence[Header]) -> list[Row]:
-    """Drop the last rows that have nothing in any cell below a name."""
-    named = [j for j, header in enumerate(headers) if header.name]
-    end = len(rows)
-    while end and all(rows[end - 1][j] == "" for j in named):
-        end -= 1
-    return rows[:end]
+    return not isinstance(cell, str) or (
+        cell.strip() != "" and (not is_name(cell) or re.search(r"\d[:/.\-]\d", cell) is not None)
+    )
 
 
 def number(cell: Cell) -> float:
     """Read a cell as a number, decimal comma included; NaN for anything else."""
     if isinstance(cell, int | float):
         return float(cell)
-    if not isinstance(cell, str):
-        return float("nan")
-    text = cell.strip()
+    text = cell.strip() if isinstance(cell, str) else ""
     if "," in text and "." in text:
         text = text.replace(min(",.", key=text.find), "")  # the sign that comes first parts thousands
     return float(text.replace(",", ".")) if _NUMBER.fullmatch(text) else float("nan")
@@ -134,16 +119,15 @@ def numbers(cells: Sequence[Cell]) -> Signal:
     if {*map(type, cells)} <= {float, int}:
         return np.array(cells, dtype=np.float64)
     read = np.array([number(cell) for cell in cells], dtype=np.float64)
-    grouped = np.array([_thousands(cell) for cell in cells], dtype=np.float64)
+    texts = (cell.strip() if isinstance(cell, str) else "" for cell in cells)
+    grouped = np.array([float(re.sub("[.,]", "", text)) if _GROUPS.fullmatch(text) else np.nan for text in texts])
     two = np.isfinite(grouped) & np.isfinite(read)
     certain = np.flatnonzero(np.isfinite(read) & ~two)
     if two.any() and certain.size:
         rows = np.flatnonzero(two)
         after = np.searchsorted(certain, rows)
-        beside = np.column_stack(
-            (np.maximum(after - 1, 0), np.minimum(after, certain.size - 1))
-        )  # the certain cells around
-        apart = np.min(np.abs(rows[:, None] - certain[beside]), axis=1)
+        around = np.column_stack((np.maximum(after - 1, 0), np.minimum(after, certain.size - 1)))
+        apart = np.min(np.abs(rows[:, None] - certain[around]), axis=1)
         near = rows[apart == apart.min()]  # farther ones may have gone anywhere since
         expected = np.interp(near, certain, read[certain])
         nearer = np.abs(grouped[near] - expected) < np.abs(read[near] - expected)
@@ -152,30 +136,19 @@ def numbers(cells: Sequence[Cell]) -> Signal:
     return np.where(np.isfinite(read), read, grouped)
 
 
-def _thousands(cell: Cell) -> float:
-    """Read a text such as 1,234 as groups of thousands; NaN for anything else."""
-    text = cell.strip() if isinstance(cell, str) else ""
-    return float(re.sub("[.,]", "", text)) if _GROUPS.fullmatch(text) else float("nan")
-
-
 def seconds(cell: Cell) -> float:
     """Read a cell as seconds on the calendar of spreadsheets; NaN for one that is no time. [s]"""
-    if isinstance(cell, dt.timedelta):
-        return cell.total_seconds()
     if isinstance(cell, dt.time):
-        return (dt.datetime.combine(dt.date.min, cell) - dt.datetime.min).total_seconds()
-    if not isinstance(cell, dt.date):
-        return float("nan")
-    moment = cell if isinstance(cell, dt.datetime) else dt.datetime.combine(cell, dt.time())
-    # Day 60 of that calendar is a 29 February 1900 that never was: a duration of more than a day lies before it.
-    zero = dt.datetime(1899, 12, 31) if moment < dt.datetime(1900, 3, 1) else dt.datetime(1899, 12, 30)
-    return (moment - zero).total_seconds()
+        cell = dt.datetime.combine(dt.date.min, cell) - dt.datetime.min
+    elif isinstance(cell, dt.date):
+        moment = cell if isinstance(cell, dt.datetime) else dt.datetime.combine(cell, dt.time())
+        # Day 60 of that calendar is a 29 February 1900 that never was: a duration of more than a day lies before it.
+        cell = moment - dt.datetime(1899, 12, 31 if moment < dt.datetime(1900, 3, 1) else 30)
+    return cell.total_seconds() if isinstance(cell, dt.timedelta) else float("nan")
 
 
 _LOCKED = "EncryptedPackage".encode("utf-16-le")
 """Name of the stream that holds a workbook with a password."""
-
-_PIECE = 1 << 20
 
 
 def open_excel(path: Path, *, table: str | None = None) -> LogSource:
@@ -190,8 +163,12 @@ def open_excel(path: Path, *, table: str | None = None) -> LogSource:
     LogError
         the workbook is damaged or locked, no sheet holds a table, or several do and none is named
     """
-    remedy = "open it in a spreadsheet program and save it again, or export the sheet as CSV"
-    with damage_reported(path, ".xlsx, .xls, .xlsb or .ods", remedy, called="workbook"):
+    with damage_reported(
+        path,
+        ".xlsx, .xls, .xlsb or .ods",
+        "open it in a spreadsheet program and save it again, or export the sheet as CSV",
+        called="workbook",
+    ):
         if zipfile.is_zipfile(path):
             _check_parts(path)
         sheet = _sheet(path, table)
@@ -211,11 +188,8 @@ def _check_parts(path: Path) -> None:
         if damaged is not None:
             raise zipfile.BadZipFile(damaged)
         if "content.xml" in parts.namelist():
-            parser = expat.ParserCreate()
             with parts.open("content.xml") as cells:
-                for piece in iter(partial(cells.read, _PIECE), b""):
-                    parser.Parse(piece)
-            parser.Parse(b"", True)
+                expat.ParserCreate().ParseFile(cells)
 
 
 def _workbook(path: Path) -> CalamineWorkbook:
@@ -245,9 +219,8 @@ class _Sheet(NamedTuple):
         """3 for a table with motion and time, 2 for one with motion, 1 for one as long as a log, 0 for a list."""
         if len(self.rows) < FEWEST_ROWS or self.layout.share < 2:
             return 0
-        headers = self.layout.headers
-        clocked = any(recognise(header) == "time" or not header.name for header in headers)
-        return 1 + moves(headers) + (moves(headers) and clocked)
+        clocked = any(recognise(header) == "time" or not header.name for header in self.layout.headers)
+        return 1 + moves(self.layout.headers) * (1 + clocked)
 
 
 def _sheet(path: Path, table: str | None) -> _Sheet:
@@ -256,9 +229,9 @@ def _sheet(path: Path, table: str | None) -> _Sheet:
     Where sheets have a motion and a clock, those that lack either are notes, parameters or results.
     """
     with _workbook(path) as book:
-        names = list(book.sheet_names)
-        wanted = None if table is None else choose(names, table, path.name, "sheet")
-        sheets = [found for name in names if wanted in (None, name) and (found := _read_sheet(book, name)) is not None]
+        wanted = None if table is None else choose(book.sheet_names, table, path.name, "sheet")
+        read = (_read_sheet(book, name) for name in book.sheet_names if wanted in (None, name))
+        sheets = [sheet for sheet in read if sheet is not None]
     if not sheets:
         which = "no sheet has" if wanted is None else f"the sheet {wanted!r} does not have"
         raise LogError(
@@ -266,7 +239,7 @@ def _sheet(path: Path, table: str | None) -> _Sheet:
             "write the channels' names into the row above their first values."
         )
     rank = max(sheet.rank for sheet in sheets)
-    if rank == 0:  # no log among them: the largest table says best what is missing
+    if rank == 0:  # no log among them: the largest table shows best what is missing
         return max(sheets, key=lambda sheet: (sheet.layout.share, len(sheet.rows)))
     could_be = {sheet.name: sheet for sheet in sheets if sheet.rank == rank}
     return could_be[choose(list(could_be), wanted, path.name, "sheet")]
@@ -278,8 +251,11 @@ def _read_sheet(book: CalamineWorkbook, name: str) -> _Sheet | None:
     layout = find_table(list(islice(sheet.iter_rows(), ROWS_SEARCHED + ROWS_LOOKED_AT)))
     if layout is None:
         return None
-    named = ([row[j] for j in layout.columns] for row in islice(sheet.iter_rows(), layout.first, None))
-    return _Sheet(name, layout, without_empty_end(list(named), layout.headers))
+    rows: list[Row] = [[row[j] for j in layout.columns] for row in islice(sheet.iter_rows(), layout.first, None)]
+    named = [j for j, header in enumerate(layout.headers) if header.name]
+    while rows and all(rows[-1][j] == "" for j in named):
+        rows.pop()
+    return _Sheet(name, layout, rows)
 
 
 def _load(rows: Sequence[Row], wanted: Sequence[int], time: int | None) -> LogTable:
@@ -289,14 +265,9 @@ def _load(rows: Sequence[Row], wanted: Sequence[int], time: int | None) -> LogTa
         return LogTable(values)
     cells = [row[time] for row in rows]
     if any(isinstance(cell, dt.date | dt.time | dt.timedelta) for cell in cells):
-        t = np.array([seconds(cell) for cell in cells])
-        return LogTable(values, stamps=t - t[np.isfinite(t)][0], stamped=True)
-    if _stamped(cells):
-        return LogTable(values, stamps=[str(cell) for cell in cells])
-    return LogTable(values, stamps=numbers(cells))
-
-
-def _stamped(cells: Sequence[Cell]) -> bool:
-    """Whether a column without dates holds stamps as texts, notes among its numbers left out."""
-    names = [cell for cell in cells if is_name(cell)]
-    return bool(names) and (any(is_stamp(str(cell)) for cell in names) or len(names) == len(cells))
+        t = np.array(list(map(seconds, cells)))
+        return without_notes(LogTable(values, stamps=t - t[np.isfinite(t)][0], stamped=True))
+    texts = [str(cell) for cell in cells]
+    names = [text for text, cell in zip(texts, cells, strict=True) if is_name(cell)]  # stamps, or notes among numbers
+    stamped = any(map(is_stamp, names)) or 0 < len(names) == len(cells)
+    return without_notes(LogTable(values, stamps=texts if stamped else numbers(cells)))

@@ -1,38 +1,32 @@
-"""MATLAB files as a tree of variables: v4 to v7.2 through scipy, v7.3 through h5py."""
+"""MATLAB files: columns, units and properties found in the tree of their variables.
+
+scipy reads v4 to v7.2, h5py reads v7.3.
+"""
 
 from __future__ import annotations
 
 import warnings
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from winchcascade.core.errors import LogError
-from winchcascade.ingest.dialects import recognise
-from winchcascade.ingest.source import Header, LogSource, LogTable, damage_reported
-from winchcascade.ingest.table_choice import choose, refuse_sheet
+from winchcascade.core.run import Signal
+from winchcascade.ingest.dialects import Header, recognise
+from winchcascade.ingest.source import LogSource, LogTable, choose, damage_reported, refuse_sheet
 
-if TYPE_CHECKING:
-    from winchcascade.core.run import Signal
-
-    Column = Signal | list[str]
-    Node = float | str | Signal | list["Node"] | dict[str, "Node"]
+Column: TypeAlias = "Signal | list[str]"
+Node: TypeAlias = "float | str | Signal | list[Node] | dict[str, Node]"
 
 DEPTH = 4
 """Deepest nesting that is followed: an HDF5 file may hold itself."""
 
-_HDF5 = b"\x89HDF\r\n\x1a\n"
-
-
-def _is_hdf5(path: Path) -> bool:
-    """Look for the HDF5 signature, at the start or behind the 512 bytes that MATLAB puts before it."""
-    with path.open("rb") as stream:
-        start = stream.read(512 + len(_HDF5))
-    return start.startswith(_HDF5) or start[512:] == _HDF5 or start.startswith(b"MATLAB 7.3 MAT-file")
+_HDF5, _BEFORE_HDF5 = b"\x89HDF\r\n\x1a\n", 512
+"""First bytes of HDF5, and how many MATLAB puts before them."""
 
 
 def _read_72(path: Path) -> dict[str, Node]:
@@ -44,21 +38,21 @@ def _read_72(path: Path) -> dict[str, Node]:
         # scipy turns a variable that breaks off into a warning and a text in its place.
         warnings.simplefilter("ignore")
         warnings.simplefilter("error", MatReadWarning)
-        raw = loadmat(path, simplify_cells=True)
-    return _nodes_72({name: value for name, value in raw.items() if not name.startswith("__")})
+        variables = loadmat(path, simplify_cells=True)
+    return _nodes((name, _node_72(value)) for name, value in variables.items() if not name.startswith("__"))
 
 
-def _nodes_72(items: Mapping[str, Any]) -> dict[str, Node]:
-    nodes = {str(name): _node_72(value) for name, value in items.items()}
-    return {name: node for name, node in nodes.items() if node is not None}
+def _nodes(pairs: Iterable[tuple[Any, Node | None]]) -> dict[str, Node]:
+    """Variables or fields by name, without those of which no log is made."""
+    return {str(name): node for name, node in pairs if node is not None}
 
 
 def _node_72(value: Any) -> Node | None:
-    """Translate what scipy hands over; None for what no log is made of (sparse, complex, objects)."""
+    """Translate a variable that scipy has read; None for what no log is made of (sparse, complex, objects)."""
     if isinstance(value, str):
         return str(value)
     if isinstance(value, dict):
-        return _nodes_72(value)
+        return _nodes((name, _node_72(item)) for name, item in value.items())
     if isinstance(value, list):
         return ["" if node is None else node for node in map(_node_72, value)]
     array = np.asarray(value)
@@ -90,12 +84,11 @@ def _read_73(path: Path) -> dict[str, Node]:
 
 def _nodes_73(file: Any, group: Any, depth: int) -> dict[str, Node]:
     """Read a struct; `#refs#` and `#subsystem#` are MATLAB's own."""
-    nodes = {str(name): _node_73(file, group[name], depth + 1) for name in group if not name.startswith("#")}
-    return {name: node for name, node in nodes.items() if node is not None}
+    return _nodes((name, _node_73(file, group[name], depth + 1)) for name in group if not name.startswith("#"))
 
 
 def _node_73(file: Any, item: Any, depth: int) -> Node | None:
-    """Read one variable; HDF5 holds the dimensions in MATLAB's order turned round."""
+    """Read one variable; HDF5 holds the dimensions in the reverse order, and characters as UTF-16, one text in a row."""
     if depth > DEPTH:
         return None
     if not hasattr(item, "dtype"):
@@ -103,14 +96,11 @@ def _node_73(file: Any, item: Any, depth: int) -> Node | None:
     if item.size is None or item.attrs.get("MATLAB_empty", 0):
         return None
     if "ref" in (item.dtype.metadata or {}):  # a cell array
-        cells = [_node_73(file, file[reference], depth + 1) for reference in np.asarray(item).T.ravel()]
+        cells = (_node_73(file, file[reference], depth + 1) for reference in np.asarray(item).T.ravel())
         return ["" if cell is None else cell for cell in cells]
     array = np.asarray(item).T
-    return _text_73(array) if item.attrs.get("MATLAB_class") == b"char" else _numbers(array)
-
-
-def _text_73(array: Any) -> Node:
-    """Read UTF-16 characters: one text, or one for each row of a matrix."""
+    if item.attrs.get("MATLAB_class") != b"char":
+        return _numbers(array)
     rows = [row.astype("<u2").tobytes().decode("utf-16-le", "replace").rstrip() for row in np.atleast_2d(array)]
     return rows[0] if len(rows) == 1 else [*rows]
 
@@ -132,8 +122,11 @@ def open_mat(path: Path, *, table: str | None = None) -> LogSource:
     LogError
         the file is damaged, needs h5py that is not installed, or holds nothing like a column
     """
+    with path.open("rb") as stream:
+        start = stream.read(_BEFORE_HDF5 + len(_HDF5))
+    is_hdf5 = start.startswith((_HDF5, b"MATLAB 7.3 MAT-file")) or start.endswith(_HDF5)
     with damage_reported(path, "MATLAB file", "copy or save it again"):
-        tree = _with_elements(_read_73(path) if _is_hdf5(path) else _read_72(path))
+        tree = _with_elements(_read_73(path) if is_hdf5 else _read_72(path))
     runs = _runs(tree)
     name = choose(list(runs), table, path.name, "run") if runs else None
     if name is None:
@@ -167,7 +160,7 @@ def _runs(tree: Mapping[str, Node]) -> dict[str, dict[str, Node]]:
 
     Runs are structs, matrices with the same names, or vectors of several lengths, in two of which the same motion is found.
     """
-    motions: dict[str, dict[tuple[str, str, int], str]] = {"velocity": {}, "displacement": {}}
+    motions: dict[str | None, dict[tuple[str, str, int], str]] = {"velocity": {}, "displacement": {}}
     seen: list[dict[str, Column]] = []
     for prefix, scope in _scopes(tree):
         columns = {name: column for name, node in scope.items() if (column := _column(name, node)) is not None}
@@ -177,22 +170,23 @@ def _runs(tree: Mapping[str, Node]) -> dict[str, dict[str, Node]]:
         ):
             continue  # a copy is no other run: an HDF5 file may hold itself
         seen.append(columns)
-        names = next((texts for texts in map(_texts, _named(scope, NAMES)) if texts), [])
+        names = next(_lists_of_names(scope), [])
         channels = {recognise(Header(name)) for name in names}
         for name, node in scope.items():
-            if isinstance(node, np.ndarray) and node.ndim == 2 and len(names) in node.shape:
-                for motion in channels & set(motions):
-                    motions[str(motion)].setdefault((prefix, name, node.size), f"{prefix}.{name}".strip("."))
-            column = _column(name, node)
-            motion_of = recognise(Header(name)) if column is not None else None
-            if column is not None and motion_of in motions:
-                motions[motion_of].setdefault((prefix, "", len(column)), prefix or name)
+            if name in columns:
+                motion = recognise(Header(name))
+                if motion in motions:
+                    motions[motion].setdefault((prefix, "", len(columns[name])), prefix or name)
+            elif isinstance(node, np.ndarray) and node.ndim == 2 and len(names) in node.shape:
+                for motion in channels & motions.keys():
+                    motions[motion].setdefault((prefix, name, node.size), f"{prefix}.{name}".strip("."))
     found = max(motions.values(), key=len)
-    if len(found) < 2:
-        return {}
-    labels = list(found.values())
-    keys = {label if labels.count(label) == 1 else f"{label} ({key[2]} rows)": key for key, label in found.items()}
-    return {label: _without(tree, "", key, list(found)) for label, key in keys.items()}
+    times = Counter(found.values())
+    return {
+        label if times[label] == 1 else f"{label} ({key[2]} rows)": _without(tree, "", key, list(found))
+        for key, label in found.items()
+        if len(found) > 1
+    }
 
 
 def _without(
@@ -202,15 +196,15 @@ def _without(
     pruned: dict[str, Node] = {}
     for name, node in tree.items():
         place = f"{prefix}.{name}".strip(".")
-        inside = [run for run in runs if run[0] == place or run[0].startswith(f"{place}.")]
         if isinstance(node, dict):
+            inside = [run for run in runs if f"{run[0]}.".startswith(f"{place}.")]
             if not inside or kept in inside:
                 pruned[name] = _without(node, place, kept, runs)
             continue
-        others = [run for run in runs if run[0] == prefix and run != kept]
         rows = None if (column := _column(name, node)) is None else len(column)
-        is_other = any(run[1] == name if run[1] else run[2] == rows for run in others)
-        if not is_other or (kept[0] == prefix and not kept[1] and kept[2] == rows):
+        others = [run for run in runs if run[0] == prefix and run != kept]
+        own = kept == (prefix, "", rows)
+        if own or not any(run[1] == name if run[1] else run[2] == rows for run in others):
             pruned[name] = node
     return pruned
 
@@ -228,10 +222,9 @@ def _with_elements(tree: Mapping[str, Node]) -> dict[str, Node]:
 
 def _texts(node: Node | None) -> list[str]:
     """Take a list of texts; nothing for any other node."""
-    if not isinstance(node, list):
+    if not isinstance(node, list) or not all(isinstance(item, str) for item in node):
         return []
-    texts = [item.strip() for item in node if isinstance(item, str)]
-    return texts if len(texts) == len(node) else []
+    return [str(item).strip() for item in node]
 
 
 def _scopes(tree: Mapping[str, Node]) -> Iterator[tuple[str, Mapping[str, Node]]]:
@@ -244,19 +237,25 @@ def _scopes(tree: Mapping[str, Node]) -> Iterator[tuple[str, Mapping[str, Node]]
 
 
 def _named(scope: Mapping[str, Node], keys: Sequence[str]) -> Iterator[Node]:
-    """Yield what stands under one of the keys, in any case."""
+    """Yield the nodes under one of the keys, in any case."""
     return (node for name, node in scope.items() if name.casefold() in keys)
+
+
+def _lists_of_names(scope: Mapping[str, Node]) -> Iterator[list[str]]:
+    """Yield the lists of names in a scope."""
+    return filter(None, map(_texts, _named(scope, NAMES)))
 
 
 def _matrix_columns(tree: Mapping[str, Node]) -> dict[str, Column]:
     """Take the columns of a matrix that a list of names fits; its rows where only these fit."""
-    for _, scope in _scopes(tree):
-        matrices = [node for node in scope.values() if isinstance(node, np.ndarray) and node.ndim == 2]
-        for names in map(_texts, _named(scope, NAMES)):
-            for matrix in matrices:
-                if len(names) in matrix.shape:
-                    return dict(zip(names, matrix.T if matrix.shape[1] == len(names) else matrix, strict=True))
-    return {}
+    fitting = (
+        dict(zip(names, matrix.T if matrix.shape[1] == len(names) else matrix, strict=True))
+        for _, scope in _scopes(tree)
+        for names in _lists_of_names(scope)
+        for matrix in scope.values()
+        if isinstance(matrix, np.ndarray) and matrix.ndim == 2 and len(names) in matrix.shape
+    )
+    return next(fitting, {})
 
 
 def _vectors(tree: Mapping[str, Node]) -> dict[str, Column]:
@@ -279,7 +278,7 @@ def _units(tree: Mapping[str, Node], columns: Sequence[str]) -> dict[str, str]:
     """Find the units: a struct with the columns' names, or a list parallel to the names or to the columns."""
     units: dict[str, str] = {}
     for _, scope in _scopes(tree):
-        names = next((texts for texts in map(_texts, _named(scope, NAMES)) if texts), list(columns))
+        names = next(_lists_of_names(scope), list(columns))
         for node in _named(scope, ("units", "unit")):
             if isinstance(node, dict):
                 units |= {name: unit for name, unit in node.items() if isinstance(unit, str)}
@@ -290,16 +289,18 @@ def _units(tree: Mapping[str, Node], columns: Sequence[str]) -> dict[str, str]:
 
 def _properties(tree: Mapping[str, Node]) -> dict[str, str | float]:
     """Take the numbers and texts that stand alone; those of the top level win over those in structs."""
-    properties: dict[str, str | float] = {}
-    for prefix, scope in _scopes(tree):
-        if prefix.rpartition(".")[2].casefold() not in ("units", "unit"):
-            properties = {name: node for name, node in scope.items() if isinstance(node, float | str)} | properties
-    return properties
+    return {
+        name: node
+        for prefix, scope in reversed([*_scopes(tree)])
+        if prefix.rpartition(".")[2].casefold() not in ("units", "unit")
+        for name, node in scope.items()
+        if isinstance(node, float | str)
+    }
 
 
 def _load(columns: Sequence[Column], wanted: Sequence[int], time: int | None) -> LogTable:
-    """Hand over the wanted columns, texts as NaN, and the time column as it is."""
-    values = {
-        i: column if isinstance(column := columns[i], np.ndarray) else np.full(len(column), np.nan) for i in wanted
-    }
-    return LogTable(values, stamps=None if time is None else columns[time])
+    """Give the wanted columns, texts as NaN, and the time column as it is."""
+    return LogTable(
+        {i: x if isinstance(x := columns[i], np.ndarray) else np.full(len(x), np.nan) for i in wanted},
+        stamps=None if time is None else columns[time],
+    )

@@ -1,13 +1,14 @@
-"""The groups of a TDMS file: which of them are parts of one log, and what their channels are."""
+"""LabVIEW TDMS: the groups and channels that make one log, brought onto the clock of one of them where their clocks differ."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -15,15 +16,9 @@ from nptdms import TdmsFile
 from nptdms.log import log_manager
 
 from winchcascade.core.errors import LogError
-from winchcascade.core.run import Finding
-from winchcascade.ingest.align import Waveform, alike, at, common_stamps, overlap, shared
-from winchcascade.ingest.dialects import recognise
-from winchcascade.ingest.source import Header, LogSource, LogTable, damage_reported
-from winchcascade.ingest.table_choice import choose, moves
-
-if TYPE_CHECKING:
-    from winchcascade.core.run import Signal
-
+from winchcascade.core.run import Finding, Signal
+from winchcascade.ingest.dialects import Header, recognise
+from winchcascade.ingest.source import MOST_NAMED, LogSource, LogTable, choose, damage_reported, first_text, moves
 
 UNIT_PROPERTIES = ("unit_string", "NI_UnitDescription", "Unit", "unit")
 
@@ -36,34 +31,116 @@ AS_LONG = 0.01
 NUMERIC, STAMPS = "biuf", "M"
 
 
+WHOLE = 0.01
+"""A shift that is this close to a whole number of samples is one. [samples]"""
+
+TRIM_REPORTED = 1.0
+"""Longest stretch that may be cut from the ends without a finding. [s]"""
+
+
+class Waveform(msgspec.Struct, frozen=True):
+    """The stamps ``start + k * step`` of a channel. [s]"""
+
+    step: float
+    start: float
+
+
+def shared(clocks: Iterable[Waveform | None]) -> Waveform | None:
+    """Find the clock of most channels, the finer one of two alike."""
+    counts = Counter(clock for clock in clocks if clock is not None)
+    return max(counts, key=lambda clock: (counts[clock], -clock.step), default=None)
+
+
+def alike(clocks: Sequence[Waveform]) -> bool:
+    """Whether clocks tick together: their steps are the same and they start less than a step apart."""
+    steps, starts = [clock.step for clock in clocks], [clock.start for clock in clocks]
+    return max(steps) - min(steps) <= WHOLE * min(steps) and max(starts) - min(starts) <= min(steps)
+
+
+def common_stamps(
+    path: Path, reference: Waveform, tracks: Sequence[tuple[Waveform, int]]
+) -> tuple[Signal, tuple[Finding, ...]]:
+    """Find the stamps of the reference clock at which every channel was sampled, and report what lies outside. [s]
+
+    Raises
+    ------
+    LogError
+        there is no such stamp
+    """
+    begins = [clock.start for clock, _ in tracks]
+    ends = [clock.start + clock.step * (length - 1) for clock, length in tracks]
+    first = np.ceil((max(begins) - reference.start) / reference.step - WHOLE)
+    last = np.floor((min(ends) - reference.start) / reference.step + WHOLE)
+    if not np.isfinite([*begins, *ends, first, last]).all():
+        raise LogError(
+            f"{path.name}: one channel begins at {max(begins):g} s and another ends at {min(ends):g} s; times that a clock can "
+            "have were expected; check their wf_start_time, wf_start_offset and wf_increment."
+        )
+    if last < first:
+        raise LogError(
+            f"{path.name}: one channel begins at {max(begins):.3f} s and another ends at {min(ends):.3f} s; channels "
+            "that overlap in time were expected; check their wf_start_time and wf_start_offset."
+        )
+    t = reference.start + reference.step * np.arange(int(first), int(last) + 1, dtype=np.float64)
+    trimmed = max(ends) - min(begins) - (t[-1] - t[0])
+    if trimmed <= TRIM_REPORTED:
+        return t, ()
+    lost = round(trimmed / reference.step)
+    return t, (
+        Finding(
+            "dropped_samples",
+            f"the channels begin or end apart: {lost} samples between {min(begins):.3f} and {max(ends):.3f} s are not in "
+            "every one",
+            f"left out what lies outside {t[0]:.3f} to {t[-1]:.3f} s",
+            count=lost,
+            removed=lost,
+        ),
+    )
+
+
+def at(t: Signal, values: Signal, clock: Waveform, step: float) -> Signal:
+    """Take a channel at stamps of another clock: its own samples where they coincide, else interpolated. [s]"""
+    shift = (t[0] - clock.start) / clock.step
+    whole = round(shift)
+    if abs(shift - whole) <= WHOLE and abs(clock.step - step) * len(t) / step <= WHOLE:
+        return values[whole : whole + len(t)]
+    return np.interp(t, clock.start + clock.step * np.arange(len(values)), values)
+
+
 class TdmsChannel(msgspec.Struct, frozen=True):
     """One channel as its metadata describe it; the clock is None for a channel that is no waveform of numbers."""
 
     header: Header
     group: str
-    channel: str
     length: int
     kind: str
     clock: Waveform | None
 
 
 def one_log(
-    groups: Sequence[Any], cut_off: bool, first: str | None = None
-) -> tuple[list[Any], tuple[Finding, ...], list[str]]:
+    groups: Sequence[Any], cut_off: bool, first: str | None, where: str
+) -> tuple[list[Any], tuple[Finding, ...]]:
     """Choose the channels that make one log: of the group with the most numeric ones and of those that fit beside it.
 
-    Also given are the findings on groups that are not read and, where these hold a motion as the chosen ones do, the names of
-    all groups that could be the log.
+    Also given are the findings on groups that are not read.
 
     A group fits if its channels have other names, but for a clock that both hold alike, and can be put beside the
     first in time. A channel without samples is none, but in a file that was cut off it is one that was lost.
+
+    Parameters
+    ----------
+    first : name of the group to begin with
+
+    Raises
+    ------
+    LogError : none is named, and groups that do not fit hold a motion as the chosen ones do
     """
     ranked = sorted(
         groups, key=lambda group: (group.name != first, -sum(_is_numeric(c) for c in _filled(group, cut_off)))
     )
-    others: list[str] = []
     taken = _filled(ranked[0], cut_off) if ranked else []
     left: dict[str, list[str]] = {}
+    others: list[str] = []
     for group in ranked[1:]:
         channels = _filled(group, cut_off)
         if not any(c.dtype.kind in NUMERIC + STAMPS for c in channels):
@@ -75,13 +152,14 @@ def one_log(
         else:
             left.setdefault(obstacle, []).append(group.name)
             others += [group.name] if moves(Header(c.name) for c in channels if _is_numeric(c)) else []
-    several = [ranked[0].name, *others] if others and moves(Header(c.name) for c in taken if _is_numeric(c)) else []
+    if first is None and others and moves(Header(c.name) for c in taken if _is_numeric(c)):
+        choose([ranked[0].name, *others], None, where, "group")
     findings = []
     for why, names in left.items():
-        listed = ", ".join(map(repr, names[:12])) + (", ..." if len(names) > 12 else "")
+        listed = ", ".join(map(repr, names[:MOST_NAMED])) + (", ..." if len(names) > MOST_NAMED else "")
         message = f"{len(names)} group{'s' * (len(names) > 1)} beside {ranked[0].name!r} {why}: {listed}"
         findings.append(Finding("unknown_column", message, "not read", count=len(names)))
-    return taken, tuple(findings), several
+    return taken, tuple(findings)
 
 
 def _filled(group: Any, cut_off: bool) -> list[Any]:
@@ -96,24 +174,28 @@ def _obstacle(taken: Sequence[Any], channels: Sequence[Any]) -> str | None:
     """Describe why a group cannot be read beside the channels already taken; None where it can."""
     known = {c.name: c for c in taken}
     twins = [(known[c.name], c) for c in channels if c.name in known]
-    if len(twins) == len(channels) or not all(_same(*pair) for pair in twins):
+    # A channel may be written twice, as a clock is that two groups share.
+    if len(twins) == len(channels) or not all(
+        len(a) == len(b) and np.array_equal(a.read_data(), b.read_data()) for a, b in twins
+    ):
         return "with channels of the same names, another recording"
     columns = describe([*taken, *channels])
     first, second = _data(columns[: len(taken)]), _data(columns[len(taken) :])
     if first and second and all(c.clock for c in first + second):
-        tracks = [[(c.clock, c.length) for c in data if c.clock] for data in (first, second)]
-        return None if overlap(*tracks) else "sampled at another time"
+        begins, ends = zip(*(_span(data) for data in (first, second)), strict=True)
+        return None if max(begins) <= min(ends) else "sampled at another time"
     rows = sorted(max(len(c) for c in side) for side in (taken, channels))
     return None if rows[1] - rows[0] <= AS_LONG * rows[1] else "with neither a clock nor as many rows"
 
 
-def _same(one: Any, other: Any) -> bool:
-    """Tell a channel that was written twice, as a clock is that two groups share."""
-    return len(one) == len(other) and np.array_equal(one.read_data(), other.read_data())
-
-
 def _data(columns: Sequence[TdmsChannel]) -> list[TdmsChannel]:
     return [c for c in columns if c.kind in NUMERIC and recognise(c.header) != "time"]
+
+
+def _span(columns: Sequence[TdmsChannel]) -> tuple[float, float]:
+    """First and last stamp of waveforms. [s]"""
+    clocks = [(c.clock, c.length) for c in columns if c.clock]
+    return min(clock.start for clock, _ in clocks), max(clock.start + clock.step * (n - 1) for clock, n in clocks)
 
 
 def describe(channels: Sequence[Any]) -> list[TdmsChannel]:
@@ -121,15 +203,14 @@ def describe(channels: Sequence[Any]) -> list[TdmsChannel]:
     earliest = min((start for c in channels if (start := _start_time(c)) is not None), default=None)
     return [
         TdmsChannel(
-            Header(c.name, _unit(c.properties)), c.group_name, c.name, len(c), c.dtype.kind, _waveform(c, earliest)
+            Header(c.name, first_text(c.properties, UNIT_PROPERTIES)),
+            c.group_name,
+            len(c),
+            c.dtype.kind,
+            _waveform(c, earliest),
         )
         for c in channels
     ]
-
-
-def _unit(properties: Mapping[str, Any]) -> str | None:
-    units = (str(properties[key]).strip() for key in UNIT_PROPERTIES if key in properties)
-    return next((unit for unit in units if unit), None)
 
 
 def _start_time(channel: Any) -> Any | None:
@@ -168,9 +249,7 @@ def open_tdms(path: Path, *, table: str | None = None) -> LogSource:
         _refuse_lies(path, tdms)
         cut_off = tdms.file_status.incomplete_final_segment
         first = None if table is None else choose([g.name for g in tdms.groups()], table, path.name, "group")
-        channels, not_read, others = one_log(tdms.groups(), cut_off, first)
-        if first is None and others:
-            first = choose(others, None, path.name, "group")
+        channels, not_read = one_log(tdms.groups(), cut_off, first, path.name)
         columns = describe(channels)
         if not any(column.kind in NUMERIC for column in columns):
             raise LogError(
@@ -178,19 +257,26 @@ def open_tdms(path: Path, *, table: str | None = None) -> LogSource:
                 "its samples."
             )
         groups = dict.fromkeys(column.group for column in reversed(columns))
-        properties = _properties([tdms.properties, *(tdms[group].properties for group in groups)])
-        message, action = (
-            "the file breaks off inside its last segment",
-            "read up to the last sample that every channel has",
-        )
-        findings = ((Finding("truncated", message, action),) if cut_off else ()) + not_read
+        # The properties of groups replace those of the file; those of the first group count most.
+        properties: dict[str, Any] = {}
+        for level in (tdms, *(tdms[group] for group in groups)):
+            properties |= level.properties
+    broken = Finding(
+        "truncated",
+        "the file breaks off inside its last segment",
+        "read up to the last sample that every channel has",
+    )
     clock = shared(column.clock for column in columns)
     return LogSource(
         headers=tuple(column.header for column in columns),
-        load=partial(_load, path, columns, clock, findings),
+        load=partial(_load, path, columns, clock, (broken, *not_read) if cut_off else not_read),
         time_step=clock.step if clock else None,
         time_start=clock.start if clock else 0.0,
-        properties=properties,
+        properties={
+            str(name): value if isinstance(value, str) else float(value)
+            for name, value in properties.items()
+            if isinstance(value, str | int | float | np.number)
+        },
         table=first if first is not None else columns[0].group,
     )
 
@@ -200,12 +286,13 @@ def _opened(path: Path) -> Iterator[Any]:
     """Open the file for as long as its channels are read."""
     log_manager.set_level(logging.CRITICAL)  # what the parser logs on stderr is reported by findings and errors
     # A stream, not a path: beside a path the parser would trust an index file that may be an old one.
-    with damage_reported(path, "TDMS file", "copy it again or export it as CSV"), path.open("rb") as stream:
-        if stream.read(4) != b"TDSm":
-            raise ValueError("no TDMS segment at the start")
-        stream.seek(0)
-        with TdmsFile.open(stream) as tdms, np.errstate(all="ignore"):
-            yield tdms
+    with (
+        damage_reported(path, "TDMS file", "copy it again or export it as CSV"),
+        path.open("rb") as stream,
+        TdmsFile.open(stream) as tdms,
+        np.errstate(all="ignore"),
+    ):
+        yield tdms
 
 
 def _refuse_lies(path: Path, tdms: Any) -> None:
@@ -222,16 +309,6 @@ def _refuse_lies(path: Path, tdms: Any) -> None:
             )
 
 
-def _properties(levels: Sequence[Mapping[str, Any]]) -> dict[str, str | float]:
-    """Merge the texts and numbers of the file and of its groups; the later ones win."""
-    merged = {str(name): value for level in levels for name, value in level.items()}
-    return {
-        name: value if isinstance(value, str) else float(value)
-        for name, value in merged.items()
-        if isinstance(value, str | int | float | np.number)
-    }
-
-
 def _load(
     path: Path,
     columns: Sequence[TdmsChannel],
@@ -240,8 +317,22 @@ def _load(
     wanted: Sequence[int],
     time: int | None,
 ) -> LogTable:
-    """Read the wanted channels: on one clock, or row by row where a time channel or nothing has the stamps."""
-    raw = _samples(path, columns, wanted if time is None else [*wanted, time])
+    """Read the wanted channels: on one clock, or row by row where a time channel or nothing has the stamps.
+
+    Raises
+    ------
+    LogError
+        a channel has no samples
+    """
+    with _opened(path) as tdms:
+        used = {i: columns[i] for i in (wanted if time is None else [*wanted, time])}
+        raw = {i: tdms[column.group][column.header.name].read_data() for i, column in used.items()}
+    empty = [column.header.name for i, column in used.items() if len(raw[i]) == 0]
+    if empty:
+        raise LogError(
+            f"{path.name}: the channels {', '.join(empty)} have no samples; as many as in the others were "
+            "expected; copy the file again or leave these channels out of the rig file."
+        )
     own = [columns[i].clock for i in wanted]
     reference = shared(own)
     # A column of stamps belongs to every row, unless it is that of one of several clocks.
@@ -252,27 +343,8 @@ def _load(
     t, cut = common_stamps(path, reference, [(clocks[i], len(raw[i])) for i in wanted])
     values = {i: at(t, _numbers(raw[i]), clocks[i], reference.step) for i in wanted}
     as_stated = reference == usual and t[0] == reference.start
-    # These stamps are seconds, whatever the unit of a column of stamps: `stamped` says so.
+    # These stamps are seconds, whatever the unit of a column of stamps, as `stamped` states.
     return LogTable(values, stamps=None if as_stated else t, stamped=time is not None, findings=findings + cut)
-
-
-def _samples(path: Path, columns: Sequence[TdmsChannel], needed: Sequence[int]) -> dict[int, Any]:
-    """Read the samples of channels as they are stored.
-
-    Raises
-    ------
-    LogError
-        a channel has none
-    """
-    with _opened(path) as tdms:
-        raw = {i: tdms[columns[i].group][columns[i].channel].read_data() for i in needed}
-    empty = [columns[i].header.name for i in needed if len(raw[i]) == 0]
-    if empty:
-        raise LogError(
-            f"{path.name}: the channels {', '.join(empty)} have no samples; as many as in the others were "
-            "expected; copy the file again or leave these channels out of the rig file."
-        )
-    return raw
 
 
 def _by_rows(
@@ -285,19 +357,15 @@ def _by_rows(
         message = f"the channels differ in length: the last {lost} samples are not in every one"
         findings += (Finding("dropped_samples", message, "left out", count=lost, removed=lost),)
     values = {i: _numbers(raw[i][:rows]) for i in wanted}
-    if time is None:
-        return LogTable(values, findings=findings)
-    stamps = raw[time][:rows]
-    if stamps.dtype.kind == "M":
-        seconds: Signal = (stamps - stamps[0]) / np.timedelta64(1, "s")
-        return LogTable(values, stamps=seconds, stamped=True, findings=findings)
-    return LogTable(
-        values, stamps=[*map(str, stamps)] if stamps.dtype.kind == "O" else _numbers(stamps), findings=findings
-    )
+    stamps: Any = None if time is None else raw[time][:rows]
+    kind = "" if stamps is None else stamps.dtype.kind
+    if kind == STAMPS:
+        stamps = (stamps - stamps[0]) / np.timedelta64(1, "s")
+    elif kind:
+        stamps = [*map(str, stamps)] if kind == "O" else _numbers(stamps)
+    return LogTable(values, stamps, kind == STAMPS, findings)
 
 
 def _numbers(samples: Any) -> Signal:
     """Convert samples to numbers; NaN for texts, stamps and complex numbers."""
-    if samples.dtype.kind not in NUMERIC:
-        return np.full(len(samples), np.nan)
-    return np.asarray(samples, dtype=np.float64)
+    return np.asarray(samples if samples.dtype.kind in NUMERIC else np.full(len(samples), np.nan), dtype=np.float64)

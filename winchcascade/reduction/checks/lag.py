@@ -1,4 +1,4 @@
-"""Whether channels that follow one motion were recorded at one time: lags between them, by regression on ramps.
+"""Lags between channels that follow one motion, by regression on ramps.
 
 Two channels y and x that follow each other give `y(t) = a + b x(t - lag)`, and to first order
 `y = a + b x - b lag dx/dt`. A regression of y on x and its slope therefore gives the lag, to a few milliseconds where the line
@@ -8,48 +8,42 @@ starts and stops. A lag that is found is applied and the regression repeated, un
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator, Sequence
 
 import msgspec
 import numpy as np
 
-from winchcascade.core.run import CHANNELS, Finding
+from winchcascade.core.run import CHANNELS, Finding, Signal
 from winchcascade.reduction.checks.load import losses
 from winchcascade.reduction.energies import stream
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from winchcascade.core.run import Signal
-    from winchcascade.reduction.phased_run import PhasedRun
+from winchcascade.reduction.phased_run import PhasedRun
 
 SAME_TIME = 0.1
-"""Lag between channels that physics gives none, from which it is reported: energies change by more than 0.5 %. [s]"""
+"""Smallest lag that is reported between channels without a physical lag: energies change by more than 0.5 %. [s]"""
 
 OF_THE_ROTOR = 0.25
 """The same between torque and electrical power: rotor, capacitor and filters of the meters lag by up to 0.2 s. [s]"""
 
 OF_THE_MACHINE = 0.35
-"""The same between velocity and Vdc: as above, and a back-EMF that falls with the current bends Vdc like 0.15 s. [s]"""
+"""The same between velocity and Vdc: as above, and a back-EMF that falls with the current changes Vdc like 0.15 s. [s]"""
 
 CERTAIN = 5.0
-"""A lag that is reported exceeds so many standard uncertainties."""
+"""Smallest lag that is reported, in standard uncertainties."""
 
 SETTLED = 0.6
-"""The force is compared from so long after the onset: before, the friction of the restoring module turns round. [s]"""
+"""Time after the onset from which the force is compared: before, the friction of the restoring module reverses. [s]"""
 
 BESIDE = 0.5
-"""The ramps are looked at from so long before the onset and until so long after the payout. [s]"""
+"""Time before the onset and after the payout that is compared with the ramps. [s]"""
 
 SLOPE = 0.2
-"""Slopes are differences over so long on either side, or over one sample where samples are farther apart. [s]"""
+"""Time on either side over which slopes are taken, or one sample where samples are farther apart. [s]"""
 
 FEWEST = 20
-"""Fewer samples carry no regression."""
+"""Smallest number of samples for a regression."""
 
 EXPLAINS = 0.5
-"""A lag explains a difference between two channels if it leaves less than this share of its mean square."""
+"""A lag explains a difference between two channels if the residual is less than this share of its mean square."""
 
 SINGULAR = 1e-9
 """Share of a signal that must remain beside the others, so that its weight is known."""
@@ -61,7 +55,7 @@ FAR = (-4.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 4.0)
 """Lags from which the search starts where the signals do not follow each other without one. [s]"""
 
 FOLLOWS = 0.1
-"""They follow each other if less than this share of the variance is left."""
+"""Two signals follow each other if the residual is less than this share of the variance."""
 
 
 class _Pair(msgspec.Struct, frozen=True):
@@ -74,14 +68,14 @@ class _Pair(msgspec.Struct, frozen=True):
 
 
 class _Lag(msgspec.Struct, frozen=True):
-    """Lag of the second signal of a pair behind the first [s], and the share of its variance that then is left [1].
+    """Lag of the second signal of a pair behind the first [s], and the residual as a share of its variance [1].
 
-    `without` is the share that is left without a lag [1]. `scale` over the root of the number of independent samples is the
+    `without` is the residual without a lag [1]. `scale` over the root of the number of independent samples is the
     standard uncertainty [s]; `rows` are the signals of the regression, scaled to length one.
     """
 
     seconds: float
-    left: float
+    residual: float
     scale: float
     without: float
     rows: Signal
@@ -119,29 +113,25 @@ def _compared(phased: PhasedRun) -> Iterator[tuple[str, str, float, Pairing]]:
 
 def _motion(phased: PhasedRun, k: int) -> _Pair:
     """Displacement, and the integral of the velocity, whose zero makes it drift."""
-    cycle, run = phased.cycles[k], phased.run
-    rows = phased.rows(cycle.onset - BESIDE, cycle.payout_end + BESIDE)
-    t, v = run.t[rows], run.channels["velocity"][rows]
+    rows = _payout(phased, k)
+    t, v = phased.run.t[rows], phased.run.channels["velocity"][rows]
     travel = np.concatenate((np.zeros(min(1, t.size)), np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t))))
-    return _Pair(t, run.channels["displacement"][rows], travel, (t,))
+    return _Pair(t, phased.run.channels["displacement"][rows], travel, (t,))
 
 
 def _electrical(phased: PhasedRun, k: int) -> _Pair:
     """Vdc and Idc at a resistor."""
-    cycle, run = phased.cycles[k], phased.run
-    rows = phased.rows(cycle.onset - BESIDE, cycle.payout_end + BESIDE)
-    return _Pair(run.t[rows], run.channels["vdc"][rows], run.channels["idc"][rows], ())
+    rows, channels = _payout(phased, k), phased.run.channels
+    return _Pair(phased.run.t[rows], channels["vdc"][rows], channels["idc"][rows], ())
 
 
 def _shaft(phased: PhasedRun, k: int) -> _Pair | None:
     """Power of the shaft while the clutch drives, and the one that DC link, known losses and known storage need."""
     run, rig = phased.run, phased.rig
     mech = stream(run.channels, "mech", rig.r_drum)
-    if mech is None:
-        return None
-    rows = phased.rows(phased.cycles[k].onset - BESIDE, _braking(phased, k))
+    rows = _driven(phased, k, -BESIDE)
     t, v_dc, i_dc = run.t[rows], run.channels["vdc"][rows], run.channels["idc"][rows]
-    if t.size < FEWEST:
+    if mech is None or t.size < FEWEST:
         return None
     omega = phased.v_smooth[rows] * ((rig.rpm_per_velocity or 0.0) * math.pi / 30.0)
     needed = v_dc * i_dc + losses(rig, i_dc, omega)
@@ -155,30 +145,32 @@ def _shaft(phased: PhasedRun, k: int) -> _Pair | None:
 
 def _machine(phased: PhasedRun, k: int) -> _Pair:
     """Velocity and Vdc while the clutch drives."""
-    rows = phased.rows(phased.cycles[k].onset - BESIDE, _braking(phased, k))
+    rows = _driven(phased, k, -BESIDE)
     return _Pair(phased.run.t[rows], phased.v_smooth[rows], phased.run.channels["vdc"][rows], ())
 
 
 def _line(phased: PhasedRun, k: int) -> _Pair:
-    """Torque and line force while the line pays out; the rest of the force grows with the displacement."""
-    run = phased.run
-    rows = phased.rows(phased.cycles[k].onset + SETTLED, _braking(phased, k))
-    t = run.t[rows]
-    along = run.channels["displacement"][rows] if "displacement" in run.channels else t
-    return _Pair(t, run.channels["torque"][rows], run.channels["force"][rows], (along,))
+    """Torque and line tension while the line pays out; the rest of the force grows with the displacement."""
+    rows, channels = _driven(phased, k, SETTLED), phased.run.channels
+    along = channels.get("displacement", phased.run.t)[rows]
+    return _Pair(phased.run.t[rows], channels["torque"][rows], channels["force"][rows], (along,))
 
 
-def _braking(phased: PhasedRun, k: int) -> float:
-    plateau = phased.plateaus[k]
-    return phased.cycles[k].payout_end if plateau is None else plateau.braking
+def _payout(phased: PhasedRun, k: int) -> slice:
+    """Rows of a payout and of the time beside it."""
+    return phased.rows(phased.cycles[k].onset - BESIDE, phased.cycles[k].payout_end + BESIDE)
+
+
+def _driven(phased: PhasedRun, k: int, after: float) -> slice:
+    """Rows of a payout from so long after the onset [s] to the start of braking."""
+    plateau, cycle = phased.plateaus[k], phased.cycles[k]
+    return phased.rows(cycle.onset + after, cycle.payout_end if plateau is None else plateau.braking)
 
 
 def _suspicious(pair: _Pair | None, limit: float) -> bool:
-    """Whether a first look at one payout shows half a lag to report, or signals that do not follow each other."""
-    if pair is None:
-        return False
-    first = _regress(pair, 0.0)
-    return first is None or first.left > FOLLOWS or abs(first.seconds) > 0.5 * limit
+    """Whether one regression for one payout shows half a lag to report, or signals that do not follow each other."""
+    first = None if pair is None else _regress(pair, 0.0)
+    return pair is not None and (first is None or first.residual > FOLLOWS or abs(first.seconds) > 0.5 * limit)
 
 
 def lag_of(pair: _Pair | None, limit: float) -> _Lag | None:
@@ -186,9 +178,9 @@ def lag_of(pair: _Pair | None, limit: float) -> _Lag | None:
     if pair is None:
         return None
     first = _regress(pair, 0.0)
-    without = 1.0 if first is None else first.without
-    tried = [first] if first is not None and first.left < FOLLOWS else [first, *(_regress(pair, far) for far in FAR)]
-    found = min((one for one in tried if one is not None), key=lambda one: one.left, default=None)
+    follows = first is not None and first.residual < FOLLOWS
+    tried = [one for one in (first, *(() if follows else (_regress(pair, far) for far in FAR))) if one is not None]
+    found = min(tried, key=lambda one: one.residual, default=None)
     if found is None:
         return None
     for _ in range(ROUNDS):
@@ -198,10 +190,11 @@ def lag_of(pair: _Pair | None, limit: float) -> _Lag | None:
         step, found = again.seconds - found.seconds, again
         if abs(step) < 0.05 * limit:
             break
-    if first is not None and first.left < found.left:  # a filter delays as its slope does, without a shift
+    if first is not None and first.residual < found.residual:  # a filter delays as its slope does, without a shift
         found = first
-    known = abs(found.seconds) >= limit and abs(found.seconds) > CERTAIN * _standard_uncertainty(found)
-    return found if known and found.left < EXPLAINS * without else None
+    explains = found.residual < EXPLAINS * (1.0 if first is None else first.without)
+    certain = abs(found.seconds) >= limit and abs(found.seconds) > CERTAIN * _standard_uncertainty(found)
+    return found if certain and explains else None
 
 
 def _regress(pair: _Pair, applied: float) -> _Lag | None:
@@ -220,9 +213,9 @@ def _regress(pair: _Pair, applied: float) -> _Lag | None:
     if min(by_x[0][0], by_slope[1][1]) < SINGULAR or by_x[0][-1] <= 0.0:
         return None
     weight = by_slope[1][-1] / by_slope[1][1]
-    left = max(by_slope[-1][-1] - weight * by_slope[1][-1], 0.0)
+    residual = max(by_slope[-1][-1] - weight * by_slope[1][-1], 0.0)
     per = float(size[0] / size[1]) * by_x[0][0] / by_x[0][-1]
-    return _Lag(applied - per * weight, left, per * math.sqrt(left / by_slope[1][1]), by_slope[-1][-1], rows)
+    return _Lag(applied - per * weight, residual, per * math.sqrt(residual / by_slope[1][1]), by_slope[-1][-1], rows)
 
 
 def _aligned(pair: _Pair, applied: float) -> Signal | None:
@@ -234,8 +227,6 @@ def _aligned(pair: _Pair, applied: float) -> Signal | None:
     t = pair.t[half:-half]
     x, *others = (signal[half:-half] for signal in (pair.x, *pair.beside, pair.y))
     slope = (pair.x[2 * half :] - pair.x[: -2 * half]) / (pair.t[2 * half :] - pair.t[: -2 * half])
-    if applied == 0.0:
-        return np.array([x, slope, *others])
     kept = (t - applied >= t[0]) & (t - applied <= t[-1])
     if np.count_nonzero(kept) < FEWEST:
         return None
@@ -245,12 +236,11 @@ def _aligned(pair: _Pair, applied: float) -> Signal | None:
 
 def _without(product: list[list[float]], columns: Sequence[int]) -> list[list[float]]:
     """Products of what remains of some signals when others, by their number, are regressed out."""
-    left = product
     for k in columns:
-        pivot = left[k]
+        pivot = product[k]
         if pivot[k] >= SINGULAR:
-            left = [[a - row[k] * b / pivot[k] for a, b in zip(row, pivot, strict=True)] for row in left]
-    return left
+            product = [[a - row[k] * b / pivot[k] for a, b in zip(row, pivot, strict=True)] for row in product]
+    return product
 
 
 def _standard_uncertainty(found: _Lag) -> float:
@@ -265,14 +255,13 @@ def _finding(phased: PhasedRun, x: str, y: str, found: list[tuple[int, _Lag]], l
     largest = max((lag for _, lag in found), key=lambda lag: abs(lag.seconds))
     u = max(_standard_uncertainty(largest), 0.001)
     late, early = (y, x) if largest.seconds > 0 else (x, y)
-    first, last = (phased.cycles[k] for k in (found[0][0], found[-1][0]))
     return Finding(
         "channel_lag",
         f"{late} is {abs(largest.seconds):.2f} s behind {early} (standard uncertainty {u:.3f} s); expected "
         f"less than {limit:.2g} s",
         "reported and kept; powers take both at one time: check filters and clocks of their loggers",
         late if late in CHANNELS else None,
-        first.onset,
-        last.payout_end,
+        phased.cycles[found[0][0]].onset,
+        phased.cycles[found[-1][0]].payout_end,
         len(found),
     )

@@ -7,31 +7,29 @@ the shaft can: it has to cover the power at the DC link and the losses between t
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, TypeVar
+from collections.abc import Sequence
+from typing import NamedTuple, TypeVar
+
+import numpy as np
 
 from winchcascade.core.accuracy import open_circuit_current
-from winchcascade.core.run import Finding
-from winchcascade.reduction.phased_run import middle
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from winchcascade.core.rig_file import Rig
-    from winchcascade.core.run import Signal
-    from winchcascade.reduction.phase_summary import PhaseSummary, PlateauSummary
-    from winchcascade.reduction.phased_run import PhasedRun
+from winchcascade.core.integrate import median_and_error
+from winchcascade.core.rig_file import Rig
+from winchcascade.core.run import Finding, Signal
+from winchcascade.reduction.phase_summary import PhaseSummary, PlateauSummary
+from winchcascade.reduction.phased_run import PhasedRun
 
 Number = TypeVar("Number", float, "Signal")
 
 MISMATCH = 0.10
-"""Deviation of a load or of a power from which it is reported: resistors drift by less when they heat. [1]"""
+"""Smallest deviation of a load or of a power that is reported: resistors drift by less when they heat. [1]"""
 
 CERTAIN = 5.0
-"""It must exceed so many standard uncertainties too."""
+"""Number of standard uncertainties that it must exceed too."""
 
 UNEXPLAINED = 0.25
-"""Power of the shaft beyond DC link and known losses from which it is reported, as a share of these: dry friction, iron losses,
-hot copper and a worn gear take up to half of it unnoticed by the rig file. [1]"""
+"""Smallest power of the shaft beyond DC link and known losses that is reported, as a share of these: dry friction, iron losses,
+hot copper and a worn gear, which a rig file does not list, take up to half of it. [1]"""
 
 DRAG = 0.2
 """Share of the power of the shaft above which speed-dependent drag, poorly known, hides what the DC link takes. [1]"""
@@ -40,108 +38,81 @@ STATOR = 0.8
 """Stator rms current over DC current of a three-phase diode bridge: 0.75 to 0.83 (0.816 for a block current). [1]"""
 
 
-class _Operating:
+class _Operating(NamedTuple):
     """Means over one plateau: Vdc [V], Idc [A] and the summary of the plateau."""
 
-    __slots__ = ("i_dc", "plateau", "v_dc")
-
-    def __init__(self, v_dc: float, i_dc: float, plateau: PlateauSummary) -> None:
-        self.v_dc, self.i_dc, self.plateau = v_dc, i_dc, plateau
+    v_dc: float
+    i_dc: float
+    plateau: PlateauSummary
 
 
 def load_findings(phased: PhasedRun, summaries: Sequence[PhaseSummary]) -> list[Finding]:
     """Report a load that Vdc / Idc contradicts, and electrical power that the torque contradicts."""
-    if "vdc" not in phased.run.channels or "idc" not in phased.run.channels:
+    channels, points = phased.run.channels, []
+    if "vdc" not in channels or "idc" not in channels:
         return []
-    points = _operating_points(phased, summaries)
-    if not points:
-        return []
-    if phased.run.open_circuit:
-        return _delivering(phased, points)
-    return [*_other_load(phased, points), *_other_power(phased, points)]
-
-
-def _operating_points(phased: PhasedRun, summaries: Sequence[PhaseSummary]) -> list[_Operating]:
-    found = []
-    v_dc, i_dc = (phased.run.channels[name] for name in ("vdc", "idc"))
     for k in phased.chosen():
         plateau = summaries[k].payout.plateau
         if plateau is not None:
-            rows = phased.rows(plateau.begin, plateau.braking)
-            if rows.stop > rows.start:
-                found.append(_Operating(float(v_dc[rows].mean()), float(i_dc[rows].mean()), plateau))
+            v_dc, i_dc = (channels[name][phased.rows(plateau.begin, plateau.braking)] for name in ("vdc", "idc"))
+            points += [_Operating(float(v_dc.mean()), float(i_dc.mean()), plateau)] if v_dc.size else []
+    if not points:
+        return []
+    voltage, current = _middle([p.v_dc for p in points])[0], _middle([p.i_dc for p in points])[0]
+    if phased.run.open_circuit:
+        if current <= open_circuit_current(phased.rig, voltage):
+            return []
+        message = (
+            f"load inf is stated, but Vdc {voltage:.4g} V and Idc {current:.4g} A on the plateau are "
+            f"{voltage * current:.3g} W, as of a load of {voltage / current:.4g} ohm"
+        )
+        action = (
+            "the log is reduced as open circuit, without eta_gen and eta_pto; state its load, or check Vdc and Idc: this "
+            "ratio cannot distinguish them"
+        )
+        return [_finding(points, message, action)]
+    found = _other_power(phased, points)
+    if _contradicts_load(phased, points, voltage):
+        ohm = f"{voltage / current:.4g} ohm" if current > 0.0 else "no load"
+        message = (
+            f"load {phased.run.load:g} ohm is stated, but Vdc / Idc on the plateau is {voltage:.4g} V / {current:.4g} A = "
+            f"{ohm}"
+        )
+        action = "reported and kept; check the load, Vdc and Idc: this ratio cannot distinguish them"
+        return [_finding(points, message, action), *found]
     return found
 
 
-def _delivering(phased: PhasedRun, points: list[_Operating]) -> list[Finding]:
-    """An open circuit in which more current flows than bleed resistance and zero of the sensor account for."""
-    current, _ = middle([p.i_dc for p in points])
-    voltage, _ = middle([p.v_dc for p in points])
-    if current <= open_circuit_current(phased.rig, voltage):
-        return []
-    return [
-        _finding(
-            points,
-            f"load inf is stated, but Vdc {voltage:.4g} V and Idc {current:.4g} A on the plateau are "
-            f"{voltage * current:.3g} W, as of a load of {voltage / current:.4g} ohm",
-            "the log is reduced as open circuit, without eta_gen and eta_pto; state its load, or check Vdc and Idc: this "
-            "ratio cannot distinguish them",
-        )
-    ]
-
-
-def _other_load(phased: PhasedRun, points: list[_Operating]) -> list[Finding]:
-    """A stated load that Vdc / Idc contradicts."""
-    load = phased.run.load
-    if load is None or load <= 0.0:
-        return []
-    voltage, _ = middle([p.v_dc for p in points])
-    current, _ = middle([p.i_dc for p in points])
-    if voltage <= CERTAIN * phased.u_zero("vdc") or voltage <= 0.0:
-        return []
-    share, u_share = middle([p.i_dc * load / p.v_dc if p.v_dc > 0.0 else 0.0 for p in points])
-    u = math.hypot(
-        share
-        * math.hypot(phased.u_gain("vdc"), phased.u_gain("idc"), phased.rig.dc_link.load_tolerance_percent / 100.0),
-        phased.u_zero("idc") * load / voltage,
-        share * phased.u_zero("vdc") / voltage,
-        u_share,
-    )
-    if not _off(share, u):
-        return []
-    ohm = f"{voltage / current:.4g} ohm" if current > 0.0 else "no load"
-    return [
-        _finding(
-            points,
-            f"load {load:g} ohm is stated, but Vdc / Idc on the plateau is {voltage:.4g} V / {current:.4g} A = {ohm}",
-            "reported and kept; check the load, Vdc and Idc: this ratio cannot distinguish them",
-        )
-    ]
-
-
-def _off(ratio: float, u: float) -> bool:
-    """Whether a ratio deviates from 1, upward or downward, by more than `MISMATCH` and by more than its uncertainty allows."""
-    return (ratio >= 1.0 + MISMATCH or ratio <= 1.0 / (1.0 + MISMATCH)) and abs(ratio - 1.0) >= CERTAIN * u
+def _contradicts_load(phased: PhasedRun, points: list[_Operating], voltage: float) -> bool:
+    """Whether Idc times load over Vdc deviates from 1 by more than `MISMATCH` and by more than its uncertainty allows."""
+    load, u_zero = phased.run.load, phased.u_zero("vdc")
+    if load is None or load <= 0.0 or voltage <= max(CERTAIN * u_zero, 0.0):
+        return False
+    share, u_share = _middle([p.i_dc * load / p.v_dc if p.v_dc > 0.0 else 0.0 for p in points])
+    tolerance = phased.rig.dc_link.load_tolerance_percent / 100.0
+    gains = share * math.hypot(phased.u_gain("vdc"), phased.u_gain("idc"), tolerance)
+    u = math.hypot(gains, phased.u_zero("idc") * load / voltage, share * u_zero / voltage, u_share)
+    return not 1.0 / (1.0 + MISMATCH) < share < 1.0 + MISMATCH and abs(share - 1.0) >= CERTAIN * u
 
 
 def _other_power(phased: PhasedRun, points: list[_Operating]) -> list[Finding]:
     """Electrical power that the torque contradicts: the shaft has to cover it and the losses of the rig."""
-    usable = [p for p in points if p.plateau.power_mech is not None and p.plateau.power_mech > 0.0]
+    usable = [p for p in points if (p.plateau.power_mech or 0.0) > 0.0]
     if not usable:
         return []
     needed = [_needed(p, phased.rig) for p in usable]
     shaft = [p.plateau.power_mech or 0.0 for p in usable]
-    ratio, u_ratio = middle([n[0] / s for n, s in zip(needed, shaft, strict=True)])
-    gains = math.hypot(*(phased.u_gain(name) for name in ("vdc", "idc", "torque")))
-    zeros = math.hypot(*(phased.u_zero(c) / max(abs(x), 1e-9) for c, x in _levels(usable[0])))
-    u = math.hypot(ratio * gains, ratio * zeros, u_ratio)
+    ratio, u_ratio = _middle([n[0] / s for n, s in zip(needed, shaft, strict=True)])
+    first = usable[0]
+    levels = {"vdc": first.v_dc, "idc": first.i_dc, "torque": first.plateau.torque or math.inf}
+    gains = (ratio * phased.u_gain(name) for name in levels)
+    u = math.hypot(*gains, *(ratio * phased.u_zero(c) / max(abs(x), 1e-9) for c, x in levels.items()), u_ratio)
     complete = all(n[1] is not None and n[1] <= DRAG * s for n, s in zip(needed, shaft, strict=True))
     too_much = ratio >= 1.0 + MISMATCH and ratio - 1.0 >= CERTAIN * u
     too_little = complete and ratio <= 1.0 / (1.0 + UNEXPLAINED) and 1.0 - ratio >= CERTAIN * u
     if not (too_much or too_little):
         return []
-    given, _ = middle([p.plateau.power_gen or 0.0 for p in usable])
-    taken, _ = middle(shaft)
+    given, taken = _middle([p.plateau.power_gen or 0.0 for p in usable])[0], _middle(shaft)[0]
     return [
         _finding(
             usable,
@@ -152,8 +123,8 @@ def _other_power(phased: PhasedRun, points: list[_Operating]) -> list[Finding]:
     ]
 
 
-def _levels(point: _Operating) -> list[tuple[str, float]]:
-    return [("vdc", point.v_dc), ("idc", point.i_dc), ("torque", point.plateau.torque or math.inf)]
+def _middle(values: list[float]) -> tuple[float, float]:
+    return median_and_error(np.array(values))
 
 
 def _needed(point: _Operating, rig: Rig) -> tuple[float, float | None]:

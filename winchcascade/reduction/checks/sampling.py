@@ -1,75 +1,93 @@
-"""Whether a log is sampled finely enough for its motion: the reduction is repeated on every second and every third sample.
+"""Whether a log is sampled finely enough for its motion, in time and in the steps of its channels.
 
-Trapezoids and interpolated instants err by the square of the sampling interval where the motion is smooth. So the change from
-the log to every second sample is three times the error of the log itself (Richardson), that to every third sample eight times.
-Where the samples are so far apart that the start of the motion is a kink between two of them, the interpolated onset errs in
-proportion to the interval: the changes are then once and twice the error of the log.
+The reduction is repeated on every second and every third sample. Trapezoids and interpolated instants err by the square of the
+sampling interval where the motion is smooth. So the change from the log to every second sample is three times the error of the
+log itself (Richardson), that to every third sample eight times. Where the samples are so far apart that the start of the
+motion is a kink between two of them, the interpolated onset errs in proportion to the interval: the changes are then once and
+twice the error of the log.
+
+A logger that truncates records every value too low by half a step on average. One that rounds deviates by less, but by up to
+half a step where the noise is smaller than the step.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import math
+from collections.abc import Mapping, Sequence
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.integrate import integrals, median, quantile
-from winchcascade.core.run import Finding
-from winchcascade.reduction.efficiency import NOTHING
-from winchcascade.reduction.energies import STAGES, sources, stream
-from winchcascade.reduction.phased_run import find_phases
-from winchcascade.reduction.windows import SHORTEST, find_windows
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    from winchcascade.core.run import Run, Signal
-    from winchcascade.reduction.energies import Energies
-    from winchcascade.reduction.phased_run import PhasedRun
-    from winchcascade.reduction.phases import Cycle
+from winchcascade.core.run import CHANNELS, Finding, Run, Signal
+from winchcascade.reduction.efficiency import NOTHING, ratio, runs_idle
+from winchcascade.reduction.energies import STAGES, Energies, sources, stream
+from winchcascade.reduction.gap_error import all_gaps
+from winchcascade.reduction.phased_run import SHORTEST, PhasedRun, Window, find_phases, find_windows
 
 THINNED = ((2, 0), (2, 1), (3, 0), (3, 1), (3, 2))
 """Steps and first samples of the thinned logs: every phase of every second and every third sample."""
 
 FINE = 12
-"""Samples within the smoothing width, and between onset and plateau, from which sampling is fine enough without a look: errors
+"""Number of samples within the smoothing width, and between onset and plateau, from which sampling needs no check: errors
 of trapezoids and interpolated instants are then below 0.1 % of an energy."""
 
 SMOOTHED = 5
-"""Samples that a local quadratic needs to smooth: through three it passes exactly."""
+"""Number of samples that a local quadratic needs to smooth: through three it passes exactly."""
 
 KINKED = 3
 """Fewer sampling intervals within the smoothing width smooth nothing, and the error of the onset is of first order."""
 
 REPORTED = 0.005
-"""Error of an energy of a cycle from which coarse sampling is reported. [1]"""
-
+"""Smallest error of an energy of a cycle, by its sampling or by half a step, that is reported. [1]"""
 
 HELD = 0.9
 """Share of the steps of a channel that must be equally far apart, for one that is updated more slowly than it is logged. [1]"""
 
 FEWEST = 8
-"""Fewer steps show no interval."""
+"""Smallest number of steps that shows an interval."""
 
 COARSE_STEP = 3.0
 """Steps of a channel that is held are mostly larger than so many of its smallest: those of a coarse resolution are not."""
 
 BENT = 3.0
-"""A channel that was interpolated bends by more than so many of its usual bends at each of its values,"""
+"""Smallest bend of an interpolated channel at each of its values, in its usual bends,"""
 
 CLEARLY = 6.0
-"""and by so many at half of them: a bend is a second difference, the usual one the 70 % quantile of all."""
+"""and at half of them: a bend is a second difference, the usual one the 70 % quantile of all."""
 
 ROUNDING = 1e-6
 """Bends below this share of the largest are of rounding. [1]"""
 
 FEWEST_STRAIGHT = 4
-"""Fewer intervals between its values show no interpolation."""
+"""Smallest number of intervals between its values that shows an interpolation."""
 
 LEAST_INTERVAL = 4
-"""Samples of the shortest interval that is told from the corners of a motion."""
+"""Shortest interval that is distinguished from the corners of a motion, in samples."""
+
+OF_ONSET = 0.5
+"""Step of the velocity over the threshold of the onset from which it is reported: the onset then lies between two steps. [1]"""
+
+ROUNDED = 1e-9
+"""Changes below this share of the largest value are of rounding. [1]"""
+
+FEWEST_CHANGES = 6
+"""Smallest number of changes of a channel that shows a step."""
+
+SMALL = 0.05
+"""Quantile of the changes that is taken for a single step: a few values between the steps do not hide it."""
+
+SEVERAL = 4.5
+"""Largest change that is compared with multiples of the step, in steps: of more, the error of the step is too large."""
+
+MULTIPLE = 0.2
+"""A change is a multiple of the step within this share of it: a logger may write the steps with rounded digits. [1]"""
+
+NEARLY_ALL = 0.95
+"""Share of these changes that must be multiples; of a channel without steps it is less than a half. [1]"""
+
+STRAIGHT = 0.85
+"""Share of the changes that follow an equal one, above which they are the slope of a straight ramp without noise. [1]"""
 
 
 class Sampling(msgspec.Struct, frozen=True):
@@ -86,10 +104,16 @@ def check_sampling(phased: PhasedRun, energies: Energies) -> Sampling:
     ----------
     energies : of the log as it is, with its windows
     """
-    run, rig, cycles = phased.run, phased.rig, phased.cycles
-    whole = np.array([w.fault is None for w in energies.windows], dtype=bool)
-    if not whole.any():
-        return Sampling({}, _no_window(phased, energies))
+    run, windows, smoothing = phased.run, energies.windows, phased.rig.thresholds.smoothing
+    whole = np.array([w.fault is None for w in windows], dtype=bool)
+    if not whole.any():  # due to the sampling where samples are farther apart than the smoothing is wide
+        short = [w for w in windows if (w.cutoff - w.onset) * run.fs < SHORTEST]
+        message = (
+            f"{len(short)} of {len(windows)} windows are shorter than {SHORTEST:g} sampling intervals, and payouts may lie "
+            f"between two samples"
+        )
+        coarse = bool(short) and run.fs * smoothing < 1.0
+        return Sampling({}, (_too_coarse(run, message, "no energy is computed", short),) if coarse else ())
     held = _held_channels(phased, energies)
     if _clearly_fine(phased):
         return Sampling({}, held)
@@ -98,52 +122,32 @@ def check_sampling(phased: PhasedRun, energies: Energies) -> Sampling:
         changes.pop("gen", None)  # no current flows, so that any of it is a large share
     if not changes:
         return Sampling({}, held)
-    error = max(_own_error(change, rig.thresholds.smoothing * run.fs) for change in changes.values())
-    largest = int(
-        np.argmax([max(abs(np.nan_to_num(c[row], nan=-1.0).mean()) for c in changes.values()) for row in range(5)])
-    )
+    error = max(_own_error(change, smoothing * run.fs) for change in changes.values())
+    filled = {s: np.nan_to_num(change, nan=-1.0) for s, change in changes.items()}
+    largest = int(np.argmax(np.max([np.abs(c.mean(axis=1)) for c in filled.values()], axis=0)))
     joules = {}
-    for stage, change in changes.items():
-        changed = np.zeros(len(cycles))
-        changed[whole] = np.nan_to_num(change[largest], nan=-1.0)
+    for stage, change in filled.items():
+        changed = np.zeros(len(windows))
+        changed[whole] = change[largest]
         joules[stage] = tuple((changed * np.array(energies.joules[stage])).tolist())
-    if error < REPORTED:
-        return Sampling(joules, held)
-    most = max(float(np.max(np.abs(np.nan_to_num(c, nan=-1.0)))) for c in changes.values())
-    onsets = [c.onset for c, w in zip(cycles, whole, strict=True) if w]
-    return Sampling(
-        joules,
-        (
-            *held,
-            Finding(
-                "coarse_sampling",
-                f"{run.fs:.3g} Hz is too coarse for this motion: every second or third sample alone changes an energy of a "
-                f"cycle by up to {most:.1%}, so that the log itself may err by {min(error, most):.1%}",
-                "reported and part of the uncertainty; log faster, or use the window payout",
-                start=min(onsets),
-                end=max(w.cutoff for w in energies.windows if w.fault is None),
-                count=len(onsets),
-            ),
-        ),
+    most = max(float(np.max(np.abs(change))) for change in filled.values())
+    message = (
+        f"every second or third sample alone changes an energy of a cycle by up to {most:.1%}, so that the log itself may err "
+        f"by {min(error, most):.1%}"
     )
+    found = _too_coarse(run, message, "reported and part of the uncertainty", [w for w in windows if w.fault is None])
+    return Sampling(joules, held if error < REPORTED else (*held, found))
 
 
-def _no_window(phased: PhasedRun, energies: Energies) -> tuple[Finding, ...]:
-    """No window of a log is whole: that is due to the sampling where samples are farther apart than the smoothing is wide."""
-    windows, run = energies.windows, phased.run
-    short = [w for w in windows if (w.cutoff - w.onset) * run.fs < SHORTEST]
-    if not short or run.fs * phased.rig.thresholds.smoothing >= 1.0:
-        return ()
-    return (
-        Finding(
-            "coarse_sampling",
-            f"{run.fs:.3g} Hz is too coarse for this motion: {len(short)} of {len(windows)} windows are shorter than "
-            f"{SHORTEST:g} sampling intervals, and payouts may lie between two samples",
-            "no energy is computed; log faster, or use the window payout",
-            start=short[0].onset,
-            end=short[-1].cutoff,
-            count=len(short),
-        ),
+def _too_coarse(run: Run, message: str, action: str, windows: Sequence[Window]) -> Finding:
+    """The finding of a sampling that is too coarse, over some windows in order of time."""
+    return Finding(
+        "coarse_sampling",
+        f"{run.fs:.3g} Hz is too coarse for this motion: {message}",
+        f"{action}; log faster, or use the window payout",
+        start=windows[0].onset,
+        end=windows[-1].cutoff,
+        count=len(windows),
     )
 
 
@@ -159,21 +163,20 @@ def _held_channels(phased: PhasedRun, energies: Energies) -> tuple[Finding, ...]
         return ()
     k, cycle, plateau = ramps[len(ramps) // 2]
     rows = phased.rows(cycle.onset, plateau.braking)
-    found: list[Finding] = []
+    end = int(np.searchsorted(run.t, energies.windows[k].cutoff))
+    found: dict[str, Finding] = {}
     for stage in STAGES:
         watts, joules = stream(run.channels, stage, phased.rig.r_drum), energies.joules[stage]
         if watts is None or joules is None or joules[k] <= NOTHING or (stage == "gen" and run.open_circuit):
             continue
-        end = np.searchsorted(run.t, energies.windows[k].cutoff)
-        power = float(watts(slice(max(int(end) - 1, 0), int(end) + 1)).mean())
+        power = float(watts(slice(max(end - 1, 0), end + 1)).mean())
         for name in sources(run.channels, stage):
             late, how = _recorded_late(run.channels[name][rows], name, run.fs, plateau.begin - cycle.onset)
-            share = late * power / joules[k]
-            if share >= REPORTED and name not in {f.channel for f in found}:
-                message = f"{name} is {how}; energies of {name} may err by {share:.1%}"
-                action = "reported and kept; log it with every sample"
-                found.append(Finding("coarse_sampling", message, action, name, cycle.onset, cycle.payout_end))
-    return tuple(found)
+            message = f"{name} is {how}; energies of {name} may err by {late * power / joules[k]:.1%}"
+            action = "reported and kept; log it with every sample"
+            if late * power / joules[k] >= REPORTED:
+                found.setdefault(name, Finding("coarse_sampling", message, action, name, cycle.onset, cycle.payout_end))
+    return tuple(found.values())
 
 
 def _recorded_late(x: Signal, name: str, fs: float, ramp: float) -> tuple[float, str]:
@@ -187,10 +190,10 @@ def _recorded_late(x: Signal, name: str, fs: float, ramp: float) -> tuple[float,
     every = _update_interval(x)
     if every > 1:
         late = 0.5 * (every - 1) / fs
-        said = (
-            f"updated every {every} samples ({every / fs:.2g} s) and held in between, so that it is {late:.2g} s late"
+        return late, (
+            f"updated every {every} samples ({every / fs:.2g} s) and held in between, so that it is {late:.2g} s late on "
+            f"average"
         )
-        return late, f"{said} on average"
     every = _straight_interval(x)
     h = every / fs
     late = 0.25 * h if name == "velocity" else h * h / (12.0 * max(ramp, h))
@@ -203,11 +206,9 @@ def _recorded_late(x: Signal, name: str, fs: float, ramp: float) -> tuple[float,
 def _update_interval(x: Signal) -> int:
     """Samples from one update of a channel to the next, 1 for one that is updated with every sample."""
     step = np.diff(x)
-    if 2 * np.count_nonzero(step) > 1.2 * step.size:
-        return 1
     at = np.flatnonzero(step)
     apart = np.diff(at)
-    if apart.size < FEWEST:
+    if 2 * at.size > 1.2 * step.size or apart.size < FEWEST:
         return 1
     every = int(median(apart.astype(np.float64)))
     size = np.abs(step[at])
@@ -271,37 +272,102 @@ def _own_error(change: Signal, within: float) -> float:
 
 def thinned_changes(phased: PhasedRun, energies: Energies) -> dict[str, Signal]:
     """Relative change of each stage's energy in each cycle on each thinned log, (5, k); NaN where a cycle is not found."""
-    known = {stage: np.array(found) for stage in STAGES if (found := energies.joules[stage]) is not None}
+    run, rig = phased.run, phased.rig
+    known = {stage: np.array(joules) for stage in STAGES if (joules := energies.joules[stage]) is not None}
     changes = {stage: np.full((len(THINNED), len(phased.cycles)), np.nan) for stage in known}
+    middles = np.array([0.5 * (c.onset + c.payout_end) for c in phased.cycles])
     for row, (step, first) in enumerate(THINNED):
-        thinned = find_phases(_thinned(phased.run, step, first), phased.rig, phased.rule)
-        joules, cycle = _energies_of(thinned, phased.cycles)
-        for stage, joule in joules.items():
-            into = known[stage][cycle]
-            changes[stage][row, cycle] = (joule - into) / np.maximum(np.abs(into), NOTHING)
+        t, channels = run.t[first::step], {name: x[first::step] for name, x in run.channels.items()}
+        some = msgspec.structs.replace(run, t=t, channels=channels, fs=run.fs / step, samples=run.samples // step)
+        thinned = find_phases(some, rig, phased.rule)
+        found = [(c, w) for c, w in zip(thinned.cycles, find_windows(thinned), strict=True) if w.fault is None]
+        spans = np.array([(w.onset, w.cutoff) for _, w in found]).reshape(-1, 2)
+        inside = [(middles > c.onset) & (middles <= c.payout_end) for c, _ in found]
+        same = [(n, k) for n, here in enumerate(inside) for k in np.flatnonzero(here).tolist()]
+        at, cycle = np.array(same, dtype=np.intp).reshape(-1, 2).T
+        for stage, into in known.items():
+            watts = stream(channels, stage, rig.r_drum)
+            if watts is not None:
+                changed = integrals(t, watts, spans)[at] - into[cycle]
+                changes[stage][row, cycle] = changed / np.maximum(np.abs(into[cycle]), NOTHING)
     return changes
 
 
-def _thinned(run: Run, step: int, first: int) -> Run:
-    """Every so-manyth sample of a log, from one of its first on."""
-    return msgspec.structs.replace(
-        run,
-        t=run.t[first::step],
-        channels={name: x[first::step] for name, x in run.channels.items()},
-        fs=run.fs / step,
-        samples=run.samples // step,
+def resolution_findings(phased: PhasedRun, energies: Energies) -> list[Finding]:
+    """Report channels whose step is coarse for an energy that is evaluated; no channel is changed.
+
+    In open circuit Vdc and Idc enter no efficiency.
+    """
+    run, joules = phased.run, energies.joules
+    chosen = [w for k in phased.chosen() if (w := energies.windows[k]).fault is None]
+    if not chosen or run.simulated:
+        return []
+    delivered = [ratio(gen, line) for gen, line in zip(joules["gen"] or (), joules["line"] or (), strict=False)]
+    idle = run.open_circuit or runs_idle(delivered)
+    levels: dict[str, float] = {}
+    for stage in STAGES:
+        if max(joules[stage] or [0.0]) > NOTHING and not (stage == "gen" and idle):
+            names = sources(run.channels, stage)
+            for name, other in zip(names, names[::-1], strict=True):
+                level = median(np.array([_level(phased, name, other, w) for w in chosen]))
+                levels[name] = min(level, levels.get(name, math.inf))
+    return [f for name, level in levels.items() if (f := _coarse(phased, name, level)) is not None]
+
+
+def _level(phased: PhasedRun, name: str, other: str, window: Window) -> float:
+    """Mean of a channel in a window, weighted by the other factor of its power: an error of the channel divided by it is the
+    share of the energy that the error changes. [SI unit of the channel]
+    """
+    rows = phased.rows(window.onset, window.cutoff)
+    x = phased.run.channels[name][rows]
+    if name == other:
+        return abs(float(x.mean()))
+    weight = phased.run.channels[other][rows]
+    return abs(float(x @ weight)) / max(float(np.abs(weight).sum()), NOTHING)
+
+
+def _coarse(phased: PhasedRun, name: str, level: float) -> Finding | None:
+    """The finding of one channel, None where its step is fine."""
+    step = recorded_step(phased, name)
+    if step == 0.0 or level <= ROUNDED * step:
+        return None
+    error = 0.5 * step / level
+    of_onset = name == "velocity" and step >= OF_ONSET * phased.rig.thresholds.v_onset
+    message = (
+        f"{name} is recorded in steps of {step:.3g} {CHANNELS[name].unit}, {step / level:.1%} of its mean in the windows; if "
+        f"the logger truncates, energies of {name} are up to {error:.1%} too low"
+    ) + ("; the onset moves too, which may raise or lower them" if of_onset else "")
+    finding = Finding("coarse_resolution", message, "reported and kept; record it with more digits", name)
+    return finding if error > REPORTED or of_onset else None
+
+
+def recorded_step(phased: PhasedRun, name: str) -> float:
+    """Step in which a channel is recorded during the payouts, 0 where it has none. [SI unit of the channel]
+
+    `smallest_step` of the ingest takes the smallest change of all. Here the step must explain nearly all changes, so that a
+    bridged or repaired value does not pass for a fine resolution.
+    """
+    run = phased.run
+    gaps = all_gaps(run, (name,))
+    courses = []
+    for k in phased.chosen():  # the changes in each payout that were logged, not bridged
+        rows = phased.rows(phased.cycles[k].onset, phased.cycles[k].payout_end)
+        t, change = run.t[rows], np.diff(run.channels[name][rows])
+        logged = np.ones(change.size, dtype=bool)
+        for begin, end in gaps:
+            logged &= (t[1:] <= begin) | (t[:-1] >= end)
+        courses.append(change[logged])
+    changes = np.abs(np.concatenate(courses))
+    changes = np.sort(changes[changes > ROUNDED * float(np.max(np.abs(phased.run.channels[name])))])
+    if changes.size < FEWEST_CHANGES:
+        return 0.0
+    step = changes[int(SMALL * changes.size)]
+    step = float(np.mean(changes[(changes > 0.7 * step) & (changes < 1.4 * step)]))
+    few = changes[changes < SEVERAL * step] / step
+    multiple = (np.abs(few - np.round(few)) < MULTIPLE) & (few > 0.5)
+    if few.size < FEWEST_CHANGES or np.count_nonzero(multiple) < NEARLY_ALL * few.size:
+        return 0.0
+    alike = sum(
+        np.count_nonzero((np.abs(np.diff(d)) < MULTIPLE * step) & (np.abs(d[1:]) > 0.5 * step)) for d in courses
     )
-
-
-def _energies_of(thinned: PhasedRun, wanted: Sequence[Cycle]) -> tuple[Mapping[str, Signal], NDArray[np.intp]]:
-    """Energies of the stages in those cycles of a thinned log that are cycles of the whole one, and which these are."""
-    run, windows = thinned.run, find_windows(thinned)
-    spans = np.array([(w.onset, w.cutoff) for w in windows]).reshape(-1, 2)
-    middles = np.array([0.5 * (c.onset + c.payout_end) for c in wanted])
-    begin, end = np.array([(c.onset, c.payout_end) for c in thinned.cycles]).reshape(-1, 2).T
-    at = np.searchsorted(begin, middles) - 1
-    same = (at >= 0) & (middles <= end[np.maximum(at, 0)]) if begin.size else np.zeros(middles.size, dtype=bool)
-    same[same] &= np.array([windows[k].fault is None for k in at[same]], dtype=bool)
-    watts = {stage: stream(run.channels, stage, thinned.rig.r_drum) for stage in STAGES}
-    joules = {s: integrals(run.t, w, spans)[at[same]] for s, w in watts.items() if w is not None}
-    return joules, np.flatnonzero(same)
+    return 0.0 if alike > STRAIGHT * few.size else step

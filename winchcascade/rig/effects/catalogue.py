@@ -1,11 +1,9 @@
 """The catalogue of effects: what the baseline leaves out, one suspect each, in the order of the energy cascade from its end."""
 
-from __future__ import annotations
-
 import difflib
 import math
 import textwrap
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 from winchcascade.core.errors import OptionError
 from winchcascade.rig.effects.effect import ActiveEffect, Effect
@@ -14,9 +12,6 @@ from winchcascade.rig.effects.generator import GENERATOR
 from winchcascade.rig.effects.restoring import RESTORING
 from winchcascade.rig.effects.sensor import SENSOR
 from winchcascade.rig.effects.transmission import TRANSMISSION
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 EFFECTS = {effect.name: effect for effect in (*GENERATOR, *GEARBOX, *TRANSMISSION, *RESTORING, *SENSOR)}
 """Every effect by its name."""

@@ -1,7 +1,5 @@
 """An effect as a declaration of what the baseline leaves out, and an effect with values that acts on a model."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import msgspec

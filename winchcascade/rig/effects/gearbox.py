@@ -1,7 +1,5 @@
 """Effects of gear, clutch and fast shaft."""
 
-from __future__ import annotations
-
 from winchcascade.rig.effects.effect import Change, Display, Effect, Field
 
 GEARBOX = (

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import operator
 from itertools import accumulate, pairwise
-from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
+from winchcascade.core.run import Signal
 from winchcascade.rig.effects.effect import Change, Display, Effect, Field, Values
-from winchcascade.rig.parts import ROLLOFF_KNOTS
-
-if TYPE_CHECKING:
-    from winchcascade.core.run import Signal
-    from winchcascade.rig.parts import Model
+from winchcascade.rig.parts import ROLLOFF_KNOTS, Model, rolloff_curve
 
 
 def share_at_knots(lost: Values) -> Values:
@@ -27,10 +23,7 @@ def share_at_knots(lost: Values) -> Values:
 
 def share_of_k_e(lost: Values, current: Signal | float) -> Signal:
     """Share of k_e that remains at some stator currents [A rms], by a monotone cubic between the knots. [1]"""
-    from scipy.interpolate import PchipInterpolator
-
-    share: Signal = PchipInterpolator(ROLLOFF_KNOTS, (1.0, *share_at_knots(lost)))(current)
-    return share
+    return rolloff_curve(share_at_knots(lost))(current)
 
 
 def _at_10_a(lost: Values) -> float:
@@ -45,7 +38,7 @@ def _rolled_off(model: Model, lost: Values) -> Model:
 _MOST_LOST = (0.1, 0.1, 0.1, 0.1, 0.15, 0.15, 0.2, 0.3)
 """Plausible share of k_e that is lost between two knots. [1]"""
 
-_FURTHER = ", of what is left; plausible range"
+_FURTHER = ", of the remaining share; plausible range"
 _FIRST = "; plausible range, little below the rated 5.16 A (Sec. 5.1)"
 
 GENERATOR = (
@@ -89,7 +82,7 @@ GENERATOR = (
         unit="relative",
         display=Display("back-EMF constant", 100.0, "%"),
         law=Change("generator.k_e", "scale"),
-        unlisted="an encoder or a drum radius that is off (both count as exact)",
+        unlisted="an error of the encoder or of the drum radius (both count as exact)",
     ),
     Effect(
         name="copper_heating",

@@ -1,15 +1,9 @@
 """Effects of screw, piston and gas."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 from msgspec.structs import replace
 
 from winchcascade.rig.effects.effect import Change, Display, Effect, Field, Values
-
-if TYPE_CHECKING:
-    from winchcascade.rig.parts import Model
+from winchcascade.rig.parts import Model
 
 
 def _heated(model: Model, values: Values) -> Model:

@@ -1,7 +1,5 @@
 """Errors of sensors and of the logger."""
 
-from __future__ import annotations
-
 from winchcascade.rig.effects.effect import Change, Display, Effect, Field
 
 SENSOR = (

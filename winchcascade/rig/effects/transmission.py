@@ -1,7 +1,5 @@
 """Effects between line and torque sensor."""
 
-from __future__ import annotations
-
 from winchcascade.rig.effects.effect import Change, Display, Effect, Field
 
 SPAN = 10.0

@@ -1,0 +1,21 @@
+"""Reports without their drawings, for tests that look at something else: drawing takes most of the time of a page."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+
+EMPTY = '<svg xmlns="http://www.w3.org/2000/svg" width="10pt" height="10pt" viewBox="0 0 10 10"></svg>\n'
+
+
+@contextmanager
+def undrawn() -> Iterator[None]:
+    """Within this context every figure that is saved in this process is an empty drawing."""
+    with pytest.MonkeyPatch.context() as changed:
+        changed.setattr("matplotlib.figure.Figure.savefig", _save_nothing)
+        yield
+
+
+def _save_nothing(_figure: object, out: Any, **_options: object) -> None:
+    out.write(EMPTY)

@@ -1,0 +1,288 @@
+"""The record of a campaign, each log with its means or the sentence that says why it has none; its table in the terminal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from winchcascade.core.campaign_file import Origin, joint_origin, origin_from, origin_record, origin_words
+from winchcascade.core.plain_text import one_line
+from winchcascade.core.version import __version__
+from winchcascade.reduction.efficiency import Metrics
+from winchcascade.report.digits import stated, uncertain
+from winchcascade.report.records import FindingRecord, Interval95, RunRecord
+from winchcascade.report.report_model import TableColumn
+from winchcascade.report.text_table import at_most, listing, wrapped
+
+CAMPAIGN_SCHEMA = "winchcascade/campaign/1"
+
+LISTED_RUNS = 20
+"""Logs that are listed; of more the first and the last half of that."""
+
+MOST_FAULTS = 10
+
+_METRICS = ("energy_line", "energy_mech", "energy_gen", "eta_trans", "eta_gen", "eta_pto")
+
+
+MOST_ALTERED = 5
+"""Altered files that are named."""
+
+
+class LogSummary(msgspec.Struct, frozen=True):
+    """One log of a campaign: where its result is, and its means; `findings` are kinds, `finding_count` counts them all."""
+
+    name: str
+    log: str
+    fault: None
+    result: str
+    table: str | None
+    load_ohm: float | None
+    open_circuit: bool
+    simulated: bool | None
+    data: dict[str, bool | str | None]
+    window: str | float
+    rig: str
+    cycles: int
+    complete: int
+    findings: tuple[str, ...]
+    finding_count: int
+    removed_share: float
+    mean: Metrics
+    standard_uncertainty: Metrics
+    interval_95: dict[str, Interval95 | None]
+    max_deviation_percent: Metrics
+
+    @property
+    def load(self) -> float | None:
+        """Its load, inf for an open circuit, None for none or an unknown one. [ohm]"""
+        return math.inf if self.open_circuit else self.load_ohm
+
+    @property
+    def origin(self) -> Origin:
+        """Where its data come from."""
+        return origin_from({"data": self.data})
+
+
+class FailedLog(msgspec.Struct, frozen=True):
+    """One log of a campaign that could not be reduced, and why."""
+
+    name: str
+    log: str
+    fault: str
+
+
+class CampaignRecord(msgspec.Struct, frozen=True):
+    """A campaign: its logs in their order, and findings of single logs beside the others, each with the name of its log.
+
+    `state` is a digest of all that the files of the campaign depend on.
+    """
+
+    title: str
+    state: str
+    runs: tuple[LogSummary | FailedLog, ...]
+    between: tuple[tuple[str, FindingRecord], ...] = ()
+
+    @property
+    def reduced(self) -> list[LogSummary]:
+        """Logs with means."""
+        return [run for run in self.runs if isinstance(run, LogSummary)]
+
+    @property
+    def failed(self) -> list[FailedLog]:
+        """Logs without."""
+        return [run for run in self.runs if isinstance(run, FailedLog)]
+
+
+def log_summary(name: str, log: str, record: RunRecord) -> LogSummary:
+    """Summarise the result of one log.
+
+    Parameters
+    ----------
+    log : path or address of the log
+    """
+    return LogSummary(
+        name=name,
+        log=log,
+        fault=None,
+        result=f"runs/{name}.json",
+        table=record.log.table,
+        load_ohm=record.log.load_ohm,
+        open_circuit=record.log.open_circuit,
+        simulated=record.log.simulated,
+        data=record.data,
+        window=record.window,
+        rig=record.rig,
+        cycles=len(record.cycles),
+        complete=sum(c.complete for c in record.cycles),
+        findings=tuple(sorted({finding.kind for finding in record.quality})),
+        finding_count=len(record.quality),
+        removed_share=sum(finding.removed_share for finding in record.quality),
+        mean=record.mean,
+        standard_uncertainty=record.standard_uncertainty,
+        interval_95=record.interval_95,
+        max_deviation_percent=record.max_deviation_percent,
+    )
+
+
+def campaign_json(campaign: CampaignRecord) -> dict[str, Any]:
+    """The record as it is written, schema `winchcascade/campaign/1`."""
+    rules = {rule: len(found) for rule, found in window_rules(campaign.reduced).items()}
+    return {
+        "schema": CAMPAIGN_SCHEMA,
+        "version": __version__,
+        "title": campaign.title,
+        "data": origin_record(joint_origin([run.origin for run in campaign.reduced])),
+        "windows": {"rules": rules, "mixed": len(rules) > 1},
+        "state": campaign.state,
+        "runs": campaign.runs,
+        "between_logs": [{"run": name, **msgspec.structs.asdict(finding)} for name, finding in campaign.between],
+    }
+
+
+def campaign_from(record: Mapping[str, Any]) -> CampaignRecord:
+    """Read the record of a campaign that this version wrote."""
+    return CampaignRecord(
+        title=record["title"],
+        state=record["state"],
+        runs=tuple(
+            msgspec.convert(run, LogSummary) if run["fault"] is None else msgspec.convert(run, FailedLog)
+            for run in record["runs"]
+        ),
+        between=tuple((one["run"], msgspec.convert(one, FindingRecord)) for one in record["between_logs"]),
+    )
+
+
+def load_text(run: LogSummary) -> str:
+    """Load of a log as a text."""
+    return "–" if run.load is None else "open circuit" if math.isinf(run.load) else f"{run.load:g}"
+
+
+def by_load(runs: Sequence[LogSummary]) -> list[LogSummary]:
+    """Logs in falling order of their loads, as the paper lists them; open circuit first, unknown ones last."""
+    return sorted(runs, key=lambda run: -(-1.0 if run.load is None else run.load))
+
+
+def window_text(run: LogSummary) -> str:
+    """Rule of the integration window of a log: a word, or the fixed length in seconds."""
+    return run.window if isinstance(run.window, str) else f"{run.window:g}"
+
+
+def rule_of(run: LogSummary) -> str:
+    """Kind of the rule of the integration window of a log."""
+    return run.window if isinstance(run.window, str) else "fixed length"
+
+
+def window_rules(runs: Sequence[LogSummary]) -> dict[str, list[LogSummary]]:
+    """Logs by the rule of their windows: auto, payout, or a fixed length."""
+    found: dict[str, list[LogSummary]] = {}
+    for run in runs:
+        found.setdefault(rule_of(run), []).append(run)
+    return found
+
+
+def mixed_windows(runs: Sequence[LogSummary]) -> str:
+    """Report that logs have windows of several rules; empty if they have one."""
+    rules = sorted(window_rules(runs).items(), key=lambda item: -len(item[1]))
+    named = ", ".join(
+        f"{rule} in {len(found)} ({one_line(found[0].name)}{', …' * (len(found) > 1)})" for rule, found in rules
+    )
+    text = f"{len(rules)} rules: {named}. Energies, powers and efficiencies of different rules cannot be compared."
+    return text if len(rules) > 1 else ""
+
+
+# -------------------------------------------------------------------------------------------------------- the terminal
+def campaign_text(campaign: CampaignRecord, out: Path, *, kept: int, altered: Sequence[str] = ()) -> str:
+    """Means of every log of a campaign, what failed, and where the results are.
+
+    Parameters
+    ----------
+    kept : logs that an earlier call had done already
+    altered : files of an earlier call that did not match their digest
+    """
+    runs = by_load(campaign.reduced)
+    mixed = mixed_windows(runs)
+    earlier = f", {kept} of them by an earlier call" if kept else ""
+    lines = [f"{one_line(campaign.title)}: {len(runs)} of {len(campaign.runs)} logs reduced{earlier}"]
+    lines += wrapped(f"data: {one_line(origin_words([run.origin for run in runs]))}") if runs else []
+    lines += ["", *_table(runs), *_marked(runs), *_between(campaign), ""] if runs else [""]
+    lines += [*wrapped(f"note: windows of {mixed}"), ""] if mixed else []
+    lines += altered_lines(altered)
+    lines += at_most(
+        [[_fault(run)] for run in campaign.failed], MOST_FAULTS, f"more failed, all in {out / 'campaign.json'}"
+    )
+    named = [
+        ("report", out / "campaign.html"), ("", out / "campaign.pdf"), ("workbook", out / "campaign.xlsx"),
+        ("tables", out / "dataset"), ("each log", out / "runs"),
+    ]  # fmt: skip
+    lines += [f"{name + ':' if name else '':<10}{path}" for name, path in named if path.exists()]
+    return "\n".join(lines) + "\n"
+
+
+def altered_lines(altered: Sequence[str]) -> list[str]:
+    """One line that names files which were changed after they were made, and so were made again; none if there are none."""
+    more = f" and {len(altered) - MOST_ALTERED} more" if len(altered) > MOST_ALTERED else ""
+    names = ", ".join(map(one_line, altered[:MOST_ALTERED]))
+    text = f"made again, as the content did not match the digest of the earlier call: {names}{more}"
+    return [text] if altered else []
+
+
+def _fault(run: FailedLog) -> str:
+    """Name and fault of a log, the name once."""
+    name, fault = one_line(run.name), one_line(run.fault)
+    return f"failed: {fault if name in fault.split(': ')[0] else f'{name}: {fault}'}"
+
+
+def _table(runs: Sequence[LogSummary]) -> list[str]:
+    columns = _COLUMNS if any(run.findings for run in runs) else _COLUMNS[:-1]
+    return listing(columns, runs, most=LISTED_RUNS, more="more, in the dataset")
+
+
+def _name(run: LogSummary) -> str:
+    name = one_line(run.name)
+    return name if len(name) <= 24 else f"{name[:12]}…{name[-11:]}"
+
+
+def _mean(metric: str, run: LogSummary) -> str:
+    return stated(getattr(run.mean, metric), None, 3 if metric.startswith("eta") else 0).replace("–", "-")
+
+
+def _uncertainty(run: LogSummary) -> str:
+    """Standard uncertainty of the first efficiency that has a mean: of the whole chain, else of a stage."""
+    u, mean = run.standard_uncertainty, run.mean
+    pairs = ((mean.eta_pto, u.eta_pto), (mean.eta_trans, u.eta_trans), (mean.eta_gen, u.eta_gen))
+    return uncertain(next((sigma for value, sigma in pairs if value is not None), None)).replace("–", "-")
+
+
+_COLUMNS: tuple[TableColumn[LogSummary], ...] = (
+    TableColumn("log", of=_name),
+    TableColumn("load", "ohm", of=lambda run: load_text(run).replace("–", "-")),
+    TableColumn("window", "s", of=window_text),
+    TableColumn(
+        "cycles", of=lambda run: f"{run.complete}" + ("" if run.complete == run.cycles else f" of {run.cycles}")
+    ),
+    *(
+        TableColumn(m.replace("energy", "E"), "J" if m.startswith("energy") else "", of=partial(_mean, m))
+        for m in _METRICS
+    ),
+    TableColumn("±", of=_uncertainty),
+    TableColumn("findings", of=lambda run: f"! {run.finding_count}" if run.findings else "-"),
+)
+
+
+def _marked(runs: Sequence[LogSummary]) -> list[str]:
+    """The sentence on the rows that are marked: how many, and with which kinds of findings."""
+    found = [run for run in runs if run.findings]
+    kinds = ", ".join(sorted({kind for run in found for kind in run.findings}))
+    text = f"! findings in {len(found)} of {len(runs)} logs, listed in each log's report and JSON: {kinds}"
+    return wrapped(text) if found else []
+
+
+def _between(campaign: CampaignRecord) -> list[str]:
+    """Findings of single logs beside the others."""
+    texts = (one_line(f"{name}: {found.kind}: {found.message}; {found.action}") for name, found in campaign.between)
+    return at_most([wrapped(text, "  ") for text in texts], MOST_FAULTS, "more, in the dataset", indent="  ")

@@ -1,0 +1,331 @@
+"""Numbers, laws (Fig. 18e) and odds of the causes, and how small an effect would have been named."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator
+
+from winchcascade.core.run import Signal
+from winchcascade.diagnosis.causes import covariance_of
+from winchcascade.diagnosis.diagnose import ModelDiagnosis
+from winchcascade.diagnosis.diagnosis_result import NamedCause, Reported
+from winchcascade.diagnosis.evidence import Linear
+from winchcascade.diagnosis.suspects import freedom, with_values
+from winchcascade.report.diagnosis_data import stator_current
+from winchcascade.report.diagnosis_names import display_of, number_words, probability_words
+from winchcascade.report.digits import MINUS, number
+from winchcascade.report.model_figures import legend_above, line_entry, patch_entry
+from winchcascade.report.style import COLOURS, label_panel, wide_figure
+from winchcascade.rig.effects.effect import Change, Display, Effect
+from winchcascade.rig.effects.generator import share_of_k_e
+from winchcascade.rig.parts import ROLLOFF_KNOTS, number_of
+
+ROLLOFF = "ke_rolloff"
+DRAWS = 400
+"""Draws of the fields of a law for its band."""
+
+ROW = 0.52
+"""Height of the row of a number. [in]"""
+
+
+class Row(NamedTuple):
+    """One number of a cause: absent value, plausible range, and the tolerance about the absent value, in reported units."""
+
+    cause: NamedCause
+    name: str
+    found: Reported
+    absent: float
+    low: float
+    high: float
+    tolerance: float
+
+
+def tolerance_of(found: ModelDiagnosis, effect: Effect) -> float:
+    """Standard uncertainty of the number that an effect changes, in the unit in which the effect is reported; 0 for none."""
+    law = effect.law
+    if not isinstance(law, Change):
+        return 0.0
+    known = max((n.sd for n in found.data.nuisances if n.path == (law.known_as or law.path)), default=0.0)
+    return known / abs(number_of(found.data.nominal, law.path)) if law.operation == "scale" else known
+
+
+def rows_of(found: ModelDiagnosis) -> list[Row]:
+    """Every number of the named causes, in their order."""
+    rows = []
+    for cause in found.causes:
+        effect = found.suspects[cause.effect]
+        free = freedom(effect)
+        ends = [with_values(effect, x).reported for x in (free.absent, free.low, free.high)]
+        rows += [
+            Row(cause, name, value, ends[0], min(ends), max(ends), tolerance_of(found, effect))
+            for name, value in cause.parameters.items()
+        ]
+    return rows
+
+
+def numbers_figure(found: ModelDiagnosis) -> Figure | None:
+    """Draw each number of the causes with its interval, beside its absent value, the tolerance there, and what is plausible."""
+    rows = rows_of(found)
+    if not rows:
+        return None
+    height = 0.3 + ROW * len(rows)
+    figure = wide_figure(height)
+    for k, row in enumerate(rows):
+        how = display_of(row.cause.effect, row.name, row.found.unit)
+        value, interval = number_words(how, row.found)
+        middle, apart = (height - 0.48 - k * ROW) / height, 0.075 / height
+        _number(figure.add_axes((0.42, middle - 0.12 / height, 0.4, 0.24 / height)), row, how.factor)
+        for x, above, below in (
+            (0.01, row.cause.effect, f"{how.what}, {how.unit}".removesuffix(", ")),
+            (0.84, value, interval.removesuffix(how.unit).rstrip()),
+        ):
+            figure.text(x, middle + apart, above, va="center", fontsize=8.0, fontweight="bold")
+            figure.text(x, middle - apart, below, va="center", fontsize=6.8, color=COLOURS["soft"])
+    legend_above(
+        figure,
+        [
+            line_entry("found, 95 %", "gen", marker="s", ms=4.5, lw=2.4),
+            line_entry("rig as given", lw=1.0, ls="--"),
+            patch_entry("its tolerance, 95 %", "line", alpha=0.3, lw=0),
+            patch_entry("plausible", "hold", ec=COLOURS["grid"]),
+        ],
+    )
+    return figure
+
+
+def _number(ax: Axes, row: Row, factor: float) -> None:
+    low, high, absent, half = (x * factor for x in (row.low, row.high, row.absent, 1.96 * row.tolerance))
+    ax.axvspan(low, high, color=COLOURS["hold"], lw=0, zorder=0.1)
+    if half:
+        ax.axvspan(absent - half, absent + half, color=COLOURS["line"], alpha=0.3, lw=0, zorder=0.2)
+    ax.axvline(absent, color=COLOURS["ink"], lw=1.0, ls="--", zorder=0.3)
+    value, left, right = (x * factor for x in (row.found.value, row.found.low, row.found.high))
+    ax.plot([left, right], [0, 0], color=COLOURS["gen"], lw=2.4, solid_capstyle="butt")
+    ax.plot([value], [0], "s", ms=4.5, color=COLOURS["gen"])
+    pad = 0.03 * max(high - low, 1e-12)
+    ax.set(xlim=(min(low, left) - pad, max(high, right) + pad), ylim=(-1, 1), yticks=[])
+    ax.spines["left"].set_visible(False)
+    ax.grid(False)
+    ax.tick_params(labelsize=6.5)
+
+
+# ------------------------------------------------------------------------------------------------------------- Fig 18e
+class Profile(NamedTuple):
+    """Share of the back-EMF constant that remains over the stator current [A rms], (n,) each: found and its 95 % band."""
+
+    current: Signal
+    left: Signal
+    low: Signal
+    high: Signal
+
+
+def profile_of(found: ModelDiagnosis, seed: int = 0) -> Profile | None:
+    """The roll-off with its band, as far as the data reach; None where it is no cause."""
+    best = found.found.best
+    if ROLLOFF not in best.names or all(cause.effect != ROLLOFF for cause in found.causes):
+        return None
+    place = best.place[ROLLOFF]
+    fitted = best.x[place]
+    root = np.linalg.eigh(covariance_of(found.data, best, found.found.scale)[place, place])
+    spread = root.eigenvectors * np.sqrt(np.maximum(root.eigenvalues, 0.0))
+    drawn = fitted + np.random.default_rng(seed).standard_normal((DRAWS, fitted.size)) @ spread.T
+    reached = float(np.max(stator_current(found)[0], initial=ROLLOFF_KNOTS[1]))
+    current = np.linspace(0.0, reached, 120)
+    fields = [fitted, *np.clip(drawn, best.low[place], best.high[place])]
+    line, *lines = (share_of_k_e(tuple(x.tolist()), current) for x in fields)
+    low, high = np.quantile(list(lines), (0.025, 0.975), axis=0)
+    return Profile(current, line, low, high)
+
+
+def profile_figure(found: ModelDiagnosis) -> Figure | None:
+    """Draw the roll-off of the back-EMF constant over the stator current with its band (Fig. 18e)."""
+    profile = profile_of(found)
+    if profile is None:
+        return None
+    figure = wide_figure(2.7, head=0.28)
+    ax = figure.subplots()
+    ax.fill_between(profile.current, profile.low, profile.high, color=COLOURS["gen"], alpha=0.3, lw=0)
+    ax.plot(profile.current, profile.left, color=COLOURS["gen"], lw=1.4)
+    knots = np.array([x for x in ROLLOFF_KNOTS if x <= profile.current[-1]])
+    ax.plot(knots, np.interp(knots, profile.current, profile.left), "s", ms=3.5, color=COLOURS["gen"])
+    ax.axhline(1.0, color=COLOURS["ink"], lw=0.9, ls="--")
+    entries = [
+        line_entry("found, with knots", "gen", marker="s", ms=3.5, lw=1.4),
+        patch_entry("95 % band", "gen", alpha=0.3, lw=0),
+        line_entry("rig as given", lw=0.9, ls="--"),
+    ]
+    rated = found.rig.generator.i_rated
+    if rated is not None:
+        ax.axvline(rated.value, color=COLOURS["soft"], lw=0.9, ls=":")
+        entries.append(line_entry(f"rated, {rated.value:g} A", "soft", lw=0.9, ls=":"))
+    ax.set(
+        xlim=(0.0, profile.current[-1] * 1.01), xlabel="Stator current (A rms)",
+        ylabel=r"$k_\mathrm{e}$ over its nominal value (1)",
+    )  # fmt: skip
+    legend_above(figure, entries)
+    return figure
+
+
+# ------------------------------------------------------------------------------------------------------------- the odds
+FEW = 2
+"""The best set is shown by its names if it has no more."""
+
+SETS, OTHERS = 7, 5
+"""Sets, and effects beside the causes, that are drawn at most."""
+
+HOPELESS = -12.0
+"""Odds below this power of ten are drawn as this."""
+
+LONGEST_LABEL = 42
+"""A label is no longer than this. [characters]"""
+
+
+def effect_odds(found: ModelDiagnosis) -> list[tuple[str, float]]:
+    """Probability of each cause, then of its alternatives, then of the likeliest others."""
+    shown = {cause.effect: cause.probability for cause in found.causes}
+    for rival in (rival for cause in found.causes for rival in cause.rivals):
+        shown.setdefault(rival.effect, rival.probability)
+    others = {
+        name: sum(p for names, p in found.sets.items() if name in names)
+        for name in found.suspects
+        if name not in shown and any(name in names for names in found.sets)
+    }
+    return [*shown.items(), *sorted(others.items(), key=lambda item: -item[1])[:OTHERS]]
+
+
+def set_odds(found: ModelDiagnosis) -> list[tuple[str, float]]:
+    """The likeliest sets by how they differ from the best, with the power of ten of their odds relative to it."""
+    ranked = sorted(found.sets.items(), key=lambda item: -item[1])[:SETS]
+    return [
+        (difference_words(names, ranked[0][0]), max(math.log10(max(p, 1e-300) / ranked[0][1]), HOPELESS))
+        for names, p in ranked
+    ]
+
+
+def difference_words(names: tuple[str, ...], best: tuple[str, ...]) -> str:
+    """How a set differs from the best one; the best by its own names.
+
+    >>> difference_words(("b",), ("a", "b")), difference_words(("b", "c"), ("a", "b")), difference_words((), ())
+    ('without a', 'c for a', 'no cause')
+    >>> difference_words(("a", "b"), ("a", "b", "c", "d", "e")), difference_words((), ("a", "b", "c"))
+    ('only a + b', 'no effect')
+    """
+    all_names = " + ".join(names)
+    if names == best:
+        return all_names or "no cause" if len(names) <= FEW else f"the best, {len(names)} effects"
+    gone, new = [n for n in best if n not in names], " + ".join(n for n in names if n not in best)
+    if len(gone) > FEW and len(names) <= FEW:
+        return f"only {all_names}" if names else "no effect"
+    lost = " + ".join(gone) if len(gone) <= FEW else f"{len(gone)} of them"
+    return f"{new} for {lost}" if gone and new else f"with {new}" if new else f"without {lost}"
+
+
+def odds_figure(found: ModelDiagnosis) -> Figure | None:
+    """Draw the probability of effects and the odds of sets of effects."""
+    effects, sets = effect_odds(found) if found.causes else [], set_odds(found)
+    if len(sets) < 2:
+        return None
+    height = 0.75 + 0.2 * max(len(effects), len(sets))
+    figure, named = wide_figure(height), {cause.effect for cause in found.causes}
+    bottom, top = 0.42 / height, 1 - 0.72 / height
+    if effects:
+        names, p = zip(*effects, strict=True)
+        ax = figure.add_axes((0.15, bottom, 0.2, top))
+        _bars(ax, names, p, [name in named for name in names])
+        for k, each in enumerate(p):
+            ax.text(each + 0.03, k, probability_words(each), va="center", fontsize=6.8)
+        ax.set(xlim=(0.0, 1.0), xlabel="Probability (1)")
+        label_panel(ax, "a", "Effects")
+    left = 0.715 if effects else 0.4
+    ax = figure.add_axes((left, bottom, 0.985 - left, top))
+    texts = [t if len(t) <= LONGEST_LABEL else f"{t[: LONGEST_LABEL - 1].rstrip(' +')} …" for t, _ in sets]
+    _bars(ax, texts, [power - HOPELESS + 0.15 for _, power in sets], [not k for k in range(len(sets))], HOPELESS - 0.15)
+    ax.xaxis.set_major_locator(FixedLocator([-12, -8, -4, 0]))
+    ax.set(
+        xlim=(HOPELESS - 0.15, 0.2), xlabel="Odds relative to the best set (1)",
+        xticklabels=[f"≤ 10$^{{{MINUS}12}}$", f"10$^{{{MINUS}8}}$", f"10$^{{{MINUS}4}}$", "1"],
+    )  # fmt: skip
+    if effects:
+        label_panel(ax, "b", "Sets of causes")
+    return figure
+
+
+def _bars(ax: Axes, names: Sequence[str], widths: Sequence[float], named: Sequence[bool], left: float = 0.0) -> None:
+    """Draw a bar for each name, from the top, green for the causes."""
+    ax.barh(
+        range(len(names)),
+        widths,
+        left=left,
+        height=0.62,
+        color=[COLOURS["gen" if own else "loss"] for own in named],
+        lw=0,
+    )
+    ax.set(yticks=range(len(names)), ylim=(len(names) - 0.4, -0.6))
+    ax.set_yticklabels(names, fontsize=7.0)
+    ax.grid(False, axis="y")
+
+
+# ------------------------------------------------------------------------------------------------------- what is unseen
+class Threshold(NamedTuple):
+    """The smallest value of a reported number that would have been named in these logs; None where no plausible one would."""
+
+    effect: str
+    shown: Display
+    absent: float
+    value: float | None
+
+
+def thresholds(found: ModelDiagnosis) -> list[Threshold]:
+    """How large each effect, acting alone, would have to be to be named in these logs.
+
+    By the rule that chose the causes: logs as the expansion about the fit foresees them with so much of the effect, without
+    their noise, and more evidence for it than for nothing.
+    """
+    rows = []
+    for name, effect in found.suspects.items():
+        free, share = freedom(effect), _least_share(found.found.linear, name, found.found.scale)
+        way = _far_end(free.absent, free.low, free.high) - free.absent
+        absent, seen = (with_values(effect, free.absent + x * way).reported for x in (0.0, share or 0.0))
+        shown = display_of(name, effect.parameter, effect.unit)
+        rows.append(Threshold(name, shown, absent, None if share is None else seen))
+    return rows
+
+
+def threshold_words(one: Threshold) -> str:
+    """The value from which an effect would have been named, with its unit."""
+    how = one.shown
+    if one.value is None:
+        return "no plausible value"
+    size = abs(one.value - one.absent) * how.factor
+    text = number(one.value * how.factor, 1 - math.floor(math.log10(max(size, 1e-12))))
+    return f"{'+' if how.signed and one.value > 0.0 else ''}{text} {how.unit}".rstrip()
+
+
+def _far_end(absent: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """The bound of each field that is farther from its absent value, (k,)."""
+    return np.where(high - absent >= absent - low, high, low)
+
+
+def _least_share(linear: Linear, name: str, scale: float) -> float | None:
+    """Share of the way from absent to the far bound at which an effect gains evidence over nothing, by halving."""
+    if not _gains(linear, name, scale, 1.0):
+        return None
+    low, high = 0.0, 1.0
+    for _ in range(30):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if _gains(linear, name, scale, middle) else (middle, high)
+    return high
+
+
+def _gains(linear: Linear, name: str, scale: float, share: float) -> bool:
+    place, step = linear.place[name], np.zeros_like(linear.absent)
+    step[place] = share * (_far_end(linear.absent, linear.low, linear.high)[place] - linear.absent[place])
+    injected = msgspec.structs.replace(linear, value=linear.absent, slope=linear.curve @ step)
+    return injected.evidence((name,), scale) > injected.evidence((), scale)
