@@ -249,7 +249,8 @@ def _own_error(change: Signal, within: float) -> float:
 
     Where the log is smoothed, thinning takes away the smoothing too, and Richardson's extrapolation is taken for all of the
     change, root mean square over the cycles. Where it is not, only for what the cycles share: by what they differ noise errs,
-    as much in the log as in a thinned one. What the two phases differ by is of a higher order, an eighth in the log.
+    as much in the log as in a thinned one, so that the two differ by the square root of 2 of it. What the two phases differ by is
+    of a higher order, an eighth in the log.
     Below `KINKED` sampling intervals the error is taken as of first order.
 
     Parameters
@@ -266,7 +267,7 @@ def _own_error(change: Signal, within: float) -> float:
     if within < SMOOTHED:
         shared = float(twice.mean())
         apart = 0.5 * float(np.max(np.nanmax(second, axis=0) - np.nanmin(second, axis=0)))
-        error = max(error, abs(shared) / 3.0 + float(np.max(np.abs(twice - shared))), apart / 8.0)
+        error = max(error, abs(shared) / 3.0 + float(np.max(np.abs(twice - shared))) / math.sqrt(2.0), apart / 8.0)
     return error
 
 
