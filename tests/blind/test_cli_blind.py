@@ -4,8 +4,8 @@ import json
 from pathlib import Path
 
 import pytest
+from small_trials import answer, cases_by, cause, say, sealed_trial, shipped
 from test_cli import one_sentence, winchcascade
-from trials import answer, cases_by, cause, say, sealed_trial, shipped
 
 from winchcascade.blind.cases import SEALED
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from trials import answer, sealed_trial
+from small_trials import answer, sealed_trial
 
 from winchcascade.blind.cases import SEALED, TRIAL, open_seal, read_trial
 from winchcascade.core.errors import OptionError

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import pytest
 from calls import call
 from seeds import text
+from small_trials import cases_by, guess, shipped
 from test_files import MENTIONS
-from trials import cases_by, guess, shipped
 
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import Products, run_batch

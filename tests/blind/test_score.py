@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from trials import answer, cause, say, sealed_trial
+from small_trials import answer, cause, say, sealed_trial
 
 from winchcascade.blind.cases import Kind
 from winchcascade.blind.score import Count, Score, score, score_record, taken_as

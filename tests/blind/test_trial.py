@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from scratches import left_scratch
-from trials import cases_by, fail_on_the_second, find_no_room, guess, once, shipped
+from small_trials import cases_by, fail_on_the_second, find_no_room, guess, once, shipped
 
 from winchcascade.blind.cases import SEALED, plan_cases
 from winchcascade.blind.injected import OUTSIDERS, PARTS

@@ -6,8 +6,9 @@ the answers and rejects them if they were changed after the cases were generated
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeVar
@@ -134,6 +135,9 @@ def make_campaign(case: Case) -> dict[str, bytes]:
 ORIGIN = "Made by a numerical twin of the rig, with hidden numbers and effects"
 """Sentence on where the logs of a case come from."""
 
+STATED_LOADS = {log: math.inf if log == "open_circuit" else ohm for log, ohm in LOADS.items()}
+"""Load that the campaign.toml of a case states for each log, infinite for the open circuit. [ohm]"""
+
 HEADER = "Time (s),Displacement (m),Velocity (m/s),Pressure (kg/cm2),Force (N),Torque (N.m),Vdc (V),Idc (A)"
 """Header of a log, as the logger of the crane writes it."""
 
@@ -144,12 +148,16 @@ def log_text(columns: dict[str, Signal]) -> str:
     return "\n".join([HEADER, *(",".join(map(repr, row)) for row in rows)]) + "\n"
 
 
-def campaign_text(title: str) -> str:
-    """The campaign.toml of a case."""
+def campaign_text(title: str, loads: Mapping[str, float] = STATED_LOADS) -> str:
+    """The campaign.toml of a case.
+
+    Parameters
+    ----------
+    loads : stated load of each log by its name [ohm]
+    """
     lines = [f'title = "{title}"', "measured = false", f'origin = "{ORIGIN}"']
-    for log, ohm in LOADS.items():
-        load = "inf" if log == "open_circuit" else repr(ohm)
-        lines += ["", "[[run]]", f'file = "{log}.csv"', f"load_ohm = {load}"]
+    for log, ohm in loads.items():
+        lines += ["", "[[run]]", f'file = "{log}.csv"', f"load_ohm = {ohm!r}"]
     return "\n".join(lines) + "\n"
 
 

@@ -19,6 +19,7 @@ from winchcascade.blind.drive import COLUMNS, FINE, GRID, LEDGER, Drive, run_dri
 from winchcascade.blind.injected import Hidden
 from winchcascade.blind.twin_numbers import (  # fmt: skip
     AIR,
+    CRANE_LOGGER,
     LOAD_SCATTER,
     LOADS,
     SCATTER,
@@ -26,6 +27,7 @@ from winchcascade.blind.twin_numbers import (  # fmt: skip
     VELOCITY_NOISE,
     VELOCITY_STEP,
     Fixed,
+    Logger,
     Numbers,
 )
 from winchcascade.core.run import Signal
@@ -94,9 +96,6 @@ def smooth_noise(size: int, width: float, rng: np.random.Generator, *, grid: flo
     return smooth / float(np.sqrt(np.sum(bell**2)))
 
 
-STAMP = 0.04
-"""Time between two rows of a log. [s]"""
-
 _WINDOW = 5
 """Number of intervals on either side of a stamp over which a reading is averaged."""
 
@@ -127,30 +126,32 @@ class Solved(msgspec.Struct, frozen=True):
     energy: dict[str, float]
 
 
-def read_log(twin: Twin, solved: Solved, rng: np.random.Generator) -> dict[str, Signal]:
+def read_log(twin: Twin, solved: Solved, rng: np.random.Generator, logger: Logger) -> dict[str, Signal]:
     """Readings of the sensors for one log, by channel in the units of the log, with `time`."""
-    stamps, delay = stamps_of(solved), twin.hidden.get("elastic_encoder")
+    stamps, delay = stamps_of(solved, logger), twin.hidden.get("elastic_encoder")
     grid = np.arange(solved.x.size, dtype=np.float64) * GRID
     x, v = (follow(y, delay) if delay else y for y in (solved.x, solved.v))  # behind an elastic drive
     columns = {
         "time": np.round(stamps, 4),
-        "displacement": np.round(np.interp(stamps, grid, x), 4),
+        "displacement": np.round(np.interp(stamps, grid, x), logger.decimals(4)),
         "velocity": _stepped(
-            np.interp(stamps, grid, v) + rng.normal(0.0, VELOCITY_NOISE, stamps.size), VELOCITY_STEP, 3
+            np.interp(stamps, grid, v) + rng.normal(0.0, VELOCITY_NOISE * logger.noise, stamps.size),
+            logger.step(VELOCITY_STEP),
+            logger.decimals(3),
         ),
     }
-    tether = TETHER_NOISE * smooth_noise(solved.t.size, TETHER_WIDTH, rng)
+    tether = TETHER_NOISE * logger.noise * smooth_noise(solved.t.size, TETHER_WIDTH, rng)
     for name, value in noiseless(twin, solved, stamps).items():
         sensor = SENSORS[name]
         swaying = np.interp(stamps, solved.t, tether) if name == "force" else 0.0
-        noise = rng.normal(0.0, sensor.zero) + rng.normal(0.0, sensor.noise, stamps.size) + swaying
-        columns[name] = _stepped(value + noise, sensor.step, sensor.decimals)
+        noise = rng.normal(0.0, sensor.zero) + rng.normal(0.0, sensor.noise * logger.noise, stamps.size) + swaying
+        columns[name] = _stepped(value + noise, logger.step(sensor.step), logger.decimals(sensor.decimals))
     return columns
 
 
-def stamps_of(solved: Solved) -> Signal:
+def stamps_of(solved: Solved, logger: Logger = CRANE_LOGGER) -> Signal:
     """Stamps of the log of a solved motion. [s]"""
-    return np.arange(0.0, solved.t[-1] - 0.01, STAMP)
+    return np.arange(0.0, solved.t[-1] - 0.01, logger.interval)
 
 
 _GAINS = {"torque": "torque_gain", "force": "force_gain", "vdc": "voltage_gain", "idc": "current_gain"}
@@ -358,8 +359,8 @@ def _braking(twin: Twin, t: Signal, turned: Signal) -> Signal:
     return np.where(np.searchsorted(flips, t) % 2 == 1, torque * turned, 0.0)
 
 
-def make_log(twin: Twin, log: str, rng: np.random.Generator) -> dict[str, Signal]:
+def make_log(twin: Twin, log: str, rng: np.random.Generator, logger: Logger = CRANE_LOGGER) -> dict[str, Signal]:
     """Move the crane, follow it, and read the sensors: one log of a campaign."""
     x, v = line_motion(log, rng)
     resting = float(np.clip(rng.normal(RESTING_MEAN, RESTING), -0.9, 0.9))
-    return read_log(twin, solve(twin, log, x, v, resting), rng)
+    return read_log(twin, solve(twin, log, x, v, resting), rng, logger)
