@@ -247,10 +247,11 @@ def _clearly_fine(phased: PhasedRun) -> bool:
 def _own_error(change: Signal, within: float) -> float:
     """Error of an energy of a cycle of the log itself, from its changes on thinned logs, (5, k). [1]
 
-    Where the log is smoothed, thinning takes away the smoothing too, and Richardson's extrapolation is taken for all of the
-    change, root mean square over the cycles. Where it is not, only for what the cycles share: by what they differ noise errs,
-    as much in the log as in a thinned one, so that the two differ by the square root of 2 of it. What the two phases differ by is
-    of a higher order, an eighth in the log.
+    Where the log is smoothed, thinning also removes the smoothing. Richardson's extrapolation then uses the whole change, as a
+    root mean square over the cycles. Where it is not smoothed, the extrapolation uses only the change that the cycles share.
+    What differs between cycles is the error of noise. It is as large in the log as in a thinned log, so that the difference
+    of the two is the square root of 2 of it. What differs between the two thinned logs is of a higher order; an eighth of it
+    remains in the log.
     Below `KINKED` sampling intervals the error is taken as of first order.
 
     Parameters
