@@ -27,7 +27,7 @@ from winchcascade.diagnosis.gap_map import (
 )
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.report.diagnosis_words import where_sentence
+from winchcascade.report.gap_words import where_sentence
 from winchcascade.rig.effects.catalogue import make_effect
 from winchcascade.rig.parts import baseline
 

@@ -25,7 +25,7 @@ from winchcascade.ingest.read import read_run
 from winchcascade.report.diagnosis import make_diagnosis_report
 from winchcascade.report.diagnosis_record import as_json
 from winchcascade.report.diagnosis_text import diagnosis_text
-from winchcascade.report.diagnosis_words import differs_text
+from winchcascade.report.gap_words import differs_text
 from winchcascade.rig.effects.catalogue import EFFECTS
 
 PLANTED = {

@@ -21,7 +21,7 @@ from winchcascade.diagnosis.misfit import NOISELESS, Fitted
 from winchcascade.diagnosis.nuisances import SECTIONS
 from winchcascade.diagnosis.stagewise import TOUCHED, _noise, stagewise
 from winchcascade.ingest.read import read_run
-from winchcascade.report.diagnosis_words import arises_sentence
+from winchcascade.report.gap_words import arises_sentence
 from winchcascade.rig.effects.catalogue import make_effect
 from winchcascade.rig.parts import Model, baseline
 from winchcascade.rig.stages import STAGES

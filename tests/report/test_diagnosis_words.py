@@ -14,9 +14,6 @@ from winchcascade.report.diagnosis_names import display_of, number_words
 from winchcascade.report.diagnosis_record import as_json
 from winchcascade.report.diagnosis_text import diagnosis_lines, diagnosis_text
 from winchcascade.report.diagnosis_words import (
-    alarm_meaning,
-    alarm_words,
-    arises_sentence,
     arises_words,
     cause_words,
     checked_words,
@@ -31,6 +28,7 @@ from winchcascade.report.diagnosis_words import (
     where_words,
     word_of,
 )
+from winchcascade.report.gap_words import alarm_meaning, alarm_words, arises_sentence
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.effect import Display
 

@@ -15,6 +15,7 @@ from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report import diagnosis_figures as figures
 from winchcascade.report import diagnosis_tables as tables
 from winchcascade.report import diagnosis_words as words
+from winchcascade.report import line_tables
 from winchcascade.report.diagnosis_causes import (
     numbers_figure,
     odds_figure,
@@ -32,6 +33,8 @@ from winchcascade.report.diagnosis_names import (
     share_words,
 )
 from winchcascade.report.digits import significant
+from winchcascade.report.gap_words import NAMES, about_words, upper
+from winchcascade.report.line_words import cycles_of, flipped_words, small_words
 from winchcascade.report.publish import publish
 from winchcascade.report.report_model import Note, Point, Report, Section, Table, Tile
 from winchcascade.report.report_parts import data_point, file_digest, made_on, picture, provenance_table, section
@@ -56,7 +59,7 @@ def make_diagnosis_report(found: ModelDiagnosis | LineDiagnosis, *, command: str
     with house_style():
         if isinstance(found, LineDiagnosis):
             sections = _line_sections(found)
-            size = f"{words.cycles_of(found)} cycles"
+            size = f"{cycles_of(found)} cycles"
             rig = f"{found.rig.name}: line tension, speed and winch power, no model"
         else:
             sections = _sections(found)
@@ -138,22 +141,22 @@ def _extremes(found: ModelDiagnosis) -> list[Tile]:
     tiles = [
         Tile(
             "Largest gap", f"limit {STANDS_OUT:g}", f"{abs(worst.z):.1f}",
-            f"standard uncertainties: {words.NAMES[worst.channel]}, {phase_words(worst.phase)}, {load_words(worst.load)}",
+            f"standard uncertainties: {NAMES[worst.channel]}, {phase_words(worst.phase)}, {load_words(worst.load)}",
         )
         for worst in figures.worst_first(found)[:1]
     ]  # fmt: skip
     if found.remainder is None or not found.remainder.alarms:
         return [*tiles, Tile("Effects tried", "", f"{len(found.suspects)}", "none is named")]
     alarm = found.remainder.alarms[0]
-    what = f"{tables.SIGNS[alarm.kind]}: {words.about_words(alarm.about, words.files_of(found))}"
+    what = f"{tables.SIGNS[alarm.kind]}: {about_words(alarm.about, words.files_of(found))}"
     return [*tiles, Tile("Strongest sign", f"limit {alarm.limit:g}", significant(alarm.size, 2), what)]
 
 
 def _points(found: ModelDiagnosis | LineDiagnosis) -> tuple[Point, ...]:
     """What a reader must know after ten seconds, in sentences."""
     if isinstance(found, LineDiagnosis):
-        small = words.small_words(found)
-        sign, steady = [Point("Sign corrected", words.flipped_words(found), "warn")], words.again_words(found)
+        small = small_words(found)
+        sign, steady = [Point("Sign corrected", flipped_words(found), "warn")], words.again_words(found)
         others = [Point("Not needed", f"{small}." if small else "")]
     else:
         clean, sign, steady = found.verdict == "no_gap", [], ""
@@ -297,7 +300,7 @@ def _how_far(found: ModelDiagnosis, both: Sides) -> Section:
     run, word = found.data.logs[log].run, words.word_of(found)
     fresh = found.closure is not None and log in found.closure.withheld
     after = ", and with the fitted effects by a fit without this log" if fresh else ""
-    names = " and of ".join(words.NAMES[channel] for channel in figures.error_panels(found))
+    names = " and of ".join(NAMES[channel] for channel in figures.error_panels(found))
     limit = (
         " Dashed: where the stator carries its rated current, as the model has it."
         if found.rig.generator.i_rated
@@ -370,7 +373,7 @@ def _provenance(found: ModelDiagnosis | LineDiagnosis, command: str) -> Section:
 
     rig, sets = found.rig, len(found.sets)
     if isinstance(found, LineDiagnosis):
-        logs, judged, source = tables.line_logs_table(found), "Judged", "Source of the logs and the rig"
+        logs, judged, source = line_tables.line_logs_table(found), "Judged", "Source of the logs and the rig"
         fits = f"{sets} sets of suspects, {found.moments.folds} times each"
     else:
         logs, judged, source = tables.logs_table(found), "Withheld", "Source of the rig's numbers"
@@ -406,7 +409,7 @@ def _line_where(found: LineDiagnosis) -> Section:
             f"Power of the winch: {word}, line tension times speed{causes}; below, the residual.{role}",
             "Lines over time; root mean squares are in the table.",
         ),
-        tables.line_places_table(found),
+        line_tables.line_places_table(found),
     )  # fmt: skip
 
 
@@ -419,8 +422,8 @@ def _line_which(found: LineDiagnosis) -> Section:
             "Squared error with each cause alone and together (green: chosen), on held-out cycles.",
             "Bars of the squared error; the values are in the table of sets.",
         ),
-        tables.line_suspects_table(found),
-        tables.sets_table(found),
+        line_tables.line_suspects_table(found),
+        line_tables.sets_table(found),
         tables.rivals_table(found),
     )  # fmt: skip
 
@@ -429,10 +432,10 @@ def _line_how_far(found: LineDiagnosis) -> Section:
     word = words.word_of(found)
     return section(
         "how-far", "How far the gap closes",
-        tables.line_closure_table(found),
+        line_tables.line_closure_table(found),
         picture(
             figures.power_scatter(found, word), "scatter",
-            f"{words.upper(word)} over predicted power, samples spread over the judged cycles; on the line both "
+            f"{upper(word)} over predicted power, samples spread over the judged cycles; on the line both "
             "agree.",
             "Clouds of marks about a diagonal, wide before and narrow after.",
         ),

@@ -31,8 +31,9 @@ from winchcascade.report.diagnosis_data import (
     stretches,
 )
 from winchcascade.report.diagnosis_names import load_words, phase_words
-from winchcascade.report.diagnosis_words import NAMES, set_words, upper
 from winchcascade.report.digits import MINUS
+from winchcascade.report.gap_words import NAMES, upper
+from winchcascade.report.line_words import set_words
 from winchcascade.report.model_account import COMPARED
 from winchcascade.report.model_figures import Entry, legend_above, line_entry, patch_entry, shade_over_speed
 from winchcascade.report.style import COLOURS, LOAD_COLOURS, label_panel, wide_figure

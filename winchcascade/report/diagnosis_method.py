@@ -10,7 +10,7 @@ from winchcascade.diagnosis.line.line_closure import SLOW
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.line.line_selection import DRAWS, FOLDS, MATERIAL
 from winchcascade.diagnosis.solve import HUBER
-from winchcascade.report.diagnosis_words import slope_words
+from winchcascade.report.line_words import slope_words
 
 METHOD = (
     "Model. Each log's line motion drives a model of the rig with the numbers of the rig file (Hsu et al. 2026, Tables 3 "

@@ -14,6 +14,8 @@ from winchcascade.diagnosis.line.line_closure import LineRemainder
 from winchcascade.diagnosis.line.line_data import CyclePart
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report import diagnosis_words as words
+from winchcascade.report.gap_words import about_text, arises_sentence, differs_text, where_sentence
+from winchcascade.report.line_words import samples_of
 
 SCHEMA = "winchcascade/diagnosis/1"
 
@@ -72,7 +74,7 @@ def _where(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any] | None:
         "load_ohm": _load(where.worst.load),
         "rpm": None if line else [number(x) for x in where.rpm],
         "i_dc_a": None if line else [number(x) for x in where.i_dc],
-        "sentence": f"{words.where_sentence(where)} {words.arises_sentence(where.arises)}".rstrip(),
+        "sentence": f"{where_sentence(where)} {arises_sentence(where.arises)}".rstrip(),
     }
     if isinstance(found, LineDiagnosis):
         return {**record, "map": [{**_place(p), "share_of_squares": number(p.share)} for p in found.places]}
@@ -108,7 +110,7 @@ def _cause(cause: NamedCause) -> dict[str, Any]:
         "probability": number(cause.probability),
         "parameters": {name: _numbers(x) for name, x in cause.parameters.items()},
         "rivals": [
-            {"effect": r.effect, "probability": number(r.probability), "told_apart_by": words.differs_text(r.differs)}
+            {"effect": r.effect, "probability": number(r.probability), "told_apart_by": differs_text(r.differs)}
             for r in cause.rivals
         ],
     }
@@ -146,10 +148,10 @@ def _remainder(left: Remainder) -> dict[str, Any]:
         shape = {"slower_than_a_second": number(left.slow), "in_bursts": number(left.bursts)}
     return {
         "share": number(left.share),
-        "where": None if left.worst is None else words.about_text(left.worst),
+        "where": None if left.worst is None else about_text(left.worst),
         **shape,
         "alarms": [
-            {"kind": alarm.kind, "where": words.about_text(alarm.about), "size": alarm.size, "limit": alarm.limit}
+            {"kind": alarm.kind, "where": about_text(alarm.about), "size": alarm.size, "limit": alarm.limit}
             for alarm in left.alarms
         ],
     }
@@ -180,7 +182,7 @@ def _choice(found: LineDiagnosis) -> dict[str, Any]:
             for names in sorted(choice.errors, key=choice.error)
         ],
         "acceleration": {
-            "samples": words.samples_of(found),
+            "samples": samples_of(found),
             "span_s": number(found.lines.span),
             "tried_s": [number(span) for span in found.lines.spans],
         },

@@ -16,7 +16,7 @@ from winchcascade.diagnosis.nuisances import Nuisance
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.report import diagnosis_words as words
 from winchcascade.report.diagnosis_causes import threshold_words, thresholds
-from winchcascade.report.diagnosis_figures import KILO, signed, worst_first
+from winchcascade.report.diagnosis_figures import signed, worst_first
 from winchcascade.report.diagnosis_names import (
     load_words,
     nuisance_words,
@@ -25,8 +25,10 @@ from winchcascade.report.diagnosis_names import (
     share_words,
 )
 from winchcascade.report.digits import number, significant, uncertain
+from winchcascade.report.gap_words import NAMES, about_words, alarm_meaning, differs_words
 from winchcascade.report.model_account import COMPARED
-from winchcascade.report.report_model import Table, TableColumn, make_table
+from winchcascade.report.report_model import Table, TableColumn
+from winchcascade.report.report_parts import formatted_table, number_column, text_column
 
 MOST_PLACES, MOST_NUISANCES = 12, 10
 """Rows of the places with the largest gap, and of the nuisances that the fit moves most."""
@@ -43,23 +45,6 @@ LEAST_PULL = 1.0
 """Nuisances within this many of their standard uncertainties are not listed."""
 
 
-def _text(name: str, unit: str = "") -> TableColumn[object]:
-    """A column of texts."""
-    return TableColumn(name, unit, text=True)
-
-
-def _number(name: str, unit: str = "") -> TableColumn[object]:
-    """A column of numbers that are formatted already."""
-    return TableColumn(name, unit)
-
-
-def _table(
-    name: str, caption: str, columns: Sequence[TableColumn[object]], rows: Sequence[Sequence[str]], note: str = ""
-) -> Table | None:
-    """A table of texts; None without rows."""
-    return make_table(name, caption, columns, rows, note=note) if rows else None
-
-
 # ------------------------------------------------------------------------------------------------------------ the causes
 def causes_table(found: ModelDiagnosis | LineDiagnosis) -> Table | None:
     """Every cause with its numbers, probability and alternatives; without a model with the numbers of the withheld cycles."""
@@ -70,12 +55,14 @@ def causes_table(found: ModelDiagnosis | LineDiagnosis) -> Table | None:
             for cause in found.causes
             for n in words.numbers_of(found, cause, again=bool(found.again))
         ]
-        return _table(
+        return formatted_table(
             "causes",
             "Effects that are needed, the one that closes most first.",
             (
-                _text("Effect"), _text("What changes"), _number("Found", "in the fit"), _number("Interval", "95 %"),
-                _number("Withheld cycles alone", "value (95 %)"), _number("Probability"), _text("Alternatives"),
+                text_column("Effect"), text_column("What changes"), number_column("Found", "in the fit"),
+                number_column("Interval", "95 %"),
+                number_column("Withheld cycles alone", "value (95 %)"), number_column("Probability"),
+                text_column("Alternatives"),
             ),
             [
                 (n.effect, n.what, n.value, n.beside, text, n.probability, n.alternatives)
@@ -84,12 +71,13 @@ def causes_table(found: ModelDiagnosis | LineDiagnosis) -> Table | None:
             "Numbers are in units of the line: no drum radius is needed. Intervals allow for the correlation of samples "
             "within a cycle and, where the inertia is fitted, for the width of the slope that gives the acceleration.",
         )  # fmt: skip
-    return _table(
+    return formatted_table(
         "causes",
         "Effects that are needed, most important first.",
         (
-            _text("Effect"), _text("Stage"), _text("What changes"), _number("Found"), _number("Interval", "95 %"),
-            _number("Probability"), _text("Alternatives"),
+            text_column("Effect"), text_column("Stage"), text_column("What changes"), number_column("Found"),
+            number_column("Interval", "95 %"),
+            number_column("Probability"), text_column("Alternatives"),
         ),
         [(n.effect, n.stage, n.what, n.value, n.beside, n.probability, n.alternatives) for n in numbers],
         "Numbers with a sign are changes from the rig file's value, or errors; intervals include the tolerance of that value. "
@@ -100,28 +88,28 @@ def causes_table(found: ModelDiagnosis | LineDiagnosis) -> Table | None:
 def meanings_table(found: ModelDiagnosis) -> Table | None:
     """What the named effects and their alternatives are."""
     names = dict.fromkeys([c.effect for c in found.causes] + [r.effect for c in found.causes for r in c.rivals])
-    return _table(
+    return formatted_table(
         "meanings",
         "What these effects are.",
-        (_text("Effect"), _text("Stage"), _text("What the rig file leaves out")),
+        (text_column("Effect"), text_column("Stage"), text_column("What the rig file leaves out")),
         [(name, found.suspects[name].stage, words.meaning_words(found, name)) for name in names],
     )
 
 
 def rivals_table(found: ModelDiagnosis | LineDiagnosis) -> Table | None:
     """What distinguishes each cause from its alternatives in these logs."""
-    return _table(
+    return formatted_table(
         "rivals",
         f"Alternatives: {words.phrases_of(found).suspect}s that would {words.phrases_of(found).alike} about as well in place "
         "of a cause, and where the two predictions differ most.",
         (
-            _text("Effect"),
-            _text("Alternative"),
-            _number("Probability", "of the alternative"),
-            _text("They differ most in"),
+            text_column("Effect"),
+            text_column("Alternative"),
+            number_column("Probability", "of the alternative"),
+            text_column("They differ most in"),
         ),
         [
-            (cause.effect, rival.effect, probability_words(rival.probability), words.differs_words(rival.differs))
+            (cause.effect, rival.effect, probability_words(rival.probability), differs_words(rival.differs))
             for cause in found.causes
             for rival in cause.rivals
         ],
@@ -133,11 +121,11 @@ def places_table(found: ModelDiagnosis) -> Table | None:
     """The places of the map with the largest gap, with their yardsticks."""
     ranked = worst_first(found)
     significant_ones = [p for p in ranked if abs(p.z) > STANDS_OUT]
-    return _table(
+    return formatted_table(
         "places",
         f"Where the gap is largest: {len(significant_ones) or 'none'} of {len(ranked)} places deviate by more than "
         f"{STANDS_OUT:g} standard uncertainties.",
-        (_text("Channel"), *_yardsticks("zero")),
+        (text_column("Channel"), *_yardsticks("zero")),
         [_place_row(p) for p in significant_ones[:MOST_PLACES] or ranked[:3]],
         "Bias: logged minus simulated, the zero of the log's sensor taken off. The three columns beside it are standard "
         "uncertainties of the bias; u is their root of squares.",
@@ -152,15 +140,16 @@ def _yardsticks(zeros: str) -> tuple[TableColumn[object], ...]:
     zeros : what the noise holds beside noise
     """
     return (
-        _text("Phase"), _text("Load"), _text("Unit"), _number("Bias"), _number("Noise", f"and {zeros}"),
-        _number("Cycles", "repeat to"), _number("Tolerance", "of the rig"), _number("z", "bias / u"),
+        text_column("Phase"), text_column("Load"), text_column("Unit"), number_column("Bias"),
+        number_column("Noise", f"and {zeros}"), number_column("Cycles", "repeat to"),
+        number_column("Tolerance", "of the rig"), number_column("z", "bias / u"),
     )  # fmt: skip
 
 
 def _place_row(p: Place | StagePlace) -> tuple[str, ...]:
     unit, factor = COMPARED[p.channel]
     return (
-        words.NAMES[p.channel], phase_words(p.phase), load_words(p.load), unit, significant(p.bias * factor, 3),
+        NAMES[p.channel], phase_words(p.phase), load_words(p.load), unit, significant(p.bias * factor, 3),
         *(significant(x * factor, 2) for x in (p.u_noise, p.u_repeat, p.u_tolerance)), signed(p.z),
     )  # fmt: skip
 
@@ -173,14 +162,14 @@ def stages_table(found: ModelDiagnosis) -> Table | None:
     rows = []
     for p in [p for p in ranked if abs(p.z) > STANDS_OUT] or ranked[:3]:
         channel, phase, load, unit, *numbers = _place_row(p)
-        inputs = ", ".join(words.NAMES[name] for name in p.inputs if name != "velocity") or "velocity"
+        inputs = ", ".join(NAMES[name] for name in p.inputs if name != "velocity") or "velocity"
         rows.append((f"{p.stage}: {channel} ({unit})", inputs, phase, load, *numbers))
     phase_column, load_column, _, *others = _yardsticks("zeros")
-    return _table(
+    return formatted_table(
         "stages",
         f"Stages with their logged inputs: {out or 'none'} of {len(found.stages)} places deviate by more than {STANDS_OUT:g} "
         "standard uncertainties; of each stage and phase the load with the largest z.",
-        (_text("Stage: output"), _text("From"), phase_column, load_column, *others),
+        (text_column("Stage: output"), text_column("From"), phase_column, load_column, *others),
         rows,
         "Bias: logged minus what the stage makes of its inputs; no zero is taken off, so the noise includes those of "
         "output and inputs. Every stage but the load follows the line's velocity too. The generator's resistance and "
@@ -198,14 +187,16 @@ def closure_table(found: ModelDiagnosis) -> Table | None:
         unit, factor = COMPARED[name]
         values = (significant(v * factor, 2) for v in (x.before, x.after, x.noise))
         ratios = (significant(v / x.noise, 2) if x.noise else "–" for v in (x.before, x.after))
-        rows.append((words.NAMES[name], unit, *values, *ratios))
+        rows.append((NAMES[name], unit, *values, *ratios))
     loads = ", ".join(load_words(found.data.logs[k].run.load) for k in found.closure.withheld)
-    return _table(
+    return formatted_table(
         "closure",
         f"Misfit on held-out logs ({loads}): root mean squares of means over blocks of 0.44 s.",
         (
-            _text("Channel"), _text("Unit"), _number("Before", "rig as given"), _number("After", "fitted effects"),
-            _number("Noise", "of a block"), _number("Before", "over noise"), _number("After", "over noise"),
+            text_column("Channel"), text_column("Unit"), number_column("Before", "rig as given"),
+            number_column("After", "fitted effects"),
+            number_column("Noise", "of a block"), number_column("Before", "over noise"),
+            number_column("After", "over noise"),
         ),
         rows,
         f"Share of the explainable gap that is closed: {share_words(found.closure.share)}, 95 %: "
@@ -215,15 +206,21 @@ def closure_table(found: ModelDiagnosis) -> Table | None:
 
 def alarms_table(found: ModelDiagnosis) -> Table | None:
     """Every sign of something unexplained."""
-    return _table(
+    return formatted_table(
         "alarms",
         "Signs of something that the named causes do not explain, worst first.",
-        (_text("Where"), _text("Sign"), _text("May mean"), _number("Size"), _number("Limit")),
+        (
+            text_column("Where"),
+            text_column("Sign"),
+            text_column("May mean"),
+            number_column("Size"),
+            number_column("Limit"),
+        ),
         [
             (
-                words.about_words(a.about, words.files_of(found)),
+                about_words(a.about, words.files_of(found)),
                 SIGNS[a.kind],
-                words.alarm_meaning(a),
+                alarm_meaning(a),
                 significant(a.size, 2),
                 f"{a.limit:g}",
             )
@@ -236,15 +233,16 @@ def roughness_table(found: ModelDiagnosis) -> Table | None:
     """Root mean squares of whitened blocks by channel and phase, without any cause and with those named."""
     null, best = (block_rms(found.data, fit.z) for fit in (found.found.null, found.found.best))
     several = bool(found.found.best.names)
-    return _table(
+    return formatted_table(
         "roughness",
         "The residual in every channel and phase, in units of its noise: root mean square over all logs of the fit.",
         (
-            _text("Channel"), _text("Phase"), *([_number("Tolerances alone", "fitted")] if several else []),
-            _number("With the effects", "fitted") if several else _number("Residual", "tolerances fitted"),
+            text_column("Channel"),
+            text_column("Phase"), *([number_column("Tolerances alone", "fitted")] if several else []),
+            number_column("With the effects", "fitted") if several else number_column("Residual", "tolerances fitted"),
         ),
         [
-            (words.NAMES[c], phase_words(p), *([number(null.get((c, p)), 2)] if several else []), number(best[c, p], 2))
+            (NAMES[c], phase_words(p), *([number(null.get((c, p)), 2)] if several else []), number(best[c, p], 2))
             for c in CHANNELS
             for p in PHASES
             if (c, p) in best
@@ -257,12 +255,13 @@ def nuisances_table(found: ModelDiagnosis) -> Table | None:
     """The nuisances that the fit moves most, in their standard uncertainties."""
     files = words.files_of(found)
     pulls = sorted(zip(found.data.nuisances, found.found.best.nu.tolist(), strict=True), key=lambda pair: -abs(pair[1]))
-    return _table(
+    return formatted_table(
         "nuisances",
         f"What the fit moved within its tolerance: {len(found.data.nuisances)} numbers, the most moved ones.",
         (
-            _text("Number"), _number("Moved by"), _number("Standard uncertainty", "as known"), _text("Unit"),
-            _number("In uncertainties"),
+            text_column("Number"), number_column("Moved by"), number_column("Standard uncertainty", "as known"),
+            text_column("Unit"),
+            number_column("In uncertainties"),
         ),
         [_nuisance_row(n, x, files) for n, x in pulls[:MOST_NUISANCES] if abs(x) > LEAST_PULL],
         "Numbers of the rig file, loads, gains and zeros of the sensors are known to a tolerance only; every fit lets them "
@@ -291,10 +290,13 @@ def suspects_table(found: ModelDiagnosis) -> Table | None:
         for name in found.suspects
         if named and name not in named
     }
-    return _table(
+    return formatted_table(
         "suspects",
         "Effects that were considered and are not needed beside the causes, the nearest first.",
-        (_text("Effect"), _text("Stage"), _text("What it would be"), _number("Odds for it", "beside the causes")),
+        (
+            text_column("Effect"), text_column("Stage"), text_column("What it would be"),
+            number_column("Odds for it", "beside the causes"),
+        ),
         [
             (
                 name, found.suspects[name].stage, words.meaning_words(found, name),
@@ -321,10 +323,10 @@ def _odds_words(gained: float) -> str:
 
 def thresholds_table(found: ModelDiagnosis) -> Table | None:
     """How large each effect would have to be to be named in these logs."""
-    return _table(
+    return formatted_table(
         "thresholds",
         "How large each effect, acting alone, would have to be to be named in these logs.",
-        (_text("Effect"), _text("Stage"), _text("Number"), _number("Named from")),
+        (text_column("Effect"), text_column("Stage"), text_column("Number"), number_column("Named from")),
         [
             (
                 one.effect, found.suspects[one.effect].stage, one.shown.what,
@@ -352,124 +354,15 @@ def logs_table(found: ModelDiagnosis) -> Table | None:
                 log.run.sha256 or "–",
             )
         )
-    return _table(
+    return formatted_table(
         "logs",
         "Logs of the campaign.",
-        (_text("Log"), _text("Load"), _text("Part", "in the fits"), _number("Cycles"), _text("SHA-256")),
+        (
+            text_column("Log"),
+            text_column("Load"),
+            text_column("Part", "in the fits"),
+            number_column("Cycles"),
+            text_column("SHA-256"),
+        ),
         rows,
     )
-
-
-# --------------------------------------------------------------------- of a winch without a model
-MOST_SETS = 12
-"""Sets of suspects that are listed; all are in the JSON."""
-
-
-def line_suspects_table(found: LineDiagnosis) -> Table | None:
-    """What each suspect is, and what it closes alone and is worth beside the others."""
-    choice, rows = found.choice, []
-    for name in found.lines.names:
-        other = tuple(n for n in found.lines.names if (n in found.chosen) != (n == name))
-        worth = (100.0 if name in found.chosen else -100.0) * (choice.error(other) - choice.error(found.chosen))
-        rows.append(
-            (name, words.LINE_MEANINGS[name], share_words(1.0 - choice.error((name,))), f"{number(worth, 1)} %")
-        )
-    return _table(
-        "suspects",
-        "What each suspect closes alone, and beside the causes.",
-        (
-            _text("Suspect"), _text("What it is"), _number("Closes alone", "of the squared error"),
-            _number("Beside the causes", "with it, or lost without it"),
-        ),
-        rows,
-        "Shares of the squared error on held-out cycles. A share below zero predicts worse than nothing.",
-    )  # fmt: skip
-
-
-def line_places_table(found: LineDiagnosis) -> Table | None:
-    """The gap phase by phase."""
-    return _table(
-        "places",
-        f"Where the gap lies: {words.word_of(found)} power of the winch minus line tension times speed, phase by phase.",
-        (
-            _text("Phase"), _number("Blocks", "of 0.44 s"), _number("Bias", "kW"), _number("RMS", "kW"),
-            _number("Noise", "of a block, kW"), _number("Cycles", "repeat to, kW"), _number("z", "bias / u"),
-            _number("Share", "of the squares"),
-        ),
-        [
-            (
-                phase_words(row.phase), f"{row.blocks}",
-                *(significant(x * KILO, 3) for x in (row.bias, row.rms, row.noise)),
-                significant(row.u_repeat * KILO, 2), signed(row.z), f"{number(100.0 * row.share, 1)} %",
-            )
-            for row in found.places
-        ],
-        "Noise is that of neighbouring blocks, from their second differences. z is the bias over its standard "
-        "uncertainty, of noise and of how the cycles repeat.",
-    )  # fmt: skip
-
-
-def line_closure_table(found: LineDiagnosis) -> Table | None:
-    """Root mean squares before and after on the judged cycles."""
-    if found.closure is None:
-        return None
-    power = found.closure.power
-    return _table(
-        "closure",
-        f"Error of the power, {words.judged_words(found)}: root mean squares of samples.",
-        (
-            _text("Channel"), _number("Before", "line tension times speed, kW"), _number("After", "with the causes, kW"),
-            _number("Noise", "white, kW"), _number("Closed", "of the squares"), _number("Interval", "95 %"),
-        ),
-        [
-            (
-                "winch power", *(significant(x * KILO, 3) for x in (power.before, power.after, power.noise)),
-                share_words(found.closure.share), words.interval_words(found.closure),
-            )
-        ],
-        "Closed: 1 − Σ after² ÷ Σ before². Of what exceeds the noise it is "
-        f"{share_words(found.closure.beyond_noise)}. The interval resamples the cycles.",
-    )  # fmt: skip
-
-
-def sets_table(found: LineDiagnosis) -> Table | None:
-    """The sets of suspects that predict best, and the single ones."""
-    choice = found.choice
-    ranked = sorted(choice.errors, key=choice.error)
-    shown = ranked[:MOST_SETS] + [names for names in ranked[MOST_SETS:] if len(names) < 2]
-    return _table(
-        "sets",
-        f"Sets of suspects by the squared error that remains on held-out cycles: {len(shown)} of {len(ranked)}.",
-        (
-            _text("Set"), _number("Suspects"), _number("Error", "of the gap"), _text("As good", "as the best"),
-            _number("Probability"), _text("Chosen"),
-        ),
-        [
-            (
-                words.set_words(names), f"{len(names)}", f"{number(100.0 * choice.error(names), 2)} %",
-                "yes" if choice.as_good(names) else "no", probability_words(choice.probability[names]),
-                "yes" if names == found.chosen else "",
-            )
-            for names in shown
-        ],
-        f"As good: within {number(100.0 * choice.tolerance / max(choice.gap, 1e-300), 2)} % of the minimum, the larger of "
-        "one standard error over cycles and one per cent of the gap. The smallest of these is chosen.",
-    )  # fmt: skip
-
-
-def line_logs_table(found: LineDiagnosis) -> Table | None:
-    """Every part of the campaign: its log, cycles and part in the diagnosis."""
-    in_turn = found.closure is not None and found.closure.left_out_in_turn
-    return _table(
-        "logs",
-        "Logs of the campaign.",
-        (_text("Log"), _number("Cycles"), _text("Part"), _number("Samples", "that count"), _text("SHA-256")),
-        [
-            (
-                part.run.name, f"{int(part.cycle.min())} to {int(part.cycle.max())}",
-                "each cycle left out once" if in_turn else "withheld" if part.withheld else "in the fit",
-                f"{part.here.size}", part.run.sha256 or "–",
-            )
-            for part in found.lines.parts
-        ],
-    )  # fmt: skip

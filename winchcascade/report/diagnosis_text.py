@@ -15,6 +15,8 @@ from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report import diagnosis_words as words
 from winchcascade.report.diagnosis_names import probability_words, share_words
 from winchcascade.report.digits import significant
+from winchcascade.report.gap_words import NAMES, alarm_words, differs_words
+from winchcascade.report.line_words import flipped_words, slope_words, small_words
 from winchcascade.report.model_account import COMPARED
 from winchcascade.report.text_table import table_lines
 
@@ -63,9 +65,9 @@ def diagnosis_text(found: ModelDiagnosis | LineDiagnosis, files: Sequence[Path |
     """
     note = arises = means = steady = ""
     if isinstance(found, LineDiagnosis):
-        note, steady, means = words.flipped_words(found), words.again_words(found), "the samples of those cycles"
-        rest = entry("not needed", words.small_words(found))
-        rest += entry("slope", words.slope_words(found) if "drum_inertia" in found.chosen else "")
+        note, steady, means = flipped_words(found), words.again_words(found), "the samples of those cycles"
+        rest = entry("not needed", small_words(found))
+        rest += entry("slope", slope_words(found) if "drum_inertia" in found.chosen else "")
     else:
         arises, means = words.arises_words(found) if words.says_more(found) else "", "0.44 s means on those logs"
         rest = entry("checked", words.checked_words(found) if found.verdict == "no_gap" else "")
@@ -121,7 +123,7 @@ def _causes(found: DiagnosisResult) -> list[str]:
     lines = _beside("which", lines) if narrow else ["which", *lines] if widest <= WIDTH else below
     for cause in found.causes:
         for rival in cause.rivals:
-            likely, differs = probability_words(rival.probability), words.differs_words(rival.differs)
+            likely, differs = probability_words(rival.probability), differs_words(rival.differs)
             lines += entry(
                 "", f"or {rival.effect} for {cause.effect} (probability {likely}); the two differ most in {differs}."
             )
@@ -143,7 +145,7 @@ def _how_far(found: ModelDiagnosis | LineDiagnosis, means: str) -> list[str]:
         before, after, noise = (
             significant(v * factor, 2).rjust(0 if name in COMPARED else NARROWEST) for v in (x.before, x.after, x.noise)
         )
-        rows.append((words.NAMES[name], before, after, noise, unit))
+        rows.append((NAMES[name], before, after, noise, unit))
     return [
         *entry("how far", words.closure_words(found)),
         *table_lines(rows, left=(0, 4), indent=" " * INDENT),
@@ -159,6 +161,6 @@ def _residual(found: DiagnosisResult) -> list[str]:
     if isinstance(found, LineDiagnosis):
         return lines
     for alarm in found.remainder.alarms[1:MOST_ALARMS]:
-        lines += entry("", f"{words.alarm_words(alarm, words.files_of(found))}.")
+        lines += entry("", f"{alarm_words(alarm, words.files_of(found))}.")
     more = len(found.remainder.alarms) - MOST_ALARMS
     return lines + (entry("", f"... {more} more, all in --json") if more > 0 else [])

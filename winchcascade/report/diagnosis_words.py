@@ -1,45 +1,36 @@
-"""What a diagnosis found, in sentences that the terminal, the reports and the JSON share."""
+"""Sentences about the result of a diagnosis, for the terminal, the reports and the JSON."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from winchcascade.core.campaign_file import Origin, joint_origin
 from winchcascade.diagnosis.causes import BACK, HOLD, RAMP
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import (
-    Alarm,
-    Arises,
     DiagnosisResult,
     Experiment,
     GapClosure,
     NamedCause,
-    Place,
     Spot,
-    StagePlace,
-    Where,
 )
 from winchcascade.diagnosis.gap_map import STANDS_OUT, arises
 from winchcascade.diagnosis.line.line_causes import STEP, SWING
 from winchcascade.diagnosis.line.line_closure import BURST
-from winchcascade.diagnosis.line.line_data import POWER, CyclePart, beside
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.line.line_selection import DRAWS
-from winchcascade.diagnosis.nuisances import Nuisance
 from winchcascade.report.diagnosis_names import (
     apart_words,
     display_of,
     load_words,
-    nuisance_words,
     number_words,
     phase_words,
     probability_words,
     share_words,
 )
-from winchcascade.report.digits import number, significant
-from winchcascade.rig.effects.effect import Display
+from winchcascade.report.digits import number
+from winchcascade.report.gap_words import alarm_meaning, alarm_words, arises_sentence, upper, where_sentence
+from winchcascade.report.line_words import LINE_MEANINGS, LINE_NUMBERS, cycles_of, part_words
 
 VERDICTS = {
     "no_gap": "No gap",
@@ -49,15 +40,6 @@ VERDICTS = {
 }
 """Verdicts as headings."""
 
-NAMES = {
-    "pressure": "pressure", "force": "line tension", "torque": "torque", "vdc": "Vdc", "idc": "Idc", POWER: "winch power",
-}  # fmt: skip
-UNITS = {"pressure": "Pa", "force": "N", "torque": "N m", "vdc": "V", "idc": "A"}
-SENSORS = {
-    "pressure": "pressure sensor", "force": "force cell", "torque": "torque sensor", "vdc": "sensor of Vdc",
-    "idc": "sensor of Idc",
-}  # fmt: skip
-
 FAR_ENOUGH = 3.0
 """An experiment distinguishes two effects if they are expected to differ by at least so many standard deviations."""
 
@@ -66,25 +48,6 @@ SURE = 0.95
 
 EXPLAINED = 0.9
 """Below this share, a gap of a winch without a model counts as explained only if the residual is noise."""
-
-LINE_NUMBERS = {
-    "drum_inertia": Display("inertia, as a mass on the line", 1.0, "kg", signed=False),
-    "line_friction": Display("constant friction", 1.0, "N", signed=False),
-    "line_drag": Display("drag over speed", 1.0, "N·s/m", signed=False),
-    "force_gain": Display("gain of the force cell", 100.0, "%"),
-    "force_zero": Display("zero of the force cell", 1.0, "N"),
-}
-"""Display of the number of each suspect without a model, in units of the line."""
-
-LINE_MEANINGS = {
-    "drum_inertia": "What turns with the line (drum, gear, machine, tether on the drum) takes power to speed up and gives it "
-    "back.",
-    "line_friction": "A constant friction between line and shaft, against the motion.",
-    "line_drag": "A drag between line and shaft in proportion to the speed.",
-    "force_gain": "The force cell reads too much or too little, by the same share everywhere.",
-    "force_zero": "The force cell reads too much or too little, by the same force everywhere.",
-}
-"""What each suspect is on a winch of which only line and shaft are known."""
 
 
 class Phrases(NamedTuple):
@@ -147,11 +110,6 @@ def phrases_of(found: DiagnosisResult) -> Phrases:
 
 
 # ------------------------------------------------------------------------------------------------- what things are called
-def upper(text: str) -> str:
-    """A text that begins with a capital letter."""
-    return text[:1].upper() + text[1:]
-
-
 def origins_of(found: DiagnosisResult) -> list[Origin]:
     """Where the data of each log come from."""
     return [run.origin for run in found.runs]
@@ -225,57 +183,6 @@ def alternatives_words(cause: NamedCause, conjunction: str) -> str:
     return conjunction.join(rival.effect for rival in cause.rivals)
 
 
-def spot_words(spot: Spot, names: Mapping[str, str] = NAMES) -> str:
-    """A spot of the gap: channel and phase.
-
-    >>> spot_words(Spot("idc", "haul_in")), spot_words(Spot("idc", "payout", within_blocks=True), {})
-    ('Idc during haul-in', 'idc within blocks of payout')
-    """
-    channel = names.get(spot.channel, spot.channel)
-    if spot.phase is None:
-        return channel
-    return f"{channel} {'within blocks of' if spot.within_blocks else 'during'} {phase_words(spot.phase)}"
-
-
-def about_text(about: Spot | Nuisance) -> str:
-    """What a sign of something unexplained is about, as the JSON names it."""
-    return spot_words(about, {}) if isinstance(about, Spot) else str(about)
-
-
-def about_words(about: Spot | Nuisance, files: Sequence[str]) -> str:
-    """What a sign of something unexplained is about.
-
-    Parameters
-    ----------
-    files : names of the logs, in their order
-    """
-    return spot_words(about) if isinstance(about, Spot) else nuisance_words(about, files)
-
-
-def differs_text(spot: Spot | None) -> str:
-    """Where a cause and its alternative differ most, as the JSON has it.
-
-    >>> differs_text(Spot("idc", "payout", 4.5, z=458.52)), differs_text(Spot("power_mech", "hold", bias=12.3))
-    ('idc during payout at 4.5 ohm, where they differ by 458.5 sigma', 'power_mech during hold, by 12 W rms')
-    """
-    if spot is None or spot.load is None:
-        return differs_words(spot, {})
-    return f"{spot_words(spot, {})} at {load_words(spot.load, 'ohm')}, where they differ by {spot.z:.1f} sigma"
-
-
-def differs_words(spot: Spot | None, names: Mapping[str, str] = NAMES) -> str:
-    """Where a cause and its alternative differ most.
-
-    >>> differs_words(Spot("idc", "payout", 4.5, z=458.52))
-    'Idc during payout at 4.5 Ω, by more than 100 standard deviations'
-    """
-    if spot is None:
-        return "nothing that these logs measure"
-    if spot.load is None:
-        return f"{spot_words(spot, names)}, by {spot.bias:.0f} W rms"
-    return f"{spot_words(spot, names)} at {load_words(spot.load)}, by {apart_words(spot.z)} standard deviations"
-
-
 # ----------------------------------------------------------------------------------------------------------- the verdict
 def verdict_words(found: DiagnosisResult) -> str:
     """One honest sentence about the verdict."""
@@ -296,70 +203,6 @@ def verdict_words(found: DiagnosisResult) -> str:
 
 
 # ------------------------------------------------------------------------------------------------------------- the place
-def where_sentence(where: Where, word: str = "measured") -> str:
-    """Where a gap lies: in which direction, at what currents and speeds, by how much; as the JSON has it.
-
-    Parameters
-    ----------
-    word : what the power of a winch without a model is called
-    """
-    worst = where.worst
-    if worst.channel == POWER:
-        return (
-            f"{where.stage}: in {phase_words(worst.phase)} the {word} power of the winch lies {abs(worst.bias) / 1e3:.2g} kW "
-            f"{'above' if worst.bias > 0.0 else 'below'} line tension times speed on average (z = {worst.z:+.0f}), "
-            f"{worst.rms / 1e3:.2g} kW rms; that phase holds {100.0 * worst.share:.0f} % of the squared gap."
-        )
-    region = ""
-    if worst.phase == "payout" and math.isfinite(where.rpm[0]):
-        region = f" between {where.rpm[0]:.0f} and {where.rpm[1]:.0f} rpm"
-        if where.i_dc[1] > 0.5:
-            region += f" and {max(where.i_dc[0], 0.0):.1f} to {where.i_dc[1]:.1f} A DC"
-    place = "a sensor" if where.stage == "sensor" else f"the {where.stage} stage"
-    return f"The gap lies in {place}: {_deviates(worst, where.size, region)}by up to {size_text(worst.channel, where.size)}."
-
-
-def arises_sentence(own: Arises | None) -> str:
-    """In which stage a gap arises when each stage has its logged inputs, as the JSON has it."""
-    if own is None:
-        return ""
-    inputs = "With logged inputs to each stage,"
-    if own.worst is None:
-        return f"{inputs} no stage deviates by more than {STANDS_OUT:g} standard uncertainties."
-    stages = " and ".join([", ".join(own.off[:-1]), own.off[-1]] if len(own.off) > 1 else own.off)
-    if own.sensor is not None:
-        return (
-            f"{inputs} the {stages} stages deviate as they would with a gain error of about {100.0 * own.gain:+.1g} % in the "
-            f"{SENSORS[own.sensor]} alone."
-        )
-    which = (
-        f"the {stages} stages deviate, the {own.off[0]} most"
-        if len(own.off) > 1
-        else f"only the {stages} stage deviates"
-    )
-    size = size_text(own.worst.channel, own.worst.bias)
-    return f"{inputs} {which}: {_deviates(own.worst, own.worst.bias)}by {size} in the mean."
-
-
-def _deviates(worst: Place | StagePlace, bias: float, region: str = "") -> str:
-    """In which direction a channel deviates, by the sign of measured minus simulated, and at which load it does so most."""
-    load = "" if worst.load is None else " in open circuit" if math.isinf(worst.load) else f" at {worst.load:g} ohm"
-    return (
-        f"{NAMES[worst.channel]} is {'over' if bias < 0.0 else 'under'}-predicted during {phase_words(worst.phase)}{region}, "
-        f"most clearly{load}, "
-    )
-
-
-def size_text(channel: str, size: float) -> str:
-    """The magnitude of a difference with its unit, from SI units.
-
-    >>> size_text("pressure", -98066.5), size_text("vdc", 12.345)
-    ('1 kg/cm2', '12.3 V')
-    """
-    factor, unit = (1.0 / 98066.5, "kg/cm2") if channel == "pressure" else (1.0, UNITS[channel])
-    return f"{abs(size) * factor:.3g} {unit}"
-
-
 def where_words(found: DiagnosisResult) -> str:
     """Where the gap lies end to end; where no mean is significant, the strongest sign instead."""
     if found.where is None:
@@ -466,17 +309,6 @@ def judged_words(found: ModelDiagnosis | LineDiagnosis) -> str:
     return f"judged on {each} by a fit without it; the causes were chosen on all {items}"
 
 
-def cycles_of(found: LineDiagnosis) -> int:
-    """Number of the cycles of all parts."""
-    return sum(len(set(part.cycle.tolist())) for part in found.lines.parts)
-
-
-def part_words(part: CyclePart) -> str:
-    """The cycles of a part and its log."""
-    first, last = int(part.cycle.min()), int(part.cycle.max())
-    return f"{f'cycle {first}' if first == last else f'cycles {first} to {last}'} of {part.run.name}"
-
-
 # ------------------------------------------------------------------------------------------------------- what to test next
 def profile_words(plan: Experiment) -> str:
     """The motion of a planned run.
@@ -525,35 +357,6 @@ def experiment_words(found: DiagnosisResult) -> str:
 
 
 # -------------------------------------------------------------------------------------------------------------- the residual
-def alarm_words(alarm: Alarm, files: Sequence[str]) -> str:
-    """A sign of something unexplained, without a full stop.
-
-    Parameters
-    ----------
-    files : names of the logs, in their order
-    """
-    where, size, limit = about_words(alarm.about, files), f"{alarm.size:.1f}", f"(limit {alarm.limit:g})"
-    of_power = isinstance(alarm.about, Spot) and alarm.about.channel == POWER
-    blocks = "means of 0.44 s are" if of_power else "the root mean square of the residual is"
-    return {
-        "structure": f"{upper(where)}: {blocks} {size} times the noise {limit}",
-        "scatter": f"{upper(where)}: the scatter is {size} times what noise explains {limit}",
-        "ripple": f"{upper(where)}: the means scatter about a smooth course {size} times as much as noise explains {limit}",
-        "nuisance": f"{upper(where)} had to move by {size} of its standard uncertainties {limit}",
-        "slow": f"{number(100.0 * alarm.size, 0)} % of the squared residual lasts longer than a second (limit "
-        f"{number(100.0 * alarm.limit, 0)} %)",
-    }[alarm.kind]
-
-
-def alarm_meaning(alarm: Alarm) -> str:
-    """What a sign of something unexplained may mean."""
-    return {
-        "structure": "the model's shape is wrong there",
-        "scatter": "something faster than a block of 0.4 s moves, a ripple or a vibration",
-        "ripple": "something comes and goes within seconds, as with every turn of a drum that is out of round",
-    }.get(alarm.kind, "either its tolerance is wrong or it takes the place of another effect")
-
-
 def remainder_words(found: DiagnosisResult) -> str:
     """What the causes leave."""
     left = found.remainder
@@ -601,42 +404,3 @@ def again_words(found: LineDiagnosis) -> str:
         else "The intervals overlap: the numbers are steady."
     )
     return f"Fitted to the withheld cycles alone: {numbers}. {steady}"
-
-
-def flipped_words(found: LineDiagnosis) -> str:
-    """Channels that were logged with the opposite sign, which ingest corrected."""
-    flipped = {
-        f"{run.name}: {finding.message}; {finding.action}": None
-        for run in found.runs
-        for finding in run.findings
-        if finding.kind == "sign_flipped"
-    }
-    return "; ".join(flipped) + "." if flipped else ""
-
-
-def small_words(found: LineDiagnosis) -> str:
-    """What the suspects that are not named would close together."""
-    rest = [name for name in found.lines.names if name not in found.chosen]
-    if not found.causes or not rest:
-        return ""
-    more = 100.0 * (found.choice.error(found.chosen) - found.choice.error(found.choice.best))
-    size = "less than 0.1 %" if more < 0.1 else f"{significant(more, 1)} %"
-    return f"{', '.join(rest)}: {'it' if len(rest) == 1 else 'together they'} would close {size} more"
-
-
-def slope_words(found: LineDiagnosis) -> str:
-    """Over how many samples the acceleration was taken, and why."""
-    lines = found.lines
-    tried = " and ".join(f"{span:g} s" for span in lines.spans)
-    why = f" (of {tried}, the one with which the fit best predicts held-out cycles)" if len(lines.spans) > 1 else ""
-    return f"slope of a local quadratic over {samples_of(found)} samples, {lines.span:g} s{why}"
-
-
-def samples_of(found: LineDiagnosis) -> int:
-    """Samples over which the slope of the velocity is taken."""
-    return 2 * beside(found.lines.parts[0].run, found.lines.span) + 1
-
-
-def set_words(names: Sequence[str]) -> str:
-    """A set of suspects."""
-    return " + ".join(names) if names else "none: line tension times speed"

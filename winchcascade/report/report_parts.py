@@ -1,4 +1,4 @@
-"""Parts that every report has: sections, pictures, and where its numbers come from."""
+"""Parts of every report: sections, pictures, tables of texts, and the sources of its numbers."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from winchcascade.core.campaign_file import Origin, origin_words
 from winchcascade.core.store import digest_of
 from winchcascade.report.page_setup import made_at
-from winchcascade.report.report_model import Block, Picture, Point, Section, Table
+from winchcascade.report.report_model import Block, Picture, Point, Section, Table, TableColumn, make_table
 from winchcascade.report.style import svg_text
 
 if TYPE_CHECKING:
@@ -54,3 +54,20 @@ def file_digest(path: str) -> str:
 def made_on() -> str:
     """The time of making, as it stands in a report."""
     return made_at().strftime("%Y-%m-%d %H:%M:%S UTC")
+
+
+def text_column(name: str, unit: str = "") -> TableColumn[object]:
+    """A column of texts."""
+    return TableColumn(name, unit, text=True)
+
+
+def number_column(name: str, unit: str = "") -> TableColumn[object]:
+    """A column of numbers that are formatted already."""
+    return TableColumn(name, unit)
+
+
+def formatted_table(
+    name: str, caption: str, columns: Sequence[TableColumn[object]], rows: Sequence[Sequence[str]], note: str = ""
+) -> Table | None:
+    """A table of texts; None without rows."""
+    return make_table(name, caption, columns, rows, note=note) if rows else None

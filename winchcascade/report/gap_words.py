@@ -1,0 +1,173 @@
+"""Sentences about one place of the gap or one sign of something unexplained, for the terminal, the reports and the JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from winchcascade.diagnosis.diagnosis_result import Alarm, Arises, Place, Spot, StagePlace, Where
+from winchcascade.diagnosis.gap_map import STANDS_OUT
+from winchcascade.diagnosis.line.line_data import POWER
+from winchcascade.diagnosis.nuisances import Nuisance
+from winchcascade.report.diagnosis_names import apart_words, load_words, nuisance_words, phase_words
+from winchcascade.report.digits import number
+
+NAMES = {
+    "pressure": "pressure", "force": "line tension", "torque": "torque", "vdc": "Vdc", "idc": "Idc", POWER: "winch power",
+}  # fmt: skip
+
+UNITS = {"pressure": "Pa", "force": "N", "torque": "N m", "vdc": "V", "idc": "A"}
+
+SENSORS = {
+    "pressure": "pressure sensor", "force": "force cell", "torque": "torque sensor", "vdc": "sensor of Vdc",
+    "idc": "sensor of Idc",
+}  # fmt: skip
+
+
+def upper(text: str) -> str:
+    """A text that begins with a capital letter."""
+    return text[:1].upper() + text[1:]
+
+
+def spot_words(spot: Spot, names: Mapping[str, str] = NAMES) -> str:
+    """A spot of the gap: channel and phase.
+
+    >>> spot_words(Spot("idc", "haul_in")), spot_words(Spot("idc", "payout", within_blocks=True), {})
+    ('Idc during haul-in', 'idc within blocks of payout')
+    """
+    channel = names.get(spot.channel, spot.channel)
+    if spot.phase is None:
+        return channel
+    return f"{channel} {'within blocks of' if spot.within_blocks else 'during'} {phase_words(spot.phase)}"
+
+
+def about_text(about: Spot | Nuisance) -> str:
+    """What a sign of something unexplained is about, as the JSON names it."""
+    return spot_words(about, {}) if isinstance(about, Spot) else str(about)
+
+
+def about_words(about: Spot | Nuisance, files: Sequence[str]) -> str:
+    """What a sign of something unexplained is about.
+
+    Parameters
+    ----------
+    files : names of the logs, in their order
+    """
+    return spot_words(about) if isinstance(about, Spot) else nuisance_words(about, files)
+
+
+def differs_text(spot: Spot | None) -> str:
+    """Where a cause and its alternative differ most, as the JSON has it.
+
+    >>> differs_text(Spot("idc", "payout", 4.5, z=458.52)), differs_text(Spot("power_mech", "hold", bias=12.3))
+    ('idc during payout at 4.5 ohm, where they differ by 458.5 sigma', 'power_mech during hold, by 12 W rms')
+    """
+    if spot is None or spot.load is None:
+        return differs_words(spot, {})
+    return f"{spot_words(spot, {})} at {load_words(spot.load, 'ohm')}, where they differ by {spot.z:.1f} sigma"
+
+
+def differs_words(spot: Spot | None, names: Mapping[str, str] = NAMES) -> str:
+    """Where a cause and its alternative differ most.
+
+    >>> differs_words(Spot("idc", "payout", 4.5, z=458.52))
+    'Idc during payout at 4.5 Ω, by more than 100 standard deviations'
+    """
+    if spot is None:
+        return "nothing that these logs measure"
+    if spot.load is None:
+        return f"{spot_words(spot, names)}, by {spot.bias:.0f} W rms"
+    return f"{spot_words(spot, names)} at {load_words(spot.load)}, by {apart_words(spot.z)} standard deviations"
+
+
+def where_sentence(where: Where, word: str = "measured") -> str:
+    """Where a gap lies: in which direction, at what currents and speeds, by how much; as the JSON has it.
+
+    Parameters
+    ----------
+    word : what the power of a winch without a model is called
+    """
+    worst = where.worst
+    if worst.channel == POWER:
+        return (
+            f"{where.stage}: in {phase_words(worst.phase)} the {word} power of the winch lies {abs(worst.bias) / 1e3:.2g} kW "
+            f"{'above' if worst.bias > 0.0 else 'below'} line tension times speed on average (z = {worst.z:+.0f}), "
+            f"{worst.rms / 1e3:.2g} kW rms; that phase holds {100.0 * worst.share:.0f} % of the squared gap."
+        )
+    region = ""
+    if worst.phase == "payout" and math.isfinite(where.rpm[0]):
+        region = f" between {where.rpm[0]:.0f} and {where.rpm[1]:.0f} rpm"
+        if where.i_dc[1] > 0.5:
+            region += f" and {max(where.i_dc[0], 0.0):.1f} to {where.i_dc[1]:.1f} A DC"
+    place = "a sensor" if where.stage == "sensor" else f"the {where.stage} stage"
+    return f"The gap lies in {place}: {_deviates(worst, where.size, region)}by up to {size_text(worst.channel, where.size)}."
+
+
+def arises_sentence(own: Arises | None) -> str:
+    """In which stage a gap arises when each stage has its logged inputs, as the JSON has it."""
+    if own is None:
+        return ""
+    inputs = "With logged inputs to each stage,"
+    if own.worst is None:
+        return f"{inputs} no stage deviates by more than {STANDS_OUT:g} standard uncertainties."
+    stages = " and ".join([", ".join(own.off[:-1]), own.off[-1]] if len(own.off) > 1 else own.off)
+    if own.sensor is not None:
+        return (
+            f"{inputs} the {stages} stages deviate as they would with a gain error of about {100.0 * own.gain:+.1g} % in the "
+            f"{SENSORS[own.sensor]} alone."
+        )
+    which = (
+        f"the {stages} stages deviate, the {own.off[0]} most"
+        if len(own.off) > 1
+        else f"only the {stages} stage deviates"
+    )
+    size = size_text(own.worst.channel, own.worst.bias)
+    return f"{inputs} {which}: {_deviates(own.worst, own.worst.bias)}by {size} in the mean."
+
+
+def _deviates(worst: Place | StagePlace, bias: float, region: str = "") -> str:
+    """In which direction a channel deviates, by the sign of measured minus simulated, and at which load it does so most."""
+    load = "" if worst.load is None else " in open circuit" if math.isinf(worst.load) else f" at {worst.load:g} ohm"
+    return (
+        f"{NAMES[worst.channel]} is {'over' if bias < 0.0 else 'under'}-predicted during {phase_words(worst.phase)}{region}, "
+        f"most clearly{load}, "
+    )
+
+
+def size_text(channel: str, size: float) -> str:
+    """The magnitude of a difference with its unit, from SI units.
+
+    >>> size_text("pressure", -98066.5), size_text("vdc", 12.345)
+    ('1 kg/cm2', '12.3 V')
+    """
+    factor, unit = (1.0 / 98066.5, "kg/cm2") if channel == "pressure" else (1.0, UNITS[channel])
+    return f"{abs(size) * factor:.3g} {unit}"
+
+
+def alarm_words(alarm: Alarm, files: Sequence[str]) -> str:
+    """A sign of something unexplained, without a full stop.
+
+    Parameters
+    ----------
+    files : names of the logs, in their order
+    """
+    where, size, limit = about_words(alarm.about, files), f"{alarm.size:.1f}", f"(limit {alarm.limit:g})"
+    of_power = isinstance(alarm.about, Spot) and alarm.about.channel == POWER
+    blocks = "means of 0.44 s are" if of_power else "the root mean square of the residual is"
+    return {
+        "structure": f"{upper(where)}: {blocks} {size} times the noise {limit}",
+        "scatter": f"{upper(where)}: the scatter is {size} times what noise explains {limit}",
+        "ripple": f"{upper(where)}: the means scatter about a smooth course {size} times as much as noise explains {limit}",
+        "nuisance": f"{upper(where)} had to move by {size} of its standard uncertainties {limit}",
+        "slow": f"{number(100.0 * alarm.size, 0)} % of the squared residual lasts longer than a second (limit "
+        f"{number(100.0 * alarm.limit, 0)} %)",
+    }[alarm.kind]
+
+
+def alarm_meaning(alarm: Alarm) -> str:
+    """What a sign of something unexplained may mean."""
+    return {
+        "structure": "the model's shape is wrong there",
+        "scatter": "something faster than a block of 0.4 s moves, a ripple or a vibration",
+        "ripple": "something comes and goes within seconds, as with every turn of a drum that is out of round",
+    }.get(alarm.kind, "either its tolerance is wrong or it takes the place of another effect")
