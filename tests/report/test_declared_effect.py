@@ -13,6 +13,7 @@ from winchcascade.rig.effects.effect import Change, Display, Effect, Field
 
 PRESSURE_ZERO = Effect(
     name="pressure_zero",
+    label="Pressure sensor zero",
     stage="sensor",
     summary="Zero error of the pressure sensor.",
     shows_as="pressure alone, by the same amount in every phase.",
@@ -38,10 +39,10 @@ def test_an_effect_that_is_only_declared_is_described_diagnosed_and_reported(mon
     table, meanings = causes_table(found), meanings_table(found)
     assert table is not None
     assert meanings is not None
-    assert table.rows[0][:3] == ("pressure_zero", "sensor", "zero of the pressure sensor")
+    assert table.rows[0][:3] == ("Pressure sensor zero (pressure_zero)", "sensor", "zero of the pressure sensor")
     assert str(table.rows[0][3]).startswith("+")
     assert str(table.rows[0][3]).endswith("kPa")
-    assert meanings.rows[0] == ("pressure_zero", "sensor", "Zero error of the pressure sensor.")
+    assert meanings.rows[0] == ("Pressure sensor zero (pressure_zero)", "sensor", "Zero error of the pressure sensor.")
     assert "zero of the pressure sensor" in " ".join(diagnosis_text(found).split())
     assert tolerance_of(found, PRESSURE_ZERO) > 0.0
     assert [row.name for row in rows_of(found)] == ["offset"]

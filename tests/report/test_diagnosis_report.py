@@ -47,8 +47,8 @@ def value(cell: str) -> float:
 def test_the_first_page_answers_where_which_how_sure_how_far_and_what_next() -> None:
     told = points(report("copper"))
     assert {"Verdict", "Where", "Cause", "How sure", "How far", "What next", "Residual", "Data"} <= set(told)
-    assert told["Cause"].startswith("copper_heating: stator resistance lies above its cold value")
-    assert [tile.value for tile in report("copper").tiles] == ["Explained", "copper_heating", "> 99 %"]
+    assert told["Cause"].startswith("Copper heating (copper_heating): stator resistance lies above its cold value")
+    assert [tile.value for tile in report("copper").tiles] == ["Explained", "Copper heating", "> 99 %"]
     interval = report("copper").tiles[1].interval
     assert re.fullmatch(r"stator resistance \+[\d.]+ % \(95 %: [\d.]+ to [\d.]+ %\)", interval)
 
@@ -164,7 +164,12 @@ def test_rivals_stand_in_the_tables_with_what_tells_them_apart() -> None:
     cause = msgspec.structs.replace(found.causes[0], probability=0.7, rivals=(rival,))
     made = make_diagnosis_report(msgspec.structs.replace(found, causes=(cause,)))
     assert tables(made)["rivals"].rows == (
-        ("copper_heating", "line_drag", "0.30", "torque during payout at open circuit, by 1.9 standard deviations"),
+        (
+            "Copper heating (copper_heating)",
+            "Line drag (line_drag)",
+            "0.30",
+            "torque during payout at open circuit, by 1.9 standard deviations",
+        ),
     )
     assert tables(made)["causes"].rows[0][-1] == "line_drag"
     assert "Or in its place line_drag." in points(made)["Cause"]

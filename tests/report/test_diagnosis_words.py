@@ -302,7 +302,7 @@ def test_few_lines_tell_verdict_causes_and_files() -> None:
 
     text = diagnosis_lines(as_json(diagnosed("copper")), [Path("d.html")])
     assert flat(text) == (
-        "diagnosis: explained: copper_heating; more than 99 % of the gap closed on held-out logs d.html"
+        "diagnosis: explained: Copper heating (copper_heating); more than 99 % of the gap closed on held-out logs d.html"
     )
     assert diagnosis_lines(as_json(diagnosed("nothing")), []).split() == ["diagnosis:", "no", "gap"]
 

@@ -126,8 +126,8 @@ def _tiles(found: ModelDiagnosis | LineDiagnosis) -> tuple[Tile, ...]:
         named = f"{count} cause{'s' if count > 1 else ''} named"
     tiles = [Tile("Verdict", "", words.VERDICTS[found.verdict], named)]
     for lead in found.causes[:1]:
-        likely = f"probability {probability_words(lead.probability)}"
-        tiles.append(Tile("Leading cause", likely, lead.effect, words.cause_words(found, lead)))
+        label, likely = found.suspects[lead.effect].label, f"probability {probability_words(lead.probability)}"
+        tiles.append(Tile("Leading cause", likely, label, f"{lead.effect}: {words.cause_words(found, lead)}"))
     if found.closure is not None:
         share, interval = share_words(found.closure.share), f"95 %: {words.interval_words(found.closure)}"
         tiles.append(Tile("Gap closed", f"on held-out {words.phrases_of(found).item}s", share, interval))
@@ -203,7 +203,8 @@ def _cause_points(found: DiagnosisResult) -> list[Point]:
     points = []
     for k, cause in enumerate(found.causes, start=1):
         what, others = words.meaning_words(found, cause.effect), words.alternatives_words(cause, " or ")
-        text = f"{cause.effect}: {what[:1].lower()}{what[1:].rstrip('.')}. Found: {words.cause_words(found, cause)}."
+        name, numbers = words.named(found, cause.effect), words.cause_words(found, cause)
+        text = f"{name}: {what[:1].lower()}{what[1:].rstrip('.')}. Found: {numbers}."
         points.append(
             Point(
                 f"Cause {k}" if len(found.causes) > 1 else "Cause",

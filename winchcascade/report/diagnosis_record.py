@@ -41,7 +41,7 @@ def as_json(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any]:
         "where": _where(found),
         "causes": [
             {
-                **_cause(cause),
+                **_cause(cause, found.suspects[cause.effect].label),
                 **({"closes_alone_of_the_gap": number(cause.weight)} if isinstance(found, LineDiagnosis) else {}),
             }
             for cause in found.causes
@@ -103,9 +103,10 @@ def _place(place: Place | StagePlace, files: list[str] | None = None) -> dict[st
     }
 
 
-def _cause(cause: NamedCause) -> dict[str, Any]:
+def _cause(cause: NamedCause, label: str) -> dict[str, Any]:
     return {
         "effect": cause.effect,
+        "label": label,
         "stage": cause.stage,
         "probability": number(cause.probability),
         "parameters": {name: _numbers(x) for name, x in cause.parameters.items()},

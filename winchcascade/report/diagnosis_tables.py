@@ -65,7 +65,7 @@ def causes_table(found: ModelDiagnosis | LineDiagnosis) -> Table | None:
                 text_column("Alternatives"),
             ),
             [
-                (n.effect, n.what, n.value, n.beside, text, n.probability, n.alternatives)
+                (n.named, n.what, n.value, n.beside, text, n.probability, n.alternatives)
                 for n, text in zip(numbers, again, strict=True)
             ],
             "Numbers are in units of the line: no drum radius is needed. Intervals allow for the correlation of samples "
@@ -79,7 +79,7 @@ def causes_table(found: ModelDiagnosis | LineDiagnosis) -> Table | None:
             number_column("Interval", "95 %"),
             number_column("Probability"), text_column("Alternatives"),
         ),
-        [(n.effect, n.stage, n.what, n.value, n.beside, n.probability, n.alternatives) for n in numbers],
+        [(n.named, n.stage, n.what, n.value, n.beside, n.probability, n.alternatives) for n in numbers],
         "Numbers with a sign are changes from the rig file's value, or errors; intervals include the tolerance of that value. "
         "Alternatives would explain the same data about as well in place of the effect.",
     )  # fmt: skip
@@ -92,7 +92,7 @@ def meanings_table(found: ModelDiagnosis) -> Table | None:
         "meanings",
         "What these effects are.",
         (text_column("Effect"), text_column("Stage"), text_column("What the rig file leaves out")),
-        [(name, found.suspects[name].stage, words.meaning_words(found, name)) for name in names],
+        [(words.named(found, name), found.suspects[name].stage, words.meaning_words(found, name)) for name in names],
     )
 
 
@@ -109,7 +109,12 @@ def rivals_table(found: ModelDiagnosis | LineDiagnosis) -> Table | None:
             text_column("They differ most in"),
         ),
         [
-            (cause.effect, rival.effect, probability_words(rival.probability), differs_words(rival.differs))
+            (
+                words.named(found, cause.effect),
+                words.named(found, rival.effect),
+                probability_words(rival.probability),
+                differs_words(rival.differs),
+            )
             for cause in found.causes
             for rival in cause.rivals
         ],

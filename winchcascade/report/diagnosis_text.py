@@ -98,7 +98,7 @@ def diagnosis_lines(record: Mapping[str, Any], files: Sequence[Path]) -> str:
     ----------
     record : the diagnosis as JSON, schema `winchcascade/diagnosis/1`
     """
-    names = ", ".join(cause["effect"] for cause in record["causes"])
+    names = ", ".join(f"{cause['label']} ({cause['effect']})" for cause in record["causes"])
     text = f"{words.VERDICTS[record['verdict']].lower()}{f': {names}' if names else ''}"
     if record["closure"] is not None:
         share = share_words(record["closure"]["share_closed"]).replace(">", "more than")
@@ -110,17 +110,12 @@ def _causes(found: DiagnosisResult) -> list[str]:
     """A table of the causes, one below the other where it would be too wide, then their alternatives."""
     if not found.causes:
         return []
-    rows = [("effect", "stage", "what changes", "found", "95 %", "prob.")]
-    below: list[str] = []
-    for n in (n for cause in found.causes for n in words.numbers_of(found, cause)):
-        rows.append((n.effect, n.stage, n.what, n.value, n.beside, n.probability))
-        head = f"{n.effect} ({n.stage}, probability {n.probability}): " if n.effect else ""
-        below += entry("" if below else "which", f"{head}{n.what} {n.value} (95 %: {n.beside})")
-    table = [(*row[: 1 if isinstance(found, LineDiagnosis) else 2], *row[2:]) for row in rows]
-    lines = table_lines(table, left=range(len(rows[0])))
-    widest = max(len(line) for line in lines)
-    narrow = widest <= WIDTH - INDENT
-    lines = _beside("which", lines) if narrow else ["which", *lines] if widest <= WIDTH else below
+    numbers = [n for cause in found.causes for n in words.numbers_of(found, cause)]
+    wide = _fitting([("cause", "effect", *_HEAD), *((n.label, n.effect, *_values(n)) for n in numbers)])
+    lines = wide or _fitting([("effect", *_HEAD), *(row for n in numbers for row in _stacked(n))])
+    for n in () if lines else numbers:
+        head = f"{n.label} ({n.effect}, {n.stage}, probability {n.probability}): " if n.effect else ""
+        lines += entry("" if lines else "which", f"{head}{n.what} {n.value} (95 %: {n.beside})")
     for cause in found.causes:
         for rival in cause.rivals:
             likely, differs = probability_words(rival.probability), differs_words(rival.differs)
@@ -128,6 +123,27 @@ def _causes(found: DiagnosisResult) -> list[str]:
                 "", f"or {rival.effect} for {cause.effect} (probability {likely}); the two differ most in {differs}."
             )
     return [*lines, *entry("", f"not named, though fitted: {', '.join(found.unnamed)}" if found.unnamed else "")]
+
+
+_HEAD = ("what changes", "found", "95 %", "prob.")
+"""Columns of the table of causes beside their names."""
+
+
+def _values(n: words.CauseNumber) -> tuple[str, ...]:
+    """Entries of a number of a cause below `_HEAD`."""
+    return n.what, n.value, n.beside, n.probability
+
+
+def _stacked(n: words.CauseNumber) -> list[tuple[str, ...]]:
+    """A row with the plain name of the effect, then one with its identifier."""
+    return [(n.label, *_values(n)), *([(f"  {n.effect}", *[""] * len(_HEAD))] if n.effect else [])]
+
+
+def _fitting(rows: Sequence[Sequence[str]]) -> list[str]:
+    """A table beside the margin, or below its name where it is wider; no line where it is too wide for that too."""
+    lines = table_lines(rows, left=range(len(rows[0])))
+    widest = max(len(line) for line in lines)
+    return _beside("which", lines) if widest <= WIDTH - INDENT else ["which", *lines] if widest <= WIDTH else []
 
 
 def _how_far(found: ModelDiagnosis | LineDiagnosis, means: str) -> list[str]:

@@ -133,6 +133,7 @@ class CauseNumber(NamedTuple):
     """
 
     effect: str
+    label: str
     stage: str
     what: str
     value: str
@@ -140,6 +141,11 @@ class CauseNumber(NamedTuple):
     beside: str
     probability: str
     alternatives: str
+
+    @property
+    def named(self) -> str:
+        """Plain name of the effect with its identifier beside it."""
+        return f"{self.label} ({self.effect})" if self.effect else ""
 
 
 def numbers_of(found: DiagnosisResult, cause: NamedCause, *, again: bool = False) -> list[CauseNumber]:
@@ -150,7 +156,14 @@ def numbers_of(found: DiagnosisResult, cause: NamedCause, *, again: bool = False
     again : the numbers of a winch without a model as the withheld cycles alone give them
     """
     numbers = []
-    about = (cause.effect, cause.stage, probability_words(cause.probability), alternatives_words(cause, ", ") or "none")
+    label = found.suspects[cause.effect].label
+    about = (
+        cause.effect,
+        label,
+        cause.stage,
+        probability_words(cause.probability),
+        alternatives_words(cause, ", ") or "none",
+    )
     for name, value in cause.parameters.items():
         if isinstance(found, LineDiagnosis):
             how, value = LINE_NUMBERS[cause.effect], found.again[cause.effect] if again else value
@@ -160,9 +173,9 @@ def numbers_of(found: DiagnosisResult, cause: NamedCause, *, again: bool = False
             how = display_of(cause.effect, name, value.unit)
             text, interval = number_words(how, value)
         numbers.append(
-            CauseNumber(*about[:2], how.what, text, interval, interval.removesuffix(how.unit).rstrip(), *about[2:])
+            CauseNumber(*about[:3], how.what, text, interval, interval.removesuffix(how.unit).rstrip(), *about[3:])
         )
-        about = ("",) * 4
+        about = ("",) * 5
     return numbers
 
 
@@ -171,6 +184,11 @@ def cause_words(found: DiagnosisResult, cause: NamedCause, *, again: bool = Fals
     return "; ".join(
         f"{n.what} {n.value} ({'' if again else '95 %: '}{n.interval})" for n in numbers_of(found, cause, again=again)
     )
+
+
+def named(found: DiagnosisResult, effect: str) -> str:
+    """Plain name of a suspect with its identifier beside it."""
+    return f"{found.suspects[effect].label} ({effect})"
 
 
 def meaning_words(found: DiagnosisResult, effect: str) -> str:

@@ -57,6 +57,7 @@ class Effect(msgspec.Struct, frozen=True):
 
     Parameters
     ----------
+    label : plain name that reports show beside the identifier, of at most 20 letters
     stage : where in the cascade it acts: generator, gearbox, transmission, restoring, sensor
     summary : what the baseline leaves unmodelled
     shows_as : channels, phases, speeds, loads and displacements at which it shows
@@ -71,6 +72,7 @@ class Effect(msgspec.Struct, frozen=True):
     """
 
     name: str
+    label: str
     stage: str
     summary: str
     shows_as: str

@@ -5,6 +5,7 @@ from winchcascade.rig.effects.effect import Change, Display, Effect, Field
 GEARBOX = (
     Effect(
         name="gear_mesh_loss",
+        label="Gear mesh loss",
         stage="gearbox",
         summary="Mesh efficiency of the gear below its given value.",
         shows_as="torque and force above the baseline in payout by the same share at every speed and load; vdc and idc "
@@ -22,6 +23,7 @@ GEARBOX = (
     ),
     Effect(
         name="rotor_viscous",
+        label="Rotor viscous drag",
         stage="gearbox",
         summary="Drag on the fast shaft in proportion to its speed, beyond the calibrated damper.",
         shows_as="torque and force above the baseline in payout, in proportion to speed, the same at every load; the "
@@ -37,6 +39,7 @@ GEARBOX = (
     ),
     Effect(
         name="rotor_windage",
+        label="Rotor windage",
         stage="gearbox",
         summary="Drag on the fast shaft in proportion to its speed squared.",
         shows_as="torque and force above the baseline in payout at high speed, the same at every load.",
@@ -54,6 +57,7 @@ GEARBOX = (
     ),
     Effect(
         name="rotor_friction",
+        label="Rotor friction",
         stage="gearbox",
         summary="Constant drag torque on the fast shaft: seals and bearings.",
         shows_as="torque and force above the baseline in payout by the same amount at every speed and load, open "
@@ -69,6 +73,7 @@ GEARBOX = (
     ),
     Effect(
         name="rotor_inertia",
+        label="Rotor inertia",
         stage="gearbox",
         summary="Inertia of the fast shaft differs: coupling, gear or brake disc not in the rotor's data.",
         shows_as="torque and force off while the line speeds up and at the edge of braking; vdc runs down slower or "
@@ -93,6 +98,7 @@ GEARBOX = (
     ),
     Effect(
         name="clutch_drag",
+        label="Clutch drag",
         stage="gearbox",
         summary="Overrunning clutch drags while the line is hauled in.",
         shows_as="torque below zero, and force lower, in haul-in alone.",

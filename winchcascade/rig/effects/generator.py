@@ -44,6 +44,7 @@ _FIRST = "; plausible range, little below the rated 5.16 A (Sec. 5.1)"
 GENERATOR = (
     Effect(
         name="ke_rolloff",
+        label="Back-EMF roll-off",
         stage="generator",
         summary="Back-EMF constant falls with the stator current, by a law of unknown shape.",
         shows_as="vdc, idc, torque and force below the baseline where the stator current is high, the more the smaller "
@@ -70,6 +71,7 @@ GENERATOR = (
     ),
     Effect(
         name="ke_shift",
+        label="Back-EMF constant",
         stage="generator",
         summary="Back-EMF constant differs at every current: magnets warm or out of tolerance.",
         shows_as="vdc and idc off by nearly the same share at every load, in open circuit too, torque and force by "
@@ -86,6 +88,7 @@ GENERATOR = (
     ),
     Effect(
         name="copper_heating",
+        label="Copper heating",
         stage="generator",
         summary="Stator resistance lies above its cold value, as the copper is warm.",
         shows_as="vdc and idc below the baseline at small load resistance, torque and force by less; the loss grows "
@@ -101,6 +104,7 @@ GENERATOR = (
     ),
     Effect(
         name="sync_inductance",
+        label="Phase inductance",
         stage="generator",
         summary="Phase inductance differs from the maker's value.",
         shows_as="vdc, idc, torque and force off where speed and current are both high: commutation takes longer.",
@@ -115,6 +119,7 @@ GENERATOR = (
     ),
     Effect(
         name="diode_drop",
+        label="Diode drop",
         stage="generator",
         summary="Each of the two conducting diodes drops more than 0.7 V.",
         shows_as="vdc and idc low by a nearly constant voltage, which weighs most at low speed and small load "
@@ -130,6 +135,7 @@ GENERATOR = (
     ),
     Effect(
         name="load_drift",
+        label="Load resistance",
         stage="generator",
         summary="Load resistance differs from its nominal value.",
         shows_as="vdc and idc off in opposite directions, their ratio by the same share at every speed, and torque and "

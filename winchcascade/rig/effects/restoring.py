@@ -15,6 +15,7 @@ def _heated(model: Model, values: Values) -> Model:
 RESTORING = (
     Effect(
         name="gas_polytropic",
+        label="Gas heating",
         stage="restoring",
         summary="Gas heats when it is compressed, cools when it expands, and takes seconds to come back to the ambient "
         "temperature.",
@@ -42,6 +43,7 @@ RESTORING = (
     ),
     Effect(
         name="gas_volume",
+        label="Gas volume",
         stage="restoring",
         summary="Effective gas volume differs from that of the accumulator.",
         shows_as="pressure and force rise less or more with the displacement, in payout, hold and haul-in alike; at "
@@ -58,6 +60,7 @@ RESTORING = (
     ),
     Effect(
         name="precharge",
+        label="Precharge pressure",
         stage="restoring",
         summary="Precharge pressure of the gas differs.",
         shows_as="pressure and force off by the same share of the absolute pressure at every displacement, in every "
@@ -74,6 +77,7 @@ RESTORING = (
     ),
     Effect(
         name="piston_area",
+        label="Piston area",
         stage="restoring",
         summary="Effective piston area differs.",
         shows_as="force off at every displacement, and pressure rises less or more with it; at zero payout the "
@@ -91,6 +95,7 @@ RESTORING = (
     ),
     Effect(
         name="seal_friction",
+        label="Seal friction",
         stage="restoring",
         summary="Constant friction of the piston seals.",
         shows_as="force above the baseline in payout and below it in haul-in, by an amount that no pressure changes; "
@@ -106,6 +111,7 @@ RESTORING = (
     ),
     Effect(
         name="screw_friction",
+        label="Screw friction",
         stage="restoring",
         summary="Friction coefficient of the screw differs.",
         shows_as="force off in payout and in haul-in, in opposite directions and in proportion to pressure; torque and "

@@ -5,6 +5,7 @@ from winchcascade.rig.effects.effect import Change, Display, Effect, Field
 SENSOR = (
     Effect(
         name="torque_gain",
+        label="Torque sensor gain",
         stage="sensor",
         summary="Gain error of the torque sensor.",
         shows_as="torque alone, by the same share at every speed and load.",
@@ -18,6 +19,7 @@ SENSOR = (
     ),
     Effect(
         name="force_zero",
+        label="Force cell zero",
         stage="sensor",
         summary="Zero error of the force cell.",
         shows_as="force alone, by the same amount in every phase.",
@@ -32,6 +34,7 @@ SENSOR = (
     ),
     Effect(
         name="force_gain",
+        label="Force cell gain",
         stage="sensor",
         summary="Gain error of the force cell.",
         shows_as="force alone, by the same share in every phase.",
@@ -47,6 +50,7 @@ SENSOR = (
     ),
     Effect(
         name="voltage_gain",
+        label="Vdc sensor gain",
         stage="sensor",
         summary="Gain error of the voltage Vdc.",
         shows_as="vdc alone, by the same share at every speed and load, and with it the apparent load resistance.",
@@ -61,6 +65,7 @@ SENSOR = (
     ),
     Effect(
         name="current_gain",
+        label="Idc sensor gain",
         stage="sensor",
         summary="Gain error of the current Idc.",
         shows_as="idc alone, by the same share at every speed and load, and with it the apparent load resistance.",
@@ -74,6 +79,7 @@ SENSOR = (
     ),
     Effect(
         name="electrical_lag",
+        label="Vdc and Idc delay",
         stage="sensor",
         summary="Vdc and Idc are recorded late, by a pure delay.",
         shows_as="vdc and idc alone, while speed changes: low as it rises, high as it falls; the plateau agrees.",

@@ -8,6 +8,7 @@ SPAN = 10.0
 TRANSMISSION = (
     Effect(
         name="line_friction",
+        label="Line friction",
         stage="transmission",
         summary="Constant friction between line and torque sensor, against the motion.",
         shows_as="force above the baseline in payout and below it in haul-in by the same amount; torque and pressure "
@@ -27,6 +28,7 @@ TRANSMISSION = (
     ),
     Effect(
         name="line_drag",
+        label="Line drag",
         stage="transmission",
         summary="Drag between line and torque sensor in proportion to speed.",
         shows_as="force above the baseline in payout and below it in haul-in, in proportion to the line's speed; "
@@ -42,6 +44,7 @@ TRANSMISSION = (
     ),
     Effect(
         name="drum_inertia",
+        label="Drum inertia",
         stage="transmission",
         summary="Inertia at the drum differs: rope on the drum, chain and sprockets.",
         shows_as="force off while the line speeds up or brakes, in payout and haul-in; torque and pressure agree.",
@@ -55,6 +58,7 @@ TRANSMISSION = (
     ),
     Effect(
         name="drum_layering",
+        label="Rope layering",
         stage="transmission",
         summary="Effective radius of the rope changes linearly with the payout, from none at zero payout.",
         shows_as="force alone, by a share that grows with the displacement, in payout, hold and haul-in alike.",
