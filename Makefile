@@ -8,7 +8,7 @@ PYTEST := $(BIN)/pytest --numprocesses auto --maxprocesses 8 --dist loadfile
 # compile again what has changed since the installation.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test test-types test-fast test-all test-browser bench clean
+.PHONY: demo test test-types test-fast test-all test-browser bench trials clean
 
 demo: $(VENV)/installed
 	$(BIN)/winchcascade demo --out demo
@@ -37,6 +37,10 @@ test-browser: $(VENV)/installed
 # One table of ratios in a quarter of an hour or less; make bench BENCH=--quick takes about a minute and is rougher.
 bench: $(VENV)/installed
 	$(BIN)/python benchmarks/all.py $(BENCH)
+
+# Scores of the diagnosis on campaigns of the twin, in an hour on two cores; make trials TRIALS="--family nothing" does a part.
+trials: $(VENV)/installed
+	$(BIN)/python benchmarks/trials.py $(TRIALS)
 
 $(VENV)/installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)

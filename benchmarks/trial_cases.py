@@ -1,0 +1,214 @@
+"""One case of a trial: make its campaign with the twin, diagnose it as a user would, and keep what is needed for the score."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import time
+from functools import cache
+from pathlib import Path
+
+import msgspec
+import numpy as np
+from measure import ROOT
+from trial_plans import FAMILIES, Plan, WrongEntry
+
+from winchcascade.blind.cases import STATED_LOADS, campaign_text, log_text
+from winchcascade.blind.injected import Hidden, draw_hidden
+from winchcascade.blind.twin import Twin, draw_twin, make_log
+from winchcascade.core.scratch import scratch_folder
+
+RIG_FILE = ROOT / "winchcascade" / "rigfiles" / "hsu2026.toml"
+
+
+class Number(msgspec.Struct, frozen=True):
+    """A number of a cause as it was diagnosed; `at_limit` marks a one-sided interval, whose open end may be missing."""
+
+    value: float
+    low: float | None = None
+    high: float | None = None
+    at_limit: str | None = None
+    beyond_range: bool = False
+
+    def holds(self, truth: float) -> bool:
+        """Whether the interval contains the truth."""
+        return (self.low is None or self.low <= truth) and (self.high is None or truth <= self.high)
+
+
+class Alternative(msgspec.Struct, frozen=True):
+    """An alternative explanation of a cause."""
+
+    effect: str
+
+
+class NamedCause(msgspec.Struct, frozen=True):
+    """A cause that the diagnosis names."""
+
+    effect: str
+    parameters: dict[str, Number] = {}
+    rivals: tuple[Alternative, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The effect and its alternatives."""
+        return (self.effect, *(rival.effect for rival in self.rivals))
+
+
+class Minor(msgspec.Struct, frozen=True):
+    """An effect that is significant but not relevant."""
+
+    effect: str
+
+
+class ModelForm(msgspec.Struct, frozen=True):
+    """A difference between the owner's own simulation and the model."""
+
+    stage: str | None = None
+    likely: str | None = None
+
+
+class Part(msgspec.Struct, frozen=True):
+    """One part of the account of a metric."""
+
+    effect: str | None
+    kind: str
+    value: float
+    low: float | None = None
+    high: float | None = None
+
+
+class Account(msgspec.Struct, frozen=True):
+    """The account of one metric of one run."""
+
+    metric: str
+    load_ohm: float | None = None
+    parts: tuple[Part, ...] = ()
+
+
+class Found(msgspec.Struct, frozen=True):
+    """The part of a diagnosis that the trials score."""
+
+    verdict: str
+    causes: tuple[NamedCause, ...] = ()
+    minor: tuple[Minor, ...] = ()
+    model_form: tuple[ModelForm, ...] | None = None
+    contributions: tuple[Account, ...] = ()
+
+
+class Result(msgspec.Struct, frozen=True):
+    """One line of the results: a case, the true numbers of its effects, the diagnosis, and the times. [s]
+
+    Parameters
+    ----------
+    shares : true contribution of the effect to eta_pto by load in ohm, where the family compares it [1]
+    commit : of the checkout that diagnosed it
+    """
+
+    plan: Plan
+    parameters: dict[str, dict[str, float]]
+    found: Found | None
+    making: float
+    diagnosing: float
+    commit: str
+    shares: dict[str, float] = {}
+    fault: str | None = None
+
+
+@cache
+def commit() -> str:
+    """Commit of this checkout, marked where files were changed since."""
+    command = ["git", "-C", str(ROOT), "describe", "--always", "--dirty", "--exclude", "*"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    return done.stdout.strip() or "unknown"
+
+
+def draw(plan: Plan) -> tuple[Hidden, Twin, np.random.Generator]:
+    """Injected values and the twin of a case, and the generator from which the logs are drawn next."""
+    rng = np.random.default_rng([FAMILIES[plan.family].seed, plan.number])
+    hidden = draw_hidden(plan.effects, None, rng)
+    return hidden, draw_twin(hidden, rng), rng
+
+
+def write_campaign(plan: Plan, folder: Path) -> None:
+    """Write the logs of a case, its campaign.toml, and its rig file where an entry of it is wrong."""
+    _, twin, rng = draw(plan)
+    stated, entry = dict(STATED_LOADS), plan.entry
+    if entry is not None and entry.log is not None:
+        stated[entry.log] = round(stated[entry.log] * entry.factor, 3)
+    loads = {}
+    for repeat in range(1, plan.repeats + 1):
+        for log, load in stated.items():
+            name = log if plan.repeats == 1 else f"{log}_{repeat:02d}"
+            columns = make_log(twin, log, rng, plan.logger)
+            if entry is not None and entry.shared:
+                columns |= {key: np.round(columns[key] * entry.factor, 4) for key in ("displacement", "velocity")}
+            (folder / f"{name}.csv").write_text(log_text(columns), encoding="utf-8")
+            loads[name] = load
+    text = campaign_text(f"{plan.family} {plan.number}", loads)
+    if entry is not None and entry.log is None:
+        (folder / "rig.toml").write_text(rig_text(entry), encoding="utf-8")
+        text = f'rig = "rig.toml"\n{text}'
+    (folder / "campaign.toml").write_text(text, encoding="utf-8")
+
+
+ENTRIES = {
+    "drum_radius": "r_drum",
+    "gear_ratio": "gear_ratio",
+    "k_e_convention": "k_e",
+    "r_s_convention": "r_s",
+    "l_s_convention": "l_s",
+}
+"""Entry of the rig file that a suspect describes."""
+
+
+def rig_text(entry: WrongEntry) -> str:
+    """The built-in rig file with one wrong value."""
+    text, key = RIG_FILE.read_text(encoding="utf-8"), ENTRIES[entry.effect]
+    changed, times = re.subn(
+        rf"(?m)^({key} = {{ value = )([0-9.e+-]+)",
+        lambda found: f"{found[1]}{float(found[2]) * entry.factor:.6g}",
+        text,
+    )
+    if times != 1:
+        raise SystemExit(f"{RIG_FILE}: expected one entry {key}, found {times}")
+    return changed
+
+
+class Order(msgspec.Struct, frozen=True):
+    """One case to do, the file that its result is added to, and a folder in which campaigns are kept, if any."""
+
+    plan: Plan
+    results: str
+    keep: str | None = None
+
+
+def do_case(order: Order) -> str:
+    """Make and diagnose one case, and add its result to the file of its family."""
+    plan = order.plan
+    with scratch_folder() as scratch:
+        folder = scratch / f"{plan.family}-{plan.number:04d}"
+        if order.keep is not None:
+            folder = Path(order.keep) / folder.name
+        folder.mkdir(parents=True, exist_ok=True)
+        result = _result(plan, folder)
+    with Path(order.results).open("ab") as lines:
+        lines.write(msgspec.json.encode(result) + b"\n")
+    return plan.family
+
+
+def _result(plan: Plan, folder: Path) -> Result:
+    from winchcascade.batch.campaign_diagnosis import diagnose_campaign
+    from winchcascade.rig.effects.catalogue import EFFECTS
+
+    begin = time.perf_counter()
+    write_campaign(plan, folder)
+    made = time.perf_counter()
+    found, fault = None, None
+    try:
+        record = diagnose_campaign(folder / "campaign.toml", suspects=EFFECTS, seed=0, predictions=None)
+        found = msgspec.convert(record, Found)
+        (folder / "diagnosis.json").write_bytes(msgspec.json.encode(record))
+    except Exception as error:  # a diagnosis that fails is a result, too
+        fault = f"{type(error).__name__}: {error}"
+    end = time.perf_counter()
+    return Result(plan, draw(plan)[0].reported(), found, made - begin, end - made, commit(), fault=fault)
