@@ -31,14 +31,14 @@ def test_the_page_adds_an_effect_that_is_then_named(tmp_path: Path, monkeypatch:
 
 
 def test_the_trial_says_what_the_text_says() -> None:
-    told = re.split(r"^(?=\w)", shown(PAGE)["python try_it.py"], flags=re.MULTILINE)[1:]
-    causes = [re.findall(r"^  (\w+)\.\w+ (\S+) \((\S+) to (\S+)\)", part, re.MULTILINE) for part in told]
+    diagnoses = re.split(r"^(?=\w)", shown(PAGE)["python try_it.py"], flags=re.MULTILINE)[1:]
+    causes = [re.findall(r"^  (\w+)\.\w+ (\S+) \((\S+) to (\S+)\)", part, re.MULTILINE) for part in diagnoses]
     assert [[cause[0] for cause in found] for found in causes] == [
         ["pressure_gain"], ["precharge", "force_zero"], ["precharge"], ["piston_area"],
     ]  # fmt: skip
     ((_, _, low, high),) = causes[0]
     assert float(low) <= 0.05 <= float(high)
-    assert all("explained" in part for part in told)
+    assert all("explained" in part for part in diagnoses)
 
 
 def test_the_signature_is_that_of_the_declaration() -> None:

@@ -54,7 +54,7 @@ def test_a_wrong_entry_is_one_sentence_with_its_place(tmp_path: Path, text: str,
     assert str(path) in str(fault.value)
 
 
-def test_a_campaign_that_is_not_there_is_told(tmp_path: Path) -> None:
+def test_a_campaign_that_is_not_there_is_reported(tmp_path: Path) -> None:
     with pytest.raises(CampaignError, match="cannot be read"):
         load_campaign(tmp_path)
 

@@ -87,13 +87,13 @@ def test_the_action_does_what_the_page_says(
 
 def test_the_exit_codes_are_those_of_the_help() -> None:
     for command in (["check"], ["audit"], ["batch"], ["blind", "deal"], ["blind", "diagnose"]):
-        told = subprocess.run(
+        output = subprocess.run(
             [sys.executable, "-m", "winchcascade", *command, "--help"],
             capture_output=True,
             encoding="utf-8",
             check=True,
         ).stdout
-        assert "Exit code 1" in " ".join(told.split()), command
+        assert "Exit code 1" in " ".join(output.split()), command
 
 
 if __name__ == "__main__":

@@ -42,8 +42,8 @@ def started(*arguments: str | Path, cwd: Path | None = None, **environment: str)
     )  # fmt: skip
 
 
-def refusal(*arguments: str | Path, cwd: Path | None = None) -> str:
-    """The one sentence of a refusal: exit code 2, nothing on stdout, no traceback."""
+def rejection(*arguments: str | Path, cwd: Path | None = None) -> str:
+    """The one sentence of a rejection: exit code 2, nothing on stdout, no traceback."""
     done = winchcascade(*arguments, cwd=cwd)
     assert done.returncode == 2, done.stderr
     assert done.stdout == ""
@@ -52,7 +52,7 @@ def refusal(*arguments: str | Path, cwd: Path | None = None) -> str:
 
 
 def one_sentence(*arguments: str | Path, cwd: Path | None = None) -> str:
-    text = refusal(*arguments, cwd=cwd)
+    text = rejection(*arguments, cwd=cwd)
     assert text.startswith("winchcascade: ")
     assert text.count("\n") == 1
     return text
@@ -79,7 +79,7 @@ def test_the_version_names_what_matters() -> None:
     assert packages == [f"{name} {version(name)}" for name in MATTERING]
 
 
-def test_the_version_tells_of_a_package_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_version_reports_a_package_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("winchcascade.cli.versions.MATTERING", ("numpy", "winchcascade-nothing"))
     assert versions().splitlines()[1:] == [f"numpy {version('numpy')}", "winchcascade-nothing not installed"]
 
@@ -167,7 +167,7 @@ def test_an_infinite_load_is_an_open_circuit(log: Path) -> None:
     assert record["mean"]["eta_gen"] is None
 
 
-def test_a_log_that_is_not_there_is_told(tmp_path: Path) -> None:
+def test_a_log_that_is_not_there_is_reported(tmp_path: Path) -> None:
     assert "no such file" in one_sentence("reduce", tmp_path / "nothing.csv")
 
 
@@ -175,18 +175,18 @@ def test_a_folder_is_no_log(tmp_path: Path) -> None:
     assert "is not a file" in one_sentence("reduce", tmp_path)
 
 
-def test_an_empty_file_is_told(tmp_path: Path) -> None:
+def test_an_empty_file_is_reported(tmp_path: Path) -> None:
     (tmp_path / "empty.csv").touch()
     assert "the file is empty" in one_sentence("reduce", tmp_path / "empty.csv")
 
 
-def test_a_log_without_a_payout_is_told(tmp_path: Path) -> None:
+def test_a_log_without_a_payout_is_reported(tmp_path: Path) -> None:
     rows = "\n".join(f"{0.04 * k:.2f},0.0,0.0,200.0" for k in range(500))
     (tmp_path / "rest.csv").write_text("Time (s),Displacement (m),Velocity (m/s),Force (N)\n" + rows + "\n")
     assert "no payout found" in one_sentence("reduce", tmp_path / "rest.csv", "--json", "-")
 
 
-def test_a_broken_campaign_beside_the_log_is_told(log: Path) -> None:
+def test_a_broken_campaign_beside_the_log_is_reported(log: Path) -> None:
     (log.parent / "campaign.toml").write_text("[[run]\n")
     assert "To reduce run 1 é.csv without it, give --rig" in one_sentence("reduce", log)
 
@@ -201,7 +201,7 @@ def test_a_broken_campaign_beside_the_log_is_told(log: Path) -> None:
         (("--json", "no/such/folder/out.json"), "does not exist"),
     ],
 )
-def test_an_option_that_cannot_be_used_is_told(log: Path, arguments: tuple[str, ...], says: str) -> None:
+def test_an_option_that_cannot_be_used_is_reported(log: Path, arguments: tuple[str, ...], says: str) -> None:
     assert says in one_sentence("reduce", log, *arguments)
 
 
@@ -257,7 +257,7 @@ def test_a_rig_file_is_never_replaced_by_a_result(log: Path, tmp_path: Path) -> 
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
-def test_a_full_disk_behind_standard_output_is_told(log: Path) -> None:
+def test_a_full_disk_behind_standard_output_is_reported(log: Path) -> None:
     command = [sys.executable, "-m", "winchcascade", "reduce", str(log), "--json", "-"]
     with open("/dev/full", "w") as full:
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
@@ -280,11 +280,11 @@ def test_a_link_to_a_result_stays_a_link(log: Path, tmp_path: Path) -> None:
     assert "schema" in (tmp_path / "target.json").read_text()
 
 
-def test_a_name_that_is_too_long_is_told() -> None:
+def test_a_name_that_is_too_long_is_reported() -> None:
     assert "too long" in one_sentence("reduce", "x" * 300)
 
 
-def test_a_refused_log_leaves_no_file_behind(tmp_path: Path) -> None:
+def test_a_rejected_log_leaves_no_file_behind(tmp_path: Path) -> None:
     (tmp_path / "bad.csv").write_text("name,colour\nanchor,red\n")
     one_sentence("reduce", tmp_path / "bad.csv", "--json", tmp_path / "out.json", "--parquet", tmp_path / "tables")
     assert [p.name for p in tmp_path.iterdir()] == ["bad.csv"]
@@ -299,7 +299,7 @@ def test_a_mistyped_command_is_answered_with_the_nearest_name() -> None:
     assert one_sentence("redce").endswith("Did you mean 'reduce'? --help lists what a command takes.\n")
 
 
-def test_a_rig_that_is_not_built_in_is_told() -> None:
+def test_a_rig_that_is_not_built_in_is_reported() -> None:
     assert "no such built-in rig" in one_sentence("rig", "mine")
 
 

@@ -78,7 +78,7 @@ def test_every_command_has_help(command: str) -> None:
         (("--jobs", "many"), "--jobs"),
     ],
 )
-def test_an_option_of_batch_that_cannot_be_used_is_told(
+def test_an_option_of_batch_that_cannot_be_used_is_reported(
     campaign: Path, tmp_path: Path, arguments: tuple[str, ...], says: str
 ) -> None:
     assert says in one_sentence("batch", campaign, "--out", tmp_path / "out", *arguments)
@@ -91,7 +91,7 @@ def test_a_batch_needs_a_target_and_a_folder(campaign: Path) -> None:
 
 
 @pytest.mark.parametrize("target", ["nothing.csv", "no/*.csv", "."])
-def test_a_target_without_logs_is_told_and_leaves_no_folder(tmp_path: Path, target: str) -> None:
+def test_a_target_without_logs_is_reported_and_leaves_no_folder(tmp_path: Path, target: str) -> None:
     (tmp_path / "notes.md").touch()
     text = one_sentence("batch", target, "--out", "out", cwd=tmp_path)
     assert "expected" in text
@@ -108,7 +108,7 @@ def test_a_batch_in_which_a_log_fails_has_exit_code_one(campaign: Path, tmp_path
     assert "Traceback" not in done.stderr
 
 
-def test_a_foreign_folder_is_told_and_used_with_force(campaign: Path, tmp_path: Path) -> None:
+def test_a_foreign_folder_is_reported_and_used_with_force(campaign: Path, tmp_path: Path) -> None:
     (tmp_path / "thesis.txt").touch()
     arguments = ("batch", campaign, "--out", tmp_path, "--reports", "none")
     assert "is not empty and no folder of a batch" in one_sentence(*arguments)
@@ -178,22 +178,22 @@ def test_a_tolerance_widens_and_narrows(out: Path, table: Path, wrong: Path) -> 
 @pytest.mark.parametrize(
     "option", ["rounding", "rounding=", "rounding=x", "rounding=-1", "rounding=nan", "load=1", "=1"]
 )
-def test_a_tolerance_that_cannot_be_used_is_told(out: Path, table: Path, option: str) -> None:
+def test_a_tolerance_that_cannot_be_used_is_reported(out: Path, table: Path, option: str) -> None:
     text = one_sentence("check", out, "--against", table, "--tolerance", option)
     assert f"--tolerance {option}: expected rounding, deviation or uncertainty and a factor, such as unc" in text
 
 
-def test_an_infinite_tolerance_is_refused(out: Path, table: Path) -> None:
+def test_an_infinite_tolerance_is_rejected(out: Path, table: Path) -> None:
     assert "--tolerance" in one_sentence("check", out, "--against", table, "--tolerance", "uncertainty=inf")
 
 
-def test_a_table_that_is_not_there_is_told(out: Path) -> None:
+def test_a_table_that_is_not_there_is_reported(out: Path) -> None:
     assert "nothing" in one_sentence("check", out, "--against", "nothing")
     assert "nothing" in one_sentence("audit", "nothing")
     assert "--against" in one_sentence("check", out)
 
 
-def test_results_that_are_none_are_told(table: Path, tmp_path: Path) -> None:
+def test_results_that_are_none_are_reported(table: Path, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     assert "cannot be read" in one_sentence("check", tmp_path / "nothing.json", "--against", table)
     assert "no log found" in one_sentence("check", tmp_path / "empty", "--against", table)
@@ -202,7 +202,7 @@ def test_results_that_are_none_are_told(table: Path, tmp_path: Path) -> None:
     )
 
 
-def test_a_load_without_a_row_is_told(out: Path, table: Path) -> None:
+def test_a_load_without_a_row_is_reported(out: Path, table: Path) -> None:
     table.write_text(table.read_text().replace("load_ohm = 36.0", "load_ohm = 37.0"))
     assert "36 ohm has no row in table" in one_sentence("check", out, "--against", table)
 
@@ -238,7 +238,7 @@ def test_a_result_never_replaces_a_file_of_the_campaign_it_is_made_from(
     assert target.read_bytes() == (campaign / name).read_bytes()
 
 
-def test_two_results_of_one_name_are_refused(out: Path, table: Path, tmp_path: Path) -> None:
+def test_two_results_of_one_name_are_rejected(out: Path, table: Path, tmp_path: Path) -> None:
     same = ("--json", tmp_path / "x", "--junit", tmp_path / "x")
     assert "--junit and --json both name" in one_sentence("check", out, "--against", table, *same)
     assert not (tmp_path / "x").exists()

@@ -50,7 +50,7 @@ def test_a_failed_write_leaves_the_old_file_and_no_other(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize(("name", "says"), [("", "is a folder"), ("no/such/file.json", "does not exist")])
-def test_a_place_that_cannot_be_written_is_told(tmp_path: Path, name: str, says: str) -> None:
+def test_a_place_that_cannot_be_written_is_reported(tmp_path: Path, name: str, says: str) -> None:
     with pytest.raises(OutputError, match=says):
         write_whole(tmp_path / name, lambda part: part.touch())
 

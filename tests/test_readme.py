@@ -37,7 +37,7 @@ DEMO = ROOT / "tests" / "reference" / "outputs" / "demo" / "demo.txt"
 
 
 def output(command: str, place: Path) -> str:
-    """What a command prints, refusals included, called in a folder that holds the fixtures."""
+    """What a command prints, rejections included, called in a folder that holds the fixtures."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(place)
         patch.setenv("COLUMNS", "80")
@@ -57,7 +57,7 @@ def commands(page: str, *, long: bool) -> list[str]:
 
 
 def named_files(printed: Iterable[str]) -> list[str]:
-    """Files that commands are told to write."""
+    """Files that commands write by their options."""
     words = [word for line in printed for word in shlex.split(line) if word.endswith((".html", ".pdf"))]
     return words + [file for line in printed for file in re.findall(r"--(?:json|write|out) ([\w.-]+)", line)]
 

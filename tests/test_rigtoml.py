@@ -148,7 +148,7 @@ def test_a_wrong_entry_is_one_sentence_with_its_place(text: str, says: str) -> N
     assert "\n" not in message
 
 
-def test_a_name_that_is_no_rig_is_told_with_those_there_are() -> None:
+def test_a_name_that_is_no_rig_is_reported_with_those_there_are() -> None:
     with pytest.raises(
         RigError, match="no such file and no built-in rig of that name; give a rig file or one of hsu2026"
     ):

@@ -33,14 +33,14 @@ def ended(place: Path, script: str, by: signal.Signals) -> tuple[int, str, str]:
         assert process.stdout is not None
         process.stdout.readline()
         process.send_signal(by)
-        said, told = process.communicate()
-    return process.returncode, said.decode(), told.decode()
+        out, err = process.communicate()
+    return process.returncode, out.decode(), err.decode()
 
 
-@pytest.mark.parametrize(("by", "told"), [(signal.SIGINT, "one sentence.\n"), (signal.SIGTERM, "")])
-def test_a_process_ends_at_once_without_its_scratch(tmp_path: Path, by: signal.Signals, told: str) -> None:
+@pytest.mark.parametrize(("by", "expected"), [(signal.SIGINT, "one sentence.\n"), (signal.SIGTERM, "")])
+def test_a_process_ends_at_once_without_its_scratch(tmp_path: Path, by: signal.Signals, expected: str) -> None:
     script = "with scratch_file(here), scratch_folder(here) as made:\n    (made / 'part').touch()\n    wait()"
-    assert ended(tmp_path, script, by) == (128 + by, "", told)
+    assert ended(tmp_path, script, by) == (128 + by, "", expected)
     assert os.listdir(tmp_path) == []
 
 

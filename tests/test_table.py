@@ -100,7 +100,7 @@ def test_a_file_is_taken_before_a_built_in_name(tmp_path: Path, monkeypatch: pyt
     assert load_table("hsu2026-table2").title == "A table"
 
 
-def test_claims_are_read_by_the_key_that_tells_their_kind() -> None:
+def test_claims_are_read_by_the_key_that_shows_their_kind() -> None:
     text = HEAD + ROW
     text += CLAIM + 'metric = "power_line"\nload_ohm = 18\nvalue = 2.0\nunit = "kW"\ndecimals = 1\n'
     text += CLAIM + 'part = "energy_gen"\nof = "energy_line"\nload_ohm = 18\nvalue = 73\nunit = "%"\ndecimals = 0\n'
@@ -207,14 +207,14 @@ def test_a_table_that_does_not_hold_together_is_one_sentence(text: str, sentence
     assert sentence in says(text)
 
 
-def test_a_table_that_is_not_there_is_told() -> None:
+def test_a_table_that_is_not_there_is_reported() -> None:
     with pytest.raises(
         TableError, match=r"'no.toml': no such file and no built-in table of that name; give .* hsu2026-table2"
     ):
         load_table("no.toml")
 
 
-def test_a_table_that_is_no_text_is_told(tmp_path: Path) -> None:
+def test_a_table_that_is_no_text_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "table.toml"
     path.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(TableError, match="no UTF-8 text"):

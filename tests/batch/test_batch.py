@@ -45,7 +45,7 @@ ALONE = pytest.mark.skipif(os.name == "nt", reason="ends processes as POSIX does
 
 
 class Seen:
-    """What a batch told of itself."""
+    """What a batch reported of itself."""
 
     def __init__(self) -> None:
         self.kept = self.todo = -1
@@ -505,7 +505,7 @@ def test_a_folder_that_cannot_be_locked_is_one_sentence(campaign: Path, out: Pat
 
 
 # ------------------------------------------------------------------------------------------------------- the out folder
-def test_a_folder_that_holds_something_else_is_refused_and_used_with_force(campaign: Path, out: Path) -> None:
+def test_a_folder_that_holds_something_else_is_rejected_and_used_with_force(campaign: Path, out: Path) -> None:
     out.mkdir()
     (out / "thesis.txt").write_text("mine")
     with pytest.raises(OutputError, match="is not empty and no folder of a batch; give --out a new folder or add --fo"):
@@ -525,7 +525,7 @@ def test_a_file_that_this_tool_did_not_write_is_not_replaced(campaign: Path, out
     assert (out / name).read_text() == "mine"
 
 
-def test_an_out_that_is_a_file_is_refused(campaign: Path, tmp_path: Path) -> None:
+def test_an_out_that_is_a_file_is_rejected(campaign: Path, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("mine")
     assert "the folder cannot be made" in one_sentence("batch", campaign, "--out", tmp_path / "file")
     assert (tmp_path / "file").read_text() == "mine"
@@ -665,12 +665,12 @@ def test_an_interrupt_is_one_sentence_and_loses_nothing(
     with begin(place, "--jobs", jobs) as call:
         wait_for(call, place, "runs/*.json", 1)
         (os.kill if to == "the call" else os.killpg)(call.pid, signal.SIGINT)
-        said, told = call.communicate()
+        out, err = call.communicate()
     assert call.returncode == 130
-    assert said == ""
+    assert out == ""
     assert list((place / "out").rglob(".*")) == []
     assert_completed(place, undisturbed, whole(place / "out"))
-    assert told == "winchcascade: interrupted; what was finished is kept, no file was left half-written.\n"
+    assert err == "winchcascade: interrupted; what was finished is kept, no file was left half-written.\n"
 
 
 @ALONE
@@ -678,14 +678,14 @@ def test_an_interrupt_before_the_first_result_is_one_sentence(place: Path) -> No
     with begin(place, "--jobs", "2") as call:
         wait_for(call, place, "runs", 1)
         os.killpg(call.pid, signal.SIGINT)
-        _, told = call.communicate()
+        _, err = call.communicate()
     assert call.returncode == 130
-    assert told == "winchcascade: interrupted; what was finished is kept, no file was left half-written.\n"
+    assert err == "winchcascade: interrupted; what was finished is kept, no file was left half-written.\n"
 
 
 def test_two_calls_at_once_on_one_folder_leave_what_one_leaves(place: Path, undisturbed: dict[str, bytes]) -> None:
     with begin(place, "--jobs", "1") as one, begin(place, "--jobs", "2") as other:
-        told = [call.communicate() for call in (one, other)]
-    assert [(call.returncode, err) for call, (_, err) in zip((one, other), told, strict=True)] == [(0, ""), (0, "")]
+        ended = [call.communicate() for call in (one, other)]
+    assert [(call.returncode, err) for call, (_, err) in zip((one, other), ended, strict=True)] == [(0, ""), (0, "")]
     assert contents(place / "out") == undisturbed
     assert list((place / "out").rglob(".*")) == []

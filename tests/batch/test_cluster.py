@@ -141,7 +141,7 @@ def test_a_killed_worker_costs_nothing_but_time(tmp_path: Path) -> None:
     assert contents(there) == contents(here)
 
 
-def test_a_scheduler_that_cannot_be_reached_is_told(tmp_path: Path) -> None:
+def test_a_scheduler_that_cannot_be_reached_is_reported(tmp_path: Path) -> None:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -152,7 +152,7 @@ def test_a_scheduler_that_cannot_be_reached_is_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("address", ["nonsense", "nosuch://127.0.0.1:1"])
-def test_an_address_that_is_none_of_a_scheduler_is_told(tmp_path: Path, address: str) -> None:
+def test_an_address_that_is_none_of_a_scheduler_is_reported(tmp_path: Path, address: str) -> None:
     assert "is no address; expected that of a running scheduler" in one_sentence(
         "batch", CAMPAIGN, "--out", tmp_path / "out", "--scheduler", address
     )

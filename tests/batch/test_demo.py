@@ -37,7 +37,7 @@ def test_a_file_with_other_content_is_kept_unless_forced(tmp_path: Path) -> None
     assert (tmp_path / "r9ohm.csv").read_bytes() == (packaged_campaign() / "r9ohm.csv").read_bytes()
 
 
-def test_the_command_refuses_a_folder_with_other_content(tmp_path: Path) -> None:
+def test_the_command_rejects_a_folder_with_other_content(tmp_path: Path) -> None:
     (tmp_path / "campaign").mkdir()
     (tmp_path / "campaign" / "campaign.toml").write_text("mine")
     assert "exists with another content" in one_sentence("demo", "--out", tmp_path)
@@ -45,6 +45,6 @@ def test_the_command_refuses_a_folder_with_other_content(tmp_path: Path) -> None
     assert not (tmp_path / "results").exists()
 
 
-def test_the_command_refuses_a_file(tmp_path: Path) -> None:
+def test_the_command_rejects_a_file(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     assert "the folder cannot be made" in one_sentence("demo", "--out", tmp_path / "file")

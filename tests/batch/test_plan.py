@@ -49,7 +49,7 @@ def names(*targets: str | Path) -> list[str]:
     return [work.name for work in make_plan([str(target) for target in targets]).work]
 
 
-def told(work: Work) -> tuple[object, ...]:
+def settings_of(work: Work) -> tuple[object, ...]:
     return work.name, work.rig.name, work.load, work.window, work.cycles
 
 
@@ -57,7 +57,7 @@ def told(work: Work) -> tuple[object, ...]:
 def test_a_campaign_gives_rig_load_window_and_cycles(campaign: Path, target: str) -> None:
     plan = make_plan([str(campaign / target)])
     assert plan.title == "Two loads"
-    assert [told(work) for work in plan.work] == [
+    assert [settings_of(work) for work in plan.work] == [
         ("a.csv", "ours", 36.0, 5.48, (1, 2)),
         ("b.csv", "ours", math.inf, None, None),
     ]
@@ -67,7 +67,7 @@ def test_a_campaign_gives_rig_load_window_and_cycles(campaign: Path, target: str
 def test_a_log_is_as_the_campaign_beside_it_says(campaign: Path) -> None:
     filled(campaign, "c.csv")
     plan = make_plan([str(campaign / name) for name in ("b.csv", "a.csv", "c.csv")])
-    assert [told(work) for work in plan.work] == [
+    assert [settings_of(work) for work in plan.work] == [
         ("b.csv", "ours", math.inf, None, None),
         ("a.csv", "ours", 36.0, 5.48, (1, 2)),
         ("c.csv", "hsu2026", None, None, None),
@@ -78,19 +78,19 @@ def test_a_log_is_as_the_campaign_beside_it_says(campaign: Path) -> None:
 
 def test_logs_of_a_pattern_are_as_the_campaign_beside_them_says(campaign: Path) -> None:
     (work, _) = make_plan([str(campaign / "*.csv")]).work
-    assert told(work) == ("a.csv", "ours", 36.0, 5.48, (1, 2))
+    assert settings_of(work) == ("a.csv", "ours", 36.0, 5.48, (1, 2))
 
 
 def test_options_win_over_the_campaign(campaign: Path) -> None:
     for target in (campaign, campaign / "a.csv"):
         work, *_ = make_plan([str(target)], rig="kitepower", window="payout").work
-        assert told(work) == ("a.csv", "kitepower", 36.0, "payout", (1, 2))
+        assert settings_of(work) == ("a.csv", "kitepower", 36.0, "payout", (1, 2))
 
 
 def test_a_folder_without_a_campaign_is_its_logs(tmp_path: Path) -> None:
     filled(tmp_path / "trial", "b.csv", "a.TDMS", "notes.md", "rig.toml", ".hidden.csv", "deep/c.csv", "no ending")
     plan = make_plan([str(tmp_path / "trial")])
-    assert [told(work) for work in plan.work] == [
+    assert [settings_of(work) for work in plan.work] == [
         ("a.TDMS", "hsu2026", None, None, None),
         ("b.csv", "hsu2026", None, None, None),
     ]
@@ -162,7 +162,7 @@ def test_names_stay_while_the_rig_file_changes(tmp_path: Path, also: str) -> Non
     assert len(set(found[0])) == 3
 
 
-def test_logs_of_one_name_are_told_apart_by_their_place_alone(tmp_path: Path) -> None:
+def test_logs_of_one_name_are_distinguished_by_their_place_alone(tmp_path: Path) -> None:
     filled(tmp_path, "x/a.csv", "y/a.csv")
     plain = listed(tmp_path, 'file = "x/a.csv"', 'file = "y/a.csv"')
     assert all(re.fullmatch(r"a\.csv-[0-9a-f]{8}", name) for name in plain)
@@ -171,7 +171,7 @@ def test_logs_of_one_name_are_told_apart_by_their_place_alone(tmp_path: Path) ->
     assert cycles == [f"{plain[0]}-cycles-1-1", f"{plain[0]}-cycles-2-2", plain[1]]
 
 
-def test_a_file_that_is_named_as_another_log_with_its_cycles_is_told_from_it(tmp_path: Path) -> None:
+def test_a_file_that_is_named_as_another_log_with_its_cycles_is_distinguished_from_it(tmp_path: Path) -> None:
     filled(tmp_path, "a.csv", "a.csv-cycles-1-2")
     entries = ('file = "a.csv"', 'file = "a.csv"\ncycles = [1, 2]', 'file = "a.csv-cycles-1-2"')
     assert len(set(listed(tmp_path, *entries))) == 3
@@ -188,7 +188,7 @@ def test_the_same_log_twice_is_one(tmp_path: Path) -> None:
     assert len(names(tmp_path / "a.csv", tmp_path / "a.csv")) == 1
 
 
-def test_the_same_name_in_different_folders_is_told_apart_also_by_case(tmp_path: Path) -> None:
+def test_the_same_name_in_different_folders_is_distinguished_also_by_case(tmp_path: Path) -> None:
     filled(tmp_path, "x/a.csv", "y/a.csv", "z/A.csv")
     found = names(*(tmp_path / folder for folder in "xyz"))
     assert len({name.casefold() for name in found}) == 3
@@ -202,7 +202,7 @@ def test_a_name_does_not_depend_on_the_order_of_the_targets(tmp_path: Path) -> N
 @example(["測" * 120])
 @example(["x" * 119 + ".csv", "x" * 200])
 @given(st.lists(st.text(min_size=1, max_size=300), min_size=1, max_size=6, unique=True))
-def test_any_names_are_told_apart_and_safe_for_every_file_system(files: list[str]) -> None:
+def test_any_names_are_distinguished_and_safe_for_every_file_system(files: list[str]) -> None:
     from winchcascade.batch.plan import _named
     from winchcascade.core.rig_toml import built_in
 
@@ -244,30 +244,30 @@ def test_a_plan_of_addresses_names_their_files(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("target", ["nothing.csv", "no/such/folder", "*.csv", "**/*.tdms"])
-def test_a_target_that_names_nothing_is_told(tmp_path: Path, target: str) -> None:
+def test_a_target_that_names_nothing_is_reported(tmp_path: Path, target: str) -> None:
     with pytest.raises(OptionError, match=r"no such file, folder or pattern; expected a campaign\.toml, a folder"):
         make_plan([str(tmp_path / target)])
 
 
 @pytest.mark.parametrize("target", ["", "*"])
-def test_a_folder_without_logs_is_told(tmp_path: Path, target: str) -> None:
+def test_a_folder_without_logs_is_reported(tmp_path: Path, target: str) -> None:
     filled(tmp_path, "notes.md")
     with pytest.raises(OptionError, match=r"no log found; expected files that end in asc, csv, .*, or a campaign.toml"):
         make_plan([str(tmp_path / target)])
 
 
-def test_an_address_without_logs_is_told(tmp_path: Path) -> None:
+def test_an_address_without_logs_is_reported(tmp_path: Path) -> None:
     filled(tmp_path, "notes.md")
     with pytest.raises(OptionError, match=f"{tmp_path}: no log found"):
         make_plan([f"file://{tmp_path}"])
 
 
-def test_no_target_is_told() -> None:
+def test_no_target_is_reported() -> None:
     with pytest.raises(CampaignError, match=r"no target; expected a campaign\.toml"):
         make_plan([])
 
 
-def test_a_broken_campaign_is_told_wherever_it_is_met(tmp_path: Path) -> None:
+def test_a_broken_campaign_is_reported_wherever_it_is_met(tmp_path: Path) -> None:
     filled(tmp_path, "a.csv")
     (tmp_path / "campaign.toml").write_text("[[run]\n")
     for target in (tmp_path, tmp_path / "campaign.toml", tmp_path / "a.csv"):
@@ -275,13 +275,13 @@ def test_a_broken_campaign_is_told_wherever_it_is_met(tmp_path: Path) -> None:
             make_plan([str(target)])
 
 
-def test_a_toml_file_that_is_no_campaign_is_told(campaign: Path) -> None:
+def test_a_toml_file_that_is_no_campaign_is_reported(campaign: Path) -> None:
     with pytest.raises(CampaignError, match="is no entry of a campaign"):
         make_plan([str(campaign / "rig.toml")])
 
 
 @pytest.mark.parametrize("target", ["", "a.csv"], ids=["campaign", "log"])
-def test_a_rig_that_is_not_there_is_told(campaign: Path, target: str) -> None:
+def test_a_rig_that_is_not_there_is_reported(campaign: Path, target: str) -> None:
     with pytest.raises(RigError, match="no such file and no built-in rig"):
         make_plan([str(campaign / target)], rig="mine")
     (campaign / "rig.toml").unlink()
@@ -289,7 +289,7 @@ def test_a_rig_that_is_not_there_is_told(campaign: Path, target: str) -> None:
         make_plan([str(campaign / target)])
 
 
-def test_every_refusal_of_a_plan_is_one_line(campaign: Path) -> None:
+def test_every_rejection_of_a_plan_is_one_line(campaign: Path) -> None:
     for targets, rig in (([str(campaign / "none")], None), ([str(campaign)], "mine"), ([], None)):
         with pytest.raises(WinchcascadeError) as fault:
             make_plan(targets, rig=rig)

@@ -58,7 +58,7 @@ def test_a_reduction_is_a_single_log(out: Path) -> None:
 
 
 @pytest.mark.parametrize("of", ["campaign", "batch"])
-def test_a_log_that_failed_is_told(campaign: Path, tmp_path: Path, of: str) -> None:
+def test_a_log_that_failed_is_reported(campaign: Path, tmp_path: Path, of: str) -> None:
     shutil.copytree(campaign, tmp_path / "trial")
     shutil.copy(FIXTURES / "damaged_logs" / "header_only.csv", tmp_path / "trial" / "r36ohm.csv")
     target = tmp_path / "trial"
@@ -71,7 +71,7 @@ def test_a_log_that_failed_is_told(campaign: Path, tmp_path: Path, of: str) -> N
 
 
 @pytest.mark.parametrize("content", ["", "{", "[1, 2]", "name,colour\n", "\xff"])
-def test_a_file_that_is_no_result_is_told(tmp_path: Path, content: str) -> None:
+def test_a_file_that_is_no_result_is_reported(tmp_path: Path, content: str) -> None:
     path = tmp_path / "result.json"
     path.write_text(content, encoding="latin-1")
     with pytest.raises(
@@ -80,14 +80,14 @@ def test_a_file_that_is_no_result_is_told(tmp_path: Path, content: str) -> None:
         load_results(path)
 
 
-def test_a_result_that_is_not_there_is_told(tmp_path: Path) -> None:
+def test_a_result_that_is_not_there_is_reported(tmp_path: Path) -> None:
     with pytest.raises(OptionError, match="cannot be read"):
         load_results(tmp_path / "nothing.json")
     with pytest.raises(OptionError, match="no log found"):
         load_results(tmp_path)
 
 
-def test_a_summary_of_another_program_is_told(tmp_path: Path) -> None:
+def test_a_summary_of_another_program_is_reported(tmp_path: Path) -> None:
     (tmp_path / "campaign.json").write_text('{"schema": "other/1"}')
     with pytest.raises(OptionError, match="is no summary of a batch; expected the schema winchcascade/campaign/1"):
         load_results(tmp_path)
@@ -100,7 +100,7 @@ def test_a_damaged_summary_is_one_sentence(tmp_path: Path, runs: str) -> None:
         load_results(tmp_path)
 
 
-def test_a_batch_that_lost_a_result_is_told(out: Path, tmp_path: Path) -> None:
+def test_a_batch_that_lost_a_result_is_reported(out: Path, tmp_path: Path) -> None:
     shutil.copytree(out, tmp_path / "out")
     (tmp_path / "out" / "runs" / "r9ohm.csv.json").unlink()
     with pytest.raises(OptionError, match=r"r9ohm\.csv\.json: cannot be read"):

@@ -46,12 +46,12 @@ def test_json_on_stdout_is_alone(trial: Path) -> None:
     assert json.loads(winchcascade("blind", "score", trial, "--json", "-").stdout)["schema"] == "winchcascade/score/1"
 
 
-def test_changed_answers_are_refused(trial: Path) -> None:
+def test_changed_answers_are_rejected(trial: Path) -> None:
     (trial / SEALED).write_text((trial / SEALED).read_text().replace("ke_shift", "diode_drop"))
     assert "answers were changed" in one_sentence("blind", "score", trial)
 
 
-def test_a_folder_that_is_no_trial_is_refused(tmp_path: Path) -> None:
+def test_a_folder_that_is_no_trial_is_rejected(tmp_path: Path) -> None:
     assert "expected the folder of a trial" in one_sentence("blind", "score", tmp_path)
 
 
@@ -59,6 +59,6 @@ def test_answers_are_never_replaced_by_a_result(trial: Path) -> None:
     assert "is an input of this command" in one_sentence("blind", "score", trial, "--json", trial / SEALED, "--force")
 
 
-def test_a_scheduler_that_is_no_address_is_refused(tmp_path: Path) -> None:
+def test_a_scheduler_that_is_no_address_is_rejected(tmp_path: Path) -> None:
     said = one_sentence("blind", "deal", "--cases", "1", "--seed", "1", "--out", tmp_path / "t", "--scheduler", "here")
     assert "is no address" in said

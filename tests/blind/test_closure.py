@@ -84,7 +84,7 @@ def test_without_a_gap_there_is_no_share(place: Path) -> None:
     assert closure_of(place / "case", place / "predictions").share is None
 
 
-def test_without_predictions_the_reason_is_told(place: Path) -> None:
+def test_without_predictions_the_reason_is_reported(place: Path) -> None:
     assert closure_of(place / "case", place / "predictions").fault == "no predicted logs"
     predict(place, "before", torque=1.05)
     assert "after" in (closure_of(place / "case", place / "predictions").fault or "")

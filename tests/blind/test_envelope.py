@@ -15,7 +15,7 @@ def test_answers_come_out_of_the_envelope_as_they_went_in(tmp_path: Path) -> Non
     assert envelope.answers == put
 
 
-def test_a_changed_answer_is_refused(tmp_path: Path) -> None:
+def test_a_changed_answer_is_rejected(tmp_path: Path) -> None:
     folder = sealed_trial(tmp_path / "trial", answer("case-0001", "single", {"ke_shift": 1.0}))
     path = folder / SEALED
     path.write_text(path.read_text().replace("ke_shift", "ke_rolloff"))
@@ -34,14 +34,14 @@ def test_a_missing_answer_file_is_named(tmp_path: Path) -> None:
     "content",
     [b"", b"[]", b"{}", b'{"schema": "winchcascade/trial/1"}', b'{"schema": "\xff"}', b'{"a": ' + 9999 * b"["],
 )
-def test_a_folder_without_a_record_of_a_trial_is_refused(tmp_path: Path, content: bytes) -> None:
+def test_a_folder_without_a_record_of_a_trial_is_rejected(tmp_path: Path, content: bytes) -> None:
     if content:
         (tmp_path / TRIAL).write_bytes(content)
     with pytest.raises(OptionError, match=r"trial\.json"):
         read_trial(tmp_path)
 
 
-def test_the_record_of_a_trial_tells_neither_seed_nor_answers(tmp_path: Path) -> None:
+def test_the_record_of_a_trial_shows_neither_seed_nor_answers(tmp_path: Path) -> None:
     folder = sealed_trial(tmp_path / "trial", answer("case-0001", "single", {"ke_shift": 1.0}))
     text = (folder / TRIAL).read_text()
     assert "seed" not in text

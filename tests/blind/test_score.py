@@ -48,7 +48,7 @@ def test_anything_else_is_a_wrong_name(tmp_path: Path, effects: list[str], cause
     assert scored(tmp_path, "single" if len(effects) == 1 else "pair", effects, "explained", *causes) == "misnamed"
 
 
-def test_silence_and_abstention_are_told_apart(tmp_path: Path) -> None:
+def test_silence_and_abstention_are_distinguished(tmp_path: Path) -> None:
     assert scored(tmp_path / "a", "single", ["ke_shift"], "no_gap") == "silent"
     assert scored(tmp_path / "b", "single", ["ke_shift"], "unexplained") == "abstained"
     assert scored(tmp_path / "c", "single", ["ke_shift"], "unexplained", cause("ke_shift")) == "abstained"
@@ -116,7 +116,7 @@ def test_counts_leave_out_what_was_not_diagnosed(several: Score) -> None:
     assert several.strengths == {0.4: Count(1, 2), 1.0: Count(1, 2)}
 
 
-def test_the_table_of_names_tells_what_each_effect_was_taken_for(several: Score) -> None:
+def test_the_table_of_names_shows_what_each_effect_was_taken_for(several: Score) -> None:
     assert several.taken_for == {
         "ke_shift": {"ke_shift": 2},
         "precharge": {"gas_volume": 1, "no gap": 1},

@@ -65,7 +65,7 @@ def test_a_plan_holds_every_effect_at_every_strength_pairs_none_and_outsiders() 
     assert sum(case.kind == "none" for case in plan) == 10
 
 
-def test_the_order_of_a_plan_tells_nothing() -> None:
+def test_the_order_of_a_plan_shows_nothing() -> None:
     kinds = [case.kind for case in plan_cases(60, 1)]
     assert kinds != sorted(kinds)
     assert kinds != [case.kind for case in plan_cases(60, 2)]

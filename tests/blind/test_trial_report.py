@@ -42,7 +42,7 @@ def test_the_terminal_shows_counts_strengths_and_every_case_that_went_wrong(foun
     assert all(len(line) <= 128 for line in text.splitlines())
 
 
-def test_the_report_tells_what_each_effect_is_taken_for(found: Score) -> None:
+def test_the_report_shows_what_each_effect_is_taken_for(found: Score) -> None:
     report = make_trial_report(found)
     tables = {b.id: b for s in report.sections for b in s.blocks if isinstance(b, Table)}
     taken = {row[0]: row for row in tables["taken"].rows}

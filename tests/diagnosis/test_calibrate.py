@@ -116,7 +116,7 @@ def test_a_number_of_which_the_log_says_nothing_new_is_marked() -> None:
     assert kept.how == "as given: an open circuit says no more of it"
 
 
-def test_the_gain_of_the_voltage_is_not_told_from_the_back_emf_constant() -> None:
+def test_the_gain_of_the_voltage_is_not_reported_from_the_back_emf_constant() -> None:
     run = made_log(seed=1)
     found = calibrate(run, RIG, steady_payouts(run))
     assert found.together[0].startswith("k_e and gain of vdc (-0.9")
@@ -138,7 +138,7 @@ def test_a_capacitor_known_to_a_tenth_widens_the_lag() -> None:
     assert loose.u_lag > 2e-3 > tight.u_lag
 
 
-def test_something_else_that_acts_is_told_as_strain() -> None:
+def test_something_else_that_acts_is_reported_as_strain() -> None:
     model = baseline(RIG)
     run = made_log(msgspec.structs.replace(model, restoring=msgspec.structs.replace(model.restoring, exponent=1.3)))
     found = calibrate(run, RIG, steady_payouts(run))
@@ -187,13 +187,13 @@ def test_the_numbers_of_labelled_campaigns_lie_in_their_intervals(shared: Path) 
     assert inside >= INSIDE
 
 
-def test_a_log_with_a_load_is_refused() -> None:
+def test_a_log_with_a_load_is_rejected() -> None:
     run = made_log(cycles=1, load=18.0)
     with pytest.raises(LogError, match=r"made.csv: a log with a load of 18 ohm; a calibration needs an open circuit"):
         calibrate(run, RIG, steady_payouts(run))
 
 
-def test_a_log_whose_load_is_unknown_is_refused() -> None:
+def test_a_log_whose_load_is_unknown_is_rejected() -> None:
     run = msgspec.structs.replace(made_log(cycles=1), load=None)
     with pytest.raises(
         LogError, match=r"its load is unknown, .* give --load-ohm inf if no load was connected, or list"
@@ -205,20 +205,20 @@ def test_a_log_whose_load_is_unknown_is_refused() -> None:
     ("name", "says"),
     [("force", "no line tension, which damper and screw friction"), ("vdc", "no DC voltage, which a back")],
 )
-def test_a_log_without_what_a_calibration_needs_is_refused(name: str, says: str) -> None:
+def test_a_log_without_what_a_calibration_needs_is_rejected(name: str, says: str) -> None:
     run = made_log(cycles=1)
     bare = msgspec.structs.replace(run, channels={k: x for k, x in run.channels.items() if k != name})
     with pytest.raises(LogError, match=says):
         calibrate(bare, RIG, steady_payouts(run))
 
 
-def test_a_rig_without_a_generator_is_refused() -> None:
+def test_a_rig_without_a_generator_is_rejected() -> None:
     run = made_log(cycles=1)
     with pytest.raises(RigError, match="rig kitepower: no model can be made, as it lacks"):
         calibrate(run, built_in("kitepower"), steady_payouts(run))
 
 
-def test_a_number_without_an_estimate_is_refused() -> None:
+def test_a_number_without_an_estimate_is_rejected() -> None:
     run = made_log(cycles=1)
     free = msgspec.structs.replace(RIG.drivetrain, b_rotor=Quantity(0.0, "N.m.s/rad"))
     with pytest.raises(

@@ -76,7 +76,7 @@ def test_the_load_is_not_guessed(log: Path, tmp_path: Path) -> None:
     assert "a log with a load of 36 ohm" in one_sentence("calibrate", log.parent / "r36ohm.csv")
 
 
-def test_a_log_without_a_whole_payout_is_told(fixtures: Path, tmp_path: Path) -> None:
+def test_a_log_without_a_whole_payout_is_reported(fixtures: Path, tmp_path: Path) -> None:
     rows = (fixtures / "campaign" / "open_circuit.csv").read_text().splitlines()
     (tmp_path / "short.csv").write_text("\n".join(rows[:200]) + "\n")
     text = one_sentence("calibrate", tmp_path / "short.csv", "--load-ohm", "inf")

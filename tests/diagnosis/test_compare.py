@@ -168,7 +168,7 @@ def test_a_sensor_is_no_stage_and_shows_where_the_cascade_ends() -> None:
     assert where(place("force", -50.0), place("vdc", 5.0), stage="sensor") == ("sensor", "vdc")
 
 
-def test_a_lower_back_emf_is_told_with_its_region_and_size() -> None:
+def test_a_lower_back_emf_is_reported_with_its_region_and_size() -> None:
     data = log_of("ke_shift")
     places = mapped(data)
     found = locate(data, left(data), places, own=Arises((), None))
@@ -208,7 +208,7 @@ def test_the_region_is_that_of_the_blocks_that_stand_out() -> None:
     assert float(where_sentence(found).rsplit("by up to ", 1)[1].split()[0]) == pytest.approx(8.0, abs=0.6)
 
 
-def test_at_rest_or_without_current_no_region_is_told() -> None:
+def test_at_rest_or_without_current_no_region_is_reported() -> None:
     data = log_of("precharge", load=math.inf)
     found = locate(data, left(data), [place("pressure", 9.0, "hold", math.inf)])
     assert where_sentence(found).startswith(
@@ -219,10 +219,10 @@ def test_at_rest_or_without_current_no_region_is_told() -> None:
     assert " rpm, most clearly in open circuit" in where_sentence(found)
 
 
-@pytest.mark.parametrize(("most", "told"), [(0.4, False), (0.6, True)])
-def test_a_current_of_less_than_half_an_ampere_is_no_region(most: float, told: bool) -> None:
+@pytest.mark.parametrize(("most", "stated"), [(0.4, False), (0.6, True)])
+def test_a_current_of_less_than_half_an_ampere_is_no_region(most: float, stated: bool) -> None:
     sentence = where_sentence(Where("generator", place("vdc", 9.0), (100.0, 900.0), (-0.1, most), 2.0))
-    assert (" A DC" in sentence) == told
+    assert (" A DC" in sentence) == stated
     assert "between 100 and 900 rpm" in sentence
 
 
@@ -234,7 +234,7 @@ def off(stage: str, bias: float, by_gain: dict[str, float], u: float = 1.0) -> S
     )  # fmt: skip
 
 
-def test_one_gain_that_takes_nearly_all_away_is_told_and_one_that_does_not_is_not() -> None:
+def test_one_gain_that_takes_nearly_all_away_is_reported_and_one_that_does_not_is_not() -> None:
     for spoilt, sensor in ((0.2, "torque"), (0.5, None)):
         places = [
             off("gearbox", 10.0, {"torque": 100.0}),
@@ -251,7 +251,7 @@ def test_one_gain_that_takes_nearly_all_away_is_told_and_one_that_does_not_is_no
     assert SHARED == 0.9
 
 
-def test_a_sensor_that_not_every_stage_reads_is_not_told() -> None:
+def test_a_sensor_that_not_every_stage_reads_is_not_reported() -> None:
     places = [off("gearbox", 10.0, {"torque": 100.0}), off("restoring", 4.5, {"pressure": 100.0})]
     assert arises(places).sensor is None
 

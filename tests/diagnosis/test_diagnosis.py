@@ -113,13 +113,13 @@ def test_an_eccentric_drum_is_no_noise() -> None:
     assert (worst.kind, worst.about) == ("ripple", Spot("torque", "payout"))
 
 
-def test_logs_without_a_channel_of_the_model_are_refused_and_not_called_sound() -> None:
+def test_logs_without_a_channel_of_the_model_are_rejected_and_not_called_sound() -> None:
     bare = [msgspec.structs.replace(run, channels={"velocity": run.channels["velocity"]}) for run in campaign({})]
     with pytest.raises(LogError, match="no log that takes part has pressure, force, torque, vdc or idc"):
         diagnose(bare, built_in(), EFFECTS)
 
 
-def test_cycles_that_a_log_has_not_are_refused() -> None:
+def test_cycles_that_a_log_has_not_are_rejected() -> None:
     with pytest.raises(OptionError, match="cycles 5 to 6 were chosen, but it has 2"):
         diagnose(campaign({}), built_in(), EFFECTS, cycles=[None, (5, 6), None])
 
@@ -160,7 +160,7 @@ def test_loads_are_withheld_by_number() -> None:
         withheld_numbers([18.0], runs, [False] * 3)
 
 
-def test_a_campaign_of_which_everything_is_withheld_is_refused() -> None:
+def test_a_campaign_of_which_everything_is_withheld_is_rejected() -> None:
     with pytest.raises(CampaignError, match="every run is withheld"):
         diagnose(campaign({}), built_in(), EFFECTS, withheld=range(len(LOGS)))
 

@@ -155,7 +155,7 @@ def without(run: Run, *names: str) -> Run:
     return msgspec.structs.replace(run, channels={k: x for k, x in run.channels.items() if k not in names})
 
 
-def test_a_log_without_force_or_power_is_refused_in_one_sentence() -> None:
+def test_a_log_without_force_or_power_is_rejected_in_one_sentence() -> None:
     run = planted(0, mass=3000.0)
     with pytest.raises(
         LogError, match=r"planted.csv: no line tension; a rig without a model \(kitepower\) is diagnosed from"
@@ -165,7 +165,7 @@ def test_a_log_without_force_or_power_is_refused_in_one_sentence() -> None:
         diagnose_line(Entries([without(run, "power_mech")]), RIG, EFFECTS)
 
 
-def test_a_power_of_the_other_sign_is_refused_with_what_it_is() -> None:
+def test_a_power_of_the_other_sign_is_rejected_with_what_it_is() -> None:
     run = planted(0, mass=3000.0)
     turned = msgspec.structs.replace(run, channels={**run.channels, "power_mech": -run.channels["power_mech"]})
     with pytest.raises(LogError, match=r"the mechanical power has the other sign.*change its sign"):
@@ -200,7 +200,7 @@ def test_lost_rows_and_uneven_stamps_are_borne() -> None:
     assert mass.value == pytest.approx(3000.0, rel=0.05)
 
 
-def test_cycles_that_are_named_twice_or_not_there_are_refused() -> None:
+def test_cycles_that_are_named_twice_or_not_there_are_rejected() -> None:
     run = planted(0, mass=3000.0)
     with pytest.raises(CampaignError, match="cycle 5 is named by two runs of the campaign"):
         diagnose_line(Entries([run, run], cycles=[(1, 5), (5, 10)]), RIG, EFFECTS)
@@ -212,7 +212,7 @@ def test_cycles_that_are_named_twice_or_not_there_are_refused() -> None:
         diagnose_line(Entries([run], withheld=[0]), RIG, EFFECTS)
 
 
-def test_a_suspect_that_does_not_act_there_is_refused_alone_and_left_out_beside_others() -> None:
+def test_a_suspect_that_does_not_act_there_is_rejected_alone_and_left_out_beside_others() -> None:
     run = planted(0, mass=3000.0)
     with pytest.raises(OptionError, match=r"none of the suspects \(ke_shift\) acts between line and shaft"):
         diagnose_line(Entries([run]), RIG, {"ke_shift": EFFECTS["ke_shift"]})
@@ -319,7 +319,7 @@ def test_a_log_of_the_other_sign_is_corrected_and_reported(campaign: Path) -> No
     assert "power_mech has the opposite sign" in flat(diagnosis_text(found))
 
 
-def test_a_rig_that_lacks_a_number_and_logs_no_power_is_told_what_it_lacks(campaign: Path) -> None:
+def test_a_rig_that_lacks_a_number_and_logs_no_power_is_reported_what_it_lacks(campaign: Path) -> None:
     text = 'name = "half"\n[columns]\nvelocity = { name = "ground_tether_reelout_speed", unit = "m/s" }\n'
     (campaign / "rig.toml").write_text(text, encoding="utf-8")
     header, *rows = (campaign / "log.csv").read_text(encoding="utf-8").splitlines()

@@ -137,7 +137,7 @@ def test_a_name_with_quotes_and_control_characters_is_written_as_text(tmp_path: 
     assert source.source.startswith('calibrated from open "A"\\?[31m.csv (sha256 ')
 
 
-def test_an_entry_that_cannot_be_replaced_is_refused(tmp_path: Path) -> None:
+def test_an_entry_that_cannot_be_replaced_is_rejected(tmp_path: Path) -> None:
     own = 'based_on = "hsu2026"\nname = "ours"\ngenerator = { k_e = { value = 0.0617, unit = "V/rpm" } }\n'
     with pytest.raises(
         RigError, match=r"\[generator\] k_e stands there in a way that cannot be replaced; write it as k_e"
@@ -154,7 +154,7 @@ def test_a_text_that_only_looks_like_an_entry_is_not_taken_for_it(tmp_path: Path
         calibrated_text(of_file(own, tmp_path))
 
 
-def test_a_file_that_is_gone_is_told(tmp_path: Path) -> None:
+def test_a_file_that_is_gone_is_reported(tmp_path: Path) -> None:
     found = of_file(built_in_text("hsu2026"), tmp_path)
     (tmp_path / "rig.toml").unlink()
     with pytest.raises(RigError, match="the rig file cannot be read again"):

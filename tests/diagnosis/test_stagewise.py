@@ -81,7 +81,7 @@ def test_hot_copper_shows_in_both_stages_that_the_machine_is_part_of() -> None:
     assert found.sensor is None
 
 
-def test_a_torque_sensor_that_reads_high_shows_in_both_stages_that_end_with_it_and_is_told() -> None:
+def test_a_torque_sensor_that_reads_high_shows_in_both_stages_that_end_with_it_and_is_reported() -> None:
     places = planted("torque_gain")
     found = arises(places)
     assert set(found.off) == {"transmission", "gearbox"}
@@ -161,13 +161,13 @@ def test_numbers_of_a_section_move_no_stage_but_those_that_are_said_to_be_touche
 
 
 # ------------------------------------------------------------------------------------------------------------- in words
-def test_no_stage_off_is_told_as_such() -> None:
+def test_no_stage_off_is_reported_as_such() -> None:
     assert arises_sentence(Arises((), None)) == (
         "With logged inputs to each stage, no stage deviates by more than 4 standard uncertainties."
     )
 
 
-def test_several_stages_are_told_the_worst_first() -> None:
+def test_several_stages_are_reported_the_worst_first() -> None:
     places = list(planted("precharge")) + list(planted("gear_mesh_loss"))
     found = arises(places)
     assert found.off == tuple(sorted(found.off, key=lambda s: -max(abs(p.z) for p in places if p.stage == s)))

@@ -1,4 +1,4 @@
-"""Small files that claim or unpack to much: each must be read or refused within the limits of memory and time."""
+"""Small files that claim or unpack to much: each must be read or rejected within the limits of memory and time."""
 
 import io
 import struct

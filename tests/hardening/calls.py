@@ -73,7 +73,7 @@ def _never(_number: int, _frame: object) -> None:
     raise AssertionError("a command did not end in time")
 
 
-def told(arguments: Sequence[str | Path]) -> str:
+def error_sentence(arguments: Sequence[str | Path]) -> str:
     """The one sentence of a command that rejects its arguments or files."""
     called = call(*arguments)
     assert called.code == 2, called

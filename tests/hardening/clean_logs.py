@@ -190,9 +190,9 @@ def print_findings(folder: Path, *, unreported_too: bool) -> int:
                 false += 1
                 print(f"{case.name}: {text}", flush=True)
             if case.true is not None and moved(case.true, case.found)[0]:
-                told = any(f.kind == "coarse_sampling" for f in case.found.quality)
-                unreported += not told
-                if not told and unreported_too:
+                reported = any(f.kind == "coarse_sampling" for f in case.found.quality)
+                unreported += not reported
+                if not reported and unreported_too:
                     print(f"  (not reported: {case.name}: {'; '.join(moved(case.true, case.found)[0][:3])})")
     print(
         f"{cases} reductions of undamaged logs, {false} false findings, {unreported} coarse ones beyond the bar unreported"

@@ -217,8 +217,8 @@ def _ambiguous(log: Log, what: str, write: Callable[[Path], Path], names: Sequen
         except WinchcascadeError as fault:
             named = all(name in str(fault) for name in names)
             return Outcome(("one of several tables",), f"rejected: {fault}" if named else "")
-        told = [f.message for f in run.findings if names and any(name in f.message for name in names)]
-        return Outcome((f"one of several tables read ({run.samples} samples)",), told[0] if told else "")
+        messages = [f.message for f in run.findings if names and any(name in f.message for name in names)]
+        return Outcome((f"one of several tables read ({run.samples} samples)",), messages[0] if messages else "")
 
     return with_judge(damage, judge)
 

@@ -235,9 +235,9 @@ def complete(kind: Kind, place: Path, undisturbed: Mapping[str, bytes], *, jobs:
     broken, kept = half(out), stamps(out, kind)
     if broken:
         return len(kept), broken
-    said, told = (again := call(kind, place, jobs=jobs)).communicate(timeout=PATIENCE)
-    if again.returncode or "Traceback" in told:
-        return len(kept), f"the second call ended with {again.returncode}: {told[-300:]} {said[-300:]}"
+    printed, err = (again := call(kind, place, jobs=jobs)).communicate(timeout=PATIENCE)
+    if again.returncode or "Traceback" in err:
+        return len(kept), f"the second call ended with {again.returncode}: {err[-300:]} {printed[-300:]}"
     after = stamps(out, kind)
     if kind.resumes and {name: after.get(name) for name in kept} != kept:
         return len(kept), "what was finished was made anew"
@@ -256,8 +256,8 @@ def undisturbed(kind: Kind, place: Path) -> tuple[dict[str, bytes], float]:
     kind.prepare(place)
     begun = time.perf_counter()
     one = call(kind, place)
-    _, told = one.communicate(timeout=PATIENCE)
-    assert one.returncode == 0, told
+    _, err = one.communicate(timeout=PATIENCE)
+    assert one.returncode == 0, err
     return content(place / kind.out), time.perf_counter() - begun
 
 
@@ -280,9 +280,9 @@ def kills(kind: Kind, folder: Path, number: int, rng: random.Random) -> Counts:
         hit = one.poll() is None
         with suppress(ProcessLookupError):
             (os.killpg if to_all or by == signal.SIGKILL else os.kill)(one.pid, by)
-        said, told = one.communicate(timeout=PATIENCE)
-        early = hit and "Traceback" in told and "winchcascade/" not in told.replace(str(ROOT), "")
-        wrong = None if early or not hit else _badly_ended(one.returncode, said, told, by)
+        printed, err = one.communicate(timeout=PATIENCE)
+        early = hit and "Traceback" in err and "winchcascade/" not in err.replace(str(ROOT), "")
+        wrong = None if early or not hit else _badly_ended(one.returncode, printed, err, by)
         if not kind.resumes:
             wrong = wrong or _neither(content(place / kind.out), before, whole)
         kept, fault = complete(kind, place, whole, jobs=jobs)
@@ -295,12 +295,12 @@ def kills(kind: Kind, folder: Path, number: int, rng: random.Random) -> Counts:
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 
 
-def _badly_ended(code: int, said: str, told: str, by: signal.Signals) -> str | None:
+def _badly_ended(code: int, printed: str, err: str, by: signal.Signals) -> str | None:
     """What is wrong with how a call answered a signal: one sentence or nothing, and the code of the signal or of success."""
-    sentence = told == "" or (told.startswith("winchcascade: ") and told.count("\n") == 1)
+    sentence = err == "" or (err.startswith("winchcascade: ") and err.count("\n") == 1)
     if sentence and code in (0, -by, 128 + by):
         return None
-    return f"ended with {code} and told {(told or said)[-600:]!r}"
+    return f"ended with {code} and printed {(err or printed)[-600:]!r}"
 
 
 def _neither(found: Mapping[str, bytes], before: Mapping[str, bytes], after: Mapping[str, bytes]) -> str | None:
@@ -324,9 +324,9 @@ def both_at_once(kind: Kind, folder: Path, number: int, rng: random.Random) -> C
         hit = one.poll() is None
         other = call(kind, place, jobs=1 + k % 2)
         ended = [(each.communicate(timeout=PATIENCE)[1], each.returncode) for each in (one, other)]
-        told = [f"a call ended with {code}: {said[-300:]}" for said, code in ended if code]
+        failed = [f"a call ended with {code}: {printed[-300:]}" for printed, code in ended if code]
         kept, fault = complete(kind, place, whole)
-        counts = counts.and_then(hit=hit, kept=kept, fault=next(iter(told), fault))
+        counts = counts.and_then(hit=hit, kept=kept, fault=next(iter(failed), fault))
         shutil.rmtree(place)
     return counts
 
@@ -339,20 +339,20 @@ def too_large(kind: Kind, folder: Path, sizes: Sequence[int]) -> Counts:
         place = folder / f"limit {size}"
         kind.prepare(place)
         one = call(kind, place, limit=size)
-        said, told = one.communicate(timeout=PATIENCE)
+        printed, err = one.communicate(timeout=PATIENCE)
         kept, fault = complete(kind, place, whole)
         counts = counts.and_then(
-            hit=one.returncode != 0, kept=kept, fault=_badly_told(told, said, one.returncode) or fault
+            hit=one.returncode != 0, kept=kept, fault=_badly_reported(err, printed, one.returncode) or fault
         )
         shutil.rmtree(place)
     return counts
 
 
-def _badly_told(told: str, said: str, code: int) -> str | None:
-    """What is wrong with how a call said that it could not go on."""
-    if code == 0 or ("Traceback" not in told and (told + said).strip() and code in (1, 2)):
+def _badly_reported(err: str, printed: str, code: int) -> str | None:
+    """What is wrong with how a call reported that it could not go on."""
+    if code == 0 or ("Traceback" not in err and (err + printed).strip() and code in (1, 2)):
         return None
-    return f"ended with {code} and told {(told or said)[-300:]!r}"
+    return f"ended with {code} and printed {(err or printed)[-300:]!r}"
 
 
 @contextmanager
@@ -386,8 +386,8 @@ def full_disk(kind: Kind, folder: Path, sizes: Sequence[int]) -> Counts:
                 (disk / name).parent.mkdir(parents=True, exist_ok=True)
                 (disk / name).write_bytes(data)
             one = call(kind, place)
-            said, told = one.communicate(timeout=PATIENCE)
-            wrong = _badly_told(told, said, one.returncode) or half(disk)
+            printed, err = one.communicate(timeout=PATIENCE)
+            wrong = _badly_reported(err, printed, one.returncode) or half(disk)
             subprocess.run(["mount", "-o", "remount,size=1G", str(disk)], check=True)
             kept, fault = complete(kind, place, whole)
             counts = counts.and_then(hit=one.returncode != 0, kept=kept, fault=wrong or fault)

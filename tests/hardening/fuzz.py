@@ -1,4 +1,4 @@
-"""Damaged files by the thousand: each is read or refused in one sentence; anything else is a fault that can be made again.
+"""Damaged files by the thousand: each is read or rejected in one sentence; anything else is a fault that can be made again.
 
 `python tests/hardening/fuzz.py --inputs 50000 --jobs 2` prints a table of counts by format and returns 1 on faults;
 `python tests/hardening/fuzz.py --show tdms 1234` does one again, with its traceback.
@@ -77,12 +77,12 @@ class TooSlow(BaseException):
 
 
 class Judged(NamedTuple):
-    """What became of one input: read, refused (in a sentence), starved (not judged yet) or a fault (and what it is)."""
+    """What became of one input: read, rejected (in a sentence), starved (not judged yet) or a fault (and what it is)."""
 
     form: str
     seed: int
     outcome: str
-    told: str = ""
+    message: str = ""
 
 
 def read_log(path: Path) -> None:
@@ -147,7 +147,7 @@ def judge(form: str, seed: int, folder: Path) -> Judged:
     try:
         READERS.get(form, read_log)(path)
     except WinchcascadeError as fault:
-        return Judged(form, seed, *_refusal(fault))
+        return Judged(form, seed, *_rejection(fault))
     except MemoryError:
         return Judged(form, seed, "starved", "memory ran out")
     except TooSlow:
@@ -157,8 +157,8 @@ def judge(form: str, seed: int, folder: Path) -> Judged:
     return Judged(form, seed, "read")
 
 
-def _refusal(fault: WinchcascadeError) -> tuple[str, str]:
-    """A refusal that is one line for people, and not memory that ran out, is as it should be."""
+def _rejection(fault: WinchcascadeError) -> tuple[str, str]:
+    """A rejection that is one line for people, and not memory that ran out, is as it should be."""
     said = str(fault)
     cause = fault.__cause__
     if isinstance(cause, MemoryError):
@@ -171,7 +171,7 @@ def _refusal(fault: WinchcascadeError) -> tuple[str, str]:
         return "fault", f"no sentence of a length to be read: {said[:300]!r}"
     if isinstance(cause, Warning | AssertionError):
         return "fault", f"{type(cause).__name__}: {cause} behind {said}"
-    return "refused", said
+    return "rejected", said
 
 
 def _place_of(trace: Any) -> str:
@@ -208,7 +208,7 @@ def work(orders: Sequence[tuple[str, int]], *, weighed: bool) -> None:
             finally:
                 signal.setitimer(signal.ITIMER_PROF, 0)
             if _held_by_readers() > max(held, READ_MEMORY):
-                judged = judged._replace(outcome="fault", told=f"its reader held {_held_by_readers() >> 20} MiB")
+                judged = judged._replace(outcome="fault", message=f"its reader held {_held_by_readers() >> 20} MiB")
             _say(*(by_weight(judged, taken()) if weighed else judged))
 
 
@@ -263,7 +263,7 @@ def _resident(which: str) -> int:
 def by_weight(judged: Judged, taken: int) -> Judged:
     """Judge an input by the memory that it took. [bytes]"""
     if judged.outcome == "starved" or taken > MEMORY:
-        return judged._replace(outcome="fault", told=f"took {taken >> 20} MiB: {judged.told}")
+        return judged._replace(outcome="fault", message=f"took {taken >> 20} MiB: {judged.message}")
     return judged
 
 
@@ -325,26 +325,26 @@ def fuzz(inputs: int, *, first: int = 0, jobs: int = 1, only: str | None = None)
     parts = [orders[k::jobs] for k in range(jobs)]
     with ThreadPoolExecutor(jobs) as pool:
         return [
-            judged for part in pool.map(lambda part: list(_faults_told(run_orders(part))), parts) for judged in part
+            judged for part in pool.map(lambda part: list(_faults_printed(run_orders(part))), parts) for judged in part
         ]
 
 
-def _faults_told(judged: Iterator[Judged]) -> Iterator[Judged]:
+def _faults_printed(judged: Iterator[Judged]) -> Iterator[Judged]:
     """Say at once on standard error what is a fault: a run of all inputs takes half an hour."""
     for one in judged:
         if one.outcome == "fault":
-            print(f"--show {one.form} {one.seed}: {one.told}", file=sys.stderr, flush=True)
+            print(f"--show {one.form} {one.seed}: {one.message}", file=sys.stderr, flush=True)
         yield one
 
 
 def table(judged: Sequence[Judged]) -> str:
     """Counts by kind, as lines."""
-    lines = [f"{'format':10}{'inputs':>8}{'read':>8}{'refused':>9}{'faults':>8}"]
+    lines = [f"{'format':10}{'inputs':>8}{'read':>8}{'rejected':>10}{'faults':>8}"]
     for form in [*SEEDS, "all"]:
         of = [j.outcome for j in judged if form in (j.form, "all")]
         if of:
-            counts = [len(of), *(of.count(outcome) for outcome in ("read", "refused", "fault"))]
-            lines.append(f"{form:10}{counts[0]:8}{counts[1]:8}{counts[2]:9}{counts[3]:8}")
+            counts = [len(of), *(of.count(outcome) for outcome in ("read", "rejected", "fault"))]
+            lines.append(f"{form:10}{counts[0]:8}{counts[1]:8}{counts[2]:10}{counts[3]:8}")
     return "\n".join(lines) + "\n"
 
 
@@ -359,7 +359,7 @@ def show(form: str, seed: int, keep: Path | None) -> int:
         try:
             READERS.get(form, read_log)(path)
         except WinchcascadeError as fault:
-            print(f"refused: {fault}")
+            print(f"rejected: {fault}")
             if fault.__cause__ is not None:
                 traceback.print_exception(fault.__cause__)
             return 0

@@ -1,4 +1,4 @@
-"""Damaged files of every kind are read or refused in one sentence, and each class of fault that was found stays mended."""
+"""Damaged files of every kind are read or rejected in one sentence, and each class of fault that was found stays mended."""
 
 import math
 import random
@@ -32,11 +32,11 @@ MANY = 300
 
 
 def faults(judged: list[Judged]) -> list[str]:
-    return [f"--show {j.form} {j.seed}: {j.told}" for j in judged if j.outcome == "fault"]
+    return [f"--show {j.form} {j.seed}: {j.message}" for j in judged if j.outcome == "fault"]
 
 
 @pytest.mark.slow
-def test_many_damaged_files_of_every_kind_are_read_or_refused() -> None:
+def test_many_damaged_files_of_every_kind_are_read_or_rejected() -> None:
     judged = fuzz(MANY, first=1_000_000)
     assert faults(judged) == []
     assert {j.form for j in judged} == set(SEEDS)
@@ -46,13 +46,13 @@ def test_many_damaged_files_of_every_kind_are_read_or_refused() -> None:
 @pytest.mark.slow
 def test_memory_that_is_reserved_and_not_touched_is_no_fault() -> None:
     # A page of this file claims more than a GiB; Arrow reserves it, finds the page damaged and touches none of it.
-    assert [j.outcome for j in run_orders([("parquet", 3_009_657)])] == ["refused"]
+    assert [j.outcome for j in run_orders([("parquet", 3_009_657)])] == ["rejected"]
 
 
 def test_a_file_that_is_judged_alone_may_take_so_much_memory() -> None:
-    refused, starved = Judged("parquet", 1, "refused", "why."), Judged("parquet", 1, "starved")
-    assert by_weight(refused, MEMORY) == refused
-    assert by_weight(refused, MEMORY + 1).outcome == by_weight(starved, 0).outcome == "fault"
+    rejected, starved = Judged("parquet", 1, "rejected", "why."), Judged("parquet", 1, "starved")
+    assert by_weight(rejected, MEMORY) == rejected
+    assert by_weight(rejected, MEMORY + 1).outcome == by_weight(starved, 0).outcome == "fault"
 
 
 def test_the_most_memory_taken_is_seen_after_it_was_given_back() -> None:
@@ -110,10 +110,10 @@ def test_any_value_in_place_of_any_other_is_taken_or_told_in_one_line(
     loaders: dict[str, Callable[[Path], object]] = {"rig": load_rig, "campaign": load_campaign, "table": load_table}
     try:
         loaders[form](path)
-        told = "read."
+        message = "read."
     except WinchcascadeError as fault:
-        told = str(fault)
-    assert told.isprintable()
+        message = str(fault)
+    assert message.isprintable()
 
 
 # --- what was found and mended
@@ -160,7 +160,7 @@ def test_an_audit_of_zeros_divides_by_none(old: str) -> None:
     assert audit_text(audit(parse_table(text.replace(old, f"{old.partition('=')[0]}= 0"), "a.toml")))
 
 
-def test_a_name_with_control_characters_is_told_without_them(tmp_path: Path) -> None:
+def test_a_name_with_control_characters_is_reported_without_them(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     path.write_text("Time (s),Col\x1b[31m\x07our\n" + "".join(f"{k},1\n" for k in range(20)))
     with pytest.raises(LogError) as caught:
@@ -204,7 +204,7 @@ def test_a_clock_that_begins_aeons_away_is_one_sentence(start: float, tmp_path: 
 
 def test_stamps_that_are_mended_rise_or_are_one_sentence() -> None:
     """A log whose later stamps are of wrong bytes, a few of them equal beyond what a number can tell."""
-    told: list[str] = []
+    messages: list[str] = []
     for seed in range(40):
         stamps = 0.08 * np.arange(899, dtype=np.float64)
         stamps[270:] = np.frombuffer(np.random.default_rng(seed).bytes(8 * 629))
@@ -212,9 +212,9 @@ def test_stamps_that_are_mended_rise_or_are_one_sentence() -> None:
             try:
                 assert np.all(np.diff(read_clock(stamps, "log").t) > 0.0)
             except LogError as fault:
-                told.append(str(fault))
-    assert 0 < len(told) < 40
-    assert all("be distinguished" in sentence for sentence in told)
+                messages.append(str(fault))
+    assert 0 < len(messages) < 40
+    assert all("be distinguished" in sentence for sentence in messages)
 
 
 def test_a_time_without_a_unit_beside_numbers_of_any_size_is_read(tmp_path: Path) -> None:
@@ -226,7 +226,7 @@ def test_a_time_without_a_unit_beside_numbers_of_any_size_is_read(tmp_path: Path
 
 def test_a_mat4_variable_that_claims_more_than_the_file_takes_no_memory(tmp_path: Path) -> None:
     content = seeds("mat")[0]
-    second = 20 + len(b"Time\0") + 8 * len(ROWS)  # a wrong first header would not be told as MATLAB
+    second = 20 + len(b"Time\0") + 8 * len(ROWS)  # a wrong first header would not be recognised as MATLAB
     for place, value in ((16, 2**31 - 1), (4, 2**31 - 1), (8, 2**30)):
         at = second + place
         path = tmp_path / "log.mat"

@@ -1,4 +1,4 @@
-"""Files that mean harm: huge, lying, named to be obeyed, or no files at all. Each is used, or told in one sentence."""
+"""Harmful files: huge, lying, named to be obeyed, or no files at all. Each is read, or rejected in one sentence."""
 
 import json
 import locale
@@ -17,7 +17,7 @@ import pint
 import pyarrow as pa
 import pypdf
 import pytest
-from calls import call, told
+from calls import call, error_sentence
 from loops import failures
 from pyarrow import parquet
 from seeds import HEADERS, LOG, ROOT, ROWS, tdms, text
@@ -115,7 +115,7 @@ def test_a_command_rejects_what_is_no_file_of_the_kind_in_one_sentence(command: 
             assert called.code == 1
             assert "0 of 1 logs reduced" in called.out
             return
-        told(arguments)
+        error_sentence(arguments)
         assert not [found for found in place.rglob("*") if found.suffix == ".part"]
 
     names, first = ("my dröp 測試.csv", "it.toml", "it.json"), list(COMMANDS).index(command)
@@ -124,7 +124,7 @@ def test_a_command_rejects_what_is_no_file_of_the_kind_in_one_sentence(command: 
 
 @POSIX
 @pytest.mark.parametrize("command", ["reduce", "reduce --rig", "batch", "check", "audit", "diagnose", "simulate"])
-def test_a_file_that_may_not_be_read_is_told_by_every_command(command: str, tmp_path: Path) -> None:
+def test_a_file_that_may_not_be_read_is_reported_by_every_command(command: str, tmp_path: Path) -> None:
     path = tmp_path / "locked.toml"
     path.write_text("x")
     path.chmod(0)
@@ -175,7 +175,7 @@ def _limited(path: Path, *, memory: int = MEMORY) -> str:
     return done.stdout.strip()
 
 
-def test_a_million_columns_are_refused_from_their_beginning(tmp_path: Path) -> None:
+def test_a_million_columns_are_rejected_from_their_beginning(tmp_path: Path) -> None:
     path = tmp_path / "wide.csv"
     names = ",".join(["Time (s)", *(f"Velocity {k} (m/s)" for k in range(10**6))])
     path.write_text("\n".join([names, *[",".join(["0.5"] * (10**6 + 1))] * 3]))
@@ -187,7 +187,7 @@ def test_a_million_columns_are_refused_from_their_beginning(tmp_path: Path) -> N
 
 @pytest.mark.slow
 @pytest.mark.parametrize("quoted", [False, True])
-def test_a_cell_of_a_hundred_megabytes_is_refused_or_left_out(quoted: bool, tmp_path: Path) -> None:
+def test_a_cell_of_a_hundred_megabytes_is_rejected_or_left_out(quoted: bool, tmp_path: Path) -> None:
     path = tmp_path / "long.csv"
     cell = '"' + "x\n" * (50 << 20) + '"' if quoted else "9" * (100 << 20)
     path.write_text(text(rows=[*ROWS[:400], [*ROWS[400][:-1], cell], *ROWS[401:]]))
@@ -538,7 +538,7 @@ def test_a_locale_of_decimal_commas_changes_nothing(tmp_path: Path) -> None:
     pytest.skip("no such locale on this machine")
 
 
-def test_a_header_of_every_letter_is_told_or_read(tmp_path: Path) -> None:
+def test_a_header_of_every_letter_is_reported_or_read(tmp_path: Path) -> None:
     """Every character of the first planes in a name, a few hundred at a time."""
     for first in range(1, 0x3000, 256):
         letters = "".join(chr(c) for c in range(first, first + 256) if chr(c) not in '\n\r,"')

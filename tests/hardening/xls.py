@@ -21,8 +21,8 @@ def _begin(kind: int) -> bytes:
 def texts(shared: Sequence[str], claimed: int | None = None) -> bytes:
     """The shared texts, which may claim to be more than they are."""
     number = len(shared) if claimed is None else claimed
-    told = b"".join(struct.pack("<HB", len(text), 1) + text.encode("utf-16-le") for text in shared)
-    return record(0xFC, struct.pack("<II", number, number) + told)
+    entries = b"".join(struct.pack("<HB", len(text), 1) + text.encode("utf-16-le") for text in shared)
+    return record(0xFC, struct.pack("<II", number, number) + entries)
 
 
 def number(row: int, column: int, value: float) -> bytes:
@@ -68,6 +68,6 @@ def compound(stream: bytes) -> bytes:
 def _entry(name: str, kind: int, *, child: int = _FREE, begins: int = 0, size: int = 0) -> bytes:
     """An entry of the directory, 128 bytes."""
     letters = name.encode("utf-16-le")
-    told = len(letters) + 2 if name else 0
-    head = letters.ljust(64, b"\0") + struct.pack("<HBBIII", told, kind, 1, _FREE, _FREE, child)
+    name_size = len(letters) + 2 if name else 0
+    head = letters.ljust(64, b"\0") + struct.pack("<HBBIII", name_size, kind, 1, _FREE, _FREE, child)
     return head + bytes(36) + struct.pack("<IQ", begins, size)

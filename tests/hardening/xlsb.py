@@ -46,9 +46,9 @@ def row(number: int, cells: Iterable[bytes]) -> bytes:
 
 def sheet(rows: Sequence[Any], further: bytes = b"") -> bytes:
     """The part of one sheet; `further` rows come last."""
-    told = b"".join(row(k, (cell(j, value) for j, value in enumerate(values))) for k, values in enumerate(rows))
+    sheet_rows = b"".join(row(k, (cell(j, value) for j, value in enumerate(values))) for k, values in enumerate(rows))
     size = struct.pack("<IIII", 0, len(rows) - 1, 0, len(rows[0]) - 1)
-    return record(0x81) + record(0x94, size) + record(0x91) + told + further + record(0x92) + record(0x82)
+    return record(0x81) + record(0x94, size) + record(0x91) + sheet_rows + further + record(0x92) + record(0x82)
 
 
 T = TypeVar("T", Path, BytesIO)

@@ -1,4 +1,4 @@
-"""Channels that tell of one thing are held against each other: what differs is told, nothing that agrees is."""
+"""Channels that measure one thing are compared: each difference is reported, and nothing that agrees is."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -37,7 +37,7 @@ def changed(name: str, change: Change) -> Checked:
     return check(T, signals, RIG, simulated=False, open_circuit=False)
 
 
-def told(velocity: Change = lambda v: v, displacement: Change = lambda x: x) -> list[Finding]:
+def findings(velocity: Change = lambda v: v, displacement: Change = lambda x: x) -> list[Finding]:
     signals = channels()
     return disagreements(T, velocity(signals["velocity"]), displacement(signals["displacement"]), V_ONSET)
 
@@ -48,7 +48,7 @@ def coarse(step: float) -> Change:
 
 # ------------------------------------------------------------------------------------------------------- gain and zero
 @pytest.mark.parametrize("gain", [0.1, 0.5, 0.9, 0.985, 1.015, 1.1, 2.0, 5.0])
-def test_a_velocity_of_another_gain_is_told_and_kept(gain: float) -> None:
+def test_a_velocity_of_another_gain_is_reported_and_kept(gain: float) -> None:
     found = changed("velocity", lambda v: gain * v)
     (finding,) = found.findings
     assert (finding.kind, finding.channel, finding.action) == ("out_of_range", "velocity", "reported and kept")
@@ -61,7 +61,7 @@ def test_a_velocity_of_another_gain_is_told_and_kept(gain: float) -> None:
 
 
 @pytest.mark.parametrize("zero", [-0.02, -0.007, 0.007, 0.02])
-def test_a_velocity_with_another_zero_is_told_and_kept(zero: float) -> None:
+def test_a_velocity_with_another_zero_is_reported_and_kept(zero: float) -> None:
     found = changed("velocity", lambda v: v + zero)
     (finding,) = found.findings
     assert (finding.kind, finding.channel, finding.action) == ("out_of_range", "velocity", "reported and kept")
@@ -71,21 +71,21 @@ def test_a_velocity_with_another_zero_is_told_and_kept(zero: float) -> None:
 
 
 def test_a_zero_above_the_onset_speed_is_named_as_why_a_log_seems_to_begin_in_a_payout() -> None:
-    (finding,) = told(lambda v: v + 0.04)
+    (finding,) = findings(lambda v: v + 0.04)
     assert finding.message == (
         "velocity reads +0.040 m/s while the displacement rests, and motion counts from 0.03 m/s: rest may pass for "
         "motion, and a log for one that begins inside it; check its zero"
     )
 
 
-def test_gain_and_zero_are_told_apart() -> None:
-    zero, gain = told(lambda v: 2 * v + 0.02)
+def test_gain_and_zero_are_distinguished() -> None:
+    zero, gain = findings(lambda v: 2 * v + 0.02)
     assert "reads +0.020 m/s" in zero.message
     assert "integrates to 2.0" in gain.message
 
 
 def test_a_displacement_that_drifts_is_not_called_a_velocity_that_does() -> None:
-    (finding,) = told(displacement=lambda x: x + 0.02 * T)
+    (finding,) = findings(displacement=lambda x: x + 0.02 * T)
     assert "where the displacement moves by +0.0" in finding.message
     assert finding.message.endswith("one of the two drifts; check the zero of both")
 
@@ -108,7 +108,7 @@ HARMLESS: dict[str, tuple[Change, Change]] = {
 
 @pytest.mark.parametrize("name", HARMLESS)
 def test_what_says_nothing_of_gain_and_zero_gives_no_finding(name: str) -> None:
-    assert told(*HARMLESS[name]) == []
+    assert findings(*HARMLESS[name]) == []
 
 
 def test_a_velocity_made_of_the_displacement_is_not_held_against_it() -> None:
@@ -178,7 +178,7 @@ def with_power(factor: float) -> dict[str, Signal]:
 
 
 @pytest.mark.parametrize("factor", [0.5, 0.95, 1.05])
-def test_a_logged_power_that_torque_contradicts_is_told_and_kept(factor: float) -> None:
+def test_a_logged_power_that_torque_contradicts_is_reported_and_kept(factor: float) -> None:
     signals = with_power(factor)
     (finding,) = power_disagrees(signals, RIG.r_drum)
     assert (finding.kind, finding.channel, finding.action) == ("out_of_range", "power_mech", "reported and kept")

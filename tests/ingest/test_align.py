@@ -1,4 +1,4 @@
-"""Channels with clocks of their own meet at common stamps, or are refused in a sentence."""
+"""Channels with clocks of their own meet at common stamps, or are rejected in a sentence."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from winchcascade.core.errors import LogError
 from winchcascade.ingest.formats.tdms import Waveform, common_stamps
 
 
-def test_a_clock_that_ends_beyond_all_time_is_refused() -> None:
+def test_a_clock_that_ends_beyond_all_time_is_rejected() -> None:
     clock = Waveform(0.04, 0.0)
     t, _ = common_stamps(Path("log.tdms"), clock, [(clock, 100), (Waveform(1.0, 0.0), 100)])
     assert t.size == 100

@@ -86,7 +86,7 @@ STAMPED = {
 
 
 @pytest.mark.parametrize("what", ROWS_KEPT)
-def test_lost_doubled_and_swapped_rows_are_told_and_change_little(what: str, tmp_path: Path) -> None:
+def test_lost_doubled_and_swapped_rows_are_reported_and_change_little(what: str, tmp_path: Path) -> None:
     rows, expected = ROWS_KEPT[what]
     run = read(tmp_path, log(STAMPS[rows], DATA[rows]))
     assert kinds(run) == expected
@@ -95,7 +95,7 @@ def test_lost_doubled_and_swapped_rows_are_told_and_change_little(what: str, tmp
 
 
 @pytest.mark.parametrize("what", STAMPED)
-def test_wrong_stamps_are_told_and_change_little(what: str, tmp_path: Path) -> None:
+def test_wrong_stamps_are_reported_and_change_little(what: str, tmp_path: Path) -> None:
     stamps, expected = STAMPED[what]
     run = read(tmp_path, log(stamps))
     assert kinds(run) == expected
@@ -161,7 +161,7 @@ def test_uneven_stamps_are_used_as_they_are(tmp_path: Path) -> None:
         (np.array([0.0, np.nan, np.nan]), "1 readable stamp;"),
     ],
 )
-def test_a_column_that_is_no_clock_is_refused(stamps: np.ndarray, words: str) -> None:
+def test_a_column_that_is_no_clock_is_rejected(stamps: np.ndarray, words: str) -> None:
     with pytest.raises(LogError, match=words):
         read_clock(stamps, "log.csv")
 
@@ -213,7 +213,7 @@ def test_a_repaired_clock_always_rises_and_keeps_its_rows(values: list[float], o
     assert clock.t.size == (stamps.size if clock.rows is None else clock.rows.size)
 
 
-def test_stamps_of_wrong_bytes_are_refused() -> None:
+def test_stamps_of_wrong_bytes_are_rejected() -> None:
     with pytest.raises(LogError, match="to be distinguished"):
         require_rising(np.array([0.0, 2e-314, 1.0, 2.0]), "log.csv")
     require_rising(np.array([0.0, 1e-9, 1.0]), "log.csv")
@@ -249,7 +249,7 @@ def test_a_log_with_empty_rows_in_it_reduces_like_the_clean_one(tmp_path: Path) 
     assert a == pytest.approx(b)
 
 
-def test_stamps_that_hardly_move_and_miss_some_are_refused_and_no_warning() -> None:
+def test_stamps_that_hardly_move_and_miss_some_are_rejected_and_no_warning() -> None:
     stamps = 1e-310 * np.arange(2000, dtype=np.float64)
     stamps[500:700] = np.nan
     stamps[1500:] = 1e16 + np.arange(500)

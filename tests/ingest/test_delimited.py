@@ -96,7 +96,7 @@ def test_a_cell_that_is_no_number_is_reported_and_bridged(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("delimiter", [",", ";", "\t"])
 @pytest.mark.parametrize("remark", ["run", '"a, b"', "größer", "12:30", ""])
-def test_a_column_of_text_in_between_is_told_and_not_read(remark: str, delimiter: str, tmp_path: Path) -> None:
+def test_a_column_of_text_in_between_is_reported_and_not_read(remark: str, delimiter: str, tmp_path: Path) -> None:
     rows = [[*row[:3], remark if k >= 100 else "go", *row[3:]] for k, row in enumerate(ROWS)]
     run = read(tmp_path, text(rows, [*HEAD[:3], "State", *HEAD[3:]], delimiter=delimiter), "cp1252")
     assert kinds(run) == {"unknown_column"}
@@ -123,7 +123,7 @@ def test_rows_with_cells_too_many_or_too_few_are_left_out_and_counted(row: list[
     assert efficiencies(run) == pytest.approx(clean(), abs=LOST)
 
 
-def test_a_table_that_falls_apart_is_refused(tmp_path: Path) -> None:
+def test_a_table_that_falls_apart_is_rejected(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="rows do not have 8 cells like the first one; expected one table"):
         read(tmp_path, text([*ROWS[:60], *(row[:6] for row in ROWS)]))
 
@@ -168,7 +168,7 @@ def test_a_file_cut_anywhere_in_its_last_rows_gives_whole_rows(what: str, tmp_pa
         assert not any(missing.values()), end
 
 
-def test_a_file_cut_amid_a_cell_is_told_wherever_that_is(tmp_path: Path) -> None:
+def test_a_file_cut_amid_a_cell_is_reported_wherever_that_is(tmp_path: Path) -> None:
     whole = SOURCE.read_bytes()
     for end in random.Random(5).sample(range(2000, len(whole)), 30):
         last = whole[:end].rsplit(b"\n", 1)[-1]
@@ -234,7 +234,7 @@ def spoilt(seed: int) -> bytes:
 
 
 def outcome(path: Path) -> str:
-    """What becomes of a file: nothing to say of a checked run, or the sentence that refuses it."""
+    """What becomes of a file: nothing to say of a checked run, or the sentence that rejects it."""
     try:
         run = read_run(path)
     except LogError as fault:
@@ -249,8 +249,10 @@ def test_a_spoilt_file_gives_a_run_or_one_sentence(first: int, tmp_path: Path) -
     for seed in range(first, first + 50):
         path = write(tmp_path, spoilt(seed))
         begun = perf_counter()
-        told = outcome(path)
-        assert told == "" or (told.startswith("log.csv: ") and told.endswith(".") and "\n" not in told), seed
+        message = outcome(path)
+        assert message == "" or (message.startswith("log.csv: ") and message.endswith(".") and "\n" not in message), (
+            seed
+        )
         assert perf_counter() - begun < 5.0, seed  # a pattern that never ends is a fault; all else takes milliseconds
 
 

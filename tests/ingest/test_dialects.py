@@ -134,7 +134,7 @@ def test_a_unit_changes_no_result(column: int, factor: float, header: str, tmp_p
     assert efficiencies(run) == pytest.approx(clean(), abs=ROUNDED)
 
 
-def test_a_column_without_a_unit_is_taken_in_the_usual_one_and_told(tmp_path: Path) -> None:
+def test_a_column_without_a_unit_is_taken_in_the_usual_one_and_reported(tmp_path: Path) -> None:
     run = read(tmp_path, text(ROWS, ["Time (s)", *NAMES[1:]]))
     assert [f.channel for f in run.findings if f.kind == "unit_assumed"] == [*list(CHANNELS)[:5], "vdc", "idc"]
     assert efficiencies(run) == pytest.approx(clean(), abs=SAME)

@@ -54,7 +54,7 @@ def travelled(rows: Signal) -> Signal:
     return np.round(np.append(0.0, np.cumsum(np.diff(rows[:, 0]) * rows[1:, column("velocity")])), 4)
 
 
-def told(run: Run, kind: str = "spike") -> set[str | None]:
+def reported_channels(run: Run, kind: str = "spike") -> set[str | None]:
     return {f.channel for f in run.findings if f.kind == kind}
 
 
@@ -82,7 +82,7 @@ def test_zeros_of_several_channels_at_once_are_taken_out(tmp_path: Path, lost: t
     rows, k = table().copy(), after_onset(3.6)
     for name in lost:
         rows[k : k + 12, column(name)] = 0.0
-    assert told(written(tmp_path, rows)) == {*lost}
+    assert reported_channels(written(tmp_path, rows)) == {*lost}
 
 
 @pytest.mark.parametrize("code", [-999.0, 9999.0])
@@ -92,7 +92,7 @@ def test_error_codes_of_any_length_are_taken_out(tmp_path: Path, name: str, samp
     rows, k = table().copy(), after_onset(2.0)
     rows[k : k + samples, column(name)] = code
     run = written(tmp_path, rows)
-    assert told(run) == {name}
+    assert reported_channels(run) == {name}
     assert "jump to " in run.findings[0].message
     assert_same_energies(run)
 
@@ -113,13 +113,13 @@ def test_a_stretch_in_another_unit_and_one_of_noise_about_zero_are_taken_out(tmp
     rows, k = table().copy(), after_onset(3.6)
     rows[k : k + 20, column("vdc")] *= share
     rows[k + 200 : k + 230, column("idc")] = np.random.default_rng(1).normal(0.0, 0.02, 30)
-    assert told(written(tmp_path, rows)) == {"vdc", "idc"}
+    assert reported_channels(written(tmp_path, rows)) == {"vdc", "idc"}
 
 
 def test_error_codes_at_the_end_of_a_log_are_taken_out(tmp_path: Path) -> None:
     rows = table()[: after_onset(8.0)].copy()
     rows[-30:, column("torque")] = -999.0
-    assert told(written(tmp_path, rows)) == {"torque"}
+    assert reported_channels(written(tmp_path, rows)) == {"torque"}
 
 
 @pytest.mark.parametrize("every", [2, 3, 5, 10])
@@ -129,7 +129,7 @@ def test_rows_between_the_updates_of_a_slow_channel_are_bridged(tmp_path: Path, 
     for name in ("force", "idc"):
         rows[np.arange(len(rows)) % every != 0, column(name)] = filler
     run = written(tmp_path, rows)
-    assert told(run, "not_a_number" if np.isnan(filler) else "dropped_samples") == {"force", "idc"}
+    assert reported_channels(run, "not_a_number" if np.isnan(filler) else "dropped_samples") == {"force", "idc"}
     assert_same_energies(run)
 
 
@@ -146,7 +146,7 @@ def test_a_crane_that_stops_makes_every_channel_fall_and_none_is_taken_out(
     for name in ("torque", "vdc", "idc"):
         rows[stop, column(name)] = 0.0
     rows[stop, column("force")] *= 0.2
-    assert told(written(tmp_path, rows)) == set()
+    assert reported_channels(written(tmp_path, rows)) == set()
 
 
 @pytest.mark.parametrize("fs", [5, 10, 25])
@@ -159,4 +159,4 @@ def test_a_clutch_that_opens_while_vdc_and_idc_decay_is_kept(tmp_path: Path, fs:
     rows[open_, column("torque")] = 0.0
     for name in ("vdc", "idc"):
         rows[open_, column(name)] *= decay
-    assert told(written(tmp_path, rows)) == set()
+    assert reported_channels(written(tmp_path, rows)) == set()

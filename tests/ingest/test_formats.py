@@ -131,7 +131,7 @@ def test_tdms_channels_that_start_apart_agree_on_the_time_of_a_straight_line(tmp
     np.testing.assert_allclose(np.asarray(table.stamps), table.values[0], atol=INTERPOLATED)
 
 
-def test_tdms_start_times_are_aligned_and_the_cut_is_told(tmp_path: Path) -> None:
+def test_tdms_start_times_are_aligned_and_the_cut_is_reported(tmp_path: Path) -> None:
     start = np.datetime64("2026-03-01T10:00:00", "us")
     late = start + np.timedelta64(2_020_000, "us")
     path = write_tdms(
@@ -173,7 +173,7 @@ def test_tdms_wanted_channels_off_the_usual_clock_bring_their_stamps(tmp_path: P
     np.testing.assert_allclose(np.asarray(open_tdms(path).load([2], None).stamps), T[::5])
 
 
-def test_tdms_channels_without_a_common_moment_are_refused(tmp_path: Path) -> None:
+def test_tdms_channels_without_a_common_moment_are_rejected(tmp_path: Path) -> None:
     path = write_tdms(tmp_path / "a.tdms", wave("x", T), wave("y", T, wf_start_offset=100.0))
     source = open_tdms(path)
     assert "overlap" in sentence(lambda: source.load([0, 1], None), path)
@@ -228,7 +228,7 @@ def test_tdms_groups_with_other_channels_are_one_log_the_largest_first(tmp_path:
     assert table.findings == ()
 
 
-def test_tdms_second_recording_of_the_same_channels_is_told_and_not_read(tmp_path: Path) -> None:
+def test_tdms_second_recording_of_the_same_channels_is_reported_and_not_read(tmp_path: Path) -> None:
     groups = {"Run 1": V, "Run 2": P, "Run 3": T}
     channels = [wave(name, values, group=group) for group, values in groups.items() for name in ("v", "p")]
     path = write_tdms(tmp_path / "a.tdms", *channels)
@@ -310,7 +310,7 @@ def test_tdms_that_was_cut_off_is_read_to_the_last_common_sample(tmp_path: Path)
     assert [f.kind for f in table.findings] == ["truncated"]
 
 
-def test_tdms_with_a_channel_lost_to_the_cut_is_refused(tmp_path: Path) -> None:
+def test_tdms_with_a_channel_lost_to_the_cut_is_rejected(tmp_path: Path) -> None:
     path = write_tdms(tmp_path / "a.tdms", wave("v", V), wave("p", P))
     path.write_bytes(path.read_bytes()[:-4020])
     source = open_tdms(path)
@@ -318,7 +318,7 @@ def test_tdms_with_a_channel_lost_to_the_cut_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("claimed", [10**6, 2**40, 2**62])
-def test_tdms_that_claims_more_samples_than_bytes_is_refused(tmp_path: Path, claimed: int) -> None:
+def test_tdms_that_claims_more_samples_than_bytes_is_rejected(tmp_path: Path, claimed: int) -> None:
     path = write_tdms(tmp_path / "a.tdms", wave("v", V))
     index = struct.pack("<LLQ", 10, 1, 500)
     assert path.read_bytes().count(index) == 1
@@ -326,7 +326,7 @@ def test_tdms_that_claims_more_samples_than_bytes_is_refused(tmp_path: Path, cla
     assert str(claimed) in sentence(lambda: open_tdms(path), path)
 
 
-def test_tdms_without_numbers_is_refused(tmp_path: Path) -> None:
+def test_tdms_without_numbers_is_rejected(tmp_path: Path) -> None:
     path = write_tdms(tmp_path / "a.tdms", ChannelObject("g", "note", ["a", "b"]))
     assert "channel of numbers" in sentence(lambda: open_tdms(path), path)
 
@@ -379,7 +379,7 @@ def test_mat_struct_fields_are_columns_with_units_from_a_struct(tmp_path: Path) 
     assert source.properties == {"dt": H, "note": "crane"}
 
 
-def test_mat_structs_that_name_fields_alike_are_told_apart(tmp_path: Path) -> None:
+def test_mat_structs_that_name_fields_alike_are_distinguished(tmp_path: Path) -> None:
     path = write_mat(tmp_path / "a.mat", raw={"v": V, "p": P}, smooth={"v": P})
     assert "2 runs could be the log: 'raw', 'smooth'" in sentence(lambda: open_mat(path), path)
     source = open_mat(path, table="raw")
@@ -411,7 +411,7 @@ def test_mat_texts_of_the_usual_length_may_be_stamps(tmp_path: Path) -> None:
     assert np.isnan(table.values[0]).all()
 
 
-def test_mat_without_vectors_is_refused(tmp_path: Path) -> None:
+def test_mat_without_vectors_is_rejected(tmp_path: Path) -> None:
     path = write_mat(tmp_path / "a.mat", note="nothing", load_ohm=36.0, image=np.ones((4, 5)))
     assert "vectors" in sentence(lambda: open_mat(path), path)
 
@@ -421,7 +421,7 @@ def test_mat_without_vectors_is_refused(tmp_path: Path) -> None:
     [(b"\x10\0\x03\0m/s", b"\xe8\0\x03\0m/s"), (b"\x05\0\0\0\x08\0\0\0", b"\x05\0\0\0\0\0\0\0")],
     ids=["type", "shape"],
 )
-def test_mat_with_a_broken_tag_is_refused_and_the_process_lives(tmp_path: Path, tag: bytes, broken: bytes) -> None:
+def test_mat_with_a_broken_tag_is_rejected_and_the_process_lives(tmp_path: Path, tag: bytes, broken: bytes) -> None:
     path = write_mat(tmp_path / "a.mat", v=V, note="m/s")
     assert tag in path.read_bytes()
     path.write_bytes(path.read_bytes().replace(tag, broken))
@@ -569,7 +569,7 @@ def test_parquet_text_stamps_are_handed_over_as_texts(tmp_path: Path) -> None:
     assert not table.stamped
 
 
-def test_parquet_names_with_dots_and_twins_are_told_apart(tmp_path: Path) -> None:
+def test_parquet_names_with_dots_and_twins_are_distinguished(tmp_path: Path) -> None:
     path = tmp_path / "a.parquet"
     pq.write_table(pa.Table.from_arrays([pa.array([float(k)]) for k in range(3)], names=["a.b", "a", "a"]), path)
     table = open_parquet(path).load([0, 1, 2], None)
@@ -670,7 +670,7 @@ def test_excel_line_of_group_names_above_the_names_is_passed_over(tmp_path: Path
     assert names(open_excel(path)) == ["path", "speed"]
 
 
-def test_excel_without_a_table_is_refused(tmp_path: Path) -> None:
+def test_excel_without_a_table_is_rejected(tmp_path: Path) -> None:
     path = write_excel(tmp_path / "a.xlsx", ["only", "words"])
     assert "names" in sentence(lambda: open_excel(path), path)
 
@@ -701,7 +701,7 @@ def test_an_old_workbook_may_lie_about_its_shared_texts(tmp_path: Path) -> None:
     assert table.values[1].tolist() == [2.0] * 30
 
 
-def test_an_old_workbook_with_a_password_is_refused_as_such(tmp_path: Path) -> None:
+def test_an_old_workbook_with_a_password_is_rejected_as_such(tmp_path: Path) -> None:
     path = tmp_path / "a.xls"
     path.write_bytes(xls.book([["v"], [1.0]], top=xls.record(0x2F, b"\1".ljust(54, b"\0"))))
     assert "locked with a password" in sentence(lambda: open_excel(path), path)
@@ -793,7 +793,7 @@ def whole(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
 
 @settings(suppress_health_check=list(HealthCheck))
 @given(share=st.floats(0.0, 1.0, exclude_max=True))
-def test_file_cut_off_anywhere_is_read_in_part_or_refused_in_one_sentence(
+def test_file_cut_off_anywhere_is_read_in_part_or_rejected_in_one_sentence(
     whole: tuple[Path, bytes, Any], share: float
 ) -> None:
     path, content, opener = whole
@@ -811,7 +811,7 @@ def test_file_cut_off_anywhere_is_read_in_part_or_refused_in_one_sentence(
 
 
 @pytest.mark.parametrize("form", list(FORMATS))
-def test_file_of_another_kind_is_refused_in_one_sentence(tmp_path: Path, form: str) -> None:
+def test_file_of_another_kind_is_rejected_in_one_sentence(tmp_path: Path, form: str) -> None:
     path = tmp_path / f"a.{form}"
     path.write_bytes(b"time,velocity\n0,1\n" * 50)
     sentence(lambda: FORMATS[form][1](path), path)
@@ -974,7 +974,7 @@ def test_a_load_that_is_given_is_taken_in_place_of_that_of_the_file(logs: dict[s
 
 
 @pytest.mark.parametrize(("order", "mopt"), [("<", 0), (">", 1000)])
-def test_mat4_is_told_in_either_byte_order(tmp_path: Path, order: str, mopt: int) -> None:
+def test_mat4_is_recognised_in_either_byte_order(tmp_path: Path, order: str, mopt: int) -> None:
     path = tmp_path / "a"
     with path.open("wb") as file:
         for name, values in DATA.items():
@@ -998,7 +998,7 @@ def test_mat4_is_told_in_either_byte_order(tmp_path: Path, order: str, mopt: int
         struct.pack("<5i", 0, 500, 1, 0, 5)[:17],
     ],
 )
-def test_mat4_is_told_only_by_a_whole_header(head: bytes) -> None:
+def test_mat4_is_recognised_only_by_a_whole_header(head: bytes) -> None:
     assert not is_mat_v4(head)
 
 

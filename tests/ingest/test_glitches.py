@@ -70,7 +70,7 @@ def logged(scenario: Scenario | str, seed: int = 3) -> tuple[Signal, dict[str, S
     return log.t, {name: sensor.unit * log.columns[sensor.header] for name, sensor in SENSORS.items()}
 
 
-def told(t: Signal, channels: Mapping[str, Signal], *, open_circuit: bool = False) -> list[Finding]:
+def findings(t: Signal, channels: Mapping[str, Signal], *, open_circuit: bool = False) -> list[Finding]:
     """The glitches found in a log's channels."""
     copies = {name: np.array(x) for name, x in channels.items()}
     found = check(t, copies, RIG, simulated=False, open_circuit=open_circuit).findings
@@ -132,7 +132,7 @@ def test_a_glitch_of_a_fast_log_spans_more_samples() -> None:
         t, channels = logged(Scenario(rate=rate))
         k, samples = in_payout(t, channels), max(2, round(seconds * rate))
         channels[name][k : k + samples] = 3 * np.ptp(channels[name])
-        assert [(f.channel, f.count) for f in told(t, channels)] == [(name, samples)]
+        assert [(f.channel, f.count) for f in findings(t, channels)] == [(name, samples)]
 
     names = ["velocity", "force", "torque", "vdc", "idc"]
     assert failures(check, all_pairs(names, [0.02, 0.1], [50.0, 100.0, 200.0])) == []
@@ -179,14 +179,14 @@ def test_a_glitch_next_to_empty_cells_is_bridged(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_invented_logs_have_no_glitch(name: str) -> None:
     t, channels = logged(name)
-    assert told(t, channels, open_circuit=SCENARIOS[name].load == float("inf")) == []
+    assert findings(t, channels, open_circuit=SCENARIOS[name].load == float("inf")) == []
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_ten_times_the_usual_noise_is_no_glitch(seed: int) -> None:
     for load in (36.0, float("inf")):
         t, channels = logged(Scenario(noise=10.0, load=load), seed)
-        assert told(t, channels, open_circuit=load == float("inf")) == []
+        assert findings(t, channels, open_circuit=load == float("inf")) == []
 
 
 @pytest.mark.parametrize("steps", [10, 30, 100])
@@ -194,14 +194,14 @@ def test_coarse_steps_are_no_glitch(steps: int) -> None:
     for load in (36.0, float("inf")):
         t, channels = logged(Scenario(load=load))
         coarse = {name: np.round(x / np.ptp(x) * steps) * np.ptp(x) / steps for name, x in channels.items()}
-        assert told(t, coarse, open_circuit=load == float("inf")) == []
+        assert findings(t, coarse, open_circuit=load == float("inf")) == []
 
 
 @pytest.mark.parametrize("hold", [2, 3, 5])
 def test_values_that_a_logger_repeats_are_no_glitch(hold: int) -> None:
     t, channels = logged(Scenario(rate=100.0))
     held = {name: x[np.arange(x.size) // hold * hold] for name, x in channels.items()}
-    assert told(t, held) == []
+    assert findings(t, held) == []
 
 
 @pytest.mark.parametrize(("name", "size"), [("torque", 150.0), ("vdc", 80.0), ("force", 1500.0), ("velocity", 0.5)])
@@ -209,10 +209,10 @@ def test_a_step_that_stays_and_one_that_decays_are_no_glitch(name: str, size: fl
     t, channels = logged("smooth")
     later = t - t[in_payout(t, channels)]
     decay = np.where(later >= 0, np.exp(-np.clip(later, 0, 9) / 0.06), 0)
-    assert told(t, channels | {name: channels[name] + size * decay}) == []
+    assert findings(t, channels | {name: channels[name] + size * decay}) == []
     stay = ((later >= 0) & (later < 2)) * size / channels[name][in_payout(t, channels)]
     with_it = ("force", "torque", "vdc", "idc") if name != "velocity" else ("velocity",)  # one load or one motion
-    assert told(t, channels | {other: channels[other] * (1 + stay) for other in with_it}) == []
+    assert findings(t, channels | {other: channels[other] * (1 + stay) for other in with_it}) == []
 
 
 @pytest.mark.parametrize("hertz", [1.5, 3.0, 5.7, 8.0, 11.0])
@@ -221,7 +221,7 @@ def test_a_snap_load_that_rings_is_no_glitch(hertz: float, rate: float) -> None:
     t, channels = logged(Scenario(rate=rate))
     later = np.clip(t - t[in_payout(t, channels)], 0, None)
     ring = 6000.0 * np.exp(-3 * later) * np.sin(2 * np.pi * hertz * later)
-    assert told(t, channels | {"force": channels["force"] + ring}) == []
+    assert findings(t, channels | {"force": channels["force"] + ring}) == []
 
 
 @pytest.mark.parametrize("samples", [2, 3, 5])
@@ -230,7 +230,7 @@ def test_a_slack_line_that_the_torque_follows_is_no_glitch(samples: int) -> None
     k = in_payout(t, channels)
     for name in ("force", "torque"):
         channels[name][k : k + samples] *= 0.02
-    assert told(t, channels) == []
+    assert findings(t, channels) == []
 
 
 @pytest.mark.parametrize("samples", [2, 3, 5])
@@ -240,7 +240,7 @@ def test_a_snap_load_that_the_torque_follows_is_no_glitch(size: float, samples: 
     k = in_payout(t, channels)
     channels["force"][k : k + samples] += 2500 * size
     channels["torque"][k : k + samples] += 40 * size
-    assert told(t, channels) == []
+    assert findings(t, channels) == []
 
 
 @pytest.mark.parametrize("samples", [2, 3, 4, 5])
@@ -250,14 +250,14 @@ def test_a_stop_that_the_displacement_shows_is_no_glitch(samples: int) -> None:
     channels["displacement"] = channels["displacement"].copy()
     channels["displacement"][k:] -= samples * channels["velocity"][k] * (t[1] - t[0])
     channels["velocity"][k : k + samples] = 0.0
-    assert told(t, channels) == []
+    assert findings(t, channels) == []
 
 
 def test_a_current_that_a_chopper_cuts_again_and_again_has_no_glitch() -> None:
     t, channels = logged("smooth")
     off = (np.arange(t.size) % 20 < 3) & (channels["velocity"] > 0.3)
     cut = {name: np.where(off, share * channels[name], channels[name]) for name, share in CUT.items()}
-    assert told(t, channels | cut) == []
+    assert findings(t, channels | cut) == []
 
 
 @pytest.mark.parametrize("samples", [6, 8, 20])
@@ -266,7 +266,7 @@ def test_a_dip_that_lasts_longer_and_that_the_machine_follows_is_kept(samples: i
     k = in_payout(t, channels)
     for name in ("force", "torque", "vdc", "idc"):
         channels[name][k : k + samples] *= 0.3
-    assert told(t, channels) == []
+    assert findings(t, channels) == []
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -274,4 +274,4 @@ def test_a_saturated_sensor_is_reported_and_kept(seed: int) -> None:
     t, channels = logged("smooth", seed)
     k = in_payout(t, channels)
     channels["torque"] = np.minimum(1.5 * channels["torque"], 1.4 * channels["torque"][k])
-    assert told(t, channels) == []
+    assert findings(t, channels) == []

@@ -90,7 +90,7 @@ def test_an_index_that_counts_rows_is_no_clock(write: Writer, name: str, step: i
     assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
 
 
-def test_the_refusal_names_a_column_without_a_name_so_that_it_can_be_seen(tmp_path: Path) -> None:
+def test_the_message_names_a_column_without_a_name_so_that_it_can_be_seen(tmp_path: Path) -> None:
     with pytest.raises(LogError, match=r"the log has \(no name\), Displacement \(m\)"):
         read_run(as_csv(tmp_path, "", list(range(len(ROWS)))))
 

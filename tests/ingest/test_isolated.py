@@ -40,7 +40,7 @@ QUICK = (
 """Bombs that are made and rejected in a second, one of each format."""
 
 
-def refused(path: Path, **environment: str) -> tuple[str, float, float]:
+def rejected(path: Path, **environment: str) -> tuple[str, float, float]:
     """What another process says of a file, and what it took: seconds, and the largest memory of it and its reader. [MB]"""
     code = (
         "import resource, sys, time\n"
@@ -66,7 +66,7 @@ def test_a_small_file_that_claims_or_unpacks_to_much_ends_within_the_limits(name
     path = tmp_path / "bomb.dat"
     path.write_bytes(bombs.BOMBS[name]())
     assert path.stat().st_size < 10**6
-    said, seconds, held = refused(path, **{MEMORY_SETTING: str(MEMORY), SECONDS_SETTING: str(SECONDS)})
+    said, seconds, held = rejected(path, **{MEMORY_SETTING: str(MEMORY), SECONDS_SETTING: str(SECONDS)})
     assert said.startswith("bomb.dat: ")
     assert seconds < SECONDS + LATE
     assert held < MEMORY + OVERSHOOT

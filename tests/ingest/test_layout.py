@@ -170,11 +170,11 @@ def test_the_rate_of_the_rig_file_stands_in_for_a_time_column(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("line", ["Load (ohm): 36", "Load (ohm);36,0", "# load_ohm = 36.0", "Load\t36 ohm"])
-def test_the_preamble_tells_the_load(line: str, tmp_path: Path) -> None:
+def test_the_preamble_shows_the_load(line: str, tmp_path: Path) -> None:
     assert read(tmp_path, f"{line}\n{text(delimiter=';', decimal=',')}").load == 36.0
 
 
-REFUSED: dict[str, tuple[str | bytes, str]] = {
+REJECTED: dict[str, tuple[str | bytes, str]] = {
     "empty": (b"", "the file is empty"),
     "names only": (",".join(HEAD) + "\n", "column names but no rows of numbers"),
     "names without a line end": (",".join(HEAD), "column names but no rows of numbers"),
@@ -200,9 +200,9 @@ REFUSED: dict[str, tuple[str | bytes, str]] = {
 }
 
 
-@pytest.mark.parametrize("what", REFUSED)
-def test_what_is_no_log_is_refused_in_one_sentence(what: str, tmp_path: Path) -> None:
-    content, words = REFUSED[what]
+@pytest.mark.parametrize("what", REJECTED)
+def test_what_is_no_log_is_rejected_in_one_sentence(what: str, tmp_path: Path) -> None:
+    content, words = REJECTED[what]
     with pytest.raises(LogError, match=words) as caught:
         read(tmp_path, content)
     message = str(caught.value)
@@ -252,11 +252,11 @@ def test_a_line_of_units_beside_names_of_letters_is_known_in_any_order(turn: int
     assert "unit_assumed" not in kinds(run)
 
 
-def test_units_without_names_above_them_are_told(tmp_path: Path) -> None:
+def test_units_without_names_above_them_are_reported(tmp_path: Path) -> None:
     rows = [row[:3] for row in ROWS]
-    with pytest.raises(LogError) as told:
+    with pytest.raises(LogError) as fault:
         read(tmp_path, text(rows, UNITS[:3]))
-    assert str(told.value) == (
+    assert str(fault.value) == (
         "log.csv: the line above the numbers holds units (s, m, m/s) and none holds names; expected a row of names such as "
         "'Time,Displacement,Velocity,Force' above it. Add one."
     )

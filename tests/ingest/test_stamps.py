@@ -48,7 +48,7 @@ def test_midnight_noon_and_the_full_hour_pass_without_a_step(form: str) -> None:
 
 @pytest.mark.parametrize("form", ["%m/%d/%Y %H:%M:%S.~", "%d/%m/%Y %H:%M:%S.~"])
 @pytest.mark.parametrize("day", [(4, 5), (4, 12), (4, 30), (12, 31)])
-def test_day_and_month_are_told_apart_by_the_days_that_follow(form: str, day: tuple[int, int]) -> None:
+def test_day_and_month_are_distinguished_by_the_days_that_follow(form: str, day: tuple[int, int]) -> None:
     start = dt.datetime(2026, *day, 23, 59, 30)
     assert seconds(stamps(form, start)) == pytest.approx(np.array(T), abs=1e-4)
 
@@ -101,7 +101,7 @@ def test_numbers_that_name_their_unit_or_count_days_need_no_guess(name: str, tmp
 @pytest.mark.parametrize("scale", [1.0, 1e3])
 @pytest.mark.parametrize("start", [0.0, EPOCH])
 @pytest.mark.parametrize("name", ["Time", "unix time", "epoch"])
-def test_seconds_and_milliseconds_without_a_name_are_told_apart(
+def test_seconds_and_milliseconds_without_a_name_are_distinguished(
     scale: float, start: float, name: str, tmp_path: Path
 ) -> None:
     run = read(tmp_path, text(*with_time([f"{scale * (start + t):.3f}" for t in T], name)))
@@ -134,7 +134,7 @@ def test_stamps_of_whole_seconds_are_spread_over_their_samples(form: str, tmp_pa
     assert efficiencies(run) == pytest.approx(clean(), abs=COARSE)
 
 
-def test_a_stamp_column_that_cannot_be_read_is_told(tmp_path: Path) -> None:
+def test_a_stamp_column_that_cannot_be_read_is_reported(tmp_path: Path) -> None:
     with pytest.raises(LogError, match=r"0 readable stamps; expected seconds, milliseconds or dates"):
         read(tmp_path, text(*with_time(["soon"] * len(T))))
 
@@ -145,7 +145,7 @@ def test_the_first_stamp_of_a_waveform_is_read_too() -> None:
     assert waveform({"Sample interval": "40 furlongs"}) == (None, 0.0)
 
 
-def test_rows_with_a_stamp_and_no_number_are_kept_and_told(tmp_path: Path) -> None:
+def test_rows_with_a_stamp_and_no_number_are_kept_and_reported(tmp_path: Path) -> None:
     rows, head = with_time(stamps("%H:%M:%S.~", NOON))
     rows = [[row[0], *["OVL"] * 7] if k == 700 else row for k, row in enumerate(rows)]
     run = read(tmp_path, text(rows, head))

@@ -118,13 +118,13 @@ def test_a_gap_far_from_an_instant_does_not_move_it() -> None:
     assert instant_error(run(v, velocity=[(20.0, 20.4)]), v, np.array([10.0])).tolist() == [0.0]
 
 
-@pytest.mark.parametrize(("by", "told"), [(0.2, "bridging its gaps could change E_line by 6.7%"), (0.01, None)])
-def test_a_cutoff_that_a_gap_moves_is_worth_the_power_there(by: float, told: str | None) -> None:
+@pytest.mark.parametrize(("by", "message"), [(0.2, "bridging its gaps could change E_line by 6.7%"), (0.01, None)])
+def test_a_cutoff_that_a_gap_moves_is_worth_the_power_there(by: float, message: str | None) -> None:
     spans, gaps = np.array([[1.0, 4.0], [5.0, 8.0]]), np.array([[20.0, 20.2]])
     changed = energy_error(T, np.full(T.size, 500.0), gaps, spans, np.array([by, 0.0]))
     faults = gap_faults("line", gaps, spans, changed / 1500.0, built_in().thresholds)
     assert changed == pytest.approx([by * 500.0, 0.0])
-    assert faults == ({} if told is None else {0: told})
+    assert faults == ({} if message is None else {0: message})
 
 
 def test_gaps_and_a_moved_cutoff_err_independently() -> None:

@@ -156,7 +156,7 @@ def test_haul_in_of_the_field_winch_is_summarised_but_never_given_an_efficiency(
     assert haul_in.energy_line < 0
 
 
-def test_torque_without_a_drum_radius_is_told(fixtures: Path) -> None:
+def test_torque_without_a_drum_radius_is_reported(fixtures: Path) -> None:
     rig = parse_rig('name = "bare"\n', "bare.toml")
     reduction = reduce(read_run(fixtures / "campaign" / "r36ohm.csv", rig=rig), rig=rig)
     assert reduction.mean.energy_mech is None
@@ -164,7 +164,7 @@ def test_torque_without_a_drum_radius_is_told(fixtures: Path) -> None:
     assert [f.channel for f in reduction.quality if "drum radius" in f.message] == ["torque"]
 
 
-def test_a_column_that_the_rig_names_and_the_log_lacks_is_told(fixtures: Path) -> None:
+def test_a_column_that_the_rig_names_and_the_log_lacks_is_reported(fixtures: Path) -> None:
     rig = parse_rig('based_on = "hsu2026"\n[columns]\nforce = "LC-17"\n', "mine.toml")
     (finding,) = read_run(fixtures / "campaign" / "r36ohm.csv", rig=rig).findings
     assert (finding.kind, finding.channel, finding.action) == ("missing_channel", "force", "'Force (N)' read instead")
@@ -205,7 +205,7 @@ def test_labelled_logs_are_clean_but_for_torque_above_the_sensors_range(shared: 
 
 
 @pytest.mark.parametrize("word", ["soon", "0", "-3", "nan", "inf", ""])
-def test_a_window_that_is_none_is_told(word: str) -> None:
+def test_a_window_that_is_none_is_reported(word: str) -> None:
     with pytest.raises(OptionError, match="expected auto, payout or a length in seconds"):
         window_rule(word)
 
@@ -236,6 +236,6 @@ def test_a_ratio_that_is_no_efficiency_names_its_cycle(fixtures: Path) -> None:
     run = read_run(fixtures / "campaign" / "r36ohm.csv")
     torque = np.where((run.t > 38.0) & (run.t < 60.0), 3.0, 1.0) * run.channels["torque"]
     bent = msgspec.structs.replace(run, channels={**run.channels, "torque": torque})
-    (told,) = (f for f in reduce(bent, cycles=(2, 3)).quality if "lies outside 0 to 1" in f.message)
-    assert told.message.startswith("eta_trans lies outside 0 to 1 in 1 cycle (2.")
-    assert "in cycle 2); check unit, gain and sign" in told.message
+    (finding,) = (f for f in reduce(bent, cycles=(2, 3)).quality if "lies outside 0 to 1" in f.message)
+    assert finding.message.startswith("eta_trans lies outside 0 to 1 in 1 cycle (2.")
+    assert "in cycle 2); check unit, gain and sign" in finding.message

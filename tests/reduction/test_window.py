@@ -169,6 +169,6 @@ def test_a_payout_without_a_plateau_has_no_window_of_its_own() -> None:
     assert (window.cutoff, window.fault) == (17.0, "the payout never holds a plateau speed")
 
 
-def test_a_payout_that_only_a_gap_tells_of_has_no_plateau() -> None:
+def test_a_payout_that_only_a_gap_indicates_has_no_plateau() -> None:
     assert find_plateau(T, np.full(T.size, -0.2), cycle(), RULES) is None
     assert find_plateau(T, np.zeros(T.size), cycle(), RULES) is None

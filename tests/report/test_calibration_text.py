@@ -37,7 +37,7 @@ def test_every_number_stands_in_the_table_with_its_interval() -> None:
     assert all(len(line) <= WIDEST for line in lines)
 
 
-def test_the_regression_is_told_with_what_eq_8_would_read() -> None:
+def test_the_regression_is_reported_with_what_eq_8_would_read() -> None:
     text = " ".join(calibration_text(calibration()).split())
     assert "rpm, R2 = 0.99" in text
     assert "of which the fit 0.0" in text
@@ -50,7 +50,7 @@ def test_what_cannot_be_distinguished_is_reported() -> None:
     assert "cannot be distinguished here: nothing" in calibration_text(alone)
 
 
-def test_numbers_that_differ_from_the_rig_file_are_told_apart_from_those_that_agree() -> None:
+def test_numbers_that_differ_from_the_rig_file_are_distinguished_from_those_that_agree() -> None:
     assert "against rig hsu2026: k_e, mu_screw and b_rotor agree" in calibration_text(calibration())
     worn = tuple(
         msgspec.structs.replace(n, value=1.5 * n.before, u=0.01 * n.before) if n.name == "b_rotor" else n

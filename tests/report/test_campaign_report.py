@@ -149,11 +149,11 @@ def results(report: Report) -> str:
 
 def test_the_provenance_names_the_results_that_count(bare: Path) -> None:
     few = make_campaign_report(summary(run("a.csv", 9.0), run("b.csv-cycles-1-2", 18.0), failed("c.csv", "why.")), bare)
-    told = results(few)
-    assert told == "runs/b.csv-cycles-1-2.json, runs/a.csv.json; other files in runs are of other calls"
+    text = results(few)
+    assert text == "runs/b.csv-cycles-1-2.json, runs/a.csv.json; other files in runs are of other calls"
     many = make_campaign_report(summary(*(run(f"a long name of a log, {k}.csv", 9.0) for k in range(40))), bare)
-    told = results(many)
-    assert told.startswith("runs/NAME.json of the NAME of each of the 40 logs in campaign.json; ")
+    text = results(many)
+    assert text.startswith("runs/NAME.json of the NAME of each of the 40 logs in campaign.json; ")
     nothing = make_campaign_report(summary(failed("c.csv", "why.")), bare)
     assert results(nothing) == ""
 
@@ -172,7 +172,7 @@ def test_the_best_load_and_its_probability_are_said(bare: Path) -> None:
     close = make_campaign_report(summary(run("a", 9.0, 0.719, 0.004), run("b", 36.0, 0.720, 0.004)), bare)
     texts = [[p.text for p in report.points if p.about == "Best load"] for report in (sure, close)]
     assert texts[0] == ["36 Ω with η_pto = 0.720, then 9 Ω with 0.600."]
-    assert texts[1] == ["36 Ω with η_pto = 0.720, then 9 Ω with 0.719. The uncertainties do not tell them apart."]
+    assert texts[1] == ["36 Ω with η_pto = 0.720, then 9 Ω with 0.719. The uncertainties do not distinguish them."]
 
 
 def test_runs_are_in_falling_order_of_their_loads() -> None:

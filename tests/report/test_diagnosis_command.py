@@ -43,7 +43,7 @@ def test_the_command_writes_json_page_pdf_and_predictions(results: Path) -> None
         assert [path.name for path in (results / "predicted" / side).iterdir()] == ["r18ohm.csv"]
 
 
-def test_the_text_tells_what_was_withheld_and_where_the_files_are(results: Path) -> None:
+def test_the_text_shows_what_was_withheld_and_where_the_files_are(results: Path) -> None:
     text = (results / "printed.txt").read_text(encoding="utf-8")
     assert "judged on logs that took part in neither choice nor fit (18 ohm)" in " ".join(text.split())
     for name in ("d.json", "d.html", "d.pdf", "predicted"):
@@ -60,25 +60,25 @@ def test_json_on_standard_output_stands_alone(campaign: Path) -> None:
     assert json.loads(done.stdout)["closure"]["withheld"] == [18.0, 4.5]
 
 
-def test_an_unknown_load_is_refused_with_those_there_are(campaign: Path) -> None:
+def test_an_unknown_load_is_rejected_with_those_there_are(campaign: Path) -> None:
     assert "it has 18, 4.5 ohm" in one_sentence("diagnose", campaign, "--withhold", "17")
 
 
-def test_every_load_withheld_is_refused(campaign: Path) -> None:
+def test_every_load_withheld_is_rejected(campaign: Path) -> None:
     assert "at least one" in one_sentence("diagnose", campaign, "--withhold", "18", "--withhold", "4.50")
 
 
-def test_a_folder_without_a_campaign_is_refused(tmp_path: Path) -> None:
+def test_a_folder_without_a_campaign_is_rejected(tmp_path: Path) -> None:
     assert "campaign.toml" in one_sentence("diagnose", tmp_path)
 
 
-def test_a_run_without_a_load_is_refused(campaign: Path, tmp_path: Path) -> None:
+def test_a_run_without_a_load_is_rejected(campaign: Path, tmp_path: Path) -> None:
     log = campaign / "r18ohm.csv"
     (tmp_path / "campaign.toml").write_text(f'[[run]]\nfile = "{log}"\n', encoding="utf-8")
     assert "has no load" in one_sentence("diagnose", tmp_path)
 
 
-def test_a_file_of_somebody_else_is_refused_before_the_work(campaign: Path, tmp_path: Path) -> None:
+def test_a_file_of_somebody_else_is_rejected_before_the_work(campaign: Path, tmp_path: Path) -> None:
     theirs = tmp_path / "theirs.html"
     theirs.write_text("<p>ours</p>")
     assert "was not written by winchcascade" in one_sentence("diagnose", campaign, "--html", theirs)
@@ -91,7 +91,7 @@ def test_a_prediction_never_replaces_a_log_of_somebody_else(campaign: Path, tmp_
     assert "was not written by winchcascade" in one_sentence("diagnose", campaign, "--predictions", tmp_path)
 
 
-def test_predictions_of_two_logs_of_one_name_are_refused(campaign: Path, tmp_path: Path) -> None:
+def test_predictions_of_two_logs_of_one_name_are_rejected(campaign: Path, tmp_path: Path) -> None:
     lines = ['rig = "hsu2026"']
     for day in ("mon", "tue"):
         (tmp_path / day).mkdir()
@@ -102,15 +102,15 @@ def test_predictions_of_two_logs_of_one_name_are_refused(campaign: Path, tmp_pat
     assert not (tmp_path / "out").exists()
 
 
-def test_predictions_into_a_file_are_refused(campaign: Path, tmp_path: Path) -> None:
+def test_predictions_into_a_file_are_rejected(campaign: Path, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     assert "the folder cannot be made" in one_sentence("diagnose", campaign, "--predictions", tmp_path / "file")
 
 
 def test_an_input_is_never_replaced(campaign: Path) -> None:
     before = (campaign / "campaign.toml").read_bytes()
-    told = one_sentence("diagnose", campaign, "--json", campaign / "campaign.toml", "--force")
-    assert "is an input of this command" in told
+    message = one_sentence("diagnose", campaign, "--json", campaign / "campaign.toml", "--force")
+    assert "is an input of this command" in message
     assert (campaign / "campaign.toml").read_bytes() == before
 
 

@@ -214,7 +214,7 @@ def test_the_tolerance_of_what_an_effect_changes_is_found(effect: str) -> None:
     assert (tolerance_of(diagnosed("nothing"), EFFECTS[effect]) == 0.0) == (effect in UNKNOWN)
 
 
-def test_a_tolerance_is_told_in_the_unit_of_its_effect() -> None:
+def test_a_tolerance_is_reported_in_the_unit_of_its_effect() -> None:
     found = diagnosed("nothing")
     rig = found.rig
     sd = {(n.section, n.name): n.sd for n in found.data.nuisances}

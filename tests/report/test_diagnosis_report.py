@@ -45,28 +45,28 @@ def value(cell: str) -> float:
 
 
 def test_the_first_page_answers_where_which_how_sure_how_far_and_what_next() -> None:
-    told = points(report("copper"))
-    assert {"Verdict", "Where", "Cause", "How sure", "How far", "What next", "Residual", "Data"} <= set(told)
-    assert told["Cause"].startswith("Copper heating (copper_heating): stator resistance lies above its cold value")
+    shown = points(report("copper"))
+    assert {"Verdict", "Where", "Cause", "How sure", "How far", "What next", "Residual", "Data"} <= set(shown)
+    assert shown["Cause"].startswith("Copper heating (copper_heating): stator resistance lies above its cold value")
     assert [tile.value for tile in report("copper").tiles] == ["Explained", "Copper heating", "> 99 %"]
     interval = report("copper").tiles[1].interval
     assert re.fullmatch(r"stator resistance \+[\d.]+ % \(95 %: [\d.]+ to [\d.]+ %\)", interval)
 
 
-def test_without_a_gap_the_first_page_tells_what_would_have_been_seen() -> None:
-    told = points(report("nothing"))
-    assert "What was checked" in told
-    assert re.search(r"stator resistance \+\d", told["What would show"])
+def test_without_a_gap_the_first_page_shows_what_would_have_been_seen() -> None:
+    shown = points(report("nothing"))
+    assert "What was checked" in shown
+    assert re.search(r"stator resistance \+\d", shown["What would show"])
     verdict, largest, tried = report("nothing").tiles
     assert (verdict.value, tried.value) == ("No gap", "4")
     assert float(largest.value) == pytest.approx(max(abs(p.z) for p in diagnosed("nothing").places), abs=0.06)
-    assert "Where" not in told
+    assert "Where" not in shown
 
 
-def test_what_no_suspect_explains_is_told_as_such() -> None:
-    told = points(report("outsider"))
-    assert "outside the catalogue" in told["Verdict"]
-    assert "signs of something unexplained" in told["Residual"]
+def test_what_no_suspect_explains_is_reported_as_such() -> None:
+    shown = points(report("outsider"))
+    assert "outside the catalogue" in shown["Verdict"]
+    assert "signs of something unexplained" in shown["Residual"]
     assert report("outsider").tiles[0].interval == "no cause named"
     assert report("outsider").tiles[2].symbol == "Strongest sign"
 
@@ -112,14 +112,14 @@ def test_the_table_of_the_closure_holds_the_root_mean_squares() -> None:
             assert value(cell) == pytest.approx(number, rel=0.06)
 
 
-def test_the_places_are_told_worst_first_with_their_yardsticks() -> None:
+def test_the_places_are_reported_worst_first_with_their_yardsticks() -> None:
     rows = tables(report("copper"))["places"].rows
     z = [abs(value(row[-1])) for row in rows]
     assert z == sorted(z, reverse=True)
     assert all(value(cell) >= 0.0 for row in rows for cell in row[5:8] if cell != "–")
 
 
-def test_each_stage_and_phase_is_told_at_its_worst_load() -> None:
+def test_each_stage_and_phase_is_reported_at_its_worst_load() -> None:
     found = diagnosed("outsider")
     rows = tables(report("outsider"))["stages"].rows
     assert rows[0][:3] == ("gearbox: torque (N·m)", "Vdc, Idc", "payout")
@@ -142,7 +142,7 @@ def test_without_a_cause_every_suspect_has_its_threshold() -> None:
         assert "suspects" not in tables(report(name))
 
 
-def test_alarms_and_nuisances_are_told_with_limit_and_unit() -> None:
+def test_alarms_and_nuisances_are_reported_with_limit_and_unit() -> None:
     made = tables(report("outsider"))
     assert all(value(row[3]) > value(row[4]) for row in made["alarms"].rows)
     names = {row[0] for row in made["nuisances"].rows}
@@ -150,7 +150,7 @@ def test_alarms_and_nuisances_are_told_with_limit_and_unit() -> None:
     assert "alarms" not in tables(report("copper"))
 
 
-def test_a_nuisance_of_the_rig_is_told_in_the_unit_of_its_file() -> None:
+def test_a_nuisance_of_the_rig_is_reported_in_the_unit_of_its_file() -> None:
     from winchcascade.diagnosis.nuisances import Nuisance
     from winchcascade.report.diagnosis_tables import _nuisance_row
 
@@ -158,7 +158,7 @@ def test_a_nuisance_of_the_rig_is_told_in_the_unit_of_its_file() -> None:
     assert row == ("phase inductance", "0.10", "0.05", "mH", "+2.0")
 
 
-def test_rivals_stand_in_the_tables_with_what_tells_them_apart() -> None:
+def test_rivals_stand_in_the_tables_with_what_distinguishes_them() -> None:
     found = diagnosed("copper")
     rival = Alternative("line_drag", 0.3, Spot("torque", "payout", math.inf, z=1.9))
     cause = msgspec.structs.replace(found.causes[0], probability=0.7, rivals=(rival,))

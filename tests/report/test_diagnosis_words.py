@@ -72,7 +72,7 @@ def test_a_number_that_is_no_change_has_no_sign() -> None:
     assert number_words(display_of("ke_rolloff", "k_e_ratio_at_10_a"), value)[0] == "88.29 %"
 
 
-def test_a_cause_is_told_with_its_interval() -> None:
+def test_a_cause_is_reported_with_its_interval() -> None:
     found = diagnosed("copper")
     text = cause_words(found, found.causes[0])
     assert text.startswith("stator resistance +")
@@ -97,17 +97,17 @@ def test_effects_of_the_fit_that_are_not_named_are_counted() -> None:
     assert "not named, though fitted: force_zero" in diagnosis_text(cut)
 
 
-def test_where_no_mean_stands_out_the_strongest_sign_is_told_instead() -> None:
+def test_where_no_mean_stands_out_the_strongest_sign_is_reported_instead() -> None:
     found = diagnosed("outsider")
     assert where_words(found).startswith("The gap lies in")
     quiet = tuple(msgspec.structs.replace(place, z=0.5) for place in found.places)
     alarm = Alarm("scatter", Spot("idc", "payout", within_blocks=True), 20.09, 2.2)
-    told = where_words(changed(found, places=quiet, remainder=Remainder(1.0, (alarm,), alarm.about)))
-    assert told.startswith("No mean over a phase deviates beyond noise and tolerances.")
-    assert "Idc within blocks of payout: the scatter is 20.1 times what noise explains (limit 2.2)" in told
+    text = where_words(changed(found, places=quiet, remainder=Remainder(1.0, (alarm,), alarm.about)))
+    assert text.startswith("No mean over a phase deviates beyond noise and tolerances.")
+    assert "Idc within blocks of payout: the scatter is 20.1 times what noise explains (limit 2.2)" in text
 
 
-def test_where_a_gap_arises_is_told_beside_where_it_shows() -> None:
+def test_where_a_gap_arises_is_reported_beside_where_it_shows() -> None:
     found = diagnosed("outsider")
     assert found.where is not None
     assert found.where.stage == "gearbox"
@@ -120,7 +120,7 @@ def test_where_a_gap_arises_is_told_beside_where_it_shows() -> None:
     assert as_json(found)["where"]["sentence"].endswith(arises_sentence(found.where.arises))
 
 
-def test_a_stage_that_is_that_of_the_cause_is_not_told_twice() -> None:
+def test_a_stage_that_is_that_of_the_cause_is_not_reported_twice() -> None:
     found = diagnosed("rolloff")
     assert found.where is not None
     assert found.where.stage == "generator"
@@ -147,25 +147,25 @@ def test_the_record_holds_the_stages_beside_the_map() -> None:
 def test_without_a_cause_a_stage_that_is_off_is_counted() -> None:
     found = diagnosed("nothing")
     one = msgspec.structs.replace(found.stages[0], z=-5.0)
-    told = checked_words(changed(found, stages=(one, *found.stages[1:])))
-    assert f" Stage by stage 1 of {len(found.stages)} do. " in told
+    text = checked_words(changed(found, stages=(one, *found.stages[1:])))
+    assert f" Stage by stage 1 of {len(found.stages)} do. " in text
 
 
-def test_a_sure_cause_without_a_rival_is_told_as_such() -> None:
+def test_a_sure_cause_without_a_rival_is_reported_as_such() -> None:
     assert sure_words(diagnosed("copper")).startswith("The cause has a probability above 0.99; no other effect")
     assert sure_words(diagnosed("nothing")).startswith("Probability of no effect of the catalogue: > 0.99")
     assert sure_words(diagnosed("outsider")).startswith("Probability of no effect of the catalogue")
 
 
-def test_a_rival_is_told_beside_the_cause_and_never_hidden() -> None:
+def test_a_rival_is_reported_beside_the_cause_and_never_hidden() -> None:
     found = diagnosed("copper")
     rival = Alternative("line_drag", 0.3, Spot("idc", "payout", 4.5, z=1.9))
     cause = msgspec.structs.replace(found.causes[0], probability=0.7, rivals=(rival,))
-    told = changed(found, causes=(cause,))
-    assert sure_words(told) == (
+    unsure = changed(found, causes=(cause,))
+    assert sure_words(unsure) == (
         "copper_heating has a probability of 0.70; line_drag would explain the data about as well as copper_heating."
     )
-    assert "Idc during payout at 4.5 ohm, by 1.9 standard deviations" in flat(diagnosis_text(told))
+    assert "Idc during payout at 4.5 ohm, by 1.9 standard deviations" in flat(diagnosis_text(unsure))
     better = msgspec.structs.replace(cause, rivals=(msgspec.structs.replace(rival, probability=0.8),))
     assert "at least as well" in sure_words(changed(found, causes=(better,)))
 
@@ -181,28 +181,28 @@ def test_the_share_that_is_closed_comes_with_its_interval_and_how_it_is_known() 
     assert closure_words(diagnosed("nothing")) == ""
 
 
-def test_withheld_logs_are_told_by_their_loads() -> None:
+def test_withheld_logs_are_reported_by_their_loads() -> None:
     found = diagnosed("copper")
     assert "the causes were chosen on all logs" in judged_words(found)
     assert judged_words(diagnosed("nothing")) == "all logs took part"
 
 
 @pytest.mark.parametrize(
-    ("z", "told"),
+    ("z", "expected"),
     [
         (1.3, "No alternative explanation remains: these logs rule out line_drag, the next suspect."),
         (22.4, "No alternative explanation remains."),
         (959.0, "They differ there by more than 100 standard deviations"),
     ],
 )
-def test_the_next_experiment_is_told_with_what_it_can_do(z: float, told: str) -> None:
+def test_the_next_experiment_is_reported_with_what_it_can_do(z: float, expected: str) -> None:
     plan = Experiment("cycle", 1.1, ("copper_heating", "line_drag"), z, load=4.5, length=9.5)
     text = experiment_words(changed(diagnosed("copper"), experiment=plan))
-    assert told in text
+    assert expected in text
     assert "4.5 Ω, one cycle: 1.5 s ramp to 1.10 m/s" in text
 
 
-def test_a_rival_that_no_run_tells_from_the_cause_is_to_be_measured() -> None:
+def test_a_rival_that_no_run_distinguishes_from_the_cause_is_to_be_measured() -> None:
     found = diagnosed("copper")
     plan = Experiment("cycle", 1.1, ("copper_heating", "line_drag"), 1.3, load=4.5, length=9.5)
     cause = msgspec.structs.replace(found.causes[0], rivals=(Alternative("line_drag", 0.3, None),))
@@ -211,7 +211,7 @@ def test_a_rival_that_no_run_tells_from_the_cause_is_to_be_measured() -> None:
     )
 
 
-def test_what_no_effect_of_the_catalogue_is_and_looks_like_a_cause_is_told() -> None:
+def test_what_no_effect_of_the_catalogue_is_and_looks_like_a_cause_is_reported() -> None:
     found = diagnosed("copper")
     assert "Not in the catalogue" not in sure_words(found)
     cause = msgspec.structs.replace(found.causes[0], effect="precharge")
@@ -221,7 +221,7 @@ def test_what_no_effect_of_the_catalogue_is_and_looks_like_a_cause_is_told() -> 
 
 
 @pytest.mark.parametrize("kind", ["structure", "scatter", "ripple", "nuisance"])
-def test_an_alarm_is_told_with_its_limit_and_its_meaning(kind: Any) -> None:
+def test_an_alarm_is_reported_with_its_limit_and_its_meaning(kind: Any) -> None:
     alarm = Alarm(kind, Nuisance("zero", "vdc", 0.1, "SI", log=1), 6.04, 4.5)
     text = alarm_words(alarm, ["a.csv", "b.csv"])
     assert text.startswith("Zero of Vdc in b.csv")
@@ -230,7 +230,7 @@ def test_an_alarm_is_told_with_its_limit_and_its_meaning(kind: Any) -> None:
     assert len(alarm_meaning(alarm)) > 20
 
 
-def test_what_is_left_is_told_in_one_breath() -> None:
+def test_what_is_left_is_reported_in_one_breath() -> None:
     assert remainder_words(diagnosed("copper")) == (
         "Less than 1 % of the gap stays open; it has no significant structure."
     )
@@ -266,7 +266,7 @@ def test_logs_are_called_measured_where_that_is_stated_of_all_whatever_the_title
 
 # ------------------------------------------------------------------------------------------------------------ the page
 @pytest.mark.parametrize("name", ["copper", "rolloff", "nothing", "outsider"])
-def test_the_text_keeps_to_its_columns_and_tells_all_there_is(name: str) -> None:
+def test_the_text_keeps_to_its_columns_and_shows_all_there_is(name: str) -> None:
     found = diagnosed(name)
     text = diagnosis_text(found)
     assert max(len(line) for line in text.splitlines()) <= 100

@@ -1,4 +1,4 @@
-"""The report of one log: what its summary says, where its numbers come from, and what is refused before any work."""
+"""The report of one log: what its summary says, where its numbers come from, and what is rejected before any work."""
 
 import hashlib
 import math
@@ -13,7 +13,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from calls import told
+from calls import error_sentence
 from undrawn import undrawn
 
 from winchcascade import __version__
@@ -167,7 +167,7 @@ def test_one_cycle_is_neither_best_nor_worst(clean: Result, reports: dict[str, R
     assert "Best and worst" not in {p.about for p in reports["none complete"].points}
 
 
-def test_one_cycle_is_told_as_one(clean: Result) -> None:
+def test_one_cycle_is_reported_as_one(clean: Result) -> None:
     one = msgspec.structs.replace(clean[0], cycles=clean[0].cycles[:1])
     report = make_report(one, uncertainty(one, draws=200))
     assert "repeatability not known, as one cycle does not show it" in point(report, "Uncertainty").text.lower()
@@ -307,34 +307,34 @@ def test_with_source_date_epoch_the_page_is_the_same_byte_for_byte(log: Path) ->
     assert given in pages[0].decode()
 
 
-def refused(log: Path, *arguments: str | Path) -> str:
-    """The one sentence of a refusal; nothing is written and the log is as it was."""
+def rejected(log: Path, *arguments: str | Path) -> str:
+    """The one sentence of a rejection; nothing is written and the log is as it was."""
     before = {p: p.read_bytes() for p in log.parent.rglob("*") if p.is_file()}
-    said = told(["reduce", log, *arguments])
+    said = error_sentence(["reduce", log, *arguments])
     assert {p: p.read_bytes() for p in log.parent.rglob("*") if p.is_file()} == before
     return said
 
 
-def test_two_reports_of_one_name_are_refused(log: Path) -> None:
+def test_two_reports_of_one_name_are_rejected(log: Path) -> None:
     one = log.parent / "my report"
-    assert "--html and --pdf both name" in refused(log, "--html", one, "--pdf", one)
+    assert "--html and --pdf both name" in rejected(log, "--html", one, "--pdf", one)
 
 
-def test_two_spellings_of_one_name_are_refused(log: Path) -> None:
+def test_two_spellings_of_one_name_are_rejected(log: Path) -> None:
     inside = log.parent / "inside"
     inside.mkdir()
-    assert "both name" in refused(log, "--html", log.parent / "report", "--pdf", inside / ".." / "report")
+    assert "both name" in rejected(log, "--html", log.parent / "report", "--pdf", inside / ".." / "report")
 
 
 @pytest.mark.parametrize("option", ["--html", "--pdf"])
 def test_the_log_is_never_replaced_by_its_report(log: Path, option: str) -> None:
-    assert "is an input of this command" in refused(log, option, log, "--force")
+    assert "is an input of this command" in rejected(log, option, log, "--force")
 
 
 @pytest.mark.parametrize(("name", "says"), [("", "is a folder"), ("no such folder/report", "does not exist")])
-def test_a_place_that_no_report_can_have_is_told(log: Path, name: str, says: str) -> None:
+def test_a_place_that_no_report_can_have_is_reported(log: Path, name: str, says: str) -> None:
     for option in ("--html", "--pdf"):
-        assert says in refused(log, option, log.parent / name)
+        assert says in rejected(log, option, log.parent / name)
 
 
 def test_a_file_of_somebody_else_is_no_report_to_replace(log: Path) -> None:
@@ -342,12 +342,12 @@ def test_a_file_of_somebody_else_is_no_report_to_replace(log: Path) -> None:
         ("--html", "thesis.html", b"<!doctype html><p>mine"), ("--pdf", "thesis.pdf", b"%PDF-1.7\nmine\n%%EOF"),
     ):  # fmt: skip
         (log.parent / name).write_bytes(content)
-        assert "was not written by winchcascade" in refused(log, option, log.parent / name)
+        assert "was not written by winchcascade" in rejected(log, option, log.parent / name)
 
 
-def test_a_refused_pdf_leaves_no_page_behind(log: Path) -> None:
+def test_a_rejected_pdf_leaves_no_page_behind(log: Path) -> None:
     (log.parent / "thesis.pdf").write_bytes(b"%PDF-1.7\nmine")
-    refused(log, "--html", log.parent / "new.html", "--pdf", log.parent / "thesis.pdf")
+    rejected(log, "--html", log.parent / "new.html", "--pdf", log.parent / "thesis.pdf")
     assert not (log.parent / "new.html").exists()
 
 

@@ -289,7 +289,7 @@ def test_the_same_figure_gives_the_same_bytes(clean: Result, svgs: dict[str, dic
             assert svg_text(figure, name) == svgs["clean"][name]
 
 
-def test_colours_are_told_apart_and_stand_for_one_name_each() -> None:
+def test_colours_are_distinguished_and_stand_for_one_name_each() -> None:
     assert len(set(COLOURS.values())) == len(COLOURS)
     light = [
         sum(w * int(COLOURS[n][k : k + 2], 16) for w, k in ((0.3, 1), (0.59, 3), (0.11, 5)))
@@ -319,7 +319,7 @@ def test_what_shades_mean_stands_beside_the_title_not_on_it(results: dict[str, R
             assert key.get_window_extent().x0 > title.get_window_extent().x1
 
 
-def test_the_flow_tells_energies_as_the_tables_do(clean: Result) -> None:
+def test_the_flow_shows_energies_as_the_tables_do(clean: Result) -> None:
     figure = figures.energy_flow(clean[0], {"energy_line": "7110"})
     assert figure is not None
     texts = " ".join(text.get_text() for text in figure.axes[0].texts)

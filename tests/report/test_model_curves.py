@@ -92,7 +92,7 @@ def test_pressure_and_force_are_means_over_displacement_and_velocity(
     assert min(curves["force_n"].x) < -0.5 < 0.5 < max(curves["force_n"].x)
 
 
-def test_in_open_circuit_nothing_that_needs_a_current_is_told(accounts: dict[str, Account]) -> None:
+def test_in_open_circuit_nothing_that_needs_a_current_is_reported(accounts: dict[str, Account]) -> None:
     account = accounts["open circuit"]
     assert set(account.curves) == {"pressure_kgcm2", HAUL_IN, "force_n", "vdc_v"}
     assert set(account.differences) == {"vdc", "pressure", "force"}
@@ -158,9 +158,9 @@ def test_the_regression_knows_the_back_emf_constant(accounts: dict[str, Account]
 
 
 # ------------------------------------------------------------------------------------------------------ the loss budget
-def test_every_entry_of_the_ledger_is_told_once() -> None:
-    told = [entry for group in GROUPS.values() for entry in (*group.behind, *group.before)]
-    assert sorted(told) == sorted(set(LEDGER) - {"line"})
+def test_every_entry_of_the_ledger_is_reported_once() -> None:
+    listed = [entry for group in GROUPS.values() for entry in (*group.behind, *group.before)]
+    assert sorted(listed) == sorted(set(LEDGER) - {"line"})
 
 
 @pytest.mark.parametrize("name", LOGS)

@@ -137,7 +137,7 @@ def test_of_a_long_log_the_first_complete_cycles_are_compared(loaded: Reduction)
     assert np.max(np.abs(first_long - first_short)) < 0.02 * np.max(first_short)
 
 
-def test_a_model_with_an_effect_is_compared_alike_and_told(loaded: Reduction) -> None:
+def test_a_model_with_an_effect_is_compared_alike_and_reported(loaded: Reduction) -> None:
     model = make_effect("gear_mesh_loss", {"efficiency_change": -0.05}).apply(baseline(loaded.rig))
     found = compare(loaded, model, changed="gear_mesh_loss")
     assert isinstance(found, ModelComparison)

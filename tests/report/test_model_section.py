@@ -91,7 +91,7 @@ def test_an_open_circuit_has_damper_and_back_emf_instead(sections: dict[str, Sec
 
 
 @pytest.mark.parametrize("name", LOGS)
-def test_every_caption_tells_with_what_was_simulated(sections: dict[str, Section], name: str) -> None:
+def test_every_caption_shows_with_what_was_simulated(sections: dict[str, Section], name: str) -> None:
     for figure, caption in captions(sections[name]).items():
         if figure != "model-emf":  # nothing in it is simulated
             assert "rig hsu2026 along the logged line motion, as in its rig file" in caption, figure
@@ -158,7 +158,7 @@ def test_a_rig_without_a_model_has_the_reason_instead_of_figures() -> None:
 
 
 @pytest.mark.parametrize("missing", ["torque", "pressure", "vdc", "displacement"])
-def test_what_a_log_lacks_is_neither_drawn_nor_told(missing: str) -> None:
+def test_what_a_log_lacks_is_neither_drawn_nor_reported(missing: str) -> None:
     reduction = reduced("18 ohm")
     channels = {name: x for name, x in reduction.run.channels.items() if name != missing}
     run = msgspec.structs.replace(reduction.run, channels=channels)
@@ -331,7 +331,7 @@ def test_a_campaign_shows_all_loads_in_each_figure(campaign: Section) -> None:
         assert (f"<!-- {name} -->" in svg["model-torque"]) == (name != "open circuit")
 
 
-def test_a_campaign_tells_which_logs_were_not_simulated_and_why(campaign: Section) -> None:
+def test_a_campaign_shows_which_logs_were_not_simulated_and_why(campaign: Section) -> None:
     first = campaign.blocks[0]
     assert isinstance(first, Note)
     assert first.text.startswith("Not simulated: r45ohm.csv: the load of the log is not known")

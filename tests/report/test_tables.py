@@ -412,7 +412,7 @@ def test_a_large_energy_of_unknown_uncertainty_has_four_digits(clean: Result) ->
     assert _four(0.8658, "eta_trans") == "0.866"
 
 
-def test_every_symbol_of_the_cycles_is_told_below_them(results: dict[str, Result]) -> None:
+def test_every_symbol_of_the_cycles_is_reported_below_them(results: dict[str, Result]) -> None:
     note = tables.cycles_table(*results["clean"]).note
     assert note.startswith("Subscripts: line, the line (force times speed); mech, the shaft; gen, the DC link")
     assert "η_pto = E_gen / E_line" in note

@@ -5,13 +5,13 @@ from winchcascade.report.digits import MINUS
 from winchcascade.report.trial_report import _parameter
 
 
-def test_a_number_is_told_as_a_diagnosis_tells_it() -> None:
+def test_a_number_is_formatted_as_a_diagnosis_formats_it() -> None:
     score = ParameterScore("rotor_viscous", "b_extra", 0.0002478, 0.0002288, 0.0002116, 0.000246)
     drag = "fast shaft, drag over speed, mN·m·s/rad"
     assert _parameter(score) == ("rotor_viscous", drag, "0.248", "0.229", "0.212 to 0.246", "no")
 
 
-def test_a_share_is_told_in_percent_with_a_true_minus() -> None:
+def test_a_share_is_formatted_in_percent_with_a_true_minus() -> None:
     score = ParameterScore("ke_shift", "k_e_change", -0.01189, -0.01193, -0.01429, -0.009567)
     _, what, truth, found, interval, holds = _parameter(score)
     assert what == "back-EMF constant, %"

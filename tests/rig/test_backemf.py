@@ -108,13 +108,13 @@ def test_an_independent_simulation_gives_its_constant_back(shared: Path, case: s
     assert found.k_e / truth["sensor_gains"][3] == pytest.approx(truth["rig"]["ke_ll"], rel=1e-3)
 
 
-def test_a_log_without_a_voltage_is_refused() -> None:
+def test_a_log_without_a_voltage_is_rejected() -> None:
     run = made_log(cycles=1)
     with pytest.raises(LogError, match=r"made\.csv: no DC voltage, which a back-EMF constant is fitted to; log Vdc\."):
         back_emf(without(run, "vdc"), MODEL, steady_payouts(run))
 
 
-def test_a_payout_too_slow_for_the_regression_is_refused() -> None:
+def test_a_payout_too_slow_for_the_regression_is_rejected() -> None:
     run = made_log(cycles=1, speed=0.2)
     with pytest.raises(
         LogError,
@@ -123,7 +123,7 @@ def test_a_payout_too_slow_for_the_regression_is_refused() -> None:
         back_emf(run, MODEL, steady_payouts(run))
 
 
-def test_no_payout_is_refused() -> None:
+def test_no_payout_is_rejected() -> None:
     run = made_log(cycles=1)
     with pytest.raises(LogError, match="0 samples above 1000 rpm"):
         back_emf(run, MODEL, [])

@@ -292,7 +292,7 @@ def test_the_cooling_time_of_an_absent_effect_is_that_of_the_part() -> None:
         ("ke_shift", {"k_e_change": math.inf}, "effect ke_shift: k_e_change is inf, but must lie between -0.9 and 9 [1]."),
     ],
 )  # fmt: skip
-def test_what_cannot_be_made_is_refused_in_one_sentence(name: str, values: dict[str, float], sentence: str) -> None:
+def test_what_cannot_be_made_is_rejected_in_one_sentence(name: str, values: dict[str, float], sentence: str) -> None:
     with pytest.raises(OptionError) as fault:
         make_effect(name, values)
     assert str(fault.value) == sentence

@@ -156,7 +156,7 @@ def paid_out(run: Run, factor: float) -> Run:
     return msgspec.structs.replace(run, channels=channels)
 
 
-def test_a_payout_that_would_press_the_gas_to_nothing_is_refused(fixtures: Path) -> None:
+def test_a_payout_that_would_press_the_gas_to_nothing_is_rejected(fixtures: Path) -> None:
     run = paid_out(read_run(fixtures / "campaign" / "r18ohm.csv", load=18.0), 5.0)
     with pytest.raises(LogError) as fault:
         simulate(run, baseline(built_in()))
@@ -167,7 +167,7 @@ def test_a_payout_that_would_press_the_gas_to_nothing_is_refused(fixtures: Path)
     )
 
 
-def test_a_payout_that_would_leave_the_rope_no_radius_is_refused(fixtures: Path) -> None:
+def test_a_payout_that_would_leave_the_rope_no_radius_is_rejected(fixtures: Path) -> None:
     run, model = read_run(fixtures / "campaign" / "r18ohm.csv", load=18.0), baseline(built_in())
     thin = msgspec.structs.replace(model, winch=msgspec.structs.replace(model.winch, layering=-0.125))
     with pytest.raises(LogError, match=r"but at 8 m the rope would run on a radius of nothing; expected less motion"):
@@ -184,7 +184,7 @@ def test_a_payout_that_would_leave_the_rope_no_radius_is_refused(fixtures: Path)
         ("winch", "inertia", -0.1, r"inertia at the drum \[kg m2\] is -0.1; expected 0 or more"),
     ],
 )
-def test_numbers_that_no_rig_has_are_refused(
+def test_numbers_that_no_rig_has_are_rejected(
     fixtures: Path, part: str, number: str, value: float, sentence: str
 ) -> None:
     run, model = read_run(fixtures / "campaign" / "r18ohm.csv", load=18.0), baseline(built_in())

@@ -81,11 +81,11 @@ def test_derivatives_are_the_limit_of_differences(model: Model, name: str, load:
             step = 1e-4 * value or 1e-7
             there, back = (numbers._replace(**{what: value + side * step}) for side in (1.0, -1.0))
             moved = 0.5 * (seen(solve(course.v, there)) - seen(solve(course.v, back)))
-        told = np.stack(tangent.change(there))[:, turning]
+        slopes = np.stack(tangent.change(there))[:, turning]
         moved = moved[:, turning]
         for k in range(2):
             size = float(np.sqrt(np.mean(moved[k] ** 2)))
-            wrong = float(np.sqrt(np.mean((told[k] - moved[k]) ** 2)))
+            wrong = float(np.sqrt(np.mean((slopes[k] - moved[k]) ** 2)))
             assert wrong <= 0.03 * size + 1e-6, (
                 f"{what}: {('clutch', 'vdc')[k]} moves by {size:.3g}, off by {wrong:.3g}"
             )
@@ -112,7 +112,7 @@ def test_nothing_changes_where_no_number_does() -> None:
     assert not vdc.any()
 
 
-def test_a_direction_that_was_not_carried_is_refused() -> None:
+def test_a_direction_that_was_not_carried_is_rejected() -> None:
     course = motion("r36ohm.csv", 36.0)
     numbers = constants(NOMINAL, 36.0)
     solution = solve(course.v, numbers)

@@ -173,7 +173,7 @@ def test_a_changed_digit_is_found_where_another_solver_finds_no_consistent_value
 @pytest.mark.parametrize("tables", [8, pytest.param(40, marks=pytest.mark.slow)])
 def test_what_is_found_names_the_changed_cell_among_the_repairs(tables: int) -> None:
     rng = np.random.default_rng(5)
-    told = 0
+    reported = 0
     for _ in range(tables):
         true = random_table(rng)
         table, row = with_another_digit(true, rng)
@@ -183,11 +183,11 @@ def test_what_is_found_names_the_changed_cell_among_the_repairs(tables: int) -> 
         items = audit(table).contradictions
         if not items:
             continue
-        told += 1
+        reported += 1
         (repair,) = [r for item in items for r in item.repairs if r.metric == metric]
         assert repair.low <= original.cells[metric] * (1 + 1e-12)
         assert repair.high >= original.cells[metric] * (1 - 1e-12)
-    assert told > 0.5 * tables
+    assert reported > 0.5 * tables
 
 
 @pytest.mark.parametrize("cycles", range(1, 8))
@@ -266,20 +266,20 @@ def test_903_in_the_text_changes_the_verdict() -> None:
     assert claim(changed, "the text says 903 W").verdict == "confirmed"
 
 
-def test_a_wrong_cell_beside_a_right_text_is_told_the_other_way_round() -> None:
+def test_a_wrong_cell_beside_a_right_text_is_reported_the_other_way_round() -> None:
     text = HSU_TEXT.replace("value = 982", "value = 903").replace("power_gen = 903", "power_gen = 982")
     verdict = claim(audit(parse_table(text, "t")), "the text says 903 W")
     assert verdict.verdict == "contradicted"
     assert "903 W is consistent with the rest of the row" in verdict.sentence
 
 
-def test_text_and_cell_that_are_both_wrong_are_told_so() -> None:
+def test_text_and_cell_that_are_both_wrong_are_reported_so() -> None:
     verdict = claim(audit(parse_table(HSU_TEXT.replace("power_gen = 903", "power_gen = 850"), "t")), "982 W")
     assert verdict.verdict == "contradicted"
     assert "the text says 982 W, but the table prints 850 W; neither is consistent with the rest" in verdict.sentence
 
 
-def test_text_and_cell_that_would_both_fit_are_told_so() -> None:
+def test_text_and_cell_that_would_both_fit_are_reported_so() -> None:
     said = '[[claim]]\nsays = "E"\nwhere = "made"\nmetric = "energy_line"\nload_ohm = 36.0\nvalue = 7125\nunit = "J"\n'
     verdict = claim(audit(parse_table(f"{HSU_TEXT}\n{said}decimals = 0\n", "t")), "7125 J")
     assert verdict.verdict == "contradicted"
@@ -357,7 +357,7 @@ def test_a_share_of_a_row_that_contradicts_itself_is_read_both_ways() -> None:
         assert sentence in found.sentence
 
 
-def test_the_window_that_a_contradicted_efficiency_needs_is_not_told() -> None:
+def test_the_window_that_a_contradicted_efficiency_needs_is_not_reported() -> None:
     text = HSU_TEXT + '\n[[claim]]\nsays = "eta"\nwhere = "made"\nmetric = "eta_gen"\nload_ohm = 36.0\nvalue = 0.9\n'
     found = claim(audit(parse_table(text + 'unit = "1"\ndecimals = 3\n', "t")), "0.900")
     assert found.verdict == "contradicted"

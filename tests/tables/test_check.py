@@ -108,7 +108,7 @@ def test_a_table_that_prints_no_deviation_caps_none() -> None:
 
 
 @pytest.mark.parametrize("value", [-1.0, math.nan, math.inf])
-def test_a_factor_that_is_no_number_from_zero_up_is_told(value: float) -> None:
+def test_a_factor_that_is_no_number_from_zero_up_is_reported(value: float) -> None:
     with pytest.raises(OptionError, match=r"tolerance factor deviation is .*; expected a finite number"):
         Factors(deviation=value)
 
@@ -237,7 +237,7 @@ def test_a_record_that_is_no_reduction_is_one_sentence(
     assert str(fault.value).startswith(f"x.json: {sentence}")
 
 
-def test_a_record_that_is_no_object_is_told() -> None:
+def test_a_record_that_is_no_object_is_reported() -> None:
     with pytest.raises(CheckError, match=r"x.json: its schema is None"):
         measured_from_record([1], "x.json")
 

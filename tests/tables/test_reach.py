@@ -208,7 +208,7 @@ def test_rows_without_powers_are_judged_by_their_energies_and_without_both_at_th
     assert efficiencies.rows[0].speeds.high == pytest.approx(3.0 * efficiencies.rows[0].speeds.low)
 
 
-def test_what_cannot_be_judged_is_told_with_the_reason() -> None:
+def test_what_cannot_be_judged_is_reported_with_the_reason() -> None:
     rows = [dict(row) for row in own_rows()]
     rows[0] = {"load_ohm": 45.0, "energy_line": rows[0]["energy_line"]}
     rows[1] = {"load_ohm": 18.0, "power_line": 5_000_000.0, "eta_gen": 0.8}
@@ -227,7 +227,7 @@ def test_what_cannot_be_judged_is_told_with_the_reason() -> None:
 
 
 @pytest.mark.parametrize("power", [2.0, 1e6])
-def test_a_window_that_no_payout_has_is_told(power: float) -> None:
+def test_a_window_that_no_payout_has_is_reported(power: float) -> None:
     rows = [dict(row) | {"power_line": power} for row in own_rows()]
     found = judged(as_table(rows, "power_mech", "power_gen"))
     assert found.rows == ()
@@ -240,12 +240,12 @@ def test_a_rig_without_a_rated_speed_cannot_tell_the_speed_of_a_row_without_powe
     assert found.rows == ()
     assert found.ok
     assert {item.reason for item in found.not_judged} == {
-        "it prints no power or energy, and the rig file no speed_rated, to tell the line's speed"
+        "it prints no power or energy, and the rig file no speed_rated, so the line's speed is unknown"
     }
     assert "no row could be judged" in reach_text(found)
 
 
-def test_a_rig_without_a_model_is_refused() -> None:
+def test_a_rig_without_a_model_is_rejected() -> None:
     with pytest.raises(RigError, match="rig kitepower: no model can be made"):
         judged(own_table(), rig=built_in("kitepower"))
 
@@ -346,7 +346,7 @@ def test_a_table_out_of_reach_ends_with_exit_code_1(tmp_path: Path) -> None:
     assert "1 of 1 rows below what the rig can reach" in done.out
 
 
-def test_the_command_refuses_a_rig_that_it_cannot_use(tmp_path: Path) -> None:
+def test_the_command_rejects_a_rig_that_it_cannot_use(tmp_path: Path) -> None:
     table = written(own_rows()[0], tmp_path / "one.toml")
     without, unmodelled = (
         call("audit", table, "--rig", "hsu2026"),

@@ -35,7 +35,7 @@ HEADER = "Time (s),Cycle,Predicted mechanical power (W)"
 """Of the files of predictions, by which this tool knows them for its own."""
 
 
-def read_logs(campaign: Campaign, rig: Rig, tell: Callable[[str], None], *, loads: bool) -> list[Run]:
+def read_logs(campaign: Campaign, rig: Rig, on_progress: Callable[[str], None], *, loads: bool) -> list[Run]:
     """Read the log of each entry, once where several entries share it.
 
     Parameters
@@ -47,7 +47,7 @@ def read_logs(campaign: Campaign, rig: Rig, tell: Callable[[str], None], *, load
     for number, entry in enumerate(campaign.runs, 1):
         key = (entry.file, entry.sheet, entry.load if loads else None)
         if key not in read:
-            tell(f"reading {entry.file.name} ({number} of {len(campaign.runs)})")
+            on_progress(f"reading {entry.file.name} ({number} of {len(campaign.runs)})")
             read[key] = read_run(
                 entry.file, rig=rig, load=key[2], about=campaign.title, origin=entry.origin, table=entry.sheet
             )
@@ -66,7 +66,7 @@ def diagnose_listed(
     rig: str | None = None,
     loads: Sequence[float] = (),
     seed: int = 0,
-    tell: Callable[[str], None] = lambda _: None,
+    on_progress: Callable[[str], None] = lambda _: None,
 ) -> ModelDiagnosis | LineDiagnosis:
     """Diagnose the logs that a campaign lists, by a model or, of a rig for which none can be made, from line and shaft alone.
 
@@ -81,13 +81,20 @@ def diagnose_listed(
     """
     the_rig = load_rig(rig or campaign.rig or DEFAULT_RIG)
     model = model_of(the_rig)
-    runs = read_logs(campaign, the_rig, tell, loads=not isinstance(model, NoModel))
+    runs = read_logs(campaign, the_rig, on_progress, loads=not isinstance(model, NoModel))
     cycles = [entry.cycles for entry in campaign.runs]
     marked = [entry.withheld for entry in campaign.runs]
     if not isinstance(model, NoModel):
         withheld = withheld_numbers(loads, runs, marked)
         return diagnose(
-            runs, the_rig, suspects, title=campaign.name, cycles=cycles, withheld=withheld, seed=seed, tell=tell
+            runs,
+            the_rig,
+            suspects,
+            title=campaign.name,
+            cycles=cycles,
+            withheld=withheld,
+            seed=seed,
+            on_progress=on_progress,
         )
     if not any(POWER in names for names in (the_rig.sensors, the_rig.columns, *(run.channels for run in runs))):
         raise RigError(model.why)
@@ -98,7 +105,7 @@ def diagnose_listed(
         )
     withheld = [k for k, held in enumerate(marked) if held]
     entries = Entries(runs, cycles, withheld, campaign.name)
-    return diagnose_line(entries, the_rig, suspects, seed=seed, tell=tell)
+    return diagnose_line(entries, the_rig, suspects, seed=seed, on_progress=on_progress)
 
 
 def diagnose_campaign(

@@ -68,7 +68,7 @@ def diagnose_copy(
     *,
     command: str = "",
     force: bool = False,
-    tell: Callable[[str], None] = lambda _: None,
+    on_progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[dict[str, Any], list[Path]]:
     """Diagnose the copied campaign into a folder that is there; give the JSON's content and the files: page, PDF, JSON.
 
@@ -79,7 +79,7 @@ def diagnose_copy(
     OutputError : a file of that name is not this tool's own, and `force` does not allow to replace it
     """
     files = [inside(folder, f"diagnosis.{kind}") for kind in KINDS]
-    with locked(folder, lambda place: tell(f"waiting for another call that works in {place}")):
+    with locked(folder, lambda place: on_progress(f"waiting for another call that works in {place}")):
         kept = marked(files[2], _KeptDiagnosis)
         if not force and isinstance(kept, _KeptDiagnosis) and _is_current(kept, folder, campaign.parent):
             return msgspec.json.decode(files[2].read_bytes(), type=dict[str, Any]), files
@@ -90,8 +90,8 @@ def diagnose_copy(
 
         for path in files:
             check_replaceable(path, force=force)
-        found = diagnose_listed(load_campaign(campaign), suspects, tell=tell)
-        tell("writing reports")
+        found = diagnose_listed(load_campaign(campaign), suspects, on_progress=on_progress)
+        on_progress("writing reports")
         write_diagnosis_reports(found, html=files[0], pdf=files[1], command=command, force=force)
         record = as_json(found) | {"version": __version__}
         digests = {path.name: digest_of(path.read_bytes()) for path in files[:2]}

@@ -193,14 +193,14 @@ def _named(work: Sequence[Work]) -> list[Work]:
         [_digest(repr((item.load, item.window))) for item in work],
         [item.key[:8] for item in work],
     ):
-        names = _told_apart(names, marks)
+        names = _made_unique(names, marks)
     return [replace(item, name=name) for item, name in zip(work, names, strict=True)]
 
 
-def _told_apart(names: Sequence[str], marks: Sequence[str]) -> list[str]:
+def _made_unique(names: Sequence[str], marks: Sequence[str]) -> list[str]:
     """Add marks to the names that several have whose marks differ; an empty mark adds nothing.
 
-    >>> _told_apart(["a.csv", "A.csv", "b.csv"], ["cycles-1-2", "", "cycles-1-2"])
+    >>> _made_unique(["a.csv", "A.csv", "b.csv"], ["cycles-1-2", "", "cycles-1-2"])
     ['a.csv-cycles-1-2', 'A.csv', 'b.csv']
     """
     found: dict[str, set[str]] = {}
@@ -235,7 +235,7 @@ def _place(work: Work) -> str:
 
 
 def _safe(name: str) -> str:
-    """A file name without what some file system refuses."""
+    """A file name without characters that some file systems reject."""
     name = re.sub(r'[<>:"/\\|?*\x00-\x1f]', "_", one_line(name)).strip(". ").encode()[:_NAME].decode("utf-8", "ignore")
     return f"_{name}" if name.split(".")[0].upper() in _RESERVED else name or "log"
 

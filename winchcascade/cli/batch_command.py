@@ -85,9 +85,9 @@ def demo_command(
         batch = run_batch(plan, out / "results", products, workers=workers, force=force, watch=watch)
     show(campaign_text(batch.summary, batch.folder, kept=batch.kept, altered=batch.altered), flush=True)
     set_threads(jobs or processes())
-    with status_line(f"diagnosing {plan.title}") as tell:
+    with status_line(f"diagnosing {plan.title}") as on_progress:
         found, files = diagnose_copy(
-            campaign, out / "results", EFFECTS, command=products.command, force=force, tell=tell
+            campaign, out / "results", EFFECTS, command=products.command, force=force, on_progress=on_progress
         )
     show(diagnosis_lines(found, files))
     raise typer.Exit(1 if batch.faults else 0)

@@ -75,11 +75,11 @@ def diagnose_command(
     results = {"--json": Path(json) if json else None, "--html": html, "--pdf": pdf}
     check_outputs(results | _prediction_files(predictions, logs), [listed.path, *logs, rig], force=force)
     set_threads(jobs or processes())
-    with status_line(f"diagnosing {listed.name}") as tell:
-        found = diagnose_listed(listed, suspects, rig=rig, loads=withhold or (), seed=seed, tell=tell)
+    with status_line(f"diagnosing {listed.name}") as on_progress:
+        found = diagnose_listed(listed, suspects, rig=rig, loads=withhold or (), seed=seed, on_progress=on_progress)
         written = [] if predictions is None else write_predictions(found, predictions, force=force)
         if html is not None or pdf is not None:
-            tell("writing reports")
+            on_progress("writing reports")
             write_diagnosis_reports(found, html=html, pdf=pdf, command=given_command(), force=force)
     files: list[Path | str] = [path for path in results.values() if path is not None]
     if predictions is not None:

@@ -33,7 +33,7 @@ def main() -> None:
             raise KeyboardInterrupt
         sys.exit(code)
     except KeyboardInterrupt:
-        _refuse(f"interrupted; {_KEPT}", code=_INTERRUPTED)
+        _exit_with(f"interrupted; {_KEPT}", code=_INTERRUPTED)
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(2)
@@ -43,9 +43,9 @@ def main() -> None:
         where = "standard output" if fault.filename is None else str(fault.filename)[:200]
         if fault.filename is None:  # the rest of its buffer must not fail again at the end
             os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        _refuse(f"{where}: cannot be used ({fault.strerror}); check the path, its permissions and the space left.")
+        _exit_with(f"{where}: cannot be used ({fault.strerror}); check the path, its permissions and the space left.")
     except Exception as fault:
-        _refuse_use(fault)
+        _reject_usage(fault)
 
 
 def _ready_streams() -> None:
@@ -57,28 +57,28 @@ def _ready_streams() -> None:
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
 
 
-def _refuse(sentence: str, *, code: int = 2) -> NoReturn:
+def _exit_with(sentence: str, *, code: int = 2) -> NoReturn:
     from winchcascade.core.plain_text import lines
 
     print(lines(f"winchcascade: {' '.join(sentence.split())}"), file=sys.stderr)
     sys.exit(code)
 
 
-def _refuse_use(fault: Exception) -> NoReturn:
+def _reject_usage(fault: Exception) -> NoReturn:
     """Report a fault of the input, or of usage as typer found it; any other is one of this program and is shown whole."""
     from winchcascade.core.errors import WinchcascadeError
 
     if isinstance(fault, WinchcascadeError):
-        _refuse(str(fault))
+        _exit_with(str(fault))
     if _was_interrupted(fault):
-        _refuse(f"interrupted; {_KEPT}", code=_INTERRUPTED)
+        _exit_with(f"interrupted; {_KEPT}", code=_INTERRUPTED)
     if not hasattr(fault, "format_message"):
         raise fault
     if not fault.format_message().strip() or type(fault).__name__ == "NoArgsIsHelpError":
         fault.show()  # type: ignore[attr-defined]  # the help of a command that was given nothing
         sys.exit(2)
     sentence = fault.format_message().rstrip(".")
-    _refuse(f"{sentence}{'' if sentence.endswith('?') else ';'} --help lists what a command takes.")
+    _exit_with(f"{sentence}{'' if sentence.endswith('?') else ';'} --help lists what a command takes.")
 
 
 def _was_interrupted(fault: BaseException | None) -> bool:

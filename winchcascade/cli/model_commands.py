@@ -136,7 +136,7 @@ def effects_command(
         typer.Argument(metavar="[NAME]", help="An effect.", show_default=False, autocompletion=effect_names),
     ] = None,
 ) -> None:
-    """List the effects that a rig may have beyond its model, or tell all about one."""
+    """List the effects that a rig may have beyond its model, or describe one in full."""
     from winchcascade.rig.effects.catalogue import describe
 
     show(describe(name).rstrip("\n") + "\n")

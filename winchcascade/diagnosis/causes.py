@@ -166,7 +166,7 @@ class _Explanations(NamedTuple):
     """Two explanations of the same data as models, and the other with one number moved after the other.
 
     Of the other, `tolerances` moves numbers of the rig by one tolerance each and `fields` those of its effects, each by a step;
-    `precision` (k, k) is what the data tell of these fields.
+    `precision` (k, k) is the information of the data on these fields.
     """
 
     best: Model

@@ -50,7 +50,7 @@ def diagnose(
     cycles: Sequence[tuple[int, int] | None] | None = None,
     withheld: Sequence[int] = (),
     seed: int = 0,
-    tell: Callable[[str], None] = lambda _: None,
+    on_progress: Callable[[str], None] = lambda _: None,
 ) -> ModelDiagnosis:
     """Diagnose some runs on one rig, which is taken as given and never calibrated first.
 
@@ -61,7 +61,7 @@ def diagnose(
     withheld : numbers of runs that take part in neither choice nor fit; without any, causes are chosen on all runs and each
         run but open circuits is left out of the fit once
     seed : of the resampling that the closure's interval comes from
-    tell : called with a sentence on each step
+    on_progress : called with a sentence on each step
 
     Raises
     ------
@@ -70,7 +70,7 @@ def diagnose(
     RigError : the rig file lacks numbers that the model needs
     """
     Entries(runs, cycles, withheld, title).check_withheld()
-    tell("simulating the rig as given")
+    on_progress("simulating the rig as given")
     data = Fitted(runs, rig, cycles, withheld)
     if not any(log.noise.seen.any() for k, log in enumerate(data.logs) if k not in data.withheld):
         raise LogError(
@@ -78,7 +78,7 @@ def diagnose(
             "could be compared with; expected one of them at least beside the velocity. Name the columns in a rig file under "
             "[columns]."
         )
-    found, nothing = search(data, suspects, tell), np.zeros(len(data.nuisances))
+    found, nothing = search(data, suspects, on_progress), np.zeros(len(data.nuisances))
     predicted = data.predict(nothing, [])
     tolerances = data.tolerances(nothing, [], predicted)[:, :, [n.kind != "zero" for n in data.nuisances]]
     as_found = ModelDiagnosis(
@@ -96,10 +96,10 @@ def diagnose(
         fitted=data.predict(found.best.nu, found.best.effects(suspects)),
         sets=probabilities(found.fits, found.scale),
     )
-    return _judged(as_found, tell)
+    return _judged(as_found, on_progress)
 
 
-def _judged(result: ModelDiagnosis, tell: Callable[[str], None]) -> ModelDiagnosis:
+def _judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelDiagnosis:
     """The result with its verdict: what the causes close on withheld logs, what remains, where the gap lies, what to test next.
 
     Contract: explained when no structure remains, unexplained when less than half is closed, partly explained in between.
@@ -109,12 +109,12 @@ def _judged(result: ModelDiagnosis, tell: Callable[[str], None]) -> ModelDiagnos
     if not (found.best.names or alarms):
         return result
     if found.best.names:
-        tell("predicting withheld runs")
+        on_progress("predicting withheld runs")
         loaded = [k for k, log in enumerate(data.logs) if not math.isinf(log.load)]
         left_out = sorted(data.withheld) or loaded or range(len(data.logs))
         closure = close(data, suspects, found.best, left_out, result.seed)
         verdict: Verdict = "explained" if not alarms else "unexplained" if closure.share < HALF else "partly_explained"
-        tell("looking for alternative explanations")
+        on_progress("looking for alternative explanations")
         causes = causes_of(data, suspects, found)
         result = msgspec.structs.replace(
             result, verdict=verdict, closure=closure, causes=causes if verdict == "explained" else causes[:NAMED]

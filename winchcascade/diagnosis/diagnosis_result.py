@@ -192,7 +192,7 @@ class Remainder(msgspec.Struct, frozen=True):
 
 
 class Experiment(msgspec.Struct, frozen=True):
-    """One run that would tell two suspects apart, and by how many standard deviations.
+    """One run that would distinguish two suspects, and by how many standard deviations.
 
     `speed` is the highest one [m/s]; `load` [ohm] and `length` of the payout [m] belong to a `cycle` of a rig with a model,
     the line tension `force` [N] to the motions of a winch without one.

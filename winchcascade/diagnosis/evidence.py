@@ -287,12 +287,12 @@ class Found(msgspec.Struct, frozen=True):
     scale: float
 
 
-def search(data: Fitted, suspects: Suspects, tell: Callable[[str], None] = lambda _: None) -> Found:
+def search(data: Fitted, suspects: Suspects, on_progress: Callable[[str], None] = lambda _: None) -> Found:
     """Find the set of suspects with the most evidence.
 
     Parameters
     ----------
-    tell : called with a sentence on each step
+    on_progress : called with a sentence on each step
     """
     rig_alone = RigProblem(data, suspects, ())
     null = fit_set(rig_alone, quick=True)
@@ -305,7 +305,7 @@ def search(data: Fitted, suspects: Suspects, tell: Callable[[str], None] = lambd
     linear, start = linearise(data, suspects, as_given)
     visited: dict[Names, Linear] = {(): linear}
     for _ in range(ROUNDS):
-        tell(f"{len(fits)} sets fitted, best so far: {', '.join(best.names) or 'none'}")
+        on_progress(f"{len(fits)} sets fitted, best so far: {', '.join(best.names) or 'none'}")
         for names in _promising(linear, scale, best.names):
             _refit(data, suspects, fits, names, start)
         scale = min(scale_of(fit) for fit in fits.values())

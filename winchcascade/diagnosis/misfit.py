@@ -54,7 +54,7 @@ NOISELESS = 3e-4
 step and a grid of the solutions leave. [1]"""
 
 LEAST = 12
-"""Fewer blocks tell no noise of their own."""
+"""Minimum number of blocks from which a noise of their own is estimated."""
 
 
 class Noise(msgspec.Struct, frozen=True):
@@ -250,7 +250,7 @@ def velocity_noise(run: Run, blocks: Blocks) -> float:
 
 
 def noise_of(course: Course, model: Model, predicted: Signal) -> Noise:
-    """Noise of a log's blocks as its own samples tell it, before it is compared with any model's values.
+    """Noise of a log's blocks as estimated from its own samples, before it is compared with any model's values.
 
     Parameters
     ----------

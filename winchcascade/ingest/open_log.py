@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from winchcascade.core.errors import LogError
-from winchcascade.ingest.source import LogSource, refuse_sheet
+from winchcascade.ingest.source import LogSource, reject_sheet
 
 _ISOLATED = {
     b"TDSm": "tdms",
@@ -48,7 +48,7 @@ def open_log(path: Path, table: str | None = None) -> LogSource:
             raise LogError(
                 f"{path.name}: is {name}, not a log; expected CSV, TDMS, MATLAB, Parquet or Excel. Unpack or export it first."
             )
-    refuse_sheet(table, path.name)
+    reject_sheet(table, path.name)
     from winchcascade.ingest.formats.delimited import open_delimited
 
     return open_delimited(path)

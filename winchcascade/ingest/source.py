@@ -149,7 +149,7 @@ def choose(candidates: Sequence[str], wanted: str | None, where: str, kind: str)
     )
 
 
-def refuse_sheet(wanted: str | None, where: str) -> None:
+def reject_sheet(wanted: str | None, where: str) -> None:
     """Reject the choice of a table in a file that holds one alone: LogError."""
     if wanted is not None:
         raise LogError(

@@ -80,7 +80,7 @@ def make_campaign_report(
                 "speed", "Over generator speed",
                 picture(
                     figures.over_speed(runs, _bins(out, runs)), "speed",
-                    "Means of the payouts of each run in bins of generator speed; markers tell the loads apart."
+                    "Means of the payouts of each run in bins of generator speed; markers distinguish the loads."
                     + (" Logs of one load look alike." if figures.look_alike(runs) else "")
                     + (f" {figures.DRAWN_RUNS} runs, evenly chosen." if len(runs) > figures.DRAWN_RUNS else ""),
                     "Curves of binned torque and power over generator speed, one for each run.",
@@ -224,7 +224,7 @@ def _points(runs: Sequence[LogSummary], failed: Sequence[FailedLog], loaded: Seq
     best = best_load(loaded)
     if best is not None:
         first, second = (f"{_name(run)} with {{}}{_mean('eta_pto', run)}" for run in (best.run, best.following))
-        sure = "" if best.likely > 0.95 else " The uncertainties do not tell them apart."
+        sure = "" if best.likely > 0.95 else " The uncertainties do not distinguish them."
         points.append(Point("Best load", f"{first.format('η_pto = ')}, then {second.format('')}.{sure}"))
     found = [run for run in runs if run.findings]
     if found:

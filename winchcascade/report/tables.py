@@ -61,7 +61,7 @@ def mean_text(reduction: Reduction, found: Uncertainty, metric: str) -> str:
 
 
 def _four(value: float | None, metric: str) -> str:
-    """A value of unknown uncertainty: four digits before the point tell enough."""
+    """A value of unknown uncertainty: four digits before the point are enough."""
     if value is None or not math.isfinite(value) or abs(value) < 1e4:
         return stated(value, None, DECIMALS[metric])
     return number(value, 3 - math.floor(math.log10(abs(value))))

@@ -267,7 +267,7 @@ def bounds_of_row(
     kinds, targets = payouts(window, rig.thresholds.v_onset), _targets(table, row)
     if not targets and rated_speed(rig) is None:
         return NotJudged(
-            row.load, "it prints no power or energy, and the rig file no speed_rated, to tell the line's speed"
+            row.load, "it prints no power or energy, and the rig file no speed_rated, so the line's speed is unknown"
         )
     points = [point for kind in kinds for point in _points(reduce, rig, row.load, kind, targets)]
     middle, whole = points[0], [point for point in points if point is not None]

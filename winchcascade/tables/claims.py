@@ -112,7 +112,7 @@ def _share(claim: ShareClaim, table: PublishedTable, known: Repeatability) -> tu
     stages = {eta: tuple(name.partition("_")[2] for name in pair) for eta, pair in RATIOS.items()}
     meant = next(eta for eta in RATIOS if stages[eta] == (claim.part.partition("_")[2], claim.of.partition("_")[2]))
     if meant not in readings:
-        return "not_checkable", f"{place}; the row does not tell {meant}."
+        return "not_checkable", f"{place}; the row does not state {meant}."
     texts = {eta: _text(found, claim.column) for eta, found in readings.items()}
     fitting = [eta for eta in readings if claim.column.span(claim.value).meets(readings[eta])]
     if meant in fitting:

@@ -36,7 +36,12 @@ class LineDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
 
 
 def diagnose_line(
-    entries: Entries, rig: Rig, suspects: Suspects, *, seed: int = 0, tell: Callable[[str], None] = lambda _: None
+    entries: Entries,
+    rig: Rig,
+    suspects: Suspects,
+    *,
+    seed: int = 0,
+    on_progress: Callable[[str], None] = lambda _: None,
 ) -> LineDiagnosis:
     """Diagnose logs of line tension, speed and mechanical power, of a rig for which no model can be made.
 
@@ -45,20 +50,20 @@ def diagnose_line(
     entries : runs; if none is withheld, causes are chosen on all cycles and each is left out of the fit once
     suspects : effects by name that may be named; those that act between line and shaft count
     seed : of the resampling of cycles
-    tell : called with a sentence on each step
+    on_progress : called with a sentence on each step
 
     Raises
     ------
     CampaignError, LogError, OptionError : something cannot be used; the message says what
     """
     entries.check_withheld()
-    tell("taking the samples that count")
+    on_progress("taking the samples that count")
     lines = with_best_span(lines_of(entries, rig, suspects))
-    tell("leaving each cycle out in turn")
+    on_progress("leaving each cycle out in turn")
     moments = moments_of(lines.fitted)
     choice = choose(lines, moments, seed)
     closure = judge(lines, moments, choice.chosen, seed) if choice.chosen else None
-    tell("looking for alternative explanations")
+    on_progress("looking for alternative explanations")
     causes = causes_of(lines, moments, choice, suspects)
     if closure is None:
         remainder = left_in(lines.parts, [part.gap for part in lines.parts], 1.0)

@@ -17,7 +17,7 @@ import numpy as np
 from winchcascade.core.errors import LogError
 from winchcascade.core.run import Signal
 from winchcascade.ingest.dialects import Header, recognise
-from winchcascade.ingest.source import LogSource, LogTable, choose, damage_reported, refuse_sheet
+from winchcascade.ingest.source import LogSource, LogTable, choose, damage_reported, reject_sheet
 
 Column: TypeAlias = "Signal | list[str]"
 Node: TypeAlias = "float | str | Signal | list[Node] | dict[str, Node]"
@@ -130,7 +130,7 @@ def open_mat(path: Path, *, table: str | None = None) -> LogSource:
     runs = _runs(tree)
     name = choose(list(runs), table, path.name, "run") if runs else None
     if name is None:
-        refuse_sheet(table, path.name)
+        reject_sheet(table, path.name)
     else:
         tree = runs[name]
     columns = _matrix_columns(tree) or _vectors(tree)

@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 
 from winchcascade.core.run import Signal
 from winchcascade.ingest.dialects import Header
-from winchcascade.ingest.source import LogSource, LogTable, damage_reported, first_text, refuse_sheet
+from winchcascade.ingest.source import LogSource, LogTable, damage_reported, first_text, reject_sheet
 
 UNIT_KEYS = ("unit", "units")
 NOT_PROPERTIES = ("pandas", "ARROW:schema")
@@ -31,7 +31,7 @@ def open_parquet(path: Path, *, table: str | None = None) -> LogSource:
     LogError
         the file is damaged or is no Parquet, here or while the columns are read
     """
-    refuse_sheet(table, path.name)
+    reject_sheet(table, path.name)
     with _opened(path) as file:
         schema = file.schema_arrow
         units = [_texts_of(field.metadata) for field in schema]

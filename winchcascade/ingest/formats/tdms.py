@@ -246,7 +246,7 @@ def open_tdms(path: Path, *, table: str | None = None) -> LogSource:
         the file is damaged, claims more than it holds, or has no numeric channel, here or while channels are read
     """
     with _opened(path) as tdms:
-        _refuse_lies(path, tdms)
+        _reject_false_sizes(path, tdms)
         cut_off = tdms.file_status.incomplete_final_segment
         first = None if table is None else choose([g.name for g in tdms.groups()], table, path.name, "group")
         channels, not_read = one_log(tdms.groups(), cut_off, first, path.name)
@@ -295,7 +295,7 @@ def _opened(path: Path) -> Iterator[Any]:
         yield tdms
 
 
-def _refuse_lies(path: Path, tdms: Any) -> None:
+def _reject_false_sizes(path: Path, tdms: Any) -> None:
     """Compare what each channel claims to hold with the size of the file, before anything of that size is made."""
     size = path.stat().st_size
     status = tdms.file_status
