@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import subprocess
 import time
@@ -12,10 +13,13 @@ import msgspec
 import numpy as np
 from measure import ROOT
 from trial_plans import FAMILIES, Plan, WrongEntry
+from trial_simulators import noise_free, simulated_log
 
+from winchcascade import read_run, reduce
 from winchcascade.blind.cases import STATED_LOADS, campaign_text, log_text
 from winchcascade.blind.injected import Hidden, draw_hidden
-from winchcascade.blind.twin import Twin, draw_twin, make_log
+from winchcascade.blind.twin import Solved, Twin, draw_motion, draw_twin, read_log, solve
+from winchcascade.core.run import Signal
 from winchcascade.core.scratch import scratch_folder
 
 RIG_FILE = ROOT / "winchcascade" / "rigfiles" / "hsu2026.toml"
@@ -139,16 +143,60 @@ def write_campaign(plan: Plan, folder: Path) -> None:
     for repeat in range(1, plan.repeats + 1):
         for log, load in stated.items():
             name = log if plan.repeats == 1 else f"{log}_{repeat:02d}"
-            columns = make_log(twin, log, rng, plan.logger)
+            x, v, resting = draw_motion(log, rng)
+            columns = read_log(twin, solve(twin, log, x, v, resting), rng, plan.logger)
             if entry is not None and entry.shared:
                 columns |= {key: np.round(columns[key] * entry.factor, 4) for key in ("displacement", "velocity")}
-            (folder / f"{name}.csv").write_text(log_text(columns), encoding="utf-8")
+            _write_log(folder / f"{name}.csv", columns)
+            if plan.simulator is not None:
+                _write_log(folder / SIMULATED / f"{name}.csv", simulated_log(plan.simulator, log, x, v))
             loads[name] = load
     text = campaign_text(f"{plan.family} {plan.number}", loads)
+    if plan.simulator is not None:
+        text = re.sub(r'(?m)^file = "(.*)"$', rf'file = "\1"\nsimulated = "{SIMULATED}/\1"', text)
     if entry is not None and entry.log is None:
         (folder / "rig.toml").write_text(rig_text(entry), encoding="utf-8")
         text = f'rig = "rig.toml"\n{text}'
     (folder / "campaign.toml").write_text(text, encoding="utf-8")
+
+
+SIMULATED = "simulated"
+"""Folder of the owner's own simulation."""
+
+
+def _write_log(path: Path, columns: dict[str, Signal]) -> None:
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(log_text(columns), encoding="utf-8")
+
+
+def true_shares(plan: Plan, folder: Path) -> dict[str, float]:
+    """True contribution of the injected effects to eta_pto by stated load: the twin with and without them, without noise.
+
+    Both follow the motion of the first repeat. The open circuit has no eta_pto.
+    """
+    _, twin, rng = draw(plan)
+    shares = {}
+    for log, load in STATED_LOADS.items():
+        motion = draw_motion(log, rng)
+        solved = solve(twin, log, *motion)
+        read_log(
+            twin, solved, rng, plan.logger
+        )  # draws the noise of the campaign, after which the next motion is drawn
+        if math.isfinite(load):
+            plain = msgspec.structs.replace(twin, hidden=Hidden())
+            etas = (_eta_pto(twin, solved, load, folder), _eta_pto(plain, solve(plain, log, *motion), load, folder))
+            shares[repr(load)] = etas[0] - etas[1]
+    return shares
+
+
+def _eta_pto(twin: Twin, solved: Solved, load: float, folder: Path) -> float:
+    """Efficiency of the noise-free readings. [1]"""
+    path = folder / "noise_free.csv"
+    _write_log(path, noise_free(twin, solved))
+    eta = reduce(read_run(path, load=load)).mean.eta_pto
+    if eta is None:
+        raise ValueError(f"{path}: the reduction gives no eta_pto")
+    return eta
 
 
 ENTRIES = {
@@ -211,4 +259,5 @@ def _result(plan: Plan, folder: Path) -> Result:
     except Exception as error:  # a diagnosis that fails is a result, too
         fault = f"{type(error).__name__}: {error}"
     end = time.perf_counter()
-    return Result(plan, draw(plan)[0].reported(), found, made - begin, end - made, commit(), fault=fault)
+    shares = true_shares(plan, folder) if plan.family == "contributions" else {}
+    return Result(plan, draw(plan)[0].reported(), found, made - begin, end - made, commit(), shares, fault)

@@ -11,31 +11,35 @@ from trial_cases import NamedCause, Result
 from winchcascade.blind.score import MOST_RIVALS
 
 
+class Bar(NamedTuple):
+    """A bar: its words, the shares between which it is reached, and the minimum number of cases that decide. [1]"""
+
+    words: str
+    low: float
+    least: int
+    high: float = 1.0
+
+
 class Figure(NamedTuple):
-    """One figure of a family: how many of how many, beside the bar."""
+    """One figure of a family: how many of how many, beside the bar if there is one."""
 
     what: str
     part: int
     of: int
-    bar: str
-    low: float = 0.0
-    high: float = 1.0
-    least: int = 0
+    bar: Bar | None = None
 
     @property
     def line(self) -> str:
         """The line of the table."""
         share = f"{100 * self.part / self.of:.1f} %" if self.of else "-"
-        return f"  {self.what:<58} {self.part:>4} of {self.of:<4} {share:>8}   {self.bar:<28} {self.reached}".rstrip()
+        bar = f"{self.bar.words:<28} {self._result(self.bar)}" if self.bar else ""
+        return f"  {self.what:<58} {self.part:>4} of {self.of:<4} {share:>8}   {bar}".rstrip()
 
-    @property
-    def reached(self) -> str:
+    def _result(self, bar: Bar) -> str:
         """Whether the bar is reached; too few cases decide nothing."""
-        if not self.bar:
-            return ""
-        if self.of < max(self.least, 1):
-            return f"too few: {self.of} of {self.least}"
-        return "reached" if self.low <= self.part / self.of <= self.high else "NOT reached"
+        if self.of < bar.least:
+            return f"too few: {self.of} of {bar.least}"
+        return "reached" if bar.low <= self.part / self.of <= bar.high else "NOT reached"
 
 
 def named_alone(result: Result) -> bool:
@@ -82,29 +86,29 @@ def intervals(results: Sequence[Result]) -> Iterator[tuple[bool, bool]]:
                     yield number.holds(truth), number.at_limit is None and not number.beyond_range
 
 
-def _count(what: str, flags: Sequence[bool], bar: str = "", *, low: float = 0.0, least: int = 0) -> Figure:
-    return Figure(what, sum(flags), len(flags), bar, low, least=least)
+def _count(what: str, flags: Sequence[bool], bar: Bar | None = None) -> Figure:
+    return Figure(what, sum(flags), len(flags), bar)
 
 
 def nothing_figures(results: Sequence[Result]) -> list[Figure]:
-    return [_count("no_gap", [quiet(r) for r in results], "59 of 60", low=59 / 60, least=60)]
+    return [_count("no_gap", [quiet(r) for r in results], Bar("59 of 60", 59 / 60, 60))]
 
 
 def single_figures(results: Sequence[Result]) -> list[Figure]:
     return [
-        _count("named alone", [named_alone(r) for r in results], "57 of 60", low=57 / 60, least=60),
+        _count("named alone", [named_alone(r) for r in results], Bar("57 of 60", 57 / 60, 60)),
         _count("named, others beside it included", [names_all(r) for r in results]),
         *interval_figures(results),
     ]
 
 
-def interval_figures(results: Sequence[Result], bar: str = "", *, least: int = 0) -> list[Figure]:
+def interval_figures(results: Sequence[Result], bar: Bar | None = None) -> list[Figure]:
     found = list(intervals(results))
     two = [holds for holds, both in found if both]
     one = [holds for holds, both in found if not both]
     return [
-        Figure("two-sided intervals that hold the true number", sum(two), len(two), bar, 0.93, 0.97, least),
-        Figure("one-sided intervals that hold it", sum(one), len(one), ""),
+        _count("two-sided intervals that hold the true number", two, bar),
+        _count("one-sided intervals that hold it", one),
     ]
 
 
@@ -114,16 +118,93 @@ def coverage_figures(results: Sequence[Result]) -> list[Figure]:
 
 
 def all_intervals(results: Sequence[Result]) -> list[Figure]:
-    return interval_figures(results, "93 to 97 % of 600 or more", least=600)
+    return interval_figures(results, Bar("93 to 97 % of 600 or more", 0.93, 600, 0.97))
 
 
 def entries_figures(results: Sequence[Result]) -> list[Figure]:
     kinds = sorted({r.plan.entry.effect for r in results if r.plan.entry is not None})
-    figures = [_count("entry named alone", [entry_named(r) for r in results], "90 % of 60", low=0.9, least=60)]
+    figures = [_count("entry named alone", [entry_named(r) for r in results], Bar("90 % of 60", 0.9, 60))]
     for kind in kinds:
         of_kind = [r for r in results if r.plan.entry is not None and r.plan.entry.effect == kind]
         figures.append(_count(f"  {kind}", [entry_named(r) for r in of_kind]))
     return figures
+
+
+def shares_hold(result: Result) -> list[bool]:
+    """For each load, whether the interval of the only cause's contribution to eta_pto holds the true one."""
+    accounts = (
+        {} if result.found is None else {a.load_ohm: a for a in result.found.contributions if a.metric == "eta_pto"}
+    )
+    named = named_alone(result)
+    held = []
+    for load, truth in result.shares.items():
+        account = accounts.get(float(load)) if named else None
+        parts = [] if account is None else [part for part in account.parts if part.effect is not None]
+        held.append(any(p.low is not None and p.high is not None and _within(truth, p.low, p.high) for p in parts))
+    return held
+
+
+NEGLIGIBLE = 1e-5
+"""A contribution to an efficiency below this counts as zero: the reduction of two noise-free logs differs by as much. [1]"""
+
+
+def _within(truth: float, low: float, high: float) -> bool:
+    return low - NEGLIGIBLE <= truth <= high + NEGLIGIBLE
+
+
+def all_shares_hold(result: Result) -> bool:
+    """Whether the interval holds at every load."""
+    return bool(result.shares) and all(shares_hold(result))
+
+
+def contributions_figures(results: Sequence[Result]) -> list[Figure]:
+    named = [r for r in results if named_alone(r)]
+    return [
+        _count(
+            "interval of eta_pto holds at every load", [all_shares_hold(r) for r in results], Bar("90 % of 60", 0.9, 60)
+        ),
+        _count("  of those whose cause is named alone", [all_shares_hold(r) for r in named]),
+        _count("  loads of those", [held for r in named for held in shares_hold(r)]),
+        *interval_figures(results),
+    ]
+
+
+def simulation_well(result: Result) -> bool:
+    """Whether a case with an own simulation has the hidden causes alone, and the model form of its simulator."""
+    return _causes_right(result) and _has_form(result) == (result.plan.simulator != "same")
+
+
+def _causes_right(result: Result) -> bool:
+    """Whether the hidden causes are named alone, or none where none is hidden."""
+    if result.plan.effects:
+        return named_alone(result)
+    return result.found is not None and not result.found.causes
+
+
+def _has_form(result: Result) -> bool:
+    """Whether a model form is reported in the generator stage."""
+    forms = () if result.found is None else result.found.model_form or ()
+    return any(form.stage == "generator" for form in forms)
+
+
+def simulation_figures(results: Sequence[Result]) -> list[Figure]:
+    same, averaged = ([r for r in results if (r.plan.simulator == "same") is alike] for alike in (True, False))
+    hidden = [[r for r in group if r.plan.effects] for group in (same, averaged)]
+    most, each = Bar("90 %", 0.9, 18), Bar("all", 1.0, 20)
+    return [
+        _count("same physics: hidden cause named alone", [named_alone(r) for r in hidden[0]], most),
+        _count("same physics: no cause named falsely", [_none_false(r) for r in same], each),
+        _count("same physics: no model form of the generator", [not _has_form(r) for r in same]),
+        _count("averaged bridge: model form in the generator stage", [_has_form(r) for r in averaged], each),
+        _count("averaged bridge: hidden cause named", [names_all(r) for r in hidden[1]], most),
+        _count("averaged bridge: no cause named falsely", [_none_false(r) for r in averaged]),
+    ]
+
+
+def _none_false(result: Result) -> bool:
+    """Whether every cause is a hidden effect or has one as its alternative."""
+    causes = () if result.found is None else result.found.causes
+    return all(set(counted(cause)) & set(result.plan.effects) for cause in causes)
 
 
 FIGURES = {
@@ -131,8 +212,17 @@ FIGURES = {
     "single": single_figures,
     "coverage": coverage_figures,
     "entries": entries_figures,
+    "contributions": contributions_figures,
+    "own_simulation": simulation_figures,
 }
-WELL = {"nothing": quiet, "single": named_alone, "coverage": named_alone, "entries": entry_named}
+WELL = {
+    "nothing": quiet,
+    "single": named_alone,
+    "coverage": named_alone,
+    "entries": entry_named,
+    "contributions": all_shares_hold,
+    "own_simulation": simulation_well,
+}
 """Figures of each family, and whether a case of it went as it should."""
 
 

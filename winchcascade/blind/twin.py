@@ -359,8 +359,13 @@ def _braking(twin: Twin, t: Signal, turned: Signal) -> Signal:
     return np.where(np.searchsorted(flips, t) % 2 == 1, torque * turned, 0.0)
 
 
+def draw_motion(log: str, rng: np.random.Generator) -> tuple[Signal, Signal, float]:
+    """Draw the motion of one log, and where friction holds at rest; see `solve`."""
+    x, v = line_motion(log, rng)
+    return x, v, float(np.clip(rng.normal(RESTING_MEAN, RESTING), -0.9, 0.9))
+
+
 def make_log(twin: Twin, log: str, rng: np.random.Generator, logger: Logger = CRANE_LOGGER) -> dict[str, Signal]:
     """Move the crane, follow it, and read the sensors: one log of a campaign."""
-    x, v = line_motion(log, rng)
-    resting = float(np.clip(rng.normal(RESTING_MEAN, RESTING), -0.9, 0.9))
-    return read_log(twin, solve(twin, log, x, v, resting), rng, logger)
+    solved = solve(twin, log, *draw_motion(log, rng))
+    return read_log(twin, solved, rng, logger)
