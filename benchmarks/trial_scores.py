@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from trial_cases import NamedCause, Result
 
-from winchcascade.blind.score import MOST_RIVALS
+from winchcascade.blind.score import MOST_ALTERNATIVES
 
 
 class Bar(NamedTuple):
@@ -57,7 +57,7 @@ def names_all(result: Result) -> bool:
 
 def counted(cause: NamedCause) -> tuple[str, ...]:
     """The effect of a cause and the alternatives that count."""
-    return cause.names[: 1 + MOST_RIVALS]
+    return cause.names[: 1 + MOST_ALTERNATIVES]
 
 
 def quiet(result: Result) -> bool:

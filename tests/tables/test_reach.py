@@ -21,13 +21,13 @@ from winchcascade.diagnosis.suspects import with_values
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.efficiency import METRICS
 from winchcascade.reduction.reduce import first_metrics, reduce
-from winchcascade.report.audit_text import reach_record, reach_text
+from winchcascade.report.audit_text import attainable_record, attainable_text
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 from winchcascade.rig.parts import Model, baseline
 from winchcascade.rig.simulate import simulate
-from winchcascade.tables.attainable import Reach, reach
+from winchcascade.tables.attainable import AttainableRanges, attainable_ranges
 from winchcascade.tables.attainable_row import Cell, repeatability, windows_of
-from winchcascade.tables.effect_search import Bench
+from winchcascade.tables.effect_search import TableSimulator
 from winchcascade.tables.feasible import repeatability as known_of
 
 RIG = built_in()
@@ -47,9 +47,9 @@ def made_reduce(run: Run, window: float | None) -> dict[str, float | None]:
     return first_metrics(run, RIG, window)
 
 
-def judged(table: PublishedTable, *names: str, scatter: float = SCATTER, rig: Rig = RIG) -> Reach:
+def judged(table: PublishedTable, *names: str, scatter: float = SCATTER, rig: Rig = RIG) -> AttainableRanges:
     suspects = {name: EFFECTS[name] for name in names or SOME}
-    return reach(table, rig, suspects, made_reduce, scatter=scatter)
+    return attainable_ranges(table, rig, suspects, made_reduce, scatter=scatter)
 
 
 def a_payout(speed: float, load: float) -> Run:
@@ -91,12 +91,12 @@ def own_table(*left_out: str) -> PublishedTable:
 
 
 @cache
-def paper() -> Reach:
+def paper() -> AttainableRanges:
     table = load_table("hsu2026-table2")
     return judged(table, "ke_rolloff", *SOME, scatter=known_of(table).eta)
 
 
-def cells_of(found: Reach, metric: str) -> list[Cell]:
+def cells_of(found: AttainableRanges, metric: str) -> list[Cell]:
     return [cell for row in found.rows for cell in row.cells if cell.metric == metric]
 
 
@@ -108,7 +108,7 @@ def test_a_table_of_the_model_itself_is_within_reach_and_names_nobody() -> None:
     assert [row.window for row in found.rows] == pytest.approx([5.5] * 3, rel=1e-3)
     for row, speed in zip(found.rows, (0.9, 0.8, 0.3), strict=True):
         assert row.speeds.low < speed < row.speeds.high
-    assert "all 9 efficiencies can be reached" in reach_text(found)
+    assert "all 9 efficiencies can be reached" in attainable_text(found)
 
 
 SIZE = 0.015
@@ -159,7 +159,7 @@ def test_roll_off_explains_neither_of_the_papers_gaps() -> None:
     assert rolloff.ability("eta_gen").closed < 0.3
     assert movers["gear_mesh_loss"].ability("eta_gen").verdict == "explains"
     assert movers["screw_friction"].ability("eta_trans").verdict == "explains"
-    assert "ke_rolloff 0%" in reach_text(paper())
+    assert "ke_rolloff 0%" in attainable_text(paper())
 
 
 NEAR = 1e-3
@@ -167,26 +167,28 @@ NEAR = 1e-3
 
 
 def test_the_value_that_a_row_needs_brings_it_within_reach() -> None:
-    bench = Bench(paper().rows, baseline(RIG), made_reduce)
+    simulator = TableSimulator(paper().rows, baseline(RIG), made_reduce)
     for mover in paper().explanation.suspects:
         for ability in mover.abilities:
             for row, value in enumerate(ability.needed):
                 if value is not None and mover.effect in ("gear_mesh_loss", "screw_friction"):
-                    there = bench.efficiencies([with_values(EFFECTS[mover.effect], np.array([value]))], bench.speeds)
+                    there = simulator.efficiencies(
+                        [with_values(EFFECTS[mover.effect], np.array([value]))], simulator.speeds
+                    )
                     assert there is not None
                     k = ("eta_trans", "eta_gen", "eta_pto").index(ability.metric)
-                    assert bench.excess(there[0])[row, k] < NEAR
+                    assert simulator.excess(there[0])[row, k] < NEAR
 
 
 def test_every_named_set_is_enough_when_it_is_simulated() -> None:
-    bench = Bench(paper().rows, baseline(RIG), made_reduce)
+    simulator = TableSimulator(paper().rows, baseline(RIG), made_reduce)
     assert paper().explanation.sets
     for values in paper().explanation.sets:
         effects = [make_effect(name, fields) for name, fields in values.fields.items()]
-        there = bench.efficiencies(effects, bench.speeds)
+        there = simulator.efficiencies(effects, simulator.speeds)
         assert there is not None
         eta, _ = there
-        assert bench.excess_by_metric(eta).sum() == 0.0
+        assert simulator.excess_by_metric(eta).sum() == 0.0
         product = eta[:, 0] * eta[:, 1]
         assert eta[:, 2] == pytest.approx(product, rel=1e-6)
 
@@ -196,7 +198,7 @@ def test_energies_alone_give_the_efficiencies() -> None:
     assert found.ok
     assert all(cell.derived for row in found.rows for cell in row.cells)
     assert sum(len(row.cells) for row in found.rows) == 9
-    assert "~0." in reach_text(found)
+    assert "~0." in attainable_text(found)
 
 
 def test_rows_without_powers_are_judged_by_their_energies_and_without_both_at_the_rated_speed() -> None:
@@ -221,7 +223,7 @@ def test_what_cannot_be_judged_is_reported_with_the_reason() -> None:
     }
     assert [row.load for row in found.rows] == [4.5, math.inf]
     assert [cell.metric for cell in found.rows[1].cells] == ["eta_trans"]
-    text = " ".join(reach_text(found).split())
+    text = " ".join(attainable_text(found).split())
     assert "not judged: 18 ohm: no payout of this rig" in text
     assert "no window follows for 45 ohm, 18 ohm, open circuit" in text
 
@@ -242,7 +244,7 @@ def test_a_rig_without_a_rated_speed_cannot_tell_the_speed_of_a_row_without_powe
     assert {item.reason for item in found.not_judged} == {
         "it prints no power or energy, and the rig file no speed_rated, so the line's speed is unknown"
     }
-    assert "no row could be judged" in reach_text(found)
+    assert "no row could be judged" in attainable_text(found)
 
 
 def test_a_rig_without_a_model_is_rejected() -> None:
@@ -292,8 +294,8 @@ def test_a_log_without_a_payout_has_no_metrics(fixtures: Path) -> None:
 
 
 def test_the_text_keeps_to_a_hundred_columns_and_the_record_is_json() -> None:
-    assert max(map(len, reach_text(paper()).splitlines())) <= 100
-    record = json.loads(msgspec.json.encode(reach_record(paper())))
+    assert max(map(len, attainable_text(paper()).splitlines())) <= 100
+    record = json.loads(msgspec.json.encode(attainable_record(paper())))
     assert record["ok"] is False
     assert [row["load_ohm"] for row in record["rows"]] == [45.0, 36.0, 27.0, 18.0, 9.0, 4.5]
     cell = record["rows"][0]["efficiencies"]["eta_gen"]
@@ -335,7 +337,7 @@ def test_one_column_and_one_row_are_enough_to_be_judged() -> None:
     movers = {mover.effect: mover for mover in found.explanation.suspects}
     assert movers["gear_mesh_loss"].ability("eta_pto").verdict == "explains"
     assert all(list(values.left) == ["eta_pto"] for values in found.explanation.sets)
-    assert "do not explain it alone" in reach_text(found)
+    assert "do not explain it alone" in attainable_text(found)
 
 
 def test_a_table_out_of_reach_ends_with_exit_code_1(tmp_path: Path) -> None:

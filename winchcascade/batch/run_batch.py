@@ -1,4 +1,4 @@
-"""One batch: each log is reduced once, earlier results are kept, and the tables and reports of the campaign are written."""
+"""Run a batch: reduce each log once, keep earlier results, and write the tables and reports of the campaign."""
 
 from __future__ import annotations
 
@@ -99,23 +99,22 @@ def reduce_log(order: Order) -> Made:
     reduction = reduce(run, rig=work.rig, window=work.window, cycles=work.cycles)
     require_payouts(reduction)
     found = uncertainty(reduction)
+    record = asdict(reduction_record(reduction, found))
     files: dict[str, bytes] = {}
-    account: dict[str, Any] = {}
     if order.reports:
         from winchcascade.report.document import make_report
         from winchcascade.report.model_section import modelled
         from winchcascade.report.publish import html_text, pdf_bytes
 
         model = modelled(reduction)
-        account = {"model": model.account}  # the campaign's report draws it
+        record["model"] = model.account  # the report of the campaign draws it
         with _DRAWING:
             report = make_report(reduction, found, model=model, command=order.command)
         files |= {"html": html_text(report).encode()} if "html" in order.reports else {}
         files |= {"pdf": pdf_bytes(report)} if "pdf" in order.reports else {}
-    record = asdict(reduction_record(reduction, found))
     digests = {ending: digest_of(content) for ending, content in files.items()}
     made_by = {"key": work.key, "reports": list(order.reports), "files": digests}
-    files["json"] = with_digest(record | account, "batch", made_by)
+    files["json"] = with_digest(record, "batch", made_by)
     made = Made(work.name, files)
     if order.folder is None:
         return made

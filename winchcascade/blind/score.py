@@ -153,7 +153,7 @@ def taken_as(case: CaseScore) -> str:
 
 SCORE_SCHEMA = "winchcascade/score/1"
 
-MOST_RIVALS = 2
+MOST_ALTERNATIVES = 2
 """Maximum number of alternatives of a cause that count."""
 
 MOST_NAMES = 2
@@ -168,7 +168,7 @@ class Value(msgspec.Struct, frozen=True):
     high: float
 
 
-class Rival(msgspec.Struct, frozen=True):
+class DiagnosedAlternative(msgspec.Struct, frozen=True):
     """An alternative explanation."""
 
     effect: str
@@ -179,12 +179,12 @@ class Cause(msgspec.Struct, frozen=True):
 
     effect: str
     parameters: dict[str, Value] = msgspec.field(default_factory=dict)
-    rivals: tuple[Rival, ...] = ()
+    rivals: tuple[DiagnosedAlternative, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
         """The effect and the alternatives that count."""
-        return (self.effect, *(rival.effect for rival in self.rivals[:MOST_RIVALS]))
+        return (self.effect, *(alternative.effect for alternative in self.rivals[:MOST_ALTERNATIVES]))
 
 
 class Claimed(msgspec.Struct, frozen=True):

@@ -121,17 +121,21 @@ def audit_command(
     if physics:
         from winchcascade.core.rig_toml import DEFAULT_RIG, load_rig
         from winchcascade.reduction.reduce import first_metrics
-        from winchcascade.report.audit_text import reach_record, reach_text
+        from winchcascade.report.audit_text import attainable_record, attainable_text
         from winchcascade.report.progress import Progress
         from winchcascade.rig.effects.catalogue import EFFECTS
-        from winchcascade.tables.attainable import reach
+        from winchcascade.tables.attainable import attainable_ranges
 
         of = load_rig(rig or DEFAULT_RIG)
         with Progress(f"physics of {outcome.table.name}") as watch:
-            found = reach(
+            found = attainable_ranges(
                 outcome.table, of, EFFECTS, lambda run, window: first_metrics(run, of, window),
                 scatter=outcome.known.eta, watch=watch,
             )  # fmt: skip
-        record, text, ok = record | {"physics": reach_record(found)}, text + reach_text(found), ok and found.ok
+        record, text, ok = (
+            record | {"physics": attainable_record(found)},
+            text + attainable_text(found),
+            ok and found.ok,
+        )
     deliver(json, lambda: as_json(record), lambda: text, force=force)
     raise typer.Exit(0 if ok else 1)

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     from winchcascade.core.published_table import PublishedTable, Span
     from winchcascade.rig.effects.effect import Field
-    from winchcascade.tables.attainable import Ability, Reach, SuspectResult
-    from winchcascade.tables.attainable_row import Cell, RowReach
+    from winchcascade.tables.attainable import Ability, AttainableRanges, SuspectResult
+    from winchcascade.tables.attainable_row import AttainableRow, Cell
     from winchcascade.tables.audit import Audit, Contradiction
     from winchcascade.tables.effect_search import Values
 
@@ -158,36 +158,36 @@ _WORTH, _NOTHING = 0.2, 0.005
 _SIZES = {1: "one effect", 2: "pairs", 3: "sets of three"}
 
 
-def reach_text(reach: Reach) -> str:
+def attainable_text(ranges: AttainableRanges) -> str:
     """What can be reached row by row, how far the table lies outside, and which effects could be why; 100 columns at most."""
-    cells = [cell for row in reach.rows for cell in row.cells]
+    cells = [cell for row in ranges.rows for cell in row.cells]
     metrics = list(dict.fromkeys(cell.metric for cell in cells))
-    lines = ["", *wrapped(_basis(reach)), *(line for note in reach.notes for line in wrapped(f"note: {note}"))]
-    for item in reach.not_judged:
+    lines = ["", *wrapped(_basis(ranges)), *(line for note in ranges.notes for line in wrapped(f"note: {note}"))]
+    for item in ranges.not_judged:
         lines += wrapped(f"not judged: {load_text(item.load)}: {item.reason}")
-    if reach.rows:
+    if ranges.rows:
         head = ["ohm", "m/s", *(text for metric in metrics for text in (f" {metric}", "reach", "off"))]
         points = _range([100.0 * cell.allowed for cell in cells], ".1f")
-        lines += ["", *_columns([head, *(_row(row, metrics) for row in reach.rows)])]
+        lines += ["", *_columns([head, *(_row(row, metrics) for row in ranges.rows)])]
         lines += indented(
             "off: percentage points beyond the nearer end; in brackets where rounding and repeatability "
             f"({points} points) bridge it"
         )
     for metric in metrics:
-        lines += ["", *_verdict(reach, metric)]
-    if not reach.ok:
-        lines += [*_neither(reach), *_details(reach), *_sets(reach)]
-    judged, outside = len(cells), len(reach.outside)
+        lines += ["", *_verdict(ranges, metric)]
+    if not ranges.ok:
+        lines += [*_neither(ranges), *_details(ranges), *_sets(ranges)]
+    judged, outside = len(cells), len(ranges.outside)
     summary = f"{outside} of {judged} efficiencies cannot be reached"
-    if not judged or reach.ok:
+    if not judged or ranges.ok:
         summary = f"all {judged} efficiencies can be reached" if judged else "no row could be judged"
     return "\n".join([*lines, "", f"physics: {summary}"]) + "\n"
 
 
-def _basis(reach: Reach) -> str:
+def _basis(ranges: AttainableRanges) -> str:
     shortest, longest = 100 * min(RAMPS), 100 * max(RAMPS)
     return (
-        f"physics: what rig {reach.rig.name} can reach on payouts that speed up for {shortest:.0f} to {longest:.0f} % of the "
+        f"physics: what rig {ranges.rig.name} can reach on payouts that speed up for {shortest:.0f} to {longest:.0f} % of the "
         f"window, evenly or smoothly, from 0 or {STARTED:g} m of line, at the speeds that the printed powers imply; its "
         "numbers and sensors within one standard uncertainty"
     )
@@ -197,7 +197,7 @@ def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
     return table_lines(rows, close=range(len(rows[0])), indent="  ")
 
 
-def _row(row: RowReach, metrics: Sequence[str]) -> list[str]:
+def _row(row: AttainableRow, metrics: Sequence[str]) -> list[str]:
     cells = {cell.metric: cell for cell in row.cells}
     load = "open" if math.isinf(row.load) else f"{row.load:.6g}"
     texts = [load, _range((row.speeds.low, row.speeds.high), ".2f", "-")]
@@ -215,9 +215,9 @@ def _off(cell: Cell) -> str:
     return "0" if float(text) == 0.0 else text if cell.outside else f"({text})"
 
 
-def _verdict(reach: Reach, metric: str) -> list[str]:
+def _verdict(ranges: AttainableRanges, metric: str) -> list[str]:
     """How far the table deviates in one efficiency, and which effects could do that alone."""
-    judged = [cell for row in reach.rows for cell in row.cells if cell.metric == metric]
+    judged = [cell for row in ranges.rows for cell in row.cells if cell.metric == metric]
     outside = [cell for cell in judged if cell.outside]
     if not outside:
         return [f"{metric}: all {len(judged)} rows within reach"]
@@ -230,28 +230,28 @@ def _verdict(reach: Reach, metric: str) -> list[str]:
                 f"{metric}: {len(cells)} of {len(judged)} rows {side} what the rig can reach, by {beyond} points "
                 f"({middle} from the middle payout)"
             )
-    if metric not in _wanted(reach):
+    if metric not in _wanted(ranges):
         return lines
     able: dict[str, list[str]] = {"explains": [], "beyond_plausible": []}
-    for mover in reach.explanation.suspects:
+    for mover in ranges.explanation.suspects:
         able.setdefault(mover.ability(metric).verdict, []).append(mover.effect)
     beyond = ", ".join(able["beyond_plausible"])
     lines += indented(f"one cause would do, at a plausible value: {', '.join(able['explains']) or 'none'}")
     return lines + (indented(f"one would do at a value beyond what is plausible: {beyond}") if beyond else [])
 
 
-def _wanted(reach: Reach) -> list[str]:
+def _wanted(ranges: AttainableRanges) -> list[str]:
     """Efficiencies whose causes are listed: the two stages where they are out of reach, else their product."""
-    outside = {cell.metric for _, cell in reach.outside}
+    outside = {cell.metric for _, cell in ranges.outside}
     stages: list[str] = [metric for metric in ("eta_trans", "eta_gen") if metric in outside]
     return stages or sorted(outside)
 
 
-def _neither(reach: Reach) -> list[str]:
+def _neither(ranges: AttainableRanges) -> list[str]:
     """Effects that cannot bring any of the efficiencies within reach, and how much of it they take away."""
-    metrics = _wanted(reach)
+    metrics = _wanted(ranges)
     parts = []
-    for mover in reach.explanation.suspects:
+    for mover in ranges.explanation.suspects:
         found = [mover.ability(metric) for metric in metrics]
         if all(ability.verdict == "no" for ability in found):
             parts.append((max(one.closed for one in found), mover.effect, [f"{one.closed:.0%}" for one in found]))
@@ -269,25 +269,25 @@ def _neither(reach: Reach) -> list[str]:
     ]
 
 
-def _details(reach: Reach) -> list[str]:
+def _details(ranges: AttainableRanges) -> list[str]:
     """Effects that help: what is plausible, what the rows need, and the share that a plausible value takes away."""
-    metrics = _wanted(reach)
+    metrics = _wanted(ranges)
     rows = [["effect", "plausible", *(text for metric in metrics for text in (f"{metric} needs", "closes"))]]
-    for mover in reach.explanation.suspects:
+    for mover in ranges.explanation.suspects:
         found = [mover.ability(metric) for metric in metrics]
         if max(one.closed for one in found) >= _WORTH:
             first, *others = mover.fields
             span = f"{first.low:g}..{first.high:g}{unit_suffix(first.unit)}"
-            needs = [text for one in found for text in (_needs(reach, one), f"{one.closed:.0%}")]
+            needs = [text for one in found for text in (_needs(ranges, one), f"{one.closed:.0%}")]
             rows.append([mover.effect, f"{len(mover.fields)} fields" if others else span, *needs])
     note = indented("needs: from the row that needs least to the one that needs most; * in some rows no value does")
     return ["", *_columns(rows), *note] if len(rows) > 1 else []
 
 
-def _needs(reach: Reach, ability: Ability) -> str:
+def _needs(ranges: AttainableRanges, ability: Ability) -> str:
     """The values that the rows need."""
-    outside = {row.load for row, cell in reach.outside if cell.metric == ability.metric}
-    needed = [value for row, value in zip(reach.rows, ability.needed, strict=False) if row.load in outside]
+    outside = {row.load for row, cell in ranges.outside if cell.metric == ability.metric}
+    needed = [value for row, value in zip(ranges.rows, ability.needed, strict=False) if row.load in outside]
     values = sorted((value for value in needed if value is not None), key=abs)
     if not values:
         return "-"
@@ -295,21 +295,21 @@ def _needs(reach: Reach, ability: Ability) -> str:
     return "..".join(dict.fromkeys(texts)) + ("*" if None in needed else "")
 
 
-def _sets(reach: Reach) -> list[str]:
-    found = reach.explanation
+def _sets(ranges: AttainableRanges) -> list[str]:
+    found = ranges.explanation
     if found.sets:
         lines = ["", f"all within reach at plausible values, the smallest sets ({_SIZES[found.size]}), best fit first:"]
-        return lines + [line for values in found.sets for line in indented(_values_text(reach, values))]
+        return lines + [line for values in found.sets for line in indented(_values_text(ranges, values))]
     none = f"no set of up to {found.size} effects brings all within reach at plausible values"
     lines = ["", none] if found.size else []
     if found.closest is not None:
         out = f"{100.0 * found.closest.excess:.1f} points out of reach in all"
-        lines += indented(f"closest: {_values_text(reach, found.closest)}; {out}")
+        lines += indented(f"closest: {_values_text(ranges, found.closest)}; {out}")
     return lines
 
 
-def _values_text(reach: Reach, values: Values) -> str:
-    fields = {(mover.effect, field.name): field for mover in reach.explanation.suspects for field in mover.fields}
+def _values_text(ranges: AttainableRanges, values: Values) -> str:
+    fields = {(mover.effect, field.name): field for mover in ranges.explanation.suspects for field in mover.fields}
     parts = [
         f"{effect} {', '.join(_field_text(fields[effect, name], value) for name, value in given.items())}"
         for effect, given in values.fields.items()
@@ -329,23 +329,23 @@ def _range(values: Iterable[float], digits: str, to: str = " to ") -> str:
     return texts[0] if texts[0] == texts[-1] else f"{texts[0]}{to}{texts[-1]}"
 
 
-def reach_record(reach: Reach) -> dict[str, Any]:
+def attainable_record(ranges: AttainableRanges) -> dict[str, Any]:
     """The same as nested records: the entry `physics` of an audit's JSON."""
-    found = reach.explanation
+    found = ranges.explanation
     return {
-        "rig": reach.rig.name,
-        "ok": reach.ok,
-        "deviation_eta": reach.scatter,
-        "notes": reach.notes,
-        "rows": [_row_record(row) for row in reach.rows],
-        "not_judged": [{**load_record(item.load), "reason": item.reason} for item in reach.not_judged],
-        "effects": [_mover_record(reach, mover) for mover in found.suspects],
+        "rig": ranges.rig.name,
+        "ok": ranges.ok,
+        "deviation_eta": ranges.scatter,
+        "notes": ranges.notes,
+        "rows": [_row_record(row) for row in ranges.rows],
+        "not_judged": [{**load_record(item.load), "reason": item.reason} for item in ranges.not_judged],
+        "effects": [_mover_record(ranges, mover) for mover in found.suspects],
         "sets": [_values_record(values) for values in found.sets],
         "closest": None if found.closest is None else _values_record(found.closest),
     }
 
 
-def _row_record(row: RowReach) -> dict[str, Any]:
+def _row_record(row: AttainableRow) -> dict[str, Any]:
     return {
         **load_record(row.load),
         "window_s": row.window,
@@ -366,7 +366,7 @@ def _row_record(row: RowReach) -> dict[str, Any]:
     }
 
 
-def _mover_record(reach: Reach, mover: SuspectResult) -> dict[str, Any]:
+def _mover_record(ranges: AttainableRanges, mover: SuspectResult) -> dict[str, Any]:
     return {
         "effect": mover.effect,
         "stage": mover.stage,
@@ -379,7 +379,8 @@ def _mover_record(reach: Reach, mover: SuspectResult) -> dict[str, Any]:
                 "verdict": one.verdict,
                 "closed": one.closed,
                 "needed": [
-                    {**load_record(row.load), "value": value} for row, value in zip(reach.rows, one.needed, strict=True)
+                    {**load_record(row.load), "value": value}
+                    for row, value in zip(ranges.rows, one.needed, strict=True)
                 ]
                 if one.needed
                 else None,

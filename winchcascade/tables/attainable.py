@@ -1,4 +1,4 @@
-"""A published table against the constants of a rig: what no plausible payout attains, and which suspects could explain it."""
+"""Compare a published table with the attainable ranges of a rig, and search the suspects that could explain a difference."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from winchcascade.core.run import Signal
 from winchcascade.diagnosis.suspects import Suspects
 from winchcascade.rig.effects.effect import Effect, Field
 from winchcascade.rig.parts import baseline
-from winchcascade.tables.attainable_row import Cell, NotJudged, Reduce, RowReach, bounds_of_row, windows_of
-from winchcascade.tables.effect_search import ETAS, Bench, Curves, EffectCurve, Search, Values, field_curves
+from winchcascade.tables.attainable_row import AttainableRow, Cell, NotJudged, Reduce, bounds_of_row, windows_of
+from winchcascade.tables.effect_search import ETAS, Curves, EffectCurve, Search, TableSimulator, Values, field_curves
 
 Verdict = Literal["explains", "beyond_plausible", "no"]
 """Whether one value of the effect brings all rows within reach: a plausible one, an implausible one, none."""
@@ -85,7 +85,7 @@ class Explanation(msgspec.Struct, frozen=True):
     closest: Values | None = None
 
 
-def explain(bench: Bench, suspects: Suspects, on_progress: Callable[[str], None]) -> Explanation:
+def explain(simulator: TableSimulator, suspects: Suspects, on_progress: Callable[[str], None]) -> Explanation:
     """Look at every suspect alone, then at sets of those that move something.
 
     Parameters
@@ -95,18 +95,18 @@ def explain(bench: Bench, suspects: Suspects, on_progress: Callable[[str], None]
     curves: dict[str, Sequence[EffectCurve | None]] = {}
     results = []
     for name, kind in suspects.items():
-        curves[name] = field_curves(bench, kind)
-        results.append(_suspect_result(bench, name, kind, curves))
+        curves[name] = field_curves(simulator, kind)
+        results.append(_suspect_result(simulator, name, kind, curves))
         on_progress(name)
     active = {name: suspects[name] for name in suspects if any(curve is not None for curve in curves[name])}
-    return msgspec.structs.replace(_smallest_sets(bench, active, curves), suspects=tuple(results))
+    return msgspec.structs.replace(_smallest_sets(simulator, active, curves), suspects=tuple(results))
 
 
-def _suspect_result(bench: Bench, name: str, kind: Effect, curves: Curves) -> SuspectResult:
+def _suspect_result(simulator: TableSimulator, name: str, kind: Effect, curves: Curves) -> SuspectResult:
     if all(curve is None for curve in curves[name]):
         return SuspectResult(name, kind.stage, kind.fields)
-    before = bench.excess_by_metric(bench.nominal)
-    search = Search(bench, {name: kind}, curves)
+    before = simulator.excess_by_metric(simulator.nominal)
+    search = Search(simulator, {name: kind}, curves)
     outside = [k for k in range(len(ETAS)) if before[k] > 0.0]
     stages = [k for k in outside if ETAS[k] != "eta_pto"]  # the whole is their product
     abilities = tuple(_ability(search, k, float(before[k])) for k in stages or outside)
@@ -120,27 +120,27 @@ def _ability(search: Search, k: int, before: float) -> Ability:
     verdict: Verdict = "explains"
     if left > 0.0:
         verdict = "no" if search.best_excess(k, wide=True) > 0.0 else "beyond_plausible"
-    curve, bench = search.single, search.bench
-    needed = () if curve is None else tuple(_needed(bench, curve, row, k) for row in range(len(bench.rows)))
+    curve, simulator = search.single, search.simulator
+    needed = () if curve is None else tuple(_needed(simulator, curve, row, k) for row in range(len(simulator.rows)))
     return Ability(ETAS[k], verdict, max(1.0 - left / before, 0.0), needed)
 
 
-def _needed(bench: Bench, curve: EffectCurve, row: int, k: int) -> float | None:
+def _needed(simulator: TableSimulator, curve: EffectCurve, row: int, k: int) -> float | None:
     """Value of a field nearest to absent that brings one cell within reach."""
-    if not bench.excess(bench.nominal)[row, k] > 0.0:
+    if not simulator.excess(simulator.nominal)[row, k] > 0.0:
         return None
-    inside = bench.excess(bench.nominal * np.exp(curve.ratio))[:, row, k] == 0.0
+    inside = simulator.excess(simulator.nominal * np.exp(curve.ratio))[:, row, k] == 0.0
     return min(curve.x[inside].tolist(), key=lambda value: abs(value - curve.absent), default=None)
 
 
-def _smallest_sets(bench: Bench, suspects: Suspects, curves: Curves) -> Explanation:
+def _smallest_sets(simulator: TableSimulator, suspects: Suspects, curves: Curves) -> Explanation:
     """The smallest sets that bring all cells within reach: ranked on the curves, the first ones simulated."""
-    if not bench.excess_by_metric(bench.nominal).any():
+    if not simulator.excess_by_metric(simulator.nominal).any():
         return Explanation(())
     grown: list[tuple[str, ...]] = [(name,) for name in suspects]
     closest: Values | None = None
     for size in range(1, LARGEST + 1):
-        ranked = _ranked(bench, suspects, curves, grown)
+        ranked = _ranked(simulator, suspects, curves, grown)
         simulated = [values for search, x in ranked[:CANDIDATES] if (values := _simulated(search, x)) is not None]
         closest = min((*simulated, *([closest] if closest else [])), key=lambda one: one.excess, default=None)
         enough = sorted((one for one in simulated if one.enough), key=lambda one: one.misfit)
@@ -152,16 +152,16 @@ def _smallest_sets(bench: Bench, suspects: Suspects, curves: Curves) -> Explanat
 
 
 def _ranked(
-    bench: Bench, suspects: Suspects, curves: Curves, sets: Sequence[tuple[str, ...]]
+    simulator: TableSimulator, suspects: Suspects, curves: Curves, sets: Sequence[tuple[str, ...]]
 ) -> list[tuple[Search, Signal]]:
     """Sets with their values, first those that leave least out of reach on the curves, then those that fit best."""
-    searches = (Search(bench, {name: suspects[name] for name in names}, curves) for names in sets)
+    searches = (Search(simulator, {name: suspects[name] for name in names}, curves) for names in sets)
     found: list[tuple[tuple[float, float], Search, Signal]] = []
     for search in sorted(searches, key=Search.first_look)[:LOOKED_AT]:
         x = search.fit()
-        if bench.sums(search.on_curves(x))[0] > 0.0:
+        if simulator.sums(search.on_curves(x))[0] > 0.0:
             x = search.fit(hinge=True)
-        found.append((bench.sums(search.on_curves(x)), search, x))
+        found.append((simulator.sums(search.on_curves(x)), search, x))
     return [(search, x) for _, search, x in sorted(found, key=lambda one: one[0])]
 
 
@@ -173,8 +173,8 @@ def _simulated(search: Search, x: Signal) -> Values | None:
     return search.simulated_values(search.polished(x, hinge=True))
 
 
-class Reach(msgspec.Struct, frozen=True):
-    """What a rig can reach of a table, and which suspects could move it to what is printed.
+class AttainableRanges(msgspec.Struct, frozen=True):
+    """Attainable ranges of a rig for the rows of a table, and suspects that could explain the printed values.
 
     `not_judged` holds rows that cannot be held against the rig, `notes` say what was assumed. `scatter` is the largest
     deviation of a cycle's efficiency that counts [1].
@@ -182,23 +182,23 @@ class Reach(msgspec.Struct, frozen=True):
 
     rig: Rig
     scatter: float
-    rows: tuple[RowReach, ...]
+    rows: tuple[AttainableRow, ...]
     not_judged: tuple[NotJudged, ...]
     notes: tuple[str, ...]
     explanation: Explanation
 
     @property
-    def outside(self) -> tuple[tuple[RowReach, Cell], ...]:
-        """The cells that the rig cannot reach."""
+    def outside(self) -> tuple[tuple[AttainableRow, Cell], ...]:
+        """The cells outside their attainable range."""
         return tuple((row, cell) for row in self.rows for cell in row.cells if cell.outside)
 
     @property
     def ok(self) -> bool:
-        """Whether all that could be judged is within reach."""
+        """Whether all cells that could be judged are within their attainable range."""
         return not self.outside
 
 
-def reach(
+def attainable_ranges(
     table: PublishedTable,
     rig: Rig,
     suspects: Suspects,
@@ -206,7 +206,7 @@ def reach(
     *,
     scatter: float,
     watch: Watch | None = None,
-) -> Reach:
+) -> AttainableRanges:
     """Hold a published table against what the constants of a rig allow, and name the suspects that could explain a difference.
 
     Parameters
@@ -223,13 +223,13 @@ def reach(
     windows, notes = windows_of(table)
     watch = watch or Nobody()
     watch.begin(0, len(table.rows) + len(suspects))
-    found: list[RowReach | NotJudged] = []
+    found: list[AttainableRow | NotJudged] = []
     for row in table.rows:
         found.append(bounds_of_row(table, row, windows[row.load], rig, reduce, scatter))
         watch.done(load_text(row.load), None)
-    rows = tuple(row for row in found if isinstance(row, RowReach))
+    rows = tuple(row for row in found if isinstance(row, AttainableRow))
     not_judged = tuple(row for row in found if isinstance(row, NotJudged))
     explanation = Explanation(())
     if any(cell.outside for row in rows for cell in row.cells):
-        explanation = explain(Bench(rows, model, reduce), suspects, partial(watch.done, fault=None))
-    return Reach(rig, scatter, rows, not_judged, notes, explanation)
+        explanation = explain(TableSimulator(rows, model, reduce), suspects, partial(watch.done, fault=None))
+    return AttainableRanges(rig, scatter, rows, not_judged, notes, explanation)

@@ -1,4 +1,4 @@
-"""One row of a published table held against a rig: the efficiencies that any plausible payout of that row reaches.
+"""Attainable ranges of the efficiencies of one row of a published table, over all plausible payouts.
 
 A row prints what its payouts put in and gave out, so their speed follows; how the line sped up, and from where, does not.
 Every plausible payout that gives a printed power is simulated, over the window that energy and power imply, and reduced by
@@ -30,7 +30,7 @@ COVERAGE = 2.0
 """Standard uncertainties that a limit allows: about 95 % (JCGM 100:2008, 6.3.3)."""
 
 OWN = 1e-3
-"""The reach itself is known no better: few payouts are looked at, and with an effect the middle one alone. [1]"""
+"""Uncertainty of the attainable range itself: it is taken from few payouts, with an effect from the middle one alone. [1]"""
 
 WINDOWS = (0.2, 600.0)
 """Windows of payouts lie between these: anything else is a slip in the table. [s]"""
@@ -194,7 +194,7 @@ def _between(one: PayoutMetrics, other: PayoutMetrics, further: float) -> Payout
 
 
 class Cell(msgspec.Struct, frozen=True):
-    """One efficiency of a row beside what the rig can reach. [1]
+    """One efficiency of a row beside its attainable range. [1]
 
     `printed` stands for every value within `allowed` of it: rounding, the error of the mean of so few cycles, and `OWN`.
     `derived` marks one that is not printed itself but the ratio of two printed energies or powers. `nominal` is that of the
@@ -213,7 +213,7 @@ class Cell(msgspec.Struct, frozen=True):
 
     @property
     def gap(self) -> float:
-        """How far the printed value lies above (positive) or below (negative) what can be reached; 0 within it. [1]"""
+        """How far the printed value lies above (positive) or below (negative) the attainable range; 0 within it. [1]"""
         return max(self.printed - self.high, 0.0) + min(self.printed - self.low, 0.0)
 
     @property
@@ -222,7 +222,7 @@ class Cell(msgspec.Struct, frozen=True):
         return abs(self.gap) > self.allowed
 
 
-class RowReach(msgspec.Struct, frozen=True):
+class AttainableRow(msgspec.Struct, frozen=True):
     """One row: its window [s] (None: by the rig's rule), the plateau speeds that its powers imply [m/s], its efficiencies.
 
     `payout` is the middle one, `speed` its plateau [m/s]; a change of the model keeps to `target`, if the row prints one.
@@ -246,7 +246,7 @@ class NotJudged(msgspec.Struct, frozen=True):
 
 def bounds_of_row(
     table: PublishedTable, row: TableRow, window: float | None, rig: Rig, reduce: Reduce, scatter: float
-) -> RowReach | NotJudged:
+) -> AttainableRow | NotJudged:
     """Simulate every plausible payout of one row, and hold its efficiencies against them.
 
     Parameters
@@ -295,7 +295,9 @@ def bounds_of_row(
                 u=u[eta],
             )
         )
-    return RowReach(row.load, window, speeds, tuple(cells), kinds[0], middle.speed, targets[0] if targets else None)
+    return AttainableRow(
+        row.load, window, speeds, tuple(cells), kinds[0], middle.speed, targets[0] if targets else None
+    )
 
 
 def repeatability(scatter: float, cycles: int | None) -> float:

@@ -1,4 +1,4 @@
-"""A published table held against itself, without any log.
+"""Consistency of a published table with itself, without any log.
 
 Every row: is there a set of unrounded values behind the printed ones (`feasible`)? Every sum, every claim of the text.
 And the integration windows that the table does not print, recovered from its energies and powers.

@@ -1,4 +1,4 @@
-"""Measured results held against a published table, cell by cell and two-sided.
+"""Comparison of measured results with a published table, cell by cell and two-sided.
 
 A cell allows ``|measured - printed| <= rounding + deviation + uncertainty``: half a unit of its last printed decimal, the
 largest deviation of the measured cycles from their mean, and twice the standard uncertainty of the measured mean. Where the

@@ -17,7 +17,7 @@ from winchcascade.diagnosis.suspects import Freedom, Suspects, freedom, with_val
 from winchcascade.reduction.efficiency import RATIOS
 from winchcascade.rig.effects.effect import ActiveEffect, Effect
 from winchcascade.rig.parts import Model
-from winchcascade.tables.attainable_row import PayoutMetrics, Reduce, RowReach, measure, meet
+from winchcascade.tables.attainable_row import AttainableRow, PayoutMetrics, Reduce, measure, meet
 
 ETAS = tuple(RATIOS)
 """Efficiencies in the order of the columns of every array here."""
@@ -26,15 +26,15 @@ DUST = 2e-4
 """What may be left out of reach in all rows together: simulations of a table are no better. [1]"""
 
 
-class Bench:
-    """A test bench for the rows of a table: it simulates them with one changed model after the other.
+class TableSimulator:
+    """Simulate the rows of a table with one changed model after the other.
 
     All arrays are (rows, 3), columns as `ETAS`, NaN where the row has no such efficiency: `printed`; `allowed` by rounding and
-    repeatability; `below` and `above`, how far the ends of the reach lie from the middle payout; `sigma`, the standard
-    uncertainty of printed minus nominal. [1]
+    repeatability; `below` and `above`, how far the ends of the attainable range lie from the middle payout; `sigma`, the
+    standard uncertainty of printed minus nominal. [1]
     """
 
-    def __init__(self, rows: Sequence[RowReach], model: Model, reduce: Reduce) -> None:
+    def __init__(self, rows: Sequence[AttainableRow], model: Model, reduce: Reduce) -> None:
         self.rows, self.model, self.reduce = rows, model, reduce
         cells = [{cell.metric: cell for cell in row.cells} for row in rows]
         self.printed, self.allowed, self.nominal, low, high, u = (
@@ -70,7 +70,7 @@ class Bench:
             return None
         return np.where(np.isnan(self.printed), np.nan, eta), np.array([point.speed for point in found])
 
-    def _point(self, model: Model, row: RowReach, guess: float) -> PayoutMetrics | None:
+    def _point(self, model: Model, row: AttainableRow, guess: float) -> PayoutMetrics | None:
         if row.target is None:
             return measure(self.reduce, model, row.payout, guess, row.load)
         return meet(self.reduce, model, row.payout, row.load, row.target, guess)
@@ -78,13 +78,13 @@ class Bench:
     def deviation(self, eta: Signal) -> Signal:
         """How far such efficiencies are too high (positive) or too low for what is printed and allowed, (..., rows, 3).
 
-        0 where the printed value is within reach.
+        0 where the printed value is within the attainable range.
         """
         high, low = eta - self.below - self.printed, self.printed - eta - self.above
         return np.where(high > self.allowed, high - self.allowed, np.minimum(self.allowed - low, 0.0))
 
     def excess(self, eta: Signal) -> Signal:
-        """How far printed values lie out of reach about such efficiencies, beyond what is allowed, (..., rows, 3)."""
+        """Excess of printed values over the attainable range about such efficiencies and what is allowed, (..., rows, 3)."""
         excess: Signal = np.abs(self.deviation(eta))
         return excess
 
@@ -94,7 +94,7 @@ class Bench:
         return np.where(total < DUST, 0.0, total)
 
     def sums(self, eta: Signal) -> tuple[float, float]:
-        """What is out of reach in all [1], and the sum of squares of printed minus simulated in standard uncertainties."""
+        """Sum of the excess [1], and sum of squares of printed minus simulated values in standard uncertainties."""
         return float(np.sum(self.excess_by_metric(eta))), float(np.nansum(self.misfit(eta) ** 2))
 
     def misfit(self, eta: Signal) -> Signal:
@@ -148,13 +148,13 @@ class EffectCurve(msgspec.Struct, frozen=True):
         return rise
 
 
-def field_curves(bench: Bench, kind: Effect) -> list[EffectCurve | None]:
+def field_curves(simulator: TableSimulator, kind: Effect) -> list[EffectCurve | None]:
     """The curve of each field of a suspect, None for a field that alone moves nothing."""
     free = freedom(kind)
-    return [_curve(bench, kind, free, k) for k in range(len(free.names))]
+    return [_curve(simulator, kind, free, k) for k in range(len(free.names))]
 
 
-def reach_of(kind: Effect) -> tuple[Signal, Signal]:
+def search_bounds(kind: Effect) -> tuple[Signal, Signal]:
     """Lowest and highest values that are looked at, (k,) each: `BEYOND` what is plausible, within what is possible."""
     free = freedom(kind)
     least, most = (np.array([field.possible[end] for field in kind.fields]) for end in (0, 1))
@@ -164,11 +164,11 @@ def reach_of(kind: Effect) -> tuple[Signal, Signal]:
     )
 
 
-def _curve(bench: Bench, kind: Effect, free: Freedom, k: int) -> EffectCurve | None:
-    nodes = {float(free.absent[k]): np.zeros(bench.printed.shape)}
+def _curve(simulator: TableSimulator, kind: Effect, free: Freedom, k: int) -> EffectCurve | None:
+    nodes = {float(free.absent[k]): np.zeros(simulator.printed.shape)}
     for end in (free.low[k], free.high[k]):
         if end != free.absent[k]:
-            nodes |= _side(bench, kind, free, k, float(end))
+            nodes |= _side(simulator, kind, free, k, float(end))
     if len(nodes) == 1 or max(float(np.nanmax(np.abs(ratio))) for ratio in nodes.values()) < SILENT:
         return None
     from scipy.interpolate import PchipInterpolator
@@ -179,27 +179,29 @@ def _curve(bench: Bench, kind: Effect, free: Freedom, k: int) -> EffectCurve | N
     return EffectCurve(x, ratio, float(free.absent[k]))
 
 
-def _side(bench: Bench, kind: Effect, free: Freedom, k: int, end: float) -> dict[float, Signal]:
+def _side(simulator: TableSimulator, kind: Effect, free: Freedom, k: int, end: float) -> dict[float, Signal]:
     """Simulated nodes from absent to one end of what is plausible, and beyond it as long as that still may help."""
     found: dict[float, Signal] = {}
-    helps, speeds = True, bench.speeds
-    low, high = reach_of(kind)
+    helps, speeds = True, simulator.speeds
+    low, high = search_bounds(kind)
     for share in NODES if len(free.names) == 1 else FEW_NODES:
         values = free.absent.copy()
         values[k] = min(max(values[k] + share * (end - values[k]), low[k]), high[k])
         if float(values[k]) in found:
             continue
-        there = bench.efficiencies([with_values(kind, values)], bench.speeds + share * (speeds - bench.speeds))
+        there = simulator.efficiencies(
+            [with_values(kind, values)], simulator.speeds + share * (speeds - simulator.speeds)
+        )
         if there is None:
             continue
-        ratio = np.where(np.isnan(bench.printed), 0.0, np.log(there[0] / bench.nominal))
+        ratio = np.where(np.isnan(simulator.printed), 0.0, np.log(there[0] / simulator.nominal))
         found[float(values[k])] = ratio
         if share == 1.0:
             speeds = there[1]
             if float(np.max(np.abs(ratio))) < SILENT:
                 break
         if share >= 1.0:
-            before, after = bench.excess_by_metric(bench.nominal), bench.excess_by_metric(there[0])
+            before, after = simulator.excess_by_metric(simulator.nominal), simulator.excess_by_metric(there[0])
             helps = bool(np.any((after < HELPS * before) & (after > 0.0)))
         if share != 1.0 and not helps:
             break
@@ -242,7 +244,7 @@ class Values(msgspec.Struct, frozen=True):
 
     @property
     def enough(self) -> bool:
-        """Whether all that the table prints is within reach then."""
+        """Whether all printed values are within their attainable range then."""
         return self.excess <= 0.0
 
 
@@ -252,20 +254,20 @@ class Search:
     On curves, the logarithms of the efficiencies' changes add up: exact for one field, near enough to start from for more.
     """
 
-    def __init__(self, bench: Bench, kinds: Suspects, curves: Curves) -> None:
-        self.bench, self.kinds = bench, kinds
+    def __init__(self, simulator: TableSimulator, kinds: Suspects, curves: Curves) -> None:
+        self.simulator, self.kinds = simulator, kinds
         free = [freedom(kind) for kind in kinds.values()]
         self.places = [(name, field) for name, own in zip(kinds, free, strict=True) for field in own.names]
         self.absent = np.concatenate([own.absent for own in free])
         self.plausible = tuple(np.concatenate([getattr(own, end) for own in free]) for end in ("low", "high"))
         self.curves = [curve for name in kinds for curve in curves[name]]
-        ends = zip(*(reach_of(kind) for kind in kinds.values()), strict=True)
+        ends = zip(*(search_bounds(kind) for kind in kinds.values()), strict=True)
         low, high = (np.concatenate(end) for end in ends)
         for k, curve in enumerate(self.curves):
             if curve is not None:
                 low[k], high[k] = max(low[k], curve.x[0]), min(high[k], curve.x[-1])
         self.examined = (low, high)
-        self.speeds = bench.speeds
+        self.speeds = simulator.speeds
 
     @property
     def single(self) -> EffectCurve | None:
@@ -285,7 +287,7 @@ class Search:
         if self.single is not None:
             x = self.single.x[(self.single.x >= low[0] - 1e-12) & (self.single.x <= high[0] + 1e-12)]
             x = np.concatenate((x, low, high, self.absent))
-            residual = self._residual(self.bench.nominal * np.exp(self.single.at(x)), metric, hinge)
+            residual = self._residual(self.simulator.nominal * np.exp(self.single.at(x)), metric, hinge)
             return x[[int(np.argmin(np.sum(residual**2, axis=-1)))]]
         return _descend(
             lambda x: self._residual(self.on_curves(x), metric, hinge), self.absent, (low, high), TRIALS,
@@ -299,10 +301,10 @@ class Search:
         """
         best = self.fit(metric=metric, hinge=True, wide=wide)
         if self.single is not None:
-            return float(self.bench.excess_by_metric(self.on_curves(best))[metric])
+            return float(self.simulator.excess_by_metric(self.on_curves(best))[metric])
         found = [self.simulated(x) for x in (best, *self._bounds(wide))]
         return min(
-            (float(self.bench.excess_by_metric(eta)[metric]) for eta in found if eta is not None), default=np.inf
+            (float(self.simulator.excess_by_metric(eta)[metric]) for eta in found if eta is not None), default=np.inf
         )
 
     def first_look(self) -> float:
@@ -310,14 +312,14 @@ class Search:
 
         The fields of one suspect go together from absent to an end of what is plausible, suspects go independently.
         """
-        ratio = np.zeros((1, *self.bench.printed.shape))
+        ratio = np.zeros((1, *self.simulator.printed.shape))
         for name in self.kinds:
-            few = np.zeros((2, FEW, *self.bench.printed.shape))
+            few = np.zeros((2, FEW, *self.simulator.printed.shape))
             for k, curve in enumerate(self.curves):
                 if curve is not None and self.places[k][0] == name:
                     few += [curve.at(np.linspace(self.absent[k], end[k], FEW)) for end in self._bounds(wide=False)]
             ratio = (ratio[:, None] + few.reshape(1, -1, *few.shape[2:])).reshape(-1, *few.shape[2:])
-        return float(np.nansum(self.bench.excess(self.bench.nominal * np.exp(ratio)), axis=(1, 2)).min())
+        return float(np.nansum(self.simulator.excess(self.simulator.nominal * np.exp(ratio)), axis=(1, 2)).min())
 
     def effects(self, x: Signal) -> list[ActiveEffect]:
         """The suspects with values, (k,) in the order of their fields."""
@@ -326,7 +328,7 @@ class Search:
 
     def simulated(self, x: Signal) -> Signal | None:
         """Efficiencies at values of the fields, simulated, (rows, 3)."""
-        found = self.bench.efficiencies(self.effects(x), self.speeds)
+        found = self.simulator.efficiencies(self.effects(x), self.speeds)
         if found is None:
             return None
         eta, self.speeds = found
@@ -337,7 +339,7 @@ class Search:
 
         def residual(values: Signal) -> Signal:
             eta = self.simulated(values)
-            return self._residual(self.bench.nominal if eta is None else eta, None, hinge)
+            return self._residual(self.simulator.nominal if eta is None else eta, None, hinge)
 
         if self.single is not None:
             return x
@@ -351,8 +353,8 @@ class Search:
         (low, high), (least, most) = self.plausible, self.examined
         near = np.minimum(x - least, most - x) < AT_BOUND * (most - least)
         made = dict(zip(self.kinds, self.effects(x), strict=True))
-        away = [gap[~np.isnan(gap)] for gap in (self.bench.printed - eta).T]
-        excess, misfit = self.bench.sums(eta)
+        away = [gap[~np.isnan(gap)] for gap in (self.simulator.printed - eta).T]
+        excess, misfit = self.simulator.sums(eta)
         return Values(
             fields={
                 name: {field.name: value for field, value in zip(one.effect.fields, one.values, strict=True)}
@@ -375,20 +377,20 @@ class Search:
     def on_curves(self, x: Signal) -> Signal:
         """Efficiencies on the curves, (rows, 3)."""
         ratio = sum(curve.at(x[k : k + 1])[0] for k, curve in enumerate(self.curves) if curve is not None)
-        eta: Signal = self.bench.nominal * np.exp(ratio)
+        eta: Signal = self.simulator.nominal * np.exp(ratio)
         return eta
 
     def _residual(self, eta: Signal, metric: int | None, hinge: bool) -> Signal:
         """What a search minimizes, (..., n) from (..., rows, 3), nothing where the table prints nothing."""
-        z = self.bench.misfit(eta)
-        return _flat([SOFT * z, self.bench.excess(eta) / self.bench.sigma] if hinge else [z], metric)
+        z = self.simulator.misfit(eta)
+        return _flat([SOFT * z, self.simulator.excess(eta) / self.simulator.sigma] if hinge else [z], metric)
 
     def _slopes(self, x: Signal, metric: int | None, hinge: bool) -> Signal:
         """Its derivatives on the curves, (n, k)."""
         eta = self.on_curves(x)
         slopes = [curve.slope(x[k]) if curve is not None else np.zeros_like(eta) for k, curve in enumerate(self.curves)]
-        step = np.array(slopes) * eta / self.bench.sigma
-        return _flat([-SOFT * step, np.sign(self.bench.deviation(eta)) * step] if hinge else [-step], metric).T
+        step = np.array(slopes) * eta / self.simulator.sigma
+        return _flat([-SOFT * step, np.sign(self.simulator.deviation(eta)) * step] if hinge else [-step], metric).T
 
 
 def _flat(parts: Sequence[Signal], metric: int | None) -> Signal:
