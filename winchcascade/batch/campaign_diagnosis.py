@@ -1,4 +1,4 @@
-"""From a campaign to its diagnosis and its predictions: by the model of its rig or, without one, from line and shaft alone."""
+"""Diagnose a campaign and write its predictions: by the model of its rig or, without one, from line and shaft alone."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 HEADER = "Time (s),Cycle,Predicted mechanical power (W)"
-"""Of the files of predictions, by which this tool knows them for its own."""
+"""Header of the files of predictions, by which this tool recognises its own files."""
 
 
 def read_logs(campaign: Campaign, rig: Rig, on_progress: Callable[[str], None], *, loads: bool) -> list[Run]:
@@ -121,10 +121,10 @@ def diagnose_campaign(
 def write_predictions(found: ModelDiagnosis | LineDiagnosis, folder: Path, *, force: bool = False) -> list[Path]:
     """Write what is predicted of the data that the causes are judged on, in files named after their logs.
 
-    With a model these are simulated logs of every withheld log: `before`, the rig as given, and `after`, by the fit without
-    that log; zeros of its sensors are in neither. Without one they are the power of the judged cycles: `before`, line tension
-    times speed, and `after`, by a fit to the other cycles; stamps are those of the log, samples that do not count are left
-    out.
+    With a model, the files are simulated logs of every withheld log: `before` by the rig as given, `after` by a fit to the
+    other logs. Neither contains the zeros of the sensors of that log. Without a model, the files are the power of the judged
+    cycles: `before` is line tension times speed, `after` is predicted by a fit to the other cycles. They have the stamps of the
+    log; samples that do not count are left out.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The results of a campaign as one Parquet dataset, and as an Excel workbook for those who want one."""
+"""The results of a campaign as one Parquet dataset and, optionally, as an Excel workbook."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From targets to the work: which logs, with which rig, load, window and cycles."""
+"""Plan of a batch: the logs of its targets, each with rig, load, window and cycles."""
 
 from __future__ import annotations
 

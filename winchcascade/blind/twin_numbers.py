@@ -1,4 +1,4 @@
-"""What the twin takes the rig to be: its numbers, how well each is known, and how its sensors scatter.
+"""Numbers of the twin of the rig: values, tolerances, and noise of its sensors.
 
 The twin holds a table of its own and reads none of the rig's, so that a slip in one of them shows as a gap in a trial.
 """

@@ -1,4 +1,4 @@
-"""The command line put together: its commands in the order in which the help lists them."""
+"""The command-line application: its commands, in the order in which the help lists them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The versions that a report of a fault should name."""
+"""Versions of the packages that a bug report should name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a log lies: a path, or an address of an object store that pyarrow or fsspec can open."""
+"""Addresses of logs: a path, or a place in an object store that pyarrow or fsspec can open."""
 
 from __future__ import annotations
 

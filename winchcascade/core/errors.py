@@ -1,4 +1,4 @@
-"""The named faults: each is one sentence on where it is, what was found, what was expected and what to do."""
+"""Exceptions of the package: each message states in one sentence where, what was found, what was expected and what to do."""
 
 from winchcascade.core.plain_text import one_line
 

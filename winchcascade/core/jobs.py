@@ -1,4 +1,4 @@
-"""Many small jobs: on threads, on processes of this machine or on an existing Dask scheduler.
+"""Run many small jobs: on threads, on processes of this machine or on an existing Dask scheduler.
 
 A job that fails is a value: its outcome carries the fault as a sentence, and the others go on. Threads help because numpy,
 scipy and the compiled steps release the interpreter while they work.

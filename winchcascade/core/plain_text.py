@@ -1,4 +1,4 @@
-"""Texts from files as text alone: names may hold anything, and a terminal obeys control characters."""
+"""Make texts from files safe to print: names may contain control characters, which a terminal obeys."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a process ends by a signal: at once, without its scratch files, and with one sentence or none."""
+"""End a process by a signal: at once, without its scratch files, and with one sentence or none."""
 
 from __future__ import annotations
 

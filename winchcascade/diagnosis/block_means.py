@@ -1,4 +1,4 @@
-"""A log in blocks: means over about 0.4 s within one phase, in which ringing and most of the correlation cancel."""
+"""Block means of a log: means over about 0.4 s within one phase, in which ringing and most of the correlation cancel."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is known to a tolerance only: numbers of the rig, its loads, the gains and zeros of its sensors."""
+"""Nuisance parameters, known within a tolerance only: numbers of the rig, loads, gains and zeros of the sensors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the model says of a log's blocks, as fast as a fit needs it."""
+"""Prediction of the block means of a log by the model, as fast as a fit needs it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The text of a rig file with calibrated numbers in it, everything else kept: comments, order, spelling, line ends."""
+"""Write calibrated numbers into the text of a rig file and keep everything else: comments, order, spelling, line ends."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which column of a log is which channel, in which unit; what is assumed is a finding."""
+"""Assign columns of a log to channels and units; each assumption becomes a finding."""
 
 from __future__ import annotations
 

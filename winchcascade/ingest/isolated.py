@@ -1,4 +1,4 @@
-"""Formats whose readers a damaged file can mislead are read in a process of their own, with limits of memory and time.
+"""Read formats whose readers a damaged file can mislead in a separate process, with limits of memory and time.
 
 A request is a line of JSON on the standard input of that process. An answer is a line of JSON on its standard output,
 followed by the bytes of a column where the line announces them.

@@ -1,4 +1,4 @@
-"""How a delimited text file is laid out: encoding, delimiter, decimal sign, preamble, names, units, first row of data."""
+"""Detect the layout of a delimited text file: encoding, delimiter, decimal sign, preamble, names, units, first row of data."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which reader a file needs, by its first bytes, whatever its name ends in."""
+"""Choose the reader of a file by its first bytes, not by the ending of its name."""
 
 from __future__ import annotations
 

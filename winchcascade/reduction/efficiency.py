@@ -1,4 +1,4 @@
-"""Energies to efficiencies, cycle by cycle, their mean over the cycles and the largest deviation from it."""
+"""Efficiencies from energies, cycle by cycle, their mean over the cycles and the largest deviation from it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One run to its cycles: phases, windows, energies, efficiencies, repeatability and bins."""
+"""Reduce one run to its cycles: phases, windows, energies, efficiencies, repeatability and bins."""
 
 from __future__ import annotations
 

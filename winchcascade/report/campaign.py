@@ -1,4 +1,4 @@
-"""The report of a campaign: what its logs say together, made once for the page and the PDF."""
+"""The report of a campaign: its logs compared with each other, made once for the page and the PDF."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The report of a diagnosis: a page for whoever decides, then the evidence; made once for the page and the PDF."""
+"""The report of a diagnosis: a summary page, then the evidence; made once for the page and the PDF."""
 
 from __future__ import annotations
 

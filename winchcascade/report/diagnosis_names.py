@@ -1,4 +1,4 @@
-"""How a diagnosis names and writes things: numbers of effects, loads, phases, probabilities, tolerances."""
+"""Names and number formats of a diagnosis: effects, loads, phases, probabilities, nuisance parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A diagnosis as JSON: the fields that others rely on."""
+"""A diagnosis as a record for JSON, with documented fields."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a page and a PDF share: texts that can be shown, the templates, and the time of making."""
+"""Parts that a page and a PDF share: texts that can be shown, the templates, and the time of making."""
 
 from __future__ import annotations
 

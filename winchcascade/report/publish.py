@@ -1,4 +1,4 @@
-"""A report into its files: one page that needs no other file and makes no request, and a PDF from the same rows and figures."""
+"""Write a report into its files: one page without external files or requests, and a PDF from the same rows and figures."""
 
 from __future__ import annotations
 

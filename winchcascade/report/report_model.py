@@ -1,4 +1,4 @@
-"""What a report is made of: rows and figures, made once, that HTML and PDF only lay out."""
+"""The content of a report: rows and figures, made once, which HTML and PDF only lay out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How every figure looks: named colours that a page may turn dark, sizes of texts and legends, and figures as SVG text."""
+"""Style of all figures: named colours that a page may turn dark, sizes of texts and legends, and figures as SVG text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The report of a scored trial: its tables, and figures of what was taken for what and how far numbers are from the truth."""
+"""The report of a scored trial: its tables, and figures of confusions between effects and of errors of the numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A scored trial in words: its counts, what each case hides and what it was taken for; as text for the terminal."""
+"""A scored trial as text for the terminal: its counts, and for each case the injected and the diagnosed effects."""
 
 from __future__ import annotations
 

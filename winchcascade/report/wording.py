@@ -1,4 +1,4 @@
-"""What a reduction's uncertainty means, in sentences that the terminal and the reports share."""
+"""Sentences about the uncertainty of a reduction, for the terminal and the reports."""
 
 from __future__ import annotations
 

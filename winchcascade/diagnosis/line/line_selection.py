@@ -1,4 +1,4 @@
-"""Which suspects: cross-validation of every set, which is fitted without each cycle in turn and predicts it."""
+"""Selection of suspects by cross-validation: every set is fitted without each cycle in turn and predicts it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The catalogue of effects: what the baseline leaves out, one suspect each, in the order of the energy cascade from its end."""
+"""The catalogue of effects that the baseline leaves out, in the order of the energy cascade from its end."""
 
 import difflib
 import math
