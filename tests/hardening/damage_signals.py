@@ -502,42 +502,39 @@ def speed_zero(log: Log, rng: Rng) -> Damage:
 GAINS = ("force", "torque", "vdc", "idc")
 
 
+def _gain(rng: Rng) -> tuple[str, float]:
+    """A channel and the change of its gain, by 3 to 30 %."""
+    return GAINS[rng.integers(4)], either(rng, log_uniform(rng, 0.03, 0.3))
+
+
+def _gain_damage(log: Log, name: str, x: Signal, what: str) -> Damage:
+    return Damage(log, what, frozenset({name}), csv(log.changed(**{name: x})), unseen=gain_reason)
+
+
 def gain_step(log: Log, rng: Rng) -> Damage:
     """A gain that changes by 3 to 30 % between two cycles."""
-    name = GAINS[rng.integers(4)]
-    change = either(rng, log_uniform(rng, 0.03, 0.3))
+    name, change = _gain(rng)
     cycles = truth(log).complete
     k = int(rng.integers(1, len(cycles)))
     begin = int(np.searchsorted(log.t, cycles[k].window.onset - 1.0))
     x = log.columns[name].copy()
     x[begin:] = rounded(name, (1 + change) * x[begin:])
-    return Damage(
-        log, f"gain of {name} {100 * change:+.1f} % from cycle {cycles[k].cycle} on", frozenset({name}),
-        csv(log.changed(**{name: x})), unseen=gain_reason,
-    )  # fmt: skip
+    return _gain_damage(log, name, x, f"gain of {name} {100 * change:+.1f} % from cycle {cycles[k].cycle} on")
 
 
 def one_cycle(log: Log, rng: Rng) -> Damage:
     """A gain that is 3 to 30 % off in one cycle."""
-    name = GAINS[rng.integers(4)]
-    change = either(rng, log_uniform(rng, 0.03, 0.3))
+    name, change = _gain(rng)
     cycles = truth(log).complete
     k = int(rng.integers(len(cycles)))
     end = cycles[k + 1].window.onset - 1.0 if k + 1 < len(cycles) else log.t[-1] + 1.0
     inside = (log.t >= cycles[k].window.onset - 1.0) & (log.t < end)
     x = np.where(inside, rounded(name, (1 + change) * log.columns[name]), log.columns[name])
-    return Damage(
-        log, f"gain of {name} {100 * change:+.1f} % in cycle {cycles[k].cycle}", frozenset({name}),
-        csv(log.changed(**{name: x})), unseen=gain_reason,
-    )  # fmt: skip
+    return _gain_damage(log, name, x, f"gain of {name} {100 * change:+.1f} % in cycle {cycles[k].cycle}")
 
 
 def drift(log: Log, rng: Rng) -> Damage:
     """A gain that drifts by 3 to 30 % over the log."""
-    name = GAINS[rng.integers(4)]
-    change = either(rng, log_uniform(rng, 0.03, 0.3))
+    name, change = _gain(rng)
     x = rounded(name, log.columns[name] * (1 + change * (log.t - log.t[0]) / (log.t[-1] - log.t[0])))
-    return Damage(
-        log, f"gain of {name} drifts by {100 * change:+.1f} %", frozenset({name}),
-        csv(log.changed(**{name: x})), unseen=gain_reason,
-    )  # fmt: skip
+    return _gain_damage(log, name, x, f"gain of {name} drifts by {100 * change:+.1f} %")

@@ -31,17 +31,17 @@ Content = TypeVar("Content")
 Kind = Literal["single", "pair", "none", "outsider"]
 
 STRENGTHS = (1.0, 0.4, 1.5)
-"""Strengths of single effects, in turn; those of a pair are full."""
+"""Strengths of single effects, in turn; both effects of a pair have full strength."""
 
 SHARES = {"none": 0.08, "outsider": 0.12, "pair": 0.12}
 """Share of each kind among the cases of a trial; in all others a single effect is injected."""
 
 NAME = re.compile(r"case-(?!0000)(?:[0-9]{4}|[1-9][0-9]{4,8})")
-"""Names of cases, which are also the names of their folders."""
+"""Pattern of the names of cases, which are also the names of their folders."""
 
 
 class Case(msgspec.Struct, frozen=True):
-    """Plan of one case before anything is drawn: its number, and the strength of each injected effect, or the outsider."""
+    """Plan of one case before its values are drawn: its number, and the strength of each injected effect, or the outsider."""
 
     number: int
     seed: int
@@ -113,7 +113,7 @@ def _draw(case: Case) -> tuple[Hidden, Twin, np.random.Generator]:
 
 
 def answer_of(case: Case) -> Answer:
-    """Draw the true numbers of a case, without moving the crane."""
+    """Draw the true numbers of a case without making its logs."""
     hidden, twin, _ = _draw(case)
     return Answer(
         case.name, case.kind, case.effects, case.outsider, hidden.reported(), twin.numbers._asdict(), twin.loads, twin.gains,
@@ -139,17 +139,17 @@ STATED_LOADS = {log: math.inf if log == "open_circuit" else ohm for log, ohm in 
 """Load that the campaign.toml of a case states for each log, infinite for the open circuit. [ohm]"""
 
 HEADER = "Time (s),Displacement (m),Velocity (m/s),Pressure (kg/cm2),Force (N),Torque (N.m),Vdc (V),Idc (A)"
-"""Header of a log, as the logger of the crane writes it."""
+"""Header of a log, in the format of the logger of the crane."""
 
 
 def log_text(columns: dict[str, Signal]) -> str:
-    """Write a log as the logger of the crane does, with no more digits than a channel has."""
+    """Write a log in the format of the logger of the crane, with no more digits than a channel has."""
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
     return "\n".join([HEADER, *(",".join(map(repr, row)) for row in rows)]) + "\n"
 
 
 def campaign_text(title: str, loads: Mapping[str, float] = STATED_LOADS) -> str:
-    """The campaign.toml of a case.
+    """Make the campaign.toml of a case.
 
     Parameters
     ----------
@@ -192,7 +192,7 @@ def seal(envelope: Envelope) -> tuple[bytes, Trial]:
 
 
 def trial_bytes(record: Trial | Envelope) -> bytes:
-    """The record of a trial or its answers as they are written."""
+    """Content of the file of the record of a trial, or of its answers."""
     return msgspec.json.format(msgspec.json.encode(record), indent=1) + b"\n"
 
 

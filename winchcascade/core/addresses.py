@@ -81,7 +81,7 @@ def expand(address: str) -> list[str]:
 
 @contextmanager
 def _opened(address: str) -> Iterator[Any]:
-    """A remote file to read from: by pyarrow where it knows the protocol, else by fsspec."""
+    """A remote file to read from: by pyarrow if it supports the protocol, else by fsspec."""
     import pyarrow as pa
     from pyarrow import fs
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.calibrate import Calibration, Number
 
 MARK = "# Calibrated by winchcascade/"
-"""How the first line of a calibrated rig file begins; by it the tool knows its own."""
+"""Beginning of the first line of a calibrated rig file, by which the tool recognises its own files."""
 
 CALIBRATED = "calibrated from "
 """How the source of a calibrated number begins."""

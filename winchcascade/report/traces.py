@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from winchcascade.reduction.reduction_result import CycleResult
 
 READ_OUT = 4000
-"""With more samples than this, the page's read-out knows the range of each trace in equal stretches of the log."""
+"""Number of samples above which the read-out of a page shows the range of each trace in equal stretches of the log."""
 
 STRETCHES = 1500
 """Number of those stretches."""

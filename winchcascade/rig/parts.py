@@ -1,4 +1,4 @@
-"""The parts of a rig with their numbers, and the model that they make together."""
+"""Parts of a rig with their numbers, the model that consists of them, and the baseline model of a rig file."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ class WinchModel(msgspec.Struct, frozen=True):
     """Drum: radius [m], inertia [kg m2]; absent by default: friction, drag and layers of rope.
 
     `friction` is a constant torque against the motion [N m], `drag` one in proportion to the drum's speed [N m s/rad].
-    `layering` is the relative change of the rope's effective radius for each metre that is paid out [1/m]: the encoder
-    turns with the drum, so the logged motion knows nothing of it, but the force does.
+    `layering` is the relative change of the effective radius of the rope for each metre that is paid out [1/m]. The encoder
+    turns with the drum, so that layering changes the line tension but not the logged motion.
     """
 
     r_drum: float
@@ -76,12 +76,12 @@ def _thread(half_angle: float, mu: float, tangent: float) -> float:
 
 
 class DrivetrainModel(msgspec.Struct, frozen=True):
-    """One-way clutch, shaft spring, gear, and what turns on the fast shaft.
+    """One-way clutch, shaft spring, gear, and the rotating parts on the fast shaft.
 
     `gear` [1], mesh efficiency `eta_mesh` [1], viscous damper `b_rotor` [N m s/rad] and inertia `inertia_rotor` [kg m2] of the
     fast shaft; `k_shaft` [N m/rad] and `c_shaft` [N m s/rad] of the slow one. Absent by default: `windage` in proportion to
-    speed squared [N m s2/rad2] and constant `friction` [N m] on the fast shaft, and `clutch_drag` [N m], with which the
-    overrunning clutch holds the drum back during haul-in and which the torque sensor sees.
+    speed squared [N m s2/rad2] and constant `friction` [N m] on the fast shaft, and `clutch_drag` [N m], the torque of the
+    overrunning clutch against the drum during haul-in, which the torque sensor measures.
     """
 
     gear: float
@@ -96,11 +96,11 @@ class DrivetrainModel(msgspec.Struct, frozen=True):
 
 
 ROLLOFF_KNOTS = (0.0, 4.0, 5.0, 6.0, 7.0, 9.0, 11.0, 14.0, 20.0)
-"""Stator currents, rms, at which the back-EMF constant's roll-off is given, closest about the rated 5.16 A where it begins; a
-monotone cubic between them, constant beyond. [A]"""
+"""Stator currents (rms) at which the roll-off of the back-EMF constant is given, closest about the rated 5.16 A, where it
+begins. Between them it is a monotone cubic, beyond the last one constant. [A]"""
 
 NO_ROLLOFF = (1.0,) * (len(ROLLOFF_KNOTS) - 1)
-"""The whole back-EMF constant remains at every current."""
+"""Roll-off of a constant back-EMF constant: the whole of it remains at every current. [1]"""
 
 
 @lru_cache(maxsize=256)
@@ -115,7 +115,7 @@ def rolloff_curve(rolloff: tuple[float, ...]) -> PchipInterpolator:
 
 class GeneratorModel(msgspec.Struct, frozen=True):
     """Machine of constant parameters: `pole_pairs`, back-EMF `k_e` line to line, rms [V/rpm], `r_s` [ohm] and `l_s` [H] of a
-    phase, and the drop of each of the two conducting diodes `v_diode` [V].
+    phase, and `v_diode`, the drop of each of the two conducting diodes [V].
 
     Absent by default: `rolloff`, share of k_e that remains at the stator currents of `ROLLOFF_KNOTS` beyond the first [1].
     """
@@ -157,11 +157,11 @@ class Sensors(msgspec.Struct, frozen=True):
     electrical_lag: float = 0.0
 
     def read(self, name: str, x: Signal) -> Signal:
-        """What a sensor reads of a channel, (n,) in its unit."""
+        """Reading of a sensor for the true values of its channel, (n,) in its unit."""
         return x * (1.0 + self.gain.get(name, 0.0)) + self.zero.get(name, 0.0)
 
     def late(self, t: Signal) -> Signal:
-        """Times at which Vdc and Idc were what is recorded at some stamps, (n,) [s]."""
+        """Times at which Vdc and Idc had the values that are recorded at some stamps, (n,) [s]."""
         stamps: Signal = np.maximum(t - self.electrical_lag, t[0])
         return stamps
 
@@ -169,7 +169,7 @@ class Sensors(msgspec.Struct, frozen=True):
         return name in ELECTRICAL and self.electrical_lag != 0.0
 
     def recorded(self, name: str, t: Signal, x: Signal) -> Signal:
-        """What a sensor with its lag records of a channel that is known at the stamps of the log, (n,) in its unit."""
+        """Record of a sensor, with its lag, for a channel that is known at the stamps of the log, (n,) in its unit."""
         return self.read(name, np.interp(self.late(t), t, x) if self._delays(name) else x)
 
     def corrected(self, name: str, t: Signal, x: Signal) -> Signal:
@@ -179,7 +179,7 @@ class Sensors(msgspec.Struct, frozen=True):
 
 
 class Model(msgspec.Struct, frozen=True):
-    """A rig to be simulated: parts with numbers in SI units; laws that a rig file does not know are absent."""
+    """A rig to be simulated: parts with numbers in SI units; laws that a rig file does not contain are absent."""
 
     winch: WinchModel
     restoring: RestoringModel
@@ -190,7 +190,7 @@ class Model(msgspec.Struct, frozen=True):
 
 
 Operation = Literal["add", "scale", "compound"]
-"""How a number changes: by an amount, by a share of it, or, where it is itself a relative deviation, by a further share."""
+"""Change of a number: by an amount, by a share of it or, if it is itself a relative deviation, by a further share."""
 
 _CHANGED: Mapping[Operation, Callable[[float, float], float]] = {
     "add": lambda number, by: number + by,
@@ -225,19 +225,19 @@ class MissingNumber(msgspec.Struct, frozen=True):
     name: str
 
     def __str__(self) -> str:
-        """Name and section, as in a sentence."""
+        """Name and section, for a sentence."""
         return f"{self.name} under [{self.section}]"
 
 
 class NoModel(msgspec.Struct, frozen=True):
-    """Why no model can be made from a rig file, in one sentence, and the numbers that the file lacks."""
+    """Reason why no model can be made from a rig file, in one sentence, and the numbers that the file lacks."""
 
     why: str
     missing: tuple[MissingNumber, ...] = ()
 
 
 def baseline(rig: Rig) -> Model:
-    """Fill the parts from a rig file: the model that a diagnosis starts from.
+    """Make the model of a rig file, from which a diagnosis starts.
 
     Raises
     ------
@@ -250,7 +250,7 @@ def baseline(rig: Rig) -> Model:
 
 
 def model_of(rig: Rig) -> Model | NoModel:
-    """Fill the parts from a rig file, as `baseline` does, or report why that is not possible."""
+    """Make the model of a rig file, as `baseline` does, or report why that is not possible."""
     missing: list[MissingNumber] = []
 
     def number(section: str, name: str) -> float:
@@ -303,9 +303,9 @@ def model_of(rig: Rig) -> Model | NoModel:
 
 
 def possible(model: Model) -> Model:
-    """The nearest model that a rig can have: no friction that drives, no gear that gives more than it takes.
+    """The nearest physically possible model: no negative friction coefficient, no mesh efficiency above 1.
 
-    What moves a number from several sides, an effect and what is not known of the rig, may together pass such a limit.
+    An effect and the tolerance of a number of the rig may together exceed such a limit.
     """
     mu, eta_mesh = model.restoring.mu, model.drivetrain.eta_mesh
     if mu >= 0.0 and eta_mesh <= 1.0:
