@@ -54,8 +54,7 @@ def offset(data: Fitted, channel: str, by: float) -> Fitted:
 def mapped(data: Fitted) -> tuple[Place, ...]:
     predicted = data.predict(np.zeros(len(data.nuisances)), [])
     tolerances = data.tolerances(np.zeros(len(data.nuisances)), [], predicted)
-    known = [k for k, n in enumerate(data.nuisances) if n.kind != "zero"]
-    return compare(data, predicted, tolerances[:, :, known])
+    return compare(data, predicted, tolerances)
 
 
 def left(data: Fitted) -> np.ndarray:

@@ -34,7 +34,7 @@ ZEROS = {"pressure": 0.03 * 98066.5, "force": 2.0, "torque": 0.3, "idc": 0.005}
 
 def test_kinds_come_in_order() -> None:
     kinds = [kind for kind, _ in groupby(n.kind for n in nuisances(RIG, RUNS))]
-    assert kinds == ["rig", "law", "load", "gain", "timing", "zero"]
+    assert kinds == ["rig", "law", "load", "gain", "timing", "zero", "discrepancy"]
 
 
 def test_numbers_of_the_rig_have_the_tolerance_of_its_file_and_of_the_model() -> None:

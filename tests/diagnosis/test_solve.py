@@ -6,7 +6,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from winchcascade.diagnosis.solve import HUBER, best_step, box_minimum, huber, weights
+from winchcascade.diagnosis.solve import (
+    HUBER,
+    Bounds,
+    Jacobian,
+    Local,
+    best_step,
+    box_minimum,
+    huber,
+    least_within,
+    weights,
+)
 
 AS_LOW = 1e-6
 """The objective in a box is as low as scipy's, to this share of what the box allows to gain."""
@@ -69,7 +79,7 @@ def test_nuisances_done_away_with_give_the_same_step_as_all_together() -> None:
     rng = np.random.default_rng(2)
     j_nu, j_phi, z, nu = rng.normal(size=(60, 4)), rng.normal(size=(60, 3)), rng.normal(size=60), rng.normal(size=4)
     w, both, wide = weights(3.0 * z), np.hstack([j_nu, j_phi]), np.full(7, 1e9)
-    step = best_step(3.0 * z, both, np.r_[nu, np.zeros(3)], (-wide, wide), 4)
+    step = best_step(3.0 * z, Jacobian.of(both), np.r_[nu, np.zeros(3)], Bounds.of(-wide, wide), 4)
     prior = np.diag([1.0] * 4 + [0.0] * 3)
     pull = (both * w[:, None]).T @ (3.0 * z) - prior @ np.r_[nu, np.zeros(3)]
     assert step == pytest.approx(np.linalg.solve((both * w[:, None]).T @ both + prior, pull), rel=1e-6)
@@ -81,10 +91,56 @@ def test_a_step_is_the_minimum_within_the_bounds_of_fields_and_nuisances(seed: i
     rng = np.random.default_rng(seed)
     j_nu, nu, w, reach = rng.normal(size=(b.size, 3)), np.clip(rng.normal(size=3), -1.5, 1.5), weights(b), 1.5
     edge, x = np.full(3, reach), np.r_[nu, np.zeros(low.size)]
-    step = best_step(b, np.hstack((j_nu, a)), x, (np.r_[-edge, low], np.r_[edge, high]), 3)
+    step = best_step(b, Jacobian.of(np.hstack((j_nu, a))), x, Bounds.of(np.r_[-edge, low], np.r_[edge, high]), 3)
     root = np.sqrt(w)[:, None]
     whole = np.vstack((np.hstack((root * a, root * j_nu)), np.hstack((np.zeros((3, low.size)), np.eye(3)))))
     rhs = np.concatenate((root[:, 0] * b, -nu))
     bounds = (np.concatenate((low, -reach - nu)), np.concatenate((high, reach - nu)))
     best = lsq_linear(whole, rhs, bounds=bounds, tol=1e-12).x
     assert np.concatenate((step[3:], step[:3])) == pytest.approx(best, abs=1e-4)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_beyond_the_inner_bounds_the_objective_rises(seed: int) -> None:
+    a, b, low, high = problem(seed, 1.0)
+    rng = np.random.default_rng(seed)
+    rate = rng.uniform(0.0, 2.0, low.size)
+    bounds = Bounds(low - 2.0, high + 2.0, low, high, rate)
+    x = least_within(a.T @ a, a.T @ b, bounds)
+
+    def rises(x: np.ndarray) -> float:
+        return objective(a, b, x) + bounds.penalty(x)
+
+    k = low.size  # the same problem with the parts beyond the bounds as numbers of their own
+    whole, costs = np.hstack([a, a, -a]), np.r_[np.zeros(k), rate, rate]
+    ends = (np.r_[low, np.zeros(2 * k)], np.r_[high, np.full(2 * k, 2.0)])
+    split = box_minimum(whole.T @ whole, whole.T @ b - costs, *ends)
+    assert np.all((x >= bounds.low - 1e-9) & (x <= bounds.high + 1e-9))
+    assert rises(x) <= rises(split[:k] + split[k : 2 * k] - split[2 * k :]) + 1e-5
+    for _ in range(50):
+        near = np.clip(x + 0.05 * rng.normal(size=k), bounds.low, bounds.high)
+        assert rises(x) <= rises(near) + 1e-9
+
+
+def test_columns_of_few_rows_are_those_of_all_with_zeros() -> None:
+    rng = np.random.default_rng(4)
+    dense, first, second = rng.normal(size=(12, 2)), rng.normal(size=(5, 2)), rng.normal(size=(7, 3))
+    rows = np.split(rng.permutation(12), [5])
+    parts = [
+        Local(rows[0], first, np.array([2, 3, 4]), np.array([0, 1, 1])),
+        Local(rows[1], second, np.array([2, 5, 6]), np.array([0, 1, 2])),
+    ]
+    j = Jacobian(8, dense, np.array([0, 7]), parts)
+    whole = np.zeros((12, 8))
+    whole[:, [0, 7]] = dense
+    whole[rows[0], 2:5] = first[:, [0, 1, 1]]
+    whole[np.ix_(rows[1], np.array([2, 5, 6]))] = second
+    w, z, step = rng.random(12), rng.normal(size=12), rng.normal(size=(8, 2))
+    assert j.normal(w) == pytest.approx((whole * w[:, None]).T @ whole)
+    assert j.summed(z) == pytest.approx(z @ whole)
+    assert j @ step == pytest.approx(whole @ step)
+    assert j @ step[:, 0] == pytest.approx(whole @ step[:, 0])
+    assert j.weighted(w).normal(np.ones(12)) == pytest.approx((whole * (w * w)[:, None]).T @ whole)
+    both = j.beside(dense).split(8)
+    assert both[0].normal(w) == pytest.approx(j.normal(w))
+    assert both[1] == pytest.approx(dense)

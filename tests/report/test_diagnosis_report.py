@@ -50,7 +50,7 @@ def test_the_first_page_answers_where_which_how_sure_how_far_and_what_next() -> 
     assert shown["Cause"].startswith("Copper heating (copper_heating): stator resistance lies above its cold value")
     assert [tile.value for tile in report("copper").tiles] == ["Explained", "Copper heating", "> 99 %"]
     interval = report("copper").tiles[1].interval
-    assert re.fullmatch(r"stator resistance \+[\d.]+ % \(95 %: [\d.]+ to [\d.]+ %\)", interval)
+    assert re.fullmatch(r"copper_heating: stator resistance \+[\d.]+ % \(95 %: [\d.]+ to [\d.]+ %\)", interval)
 
 
 def test_without_a_gap_the_first_page_shows_what_would_have_been_seen() -> None:

@@ -19,6 +19,7 @@ from winchcascade.core.rig_file import (
     DcLink,
     Drivetrain,
     Generator,
+    ModelAccuracy,
     Restoring,
     Rig,
     Sensor,
@@ -146,7 +147,7 @@ HUGE = 1e12
 def _rig(raw: dict[str, Any], where: str) -> Rig:
     _check_keys(
         raw,
-        sorted({"name", "title", "source", "note", "sensors", "columns", "log", "thresholds", *_SECTIONS}),
+        sorted({"name", "title", "source", "note", "sensors", "columns", "log", "thresholds", "model", *_SECTIONS}),
         f"{where}: ",
     )
     if not isinstance(raw.get("name"), str) or not raw["name"]:
@@ -176,6 +177,7 @@ def _rig(raw: dict[str, Any], where: str) -> Rig:
         columns=_columns(_table(raw, "columns", where), where),
         sample_rate=rate,
         thresholds=_thresholds(_table(raw, "thresholds", where), where),
+        model=_model_accuracy(_table(raw, "model", where), where),
         path=where,
         **sections,
     )
@@ -314,3 +316,12 @@ def _thresholds(raw: dict[str, Any], where: str) -> Thresholds:
             values[name] = _number(value, where, place)
             _check_sign(values[name], where, place, name)
     return Thresholds(**values)
+
+
+def _model_accuracy(raw: dict[str, Any], where: str) -> ModelAccuracy:
+    _check_keys(raw, ModelAccuracy.__struct_fields__, f"{where}: [model] ")
+    values = {name: _number(value, where, f"[model] {name}") for name, value in raw.items()}
+    for name, value in values.items():
+        if not 0.0 <= value <= 0.5:
+            raise RigError(f"{where}: [model] {name} is {value:g}; expected a share from 0 to 0.5.")
+    return ModelAccuracy(**values)

@@ -12,10 +12,11 @@ from winchcascade.core.accuracy import open_circuit_current
 from winchcascade.core.errors import LogError, RigError
 from winchcascade.core.integrate import median
 from winchcascade.core.quantity import Quantity, find_unit, si_unit
+from winchcascade.core.rig_file import ModelAccuracy
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.nuisances import nuisances, quantity_of, sensor_errors, shifted, with_quantity
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.diagnosis.solve import huber, quadratic, weights
+from winchcascade.diagnosis.solve import huber, normal_equations
 from winchcascade.rig.backemf import COVERED, RPM_LEAST, BackEmf, back_emf
 from winchcascade.rig.parts import baseline
 
@@ -143,7 +144,8 @@ def calibrate(
     regression = back_emf_of(run, freed, payouts)
     k_e = _back_emf_constant(rig, regression)
     with_k_e = Quantity(value=k_e.value, unit=k_e.unit, source=k_e.how, tolerance=k_e.u)
-    data = Fitted([run], with_quantity(freed, "generator", "k_e", with_k_e), [cycles])
+    exact = msgspec.structs.replace(freed, model=ModelAccuracy(discrepancy=0.0))
+    data = Fitted([run], with_quantity(exact, "generator", "k_e", with_k_e), [cycles])
     value, covariance, misfit, settled = _posterior(data)
     at = [k for k, n in enumerate(data.nuisances) if (n.section, n.name) in (*FREED, TIED)]
     numbers = (k_e, *(_fitted(rig, data, k, value, covariance) for k in at))
@@ -242,19 +244,20 @@ def _posterior(data: Fitted) -> tuple[Signal, Signal, float, bool]:
     """Nuisances in units of their prior width, (n,), their covariance, the misfit, and whether the fit converged; from the
     channels before the machine.
     """
-    seen = np.array([channel not in ("vdc", "idc") for channel in CHANNELS], dtype=np.float64)
-    free = np.array([n.kind != "law" for n in data.nuisances])  # the rig as its file has it, without dry friction
-    nu = np.zeros(free.size)
+    used = np.array([channel not in ("vdc", "idc") for channel in CHANNELS], dtype=np.float64)
+    nu = np.zeros(len(data.nuisances))
+    # the rig as its file has it, without dry friction
+    free = np.array([n.kind != "law" and not (n.kind == "zero" and n.name == "idc") for n in data.nuisances])
     for _ in range(ROUNDS):
-        at = data.predict(nu, [])
-        z = data.whiten((data.measured - at) * seen)
-        columns = data.whiten(data.tolerances(nu, [], at) * seen[:, None]) * free
-        q = quadratic(z, weights(z), columns, np.zeros((z.size, 0)), nu)
-        nu, settled = nu + q.own, float(np.max(np.abs(q.own))) < SETTLED
+        z = data.whiten((data.measured - data.predict(nu, [])) * used)
+        curve, slope = normal_equations(z, data.jacobian(nu, [], used), nu)
+        inner = np.where(np.outer(free, free), curve, np.eye(nu.size))
+        own = np.linalg.solve(inner, np.where(free, slope, 0.0)).astype(np.float64)
+        nu, settled = nu + own, float(np.max(np.abs(own))) < SETTLED
         if settled:
             break
     misfit = 2.0 * huber(z) / max(int(np.count_nonzero(z)), 1)
-    return nu, np.asarray(max(misfit, 1.0) * np.linalg.inv(q.inner), dtype=np.float64), misfit, settled
+    return nu, np.asarray(max(misfit, 1.0) * np.linalg.inv(inner), dtype=np.float64), misfit, settled
 
 
 def _together(data: Fitted, covariance: Signal, at: Sequence[int], regression: BackEmf) -> Iterator[str]:

@@ -14,9 +14,9 @@ from winchcascade.core.jobs import all_at_once
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.block_means import PHASES, blocks_of
 from winchcascade.diagnosis.diagnosis_result import Alternative, Experiment, NamedCause, Reported, Spot
-from winchcascade.diagnosis.evidence import Fit, RigProblem, fit_set
+from winchcascade.diagnosis.evidence import Fit, RigProblem, fit_set, inside_of
 from winchcascade.diagnosis.predict import CHANNELS, Course
-from winchcascade.diagnosis.solve import quadratic, weights
+from winchcascade.diagnosis.solve import normal_equations, quadratic, weights
 from winchcascade.diagnosis.suspects import freedom, varied, with_values
 
 if TYPE_CHECKING:
@@ -104,8 +104,7 @@ def covariance_of(data: Fitted, fit: Fit, scale: float) -> Signal:
     Residuals of one phase of a cycle are no independent numbers, in spite of the whitening: the variance of a field is at least
     that of the sums of the scores of these phases (Liang and Zeger 1986).
     """
-    eps = 1e-9 * (fit.high - fit.low)
-    inside = np.flatnonzero((fit.x > fit.low + eps) & (fit.x < fit.high - eps))
+    inside = np.flatnonzero(inside_of(fit.x, fit.bounds))
     covariance = np.zeros((fit.x.size, fit.x.size))
     if inside.size:
         within = np.ix_(inside, inside)
@@ -118,9 +117,9 @@ def covariance_of(data: Fitted, fit: Fit, scale: float) -> Signal:
 
 def _scattered(data: Fitted, fit: Fit) -> Signal:
     """Scatter of the slope of the objective over the fields of a fit, (k, k): of phases of cycles, and of the priors."""
-    j_phi, w = np.hstack([fit.columns[name] for name in fit.names]), weights(fit.z)
-    back = quadratic(fit.z, w, fit.j_nu, j_phi, fit.nu).back
-    scores = (w * fit.z)[:, None] * (j_phi - fit.j_nu @ back)
+    j_phi, j_nu = np.hstack([fit.columns[name] for name in fit.names]), fit.j_nu or data.jacobian(fit.nu, [])
+    back = quadratic(*normal_equations(fit.z, j_nu.beside(j_phi), fit.nu), fit.nu.size).back
+    scores = (weights(fit.z) * fit.z)[:, None] * (j_phi - j_nu @ back)
     stretch = np.cumsum(~data.blocks.joined) - 1
     total = np.zeros((int(stretch[-1]) + 1, j_phi.shape[1]))
     np.add.at(total, np.repeat(stretch, len(CHANNELS)), scores)
@@ -211,7 +210,7 @@ def _explanations(data: Fitted, suspects: Suspects, best: Fit, fit: Fit) -> _Exp
         other=data.model(fit.nu, effects),
         tolerances=[data.model(fit.nu + one[k], effects) for k, n in enumerate(data.nuisances) if n.kind == "rig"],
         fields=fields,
-        precision=fit.curve + np.diag((fit.high - fit.low) ** -2.0),
+        precision=fit.curve + np.diag((fit.bounds.inner_high - fit.bounds.inner_low) ** -2.0),
     )
 
 

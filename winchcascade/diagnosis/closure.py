@@ -39,7 +39,10 @@ ROUGH = 2.5
 the true model it stays below 1.7, and below 2.4 with a large lag, as the noise of the blocks is estimated from them."""
 
 RESTLESS = 2.2
-"""Scatter within blocks over that of noise alone beyond which something moves that the model lacks."""
+"""Scatter within blocks, over that of noise and discrepancy of the model, beyond which something moves that the model lacks."""
+
+WITHIN = 0.05
+"""Share of the scatter of the model within a block that counts as its discrepancy there, beside that of its means. [1]"""
 
 UNSTEADY = 6.0
 """Scatter of the blocks about a smooth course over that of noise alone, the median of the logs, beyond which something varies
@@ -65,30 +68,33 @@ class ModelClosure(GapClosure, frozen=True):
 
 
 def close(data: Fitted, suspects: Suspects, best: Fit, withheld: Sequence[int], seed: int) -> ModelClosure:
-    """Predict each withheld log from a fit without it.
+    """Predict each withheld log from a fit without the logs of its load.
 
     Parameters
     ----------
     best : the chosen causes; where the fit already lacks the withheld logs it serves as it is
-    withheld : numbers of logs; of those that take part in the fit each is left out in turn
+    withheld : numbers of logs; of those that take part in the fit the logs of each load are left out in turn
     """
     predictions: dict[int, Fit] = {}
     after = np.full_like(data.measured, math.nan)
-    for k in withheld:
-        fit, own = best, data.rows[k]
-        if k not in data.withheld or np.any(np.abs(best.nu) > REACH):
+    for load in dict.fromkeys(data.logs[k].load for k in withheld):
+        here = [k for k in withheld if data.logs[k].load == load]
+        fit = best
+        if not data.withheld.issuperset(here) or np.any(np.abs(best.nu) > REACH):
             rows = np.ones_like(data.measured)
-            rows[own] = 0.0
+            for k in here:
+                rows[data.rows[k]] = 0.0
             fit = fit_set(RigProblem(data, suspects, best.names, rows.ravel(), REACH), best, quick=True)
         nu = np.where([n.kind == "zero" for n in data.nuisances], 0.0, fit.nu)
-        after[own] = data.measured[own] - data.predict(nu, fit.effects(suspects), [k])
-        predictions[k] = fit
+        for k in here:
+            own = data.rows[k]
+            after[own] = data.measured[own] - data.predict(nu, fit.effects(suspects), [k])
+            predictions[k] = fit
     known = np.isfinite(after)
     after = np.where(known, without_zeros(data, np.where(known, after, 0.0)), math.nan)
     before = without_zeros(data, data.measured - data.predict(np.zeros(len(data.nuisances)), []))
-    squares = np.where(
-        (data.seen & known)[:, None], np.stack([before, after, data.noise, np.ones_like(after)], 1) ** 2, 0.0
-    )
+    noise = np.sqrt(data.noise**2 + np.sum(data.discrepancies() ** 2, axis=2))
+    squares = np.where((data.seen & known)[:, None], np.stack([before, after, noise, np.ones_like(after)], 1) ** 2, 0.0)
     by_log = np.array([squares[data.rows[k]].sum(axis=0) for k in withheld])
     by_cycle = [_by_cycle(squares[data.rows[k]], data.blocks.cycle[data.rows[k]]) for k in withheld]
     share, rng = _share(by_log), np.random.default_rng(seed)
@@ -159,7 +165,7 @@ def block_rms(data: Fitted, z: Signal) -> dict[tuple[str, str], float]:
 
 
 def scatter(data: Fitted, suspects: Suspects, fit: Fit, seed: int = 0) -> dict[str, float]:
-    """Scatter within blocks of payout over that of the noise of sensors and velocity, the worst log, by channel.
+    """Scatter within blocks of payout over that of noise of sensors and velocity and of the model, the worst log, by channel.
 
     The effect of the noise of the velocity is found by adding as much of it again and simulating. The force is left out: its
     tether rings. This shows a ripple that the means of blocks do not contain.
@@ -167,6 +173,8 @@ def scatter(data: Fitted, suspects: Suspects, fit: Fit, seed: int = 0) -> dict[s
     models, skew = data.models(fit.nu, fit.effects(suspects)), data.skew(fit.nu)
     rng = np.random.default_rng(seed)
     noisy = [_with_noise(log.run, rng) for log in data.logs]
+    spread = np.sqrt(np.sum(data.discrepancies() ** 2, axis=2))
+    deviation = [spread[rows] for rows in data.rows]
     found: dict[str, float] = {}
     for number, (log, model) in enumerate(zip(data.logs, models, strict=True)):
         blocks, coarse = log.course.blocks, log.course.coarse.t
@@ -180,9 +188,11 @@ def scatter(data: Fitted, suspects: Suspects, fit: Fit, seed: int = 0) -> dict[s
             if channel == "force" or not here.any():
                 continue
             logged = log.run.channels[channel]
-            residual = blocks.scatter(logged - np.interp(log.run.t, coarse, grid[:, k]))[here]
+            predicted = np.interp(log.run.t, coarse, grid[:, k])
+            residual = blocks.scatter(logged - predicted)[here]
             floor = np.hypot(white_noise(logged), blocks.scatter(np.interp(log.run.t, coarse, again[:, k]))[here])
-            ratio = float(np.sqrt(np.mean(residual**2) / np.mean(floor**2)))
+            of_model = np.hypot(WITHIN * blocks.scatter(predicted)[here], deviation[number][here, k])
+            ratio = float(np.sqrt(np.mean(residual**2) / np.mean(floor**2 + of_model**2)))
             found[channel] = max(found.get(channel, 0.0), ratio)
     return found
 

@@ -80,7 +80,6 @@ def diagnose(
         )
     found, nothing = search(data, suspects, on_progress), np.zeros(len(data.nuisances))
     predicted = data.predict(nothing, [])
-    tolerances = data.tolerances(nothing, [], predicted)[:, :, [n.kind != "zero" for n in data.nuisances]]
     as_found = ModelDiagnosis(
         title=title,
         rig=rig,
@@ -90,7 +89,7 @@ def diagnose(
         runs=tuple(log.run for log in data.logs),
         suspects=suspects,
         chosen=found.best.names,
-        places=compare(data, predicted, tolerances),
+        places=compare(data, predicted, data.tolerances(nothing, [], predicted)),
         stages=stagewise(data),
         predicted=predicted,
         fitted=data.predict(found.best.nu, found.best.effects(suspects)),

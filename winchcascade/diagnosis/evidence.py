@@ -10,12 +10,23 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.diagnosis.solve import Effort, box_minimum, gauss_newton, huber, quadratic, weights
+from winchcascade.diagnosis.solve import (
+    Bounds,
+    Effort,
+    Jacobian,
+    gauss_newton,
+    huber,
+    least_within,
+    normal_equations,
+    quadratic,
+)
 from winchcascade.diagnosis.suspects import Suspects, freedom, places_of, varied, with_values
 from winchcascade.rig.effects.catalogue import EFFECTS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
+
+    from numpy.typing import NDArray
 
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.diagnosis_result import Names
@@ -62,8 +73,8 @@ class Fit(msgspec.Struct, frozen=True):
 
     `x` (k,) are the fields of the suspects in a row, those of each at its `place`, `nu` the nuisances in units of their
     tolerance, `loss` the robust objective with the priors, `z` the whitened residuals. Of the fields, nuisances eliminated:
-    `curve` (k, k) and `slope` (k,) of the objective, bounds `low` and `high` (k,). `j_nu` are the columns of the nuisances,
-    `columns` those of suspects.
+    `curve` (k, k) and `slope` (k,) of the objective, and their `bounds`. `j_nu` are the columns of the nuisances, `columns`
+    those of suspects; a fit that is kept for comparison has neither.
     """
 
     names: Names
@@ -74,14 +85,13 @@ class Fit(msgspec.Struct, frozen=True):
     z: Signal
     curve: Signal
     slope: Signal
-    low: Signal
-    high: Signal
-    j_nu: Signal
+    bounds: Bounds
+    j_nu: Jacobian | None
     columns: Mapping[str, Signal]
 
     def evidence(self, scale: float) -> float:
         """Logarithm of the evidence, up to a constant, residuals scaled by the square `scale`."""
-        cost = cost_of(self.curve / scale, self.slope / scale, self.x, self.low, self.high)
+        cost = cost_of(self.curve / scale, self.slope / scale, self.x, self.bounds)
         return -self.loss / scale - cost - price(self.names)
 
     def effects(self, suspects: Suspects) -> list[ActiveEffect]:
@@ -106,7 +116,7 @@ class RigProblem:
         self.nuisances, self.place = len(data.nuisances), places_of(suspects, names)
         self.free = freedom(*(suspects[name] for name in names))
         edge = np.full(self.nuisances, reach)
-        self.bounds = np.concatenate((-edge, self.free.low)), np.concatenate((edge, self.free.high))
+        self.bounds = Bounds.of(-edge, edge).beside(self.free.bounds)
         self.rows = np.ones(data.measured.size) if rows is None else rows
 
     def effects(self, x: Signal) -> dict[str, ActiveEffect]:
@@ -118,14 +128,19 @@ class RigProblem:
         """Whitened residuals, (M * 5,)."""
         return self.data.residual(x[: self.nuisances], [*self.effects(x).values()]) * self.rows
 
-    def jacobian(self, x: Signal) -> Signal:
-        """Whitened derivative of the prediction, (M * 5, k)."""
-        return np.hstack([self.nuisance_columns(x), *self.columns(x, self.names).values()]) * self.rows[:, None]
+    def jacobian(self, x: Signal) -> Jacobian:
+        """Whitened derivative of the prediction over the nuisances and the fields."""
+        return self.joined(self.nuisance_columns(x), self.columns(x, self.names))
 
-    def nuisance_columns(self, x: Signal) -> Signal:
-        """Whitened derivative of the prediction over the nuisances, (M * 5, nuisances)."""
-        nu, effects = x[: self.nuisances], [*self.effects(x).values()]
-        return self.data.whiten(self.data.tolerances(nu, effects, self.data.predict(nu, effects)))
+    def joined(self, j_nu: Jacobian, columns: Mapping[str, Signal]) -> Jacobian:
+        """Columns of the nuisances and of the suspects that act, rows weighted."""
+        fields = [columns[name] for name in self.names]
+        both = j_nu.beside(np.hstack(fields)) if fields else j_nu
+        return both if np.all(self.rows == 1.0) else both.weighted(self.rows)
+
+    def nuisance_columns(self, x: Signal) -> Jacobian:
+        """Whitened derivative of the prediction over the nuisances."""
+        return self.data.jacobian(x[: self.nuisances], [*self.effects(x).values()])
 
     def columns(self, x: Signal, wanted: Iterable[str]) -> dict[str, Signal]:
         """Whitened derivative of the prediction over the fields of some suspects, which need not act, each (M * 5, k)."""
@@ -152,21 +167,24 @@ def fit_set(problem: RigProblem, start: Fit | None = None, *, quick: bool = Fals
     start : a fit to begin from, with its columns if it has any; suspects that it lacks begin absent
     quick : a few steps
     """
-    n, names, low, high = problem.nuisances, problem.names, *problem.bounds
+    n, names, bounds = problem.nuisances, problem.names, problem.bounds
     x = np.concatenate((np.zeros(n), problem.free.absent))
     known: dict[str, Signal] = {}
     if start is not None:
-        x[:n] = np.clip(start.nu, low[:n], high[:n])
+        x[:n] = np.clip(start.nu, bounds.low[:n], bounds.high[:n])
         for name in set(names) & set(start.names):
             x[n:][problem.place[name]] = start.x[start.place[name]]
         known = {name: start.columns[name] for name in names if name in start.columns}
-    j_nu = start.j_nu if start is not None and start.j_nu.size else problem.nuisance_columns(x)
+    j_nu = problem.nuisance_columns(x) if start is None or start.j_nu is None else start.j_nu
     known |= problem.columns(x, [name for name in names if name not in known])
-    j = np.hstack([j_nu, *(known[name] for name in names)]) * problem.rows[:, None]
-    x, loss, z, j = gauss_newton(problem, x, j, QUICK if quick else WHOLE)
-    q = quadratic(z, weights(z), j[:, :n], j[:, n:], x[:n])
-    columns = {name: j[:, n:][:, own] for name, own in problem.place.items()}
-    return Fit(names, problem.place, x[n:], x[:n], loss, z, q.curve, q.slope, low[n:], high[n:], j[:, :n], columns)
+    found = gauss_newton(problem, x, problem.joined(j_nu, known), QUICK if quick else WHOLE)
+    q = quadratic(*normal_equations(found.z, found.j, found.x[:n]), n)
+    j_nu, fields = found.j.split(n)
+    columns = {name: fields[:, own] for name, own in problem.place.items()}
+    x = found.x
+    return Fit(
+        names, problem.place, x[n:], x[:n], found.loss, found.z, q.curve, q.slope, problem.free.bounds, j_nu, columns
+    )
 
 
 def scale_of(fit: Fit) -> float:
@@ -177,16 +195,15 @@ def scale_of(fit: Fit) -> float:
 class Linear(msgspec.Struct, frozen=True):
     """The objective about a fit as a quadratic in the fields of every suspect, nuisances eliminated.
 
-    `curve` (k, k) and `slope` (k,) are in the units of the fields; `value`, `absent`, `low` and `high` (k,) are the fields at
-    the place of expansion and where they are absent, and their bounds. The fields of a suspect are at its `place`.
+    `curve` (k, k) and `slope` (k,) are in the units of the fields; `value` and `absent` (k,) are the fields at the place of
+    expansion and where they are absent. The fields of a suspect are at its `place`.
     """
 
     curve: Signal
     slope: Signal
     value: Signal
     absent: Signal
-    low: Signal
-    high: Signal
+    bounds: Bounds
     place: Mapping[str, slice]
 
     def index(self, names: Names) -> list[int]:
@@ -200,16 +217,19 @@ class Linear(msgspec.Struct, frozen=True):
         step = np.where(chosen, 0.0, self.absent - self.value)
         if names:
             pull = self.slope[chosen] - self.curve[np.ix_(chosen, ~chosen)] @ step[~chosen]
-            low, high = (self.low - self.value)[chosen], (self.high - self.value)[chosen]
-            step[chosen] = box_minimum(self.curve[np.ix_(chosen, chosen)], pull, low, high)
+            bounds = self.bounds.some(chosen).about(self.value[chosen])
+            step[chosen] = least_within(self.curve[np.ix_(chosen, chosen)], pull, bounds)
         objective = 0.5 * float(step @ self.curve @ step) - float(self.slope @ step)
-        return objective, self.value + step
+        x = self.value + step
+        return objective + self.bounds.penalty(x) - self.bounds.penalty(self.value), x
 
     def evidence(self, names: Names, scale: float) -> float:
         """Logarithm of the evidence for a set, up to a constant, residuals scaled by the square `scale`."""
         own, (objective, x) = self.index(names), self.best(names)
         slope = (self.slope - self.curve @ (x - self.value))[own] / scale
-        cost = cost_of(self.curve[np.ix_(own, own)] / scale, slope, x[own], self.low[own], self.high[own])
+        cost = cost_of(
+            self.curve[np.ix_(own, own)] / scale, slope, x[own], self.bounds.some(np.array(own, dtype=np.intp))
+        )
         return -objective / scale - cost - price(names)
 
 
@@ -217,12 +237,12 @@ def linearise(data: Fitted, suspects: Suspects, about: Fit) -> tuple[Linear, Fit
     """Expand the objective about a fit in the fields of every suspect; and the fit with all their columns, found anew."""
     problem, here = RigProblem(data, suspects, about.names), np.concatenate((about.nu, about.x))
     j_nu, columns = problem.nuisance_columns(here), problem.columns(here, suspects)
-    q = quadratic(about.z, weights(about.z), j_nu, np.hstack([*columns.values()]), about.nu)
+    q = quadratic(*normal_equations(about.z, j_nu.beside(np.hstack([*columns.values()])), about.nu), about.nu.size)
     free, place = freedom(*suspects.values()), places_of(suspects, suspects)
     value = free.absent.copy()
     for name in about.names:
         value[place[name]] = about.x[about.place[name]]
-    linear = Linear(q.curve, q.slope, value, free.absent, free.low, free.high, place)
+    linear = Linear(q.curve, q.slope, value, free.absent, free.bounds, place)
     return linear, msgspec.structs.replace(about, j_nu=j_nu, columns=columns)
 
 
@@ -234,18 +254,16 @@ def price(names: Names) -> float:
     return len(names) * math.log(len(EFFECTS))
 
 
-def cost_of(curve: Signal, slope: Signal, x: Signal, low: Signal, high: Signal) -> float:
+def cost_of(curve: Signal, slope: Signal, x: Signal, bounds: Bounds) -> float:
     """What the freedom of fields costs: the share of their plausible ranges that the data leave (Laplace).
 
-    A field at its bound keeps a half of its normal or, where the objective rises from the bound, an exponential.
+    A field at one of its bounds keeps a half of its normal or, where the objective rises from the bound, an exponential.
 
     Parameters
     ----------
     curve, slope : (k, k) and (k,) of the objective at the fields `x`, (k,)
     """
-    span = high - low
-    eps = 1e-9 * span
-    inside = (x > low + eps) & (x < high - eps)
+    span, inside = bounds.inner_high - bounds.inner_low, inside_of(x, bounds)
     cost = 0.0
     if inside.any():
         scaled = curve[np.ix_(inside, inside)] * np.outer(span[inside], span[inside]) + np.eye(int(inside.sum()))
@@ -254,6 +272,13 @@ def cost_of(curve: Signal, slope: Signal, x: Signal, low: Signal, high: Signal) 
         width = math.sqrt(0.5 * math.pi / max(float(curve[k, k]), 1e-300))
         cost += math.log(span[k] / min(width, 1.0 / max(abs(float(slope[k])), 1e-300), span[k]))
     return max(cost, 0.0)
+
+
+def inside_of(x: Signal, bounds: Bounds) -> NDArray[np.bool_]:
+    """Whether fields lie at none of their bounds, inner or outer, (k,)."""
+    eps = 1e-9 * (bounds.inner_high - bounds.inner_low)
+    ends = (bounds.low, bounds.high, bounds.inner_low, bounds.inner_high)
+    return np.asarray(np.all([np.abs(x - end) > eps for end in ends], axis=0))
 
 
 def screen(linear: Linear, scale: float, begin: Names) -> list[Names]:
@@ -343,7 +368,7 @@ def _refit(data: Fitted, suspects: Suspects, fits: dict[Names, Fit], names: Name
     """Fit a set quickly, and keep the fit unless there is a better one; without its columns, most of its memory."""
     fit = fit_set(RigProblem(data, suspects, names), start, quick=True)
     if names not in fits or fit.loss < fits[names].loss:
-        fits[names] = msgspec.structs.replace(fit, j_nu=np.zeros((0, 0)), columns={})
+        fits[names] = msgspec.structs.replace(fit, j_nu=None, columns={})
 
 
 def _promising(linear: Linear, scale: float, about: Names) -> list[Names]:

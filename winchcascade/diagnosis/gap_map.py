@@ -106,9 +106,10 @@ def compare(data: Fitted, predicted: Signal, tolerances: Signal) -> tuple[Place,
     Parameters
     ----------
     predicted : (M, 5) blocks of the model, without zeros
-    tolerances : (M, 5, k) what one standard uncertainty of each nuisance but the zeros moves
+    tolerances : (M, 5, k) what one standard uncertainty of each nuisance that is simulated moves
     """
     residual, u_zero, cycle = without_zeros(data, data.measured - predicted), zeros_of(data), data.blocks.cycle
+    tolerances = np.concatenate((tolerances, data.discrepancies()), axis=2)
     return tuple(
         Place(
             **msgspec.structs.asdict(

@@ -16,8 +16,9 @@ import numpy as np
 from winchcascade.core.integrate import white_noise
 from winchcascade.core.jobs import all_at_once
 from winchcascade.diagnosis.block_means import PHASES, blocks_of, in_a_row, middles, scatter_about_course
-from winchcascade.diagnosis.nuisances import LOAD, Nuisance, nuisances, shifted
+from winchcascade.diagnosis.nuisances import COURSES, LOAD, Nuisance, nuisances, shifted
 from winchcascade.diagnosis.predict import CHANNELS, COARSE, Course
+from winchcascade.diagnosis.solve import Jacobian, Local
 from winchcascade.rig.kernel import constants
 from winchcascade.rig.parts import baseline, changed, possible
 from winchcascade.rig.simulate import SMOOTHING, STEP
@@ -56,6 +57,9 @@ step and a grid of the solutions leave. [1]"""
 LEAST = 12
 """Minimum number of blocks from which a noise of their own is estimated."""
 
+TOP = 0.9
+"""Quantile of the magnitude of a channel, over the blocks of a phase, that is its level there. [1]"""
+
 
 class Noise(msgspec.Struct, frozen=True):
     """Noise of the blocks of one log.
@@ -80,7 +84,8 @@ class Log(msgspec.Struct, frozen=True):
     """One log of a fit.
 
     `measured` (m, 5) are its blocks, `offset` (m, 5) what a fine step gives beyond the coarse one of the fit, `whitener`
-    (m, 5, 5) turns a block's residuals into independent ones of unit variance. SI units, columns of `predict.CHANNELS`.
+    (m, 5, 5) turns a block's residuals into independent ones of unit variance. `courses` (m, 5, 3) are what a discrepancy of
+    the model of 1 moves along each of `nuisances.COURSES`. SI units, columns of `predict.CHANNELS`.
     """
 
     run: Run
@@ -89,6 +94,7 @@ class Log(msgspec.Struct, frozen=True):
     offset: Signal
     noise: Noise
     whitener: Signal
+    courses: Signal
 
     @property
     def load(self) -> float:
@@ -125,10 +131,15 @@ class Fitted:
         self.seen = np.concatenate([log.noise.seen for log in self.logs])
         self.noise = np.concatenate([log.noise.total for log in self.logs])
         self.whitener = np.concatenate([log.whitener * (k not in withheld) for k, log in enumerate(self.logs)])
+        self.simulated = sum(n.kind not in LOCAL for n in self.nuisances)
+        self._of_kind: dict[str, list[tuple[int, Nuisance]]] = {}
+        for j, n in enumerate(self.nuisances):
+            self._of_kind.setdefault(n.kind, []).append((j, n))
+        self.local = [_local_columns(self, k) for k in range(len(self.logs))]
 
     def moves(self, nu: Signal, *kinds: str) -> list[tuple[Nuisance, float]]:
         """Nuisances of some kinds and by how much they move, in their own unit."""
-        return [(n, float(x) * n.sd) for n, x in zip(self.nuisances, nu, strict=True) if n.kind in kinds]
+        return [(n, float(nu[j]) * n.sd) for kind in kinds for j, n in self._of_kind.get(kind, ())]
 
     def model(self, nu: Signal, effects: Sequence[ActiveEffect]) -> Model:
         """The model of the rig: its numbers and laws moved by nuisances in units of their tolerance, then changed by effects.
@@ -165,12 +176,27 @@ class Fitted:
             zeros[n.log, CHANNELS.index(n.name)] = move
         return zeros
 
+    def discrepancy(self, nu: Signal) -> list[Signal]:
+        """What the discrepancy of the model adds to the blocks of each log, (m, 5) each, SI units."""
+        share = {log.load: np.zeros((len(PHASES), len(CHANNELS), len(COURSES))) for log in self.logs}
+        for n, move in self.moves(nu, "discrepancy"):
+            for load in share if math.isnan(n.load) else (n.load,):
+                share[load][PHASES.index(n.phase), CHANNELS.index(n.name), COURSES.index(n.course)] += move
+        return [np.sum(log.courses * share[log.load][log.course.blocks.phase], axis=2) for log in self.logs]
+
+    def discrepancies(self) -> Signal:
+        """Standard deviation of the discrepancy of the model along each of its courses, (M, 5, courses), SI units."""
+        sd = self.rig.model.discrepancy / math.sqrt(len(COURSES))
+        return np.concatenate([log.courses * sd for log in self.logs])
+
     def predict(self, nu: Signal, effects: Sequence[ActiveEffect], logs: Iterable[int] | None = None) -> Signal:
-        """Blocks that the model gives, (M, 5), zeros of the sensors included; only some logs, where they are named."""
-        models, skew, zeros = self.models(nu, effects), self.skew(nu), self.zeros(nu)
+        """Blocks that the model gives, (M, 5), with zeros of sensors and discrepancy of the model; of some logs where named."""
+        models, skew, zeros, deviation = self.models(nu, effects), self.skew(nu), self.zeros(nu), self.discrepancy(nu)
         which = range(len(self.logs)) if logs is None else sorted(logs)
         parts = all_at_once([partial(self.logs[k].course.predict, models[k], skew=skew) for k in which])
-        return np.concatenate([part + self.logs[k].offset + zeros[k] for k, part in zip(which, parts, strict=True)])
+        return np.concatenate(
+            [part + self.logs[k].offset + zeros[k] + deviation[k] for k, part in zip(which, parts, strict=True)]
+        )
 
     def cells(self) -> Iterator[tuple[int, int, int, NDArray[np.intp]]]:
         """Every channel in every phase of every log: numbers of log, channel and phase, and of the blocks that count there."""
@@ -180,29 +206,42 @@ class Fitted:
                     here = self.seen[rows, k] & (self.blocks.phase[rows] == phase)
                     yield log, k, phase, rows.start + np.flatnonzero(here)
 
-    def whiten(self, residual: Signal) -> Signal:
-        """Residual blocks as independent numbers of unit variance, (M * 5, ...) from (M, 5, ...).
+    def whiten(self, residual: Signal, log: int | None = None) -> Signal:
+        """Residual blocks as independent numbers of unit variance, (M * 5, ...) from (M, 5, ...), of all logs or one.
 
         A channel without information in a block gives zeros, and so does a withheld log. Within a phase, a share `RHO` of the
         block before is subtracted.
         """
-        z = self.whitener @ residual.reshape(residual.shape[0], len(CHANNELS), -1)
-        joined = np.flatnonzero(self.blocks.joined)
+        rows = slice(None) if log is None else self.rows[log]
+        z = self.whitener[rows] @ residual.reshape(*residual.shape[:2], math.prod(residual.shape[2:]))
+        joined = np.flatnonzero(self.blocks.joined[rows])
         z[joined] = (z[joined] - RHO * z[joined - 1]) / math.sqrt(1.0 - RHO * RHO)
-        return z.reshape(-1, *residual.shape[2:])
+        return z.reshape(residual.shape[0] * len(CHANNELS), *residual.shape[2:])
 
     def residual(self, nu: Signal, effects: Sequence[ActiveEffect]) -> Signal:
         """Measured minus predicted blocks, whitened, (M * 5,)."""
         return self.whiten(self.measured - self.predict(nu, effects))
 
+    def jacobian(self, nu: Signal, effects: Sequence[ActiveEffect], used: Signal | None = None) -> Jacobian:
+        """Whitened derivative of the prediction over the nuisances.
+
+        Parameters
+        ----------
+        used : (5,) weights of the channels in what is simulated, all 1 by default
+        """
+        columns = self.tolerances(nu, effects, self.predict(nu, effects))
+        dense = self.whiten(columns if used is None else columns * used[:, None])
+        local = [part for parts in self.local for part in parts]
+        return Jacobian(nu.size, dense, np.arange(self.simulated), local)
+
     def tolerances(self, nu: Signal, effects: Sequence[ActiveEffect], at: Signal) -> Signal:
-        """What one tolerance of each nuisance moves, (M, 5, nuisances), SI units, where the prediction is `at`, (M, 5)."""
-        columns, one = np.zeros((*at.shape, nu.size)), np.eye(nu.size)
-        simulated = [j for j, n in enumerate(self.nuisances) if n.kind not in ("zero", "gain")]
-        columns[:, :, simulated] = self.differences(nu, effects, [(nu + one[j], effects) for j in simulated])
-        for j, n in enumerate(self.nuisances):
-            if n.kind == "zero":
-                columns[self.rows[n.log], CHANNELS.index(n.name), j] = n.sd
+        """What one tolerance of each nuisance but zeros and discrepancies moves, (M, 5, `simulated`), SI units, where the
+        prediction is `at`, (M, 5).
+        """
+        columns, one = np.zeros((*at.shape, self.simulated)), np.eye(nu.size)
+        moved = [j for j, n in enumerate(self.nuisances[: self.simulated]) if n.kind != "gain"]
+        columns[:, :, moved] = self.differences(nu, effects, [(nu + one[j], effects) for j in moved])
+        for j, n in enumerate(self.nuisances[: self.simulated]):
             if n.kind == "gain":
                 columns[:, CHANNELS.index(n.name), j] = at[:, CHANNELS.index(n.name)] * n.sd
         return columns
@@ -218,6 +257,53 @@ class Fitted:
         return np.concatenate(all_at_once(jobs))
 
 
+LOCAL = ("zero", "discrepancy")
+"""Kinds of nuisances that are not simulated and concern some rows alone; they come last."""
+
+
+def _local_columns(data: Fitted, log: int) -> list[Local]:
+    """Whitened columns of the zeros of a log and of the discrepancy of the model, phase by phase."""
+    own, rows, phase = data.logs[log], data.rows[log], data.logs[log].course.blocks.phase
+    here = [(j, n) for j, n in enumerate(data.nuisances) if n.kind in LOCAL and (n.log == log or n.log < 0)]
+    here = [(j, n) for j, n in here if math.isnan(n.load) or n.load == own.load]
+    found = []
+    for p, name in enumerate(PHASES):
+        blocks = np.flatnonzero(phase == p)
+        numbers = [(j, n) for j, n in here if n.kind == "zero" or n.phase == name]
+        kept: dict[tuple[str, str], int] = {}
+        take = [kept.setdefault((n.name, n.course), len(kept)) for _, n in numbers]
+        columns = np.zeros((phase.size, len(CHANNELS), len(kept)))
+        for i, (_, n) in zip(take, numbers, strict=True):
+            k = CHANNELS.index(n.name)
+            columns[blocks, k, i] = n.sd * (own.courses[blocks, k, COURSES.index(n.course)] if n.course else 1.0)
+        z = data.whiten(columns, log).reshape(columns.shape)[blocks]
+        at = (len(CHANNELS) * (rows.start + blocks)[:, None] + np.arange(len(CHANNELS))).ravel()
+        numbered = np.array([j for j, _ in numbers], dtype=np.intp)
+        found.append(Local(at, z.reshape(at.size, len(kept)), numbered, np.array(take, dtype=np.intp)))
+    return found
+
+
+def _courses(course: Course, predicted: Signal) -> Signal:
+    """What a discrepancy of the model of 1 moves, (m, 5, 3): the level of each channel in each phase, along `COURSES`.
+
+    Parameters
+    ----------
+    predicted : (m, 5) blocks of the rig as given; the level of the pressure is its swing over the log
+    """
+    blocks = course.blocks
+    speed = np.abs(blocks.mean(course.run.channels["velocity"]))
+    signals = np.column_stack([np.ones(blocks.size), speed, np.abs(predicted[:, CHANNELS.index("idc")])])
+    found = np.zeros((blocks.size, len(CHANNELS), len(COURSES)))
+    for phase in range(len(PHASES)):
+        here = np.flatnonzero(blocks.phase == phase)
+        if here.size:
+            level = np.quantile(np.abs(predicted[here]), TOP, axis=0)
+            level[CHANNELS.index("pressure")] = np.ptp(predicted[:, CHANNELS.index("pressure")])
+            shape = signals[here] / np.maximum(np.quantile(signals[here], TOP, axis=0), 1e-12)
+            found[here] = level[:, None] * np.minimum(shape, 1.0)[:, None, :]
+    return found
+
+
 def _log(run: Run, rig: Rig, nominal: Model, cycles: tuple[int, int] | None) -> Log:
     blocks = blocks_of(run, rig, cycles)
     course = Course(run, blocks, COARSE)
@@ -225,7 +311,7 @@ def _log(run: Run, rig: Rig, nominal: Model, cycles: tuple[int, int] | None) -> 
     nothing = np.zeros(run.t.size)
     measured = np.column_stack([blocks.mean(run.channels.get(name, nothing)) for name in CHANNELS])
     noise = with_extra(noise_of(course, nominal, coarse), blocks, measured - fine)
-    return Log(run, course, measured, fine - coarse, noise, _whitener(noise))
+    return Log(run, course, measured, fine - coarse, noise, _whitener(noise), _courses(course, fine))
 
 
 def _whitener(noise: Noise) -> Signal:

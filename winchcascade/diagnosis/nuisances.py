@@ -1,4 +1,4 @@
-"""Nuisance parameters, known within a tolerance only: numbers of the rig, loads, gains and zeros of the sensors."""
+"""Nuisance parameters, known within a tolerance only: numbers of the rig, loads, gains and zeros of the sensors, the model."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import msgspec
 
 from winchcascade.core.accuracy import error_sources
 from winchcascade.core.quantity import Quantity
+from winchcascade.diagnosis.block_means import PHASES
 from winchcascade.diagnosis.predict import CHANNELS
 
 if TYPE_CHECKING:
@@ -51,21 +52,31 @@ LOAD = "dc_link.load_change"
 """Path in the model of the deviation of a load."""
 
 
+COURSES = ("level", "speed", "current")
+"""What a discrepancy of the model is proportional to within a phase: nothing, the line speed, the DC current."""
+
+SHARED = 0.5
+"""Correlation of the discrepancy of the model between two loads. [1]"""
+
+
 class Nuisance(msgspec.Struct, frozen=True):
     """One deviation that every fit allows within its tolerance `sd`, one standard uncertainty in `unit`.
 
     `kind` is `rig` (a number `name` of a section, the same in every log), `law` (one of the model that a rig has not), `load`
     (relative, of one load [ohm]), `gain` (relative, of the sensor of a channel), `timing` (by how much that sensor is read
-    late) or `zero` (of that sensor in one log, by its number).
+    late), `zero` (of that sensor in one log, by its number) or `discrepancy` (of the model from any rig: of a channel in a
+    `phase`, as a share of its level there, along one of the `COURSES`, at one load or, where that is NaN, at all).
     """
 
-    kind: Literal["rig", "law", "load", "gain", "timing", "zero"]
+    kind: Literal["rig", "law", "load", "gain", "timing", "zero", "discrepancy"]
     name: str
     sd: float
     unit: str
     section: str = ""
     load: float = math.nan
     log: int = -1
+    phase: str = ""
+    course: str = ""
 
     @property
     def path(self) -> str:
@@ -76,6 +87,7 @@ class Nuisance(msgspec.Struct, frozen=True):
             "load": LOAD,
             "gain": f"sensors.gain.{self.name}",
             "timing": "",
+            "discrepancy": "",
             "zero": f"sensors.zero.{self.name}",
         }[self.kind]
 
@@ -88,11 +100,18 @@ class Nuisance(msgspec.Struct, frozen=True):
             "gain": f"gain of {self.name}",
             "timing": f"timing of {self.name}",
             "zero": f"zero of {self.name} in log {self.log + 1}",
+            "discrepancy": f"model of {self.name} in {self.phase.replace('_', '-')}{self._where}",
         }[self.kind]
+
+    @property
+    def _where(self) -> str:
+        """Load and course of a discrepancy, as a report appends them."""
+        course = "" if self.course == COURSES[0] else f", with the {self.course}"
+        return course if math.isnan(self.load) else f"{course} at {self.load:g} ohm"
 
 
 def nuisances(rig: Rig, runs: Sequence[Run]) -> tuple[Nuisance, ...]:
-    """Every nuisance of some logs on a rig, in a fixed order: rig, laws, loads, gains, timing, zeros."""
+    """Every nuisance of some logs on a rig, in a fixed order: rig, laws, loads, gains, timing, zeros, discrepancy."""
     found: list[Nuisance] = []
     for section in SECTIONS:
         for name in getattr(rig, section).__struct_fields__:
@@ -111,6 +130,23 @@ def nuisances(rig: Rig, runs: Sequence[Run]) -> tuple[Nuisance, ...]:
     for log, run in enumerate(runs):
         own = (name for name in logged if name in run.channels and name not in WITHOUT_ZERO)
         found += [Nuisance("zero", name, errors[name][1], "SI", log=log) for name in own]
+    stated = dict.fromkeys(math.inf if run.load is None else run.load for run in runs)
+    parts = [(math.nan, SHARED), *((load, 1.0 - SHARED) for load in stated)]
+    found += [
+        Nuisance(
+            "discrepancy",
+            name,
+            rig.model.discrepancy * math.sqrt(part / len(COURSES)),
+            "1",
+            load=load,
+            phase=phase,
+            course=course,
+        )
+        for load, part in parts
+        for name in logged
+        for phase in PHASES
+        for course in COURSES
+    ]
     return tuple(n for n in found if n.sd)
 
 

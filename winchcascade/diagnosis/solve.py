@@ -9,6 +9,10 @@ import msgspec
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
     from winchcascade.core.run import Signal
 
 HUBER = 3.0
@@ -30,6 +34,122 @@ def weights(z: Signal) -> Signal:
     return np.asarray(HUBER / np.maximum(np.abs(z), HUBER))
 
 
+class Local(msgspec.Struct, frozen=True):
+    """Columns of numbers that concern some rows of a problem alone.
+
+    `columns` (m, q) belong to the rows `rows`, (m,). Number `at[i]` of the problem has the column `take[i]` of them: one column
+    may serve several numbers, whose sum then counts.
+    """
+
+    rows: NDArray[np.intp]
+    columns: Signal
+    at: NDArray[np.intp]
+    take: NDArray[np.intp]
+
+
+class Jacobian(msgspec.Struct, frozen=True):
+    """Derivative of a prediction over `size` numbers: columns that are dense, and those of numbers that concern few rows.
+
+    `dense` (n, k) are the columns of the numbers `at`, (k,). No number is in both. The rows of the `local` parts, if there are
+    any, are together all n.
+    """
+
+    size: int
+    dense: Signal
+    at: NDArray[np.intp]
+    local: Sequence[Local] = ()
+
+    @classmethod
+    def of(cls, dense: Signal) -> Jacobian:
+        """One of dense columns alone, (n, k)."""
+        return cls(dense.shape[1], dense, np.arange(dense.shape[1]))
+
+    def beside(self, dense: Signal) -> Jacobian:
+        """This one with further numbers behind its own, whose columns are dense, (n, k)."""
+        more = np.arange(self.size, self.size + dense.shape[1])
+        return Jacobian(
+            self.size + more.size, np.hstack([self.dense, dense]), np.concatenate((self.at, more)), self.local
+        )
+
+    def split(self, first: int) -> tuple[Jacobian, Signal]:
+        """The first so many numbers, and the dense columns of the others, (n, k)."""
+        own = self.at < first
+        return Jacobian(first, self.dense[:, own], self.at[own], self.local), self.dense[:, ~own]
+
+    def weighted(self, rows: Signal) -> Jacobian:
+        """This one with each row times a weight, (n,)."""
+        local = [msgspec.structs.replace(part, columns=part.columns * rows[part.rows, None]) for part in self.local]
+        return Jacobian(self.size, self.dense * rows[:, None], self.at, local)
+
+    def normal(self, w: Signal) -> Signal:
+        """Columns times columns, each row weighted, (size, size) for weights (n,)."""
+        found = np.zeros((self.size, self.size))
+        if not self.local:
+            found[np.ix_(self.at, self.at)] = (self.dense * w[:, None]).T @ self.dense
+        for part in self.local:
+            both = np.hstack([self.dense[part.rows], part.columns])
+            product = (both * w[part.rows, None]).T @ both
+            take = np.concatenate((np.arange(self.at.size), self.at.size + part.take))
+            at = np.concatenate((self.at, part.at))
+            found[np.ix_(at, at)] += product[np.ix_(take, take)]
+        return found
+
+    def summed(self, rows: Signal) -> Signal:
+        """Rows (n,) times the columns, (size,)."""
+        found = np.zeros(self.size)
+        found[self.at] = rows @ self.dense
+        for part in self.local:
+            found[part.at] += (rows[part.rows] @ part.columns)[part.take]
+        return found
+
+    def __matmul__(self, step: Signal) -> Signal:
+        """What a step of the numbers moves, (n, ...) from (size, ...)."""
+        found: Signal = self.dense @ step[self.at]
+        for part in self.local:
+            own = np.zeros((part.columns.shape[1], *step.shape[1:]))
+            np.add.at(own, part.take, step[part.at])
+            found[part.rows] += part.columns @ own
+        return found
+
+
+class Bounds(msgspec.Struct, frozen=True):
+    """Bounds of some numbers, (k,) each: `low` and `high` cannot be passed; beyond `inner_low` and `inner_high` the objective
+    rises by `rate` for each unit.
+    """
+
+    low: Signal
+    high: Signal
+    inner_low: Signal
+    inner_high: Signal
+    rate: Signal
+
+    @classmethod
+    def of(cls, low: Signal, high: Signal) -> Bounds:
+        """Bounds that cannot be passed."""
+        return cls(low, high, low, high, np.zeros_like(low))
+
+    def some(self, which: NDArray[np.intp] | NDArray[np.bool_] | slice) -> Bounds:
+        """Those of some of the numbers."""
+        return Bounds(*(part[which] for part in msgspec.structs.astuple(self)))
+
+    def about(self, x: Signal) -> Bounds:
+        """Bounds of a step from x, (k,)."""
+        return Bounds(self.low - x, self.high - x, self.inner_low - x, self.inner_high - x, self.rate)
+
+    def beside(self, other: Bounds) -> Bounds:
+        """These and others behind them."""
+        pairs = zip(msgspec.structs.astuple(self), msgspec.structs.astuple(other), strict=True)
+        return Bounds(*(np.concatenate(pair) for pair in pairs))
+
+    def excess(self, x: Signal) -> Signal:
+        """By how much numbers lie beyond the inner bounds, (k,)."""
+        return np.asarray(np.maximum(x - self.inner_high, 0.0) + np.maximum(self.inner_low - x, 0.0))
+
+    def penalty(self, x: Signal) -> float:
+        """What the objective has risen by beyond the inner bounds."""
+        return float(self.rate @ self.excess(x)) if self.rate.any() else 0.0
+
+
 class Quadratic(msgspec.Struct, frozen=True):
     """The objective of a fit near a place, with the nuisances eliminated.
 
@@ -44,34 +164,66 @@ class Quadratic(msgspec.Struct, frozen=True):
     inner: Signal
 
 
-def quadratic(z: Signal, w: Signal, j_nu: Signal, j_phi: Signal, nu: Signal) -> Quadratic:
-    """Expand the objective about a place: residuals z minus the columns times a step, nuisances with unit priors about 0."""
-    weighted = j_nu * w[:, None]
-    inner = weighted.T @ j_nu + np.eye(j_nu.shape[1])
-    pull = weighted.T @ z - nu
-    across = weighted.T @ j_phi
-    own = np.linalg.solve(inner, pull).astype(np.float64)
-    back = np.linalg.solve(inner, across).astype(np.float64)
-    curve = (j_phi * w[:, None]).T @ j_phi - across.T @ back
-    slope = (j_phi * w[:, None]).T @ z - across.T @ own
-    return Quadratic(0.5 * (curve + curve.T), slope, back, own, inner)
+def normal_equations(z: Signal, j: Jacobian, nu: Signal) -> tuple[Signal, Signal]:
+    """Curvature (k, k) and slope (k,) of the objective: residuals z minus the columns times a step, the first numbers `nu`
+    being nuisances with unit priors about 0.
+    """
+    w, n = weights(z), nu.size
+    curve, slope = j.normal(w), j.summed(w * z)
+    curve[np.arange(n), np.arange(n)] += 1.0
+    slope[:n] -= nu
+    return curve, slope
 
 
-def best_step(z: Signal, j: Signal, x: Signal, bounds: tuple[Signal, Signal], nuisances: int) -> Signal:
+def quadratic(curve: Signal, slope: Signal, nuisances: int) -> Quadratic:
+    """Eliminate the first so many numbers, which are nuisances, from normal equations."""
+    n = nuisances
+    inner, across = curve[:n, :n], curve[:n, n:]
+    solved = np.linalg.solve(inner, np.column_stack([slope[:n], across])).astype(np.float64)
+    own, back = solved[:, 0], solved[:, 1:]
+    outer = curve[n:, n:] - across.T @ back
+    return Quadratic(0.5 * (outer + outer.T), slope[n:] - across.T @ own, back, own, inner)
+
+
+def best_step(z: Signal, j: Jacobian, x: Signal, bounds: Bounds, nuisances: int) -> Signal:
     """Step from x, (k,), to the minimum within bounds of the quadratic in which residuals are z minus columns j times it.
 
     Parameters
     ----------
     nuisances : the first so many numbers have unit priors about 0 and seldom reach their bounds
     """
-    w, n, (low, high) = weights(z), nuisances, (end - x for end in bounds)
-    q = quadratic(z, w, j[:, :n], j[:, n:], x[:n])
-    phi = box_minimum(q.curve, q.slope, low[n:], high[n:])
+    n, within = nuisances, bounds.about(x)
+    curve, slope = normal_equations(z, j, x[:n])
+    q = quadratic(curve, slope, n)
+    phi = least_within(q.curve, q.slope, within.some(slice(n, None)))
     step = np.concatenate((q.own - q.back @ phi, phi))
-    if np.all((step >= low)[:n] & (step <= high)[:n]):
+    if np.all((step >= within.low)[:n] & (step <= within.high)[:n]):
         return step
-    prior, weighted = (np.arange(x.size) < n).astype(np.float64), (j * w[:, None]).T
-    return box_minimum(weighted @ j + np.diag(prior), weighted @ z - prior * x, low, high)
+    return least_within(curve, slope, within)
+
+
+def least_within(curve: Signal, slope: Signal, bounds: Bounds) -> Signal:
+    """Where x' curve x / 2 - slope' x, with what is added beyond the inner bounds, is least within bounds, (k,).
+
+    Each number lies below, between or above its inner bounds; where the objective falls across one, it changes sides.
+    """
+    if not bounds.rate.any():
+        return box_minimum(curve, slope, bounds.low, bounds.high)
+    eps = 1e-9 * (bounds.inner_high - bounds.inner_low)
+    side = np.where(bounds.inner_high < -eps, 1.0, np.where(bounds.inner_low > eps, -1.0, 0.0))
+    for _ in range(4 * side.size + 8):
+        low = np.where(side > 0.0, bounds.inner_high, np.where(side < 0.0, bounds.low, bounds.inner_low))
+        high = np.where(side > 0.0, bounds.high, np.where(side < 0.0, bounds.inner_low, bounds.inner_high))
+        x = box_minimum(curve, slope - side * bounds.rate, low, high)
+        push = slope - curve @ x
+        over = (side == 0.0) & (x >= bounds.inner_high - eps) & (push > bounds.rate) & (bounds.high > bounds.inner_high)
+        under = (side == 0.0) & (x <= bounds.inner_low + eps) & (push < -bounds.rate) & (bounds.low < bounds.inner_low)
+        back = (side > 0.0) & (x <= bounds.inner_high + eps) & (push < bounds.rate)
+        back |= (side < 0.0) & (x >= bounds.inner_low - eps) & (push > -bounds.rate)
+        if not (over | under | back).any():
+            break
+        side = np.where(over, 1.0, np.where(under, -1.0, np.where(back, 0.0, side)))
+    return x
 
 
 def box_minimum(curve: Signal, slope: Signal, low: Signal, high: Signal) -> Signal:
@@ -113,14 +265,14 @@ class Problem(Protocol):
         """How many of the numbers are nuisances."""
 
     @property
-    def bounds(self) -> tuple[Signal, Signal]:
-        """Lower and upper bound of each number, (k,)."""
+    def bounds(self) -> Bounds:
+        """Bounds of the numbers."""
 
     def residual(self, x: Signal) -> Signal:
         """Whitened residuals, (n,)."""
 
-    def jacobian(self, x: Signal) -> Signal:
-        """Whitened derivative of what is subtracted from the measured values, (n, k)."""
+    def jacobian(self, x: Signal) -> Jacobian:
+        """Whitened derivative of what is subtracted from the measured values, over the k numbers."""
 
 
 class Effort(NamedTuple):
@@ -142,14 +294,14 @@ class Solution(NamedTuple):
     x: Signal
     loss: float
     z: Signal
-    j: Signal
+    j: Jacobian
 
 
 SHARES = (1.0, 0.4, 0.15, 0.05)
 """Shares of a step that are tried until one lowers the objective."""
 
 
-def gauss_newton(problem: Problem, x: Signal, j: Signal, effort: Effort) -> Solution:
+def gauss_newton(problem: Problem, x: Signal, j: Jacobian, effort: Effort) -> Solution:
     """Minimise the robust objective of a problem by Gauss and Newton.
 
     Parameters
@@ -160,7 +312,7 @@ def gauss_newton(problem: Problem, x: Signal, j: Signal, effort: Effort) -> Solu
     here = _solution(problem, x, j)
     for _ in range(effort.rounds):
         step = best_step(here.z, here.j, here.x, problem.bounds, n)
-        promised = here.loss - _objective(here.z - here.j @ step, (here.x + step)[:n])
+        promised = here.loss - _objective(problem, here.x + step, here.z - here.j @ step)
         tried = (_solution(problem, here.x + share * step, here.j) for share in SHARES)
         there = next((one for one in tried if one.loss < here.loss), here)
         gained, here = here.loss - there.loss, there
@@ -175,10 +327,11 @@ def gauss_newton(problem: Problem, x: Signal, j: Signal, effort: Effort) -> Solu
     return here
 
 
-def _solution(problem: Problem, x: Signal, j: Signal) -> Solution:
+def _solution(problem: Problem, x: Signal, j: Jacobian) -> Solution:
     z = problem.residual(x)
-    return Solution(x, _objective(z, x[: problem.nuisances]), z, j)
+    return Solution(x, _objective(problem, x, z), z, j)
 
 
-def _objective(z: Signal, nu: Signal) -> float:
-    return huber(z) + 0.5 * float(nu @ nu)
+def _objective(problem: Problem, x: Signal, z: Signal) -> float:
+    nu = x[: problem.nuisances]
+    return huber(z) + 0.5 * float(nu @ nu) + problem.bounds.penalty(x)

@@ -49,9 +49,13 @@ WHOLE = 0.99
 
 
 class _Stages(msgspec.Struct, frozen=True):
-    """The stages of one log under the rig as given: its motion, and their outputs by name where these are logged too."""
+    """The stages of one log under the rig as given: its motion, and their outputs by name where these are logged too.
+
+    `discrepancy` (m, 5, 3) is one standard deviation of the discrepancy of the model along each of its courses, SI units.
+    """
 
     log: Log
+    discrepancy: Signal
     model: Model
     course: Along
     outputs: Mapping[str, StageOutput]
@@ -62,18 +66,19 @@ def stagewise(data: Fitted) -> tuple[StagePlace, ...]:
     one = np.eye(len(data.nuisances))
     moved = {j: data.models(one[j], []) for j, n in enumerate(data.nuisances) if n.kind in ("rig", "law", "load")}
     found: list[StagePlace] = []
+    spread = data.discrepancies()
     for number, log in enumerate(data.logs):
         run, course = log.run, log.course
         path = along(run, course.coarse, course.shaft(constants(data.nominal, course.load)).clutch)
         outputs: dict[str, StageOutput] = {
             o.stage: o for o in outputs_along(run, data.nominal, path) if o.channel in run.channels
         }
-        stages = _Stages(log, data.nominal, path, outputs)
+        stages = _Stages(log, spread[data.rows[number]], data.nominal, path, outputs)
         residual = _residual_of_the_laws(stages)
         changes = list(_changes(data, number, {j: models[number] for j, models in moved.items()}, stages))
         for name, output in outputs.items():
             own = [(n, by[name]) for n, by in changes if name in by]
-            found += _places(log, number, output, residual[name], own)
+            found += _places(stages, number, output, residual[name], own)
     return tuple(found)
 
 
@@ -94,7 +99,7 @@ def _changes(data: Fitted, number: int, moved: Mapping[int, Model], stages: _Sta
         if n.kind in ("zero", "gain", "timing"):
             if n.name in run.channels and n.log in (-1, number):
                 yield n, _of_a_sensor(stages, n.name, _misread(run, n))
-        elif n.kind != "load" or n.load == stages.log.load:
+        elif n.kind in ("rig", "law") or (n.kind == "load" and n.load == stages.log.load):
             touched = ("load",) if n.kind == "load" else TOUCHED[n.section]
             after = {o.stage: o.predicted for o in outputs_along(run, moved[j], stages.course, touched)}
             yield n, {name: o.predicted - after[name] for name, o in stages.outputs.items() if name in after}
@@ -121,7 +126,7 @@ def _of_a_sensor(stages: _Stages, name: str, misread: Signal) -> dict[str, Signa
 
 # ------------------------------------------------------------------------------------------------------ phase by phase
 def _places(
-    log: Log, number: int, output: StageOutput, of_the_law: Signal, changes: Sequence[tuple[Nuisance, Signal]]
+    stages: _Stages, number: int, output: StageOutput, of_the_law: Signal, changes: Sequence[tuple[Nuisance, Signal]]
 ) -> Iterator[StagePlace]:
     """Weigh a stage in every phase of a log in which it predicts anything.
 
@@ -130,7 +135,7 @@ def _places(
     of_the_law : (n,) simulation of the model minus what the law of the stage predicts from it
     changes : what one standard uncertainty of each nuisance moves, (n,) each
     """
-    run, blocks = log.run, log.course.blocks
+    log, run, blocks = stages.log, stages.log.run, stages.log.course.blocks
     gap = run.channels[output.channel] - output.predicted - of_the_law
     known = np.isfinite(gap)
     share = blocks.mean(known.astype(np.float64))
@@ -143,7 +148,8 @@ def _places(
             continue
         own = {n: column[here] for (n, _), column in zip(changes, columns, strict=True)}
         zeros = [float(np.mean(x)) for n, x in own.items() if n.kind == "zero"]
-        others = np.column_stack([np.zeros(int(here.sum())), *(x for n, x in own.items() if n.kind != "zero")])
+        of_model = stages.discrepancy[here, CHANNELS.index(output.channel)]
+        others = np.column_stack([of_model, *(x for n, x in own.items() if n.kind != "zero")])
         noise = _noise(log, output, here, residual)
         yield StagePlace(
             **msgspec.structs.asdict(weigh(residual[here], blocks.cycle[here], noise, math.hypot(*zeros), others)),

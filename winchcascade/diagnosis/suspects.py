@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from winchcascade.diagnosis.solve import Bounds
 from winchcascade.rig.effects.effect import ActiveEffect, Effect
 
 if TYPE_CHECKING:
@@ -20,20 +21,29 @@ Suspects = Mapping[str, Effect]
 """Effects that a diagnosis may name, by their names."""
 
 
+TAIL = 0.25
+"""Beyond the plausible range of a field the probability falls by a factor e for each such share of the range. Assumed. [1]"""
+
+
 class Freedom(msgspec.Struct, frozen=True):
-    """Fields of some suspects, (k,) each: names, values where the effects are absent, and bounds of what is plausible."""
+    """Fields of some suspects, (k,) each: names, values where the effects are absent, ends `low` and `high` of what is
+    plausible, and bounds of a fit: the outer ones of what is physically possible, the inner ones of what is plausible.
+    """
 
     names: tuple[str, ...]
     absent: Signal
     low: Signal
     high: Signal
+    bounds: Bounds
 
 
 def freedom(*effects: Effect) -> Freedom:
     """The fields of some suspects in a row."""
     fields = [field for effect in effects for field in effect.fields]
-    table = np.array([(field.absent, field.low, field.high) for field in fields], dtype=np.float64).reshape(-1, 3)
-    return Freedom(tuple(field.name for field in fields), *np.ascontiguousarray(table.T))
+    table = np.array([(f.absent, f.low, f.high, *f.possible) for f in fields], dtype=np.float64).reshape(-1, 5)
+    absent, low, high, least, most = np.ascontiguousarray(table.T)
+    bounds = Bounds(least, most, low, high, 1.0 / (TAIL * (high - low)))
+    return Freedom(tuple(field.name for field in fields), absent, low, high, bounds)
 
 
 def places_of(suspects: Suspects, names: Iterable[str]) -> dict[str, slice]:
@@ -52,5 +62,5 @@ def varied(effect: Effect, values: Signal, share: float) -> Iterator[tuple[Activ
     """A suspect with one field after the other moved by a share of its range, down at its upper bound, and by how much."""
     free = freedom(effect)
     step = share * (free.high - free.low)
-    step = np.where(values + step > free.high, -step, step)
+    step = np.where(values + step > free.bounds.high, -step, step)
     return ((with_values(effect, x), dx) for x, dx in zip(values + np.diag(step), step.tolist(), strict=True))

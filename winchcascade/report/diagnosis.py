@@ -378,7 +378,8 @@ def _provenance(found: ModelDiagnosis | LineDiagnosis, command: str) -> Section:
         fits = f"{sets} sets of suspects, {found.moments.folds} times each"
     else:
         logs, judged, source = tables.logs_table(found), "Withheld", "Source of the rig's numbers"
-        fits = f"{sets} set{'s' if sets > 1 else ''} of effects; {len(found.data.nuisances)} tolerances beside each"
+        tolerances = sum(n.kind != "discrepancy" for n in found.data.nuisances)
+        fits = f"{sets} set{'s' if sets > 1 else ''} of effects; {tolerances} tolerances beside each"
     rows = [
         ("Campaign", found.title),
         (judged, words.judged_words(found)),

@@ -138,7 +138,7 @@ def profile_of(found: ModelDiagnosis, seed: int = 0) -> Profile | None:
     drawn = fitted + np.random.default_rng(seed).standard_normal((DRAWS, fitted.size)) @ spread.T
     reached = float(np.max(stator_current(found)[0], initial=ROLLOFF_KNOTS[1]))
     current = np.linspace(0.0, reached, 120)
-    fields = [fitted, *np.clip(drawn, best.low[place], best.high[place])]
+    fields = [fitted, *np.clip(drawn, best.bounds.low[place], best.bounds.high[place])]
     line, *lines = (share_of_k_e(tuple(x.tolist()), current) for x in fields)
     low, high = np.quantile(list(lines), (0.025, 0.975), axis=0)
     return Profile(current, line, low, high)
@@ -326,6 +326,8 @@ def _least_share(linear: Linear, name: str, scale: float) -> float | None:
 
 def _gains(linear: Linear, name: str, scale: float, share: float) -> bool:
     place, step = linear.place[name], np.zeros_like(linear.absent)
-    step[place] = share * (_far_end(linear.absent, linear.low, linear.high)[place] - linear.absent[place])
+    step[place] = share * (
+        _far_end(linear.absent, linear.bounds.inner_low, linear.bounds.inner_high)[place] - linear.absent[place]
+    )
     injected = msgspec.structs.replace(linear, value=linear.absent, slope=linear.curve @ step)
     return injected.evidence((name,), scale) > injected.evidence((), scale)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import msgspec
+
 from winchcascade.report.digits import number, places
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.effect import Display
@@ -124,4 +126,5 @@ def nuisance_words(n: Nuisance, files: Sequence[str]) -> str:
         "gain": f"gain of {name}",
         "timing": f"timing of {name}",
         "zero": f"zero of {name} in {files[n.log] if 0 <= n.log < len(files) else f'log {n.log + 1}'}",
+        "discrepancy": str(msgspec.structs.replace(n, name=name)),
     }[n.kind]

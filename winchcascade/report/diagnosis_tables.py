@@ -269,13 +269,18 @@ def nuisances_table(found: ModelDiagnosis) -> Table | None:
             number_column("In uncertainties"),
         ),
         [_nuisance_row(n, x, files) for n, x in pulls[:MOST_NUISANCES] if abs(x) > LEAST_PULL],
-        "Numbers of the rig file, loads, gains and zeros of the sensors are known to a tolerance only; every fit lets them "
-        f"move within it, at a price. A number that moves beyond {PULLED:g} of its uncertainties is a sign of something else.",
+        "Numbers of the rig file, loads, gains and zeros of the sensors are known to a tolerance only, and no model is exact; "
+        "every fit lets them move within it, at a price. A discrepancy of the model is a share of the channel's level there. A "
+        f"number that moves beyond {PULLED:g} of its uncertainties is a sign of something else.",
     )  # fmt: skip
 
 
+_SHARES = ("gain", "load", "discrepancy")
+"""Kinds of nuisances that are shares."""
+
+
 def _nuisance_row(n: Nuisance, x: float, files: Sequence[str]) -> tuple[str, ...]:
-    factor, unit = (100.0, "%") if n.kind in ("gain", "load") else (1e3, "ms") if n.kind == "timing" else (1.0, n.unit)
+    factor, unit = (100.0, "%") if n.kind in _SHARES else (1e3, "ms") if n.kind == "timing" else (1.0, n.unit)
     if n.kind == "zero":
         unit, factor = COMPARED[n.name]
     elif n.kind == "rig":

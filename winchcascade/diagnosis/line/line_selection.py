@@ -11,6 +11,7 @@ import numpy as np
 
 from winchcascade.diagnosis.evidence import Linear
 from winchcascade.diagnosis.line.line_data import with_span
+from winchcascade.diagnosis.solve import Bounds
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -112,7 +113,7 @@ def coefficients(m: Moments, lines: Lines, names: Names, without: int | None = N
     if without is not None:
         curve, slope = curve - m.curve[without], slope - m.slope[without]
     nothing, place = np.zeros(slope.size), {name: slice(k, k + 1) for k, name in enumerate(lines.names)}
-    return Linear(curve, slope, nothing, nothing, lines.low, lines.high, place).best(names)[1]
+    return Linear(curve, slope, nothing, nothing, Bounds.of(lines.low, lines.high), place).best(names)[1]
 
 
 def errors_of(m: Moments, lines: Lines, names: Names) -> Signal:
