@@ -125,7 +125,7 @@ def test_each_stage_and_phase_is_reported_at_its_worst_load() -> None:
     assert rows[0][:3] == ("gearbox: torque (N·m)", "Vdc, Idc", "payout")
     z = [abs(value(row[-1])) for row in rows]
     assert z == sorted(z, reverse=True)
-    assert z[0] == pytest.approx(max(abs(place.z) for place in found.stages), rel=0.02)
+    assert z[0] == pytest.approx(max(abs(place.z) for place in found.stages), rel=0.03)
     assert "Stage by stage" in pictures(report("outsider"))["stages"].caption
 
 
