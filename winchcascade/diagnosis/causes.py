@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.diagnosis_result import Names
     from winchcascade.diagnosis.evidence import Found
     from winchcascade.diagnosis.misfit import Fitted
+    from winchcascade.diagnosis.solve import Bounds
     from winchcascade.diagnosis.suspects import Suspects
     from winchcascade.rig.parts import Model
 
@@ -46,6 +47,9 @@ about the scatter of twins that follow laws of their own."""
 
 COVERED = 1.96
 """Standard deviations on either side of a 95 % interval."""
+
+ONE_SIDED = 1.645
+"""Standard deviations on the open side of a one-sided 95 % interval."""
 
 FEW = 10
 """Minimum number of phases of cycles for an estimate of their scatter."""
@@ -89,13 +93,57 @@ def probabilities(fits: dict[Names, Fit], scale: float) -> dict[Names, float]:
 
 
 def parameters_of(data: Fitted, suspects: Suspects, fit: Fit, name: str, scale: float) -> dict[str, Reported]:
-    """What is reported of one cause, with 95 % intervals; fields at a bound count as known, and a law as far as `LAW` says."""
+    """What is reported of one cause, with 95 % intervals, and with a law known as far as `LAW` says.
+
+    A field at a bound counts as known, unless the reported number follows from it alone: its interval is then one-sided.
+    """
     effect, place = suspects[name], fit.place[name]
-    value, absent = (with_values(effect, x).reported for x in (fit.x[place], freedom(effect).absent))
-    gradient = np.array([(moved.reported - value) / step for moved, step in varied(effect, fit.x[place], 1e-3)])
+    x, bounds = fit.x[place], fit.bounds.some(place)
+    value, absent = (with_values(effect, at).reported for at in (x, freedom(effect).absent))
+    gradient = np.array([(moved.reported - value) / step for moved, step in varied(effect, x, 1e-3)])
+    of_law = LAW * abs(value - absent)
+    if np.count_nonzero(gradient) == 1:
+        k = int(np.flatnonzero(gradient)[0])
+        end = _limit_of(x[k], freedom(effect).absent[k], bounds.some(slice(k, k + 1)))
+        if end:
+            away = abs(float(gradient[k])) * one_sided(fit, place.start + k, scale)
+            away = math.hypot(away, ONE_SIDED / COVERED * of_law)
+            upper = end * float(gradient[k]) > 0.0
+            low, high = (value - away, value) if upper else (value, value + away)
+            return {effect.parameter: Reported(value, low, high, effect.unit, "high" if upper else "low")}
     variance = float(gradient @ covariance_of(data, fit, scale)[place, place] @ gradient)
-    u = math.hypot(math.sqrt(max(variance, 0.0)), LAW * abs(value - absent))
-    return {effect.parameter: Reported(value, value - COVERED * u, value + COVERED * u, effect.unit)}
+    u = COVERED * math.hypot(math.sqrt(max(variance, 0.0)), of_law)
+    beyond = bool(np.any(bounds.excess(x)[gradient != 0.0] > 0.0))
+    return {effect.parameter: Reported(value, value - u, value + u, effect.unit, beyond_range=beyond)}
+
+
+def _limit_of(x: float, absent: float, bounds: Bounds) -> int:
+    """1 for a field at an upper bound, -1 at a lower one, 0 between them or where the effect is absent."""
+    eps = 1e-9 * float(bounds.inner_high[0] - bounds.inner_low[0])
+    if abs(x - absent) <= eps:
+        return 0
+    upper, lower = (min(abs(x - float(end[0])) for end in ends) <= eps for ends in _ends(bounds))
+    return int(upper) - int(lower)
+
+
+def _ends(bounds: Bounds) -> tuple[tuple[Signal, Signal], tuple[Signal, Signal]]:
+    """Upper and lower bounds, the outer and the inner one of each."""
+    return (bounds.high, bounds.inner_high), (bounds.low, bounds.inner_low)
+
+
+def one_sided(fit: Fit, k: int, scale: float) -> float:
+    """How far below a bound that it is pushed against a field lies with a probability of 5 %, in its unit.
+
+    The posterior there is a normal one cut off at the bound, beyond which its maximum lies.
+    """
+    from scipy.special import log_ndtr, ndtri_exp
+
+    others = inside_of(fit.x, fit.bounds)
+    across = fit.curve[k, others]
+    curve = float(fit.curve[k, k] - across @ np.linalg.pinv(fit.curve[np.ix_(others, others)], hermitian=True) @ across)
+    sd = 1.0 / math.sqrt(max(curve / scale, 1e-300))
+    beyond = abs(float(fit.slope[k])) / scale * sd
+    return sd * (-float(ndtri_exp(math.log(0.05) + log_ndtr(-beyond))) - beyond)
 
 
 def covariance_of(data: Fitted, fit: Fit, scale: float) -> Signal:

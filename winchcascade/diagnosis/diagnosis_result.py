@@ -130,12 +130,18 @@ class Where(msgspec.Struct, frozen=True):
 
 
 class Reported(msgspec.Struct, frozen=True):
-    """A number that a diagnosis reports, with its 95 % interval, which includes the tolerance of what the effect changes."""
+    """A number that a diagnosis reports, with its 95 % interval, which includes the tolerance of what the effect changes.
+
+    A number that the data push against the lower or upper end of its range is `at_limit`; its interval is then one-sided and
+    ends there. One beyond the plausible range, but within what is physically possible, is `beyond_range`.
+    """
 
     value: float
     low: float
     high: float
     unit: str
+    at_limit: Literal["low", "high"] | None = None
+    beyond_range: bool = False
 
 
 class Alternative(msgspec.Struct, frozen=True):

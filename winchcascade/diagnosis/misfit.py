@@ -17,7 +17,7 @@ from winchcascade.core.integrate import white_noise
 from winchcascade.core.jobs import all_at_once
 from winchcascade.diagnosis.block_means import PHASES, blocks_of, in_a_row, middles, scatter_about_course
 from winchcascade.diagnosis.nuisances import COURSES, LOAD, Nuisance, nuisances, shifted
-from winchcascade.diagnosis.predict import CHANNELS, COARSE, Course
+from winchcascade.diagnosis.predict import ALL_KEPT, CHANNELS, COARSE, MOST_KEPT, Course
 from winchcascade.diagnosis.solve import Jacobian, Local
 from winchcascade.rig.kernel import constants
 from winchcascade.rig.parts import baseline, changed, possible
@@ -124,6 +124,8 @@ class Fitted:
         self.nuisances: tuple[Nuisance, ...] = nuisances(rig, runs)
         spans = cycles or [None] * len(runs)
         self.logs = [_log(run, rig, self.nominal, span) for run, span in zip(runs, spans, strict=True)]
+        for log in self.logs:
+            log.course.most_kept = max(min(MOST_KEPT, ALL_KEPT // len(self.logs)), 2)
         self.sizes = [log.measured.shape[0] for log in self.logs]
         self.rows = [slice(a, b) for a, b in pairwise(np.cumsum([0, *self.sizes]).tolist())]
         self.blocks = in_a_row([log.course.blocks for log in self.logs])

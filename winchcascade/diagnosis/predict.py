@@ -56,6 +56,7 @@ class Course:
         self.every = max(round(GRID / step), 1)
         self.coarse = _thinned(self.motion, self.every)
         self.matrix = _averaging(run, blocks, self.coarse.t)
+        self.most_kept = MOST_KEPT
         self._kept: dict[tuple[float | tuple[float, ...], ...], Kept] = {}
         self._tangent: Tangent | None = None
 
@@ -65,7 +66,7 @@ class Course:
         if key not in self._kept:
             thin = np.ascontiguousarray(self._solve(numbers, gain)[:: self.every].T)
             solved = Kept(*(thin[SHAFT.index(name)] for name in Kept.__struct_fields__))
-            if len(self._kept) >= MOST_KEPT:
+            while len(self._kept) >= self.most_kept:
                 del self._kept[next(iter(self._kept))]
             self._kept[key] = solved
         return self._kept[key]
@@ -83,8 +84,9 @@ class Course:
             if all(way in known.directions for way in ways):
                 return known
             ways = list(dict.fromkeys((*ways, *known.directions)))[:MOST_WAYS]
-        self._tangent = tangent_of(motion.v, motion.step, numbers, self._solve(numbers), self.every, ways)
-        return self._tangent
+        found = tangent_of(motion.v, motion.step, numbers, self._solve(numbers), self.every, ways)
+        self._tangent = found if self.most_kept == MOST_KEPT else None
+        return found
 
     def on_grid(self, model: Model, gain: float = 1.0, skew: Signal | None = None) -> Signal:
         """What the sensors read along the course, (n, 5) on the grid: columns of `CHANNELS`, SI units.
@@ -174,6 +176,9 @@ def delayed(x: Signal, steps: float) -> Signal:
 
 MOST_KEPT = 16
 """So many solutions of a log are kept, the oldest goes first."""
+
+ALL_KEPT = 400
+"""So many solutions of all logs of a fit are kept at most, but two of each: about 0.5 MB each. Beyond it no tangent is."""
 
 
 def _thinned(motion: LineMotion, every: int) -> LineMotion:

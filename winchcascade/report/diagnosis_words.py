@@ -12,6 +12,7 @@ from winchcascade.diagnosis.diagnosis_result import (
     Experiment,
     GapClosure,
     NamedCause,
+    Reported,
     Spot,
 )
 from winchcascade.diagnosis.gap_map import STANDS_OUT, arises
@@ -173,10 +174,24 @@ def numbers_of(found: DiagnosisResult, cause: NamedCause, *, again: bool = False
             how = display_of(cause.effect, name, value.unit)
             text, interval = number_words(how, value)
         numbers.append(
-            CauseNumber(*about[:3], how.what, text, interval, interval.removesuffix(how.unit).rstrip(), *about[3:])
+            CauseNumber(
+                *about[:3],
+                how.what,
+                text,
+                interval + range_words(value),
+                interval.removesuffix(how.unit).rstrip() + range_words(value),
+                *about[3:],
+            )
         )
         about = ("",) * 5
     return numbers
+
+
+def range_words(value: Reported) -> str:
+    """Where a number lies at the end of its range or beyond what is plausible."""
+    if value.at_limit:
+        return f"; one-sided, at the {'upper' if value.at_limit == 'high' else 'lower'} limit of its range"
+    return "; beyond its plausible range" if value.beyond_range else ""
 
 
 def cause_words(found: DiagnosisResult, cause: NamedCause, *, again: bool = False) -> str:
