@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.rig.bridge import bridge_table
-from winchcascade.rig.kernel import LINE, SHAFT, constants, run_line, run_shaft
+from winchcascade.rig.kernel import LINE, SHAFT, constants, run_line, solve_shaft
 from winchcascade.rig.simulate import LineMotion, motion_of
 from winchcascade.rig.tangent import MOST_WAYS, Tangent, direction, tangent_of
 
@@ -72,9 +71,7 @@ class Course:
         return self._kept[key]
 
     def _solve(self, numbers: Constants, gain: float = 1.0) -> Signal:
-        out = np.empty((self.motion.t.size, len(SHAFT)))
-        run_shaft(self.motion.v * gain, self.motion.step, numbers, bridge_table(), out)
-        return out
+        return solve_shaft(self.motion.v * gain, self.motion.step, numbers)
 
     def tangent(self, numbers: Constants, others: Sequence[Constants]) -> Tangent:
         """Differentiate the shaft's solution of some numbers, so that all others follow to first order."""
@@ -84,7 +81,8 @@ class Course:
             if all(way in known.directions for way in ways):
                 return known
             ways = list(dict.fromkeys((*ways, *known.directions)))[:MOST_WAYS]
-        found = tangent_of(motion.v, motion.step, numbers, self._solve(numbers), self.every, ways)
+        moving = self._solve(numbers._replace(quasi_static=0.0))  # of a quasi-static shaft the same derivatives serve
+        found = tangent_of(motion.v, motion.step, numbers, moving, self.every, ways)
         self._tangent = found if self.most_kept == MOST_KEPT else None
         return found
 
@@ -155,9 +153,13 @@ def _of_the_shaft(numbers: Constants) -> tuple[float | tuple[float, ...], ...]:
 
 def _far(here: Constants, there: Constants) -> bool:
     """Whether a number differs that no first order serves: dry friction stops a shaft for good, and a capacitor that differs
-    by its tolerance empties by another exponential.
+    by its tolerance empties by another exponential. Simplifications have no derivative.
     """
-    return here.friction != there.friction or here.c_dc != there.c_dc
+    return any(getattr(here, name) != getattr(there, name) for name in SOLVED_ANEW)
+
+
+SOLVED_ANEW = ("friction", "c_dc", "averaged", "uncommutated", "quasi_static", "weightless")
+"""Numbers of `Constants` whose changes are solved anew, not followed to first order."""
 
 
 def delayed(x: Signal, steps: float) -> Signal:
@@ -165,7 +167,8 @@ def delayed(x: Signal, steps: float) -> Signal:
     if steps == 0.0:
         return x
     whole = math.floor(steps)
-    late = x[:-1] + (1.0 - (steps - whole)) * (x[1:] - x[:-1])  # late[k] lies between x[k] and x[k + 1]
+    with np.errstate(invalid="ignore"):  # a search may try numbers with which nothing can be simulated
+        late = x[:-1] + (1.0 - (steps - whole)) * (x[1:] - x[:-1])  # late[k] lies between x[k] and x[k + 1]
     out = np.empty_like(x)
     first = max(min(whole + 1, x.size), 0)
     last = max(min(whole + x.size, x.size), 0)

@@ -9,25 +9,52 @@ current, so there is one root: Newton steps by the slopes of the bridge start at
 """
 
 import math
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numba import njit
 
 from winchcascade.core.run import Signal
-from winchcascade.rig.switched import PHI_HIGH, PHI_LOW, TABLE
+from winchcascade.rig.switched import PHI_HIGH, PHI_LOW, PHI_POINTS, S_POINTS, TABLE
 
 _SQRT2 = math.sqrt(2.0)
 
 
 @cache
 def bridge_table() -> Signal:
-    """The solved grid, (s, phi, 2), with a border that lets the interpolation reach the edges, (s + 2, phi + 2, 2)."""
-    wide = np.load(TABLE).astype(np.float64)
+    """The solved grid with its border, (s + 2, phi + 2, 2)."""
+    return with_border(np.load(TABLE).astype(np.float64))
+
+
+def with_border(grid: Signal) -> Signal:
+    """A grid (s, phi, 2) with a border that lets the interpolation reach the edges, (s + 2, phi + 2, 2)."""
+    wide = grid
     for _ in range(2):
         ends = [3 * a - 3 * b + c for a, b, c in (wide[:3], wide[:-4:-1])]
         wide = np.concatenate((ends[:1], wide, ends[1:])).swapaxes(0, 1)
     return np.ascontiguousarray(wide)
+
+
+@lru_cache(maxsize=64)
+def blended_table(averaged: float, uncommutated: float) -> Signal:
+    """The table of `bridge_table` with a share of the textbook average in place of the switched circuit, (s + 2, phi + 2, 2).
+
+    The average is v_total = (3 sqrt(2)/pi) v_ll - (3/pi) x i_dc - 2 r_s i_dc, no current above the first term, with currents of
+    the phases in blocks (Mohan, Undeland and Robbins 2003, chapter 5).
+
+    Parameters
+    ----------
+    averaged : share of the average [1]
+    uncommutated : share of the term with the reactance x, the voltage that commutation takes, that the average lacks [1]
+    """
+    if averaged == 0.0:
+        return bridge_table()
+    s = np.linspace(0.0, 1.0, S_POINTS)[:, None]
+    phi = np.linspace(PHI_LOW, PHI_HIGH, PHI_POINTS)
+    driving = np.maximum(3.0 * _SQRT2 / math.pi - _SQRT2 * (1.0 - s * s), 0.0)
+    i_dc = driving / (3.0 / math.pi * (1.0 - uncommutated) * np.cos(phi) + 2.0 * np.sin(phi))
+    average = with_border(np.stack([i_dc, math.sqrt(2.0 / 3.0) * i_dc], axis=-1))
+    return np.ascontiguousarray((1.0 - averaged) * bridge_table() + averaged * average)
 
 
 @njit(cache=True, error_model="numpy")

@@ -12,11 +12,12 @@ import math
 from functools import lru_cache
 from typing import NamedTuple
 
+import numpy as np
 from numba import njit
 
 from winchcascade.core.quantity import ATMOSPHERE
 from winchcascade.core.run import Signal
-from winchcascade.rig.bridge import bridge_state
+from winchcascade.rig.bridge import blended_table, bridge_state
 from winchcascade.rig.parts import ROLLOFF_KNOTS, Model, rolloff_curve
 
 SHAFT = ("clutch", "i_s", "torque_em", "i_bridge", "vdc", "idc", "omega_gen", "twist")
@@ -75,6 +76,10 @@ class Constants(NamedTuple):
     rolloff_slope: tuple[float, ...]
     c_dc: float
     load: float
+    averaged: float
+    uncommutated: float
+    quasi_static: float
+    weightless: float
 
 
 def constants(model: Model, load: float) -> Constants:
@@ -88,6 +93,7 @@ def constants(model: Model, load: float) -> Constants:
         shaft.c_shaft, shaft.inertia_rotor,
         machine.pole_pairs, machine.k_e, machine.r_s, machine.l_s, machine.v_diode,
         (1.0, *machine.rolloff), rolloff_slopes(machine.rolloff), model.dc_link.c_dc, model.dc_link.resistance(load),
+        machine.averaged, machine.uncommutated, shaft.quasi_static, shaft.weightless,
     )  # fmt: skip
 
 
@@ -253,6 +259,62 @@ def run_shaft(v: Signal, dt: float, c: Constants, table: Signal, out: Signal) ->
         for k in range(4):
             out[n, k] = 0.5 * (middle[k] + middle_before[k])
         middle_before, omega_before, omega, v_dc = middle, omega, after, v_dc + change
+
+
+_VOLTS = 1e-6
+"""The last Newton step of a steady voltage is shorter than this. [V]"""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def run_steady(v: Signal, dt: float, c: Constants, table: Signal, out: Signal) -> None:
+    """Compute the generator's side in the steady state of each instant: a stiff shaft, no capacitor.
+
+    Parameters
+    ----------
+    v, dt, table, out : as `run_shaft` takes them
+    """
+    v_dc = guess = 0.0
+    for n in range(v.size):
+        omega = max(v[n] * c.gear / c.r_drum, 0.0)
+        before, after = max(n - 1, 0), min(n + 1, v.size - 1)
+        speeds_up = (v[after] - v[before]) * c.gear / c.r_drum / (dt * (after - before)) if omega > 0.0 else 0.0
+        v_full, reactance = c.k_e * omega * 30.0 / math.pi, max(c.pole_pairs * omega * c.l_s, 1e-6)
+        low, high, i_b = 0.0, max(_SQRT2 * v_full - 2.0 * c.v_diode, 0.0), 0.0
+        v_dc = min(max(v_dc, low), high)
+        for _ in range(60):
+            i_b, guess, by_v, _, _, _ = weakened_bridge(v_dc + 2.0 * c.v_diode, v_full, reactance, guess, c, table)
+            if i_b * c.load > v_dc:
+                low = v_dc
+            else:
+                high = v_dc
+            step = (i_b - v_dc / c.load) / (1.0 / c.load - by_v)
+            if not low <= v_dc + step <= high:
+                step = 0.5 * (low + high) - v_dc
+            v_dc += step
+            if abs(step) < _VOLTS:
+                break
+        em = ((v_dc + 2.0 * c.v_diode) * i_b + 3.0 * c.r_s * guess * guess) / omega if omega > 1.0 else 0.0
+        lost = (c.b_rotor + c.windage * omega) * omega + c.friction * math.tanh(omega / TURN)
+        lost += (1.0 - c.weightless) * c.inertia_rotor * speeds_up
+        out[n, 0], out[n, 1], out[n, 2], out[n, 3] = max(c.gear / c.eta_mesh * (em + lost), 0.0), guess, em, i_b
+        out[n, 4], out[n, 5], out[n, 6], out[n, 7] = v_dc, v_dc / c.load, omega, 0.0
+
+
+def solve_shaft(v: Signal, dt: float, numbers: Constants) -> Signal:
+    """Solve the generator's side along a line motion, (n, 8): the columns of `SHAFT`.
+
+    Parameters
+    ----------
+    v, dt : as `run_shaft` takes them
+    """
+    table = blended_table(numbers.averaged, numbers.uncommutated)
+    out = np.empty((v.size, len(SHAFT)))
+    run_shaft(v, dt, numbers, table, out)
+    if numbers.quasi_static == 0.0:
+        return out
+    steady = np.empty_like(out)
+    run_steady(v, dt, numbers, table, steady)
+    return (1.0 - numbers.quasi_static) * out + numbers.quasi_static * steady
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -81,7 +81,8 @@ class DrivetrainModel(msgspec.Struct, frozen=True):
     `gear` [1], mesh efficiency `eta_mesh` [1], viscous damper `b_rotor` [N m s/rad] and inertia `inertia_rotor` [kg m2] of the
     fast shaft; `k_shaft` [N m/rad] and `c_shaft` [N m s/rad] of the slow one. Absent by default: `windage` in proportion to
     speed squared [N m s2/rad2] and constant `friction` [N m] on the fast shaft, and `clutch_drag` [N m], the torque of the
-    overrunning clutch against the drum during haul-in, which the torque sensor measures.
+    overrunning clutch against the drum during haul-in, which the torque sensor measures; `quasi_static`, share of a solution
+    with a stiff shaft and without the capacitor [1], in which the rotor has its inertia but for the share `weightless` [1].
     """
 
     gear: float
@@ -93,6 +94,8 @@ class DrivetrainModel(msgspec.Struct, frozen=True):
     windage: float = 0.0
     friction: float = 0.0
     clutch_drag: float = 0.0
+    quasi_static: float = 0.0
+    weightless: float = 0.0
 
 
 ROLLOFF_KNOTS = (0.0, 4.0, 5.0, 6.0, 7.0, 9.0, 11.0, 14.0, 20.0)
@@ -117,7 +120,9 @@ class GeneratorModel(msgspec.Struct, frozen=True):
     """Machine of constant parameters: `pole_pairs`, back-EMF `k_e` line to line, rms [V/rpm], `r_s` [ohm] and `l_s` [H] of a
     phase, and `v_diode`, the drop of each of the two conducting diodes [V].
 
-    Absent by default: `rolloff`, share of k_e that remains at the stator currents of `ROLLOFF_KNOTS` beyond the first [1].
+    Absent by default: `rolloff`, share of k_e that remains at the stator currents of `ROLLOFF_KNOTS` beyond the first [1];
+    `averaged`, share of the textbook average in place of the switched bridge [1], of which `uncommutated` is the share
+    without the voltage that commutation takes [1].
     """
 
     pole_pairs: float
@@ -126,6 +131,8 @@ class GeneratorModel(msgspec.Struct, frozen=True):
     l_s: float
     v_diode: float
     rolloff: tuple[float, ...] = NO_ROLLOFF
+    averaged: float = 0.0
+    uncommutated: float = 0.0
 
 
 class DcLinkModel(msgspec.Struct, frozen=True):

@@ -18,8 +18,7 @@ from winchcascade.core.files import write_whole
 from winchcascade.core.quantity import UNITS
 from winchcascade.core.run import CHANNELS, SIMULATED_HEADERS, Run, Signal
 from winchcascade.core.smooth import local_quadratic
-from winchcascade.rig.bridge import bridge_table
-from winchcascade.rig.kernel import COLUMNS, REST, SHAFT, TURN, constants, run_line, run_shaft
+from winchcascade.rig.kernel import COLUMNS, REST, SHAFT, TURN, constants, run_line, solve_shaft
 from winchcascade.rig.parts import ELECTRICAL, Model
 
 SMOOTHING = 0.44
@@ -246,7 +245,7 @@ def solve(model: Model, motion: LineMotion, load: float) -> Signal:
     """Step a model along a motion, (n, 12): the columns of `kernel.COLUMNS` at every step."""
     out = np.empty((motion.t.size, len(COLUMNS)))
     numbers = constants(model, load)
-    run_shaft(motion.v, motion.step, numbers, bridge_table(), out[:, : len(SHAFT)])
+    out[:, : len(SHAFT)] = solve_shaft(motion.v, motion.step, numbers)
     run_line(motion.x, motion.v, motion.a, motion.step, numbers, out[:, 0], out[:, len(SHAFT) :])
     return out
 

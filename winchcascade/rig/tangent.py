@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from winchcascade.core.run import Signal
-from winchcascade.rig.bridge import bridge_slopes, bridge_table
+from winchcascade.rig.bridge import blended_table, bridge_slopes
 from winchcascade.rig.kernel import SHAFT, TURN, Constants, rolloff_at, weakened_bridge
 from winchcascade.rig.parts import ROLLOFF_KNOTS
 
@@ -95,7 +95,8 @@ def tangent_of(
         raise ValueError(f"{len(ways)} directions of the roll-off; at most {MOST_WAYS} are computed at once.")
     bent = np.array(ways, dtype=np.float64).reshape(-1, 2, len(ROLLOFF_KNOTS))
     kept = np.zeros((2, len(NUMBERS) + bent.shape[0], -(-v.size // every)))
-    run_tangent(v, dt, numbers, bridge_table(), solution, every, bent, kept)
+    table = blended_table(numbers.averaged, numbers.uncommutated)
+    run_tangent(v, dt, numbers, table, solution, every, bent, kept)
     return Tangent(numbers, tuple(ways), kept[0], kept[1])
 
 
