@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from winchcascade.batch.own_simulations import read_simulations
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.errors import CampaignError, OptionError, RigError
 from winchcascade.core.files import write_whole
@@ -15,6 +16,7 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose, withheld_n
 from winchcascade.diagnosis.diagnosis_result import Entries
 from winchcascade.diagnosis.line.line_data import POWER
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis, diagnose_line
+from winchcascade.diagnosis.own_simulation import beside_own_simulation, on_the_logs
 from winchcascade.ingest.read import read_run
 from winchcascade.report.diagnosis_record import as_json
 from winchcascade.rig.parts import NoModel, model_of
@@ -86,7 +88,10 @@ def diagnose_listed(
     marked = [entry.withheld for entry in campaign.runs]
     if not isinstance(model, NoModel):
         withheld = withheld_numbers(loads, runs, marked)
-        return diagnose(
+        simulations = read_simulations(campaign, the_rig, runs, on_progress)
+        if simulations is not None:
+            simulations = on_the_logs(simulations, runs, the_rig, cycles)
+        found = diagnose(
             runs,
             the_rig,
             suspects,
@@ -95,6 +100,14 @@ def diagnose_listed(
             withheld=withheld,
             seed=seed,
             on_progress=on_progress,
+        )
+        if simulations is None:
+            return found
+        return beside_own_simulation(found, simulations, cycles=cycles, on_progress=on_progress)
+    if any(entry.simulated is not None for entry in campaign.runs):
+        raise CampaignError(
+            f"{campaign.path}: a simulation of your own is compared by the model of the rig, but {model.why} Complete the rig "
+            "file, or leave the simulation out."
         )
     if not any(POWER in names for names in (the_rig.sensors, the_rig.columns, *(run.channels for run in runs))):
         raise RigError(model.why)

@@ -19,7 +19,7 @@ from winchcascade.cli.options import (
     effect_names,
 )
 from winchcascade.cli.outputs import as_json, check_outputs, deliver, given_command
-from winchcascade.core.campaign_file import load_campaign
+from winchcascade.core.campaign_file import Campaign, load_campaign
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import one_thread_each, processes, set_threads
 from winchcascade.core.store import make_one
@@ -32,6 +32,12 @@ def diagnose_command(
         list[float] | None,
         typer.Option(
             "--withhold", metavar="LOAD", help="Keep the logs of this load (ohm, or inf) from choice and fit."
+        ),
+    ] = None,
+    simulated: Annotated[
+        Path | None,
+        typer.Option(
+            "--simulated", metavar="FOLDER", help="Compare your own simulation: files with the names of the logs."
         ),
     ] = None,
     json: JsonOption = None,
@@ -63,6 +69,7 @@ def diagnose_command(
     """
     one_thread_each()
     from winchcascade.batch.campaign_diagnosis import diagnose_listed, write_predictions
+    from winchcascade.batch.own_simulations import with_simulations
     from winchcascade.report.diagnosis import write_diagnosis_reports
     from winchcascade.report.diagnosis_record import as_json as diagnosis_record
     from winchcascade.report.diagnosis_text import diagnosis_text
@@ -71,9 +78,13 @@ def diagnose_command(
 
     suspects = {name: find_effect(name) for name in suspect} if suspect else EFFECTS
     listed = load_campaign(campaign)
+    if simulated is not None:
+        listed = with_simulations(listed, simulated)
     logs = [run.file for run in listed.runs]
     results = {"--json": Path(json) if json else None, "--html": html, "--pdf": pdf}
-    check_outputs(results | _prediction_files(predictions, logs), [listed.path, *logs, rig], force=force)
+    check_outputs(
+        results | _prediction_files(predictions, logs), [listed.path, *logs, *_simulations(listed), rig], force=force
+    )
     set_threads(jobs or processes())
     with status_line(f"diagnosing {listed.name}") as on_progress:
         found = diagnose_listed(listed, suspects, rig=rig, loads=withhold or (), seed=seed, on_progress=on_progress)
@@ -85,6 +96,11 @@ def diagnose_command(
     if predictions is not None:
         files.append(predictions if written else "no predictions, as no effect was fitted")
     deliver(json, lambda: as_json(diagnosis_record(found)), lambda: diagnosis_text(found, files), force=force)
+
+
+def _simulations(listed: Campaign) -> list[Path]:
+    """Files of the own simulations of a campaign."""
+    return [run.simulated for run in listed.runs if run.simulated is not None]
 
 
 def _prediction_files(folder: Path | None, logs: Sequence[Path]) -> dict[str, Path | None]:

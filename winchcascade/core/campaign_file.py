@@ -104,7 +104,8 @@ class CampaignRun(msgspec.Struct, frozen=True, rename={"load": "load_ohm", "wind
     """One log of a campaign: its file, load [ohm], fixed window [s], the cycles that count, whether it is withheld, and where
     its data come from.
 
-    `sheet` is the name or number of the table within a workbook, a MATLAB file or TDMS.
+    `sheet` is the name or number of the table within a workbook, a MATLAB file or TDMS. `simulated` is the file of the
+    owner's own simulation of the run, None where there is none.
 
     `load` is None for a rig without one and inf for an open circuit; `window` None where the rule of the rig applies.
     """
@@ -119,6 +120,7 @@ class CampaignRun(msgspec.Struct, frozen=True, rename={"load": "load_ohm", "wind
     withheld: Annotated[bool, Expected("true or false")] = False
     origin: Origin = Origin()
     sheet: str | None = None
+    simulated: Path | None = None
 
 
 class Campaign(msgspec.Struct, frozen=True):
@@ -230,6 +232,10 @@ class _Stated(msgspec.Struct, frozen=True):
 _File = Annotated[
     str, Expected('the name of a log, such as file = "r36ohm.csv"', lambda name: name and "\0" not in name)
 ]
+_Simulated = Annotated[
+    str | None,
+    Expected('the name of a file, such as simulated = "simulated/r36ohm.csv"', lambda name: name and "\0" not in name),
+]
 _Sheet = Annotated[
     str | int | None,
     Expected("the name or the number of a table in the file", lambda name: str(name).strip()),
@@ -238,12 +244,17 @@ _Sheet = Annotated[
 
 def _run(raw: dict[str, Any], number: int, path: Path, common: Origin) -> CampaignRun:
     place = f"{path}: run {number}"
-    known = ("file", "sheet", "load_ohm", "window_s", "cycles", "withheld", "measured", "origin")
+    known = ("file", "simulated", "sheet", "load_ohm", "window_s", "cycles", "withheld", "measured", "origin")
     words = f"no entry of a run; expected {', '.join(known[:-1])} or {known[-1]}"
     check_keys(raw, known, f"{place}: ", words, CampaignError)
     file = entry(raw.get("file"), "file", _File, place, CampaignError)
     sheet = entry(raw.get("sheet"), "sheet", _Sheet, place, CampaignError)
-    given = {"sheet": None if sheet is None else str(sheet), "origin": _origin(raw, place, common)}
+    simulated = entry(raw.get("simulated"), "simulated", _Simulated, place, CampaignError)
+    given = {
+        "sheet": None if sheet is None else str(sheet),
+        "origin": _origin(raw, place, common),
+        "simulated": None if simulated is None else path.parent / simulated,
+    }
     return entries(raw, CampaignRun, place, CampaignError, {"file": path.parent / file, **given})
 
 

@@ -93,6 +93,20 @@ def close(data: Fitted, suspects: Suspects, best: Fit, withheld: Sequence[int], 
     known = np.isfinite(after)
     after = np.where(known, without_zeros(data, np.where(known, after, 0.0)), math.nan)
     before = without_zeros(data, data.measured - data.predict(np.zeros(len(data.nuisances)), []))
+    return closure_between(data, before, after, predictions, seed)
+
+
+def closure_between(
+    data: Fitted, before: Signal, after: Signal, predictions: dict[int, Fit], seed: int
+) -> ModelClosure:
+    """Compare the gaps of the withheld logs before and after.
+
+    Parameters
+    ----------
+    before, after : (M, 5) measured minus predicted blocks, zeros taken off; `after` is NaN for logs that were not withheld
+    predictions : fits by number of the withheld log
+    """
+    withheld, known = sorted(predictions), np.isfinite(after)
     noise = np.sqrt(data.noise**2 + np.sum(data.discrepancies() ** 2, axis=2))
     squares = np.where((data.seen & known)[:, None], np.stack([before, after, noise, np.ones_like(after)], 1) ** 2, 0.0)
     by_log = np.array([squares[data.rows[k]].sum(axis=0) for k in withheld])

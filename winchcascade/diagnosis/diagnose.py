@@ -11,7 +11,15 @@ import numpy as np
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.diagnosis.causes import causes_of, plan_run, probabilities
 from winchcascade.diagnosis.closure import ModelClosure, alarms_of, close
-from winchcascade.diagnosis.diagnosis_result import HALF, NAMED, DiagnosisResult, Entries, Remainder, StagePlace
+from winchcascade.diagnosis.diagnosis_result import (
+    HALF,
+    NAMED,
+    DiagnosisResult,
+    Entries,
+    OwnSimulation,
+    Remainder,
+    StagePlace,
+)
 from winchcascade.diagnosis.evidence import Found, search
 from winchcascade.diagnosis.gap_map import arises, compare, locate, without_zeros
 from winchcascade.diagnosis.misfit import Fitted
@@ -28,7 +36,8 @@ if TYPE_CHECKING:
 
 
 class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
-    """A diagnosis by a model. `predicted` (M, 5) are the blocks of the rig as given, `fitted` of the fit with its causes.
+    """A diagnosis by a model. `predicted` (M, 5) are the blocks of the rig as given, or of the owner's own simulation where
+    there is one, `fitted` those of the fit with its causes.
 
     `places` map the gap end to end, `stages` stage by stage.
     """
@@ -39,6 +48,7 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     stages: tuple[StagePlace, ...]
     predicted: Signal
     fitted: Signal
+    own_simulation: OwnSimulation | None = None
 
 
 def diagnose(

@@ -213,6 +213,35 @@ class Experiment(msgspec.Struct, frozen=True):
     force: float = math.nan
 
 
+class ModelForm(msgspec.Struct, frozen=True):
+    """What the owner's own simulation has in another form than the rig's model, at the place where it shows most.
+
+    `bias` is simulation minus rig's model there, SI units of the channel, all differences together, and `z` the same in
+    standard uncertainties. `likely` is the effect or simplification that explains it, None where none does.
+    """
+
+    stage: str
+    channel: str
+    phase: str
+    load: float | None
+    bias: float
+    z: float
+    likely: str | None
+
+
+class OwnSimulation(msgspec.Struct, frozen=True):
+    """The owner's own simulation beside the rig's model.
+
+    `runs` are the simulations on the stamps of the logs, `forms` what they have in another form, the largest first, with the
+    declaration of each that is `likely` and its numbers.
+    """
+
+    runs: tuple[Run, ...]
+    forms: tuple[ModelForm, ...]
+    likely: Suspects
+    numbers: dict[str, dict[str, Reported]]
+
+
 class DiagnosisResult(msgspec.Struct, frozen=True, kw_only=True):
     """The answer of a diagnosis, by a model or without one.
 

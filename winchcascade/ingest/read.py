@@ -58,6 +58,7 @@ def read_run(
     about: str = "",
     origin: Origin | None = None,
     table: str | None = None,
+    simulated: bool = False,
 ) -> Run:
     """Read a log of any known format and check it.
 
@@ -70,6 +71,7 @@ def read_run(
         could be the log
     load_source, about : source of the load, and a description of the log, for the reports
     origin : whether the data are measured and where they come from; the mark of `simulate` overrides it
+    simulated : the log has no sensors that could be stuck or out of range, also without the mark of `simulate`
 
     Raises
     ------
@@ -85,7 +87,7 @@ def read_run(
     for _ in range(_TRIES):
         seen = _Seen(path)
         try:
-            run = _read(path, rig, load, load_source, about, table)
+            run = _read(path, rig, load, load_source, about, table, simulated)
         except LogError:
             if seen.is_same():
                 raise
@@ -98,7 +100,9 @@ def read_run(
     )
 
 
-def _read(path: Path, rig: Rig, load: float | None, load_source: str, about: str, table_name: str | None) -> Run:
+def _read(
+    path: Path, rig: Rig, load: float | None, load_source: str, about: str, table_name: str | None, simulated: bool
+) -> Run:
     """Read and check a log that does not change meanwhile."""
     source = open_log(path, table_name)
     try:
@@ -120,7 +124,11 @@ def _read(path: Path, rig: Rig, load: float | None, load_source: str, about: str
         load, load_source, load_faults = _load(source)
         time_findings += load_faults
     checked = check(
-        clock.t, _channels(table, found, clock), rig, simulated=found.simulated, open_circuit=load == math.inf
+        clock.t,
+        _channels(table, found, clock),
+        rig,
+        simulated=found.simulated or simulated,
+        open_circuit=load == math.inf,
     )
     if "velocity" not in checked.channels:
         raise LogError(

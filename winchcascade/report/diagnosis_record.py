@@ -38,6 +38,7 @@ def as_json(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any]:
             )
         ],
         "verdict": found.verdict,
+        **_baseline(found),
         "where": _where(found),
         "causes": [
             {
@@ -51,6 +52,26 @@ def as_json(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any]:
         "next_experiment": None if found.experiment is None else _experiment(found.experiment),
         **(_choice(found) if isinstance(found, LineDiagnosis) else {}),
     }
+
+
+def _baseline(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any]:
+    """What the logs are compared with, and what an own simulation has in another form than the rig's model."""
+    own = None if isinstance(found, LineDiagnosis) else found.own_simulation
+    if own is None:
+        return {"baseline": "rig", "model_form": []}
+    forms = [
+        {
+            "stage": form.stage,
+            "channel": form.channel,
+            "phase": form.phase,
+            "load_ohm": _load(form.load),
+            "bias": number(form.bias),
+            "z": number(form.z),
+            "likely": form.likely,
+        }
+        for form in own.forms
+    ]
+    return {"baseline": "own_simulation", "model_form": forms}
 
 
 def _part(part: CyclePart) -> dict[str, Any]:

@@ -1,0 +1,157 @@
+"""The gap between logs and the owner's own simulation: what the simulation has in another form than the rig's model.
+
+Causes are fitted with the rig's model against the logs. The own simulation is fitted as if it were a set of logs, with the same
+search; beside the effects of the catalogue it may lack what simulations usually simplify. Then
+
+    log - own simulation = causes + tolerances + (rig's model as given - own simulation) + residual.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from winchcascade.diagnosis.block_means import PHASES, blocks_of
+from winchcascade.diagnosis.causes import parameters_of
+from winchcascade.diagnosis.closure import alarms_of, closure_between
+from winchcascade.diagnosis.diagnosis_result import ModelForm, OwnSimulation, Spot
+from winchcascade.diagnosis.evidence import search
+from winchcascade.diagnosis.gap_map import STAGE_OF, compare, locate, without_zeros
+from winchcascade.diagnosis.misfit import Fitted
+from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.same_motion import onto_log
+from winchcascade.rig.effects.simplifications import SIMPLIFICATIONS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from winchcascade.core.rig_file import Rig
+    from winchcascade.core.run import Run, Signal
+    from winchcascade.diagnosis.diagnose import ModelDiagnosis
+    from winchcascade.diagnosis.diagnosis_result import Place
+    from winchcascade.diagnosis.evidence import Found
+    from winchcascade.diagnosis.suspects import Suspects
+
+RELEVANT = 0.003
+"""Minimum change of a phase mean by what a simulation has in another form, as a share of the maximum of its channel. [1]"""
+
+
+def on_the_logs(
+    simulations: Sequence[Run], logs: Sequence[Run], rig: Rig, cycles: Sequence[tuple[int, int] | None]
+) -> list[Run]:
+    """Bring the simulation of each run to the stamps of its log; LogError as `onto_log`.
+
+    Parameters
+    ----------
+    cycles : of each run, the first and last cycle that count, None for all
+    """
+    found = []
+    for simulation, log, span in zip(simulations, logs, cycles, strict=True):
+        blocks = blocks_of(log, rig, span)
+        counted = slice(int(blocks.start[0]), int(blocks.stop[-1])) if blocks.size else slice(None)
+        found.append(onto_log(simulation, log, counted))
+    return found
+
+
+def beside_own_simulation(
+    result: ModelDiagnosis,
+    simulations: Sequence[Run],
+    *,
+    cycles: Sequence[tuple[int, int] | None] | None = None,
+    on_progress: Callable[[str], None] = lambda _: None,
+) -> ModelDiagnosis:
+    """A diagnosis by the rig's model with the own simulation as its baseline.
+
+    Verdict and causes stay, as they follow from log and model. Map, place and closure are those of log minus own simulation.
+
+    Parameters
+    ----------
+    simulations : of each run, as `on_the_logs` gives them
+    cycles : of each run, the first and last cycle that count, None for all
+    """
+    data = result.data
+    given = np.concatenate(
+        [
+            np.column_stack([log.course.blocks.mean(run.channels.get(name, np.zeros(run.t.size))) for name in CHANNELS])
+            for log, run in zip(data.logs, simulations, strict=True)
+        ]
+    )
+    nothing = np.zeros(len(data.nuisances))
+    tolerances = data.tolerances(nothing, [], result.predicted)[:, :, [n.kind != "zero" for n in data.nuisances]]
+    places = compare(data, given, tolerances)
+    where, closure, gap = result.where, result.closure, without_zeros(data, data.measured - given)
+    if where is not None:
+        where = locate(data, gap, places, where.stage, where.arises)
+    if closure is not None:
+        closure = closure_between(data, gap, closure.residual, closure.predictions, result.seed)
+    own = fit_simulation(simulations, result, cycles, on_progress)
+    return msgspec.structs.replace(
+        result, predicted=given, places=places, where=where, closure=closure, own_simulation=own
+    )
+
+
+def fit_simulation(
+    simulations: Sequence[Run],
+    result: ModelDiagnosis,
+    cycles: Sequence[tuple[int, int] | None] | None,
+    on_progress: Callable[[str], None],
+) -> OwnSimulation:
+    """Fit an own simulation as if it were a set of logs, with the suspects of a diagnosis and the usual simplifications."""
+    data = Fitted(simulations, result.rig, cycles)
+    suspects: Suspects = {**result.suspects, **SIMPLIFICATIONS}
+    found = search(data, suspects, lambda step: on_progress(f"your simulation: {step}"))
+    nothing = np.zeros(len(data.nuisances))
+    nominal = data.predict(nothing, [])
+    tolerances = data.tolerances(nothing, [], nominal)[:, :, [n.kind != "zero" for n in data.nuisances]]
+    forms = model_forms(data, suspects, found, compare(data, nominal, tolerances))
+    likely = [form.likely for form in forms if form.likely is not None]
+    numbers = {name: parameters_of(data, suspects, found.best, name, found.scale) for name in likely}
+    return OwnSimulation(tuple(simulations), forms, {name: suspects[name] for name in likely}, numbers)
+
+
+def model_forms(data: Fitted, suspects: Suspects, found: Found, places: Sequence[Place]) -> tuple[ModelForm, ...]:
+    """What a simulation has in another form than the rig's model, each at the place where it shows most, largest first.
+
+    Parameters
+    ----------
+    places : map of simulation minus rig's model
+    """
+    best = found.best
+    effects = dict(zip(best.names, best.effects(suspects), strict=True))
+    here = data.predict(best.nu, [*effects.values()])
+    forms: list[tuple[float, ModelForm]] = []
+    for name in best.names:
+        change = here - data.predict(best.nu, [effect for other, effect in effects.items() if other != name])
+        size, place = _most(data, change, places)
+        if place is not None and size >= RELEVANT:
+            forms.append((size, _form(suspects[name].stage, place, name)))
+    for alarm in alarms_of(data, suspects, best):
+        if alarm.kind == "structure" and isinstance(alarm.about, Spot):
+            own = [p for p in places if (p.channel, p.phase) == (alarm.about.channel, alarm.about.phase)]
+            worst = max(own, key=lambda p: abs(p.z), default=None)
+            stage = STAGE_OF[alarm.about.channel]
+            if worst is not None and stage not in {form.stage for _, form in forms}:
+                forms.append((0.0, _form(stage, worst, None)))
+    return tuple(form for _, form in sorted(forms, key=lambda one: -one[0]))
+
+
+def _form(stage: str, place: Place, likely: str | None) -> ModelForm:
+    return ModelForm(stage, place.channel, place.phase, place.load, place.bias, place.z, likely)
+
+
+def _most(data: Fitted, change: Signal, places: Sequence[Place]) -> tuple[float, Place | None]:
+    """The place that a change of the blocks, (M, 5), moves most, and by which share of the maximum of its channel there."""
+    by_place = {(p.log, p.channel, p.phase): p for p in places}
+    size, found = 0.0, None
+    for log, k, phase, here in data.cells():
+        place = by_place.get((log, CHANNELS[k], PHASES[phase]))
+        if place is None:
+            continue
+        top = float(np.max(np.abs(data.measured[data.rows[log], k])))
+        moved = abs(float(np.mean(change[here, k]))) / top if top > 0.0 else math.nan
+        if moved > size:
+            size, found = moved, place
+    return size, found
