@@ -35,6 +35,7 @@ from winchcascade.report.diagnosis_names import (
 from winchcascade.report.digits import significant
 from winchcascade.report.gap_words import NAMES, about_words, upper
 from winchcascade.report.line_words import cycles_of, flipped_words, small_words
+from winchcascade.report.own_simulation_words import own_simulation_words, simulated_words
 from winchcascade.report.publish import publish
 from winchcascade.report.report_model import Note, Point, Report, Section, Table, Tile
 from winchcascade.report.report_parts import data_point, file_digest, made_on, picture, provenance_table, section
@@ -173,6 +174,7 @@ def _points(found: ModelDiagnosis | LineDiagnosis) -> tuple[Point, ...]:
             Point(
                 "Verdict", words.verdict_words(found), "good" if found.verdict in ("no_gap", "explained") else "warn"
             ),
+            *(Point("Your simulation", text) for text in own_simulation_words(found)),
             Point("Where", f"{words.where_words(found)} {words.arises_words(found)}".strip()),
             *_cause_points(found),
             Point("How sure", words.sure_words(found)),
@@ -235,7 +237,7 @@ def _where(found: ModelDiagnosis) -> Section:
         "where", "Where a gap was looked for" if found.verdict == "no_gap" else "Where the gap lies",
         picture(
             figures.gap_map(found), "map",
-            f"Map of the gap: {word} minus simulated by the rig as given, as a mean over each phase of each log, in "
+            f"Map of the gap: {word} minus {simulated_words(found)}, as a mean over each phase of each log, in "
             f"standard uncertainties (z). Bold and coloured: beyond {STANDS_OUT:g}; green: the log lies above the "
             "simulation, red: below.",
             "Matrix of numbers by channel and phase (rows) and load (columns); the largest are in the table.",
@@ -323,8 +325,8 @@ def _how_far(found: ModelDiagnosis, both: Sides) -> Section:
         ),
         picture(
             figures.history(found, both, log, word), "history",
-            f"{run.name} ({load_words(run.load)}): {word} minus simulated, block by block, by the rig as "
-            f"given{after}. The zeros of the log's sensors are taken off alike.",
+            f"{run.name} ({load_words(run.load)}): {word} minus {simulated_words(found, 'block by block')}"
+            f"{after}. The zeros of the log's sensors are taken off alike.",
             "Lines over time for every channel; the mean squares are in the table.",
         ),
     )  # fmt: skip
@@ -336,7 +338,7 @@ def _over_speed(found: ModelDiagnosis, both: Sides) -> Section:
         "speed", "Current, torque and power over speed",
         picture(
             figures.over_speed_figure(found, both, word), "speed",
-            f"Payouts at a light, a middle and a heavy load: {word}, simulated by the rig as given{after} "
+            f"Payouts at a light, a middle and a heavy load: {word}, {simulated_words(found)}{after} "
             "(the paper's Figs 18a, 18c and 18d). Means of blocks in bins of 250 rpm.",
             "Lines of the logs and marks of the simulations over generator speed.",
         ),

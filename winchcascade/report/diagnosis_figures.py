@@ -36,6 +36,7 @@ from winchcascade.report.gap_words import NAMES, upper
 from winchcascade.report.line_words import set_words
 from winchcascade.report.model_account import COMPARED
 from winchcascade.report.model_figures import Entry, legend_above, line_entry, patch_entry, shade_over_speed
+from winchcascade.report.own_simulation_words import baseline_words
 from winchcascade.report.style import COLOURS, LOAD_COLOURS, label_panel, wide_figure
 from winchcascade.rig.stages import STAGES
 
@@ -47,7 +48,7 @@ STRONGEST = 0.75
 
 MARK = 5.0
 
-BEFORE, AFTER = "rig as given", "with the fitted effects"
+AFTER = "with the fitted effects"
 """Names of the two sides in every legend."""
 
 HOLLOW: dict[str, Any] = {"marker": "o", "mfc": COLOURS["paper"], "mec": COLOURS["mech"]}
@@ -160,14 +161,14 @@ def closure_bars(found: ModelDiagnosis) -> Figure | None:
         yticks=range(len(shown)), yticklabels=[NAMES[name] for name in shown], ylim=(len(shown) - 0.5, -0.5),
     )  # fmt: skip
     ax.grid(False, axis="y")
-    legend_above(figure, [*_before_and_after(after=True), line_entry("noise", "ink", lw=0.8, ls="--")])
+    legend_above(figure, [*_before_and_after(found, after=True), line_entry("noise", "ink", lw=0.8, ls="--")])
     return figure
 
 
-def _before_and_after(*, after: bool) -> list[Entry]:
+def _before_and_after(found: ModelDiagnosis, *, after: bool) -> list[Entry]:
     """Entries of a legend for marks before and, if there are any, after."""
     entries = [
-        line_entry(BEFORE, "mech", ls="none", ms=MARK, **HOLLOW),
+        line_entry(baseline_words(found), "mech", ls="none", ms=MARK, **HOLLOW),
         line_entry(AFTER, ls="none", ms=MARK, **FILLED),
     ]
     return entries if after else entries[:1]
@@ -212,7 +213,7 @@ def history(found: ModelDiagnosis, both: Sides, log: int, word: str) -> Figure |
         ax.set_ylabel(f"{NAMES[channel]}\n({unit})", rotation=0, ha="left", va="center")
         ax.yaxis.set_label_coords(-0.163, 0.5)
     axes[-1].set_xlabel("Time (s)")
-    entries = [line_entry(BEFORE, "mech", lw=1.2), line_entry(AFTER, "gen", lw=1.2)][: len(one.errors)]
+    entries = [line_entry(baseline_words(found), "mech", lw=1.2), line_entry(AFTER, "gen", lw=1.2)][: len(one.errors)]
     entries += [patch_entry("noise, 95 %", "loss", alpha=0.6, lw=0), patch_entry("payout", "payout", lw=0)]
     legend_above(figure, entries)
     figure.text(0.985, 1 - 0.1 / height, f"{word} − simulated", ha="right", va="center", fontsize=7.5)
@@ -258,7 +259,9 @@ def over_speed_figure(found: ModelDiagnosis, both: Sides, word: str) -> Figure |
         line_entry(word, lw=1.2),
         *(
             line_entry(name, **mark)
-            for name, mark in zip((BEFORE, AFTER)[: 2 if both.after is not None else 1], marks, strict=False)
+            for name, mark in zip(
+                (baseline_words(found), AFTER)[: 2 if both.after is not None else 1], marks, strict=False
+            )
         ),
         *([patch_entry("over rated speed", "over")] if shaded else []),
     ]
@@ -297,7 +300,7 @@ def error_figure(found: ModelDiagnosis, both: Sides, word: str) -> Figure | None
         ax.set(xlabel="Generator speed (rpm)" if channel in OVER_SPEED else own, ylabel=unit)
     noise = patch_entry("noise, 95 % in the middle", "loss", alpha=0.6, lw=0)
     current = [line_entry("rated stator current", "soft", lw=0.8, ls="--")] if rated is not None else []
-    legend_above(figure, [*_before_and_after(after=both.after is not None), noise, *current])
+    legend_above(figure, [*_before_and_after(found, after=both.after is not None), noise, *current])
     return figure
 
 

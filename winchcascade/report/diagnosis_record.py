@@ -16,6 +16,7 @@ from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report import diagnosis_words as words
 from winchcascade.report.gap_words import about_text, arises_sentence, differs_text, where_sentence
 from winchcascade.report.line_words import samples_of
+from winchcascade.report.own_simulation_words import has_own_simulation
 
 SCHEMA = "winchcascade/diagnosis/1"
 
@@ -88,6 +89,7 @@ def _where(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any] | None:
     if where is None:
         return None
     line, files = isinstance(found, LineDiagnosis), [run.name for run in found.runs]
+    lies = where_sentence(where, own_simulation=has_own_simulation(found))
     record = {
         "stage": where.stage,
         "channel": where.worst.channel,
@@ -95,7 +97,7 @@ def _where(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any] | None:
         "load_ohm": _load(where.worst.load),
         "rpm": None if line else [number(x) for x in where.rpm],
         "i_dc_a": None if line else [number(x) for x in where.i_dc],
-        "sentence": f"{where_sentence(where)} {arises_sentence(where.arises)}".rstrip(),
+        "sentence": f"{lies} {arises_sentence(where.arises)}".rstrip(),
     }
     if isinstance(found, LineDiagnosis):
         return {**record, "map": [{**_place(p), "share_of_squares": number(p.share)} for p in found.places]}

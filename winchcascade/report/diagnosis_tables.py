@@ -27,6 +27,7 @@ from winchcascade.report.diagnosis_names import (
 from winchcascade.report.digits import number, significant, uncertain
 from winchcascade.report.gap_words import NAMES, about_words, alarm_meaning, differs_words
 from winchcascade.report.model_account import COMPARED
+from winchcascade.report.own_simulation_words import baseline_words
 from winchcascade.report.report_model import Table, TableColumn
 from winchcascade.report.report_parts import formatted_table, number_column, text_column
 
@@ -198,7 +199,7 @@ def closure_table(found: ModelDiagnosis) -> Table | None:
         "closure",
         f"Misfit on held-out logs ({loads}): root mean squares of means over blocks of 0.44 s.",
         (
-            text_column("Channel"), text_column("Unit"), number_column("Before", "rig as given"),
+            text_column("Channel"), text_column("Unit"), number_column("Before", baseline_words(found)),
             number_column("After", "fitted effects"),
             number_column("Noise", "of a block"), number_column("Before", "over noise"),
             number_column("After", "over noise"),

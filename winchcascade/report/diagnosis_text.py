@@ -18,6 +18,7 @@ from winchcascade.report.digits import significant
 from winchcascade.report.gap_words import NAMES, alarm_words, differs_words
 from winchcascade.report.line_words import flipped_words, slope_words, small_words
 from winchcascade.report.model_account import COMPARED
+from winchcascade.report.own_simulation_words import own_simulation_words
 from winchcascade.report.text_table import table_lines
 
 WIDTH, INDENT = 100, 11
@@ -78,6 +79,7 @@ def diagnosis_text(found: ModelDiagnosis | LineDiagnosis, files: Sequence[Path |
         *entry("verdict", words.verdict_words(found)),
         *entry("data", origin_words(words.origins_of(found))),
         *entry("note", note),
+        *(line for k, text in enumerate(own_simulation_words(found)) for line in entry("" if k else "yours", text)),
         *entry("where", words.where_words(found)),
         *entry("", arises),
         *_causes(found),

@@ -32,6 +32,7 @@ from winchcascade.report.diagnosis_names import (
 from winchcascade.report.digits import number
 from winchcascade.report.gap_words import alarm_meaning, alarm_words, arises_sentence, upper, where_sentence
 from winchcascade.report.line_words import LINE_MEANINGS, LINE_NUMBERS, cycles_of, part_words
+from winchcascade.report.own_simulation_words import has_own_simulation
 
 VERDICTS = {
     "no_gap": "No gap",
@@ -84,6 +85,17 @@ MODEL = Phrases(
         "residual: take the names below as a hint at most.",
     },
 )
+OWN = MODEL._replace(
+    gap="explainable gap between your simulation and the logs",
+    closes="gap between your simulation and held-out logs",
+    verdicts={
+        **MODEL.verdicts,
+        "no_gap": "Nothing in these logs is significant against noise and the tolerances of the rig's model: no cause is "
+        "named. What separates your simulation from the logs beyond these is its model form.",
+    },
+)
+"""Phrases where the logs are compared with a simulation of the owner."""
+
 LINE = Phrases(
     suspect="suspect",
     none="no suspect",
@@ -107,7 +119,9 @@ LINE = Phrases(
 
 def phrases_of(found: DiagnosisResult) -> Phrases:
     """Phrases of the kind of a diagnosis."""
-    return LINE if isinstance(found, LineDiagnosis) else MODEL
+    if isinstance(found, LineDiagnosis):
+        return LINE
+    return OWN if has_own_simulation(found) else MODEL
 
 
 # ------------------------------------------------------------------------------------------------- what things are called
@@ -224,6 +238,8 @@ def verdict_words(found: DiagnosisResult) -> str:
         return phrases.verdicts["no_gap" if found.verdict == "no_gap" else "no_cause"]
     count, more = len(found.causes), len(found.unnamed)
     named = "The named cause closes" if count == 1 else f"The {count} named causes close"
+    if has_own_simulation(found):
+        named = f"The rig's model with the named cause{'s' if count > 1 else ''} closes"
     if more:
         named = f"A fit of {count + more} effects, of which the leading {count} are named, closes"
     state: str = found.verdict
@@ -244,7 +260,7 @@ def where_words(found: DiagnosisResult) -> str:
         return upper(where_sentence(found.where, word_of(found)).replace("= -", "= −"))
     alarms = found.remainder.alarms if found.remainder is not None else ()
     if not alarms or any(abs(place.z) > STANDS_OUT for place in found.places):
-        return _signs(where_sentence(found.where))
+        return _signs(where_sentence(found.where, own_simulation=has_own_simulation(found)))
     return f"No mean over a phase deviates beyond noise and tolerances. {alarm_words(alarms[0], files_of(found))}."
 
 
@@ -270,6 +286,8 @@ def checked_words(found: ModelDiagnosis) -> str:
     out, alone = (sum(abs(place.z) > STANDS_OUT for place in places) for places in (found.places, found.stages))
     deviate = "none deviates" if not out else f"{out} deviate"
     more = ", but no effect explains that better than tolerances do" if out else ""
+    if out and has_own_simulation(found):
+        more = " from your simulation"
     staged = f" Stage by stage {alone} of {len(found.stages)} do." if alone else ""
     return (
         f"{len(found.places)} means by channel, phase and load: {deviate} by more than {STANDS_OUT:g} standard "

@@ -80,12 +80,13 @@ def differs_words(spot: Spot | None, names: Mapping[str, str] = NAMES) -> str:
     return f"{spot_words(spot, names)} at {load_words(spot.load)}, by {apart_words(spot.z)} standard deviations"
 
 
-def where_sentence(where: Where, word: str = "measured") -> str:
+def where_sentence(where: Where, word: str = "measured", *, own_simulation: bool = False) -> str:
     """Where a gap lies: in which direction, at what currents and speeds, by how much; as the JSON has it.
 
     Parameters
     ----------
     word : what the power of a winch without a model is called
+    own_simulation : the logs are compared with a simulation of the owner
     """
     worst = where.worst
     if worst.channel == POWER:
@@ -100,7 +101,10 @@ def where_sentence(where: Where, word: str = "measured") -> str:
         if where.i_dc[1] > 0.5:
             region += f" and {max(where.i_dc[0], 0.0):.1f} to {where.i_dc[1]:.1f} A DC"
     place = "a sensor" if where.stage == "sensor" else f"the {where.stage} stage"
-    return f"The gap lies in {place}: {_deviates(worst, where.size, region)}by up to {size_text(worst.channel, where.size)}."
+    gap = "The gap between your simulation and the logs" if own_simulation else "The gap"
+    return (
+        f"{gap} lies in {place}: {_deviates(worst, where.size, region)}by up to {size_text(worst.channel, where.size)}."
+    )
 
 
 def arises_sentence(own: Arises | None) -> str:
