@@ -20,6 +20,13 @@ def test_a_log_finds_the_campaign_that_lists_it(fixtures: Path) -> None:
     assert found[1].load == 9.0
 
 
+def test_a_simulation_beside_a_log_is_found_relative_to_the_campaign(tmp_path: Path) -> None:
+    (tmp_path / "campaign.toml").write_text(
+        '[[run]]\nfile = "a.csv"\nsimulated = "own/a.mat"\n[[run]]\nfile = "b.csv"\n'
+    )
+    assert [run.simulated for run in load_campaign(tmp_path).runs] == [tmp_path / "own" / "a.mat", None]
+
+
 def test_a_log_that_no_campaign_lists_stands_alone(tmp_path: Path) -> None:
     (tmp_path / "campaign.toml").write_text('[[run]]\nfile = "other.csv"\n')
     assert campaign_beside(tmp_path / "log.csv") is None
@@ -37,6 +44,10 @@ def test_a_log_that_no_campaign_lists_stands_alone(tmp_path: Path) -> None:
         ('[[run]]\nfile = "a\\u0000.csv"\n', "run 1: file is 'a"),
         ("[[run]]\nfile = 'a'\nload = 3.0\n", "run 1: load is no entry of a run"),
         ("[[run]]\nfile = 'a'\nload_ohm = -3.0\n", "run 1: load_ohm is -3.0; expected a number of ohms above 0"),
+        (
+            "[[run]]\nfile = 'a'\nsimulated = 3\n",
+            "run 1: simulated is 3; expected the name of a file, such as simulated =",
+        ),
         ("[[run]]\nfile = 'a'\nload_ohm = nan\n", "run 1: load_ohm is nan"),
         ("[[run]]\nfile = 'a'\nload_ohm = true\n", "run 1: load_ohm is True"),
         ("[[run]]\nfile = 'a'\nwindow_s = inf\n", "run 1: window_s is inf"),

@@ -122,20 +122,20 @@ def model_forms(data: Fitted, suspects: Suspects, found: Found, places: Sequence
     best = found.best
     effects = dict(zip(best.names, best.effects(suspects), strict=True))
     here = data.predict(best.nu, [*effects.values()])
-    forms: list[tuple[float, ModelForm]] = []
+    forms: list[ModelForm] = []
     for name in best.names:
         change = here - data.predict(best.nu, [effect for other, effect in effects.items() if other != name])
         size, place = _most(data, change, places)
         if place is not None and size >= RELEVANT:
-            forms.append((size, _form(suspects[name].stage, place, name)))
+            forms.append(_form(suspects[name].stage, place, name))
     for alarm in alarms_of(data, suspects, best):
         if alarm.kind == "structure" and isinstance(alarm.about, Spot):
             own = [p for p in places if (p.channel, p.phase) == (alarm.about.channel, alarm.about.phase)]
             worst = max(own, key=lambda p: abs(p.z), default=None)
             stage = STAGE_OF[alarm.about.channel]
-            if worst is not None and stage not in {form.stage for _, form in forms}:
-                forms.append((0.0, _form(stage, worst, None)))
-    return tuple(form for _, form in sorted(forms, key=lambda one: -one[0]))
+            if worst is not None and stage not in {form.stage for form in forms}:
+                forms.append(_form(stage, worst, None))
+    return tuple(sorted(forms, key=lambda form: -abs(form.z)))
 
 
 def _form(stage: str, place: Place, likely: str | None) -> ModelForm:

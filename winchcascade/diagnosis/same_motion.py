@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -21,6 +20,12 @@ SAME = 0.01
 
 AT_ONCE = 0.1
 """Smaller shifts between log and simulation, in intervals of the log, are noise of the velocity and count as none. [1]"""
+
+BEYOND = 1.5
+"""A simulation stands still further than so many of its intervals before its beginning and after its end. [1]"""
+
+NEAR = 0.5
+"""The shift is refined within this, as the correlation of logs that begin or end within a motion deviates. [s]"""
 
 FINER = 1.5
 """A simulation with so many samples for each of the log is averaged over the intervals of the log. [1]"""
@@ -44,10 +49,7 @@ def onto_log(simulation: Run, log: Run, counted: slice) -> Run:
             f"{', '.join(simulation.channels)}. Export {'them' if len(missing) > 1 else 'it'} too, or name the column in the "
             "rig file under [columns]."
         )
-    shift = _shift(simulation, log)
-    velocity = _smoothed(log)[counted]
-    other = np.interp(log.t[counted] + shift, simulation.t, _smoothed(simulation), left=0.0, right=0.0)
-    difference = math.sqrt(float(np.mean((other - velocity) ** 2) / max(float(np.mean(velocity**2)), 1e-12)))
+    shift, difference = _aligned(simulation, log, counted)
     if difference > SAME:
         raise LogError(
             f"{simulation.path}: the simulation has another line motion than the log {log.name}: the velocities differ by "
@@ -73,24 +75,32 @@ def _smoothed(run: Run) -> Signal:
     return local_quadratic(run.t, run.channels["velocity"], SMOOTHING)
 
 
-def _shift(simulation: Run, log: Run) -> float:
-    """By how much the clock of a simulation is ahead of that of its log, by the correlation of the velocities. [s]"""
+def _aligned(simulation: Run, log: Run, counted: slice) -> tuple[float, float]:
+    """By how much the clock of a simulation is ahead of that of its log [s], and the difference of the velocities then [1].
+
+    The clocks may be the same, begin with the first sample, or be related by the correlation of the velocities.
+    """
     from scipy.optimize import minimize_scalar
     from scipy.signal import correlate
 
-    step = 1.0 / log.fs
-    at_log, at_other = (np.arange(run.t[0], run.t[-1] + step, step) for run in (log, simulation))
-    velocity, other = np.interp(at_log, log.t, _smoothed(log)), np.interp(at_other, simulation.t, _smoothed(simulation))
-    lag = int(np.argmax(correlate(other, velocity, method="fft"))) - (velocity.size - 1)
-    about = float(at_other[0] - at_log[0]) + lag * step
+    step, velocity, other = 1.0 / log.fs, _smoothed(log), _smoothed(simulation)
+    scale = max(float(np.sqrt(np.mean(velocity[counted] ** 2))), 1e-6)
 
     def difference(shift: float) -> float:
-        moved = np.interp(at_log + shift, at_other, other, left=0.0, right=0.0)
-        return float(np.sum((moved - velocity) ** 2))
+        at = log.t[counted] + shift
+        beyond = np.maximum(simulation.t[0] - at, at - simulation.t[-1]) > BEYOND / simulation.fs
+        moved = np.where(beyond, 0.0, np.interp(at, simulation.t, other))
+        return float(np.sqrt(np.mean((moved - velocity[counted]) ** 2))) / scale
 
-    found = minimize_scalar(difference, bounds=(about - step, about + step), method="bounded")
+    at_log, at_other = (np.arange(run.t[0], run.t[-1], step) for run in (log, simulation))
+    together = correlate(np.interp(at_other, simulation.t, other), np.interp(at_log, log.t, velocity), method="fft")
+    begins = float(simulation.t[0] - log.t[0])
+    near = min((0.0, begins, begins + (int(np.argmax(together)) - at_log.size + 1) * step), key=difference)
+    found = minimize_scalar(difference, bounds=(near - NEAR, near + NEAR), method="bounded", options={"xatol": 1e-5})
     shift = float(found.x)
-    return 0.0 if abs(shift) < AT_ONCE * step else shift
+    if abs(shift) < AT_ONCE * step:
+        shift = 0.0
+    return shift, difference(shift)
 
 
 def _sampled(simulation: Run, x: Signal, log: Run, shift: float) -> Signal:

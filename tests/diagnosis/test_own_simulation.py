@@ -1,0 +1,111 @@
+"""The gap between logs and a simulation of the owner: causes of the logs, and what the simulation has in another form."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from planted import campaign, driven
+
+from winchcascade.core.rig_toml import built_in
+from winchcascade.core.run import Run
+from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
+from winchcascade.diagnosis.gap_map import STANDS_OUT, without_zeros
+from winchcascade.diagnosis.own_simulation import beside_own_simulation, on_the_logs
+from winchcascade.report.diagnosis_record import as_json
+from winchcascade.report.diagnosis_text import diagnosis_text
+from winchcascade.report.own_simulation_words import own_simulation_words
+from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
+from winchcascade.rig.effects.effect import ActiveEffect
+from winchcascade.rig.effects.simplifications import SIMPLIFICATIONS
+from winchcascade.rig.parts import Model, baseline
+from winchcascade.rig.simulate import simulate
+
+SUSPECTS = {
+    name: EFFECTS[name] for name in ("ke_rolloff", "copper_heating", "sync_inductance", "line_drag", "rotor_inertia")
+}
+LINE_DRAG = {"line_drag": {"b": 0.9}}
+
+
+def own(model: Model) -> list[Run]:
+    return [simulate(run, model).run for run in driven()]
+
+
+@cache
+def diagnosed(simulator: str) -> tuple[ModelDiagnosis, ModelDiagnosis]:
+    """A diagnosis by the rig's model, and the same with an own simulation as its baseline."""
+    model, rig = baseline(built_in()), built_in()
+    if simulator == "averaged":
+        model = ActiveEffect(SIMPLIFICATIONS["averaged_bridge"], (1.0,)).apply(model)
+    elif simulator != "same":
+        model = make_effect(simulator, {"r_s_change": 0.3}).apply(model)
+    alone, cycles = diagnose(campaign(LINE_DRAG), rig, SUSPECTS), [None] * len(driven())
+    simulations = on_the_logs(own(model), alone.runs, rig, cycles)
+    return alone, beside_own_simulation(alone, simulations, cycles=cycles)
+
+
+@pytest.mark.parametrize("simulator", ["same", "averaged", "copper_heating"])
+def test_the_cause_of_the_logs_is_named_whatever_the_simulation_has(simulator: str) -> None:
+    alone, found = diagnosed(simulator)
+    assert [cause.effect for cause in found.causes] == ["line_drag"]
+    assert (found.verdict, found.causes) == (alone.verdict, alone.causes)
+
+
+def test_a_simulation_of_the_same_physics_has_no_other_form() -> None:
+    _, found = diagnosed("same")
+    record = as_json(found)
+    assert record["baseline"] == "own_simulation"
+    assert record["model_form"] == []
+    assert own_simulation_words(found) == [
+        "Your simulation agrees with the rig's model as given within its tolerances."
+    ]
+
+
+def test_an_averaged_bridge_is_reported_in_the_generator_stage() -> None:
+    _, found = diagnosed("averaged")
+    (form,) = as_json(found)["model_form"]
+    assert (form["stage"], form["likely"], form["phase"]) == ("generator", "averaged_bridge", "payout")
+    assert form["bias"] < 0.0
+    assert abs(form["z"]) > STANDS_OUT
+    (sentence,) = own_simulation_words(found)
+    assert sentence.startswith(
+        "Your simulation differs from the rig's model in the generator stage; likely an averaged bridge:"
+    )
+
+
+def test_an_effect_that_the_simulation_contains_already_is_reported_with_its_number() -> None:
+    _, found = diagnosed("copper_heating")
+    assert found.own_simulation is not None
+    assert [form.likely for form in found.own_simulation.forms] == ["copper_heating"]
+    (sentence,) = own_simulation_words(found)
+    assert sentence.startswith("Your simulation already contains Hot copper (copper_heating, generator stage): stator")
+    value = found.own_simulation.numbers["copper_heating"]["r_s_change"]
+    assert value.low < 0.3 < value.high
+
+
+def test_map_and_closure_are_those_of_log_minus_simulation() -> None:
+    alone, found = diagnosed("averaged")
+    assert found.own_simulation is not None
+    assert found.closure is not None
+    assert alone.closure is not None
+    simulations = found.own_simulation.runs
+    vdc = np.concatenate(
+        [log.course.blocks.mean(run.channels["vdc"]) for log, run in zip(found.data.logs, simulations, strict=True)]
+    )
+    assert np.allclose(found.predicted[:, 3], vdc)
+    gap = without_zeros(found.data, found.data.measured - found.predicted)
+    place = next(p for p in found.places if (p.channel, p.phase, p.load) == ("vdc", "payout", 9.0))
+    here = found.data.seen[:, 3] & (found.data.blocks.phase == 0)
+    here[[k for k in range(here.size) if not found.data.rows[2].start <= k < found.data.rows[2].stop]] = False
+    assert place.bias == pytest.approx(float(np.mean(gap[here, 3])))
+    assert found.closure.channels["vdc"].before > 2.0 * alone.closure.channels["vdc"].before
+    assert found.closure.channels["vdc"].after == pytest.approx(alone.closure.channels["vdc"].after)
+
+
+def test_the_answer_speaks_of_your_simulation() -> None:
+    alone, found = diagnosed("averaged")
+    text, without = (" ".join(diagnosis_text(one).split()) for one in (found, alone))
+    assert "The gap between your simulation and the logs lies in the transmission stage" in text
+    assert "of the gap between your simulation and held-out logs" in text
+    assert "our simulation" not in without
+    assert as_json(alone)["baseline"] == "rig"
+    assert as_json(alone)["model_form"] == []
