@@ -35,9 +35,6 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.evidence import Found
     from winchcascade.diagnosis.suspects import Suspects
 
-RELEVANT = 0.003
-"""Minimum change of a phase mean by what a simulation has in another form, as a share of the maximum of its channel. [1]"""
-
 
 def on_the_logs(
     simulations: Sequence[Run], logs: Sequence[Run], rig: Rig, cycles: Sequence[tuple[int, int] | None]
@@ -80,8 +77,7 @@ def beside_own_simulation(
         ]
     )
     nothing = np.zeros(len(data.nuisances))
-    tolerances = data.tolerances(nothing, [], result.predicted)[:, :, [n.kind != "zero" for n in data.nuisances]]
-    places = compare(data, given, tolerances)
+    places = compare(data, given, data.tolerances(nothing, [], result.predicted))
     where, closure, gap = result.where, result.closure, without_zeros(data, data.measured - given)
     if where is not None:
         where = locate(data, gap, places, where.stage, where.arises)
@@ -105,8 +101,8 @@ def fit_simulation(
     found = search(data, suspects, lambda step: on_progress(f"your simulation: {step}"))
     nothing = np.zeros(len(data.nuisances))
     nominal = data.predict(nothing, [])
-    tolerances = data.tolerances(nothing, [], nominal)[:, :, [n.kind != "zero" for n in data.nuisances]]
-    forms = model_forms(data, suspects, found, compare(data, nominal, tolerances))
+    places = compare(data, nominal, data.tolerances(nothing, [], nominal))
+    forms = model_forms(data, suspects, found, places)
     likely = [form.likely for form in forms if form.likely is not None]
     numbers = {name: parameters_of(data, suspects, found.best, name, found.scale) for name in likely}
     return OwnSimulation(tuple(simulations), forms, {name: suspects[name] for name in likely}, numbers)
@@ -126,7 +122,7 @@ def model_forms(data: Fitted, suspects: Suspects, found: Found, places: Sequence
     for name in best.names:
         change = here - data.predict(best.nu, [effect for other, effect in effects.items() if other != name])
         size, place = _most(data, change, places)
-        if place is not None and size >= RELEVANT:
+        if place is not None and size >= data.rig.model.relevant_share:
             forms.append(_form(suspects[name].stage, place, name))
     for alarm in alarms_of(data, suspects, best):
         if alarm.kind == "structure" and isinstance(alarm.about, Spot):
