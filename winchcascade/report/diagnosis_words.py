@@ -91,7 +91,7 @@ OWN = MODEL._replace(
     verdicts={
         **MODEL.verdicts,
         "no_gap": "Nothing in these logs is significant against noise and the tolerances of the rig's model: no cause is "
-        "named. What separates your simulation from the logs beyond these is its model form.",
+        "named. Your simulation differs from the logs by no more than these and its model form.",
     },
 )
 """Phrases where the logs are compared with a simulation of the owner."""
