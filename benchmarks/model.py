@@ -21,7 +21,7 @@ from circuit import NGSPICE, seconds_of, solved_by_ngspice
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.rig_toml import built_in
 from winchcascade.ingest.read import read_run
-from winchcascade.rig.parts import baseline
+from winchcascade.rig.baseline import baseline
 from winchcascade.rig.simulate import simulate
 
 RPM, LOAD = 2000.0, 18.0

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.reduction.phases import detect, find_plateau, smoothed_velocity
-from winchcascade.rig.parts import Model, baseline
+from winchcascade.rig.baseline import baseline
+from winchcascade.rig.parts import Model
 from winchcascade.rig.simulate import simulate
 
 Signal = NDArray[np.float64]

@@ -10,8 +10,9 @@ import msgspec
 
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
+from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import COLUMNS
-from winchcascade.rig.parts import Model, baseline
+from winchcascade.rig.parts import Model
 from winchcascade.rig.simulate import STEP, motion_of, solve
 from winchcascade.rig.stages import StageOutput, along, outputs_along
 

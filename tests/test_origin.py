@@ -31,7 +31,7 @@ from winchcascade.report.check_text import check_record, check_text
 from winchcascade.report.document import make_report
 from winchcascade.report.publish import html_text
 from winchcascade.report.records import reduction_record
-from winchcascade.rig.parts import baseline
+from winchcascade.rig.baseline import baseline
 from winchcascade.rig.simulate import simulate, write_log
 from winchcascade.tables.check import check, measured_from_record
 

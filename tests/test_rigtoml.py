@@ -4,7 +4,8 @@ import pytest
 
 from winchcascade.core.errors import RigError
 from winchcascade.core.rig_file import Thresholds
-from winchcascade.core.rig_toml import BUILT_IN, built_in, built_in_text, load_rig, parse_rig
+from winchcascade.core.rig_toml import BUILT_IN, built_in, built_in_text, parse_rig
+from winchcascade.rig.open_rig import load_rig
 
 MINIMAL = 'name = "mine"\n'
 

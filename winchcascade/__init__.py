@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
     from winchcascade.core.errors import LogError, OptionError, RigError, WinchcascadeError
     from winchcascade.core.rig_file import Rig
-    from winchcascade.core.rig_toml import load_rig
     from winchcascade.core.run import Finding, Run
     from winchcascade.diagnosis.calibrate import Calibration, calibrate
     from winchcascade.ingest.read import read_run
@@ -24,7 +23,9 @@ if TYPE_CHECKING:
     from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
     from winchcascade.reduction.reduce import reduce
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
-    from winchcascade.rig.parts import Model, baseline
+    from winchcascade.rig.baseline import baseline
+    from winchcascade.rig.open_rig import load_rig
+    from winchcascade.rig.parts import Model
     from winchcascade.rig.simulate import Simulation, simulate
 
 __all__ = [
@@ -69,9 +70,9 @@ _HOME = {
     "Simulation": "rig.simulate",
     "Uncertainty": "reduction.montecarlo",
     "WinchcascadeError": "core.errors",
-    "baseline": "rig.parts",
+    "baseline": "rig.baseline",
     "calibrate": "diagnosis.calibrate",
-    "load_rig": "core.rig_toml",
+    "load_rig": "rig.open_rig",
     "read_run": "ingest.read",
     "reduce": "reduction.reduce",
     "simulate": "rig.simulate",

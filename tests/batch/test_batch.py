@@ -24,11 +24,11 @@ from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import Batch, Products, run_batch
 from winchcascade.core.errors import OutputError
 from winchcascade.core.jobs import Workers
-from winchcascade.core.rig_toml import load_rig
 from winchcascade.core.scratch import scratch_file
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
 from winchcascade.report.records import reduction_json
+from winchcascade.rig.open_rig import load_rig
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 LOGS = {"r36ohm.csv": (36.0, 5.48), "r9ohm.csv": (9.0, 5.96)}

@@ -16,7 +16,7 @@ from rigs import own_model
 from winchcascade import read_run
 from winchcascade.blind.cases import ORIGIN, Case, answer_of, make_campaign
 from winchcascade.blind.drive import FINE, LEDGER, weakened
-from winchcascade.blind.injected import OUTSIDERS, PARTS, Hidden, draw_hidden
+from winchcascade.blind.injected import INJECTED, OUTSIDERS, Hidden, draw_hidden
 from winchcascade.blind.twin import Twin, gas_pressure, line_motion, make_log, noiseless, solve, stamps_of
 from winchcascade.blind.twin_numbers import LOADS, SENSORS, Numbers
 from winchcascade.rig.effects.catalogue import EFFECTS
@@ -48,8 +48,8 @@ def test_the_twin_imports_nothing_of_the_rig_it_is_an_answer_to() -> None:
 
 
 def test_every_effect_of_the_catalogue_may_be_hidden_and_reports_what_a_diagnosis_reports() -> None:
-    assert list(PARTS) == list(EFFECTS)
-    for name, part in PARTS.items():
+    assert set(INJECTED) == set(EFFECTS)
+    for name, part in INJECTED.items():
         assert EFFECTS[name].stage == part.stage
         assert part.parameter == EFFECTS[name].parameter
     assert not set(OUTSIDERS) & set(EFFECTS)
@@ -106,7 +106,7 @@ def test_each_effect_and_each_outsider_shows_in_some_channel(every: int) -> None
     keep = x.size * 2 // 5  # the first payout and haul-in
     x, v = x[:keep], v[:keep]
     plain = _readings(plain_twin(), x, v)
-    cases = [draw_hidden({name: 0.4}, None, np.random.default_rng(9)) for name in PARTS]
+    cases = [draw_hidden({name: 0.4}, None, np.random.default_rng(9)) for name in INJECTED]
     cases += [draw_hidden({}, name, np.random.default_rng(9)) for name in OUTSIDERS]
     for hidden in cases[::every]:
         if "elastic_encoder" in hidden.outsiders:  # changes what is logged of the motion, not what follows from it

@@ -11,8 +11,8 @@ import numpy as np
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.ingest.read import read_run
+from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
-from winchcascade.rig.parts import baseline
 from winchcascade.rig.simulate import simulate
 
 CAMPAIGN = Path(__file__).parent.parent.parent / "fixtures" / "campaign"

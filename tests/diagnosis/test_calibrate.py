@@ -18,7 +18,7 @@ from winchcascade.core.run import Run
 from winchcascade.diagnosis.calibrate import STRAINED, Calibration
 from winchcascade.diagnosis.nuisances import nuisances, shifted
 from winchcascade.report.calibration_text import calibration_text
-from winchcascade.rig.parts import baseline
+from winchcascade.rig.baseline import baseline
 
 RIG = built_in()
 

@@ -28,8 +28,8 @@ from winchcascade.diagnosis.gap_map import (
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.report.gap_words import where_sentence
+from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
-from winchcascade.rig.parts import baseline
 
 U_PRESSURE = 2942.0
 """Standard uncertainty of the zero of the pressure sensor, as the built-in rig file has it. [Pa]"""

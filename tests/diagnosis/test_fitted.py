@@ -11,8 +11,8 @@ from winchcascade import simulate
 from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.misfit import RHO, Fitted
 from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
-from winchcascade.rig.parts import baseline
 
 RIG = built_in()
 

@@ -15,7 +15,7 @@ from winchcascade.core.smooth import local_quadratic
 from winchcascade.diagnosis.block_means import PHASES, blocks_of
 from winchcascade.diagnosis.misfit import NOISELESS, noise_of, velocity_noise, with_extra
 from winchcascade.diagnosis.predict import CHANNELS, Course
-from winchcascade.rig.parts import baseline
+from winchcascade.rig.baseline import baseline
 
 WITHIN = 0.15
 """The noise of a log of two minutes is found to this share."""

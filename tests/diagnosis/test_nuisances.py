@@ -10,7 +10,7 @@ from openlog import FS, made_log
 from winchcascade.core.rig_file import Sensor
 from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.nuisances import OF_THE_MODEL, SKEW, nuisances, sensor_errors, shifted
-from winchcascade.rig.parts import baseline
+from winchcascade.rig.baseline import baseline
 
 RIG = built_in()
 RUNS = [msgspec.structs.replace(made_log(cycles=1), load=load) for load in (math.inf, 18.0, 18.0, 4.5)]

@@ -13,16 +13,17 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.block_means import blocks_of
 from winchcascade.diagnosis.predict import _SHAFT_FROM, CHANNELS, MOST_KEPT, Course
+from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import Constants, constants
-from winchcascade.rig.parts import Model, baseline
+from winchcascade.rig.parts import Model
 
 RIG = built_in()
 MODEL = baseline(RIG)
 NUMBERS = constants(MODEL, 18.0)
 
 OF_THE_LINE = (
-    "inertia_drum", "line_friction", "line_drag", "layering", "lead", "eta_forward", "eta_reverse", "area", "pressure",
-    "volume", "exponent", "cooling", "seal_friction",
+    "inertia_drum", "line_friction", "line_drag", "layering", "stribeck", "stribeck_speed", "lead", "eta_forward",
+    "eta_reverse", "area", "pressure", "volume", "exponent", "cooling", "seal_friction", "seal_stribeck",
 )  # fmt: skip
 
 COARSELY = 2e-3

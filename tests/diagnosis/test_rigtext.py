@@ -10,9 +10,10 @@ from openlog import made_log, steady_payouts
 
 from winchcascade import __version__, calibrate, load_rig
 from winchcascade.core.errors import LogError, RigError
+from winchcascade.core.rig_file import EffectNumber, StatedEffect
 from winchcascade.core.rig_toml import built_in, built_in_text, parse_rig
 from winchcascade.diagnosis.calibrate import Calibration
-from winchcascade.diagnosis.rig_text import MARK, calibrated_text
+from winchcascade.diagnosis.rig_text import CORRECTED, MARK, calibrated_text, corrected_text
 
 NAMES = {"k_e": "generator", "mu_screw": "restoring", "b_rotor": "drivetrain"}
 
@@ -169,3 +170,37 @@ def test_a_number_that_no_rig_has_is_not_written() -> None:
         LogError, match=r"mu_screw comes out as -0\.01, which no rig has, so that no rig file is written"
     ):
         calibrated_text(msgspec.structs.replace(calibration(), numbers=numbers))
+
+
+DRAG = {
+    "line_drag": StatedEffect(
+        {"b": EffectNumber(0.5, "N.m.s/rad", "diagnosis of a test", 0.4, 0.6)}, ("a.csv", "b.csv")
+    )
+}
+MORE_DRAG = {"line_drag": StatedEffect({"b": EffectNumber(0.7, "N.m.s/rad")}, ("c.csv",))}
+
+
+def test_effects_are_added_after_all_that_the_rig_file_has() -> None:
+    text = corrected_text(built_in(), DRAG, "Day 2\n")
+    first, _, rest = text.partition("\n")
+    assert first == f"{CORRECTED}{__version__} from Day 2?: line_drag."
+    assert rest.startswith(built_in_text("hsu2026").rstrip())
+    assert parse_rig(text, "again").effects == DRAG
+
+
+def test_a_rig_file_of_ones_own_keeps_its_line_ends_and_its_other_effects(tmp_path: Path) -> None:
+    path = tmp_path / "own.toml"
+    own = corrected_text(built_in(), DRAG, "Day 2") + "# of the screw\n[effects.screw_friction]\nmu_change = 0.01\n"
+    path.write_bytes(own.replace("\n", "\r\n").encode())
+    text = corrected_text(load_rig(path), MORE_DRAG, "Day 3")
+    assert text.count("\r\n") == text.count("\n")
+    assert text.count(CORRECTED) == text.count("[effects.line_drag]") == 1
+    assert "# of the screw\r\n[effects.screw_friction]" in text
+    assert parse_rig(text, "again").effects == {**load_rig(path).effects, **MORE_DRAG}
+
+
+def test_an_effect_that_cannot_be_replaced_is_rejected(tmp_path: Path) -> None:
+    path = tmp_path / "own.toml"
+    path.write_text('based_on = "hsu2026"\nname = "own"\n[effects]\nline_drag = { b = 0.1 }\n', encoding="utf-8")
+    with pytest.raises(RigError, match=r"write each effect that it states as a table \[effects.NAME\]"):
+        corrected_text(load_rig(path), DRAG, "Day 2")

@@ -22,8 +22,9 @@ from winchcascade.diagnosis.nuisances import SECTIONS
 from winchcascade.diagnosis.stagewise import TOUCHED, _noise, stagewise
 from winchcascade.ingest.read import read_run
 from winchcascade.report.gap_words import arises_sentence
+from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
-from winchcascade.rig.parts import Model, baseline
+from winchcascade.rig.parts import Model
 from winchcascade.rig.stages import STAGES
 
 LOADS = (math.inf, 27.0, 4.5)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from winchcascade.core.rig_toml import load_rig
 from winchcascade.core.run import Run
+from winchcascade.rig.open_rig import load_rig
 
 RIG = load_rig("kitepower")
 

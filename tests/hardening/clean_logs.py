@@ -26,11 +26,11 @@ from judge import csv, moved, scratch, truth
 from scipy.io import savemat
 
 from winchcascade.core.campaign_file import load_campaign
-from winchcascade.core.rig_toml import load_rig
 from winchcascade.core.run import Finding
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.rig.open_rig import load_rig
 
 SHARED = ROOT.parent / "shared" / "data"
 SIMULATED_RATES = (5, 10, 25, 50, 100)

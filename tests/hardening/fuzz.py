@@ -33,7 +33,6 @@ from winchcascade.batch.plan import make_plan
 from winchcascade.batch.results import load_results
 from winchcascade.core.errors import WinchcascadeError
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.rig_toml import load_rig
 from winchcascade.core.table_toml import load_table
 from winchcascade.ingest.limits import SECONDS_SETTING
 from winchcascade.ingest.read import read_run
@@ -44,6 +43,7 @@ from winchcascade.report.audit_text import audit_text
 from winchcascade.report.check_text import check_text
 from winchcascade.report.records import reduction_json, reduction_record
 from winchcascade.report.terminal import reduction_text
+from winchcascade.rig.open_rig import load_rig
 from winchcascade.tables.audit import audit
 from winchcascade.tables.check import check, measured_from_record
 

@@ -10,12 +10,12 @@ from base_logs import TIME, Log, Signal, base
 from reasons import Reason, Reasoning
 
 from winchcascade.core.errors import WinchcascadeError
-from winchcascade.core.rig_toml import load_rig
 from winchcascade.core.run import Finding
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.efficiency import Metrics, ensemble_mean
 from winchcascade.reduction.reduce import reduce, require_payouts
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
+from winchcascade.rig.open_rig import load_rig
 
 ENERGIES = ("energy_line", "energy_mech", "energy_gen")
 EFFICIENCIES = ("eta_trans", "eta_gen", "eta_pto")

@@ -21,11 +21,12 @@ from seeds import DATA, HEADERS, ROWS, SEEDS, seeds
 from winchcascade.batch.results import load_results
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.errors import LogError, OptionError, WinchcascadeError
-from winchcascade.core.rig_toml import load_rig, parse_rig
+from winchcascade.core.rig_toml import parse_rig
 from winchcascade.core.table_toml import load_table, parse_table
 from winchcascade.ingest.clock import read_clock
 from winchcascade.ingest.read import read_run
 from winchcascade.report.audit_text import audit_text
+from winchcascade.rig.open_rig import load_rig
 from winchcascade.tables.audit import audit
 
 MANY = 300

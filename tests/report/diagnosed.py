@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.core.rig_toml import load_rig
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.ingest.read import read_run
+from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
-from winchcascade.rig.parts import baseline
+from winchcascade.rig.open_rig import load_rig
 from winchcascade.rig.simulate import simulate, write_log
 
 if TYPE_CHECKING:

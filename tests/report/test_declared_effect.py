@@ -3,13 +3,13 @@
 import pytest
 from diagnosed import SUSPECTS, made_logs
 
-from winchcascade.core.rig_toml import load_rig
 from winchcascade.diagnosis.diagnose import diagnose
 from winchcascade.report.diagnosis_causes import rows_of, tolerance_of
 from winchcascade.report.diagnosis_tables import causes_table, meanings_table
 from winchcascade.report.diagnosis_text import diagnosis_text
 from winchcascade.rig.effects.catalogue import EFFECTS, describe
 from winchcascade.rig.effects.effect import Change, Display, Effect, Field
+from winchcascade.rig.open_rig import load_rig
 
 PRESSURE_ZERO = Effect(
     name="pressure_zero",

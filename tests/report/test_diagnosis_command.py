@@ -8,6 +8,8 @@ import pytest
 from diagnosed import PLANTED, SUSPECTS, write_campaign
 from test_cli import one_sentence, winchcascade
 
+from winchcascade import load_rig, read_run
+
 FEW = [word for name in SUSPECTS for word in ("--suspect", name)]
 """Few suspects, with which a diagnosis takes a fraction of its time."""
 
@@ -58,6 +60,35 @@ def test_json_on_standard_output_stands_alone(campaign: Path) -> None:
     done = winchcascade("diagnose", campaign / "campaign.toml", "--json", "-", *FEW)
     assert done.returncode == 0
     assert json.loads(done.stdout)["closure"]["withheld"] == [18.0, 4.5]
+
+
+def test_the_corrected_rig_leaves_no_gap_and_is_accepted_by_other_commands(campaign: Path, tmp_path: Path) -> None:
+    corrected = tmp_path / "corrected.toml"
+    done = winchcascade("diagnose", campaign, "--write", corrected, *FEW)
+    assert done.returncode == 0
+    assert str(corrected) in done.stdout
+    change = load_rig(corrected).effects["copper_heating"].fields["r_s_change"]
+    assert change.low is not None
+    assert change.high is not None
+    assert change.low <= 0.4 <= change.high
+    again = winchcascade("diagnose", campaign, "--rig", corrected, "--write", tmp_path / "again.toml", *FEW)
+    assert "no gap" in again.stdout
+    assert "no corrected rig file, as no cause is named" in again.stdout
+    assert not (tmp_path / "again.toml").exists()
+    as_given, simulated = tmp_path / "as_given.csv", tmp_path / "simulated.csv"
+    log = campaign / "r4p5ohm.csv"
+    assert winchcascade("simulate", log, "--load-ohm", "4.5", "--out", as_given).returncode == 0
+    assert winchcascade("simulate", log, "--load-ohm", "4.5", "--rig", corrected, "--out", simulated).returncode == 0
+    logged, given, found = (read_run(path, load=4.5).channels["vdc"] for path in (log, as_given, simulated))
+    assert abs(found - logged).mean() < 0.1 * abs(given - logged).mean()
+    page = tmp_path / "r4p5ohm.html"
+    assert winchcascade("reduce", log, "--load-ohm", "4.5", "--rig", corrected, "--html", page).returncode == 0
+
+
+def test_a_rig_file_that_the_tool_did_not_write_is_not_replaced(campaign: Path, tmp_path: Path) -> None:
+    own = tmp_path / "own.toml"
+    own.write_text('name = "own"\n', encoding="utf-8")
+    assert "--force" in one_sentence("diagnose", campaign, "--write", own)
 
 
 def test_an_unknown_load_is_rejected_with_those_there_are(campaign: Path) -> None:

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from diagnosed import PLANTED, SUSPECTS, diagnosed, made_logs
 
-from winchcascade.core.rig_toml import load_rig
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.predict import CHANNELS
@@ -48,6 +47,7 @@ from winchcascade.report.diagnosis_figures import (
 )
 from winchcascade.report.style import house_style
 from winchcascade.rig.effects.catalogue import EFFECTS
+from winchcascade.rig.open_rig import load_rig
 
 ALL = ["copper", "rolloff", "nothing", "outsider"]
 

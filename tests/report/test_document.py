@@ -17,7 +17,7 @@ from calls import error_sentence
 from undrawn import undrawn
 
 from winchcascade import __version__
-from winchcascade.core.rig_toml import load_rig, parse_rig
+from winchcascade.core.rig_toml import parse_rig
 from winchcascade.core.run import CLOCK, SIMULATED_HEADERS
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.efficiency import Metrics
@@ -26,6 +26,7 @@ from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.document import best_and_worst, lost_share, make_report
 from winchcascade.report.report_model import Picture, Point, Report, Table
+from winchcascade.rig.open_rig import load_rig
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 CLEAN = FIXTURES / "campaign" / "r36ohm.csv"

@@ -16,7 +16,6 @@ import pytest
 
 from winchcascade.core.errors import OutputError
 from winchcascade.core.files import check_replaceable
-from winchcascade.core.rig_toml import load_rig
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
 from winchcascade.reduction.reduce import reduce
@@ -26,6 +25,7 @@ from winchcascade.report.document import make_report
 from winchcascade.report.publish import html_text, publish, width
 from winchcascade.report.report_model import Note, Picture, Report, Section, Table
 from winchcascade.report.style import COLOURS
+from winchcascade.rig.open_rig import load_rig
 
 ROOT = Path(__file__).parents[2]
 CLEAN = ROOT / "fixtures" / "campaign" / "r36ohm.csv"

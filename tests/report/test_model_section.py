@@ -18,7 +18,6 @@ from undrawn import undrawn
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import Products, run_batch
 from winchcascade.core.campaign_file import SIMULATED
-from winchcascade.core.rig_toml import load_rig
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.report import model_figures as figures
 from winchcascade.report.campaign import make_campaign_report
@@ -39,8 +38,9 @@ from winchcascade.report.model_section import (
 )
 from winchcascade.report.report_model import Note, Picture, Report, Section, Table
 from winchcascade.report.style import COLOURS, house_style
+from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
-from winchcascade.rig.parts import baseline
+from winchcascade.rig.open_rig import load_rig
 
 MINUS = "\u2212"
 

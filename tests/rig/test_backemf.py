@@ -14,7 +14,8 @@ from winchcascade.core.errors import LogError
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.rig.backemf import RPM_LEAST, back_emf
-from winchcascade.rig.parts import Model, baseline
+from winchcascade.rig.baseline import baseline
+from winchcascade.rig.parts import Model
 
 MODEL = baseline(built_in())
 

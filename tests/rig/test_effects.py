@@ -19,9 +19,10 @@ from winchcascade.core.errors import OptionError
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.ingest.read import read_run
+from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, describe, find_effect, make_effect
 from winchcascade.rig.effects.effect import ActiveEffect, Effect
-from winchcascade.rig.parts import ROLLOFF_KNOTS, Model, baseline
+from winchcascade.rig.parts import ROLLOFF_KNOTS, Model
 from winchcascade.rig.simulate import READ, STEP, Simulation, simulate
 
 ROOT = Path(__file__).parent.parent.parent
@@ -41,6 +42,7 @@ CONTRACT = [
     ("clutch_drag", "gearbox", "torque", "N m"),
     ("line_friction", "transmission", "torque", "N m, at the drum"),
     ("line_drag", "transmission", "b", "N m s/rad, at the drum"),
+    ("stribeck", "transmission", "slow_torque", "N m, at the drum"),
     ("drum_inertia", "transmission", "j_extra", "kg m2"),
     ("drum_layering", "transmission", "radius_change_per_10_m", "relative"),
     ("gas_polytropic", "restoring", "n", "1"),
@@ -54,6 +56,7 @@ CONTRACT = [
     ("force_gain", "sensor", "gain_error", "relative"),
     ("voltage_gain", "sensor", "gain_error", "relative"),
     ("current_gain", "sensor", "gain_error", "relative"),
+    ("pressure_gain", "sensor", "gain_error", "relative"),
     ("electrical_lag", "sensor", "lag", "s"),
 ]
 """The table of the interface: name, stage, parameter reported, unit (the project writes N.m for N m)."""
@@ -78,6 +81,7 @@ SHOWS: dict[str, tuple[set[str], set[str]]] = {
     "clutch_drag": ({"torque", "force"}, {"pressure", "vdc", "idc"}),
     "line_friction": AT_THE_LINE,
     "line_drag": AT_THE_LINE,
+    "stribeck": AT_THE_LINE,
     "drum_inertia": AT_THE_LINE,
     "drum_layering": AT_THE_LINE,
     "gas_polytropic": IN_THE_GAS,
@@ -91,6 +95,7 @@ SHOWS: dict[str, tuple[set[str], set[str]]] = {
     "force_gain": AT_THE_LINE,
     "voltage_gain": ({"vdc"}, set(READ) - {"vdc"}),
     "current_gain": ({"idc"}, set(READ) - {"idc"}),
+    "pressure_gain": ({"pressure"}, set(READ) - {"pressure"}),
     "electrical_lag": ({"vdc", "idc"}, {"pressure", "force", "torque"}),
 }
 """Channels that an effect moves, and those that it cannot touch, as the line's motion is given. What is in neither follows

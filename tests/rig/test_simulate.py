@@ -13,8 +13,8 @@ from winchcascade.core.errors import LogError, RigError
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
+from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import COLUMNS
-from winchcascade.rig.parts import baseline
 from winchcascade.rig.simulate import LEDGER, motion_of, simulate, solve, write_log
 
 KGCM2 = 98066.5

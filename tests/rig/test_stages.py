@@ -13,7 +13,8 @@ from winchcascade import load_rig, read_run, reduce, simulate
 from winchcascade.core.errors import LogError
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
-from winchcascade.rig.parts import Model, baseline
+from winchcascade.rig.baseline import baseline
+from winchcascade.rig.parts import Model
 from winchcascade.rig.stages import MOVING, StageOutput, acceleration, line_power
 
 MODEL = baseline(built_in())
@@ -76,8 +77,10 @@ def test_stages_follow_a_campaign_without_an_effect(shared: Path, case: str, log
 def test_stages_of_a_simulation_give_it_back(load: float) -> None:
     model = msgspec.structs.replace(
         MODEL,
-        winch=msgspec.structs.replace(MODEL.winch, friction=5.0, drag=0.8, layering=0.002),
-        restoring=msgspec.structs.replace(MODEL.restoring, seal_friction=300.0, exponent=1.2),
+        winch=msgspec.structs.replace(
+            MODEL.winch, friction=5.0, drag=0.8, layering=0.002, stribeck=4.0, stribeck_speed=0.4
+        ),
+        restoring=msgspec.structs.replace(MODEL.restoring, seal_friction=300.0, stribeck=3.0, exponent=1.2),
         drivetrain=msgspec.structs.replace(MODEL.drivetrain, windage=1e-7, friction=0.05),
         generator=msgspec.structs.replace(MODEL.generator, rolloff=(1.0, 0.99, 0.97, 0.94, 0.9, 0.86, 0.8, 0.7)),
         sensors=msgspec.structs.replace(MODEL.sensors, gain={"vdc": 0.02}, zero={"force": 20.0}, electrical_lag=0.04),

@@ -12,10 +12,11 @@ import pytest
 
 from winchcascade import read_run
 from winchcascade.core.rig_toml import built_in
+from winchcascade.rig.baseline import baseline
 from winchcascade.rig.bridge import bridge_slopes, bridge_state, bridge_table
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 from winchcascade.rig.kernel import SHAFT, Constants, constants, run_shaft
-from winchcascade.rig.parts import Model, baseline
+from winchcascade.rig.parts import Model
 from winchcascade.rig.simulate import LineMotion, motion_of
 from winchcascade.rig.tangent import MOST_WAYS, NUMBERS, direction, tangent_of
 

@@ -22,8 +22,9 @@ from winchcascade.ingest.read import read_run
 from winchcascade.reduction.efficiency import METRICS
 from winchcascade.reduction.reduce import first_metrics, reduce
 from winchcascade.report.audit_text import attainable_record, attainable_text
+from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
-from winchcascade.rig.parts import Model, baseline
+from winchcascade.rig.parts import Model
 from winchcascade.rig.simulate import simulate
 from winchcascade.tables.attainable import AttainableRanges, attainable_ranges
 from winchcascade.tables.attainable_row import Cell, repeatability, windows_of

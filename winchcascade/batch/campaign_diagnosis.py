@@ -10,8 +10,9 @@ import numpy as np
 from winchcascade.batch.own_simulations import read_simulations
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.errors import CampaignError, OptionError, RigError
-from winchcascade.core.files import write_whole
-from winchcascade.core.rig_toml import DEFAULT_RIG, load_rig
+from winchcascade.core.files import write_content, write_whole
+from winchcascade.core.rig_toml import DEFAULT_RIG
+from winchcascade.diagnosis.corrected_rig import corrected_rig_text
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose, withheld_numbers
 from winchcascade.diagnosis.diagnosis_result import Entries
 from winchcascade.diagnosis.line.line_data import POWER
@@ -19,7 +20,8 @@ from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis, diagnose_li
 from winchcascade.diagnosis.own_simulation import beside_own_simulation, on_the_logs
 from winchcascade.ingest.read import read_run
 from winchcascade.report.diagnosis_record import as_json
-from winchcascade.rig.parts import NoModel, model_of
+from winchcascade.rig.baseline import NoModel, model_of
+from winchcascade.rig.open_rig import load_rig
 from winchcascade.rig.simulate import simulate, write_log
 
 if TYPE_CHECKING:
@@ -149,6 +151,26 @@ def write_predictions(found: ModelDiagnosis | LineDiagnosis, folder: Path, *, fo
         written.append(folder / side / f"{log.rpartition('.')[0] or log}.csv")
         write(written[-1], force=force)
     return written
+
+
+def write_corrected_rig(found: ModelDiagnosis | LineDiagnosis, path: Path, *, force: bool = False) -> bool:
+    """Write the rig file of a campaign with the named causes as effects; False, and no file, where no cause is named.
+
+    Raises
+    ------
+    OptionError : the rig has no model that could be corrected
+    OutputError : the file cannot be written, or is not this tool's own and `force` does not allow to replace it
+    RigError : the rig file cannot be read again, or states an effect in a way that cannot be replaced
+    """
+    if isinstance(found, LineDiagnosis):
+        raise OptionError(
+            f"--write {path}: no model can be made of rig {found.rig.name}, so none can be corrected; leave --write out, or "
+            "add the numbers that the rig file lacks."
+        )
+    if not found.causes:
+        return False
+    write_content(path, corrected_rig_text(found), force=force)
+    return True
 
 
 def _predictions(found: ModelDiagnosis | LineDiagnosis) -> Iterator[tuple[str, str, Callable[..., None]]]:

@@ -17,8 +17,9 @@ from winchcascade.core.campaign_file import CAMPAIGN_FILE, Campaign, Origin, loa
 from winchcascade.core.errors import CampaignError, OptionError
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.rig_toml import DEFAULT_RIG, load_rig
+from winchcascade.core.rig_toml import DEFAULT_RIG
 from winchcascade.core.version import __version__
+from winchcascade.rig.open_rig import load_rig
 
 LOGS = frozenset("csv tsv txt dat asc log lvm tdms mat parquet pq xlsx xls xlsm xlsb ods".split())
 """Endings of files that are taken for logs in a folder."""

@@ -52,7 +52,16 @@ PARTS: dict[str, InjectedEffect] = {
     "current_gain": InjectedEffect("sensor", "gain_error", "1", 0.025, either=True),
     "electrical_lag": InjectedEffect("sensor", "lag", "s", 0.12),
 }
-"""Every effect by its name, with its size at full strength."""
+"""Every effect that a seed deals by its name, with its size at full strength. The order belongs to what a seed deals."""
+
+LATER: dict[str, InjectedEffect] = {
+    "stribeck": InjectedEffect("transmission", "slow_torque", "N.m", 4.0),
+    "pressure_gain": InjectedEffect("sensor", "gain_error", "1", 0.05, either=True),
+}
+"""Effects that joined the catalogue later: they are injected where a plan names them, and a seed deals what it always has."""
+
+INJECTED = PARTS | LATER
+"""Every effect that may be injected."""
 
 OUTSIDERS: dict[str, float] = {
     "elastic_encoder": 0.15,
@@ -88,7 +97,7 @@ class Hidden(msgspec.Struct, frozen=True):
         """True value of the parameter that a diagnosis reports, by effect."""
         signs = {"ke_rolloff": -1.0, "gas_polytropic": 1.0}  # their parameters are 1 where the effect is absent
         return {
-            name: {PARTS[name].parameter: 1.0 + signs[name] * value if name in signs else value}
+            name: {INJECTED[name].parameter: 1.0 + signs[name] * value if name in signs else value}
             for name, value in self.effects.items()
         }
 
@@ -101,12 +110,14 @@ def draw_hidden(effects: Mapping[str, float], outsider: str | None, rng: np.rand
     effects : strength of each effect, 1 for full
     outsider : cause outside the catalogue, None for none
     """
-    values = {name: strength * _size(PARTS[name], rng) for name, strength in effects.items()}
+    values = {name: strength * _size(INJECTED[name], rng) for name, strength in effects.items()}
     laws: dict[str, float] = {}
     if "ke_rolloff" in values:
         laws |= _rolloff(values["ke_rolloff"], rng)
     if "gas_polytropic" in values:
         laws["gas_cooling"] = rng.uniform(4.0, 12.0)
+    if "stribeck" in values:
+        laws |= {"slow_speed": rng.uniform(0.08, 0.18), "slow_seals": rng.uniform(0.0, 1.0)}
     if outsider is None:
         return Hidden(values, laws)
     outside = {outsider: OUTSIDERS[outsider] * rng.uniform(0.85, 1.25)}

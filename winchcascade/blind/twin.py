@@ -154,7 +154,13 @@ def stamps_of(solved: Solved, logger: Logger = CRANE_LOGGER) -> Signal:
     return np.arange(0.0, solved.t[-1] - 0.01, logger.interval)
 
 
-_GAINS = {"torque": "torque_gain", "force": "force_gain", "vdc": "voltage_gain", "idc": "current_gain"}
+_GAINS = {
+    "torque": "torque_gain",
+    "force": "force_gain",
+    "vdc": "voltage_gain",
+    "idc": "current_gain",
+    "pressure": "pressure_gain",
+}
 _DELAYS = {"vdc": "electrical_lag", "idc": "electrical_lag", "force": "late_force"}
 _ZEROS = {"force": "force_zero"}
 """Effects and outsiders that give the sensor of a channel a gain, a delay or a zero."""
@@ -310,9 +316,12 @@ def solve(twin: Twin, log: str, x: Signal, v: Signal, resting: float, *, fine: i
     out, ledger = np.zeros((t.size, len(COLUMNS))), np.zeros(len(LEDGER))
     run_drive(v / r, _mesh(twin, middle), drive_of(twin, log), fine, out, ledger)
     torque = out[:, 0] - hidden.get("clutch_drag") * np.where(speed < 0.0, np.abs(turned), 0.0)
-    screw = _screw(twin, gauge, way)
+    line_slow, seal_slow = _stuck(twin, speed, way)
+    screw = _screw(twin, gauge, way, seal_slow)
     inertia = (FIXED.j_drum + hidden.get("drum_inertia")) * pull / r
-    lost = hidden.get("line_friction") * way + hidden.get("line_drag") * speed / r + _braking(twin, t, turned)
+    lost = (
+        hidden.get("line_friction") * way + hidden.get("line_drag") * speed / r + _braking(twin, t, turned) + line_slow
+    )
     eccentric = hidden.get("eccentric_drum") * np.cos(middle / r + hidden.laws.get("phase", 0.0))
     radius = r * (1.0 + hidden.get("drum_layering") * middle / 10.0) * (1.0 + eccentric)
     force = (screw + torque + inertia + lost) / radius
@@ -335,11 +344,27 @@ def _gauge(twin: Twin, x: Signal, t: Signal) -> Signal:
     return absolute * np.exp(-hidden.get("leaking_gas") * t / 100.0) - AIR
 
 
-def _screw(twin: Twin, gauge: Signal, way: Signal) -> Signal:
-    """Torque of the screw at the drum: thrust times lead, over the efficiency in payout, times it in haul-in. [N m]"""
+def _stuck(twin: Twin, speed: Signal, way: Signal) -> tuple[Signal, Signal]:
+    """Friction that is larger near standstill, (n,) each: torque at the line [N m], and force at the seals [N].
+
+    It falls as 1 / (1 + (v / v_s)^2) with the speed (Hess and Soom 1990); its size is that at 0.05 m/s.
+    """
+    laws = twin.hidden.laws
+    slow, seals = laws.get("slow_speed", 1.0), laws.get("slow_seals", 0.0)
+    torque = twin.hidden.get("stribeck") * (1.0 + (0.05 / slow) ** 2) / (1.0 + (speed / slow) ** 2) * way
+    return torque * (1.0 - seals), torque * seals * 2.0 * math.pi / FIXED.lead
+
+
+def _screw(twin: Twin, gauge: Signal, way: Signal, seal_slow: Signal) -> Signal:
+    """Torque of the screw at the drum: thrust times lead, over the efficiency in payout, times it in haul-in. [N m]
+
+    Parameters
+    ----------
+    seal_slow : further friction of the seals near standstill, (n,) [N]
+    """
     hidden, n = twin.hidden, twin.numbers
     forward, reverse = efficiencies(n.mu + hidden.get("screw_friction"))
-    thrust = gauge * n.area * (1.0 + hidden.get("piston_area")) + hidden.get("seal_friction") * way
+    thrust = gauge * n.area * (1.0 + hidden.get("piston_area")) + hidden.get("seal_friction") * way + seal_slow
     return thrust * FIXED.lead / (2.0 * math.pi) * (0.5 * (1.0 + way) / forward + 0.5 * (1.0 - way) * reverse)
 
 

@@ -58,6 +58,10 @@ def diagnose_command(
             "--predictions", metavar="FOLDER", help="Write what is predicted of the withheld logs, before and after."
         ),
     ] = None,
+    write: Annotated[
+        Path | None,
+        typer.Option("--write", metavar="RIG.toml", help="Write the rig file with the named causes as its effects."),
+    ] = None,
     jobs: ThreadsOption = None,
     seed: Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Of the resampling of cycles.")] = 0,
     force: ForceOption = False,
@@ -68,7 +72,7 @@ def diagnose_command(
     A winch without a model is diagnosed from line tension, speed and mechanical power; its cycles are left out in turn.
     """
     one_thread_each()
-    from winchcascade.batch.campaign_diagnosis import diagnose_listed, write_predictions
+    from winchcascade.batch.campaign_diagnosis import diagnose_listed, write_corrected_rig, write_predictions
     from winchcascade.batch.own_simulations import with_simulations
     from winchcascade.report.diagnosis import write_diagnosis_reports
     from winchcascade.report.diagnosis_record import as_json as diagnosis_record
@@ -81,18 +85,22 @@ def diagnose_command(
     if simulated is not None:
         listed = with_simulations(listed, simulated)
     logs = [run.file for run in listed.runs]
-    results = {"--json": Path(json) if json else None, "--html": html, "--pdf": pdf}
-    check_outputs(
-        results | _prediction_files(predictions, logs), [listed.path, *logs, *_simulations(listed), rig], force=force
-    )
+    results = {"--json": Path(json) if json else None, "--html": html, "--pdf": pdf, "--write": write}
+    inputs = [listed.path, *logs, *_simulations(listed), rig or listed.rig]
+    check_outputs(results | _prediction_files(predictions, logs), inputs, force=force)
     set_threads(jobs or processes())
     with status_line(f"diagnosing {listed.name}") as on_progress:
         found = diagnose_listed(listed, suspects, rig=rig, loads=withhold or (), seed=seed, on_progress=on_progress)
         written = [] if predictions is None else write_predictions(found, predictions, force=force)
+        corrected = write is None or write_corrected_rig(found, write, force=force)
         if html is not None or pdf is not None:
             on_progress("writing reports")
             write_diagnosis_reports(found, html=html, pdf=pdf, command=given_command(), force=force)
+    if not corrected:
+        del results["--write"]
     files: list[Path | str] = [path for path in results.values() if path is not None]
+    if not corrected:
+        files.append("no corrected rig file, as no cause is named")
     if predictions is not None:
         files.append(predictions if written else "no predictions, as no effect was fitted")
     deliver(json, lambda: as_json(diagnosis_record(found)), lambda: diagnosis_text(found, files), force=force)

@@ -46,8 +46,8 @@ def simulate_command(
 ) -> None:
     """Simulate the rig along a line motion, and write the log that its sensors would have written."""
     from winchcascade.report.terminal import simulation_text
+    from winchcascade.rig.baseline import baseline
     from winchcascade.rig.effects.catalogue import make_effect
-    from winchcascade.rig.parts import baseline
     from winchcascade.rig.simulate import simulate, write_log
 
     source = profile or log

@@ -8,8 +8,9 @@ from typing import NamedTuple
 from winchcascade.core.campaign_file import CampaignRun, Origin, campaign_beside
 from winchcascade.core.errors import CampaignError, OptionError
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.rig_toml import DEFAULT_RIG, load_rig
+from winchcascade.core.rig_toml import DEFAULT_RIG
 from winchcascade.core.run import Run
+from winchcascade.rig.open_rig import load_rig
 
 
 class Settings(NamedTuple):

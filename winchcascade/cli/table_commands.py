@@ -119,11 +119,12 @@ def audit_command(
     outcome = audit(load_table(table))
     record, text, ok = audit_record(outcome), audit_text(outcome), outcome.ok
     if physics:
-        from winchcascade.core.rig_toml import DEFAULT_RIG, load_rig
+        from winchcascade.core.rig_toml import DEFAULT_RIG
         from winchcascade.reduction.reduce import first_metrics
         from winchcascade.report.audit_text import attainable_record, attainable_text
         from winchcascade.report.progress import Progress
         from winchcascade.rig.effects.catalogue import EFFECTS
+        from winchcascade.rig.open_rig import load_rig
         from winchcascade.tables.attainable import attainable_ranges
 
         of = load_rig(rig or DEFAULT_RIG)

@@ -148,10 +148,31 @@ class ModelAccuracy(msgspec.Struct, frozen=True):
     """and the mean of no channel in a phase by this share of its level, is listed as minor. [1]"""
 
 
+class EffectNumber(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Value of one field of an effect that a rig file states, with the ends of its 95 % interval where they are known.
+
+    `value`, `low` and `high` are in SI units; `unit` is that of the file, "" for the unit of the catalogue.
+    """
+
+    value: float
+    unit: str = ""
+    source: str = ""
+    low: float | None = None
+    high: float | None = None
+
+
+class StatedEffect(msgspec.Struct, frozen=True):
+    """An effect that a rig file states: the values of its fields by name, and the logs that they come from."""
+
+    fields: Mapping[str, EffectNumber]
+    logs: tuple[str, ...] = ()
+
+
 class Rig(msgspec.Struct, frozen=True):
     """One rig, numbers in SI units. `columns` names columns of logs that the table of names does not contain.
 
-    `note` is shown with every reduction: a remark on the rig for its readers.
+    `effects` are those of the catalogue that the rig is known to have; they belong to its model. `note` is shown with every
+    reduction: a remark on the rig for its readers.
     """
 
     name: str
@@ -165,6 +186,7 @@ class Rig(msgspec.Struct, frozen=True):
     dc_link: DcLink = DcLink()
     sensors: Mapping[str, Sensor] = msgspec.field(default_factory=dict)
     columns: Mapping[str, Column] = msgspec.field(default_factory=dict)
+    effects: Mapping[str, StatedEffect] = msgspec.field(default_factory=dict)
     sample_rate: float | None = None
     thresholds: Thresholds = Thresholds()
     model: ModelAccuracy = ModelAccuracy()

@@ -18,11 +18,13 @@ from winchcascade.core.rig_file import (
     Column,
     DcLink,
     Drivetrain,
+    EffectNumber,
     Generator,
     ModelAccuracy,
     Restoring,
     Rig,
     Sensor,
+    StatedEffect,
     Thresholds,
     Winch,
 )
@@ -61,8 +63,11 @@ def built_in(name: str = DEFAULT_RIG) -> Rig:
     return parse_rig(built_in_text(name), f"built-in rig {name}")
 
 
-def load_rig(rig: str | Path) -> Rig:
-    """Read a rig file, or the built-in rig of that name where no such file exists; RigError names what is wrong."""
+def read_rig(rig: str | Path) -> Rig:
+    """Read a rig file, or the built-in rig of that name where no such file exists; RigError names what is wrong.
+
+    Effects that the file states are read as they are; `rig.load_rig` compares them with the catalogue.
+    """
     path = Path(rig)
     if not isfile(path):
         if str(rig) in BUILT_IN:
@@ -147,7 +152,21 @@ HUGE = 1e12
 def _rig(raw: dict[str, Any], where: str) -> Rig:
     _check_keys(
         raw,
-        sorted({"name", "title", "source", "note", "sensors", "columns", "log", "thresholds", "model", *_SECTIONS}),
+        sorted(
+            {
+                "name",
+                "title",
+                "source",
+                "note",
+                "sensors",
+                "columns",
+                "effects",
+                "log",
+                "thresholds",
+                "model",
+                *_SECTIONS,
+            }
+        ),
         f"{where}: ",
     )
     if not isinstance(raw.get("name"), str) or not raw["name"]:
@@ -175,6 +194,7 @@ def _rig(raw: dict[str, Any], where: str) -> Rig:
         **texts,
         sensors=_sensors(_table(raw, "sensors", where), where),
         columns=_columns(_table(raw, "columns", where), where),
+        effects=_effects(_table(raw, "effects", where), where),
         sample_rate=rate,
         thresholds=_thresholds(_table(raw, "thresholds", where), where),
         model=_model_accuracy(_table(raw, "model", where), where),
@@ -298,6 +318,41 @@ def _columns(raw: dict[str, Any], where: str) -> dict[str, Column]:
                 raise RigError(f"{where}: {place} and {other} both name the column {column.name!r}; expected one each.")
         columns[name] = column
     return columns
+
+
+def _effects(raw: dict[str, Any], where: str) -> dict[str, StatedEffect]:
+    """Effects with their fields, each a number or a table; `logs` lists the logs that they come from."""
+    effects = {}
+    for name, entries in raw.items():
+        place = f"[effects.{name}]"
+        if not isinstance(entries, dict):
+            raise RigError(f"{where}: [effects] {name} is {entries!r}; expected a table {place}.")
+        logs = _convert(entries.get("logs", ()), tuple[str, ...], where, f"{place} logs")
+        fields = {
+            key: _effect_number(value, where, f"{place} {key}") for key, value in entries.items() if key != "logs"
+        }
+        effects[name] = StatedEffect(fields, logs)
+    return effects
+
+
+def _effect_number(value: object, where: str, place: str) -> EffectNumber:
+    if not isinstance(value, dict):
+        return EffectNumber(_number(value, where, place))
+    number: EffectNumber = _convert(value, EffectNumber, where, place)
+    unit = find_unit(number.unit) if number.unit else None
+    if unit is None and number.unit:
+        raise RigError(f"{where}: {place}: the unit {number.unit!r} is unknown.")
+    factor = 1.0 if unit is None else unit.factor
+    in_si = {
+        key: _finite(given, where, f"{place} {key}") * factor
+        for key in ("value", "low", "high")
+        if (given := getattr(number, key)) is not None
+    }
+    if not in_si.get("low", -math.inf) <= in_si["value"] <= in_si.get("high", math.inf):
+        raise RigError(
+            f"{where}: {place}: the value {number.value:g} is not between low and high; correct the interval."
+        )
+    return msgspec.structs.replace(number, **in_si)
 
 
 def _thresholds(raw: dict[str, Any], where: str) -> Thresholds:

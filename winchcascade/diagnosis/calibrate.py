@@ -18,7 +18,7 @@ from winchcascade.diagnosis.nuisances import nuisances, quantity_of, sensor_erro
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.solve import huber, normal_equations
 from winchcascade.rig.backemf import COVERED, RPM_LEAST, BackEmf, back_emf
-from winchcascade.rig.parts import baseline
+from winchcascade.rig.baseline import baseline
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -19,8 +19,9 @@ from winchcascade.diagnosis.block_means import PHASES, blocks_of, in_a_row, midd
 from winchcascade.diagnosis.nuisances import COURSES, LOAD, Nuisance, nuisances, shifted
 from winchcascade.diagnosis.predict import ALL_KEPT, CHANNELS, COARSE, MOST_KEPT, Course
 from winchcascade.diagnosis.solve import Jacobian, Local
+from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import constants
-from winchcascade.rig.parts import baseline, changed, possible
+from winchcascade.rig.parts import changed, possible
 from winchcascade.rig.simulate import SMOOTHING, STEP
 
 if TYPE_CHECKING:

@@ -140,7 +140,7 @@ class Course:
         return np.asarray(self.matrix @ on_grid)
 
 
-_SHAFT_FROM = 14
+_SHAFT_FROM = 17
 """Numbers of `Constants` from here on concern the shaft; `test_predict` holds it."""
 
 ELECTRICAL = CHANNELS.index("vdc")

@@ -1,4 +1,4 @@
-"""Write calibrated numbers into the text of a rig file and keep everything else: comments, order, spelling, line ends."""
+"""Write calibrated numbers or found effects into the text of a rig file and keep all else: comments, order, line ends."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import msgspec
+
 from winchcascade.core.errors import LogError, RigError
 from winchcascade.core.quantity import Unit, find_unit
 from winchcascade.core.rig_toml import built_in_text, parse_rig
@@ -16,13 +18,17 @@ from winchcascade.core.version import __version__
 from winchcascade.diagnosis.nuisances import quantity_of, with_quantity
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
-    from winchcascade.core.rig_file import Rig
+    from winchcascade.core.rig_file import EffectNumber, Rig, StatedEffect
+    from winchcascade.core.run import Run
     from winchcascade.diagnosis.calibrate import Calibration, Number
 
 MARK = "# Calibrated by winchcascade/"
 """Beginning of the first line of a calibrated rig file, by which the tool recognises its own files."""
+
+CORRECTED = "# Corrected by winchcascade/"
+"""How the first line of a rig file with effects that a diagnosis found begins."""
 
 CALIBRATED = "calibrated from "
 """How the source of a calibrated number begins."""
@@ -57,13 +63,84 @@ def calibrated_text(calibration: Calibration) -> str:
     text = _text_of(calibration.rig)
     for number in found:
         text = _with_entry(text, number, _entry(number, calibration))
-    names = ", ".join(number.name for number in found)
-    first, _, rest = text.partition("\n")
-    end = "\r\n" if "\r\n" in text else "\n"
-    head = f"{MARK}{__version__} from {_log(calibration)}: {names}.{end}"
-    text = head + (rest if first.startswith(MARK) else text)
+    text = _marked(text, MARK, log_name(calibration.run), [number.name for number in found])
     _check(text, calibration.rig, found)
     return text
+
+
+def corrected_text(rig: Rig, effects: Mapping[str, StatedEffect], title: str) -> str:
+    """Write effects into the text of a rig file, in place of those that it states by the same names.
+
+    Parameters
+    ----------
+    title : of the campaign that they were found from, which the first line names
+
+    Raises
+    ------
+    RigError : the rig file cannot be read again, or states an effect in a way that cannot be replaced
+    """
+    text = _text_of(rig)
+    end = _line_end(text)
+    for name, effect in effects.items():
+        lines = _without_table(text.splitlines(keepends=True), ("effects", name))
+        text = f"{''.join(lines).rstrip()}{end}{end}{end.join(_effect_lines(name, effect))}{end}"
+    text = _marked(text, CORRECTED, printable_name(title), list(effects))
+    expected = msgspec.structs.replace(rig, effects={**rig.effects, **effects})
+    try:
+        again = parse_rig(text, rig.path)
+    except RigError as fault:
+        raise RigError(
+            f"{rig.path}: cannot be corrected ({fault}); write each effect that it states as a table [effects.NAME]."
+        ) from None
+    if again != expected:
+        raise RigError(
+            f"{rig.path}: cannot be corrected without a change to other entries; put each on a line of its own."
+        )
+    return text
+
+
+def _effect_lines(name: str, effect: StatedEffect) -> Iterator[str]:
+    yield f"[effects.{name}]"
+    yield "logs = ["
+    yield from (f"    {_quoted(log)}," for log in effect.logs)
+    yield "]"
+    for field, number in effect.fields.items():
+        yield f"{field} = {{ {', '.join(_effect_entries(number))} }}"
+
+
+def _effect_entries(number: EffectNumber) -> Iterator[str]:
+    yield f"value = {number.value!r}"
+    yield f"unit = {_quoted(number.unit)}"
+    yield from (f"{name} = {end!r}" for name in ("low", "high") if (end := getattr(number, name)) is not None)
+    yield f"source = {_quoted(number.source)}"
+
+
+def _without_table(lines: Sequence[str], path: tuple[str, ...]) -> Iterator[str]:
+    """Lines without a table and the tables in it; comments before the next header stay."""
+    inside, held = False, list[str]()
+    for line in lines:
+        if header := _HEADER.match(line):
+            inside = _path(header[1])[: len(path)] == path
+        if not inside:
+            yield from (*held, line)
+            held = []
+        elif line.strip() and not line.lstrip().startswith("#"):
+            held = []
+        else:
+            held.append(line)
+    yield from held
+
+
+def _line_end(text: str) -> str:
+    return "\r\n" if "\r\n" in text else "\n"
+
+
+def _marked(text: str, mark: str, source: str, names: Sequence[str]) -> str:
+    """The text with a first line that names this tool, its version and where the named entries come from."""
+    first, _, rest = text.partition("\n")
+    return f"{mark}{__version__} from {source}: {', '.join(names)}.{_line_end(text)}" + (
+        rest if first.startswith(mark) else text
+    )
 
 
 def _text_of(rig: Rig) -> str:
@@ -76,11 +153,14 @@ def _text_of(rig: Rig) -> str:
         raise RigError(f"{rig.path}: the rig file cannot be read again ({fault}); give it by --rig.") from None
 
 
-def _log(calibration: Calibration) -> str:
+def printable_name(name: str) -> str:
+    """A name without characters that a line of a rig file cannot hold."""
+    return "".join(c if c.isprintable() else "?" for c in name)
+
+
+def log_name(run: Run) -> str:
     """Name a log by its file, the first digits of its SHA-256 and its length."""
-    run = calibration.run
-    name = "".join(c if c.isprintable() else "?" for c in run.name)
-    return f"{name} (sha256 {run.sha256[:12] or 'unknown'}, {run.samples} samples)"
+    return f"{printable_name(run.name)} (sha256 {run.sha256[:12] or 'unknown'}, {run.samples} samples)"
 
 
 def _entry(number: Number, calibration: Calibration) -> dict[str, str]:
@@ -91,17 +171,17 @@ def _entry(number: Number, calibration: Calibration) -> dict[str, str]:
     tolerance = number.u / scale.factor
     was = "" if math.isnan(number.before) else f"; was {(number.before - scale.offset) / scale.factor:.6g}"
     return {
-        "value": _rounded((number.value - scale.offset) / scale.factor, tolerance),
+        "value": rounded((number.value - scale.offset) / scale.factor, tolerance),
         "unit": _quoted(unit),
         "tolerance": f"{tolerance:.3g}",
-        "source": _quoted(f"{CALIBRATED}{_log(calibration)}: {number.how}{was}"),
+        "source": _quoted(f"{CALIBRATED}{log_name(calibration.run)}: {number.how}{was}"),
     }
 
 
-def _rounded(value: float, u: float) -> str:
+def rounded(value: float, u: float) -> str:
     """A number with digits down to a hundredth of its uncertainty.
 
-    >>> _rounded(0.0618228492643, 6.3e-5)
+    >>> rounded(0.0618228492643, 6.3e-5)
     '0.0618228'
     """
     decimals = 2 - math.floor(math.log10(u)) if u > 0.0 else 12
@@ -111,7 +191,7 @@ def _rounded(value: float, u: float) -> str:
 def _with_entry(text: str, number: Number, entry: dict[str, str]) -> str:
     """Replace the entry of a number, an inline table or keys of their own, or add it where there is none."""
     lines = text.splitlines(keepends=True)
-    end = "\r\n" if "\r\n" in text else "\n"
+    end = _line_end(text)
     inline = f"{{ {', '.join(f'{key} = {value}' for key, value in entry.items())} }}"
     wanted, section, own = (number.section, number.name), None, []
     for k, here, key in _keys(lines):

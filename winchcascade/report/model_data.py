@@ -72,7 +72,7 @@ class ModelComparison(msgspec.Struct, frozen=True):
 
 def compare_with_baseline(reduction: Reduction) -> ModelComparison | LeftOut:
     """Simulate a log with the numbers of its rig file, without any effect, and lay both side by side."""
-    from winchcascade.rig.parts import NoModel, model_of
+    from winchcascade.rig.baseline import NoModel, model_of
 
     if "velocity" not in reduction.run.channels:
         return LeftOut(NO_VELOCITY)

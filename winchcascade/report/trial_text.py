@@ -6,7 +6,7 @@ from statistics import median
 from typing import TYPE_CHECKING
 
 from winchcascade.blind.cases import ORIGIN, SEALED
-from winchcascade.blind.injected import OUTSIDERS, PARTS
+from winchcascade.blind.injected import INJECTED, OUTSIDERS
 from winchcascade.blind.score import NOTHING, Count, Score, hidden_name
 from winchcascade.core.campaign_file import Origin, origin_words
 from winchcascade.report.campaign_record import altered_lines
@@ -101,7 +101,7 @@ def count_cells(count: Count) -> tuple[str, str, str]:
 def hidden_order(score: Score) -> list[str]:
     """What is hidden somewhere in a trial, in the order of the catalogue, then pairs, then outsiders."""
     found = score.taken_for
-    single = [name for name in (NOTHING, *PARTS, *OUTSIDERS) if name in found]
+    single = [name for name in (NOTHING, *INJECTED, *OUTSIDERS) if name in found]
     return single + sorted(name for name in found if name not in single)
 
 

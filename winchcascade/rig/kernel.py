@@ -49,6 +49,8 @@ class Constants(NamedTuple):
     line_friction: float
     line_drag: float
     layering: float
+    stribeck: float
+    stribeck_speed: float
     lead: float
     eta_forward: float
     eta_reverse: float
@@ -58,6 +60,7 @@ class Constants(NamedTuple):
     exponent: float
     cooling: float
     seal_friction: float
+    seal_stribeck: float
     gear: float
     eta_mesh: float
     b_rotor: float
@@ -87,8 +90,9 @@ def constants(model: Model, load: float) -> Constants:
     winch, gas, shaft, machine = model.winch, model.restoring, model.drivetrain, model.generator
     return Constants(
         winch.r_drum, winch.inertia, winch.friction, winch.drag, winch.layering,
+        winch.stribeck, winch.stribeck_speed,
         gas.lead, gas.eta_forward, gas.eta_reverse, gas.area, gas.pressure, gas.volume, gas.exponent, gas.cooling,
-        gas.seal_friction,
+        gas.seal_friction, gas.stribeck,
         shaft.gear, shaft.eta_mesh, shaft.b_rotor, shaft.windage, shaft.friction, shaft.clutch_drag, shaft.k_shaft,
         shaft.c_shaft, shaft.inertia_rotor,
         machine.pole_pairs, machine.k_e, machine.r_s, machine.l_s, machine.v_diode,
@@ -342,9 +346,14 @@ def run_line(x: Signal, v: Signal, a: Signal, dt: float, c: Constants, torque: S
             log_volume = squeezed
             gauge = (gauge + ATMOSPHERE) * math.exp(heat) - ATMOSPHERE
         thrust = gauge * c.area + c.seal_friction * direction
-        screw = c.lead * thrust * (0.5 * (1.0 + direction) / c.eta_forward + 0.5 * (1.0 - direction) * c.eta_reverse)
+        slow = 0.0
+        if c.stribeck != 0.0 or c.seal_stribeck != 0.0:
+            slow = direction * math.exp(-((v[n] / c.stribeck_speed) ** 2))
+        screw = (c.lead * thrust + c.seal_stribeck * slow) * (
+            0.5 * (1.0 + direction) / c.eta_forward + 0.5 * (1.0 - direction) * c.eta_reverse
+        )
         drag = -c.clutch_drag * 0.5 * (1.0 - direction) * abs(direction)
-        lost = c.line_friction * direction + c.line_drag * v[n] / c.r_drum
+        lost = c.line_friction * direction + c.line_drag * v[n] / c.r_drum + c.stribeck * slow
         seen = torque[n] + drag
         force = (screw + seen + lost + c.inertia_drum * a[n] / c.r_drum) / (c.r_drum * (1.0 + c.layering * x[n]))
         out[n, 0], out[n, 1], out[n, 2], out[n, 3] = gauge, force, seen, screw

@@ -1,4 +1,4 @@
-"""Parts of a rig with their numbers, the model that consists of them, and the baseline model of a rig file."""
+"""Parts of a rig with their numbers, and the model that consists of them."""
 
 from __future__ import annotations
 
@@ -10,13 +10,9 @@ from typing import TYPE_CHECKING, Literal
 import msgspec
 import numpy as np
 
-from winchcascade.core.errors import RigError
-from winchcascade.core.quantity import ATMOSPHERE, Quantity
-
 if TYPE_CHECKING:
     from scipy.interpolate import PchipInterpolator
 
-    from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Signal
 
 
@@ -24,6 +20,8 @@ class WinchModel(msgspec.Struct, frozen=True):
     """Drum: radius [m], inertia [kg m2]; absent by default: friction, drag and layers of rope.
 
     `friction` is a constant torque against the motion [N m], `drag` one in proportion to the drum's speed [N m s/rad].
+    `stribeck` is the torque by which the friction between line and torque sensor is larger at standstill [N m]; it fades by
+    exp(-(v / stribeck_speed)^2) with the speed of the line [m/s].
     `layering` is the relative change of the effective radius of the rope for each metre that is paid out [1/m]. The encoder
     turns with the drum, so that layering changes the line tension but not the logged motion.
     """
@@ -33,6 +31,8 @@ class WinchModel(msgspec.Struct, frozen=True):
     friction: float = 0.0
     drag: float = 0.0
     layering: float = 0.0
+    stribeck: float = 0.0
+    stribeck_speed: float = 0.1
 
 
 class RestoringModel(msgspec.Struct, frozen=True):
@@ -41,6 +41,8 @@ class RestoringModel(msgspec.Struct, frozen=True):
     Screw: `lead` [m/rad], `lead_angle` and `half_angle` of the thread [rad], friction `mu` [1]. Piston: `area` [m2]. Gas at
     zero payout: `pressure`, absolute [Pa], `volume` [m3]. Absent by default: `exponent` of a gas that heats when it is
     compressed (1: isothermal) and cools back over `cooling` [s], and `seal_friction` of the piston [N].
+    `stribeck` is the torque at the drum, before the losses of the screw, by which that friction is larger at standstill; it
+    fades as that of the winch [N m].
     """
 
     lead: float
@@ -53,6 +55,7 @@ class RestoringModel(msgspec.Struct, frozen=True):
     exponent: float = 1.0
     cooling: float = 6.0
     seal_friction: float = 0.0
+    stribeck: float = 0.0
 
     @property
     def eta_forward(self) -> float:
@@ -205,6 +208,13 @@ _CHANGED: Mapping[Operation, Callable[[float, float], float]] = {
     "compound": lambda number, by: (1.0 + number) * (1.0 + by) - 1.0,
 }
 
+CHANGED_AGAIN: Mapping[Operation, Callable[[float, float], float]] = {
+    "add": lambda first, second: first + second,
+    "scale": lambda first, second: (1.0 + first) * (1.0 + second) - 1.0,
+    "compound": lambda first, second: (1.0 + first) * (1.0 + second) - 1.0,
+}
+"""The one change that is as two after each other."""
+
 
 def number_of(model: Model, path: str) -> float:
     """A number of a model by its path: part and name, such as `generator.r_s`, and the channel of a sensor. SI units."""
@@ -223,90 +233,6 @@ def changed(model: Model, path: str, operation: Operation, by: float) -> Model:
     own = getattr(model, part)
     value = {**getattr(own, name), channel[0]: number} if channel else number
     return msgspec.structs.replace(model, **{part: msgspec.structs.replace(own, **{name: value})})
-
-
-class MissingNumber(msgspec.Struct, frozen=True):
-    """A number of a model that a rig file lacks."""
-
-    section: str
-    name: str
-
-    def __str__(self) -> str:
-        """Name and section, for a sentence."""
-        return f"{self.name} under [{self.section}]"
-
-
-class NoModel(msgspec.Struct, frozen=True):
-    """Reason why no model can be made from a rig file, in one sentence, and the numbers that the file lacks."""
-
-    why: str
-    missing: tuple[MissingNumber, ...] = ()
-
-
-def baseline(rig: Rig) -> Model:
-    """Make the model of a rig file, from which a diagnosis starts.
-
-    Raises
-    ------
-    RigError : the rig file lacks numbers that a part needs, all of them named, or the rig has no one-way clutch
-    """
-    found = model_of(rig)
-    if isinstance(found, NoModel):
-        raise RigError(found.why)
-    return found
-
-
-def model_of(rig: Rig) -> Model | NoModel:
-    """Make the model of a rig file, as `baseline` does, or report why that is not possible."""
-    missing: list[MissingNumber] = []
-
-    def number(section: str, name: str) -> float:
-        value: Quantity | None = getattr(getattr(rig, section), name)
-        if value is None:
-            missing.append(MissingNumber(section, name))
-            return math.nan
-        return value.value
-
-    model = Model(
-        winch=WinchModel(number("winch", "r_drum"), number("winch", "inertia")),
-        restoring=RestoringModel(
-            lead=number("restoring", "lead") / (2.0 * math.pi),
-            lead_angle=number("restoring", "lead_angle"),
-            half_angle=number("restoring", "half_angle"),
-            mu=number("restoring", "mu_screw"),
-            area=number("restoring", "area_piston"),
-            pressure=number("restoring", "p_precharge") + ATMOSPHERE,
-            volume=number("restoring", "volume_gas"),
-        ),
-        drivetrain=DrivetrainModel(
-            gear=number("drivetrain", "gear_ratio"),
-            eta_mesh=number("drivetrain", "eta_mesh"),
-            b_rotor=number("drivetrain", "b_rotor"),
-            k_shaft=number("drivetrain", "k_shaft"),
-            c_shaft=number("drivetrain", "c_shaft"),
-            inertia_rotor=number("drivetrain", "inertia_rotor"),
-        ),
-        generator=GeneratorModel(
-            pole_pairs=number("generator", "pole_pairs"),
-            k_e=number("generator", "k_e"),
-            r_s=number("generator", "r_s"),
-            l_s=number("generator", "l_s"),
-            v_diode=number("generator", "v_diode"),
-        ),
-        dc_link=DcLinkModel(number("dc_link", "c_dc"), number("dc_link", "r_bleed")),
-    )
-    if missing:
-        return NoModel(
-            f"rig {rig.name}: no model can be made, as it lacks {', '.join(map(str, missing))}; add them to the rig file "
-            "(`winchcascade rig hsu2026` shows how).",
-            tuple(missing),
-        )
-    if rig.drivetrain.one_way_clutch is False:
-        return NoModel(
-            f"rig {rig.name}: no model can be made, as one_way_clutch under [drivetrain] is false, and the generator of the "
-            "model is driven in payout alone."
-        )
-    return model
 
 
 def possible(model: Model) -> Model:

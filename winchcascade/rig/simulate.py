@@ -95,13 +95,14 @@ def energies(model: Model, motion: LineMotion, load: float, out: Signal) -> dict
     omega_drum, omega = motion.v / c.r_drum, got["omega_gen"]
     direction = np.tanh(motion.v / REST)
     push = c.lead * omega_drum * got["pressure"] * c.area
-    seal = c.lead * omega_drum * c.seal_friction * direction
+    slow = direction * np.exp(-((motion.v / c.stribeck_speed) ** 2))
+    seal = (c.lead * c.seal_friction * direction + c.seal_stribeck * slow) * omega_drum
     watts = {
         "line": got["force"] * motion.v * (1.0 + c.layering * motion.x),
         "gas": push,
         "screw": got["screw"] * omega_drum - push - seal,
         "seal": seal,
-        "line_loss": (c.line_friction * direction + c.line_drag * omega_drum) * omega_drum,
+        "line_loss": (c.line_friction * direction + c.line_drag * omega_drum + c.stribeck * slow) * omega_drum,
         "clutch": (got["torque"] - got["clutch"]) * omega_drum,
         "mesh": got["clutch"] * omega / c.gear * (1.0 - c.eta_mesh),
         "damper": c.b_rotor * omega**2,

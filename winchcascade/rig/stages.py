@@ -148,10 +148,15 @@ def _torque_of_line(model: Model, course: Along, force: Signal, pressure: Signal
     """Torque of the PTO shaft that follows from the line tension, (n,) [N m]: the inverse of `kernel.run_line`."""
     winch, gas = model.winch, model.restoring
     direction = np.tanh(course.v / REST)
-    thrust = pressure * gas.area + gas.seal_friction * direction
+    slow = direction * np.exp(-((course.v / winch.stribeck_speed) ** 2))
+    screw = gas.lead * (pressure * gas.area + gas.seal_friction * direction) + gas.stribeck * slow
     thread = 0.5 * (1.0 + direction) / gas.eta_forward + 0.5 * (1.0 - direction) * gas.eta_reverse
-    lost = winch.friction * direction + (winch.drag * course.v + winch.inertia * course.a) / winch.r_drum
-    torque = force * winch.r_drum * (1.0 + winch.layering * course.x) - gas.lead * thrust * thread - lost
+    lost = (
+        winch.friction * direction
+        + winch.stribeck * slow
+        + (winch.drag * course.v + winch.inertia * course.a) / winch.r_drum
+    )
+    torque = force * winch.r_drum * (1.0 + winch.layering * course.x) - screw * thread - lost
     return np.where(np.abs(course.v) > MOVING, torque, np.nan)
 
 

@@ -14,8 +14,8 @@ from winchcascade.core.published_table import PublishedTable, load_text
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.suspects import Suspects
+from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.effect import Effect, Field
-from winchcascade.rig.parts import baseline
 from winchcascade.tables.attainable_row import AttainableRow, Cell, NotJudged, Reduce, bounds_of_row, windows_of
 from winchcascade.tables.effect_search import ETAS, Curves, EffectCurve, Search, TableSimulator, Values, field_curves
 

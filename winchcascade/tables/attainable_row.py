@@ -22,7 +22,8 @@ from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Run, Signal
 from winchcascade.diagnosis.nuisances import nuisances, shifted
 from winchcascade.reduction.efficiency import RATIOS
-from winchcascade.rig.parts import Model, baseline, changed
+from winchcascade.rig.baseline import baseline
+from winchcascade.rig.parts import Model, changed
 from winchcascade.rig.simulate import LineMotion, motion_of, simulate_along
 from winchcascade.tables.feasible import STAGES
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import msgspec
 
-from winchcascade.rig.parts import Model, Operation, changed
+from winchcascade.rig.parts import CHANGED_AGAIN, Model, Operation, changed
 
 Values = tuple[float, ...]
 """Values of the fields of an effect, in their order."""
@@ -68,6 +68,7 @@ class Effect(msgspec.Struct, frozen=True):
     display : how reports show this parameter
     law : change of one number by the first field, or a function where several numbers follow from the fields
     reported_from : the reported parameter of the values; the first field by default
+    together : values that act as one after the other do; where the law is a change of one number, they follow from it
     unlisted : what is not in the catalogue and looks the same
     """
 
@@ -84,6 +85,7 @@ class Effect(msgspec.Struct, frozen=True):
     display: Display
     law: Change | Callable[[Model, Values], Model]
     reported_from: Callable[[Values], float] | None = None
+    together: Callable[[Values, Values], Values] | None = None
     unlisted: str = ""
 
 
@@ -99,6 +101,17 @@ class ActiveEffect(msgspec.Struct, frozen=True):
         if isinstance(law, Change):
             return changed(model, law.path, law.operation, self.values[0] / law.per)
         return law(model, self.values)
+
+    def after(self, earlier: Values) -> "ActiveEffect":
+        """One effect that acts as this one does on a model that has it with earlier values."""
+        law, together = self.effect.law, self.effect.together
+        if isinstance(law, Change):
+            return ActiveEffect(
+                self.effect, (CHANGED_AGAIN[law.operation](earlier[0] / law.per, self.values[0] / law.per) * law.per,)
+            )
+        if together is None:
+            raise TypeError(f"effect {self.effect.name} does not declare how two of it act together.")
+        return ActiveEffect(self.effect, together(earlier, self.values))
 
     @property
     def reported(self) -> float:

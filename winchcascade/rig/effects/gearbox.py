@@ -25,7 +25,8 @@ GEARBOX = (
         name="rotor_viscous",
         label="Rotor viscous drag",
         stage="gearbox",
-        summary="Drag on the fast shaft in proportion to its speed, beyond the calibrated damper.",
+        summary="Drag on the fast shaft in proportion to its speed, beyond the calibrated damper: oil in gear and bearings or "
+        "eddy currents in the iron, which logs cannot separate.",
         shows_as="torque and force above the baseline in payout, in proportion to speed, the same at every load; the "
         "rotor runs down faster after payout.",
         taken_for="drag with speed squared (rotor_windage); drag between line and torque sensor (line_drag), which the "
@@ -59,7 +60,7 @@ GEARBOX = (
         name="rotor_friction",
         label="Rotor friction",
         stage="gearbox",
-        summary="Constant drag torque on the fast shaft: seals and bearings.",
+        summary="Constant drag torque on the fast shaft: seals, bearings or iron hysteresis, which logs cannot separate.",
         shows_as="torque and force above the baseline in payout by the same amount at every speed and load, open "
         "circuit included.",
         taken_for="a zero error of the torque sensor, which also shows at rest; friction before the sensor "

@@ -35,6 +35,10 @@ def _rolled_off(model: Model, lost: Values) -> Model:
     return replace(model, generator=replace(model.generator, rolloff=rolloff))
 
 
+def _lost_twice(first: Values, second: Values) -> Values:
+    return tuple(1.0 - (1.0 - a) * (1.0 - b) for a, b in zip(first, second, strict=True))
+
+
 _MOST_LOST = (0.1, 0.1, 0.1, 0.1, 0.15, 0.15, 0.2, 0.3)
 """Plausible share of k_e that is lost between two knots. [1]"""
 
@@ -67,6 +71,7 @@ GENERATOR = (
         unit="1",
         display=Display("back-EMF left at 10 A rms", 100.0, "%", signed=False),
         law=_rolled_off,
+        together=_lost_twice,
         reported_from=_at_10_a,
     ),
     Effect(

@@ -7,9 +7,22 @@ from winchcascade.rig.parts import Model
 
 
 def _heated(model: Model, values: Values) -> Model:
-    exponent, cooling = values
+    """Raise the exponent; where the gas of the model heats already, it cools by the mean of both times."""
     gas = model.restoring
-    return replace(model, restoring=replace(gas, exponent=gas.exponent + (exponent - 1.0), cooling=cooling))
+    exponent, cooling = hotter((gas.exponent, gas.cooling), values)
+    return replace(model, restoring=replace(gas, exponent=exponent, cooling=cooling))
+
+
+def hotter(first: Values, second: Values) -> Values:
+    """Exponent [1] and cooling [s] of two heats of a gas together: exponents add, times by the share of each.
+
+    >>> hotter((1.25, 4.0), (1.25, 8.0)), hotter((1.2, 4.0), (1.0, 6.0))
+    ((1.5, 6.0), (1.2, 4.0))
+    """
+    (n, cooling), (more, other) = first, second
+    both = n - 1.0 + more - 1.0
+    share = (more - 1.0) / both if both > 0.0 else 1.0
+    return n + (more - 1.0), cooling + share * (other - cooling)
 
 
 RESTORING = (
@@ -40,6 +53,7 @@ RESTORING = (
         unit="1",
         display=Display("polytropic exponent", 1.0, "", signed=False),
         law=_heated,
+        together=hotter,
     ),
     Effect(
         name="gas_volume",

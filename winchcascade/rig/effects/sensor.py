@@ -78,6 +78,22 @@ SENSOR = (
         law=Change("sensors.gain.idc", "compound"),
     ),
     Effect(
+        name="pressure_gain",
+        label="Pressure sensor gain",
+        stage="sensor",
+        summary="Gain error of the pressure sensor.",
+        shows_as="pressure alone, by the same share at every displacement, in every phase.",
+        taken_for="another precharge (precharge), which force shows too, but not where piston and gas (piston_area, "
+        "gas_volume) are smaller by the same share.",
+        source="Hsu et al. 2026, Table 1: 0.1 % of full scale, 20 MPa; plausible range of a sensor not calibrated in "
+        "place.",
+        fields=(Field("gain_error", "1", -0.1, 0.1, (-0.9, 9.0), "plausible range"),),
+        parameter="gain_error",
+        unit="relative",
+        display=Display("gain of the pressure sensor", 100.0, "%"),
+        law=Change("sensors.gain.pressure", "compound"),
+    ),
+    Effect(
         name="electrical_lag",
         label="Vdc and Idc delay",
         stage="sensor",

@@ -1,9 +1,43 @@
 """Effects between line and torque sensor."""
 
-from winchcascade.rig.effects.effect import Change, Display, Effect, Field
+import math
+
+from msgspec.structs import replace
+
+from winchcascade.rig.effects.effect import Change, Display, Effect, Field, Values
+from winchcascade.rig.parts import Model
 
 SPAN = 10.0
 """Payout over which the change of radius is given. [m]"""
+
+SLOW = 0.05
+"""Speed of the line at which the larger friction near standstill is reported: logs show it there, but not at rest. [m/s]"""
+
+
+def _sticking(model: Model, values: Values) -> Model:
+    """Add friction near standstill to line and seals; what the model has of it already fades at the mean of both speeds."""
+    winch, gas = model.winch, model.restoring
+    before = winch.stribeck + gas.stribeck
+    known = (before, winch.stribeck_speed, gas.stribeck / before if before else 0.0)
+    torque, speed, seals = _stickier(known, values)
+    return replace(
+        model,
+        winch=replace(winch, stribeck=torque * (1.0 - seals), stribeck_speed=speed),
+        restoring=replace(gas, stribeck=torque * seals),
+    )
+
+
+def _stickier(first: Values, second: Values) -> Values:
+    """Two frictions near standstill together: torques add, speed and share of the seals by the share of each torque."""
+    both = first[0] + second[0]
+    share = second[0] / both if both > 0.0 else 0.0
+    return both, *(a + share * (b - a) for a, b in zip(first[1:], second[1:], strict=True))
+
+
+def _at_slow_speed(values: Values) -> float:
+    torque, speed, _ = values
+    return torque * math.exp(-((SLOW / speed) ** 2))
+
 
 TRANSMISSION = (
     Effect(
@@ -41,6 +75,39 @@ TRANSMISSION = (
         unit="N.m.s/rad, at the drum",
         display=Display("drag of line and drum", 1.0, "N·m·s/rad", signed=False),
         law=Change("winch.drag", "add"),
+    ),
+    Effect(
+        name="stribeck",
+        label="Stribeck friction",
+        stage="transmission",
+        summary="Friction is larger near standstill, at line and seals, and falls to its constant value as the line speeds "
+        "up.",
+        shows_as="force above the baseline where a payout begins and ends and below it where a haul-in does, at less than "
+        "about 0.2 m/s; at the plateau nothing; torque and pressure agree.",
+        taken_for="constant friction (line_friction, seal_friction), which the plateau shows as well; inertia at the drum "
+        "(drum_inertia), whose sign differs between speeding up and braking.",
+        source="Armstrong-Helouvry, Dupont and Canudas de Wit 1994, Automatica 30, 1083: Gaussian model of Stribeck "
+        "friction; plausible range.",
+        fields=(
+            Field(
+                "torque",
+                "N.m",
+                0.0,
+                15.0,
+                (0.0, 1000.0),
+                "at standstill, beyond the constant friction; plausible range",
+            ),
+            Field(
+                "speed", "m/s", 0.03, 0.3, (0.001, 10.0), "speed at which a third is left; plausible range", absent=0.1
+            ),
+            Field("seal_share", "1", 0.0, 1.0, (0.0, 1.0), "share of it at the seals, before the losses of the screw"),
+        ),
+        parameter="slow_torque",
+        unit="N.m, at the drum",
+        display=Display("further friction at 0.05 m/s", 1.0, "N·m", signed=False),
+        law=_sticking,
+        together=_stickier,
+        reported_from=_at_slow_speed,
     ),
     Effect(
         name="drum_inertia",

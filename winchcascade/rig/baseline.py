@@ -1,0 +1,136 @@
+"""Make the baseline model of a rig file, with the effects that the file states."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from winchcascade.core.errors import OptionError, RigError
+from winchcascade.core.quantity import ATMOSPHERE, Quantity, find_unit
+from winchcascade.rig.effects.catalogue import make_effect
+from winchcascade.rig.parts import (
+    DcLinkModel,
+    DrivetrainModel,
+    GeneratorModel,
+    Model,
+    RestoringModel,
+    WinchModel,
+)
+
+if TYPE_CHECKING:
+    from winchcascade.core.rig_file import Rig
+    from winchcascade.rig.effects.effect import ActiveEffect
+
+
+class MissingNumber(msgspec.Struct, frozen=True):
+    """A number of a model that a rig file lacks."""
+
+    section: str
+    name: str
+
+    def __str__(self) -> str:
+        """Name and section, for a sentence."""
+        return f"{self.name} under [{self.section}]"
+
+
+class NoModel(msgspec.Struct, frozen=True):
+    """Reason why no model can be made from a rig file, in one sentence, and the numbers that the file lacks."""
+
+    why: str
+    missing: tuple[MissingNumber, ...] = ()
+
+
+def baseline(rig: Rig) -> Model:
+    """Make the model of a rig file with the effects that it states, from which a diagnosis starts.
+
+    Raises
+    ------
+    RigError : the rig file lacks numbers that a part needs, all of them named, the rig has no one-way clutch, or a stated
+        effect is not one of the catalogue
+    """
+    found = model_of(rig)
+    if isinstance(found, NoModel):
+        raise RigError(found.why)
+    return found
+
+
+def model_of(rig: Rig) -> Model | NoModel:
+    """Make the model of a rig file, as `baseline` does, or report why that is not possible."""
+    missing: list[MissingNumber] = []
+
+    def number(section: str, name: str) -> float:
+        value: Quantity | None = getattr(getattr(rig, section), name)
+        if value is None:
+            missing.append(MissingNumber(section, name))
+            return math.nan
+        return value.value
+
+    parts = Model(
+        winch=WinchModel(number("winch", "r_drum"), number("winch", "inertia")),
+        restoring=RestoringModel(
+            lead=number("restoring", "lead") / (2.0 * math.pi),
+            lead_angle=number("restoring", "lead_angle"),
+            half_angle=number("restoring", "half_angle"),
+            mu=number("restoring", "mu_screw"),
+            area=number("restoring", "area_piston"),
+            pressure=number("restoring", "p_precharge") + ATMOSPHERE,
+            volume=number("restoring", "volume_gas"),
+        ),
+        drivetrain=DrivetrainModel(
+            gear=number("drivetrain", "gear_ratio"),
+            eta_mesh=number("drivetrain", "eta_mesh"),
+            b_rotor=number("drivetrain", "b_rotor"),
+            k_shaft=number("drivetrain", "k_shaft"),
+            c_shaft=number("drivetrain", "c_shaft"),
+            inertia_rotor=number("drivetrain", "inertia_rotor"),
+        ),
+        generator=GeneratorModel(
+            pole_pairs=number("generator", "pole_pairs"),
+            k_e=number("generator", "k_e"),
+            r_s=number("generator", "r_s"),
+            l_s=number("generator", "l_s"),
+            v_diode=number("generator", "v_diode"),
+        ),
+        dc_link=DcLinkModel(number("dc_link", "c_dc"), number("dc_link", "r_bleed")),
+    )
+    if missing:
+        return NoModel(
+            f"rig {rig.name}: no model can be made, as it lacks {', '.join(map(str, missing))}; add them to the rig file "
+            "(`winchcascade rig hsu2026` shows how).",
+            tuple(missing),
+        )
+    if rig.drivetrain.one_way_clutch is False:
+        return NoModel(
+            f"rig {rig.name}: no model can be made, as one_way_clutch under [drivetrain] is false, and the generator of the "
+            "model is driven in payout alone."
+        )
+    for effect in stated_effects(rig):
+        parts = effect.apply(parts)
+    return parts
+
+
+def stated_effects(rig: Rig) -> list[ActiveEffect]:
+    """Effects that a rig file states, with their values.
+
+    Raises
+    ------
+    RigError : no such effect or field, or a value that is not possible
+    """
+    effects = []
+    for name, stated in rig.effects.items():
+        place = f"{rig.path}: [effects.{name}]"
+        try:
+            effect = make_effect(name, {key: number.value for key, number in stated.fields.items()})
+        except OptionError as fault:
+            raise RigError(f"{place}: {fault}") from None
+        if not stated.fields:
+            raise RigError(f"{place} has no field; expected {', '.join(field.name for field in effect.effect.fields)}.")
+        units = {field.name: field.unit for field in effect.effect.fields}
+        for key, number in stated.fields.items():
+            given, known = find_unit(number.unit), find_unit(units[key])
+            if number.unit and (given is None or known is None or given.dimension != known.dimension):
+                raise RigError(f"{place} {key}: the unit is {number.unit!r}; expected {units[key]!r}.")
+        effects.append(effect)
+    return effects

@@ -1,0 +1,27 @@
+"""Read rig files with the effects that they state."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from winchcascade.core.rig_toml import read_rig
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from winchcascade.core.rig_file import Rig
+
+
+def load_rig(rig: str | Path) -> Rig:
+    """Read a rig file, or the built-in rig of that name where no such file exists.
+
+    Raises
+    ------
+    RigError : an entry of the file is wrong, or an effect that it states is not one of the catalogue; names which
+    """
+    found = read_rig(rig)
+    if found.effects:  # the catalogue takes longer to import than a plain rig file to read
+        from winchcascade.rig.baseline import stated_effects
+
+        stated_effects(found)
+    return found
