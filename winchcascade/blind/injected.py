@@ -117,7 +117,11 @@ def draw_hidden(effects: Mapping[str, float], outsider: str | None, rng: np.rand
     if "gas_polytropic" in values:
         laws["gas_cooling"] = rng.uniform(4.0, 12.0)
     if "stribeck" in values:
-        laws |= {"slow_speed": rng.uniform(0.08, 0.18), "slow_seals": rng.uniform(0.0, 1.0)}
+        laws |= {
+            "slow_speed": rng.uniform(0.08, 0.18),
+            "slow_power": rng.uniform(1.6, 2.4),
+            "slow_seals": rng.uniform(0.0, 1.0),
+        }
     if outsider is None:
         return Hidden(values, laws)
     outside = {outsider: OUTSIDERS[outsider] * rng.uniform(0.85, 1.25)}

@@ -347,11 +347,11 @@ def _gauge(twin: Twin, x: Signal, t: Signal) -> Signal:
 def _stuck(twin: Twin, speed: Signal, way: Signal) -> tuple[Signal, Signal]:
     """Friction that is larger near standstill, (n,) each: torque at the line [N m], and force at the seals [N].
 
-    It falls as 1 / (1 + (v / v_s)^2) with the speed (Hess and Soom 1990); its size is that at 0.05 m/s.
+    It falls as exp(-(v / v_s)^d) with the speed, d about 2 (Bo and Pavelescu 1982); its size is that at 0.05 m/s.
     """
     laws = twin.hidden.laws
-    slow, seals = laws.get("slow_speed", 1.0), laws.get("slow_seals", 0.0)
-    torque = twin.hidden.get("stribeck") * (1.0 + (0.05 / slow) ** 2) / (1.0 + (speed / slow) ** 2) * way
+    slow, power, seals = laws.get("slow_speed", 1.0), laws.get("slow_power", 2.0), laws.get("slow_seals", 0.0)
+    torque = twin.hidden.get("stribeck") * np.exp((0.05 / slow) ** power - (np.abs(speed) / slow) ** power) * way
     return torque * (1.0 - seals), torque * seals * 2.0 * math.pi / FIXED.lead
 
 

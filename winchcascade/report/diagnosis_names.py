@@ -104,6 +104,7 @@ _RIG_NUMBERS = {
 
 _LAWS = {
     "friction of the winch": "friction of line and drum",
+    "stribeck of the winch": "friction near standstill",
     "seal_friction of the restoring": "friction of the seals",
     "friction of the drivetrain": "friction of the fast shaft",
     "clutch_drag of the drivetrain": "drag of the clutch",

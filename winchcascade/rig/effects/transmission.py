@@ -16,14 +16,13 @@ SLOW = 0.05
 
 def _sticking(model: Model, values: Values) -> Model:
     """Add friction near standstill to line and seals; what the model has of it already fades at the mean of both speeds."""
-    winch, gas = model.winch, model.restoring
-    before = winch.stribeck + gas.stribeck
-    known = (before, winch.stribeck_speed, gas.stribeck / before if before else 0.0)
-    torque, speed, seals = _stickier(known, values)
+    winch, gas, (torque, _, seals) = model.winch, model.restoring, values
+    before = max(winch.stribeck + gas.stribeck, 0.0)  # below zero where a fit moves it within its tolerance
+    _, speed, _ = _stickier((before, winch.stribeck_speed, 0.0), values)
     return replace(
         model,
-        winch=replace(winch, stribeck=torque * (1.0 - seals), stribeck_speed=speed),
-        restoring=replace(gas, stribeck=torque * seals),
+        winch=replace(winch, stribeck=winch.stribeck + torque * (1.0 - seals), stribeck_speed=speed),
+        restoring=replace(gas, stribeck=gas.stribeck + torque * seals),
     )
 
 
