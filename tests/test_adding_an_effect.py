@@ -34,16 +34,16 @@ def test_the_trial_says_what_the_text_says() -> None:
     diagnoses = re.split(r"^(?=\w)", shown(PAGE)["python try_it.py"], flags=re.MULTILINE)[1:]
     causes = [re.findall(r"^  (\w+)\.\w+ (\S+) \((\S+) to (\S+)\)", part, re.MULTILINE) for part in diagnoses]
     assert [[cause[0] for cause in found] for found in causes] == [
-        ["pressure_gain"], ["precharge", "force_zero"], ["precharge"], ["piston_area"],
+        ["torque_zero"], [], ["rotor_friction"], ["clutch_drag"],
     ]  # fmt: skip
     ((_, _, low, high),) = causes[0]
-    assert float(low) <= 0.05 <= float(high)
-    assert all("explained" in part for part in diagnoses)
+    assert float(low) <= 5.0 <= float(high)
+    assert ["unexplained" in part for part in diagnoses] == [False, True, False, False]
 
 
 def test_the_signature_is_that_of_the_declaration() -> None:
     lines = [line.split() for line in shown(PAGE)["python signature.py"].splitlines()]
-    assert {name for name, change, _ in lines if float(change) > 0.0} == {"pressure"}
+    assert {name for name, change, _ in lines if float(change) > 0.0} == {"torque"}
 
 
 def test_the_places_of_a_law_are_those_where_windage_stands() -> None:

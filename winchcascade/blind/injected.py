@@ -55,7 +55,7 @@ PARTS: dict[str, InjectedEffect] = {
 """Every effect that a seed deals by its name, with its size at full strength. The order belongs to what a seed deals."""
 
 LATER: dict[str, InjectedEffect] = {
-    "stribeck": InjectedEffect("transmission", "slow_torque", "N.m", 4.0),
+    "stribeck": InjectedEffect("transmission", "slow_torque", "N.m", 5.0),
     "pressure_gain": InjectedEffect("sensor", "gain_error", "1", 0.05, either=True),
 }
 """Effects that joined the catalogue later: they are injected where a plan names them, and a seed deals what it always has."""
