@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from diagnosed import PLANTED, SUSPECTS, write_campaign
+from scipy.io import loadmat
 from test_cli import one_sentence, winchcascade
 
 from winchcascade import load_rig, read_run
@@ -83,6 +84,29 @@ def test_the_corrected_rig_leaves_no_gap_and_is_accepted_by_other_commands(campa
     assert abs(found - logged).mean() < 0.1 * abs(given - logged).mean()
     page = tmp_path / "r4p5ohm.html"
     assert winchcascade("reduce", log, "--load-ohm", "4.5", "--rig", corrected, "--html", page).returncode == 0
+
+
+def test_the_corrected_model_is_exported_for_python_and_matlab(campaign: Path, tmp_path: Path) -> None:
+    text, matlab = tmp_path / "model.json", tmp_path / "model.mat"
+    for file in (text, matlab, matlab):  # the second time over its own file
+        assert winchcascade("diagnose", campaign, "--export", file, *FEW).returncode == 0
+    record, model = json.loads(text.read_bytes()), loadmat(matlab, simplify_cells=True)["model"]
+    assert record["schema"] == model["schema"] == "winchcascade/model/1"
+    resistance = record["generator"]["r_s"]
+    assert resistance["value"] == pytest.approx(1.4 * resistance["as_given"], rel=0.03)
+    assert "copper_heating (diagnosis of a campaign of two loads)" in resistance["source"]
+    assert model["generator"]["r_s"]["value"] == resistance["value"]
+    assert record["generator"]["k_e"]["value"] == pytest.approx(0.062 * 30.0 / 3.141592653589793)
+    assert record["back_emf"]["share"] == [1.0] * 81
+    assert model["back_emf"]["stator_current_a"].tolist() == record["back_emf"]["stator_current_a"]
+    assert record["winch"]["friction"] == {"value": 0.0, "unit": "N.m", "as_given": 0.0, "source": "absent"}
+    assert record["sensors"]["electrical_lag"] == 0.0
+
+
+def test_an_export_of_another_format_is_rejected_before_any_work(campaign: Path, tmp_path: Path) -> None:
+    assert "expected a name that ends in .json or .mat" in one_sentence(
+        "diagnose", campaign, "--export", tmp_path / "model.slx"
+    )
 
 
 def test_a_rig_file_that_the_tool_did_not_write_is_not_replaced(campaign: Path, tmp_path: Path) -> None:

@@ -62,6 +62,10 @@ def diagnose_command(
         Path | None,
         typer.Option("--write", metavar="RIG.toml", help="Write the rig file with the named causes as its effects."),
     ] = None,
+    export: Annotated[
+        Path | None,
+        typer.Option("--export", metavar="FILE", help="Write the numbers of the corrected model, as .json or .mat."),
+    ] = None,
     jobs: ThreadsOption = None,
     seed: Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Of the resampling of cycles.")] = 0,
     force: ForceOption = False,
@@ -77,6 +81,7 @@ def diagnose_command(
     from winchcascade.report.diagnosis import write_diagnosis_reports
     from winchcascade.report.diagnosis_record import as_json as diagnosis_record
     from winchcascade.report.diagnosis_text import diagnosis_text
+    from winchcascade.report.model_export import check_export, write_export
     from winchcascade.report.progress import status_line
     from winchcascade.rig.effects.catalogue import EFFECTS, find_effect
 
@@ -85,7 +90,8 @@ def diagnose_command(
     if simulated is not None:
         listed = with_simulations(listed, simulated)
     logs = [run.file for run in listed.runs]
-    results = {"--json": Path(json) if json else None, "--html": html, "--pdf": pdf, "--write": write}
+    check_export(export)
+    results = {"--json": Path(json) if json else None, "--html": html, "--pdf": pdf, "--write": write, "--export": export}
     inputs = [listed.path, *logs, *_simulations(listed), rig or listed.rig]
     check_outputs(results | _prediction_files(predictions, logs), inputs, force=force)
     set_threads(jobs or processes())
@@ -93,12 +99,14 @@ def diagnose_command(
         found = diagnose_listed(listed, suspects, rig=rig, loads=withhold or (), seed=seed, on_progress=on_progress)
         written = [] if predictions is None else write_predictions(found, predictions, force=force)
         corrected = write is None or write_corrected_rig(found, write, force=force)
+        if export is not None:
+            write_export(found, export, force=force)
         if html is not None or pdf is not None:
             on_progress("writing reports")
             write_diagnosis_reports(found, html=html, pdf=pdf, command=given_command(), force=force)
-    if not corrected:
-        del results["--write"]
-    files: list[Path | str] = [path for path in results.values() if path is not None]
+    files: list[Path | str] = [
+        path for option, path in results.items() if path is not None and (corrected or option != "--write")
+    ]
     if not corrected:
         files.append("no corrected rig file, as no cause is named")
     if predictions is not None:

@@ -29,9 +29,11 @@ _HEADS = (
     rb'<properties>\s*<property name="generator" value="' + _VERSION
     + rb'"|# (?:Calibrated|Corrected) by ' + _VERSION
     + rb" from |Time \(s\),[^\n\"'#;]*Generator speed \(rpm\),Stator current \(A rms\),Air-gap torque \(N\.m\)\r?\n"
-    rb"|Time \(s\),Cycle,Predicted mechanical power \(W\)\r?\n)"
+    rb"|MATLAB 5\.0 MAT-file, written by " + _VERSION
+    + rb"|Time \(s\),Cycle,Predicted mechanical power \(W\)\r?\n)"
 )  # fmt: skip
-"""How files begin: JSON with its schema first, page, JUnit, calibrated or corrected rig file, simulated log, predictions."""
+"""How files begin: JSON with its schema first, page, JUnit, calibrated or corrected rig file, simulated log, exported
+model, predictions."""
 
 _WORKBOOK = rb"(?s)PK\x05\x06.{16}(?P<size>..)" + _VERSION + rb"\Z"
 """How a workbook ends: the comment of its archive."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
 from winchcascade.core.rig_file import EffectNumber, StatedEffect
@@ -13,6 +14,7 @@ from winchcascade.diagnosis.suspects import freedom, with_values
 from winchcascade.rig.baseline import stated_effects
 
 if TYPE_CHECKING:
+    from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
 
@@ -20,6 +22,11 @@ if TYPE_CHECKING:
 def corrected_rig_text(found: ModelDiagnosis) -> str:
     """Write the named causes of a diagnosis into the text of its rig file; RigError where that is not possible."""
     return corrected_text(found.rig, stated_causes(found), found.title)
+
+
+def corrected_rig(found: ModelDiagnosis) -> Rig:
+    """The rig of a diagnosis with its named causes as effects."""
+    return msgspec.structs.replace(found.rig, effects={**found.rig.effects, **stated_causes(found)})
 
 
 def stated_causes(found: ModelDiagnosis) -> dict[str, StatedEffect]:
