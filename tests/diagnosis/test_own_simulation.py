@@ -14,10 +14,11 @@ from winchcascade.diagnosis.own_simulation import beside_own_simulation, on_the_
 from winchcascade.report.diagnosis_record import as_json
 from winchcascade.report.diagnosis_text import diagnosis_text
 from winchcascade.report.own_simulation_words import own_simulation_words
+from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 from winchcascade.rig.effects.effect import ActiveEffect
 from winchcascade.rig.effects.simplifications import SIMPLIFICATIONS
-from winchcascade.rig.parts import Model, baseline
+from winchcascade.rig.parts import Model
 from winchcascade.rig.simulate import simulate
 
 SUSPECTS = {

@@ -9,7 +9,7 @@ from winchcascade.core.errors import LogError
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run, Signal
 from winchcascade.diagnosis.same_motion import SAME, onto_log
-from winchcascade.rig.parts import baseline
+from winchcascade.rig.baseline import baseline
 from winchcascade.rig.simulate import simulate
 
 WHOLE = slice(None)

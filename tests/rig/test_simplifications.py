@@ -11,10 +11,10 @@ import pytest
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.ingest.read import read_run
+from winchcascade.rig.baseline import baseline
 from winchcascade.rig.bridge import blended_table, bridge_state, bridge_table
 from winchcascade.rig.effects.effect import ActiveEffect
 from winchcascade.rig.effects.simplifications import SIMPLIFICATIONS
-from winchcascade.rig.parts import baseline
 from winchcascade.rig.simulate import Simulation, simulate
 
 R_S, AVERAGE = 0.61, 3.0 * math.sqrt(2.0) / math.pi

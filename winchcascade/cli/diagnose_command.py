@@ -91,7 +91,13 @@ def diagnose_command(
         listed = with_simulations(listed, simulated)
     logs = [run.file for run in listed.runs]
     check_export(export)
-    results = {"--json": Path(json) if json else None, "--html": html, "--pdf": pdf, "--write": write, "--export": export}
+    results = {
+        "--json": Path(json) if json else None,
+        "--html": html,
+        "--pdf": pdf,
+        "--write": write,
+        "--export": export,
+    }
     inputs = [listed.path, *logs, *_simulations(listed), rig or listed.rig]
     check_outputs(results | _prediction_files(predictions, logs), inputs, force=force)
     set_threads(jobs or processes())
