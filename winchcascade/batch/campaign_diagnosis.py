@@ -99,6 +99,7 @@ def diagnose_listed(
             suspects,
             title=campaign.name,
             cycles=cycles,
+            windows=[entry.window for entry in campaign.runs],
             withheld=withheld,
             seed=seed,
             on_progress=on_progress,

@@ -16,7 +16,7 @@ from winchcascade.diagnosis.block_means import PHASES, blocks_of
 from winchcascade.diagnosis.diagnosis_result import Alternative, Experiment, NamedCause, Reported, Spot
 from winchcascade.diagnosis.evidence import Fit, RigProblem, fit_set, inside_of
 from winchcascade.diagnosis.predict import CHANNELS, Course
-from winchcascade.diagnosis.solve import normal_equations, quadratic, weights
+from winchcascade.diagnosis.solve import Jacobian, Quadratic, normal_equations, quadratic, weights
 from winchcascade.diagnosis.suspects import freedom, varied, with_values
 
 if TYPE_CHECKING:
@@ -163,10 +163,27 @@ def covariance_of(data: Fitted, fit: Fit, scale: float) -> Signal:
     return covariance
 
 
+def joint_covariance(data: Fitted, fit: Fit, scale: float) -> Signal:
+    """Covariance of all fields of a fit and then of its nuisances, (k + n, k + n): these follow the fields, and scatter about
+    that as the data and their tolerances leave them.
+    """
+    fields, (q, _, _) = covariance_of(data, fit, scale), _expanded(data, fit)
+    own = np.eye(fit.nu.size)
+    inner = np.linalg.inv((q.inner - own) / scale + own)
+    return np.block([[fields, -fields @ q.back.T], [-q.back @ fields, q.back @ fields @ q.back.T + inner]])
+
+
+def _expanded(data: Fitted, fit: Fit) -> tuple[Quadratic, Jacobian, Signal]:
+    """The objective of a fit in its own fields and nuisances, and the columns of nuisances and fields."""
+    j_phi = np.hstack([np.zeros((fit.z.size, 0)), *(fit.columns[name] for name in fit.names)])
+    j_nu = fit.j_nu or data.jacobian(fit.nu, [])
+    return quadratic(*normal_equations(fit.z, j_nu.beside(j_phi), fit.nu), fit.nu.size), j_nu, j_phi
+
+
 def _scattered(data: Fitted, fit: Fit) -> Signal:
     """Scatter of the slope of the objective over the fields of a fit, (k, k): of phases of cycles, and of the priors."""
-    j_phi, j_nu = np.hstack([fit.columns[name] for name in fit.names]), fit.j_nu or data.jacobian(fit.nu, [])
-    back = quadratic(*normal_equations(fit.z, j_nu.beside(j_phi), fit.nu), fit.nu.size).back
+    expanded, j_nu, j_phi = _expanded(data, fit)
+    back = expanded.back
     scores = (weights(fit.z) * fit.z)[:, None] * (j_phi - j_nu @ back)
     stretch = np.cumsum(~data.blocks.joined) - 1
     total = np.zeros((int(stretch[-1]) + 1, j_phi.shape[1]))

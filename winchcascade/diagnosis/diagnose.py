@@ -11,6 +11,7 @@ import numpy as np
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.diagnosis.causes import causes_of, plan_run, probabilities
 from winchcascade.diagnosis.closure import ModelClosure, alarms_of, close
+from winchcascade.diagnosis.contributions import by_cost, contributions_of, reordered
 from winchcascade.diagnosis.diagnosis_result import (
     HALF,
     NAMED,
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
-    from winchcascade.diagnosis.diagnosis_result import Verdict
+    from winchcascade.diagnosis.diagnosis_result import Contribution, Verdict
     from winchcascade.diagnosis.suspects import Suspects
 
 
@@ -39,7 +40,7 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     """A diagnosis by a model. `predicted` (M, 5) are the blocks of the rig as given, or of the owner's own simulation where
     there is one, `fitted` those of the fit with its causes.
 
-    `places` map the gap end to end, `stages` stage by stage.
+    `places` map the gap end to end, `stages` stage by stage; `contributions` split the metrics of every run.
     """
 
     data: Fitted
@@ -49,6 +50,7 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     predicted: Signal
     fitted: Signal
     own_simulation: OwnSimulation | None = None
+    contributions: tuple[Contribution, ...] = ()
 
 
 def diagnose(
@@ -58,6 +60,7 @@ def diagnose(
     *,
     title: str = "",
     cycles: Sequence[tuple[int, int] | None] | None = None,
+    windows: Sequence[float | None] | None = None,
     withheld: Sequence[int] = (),
     seed: int = 0,
     on_progress: Callable[[str], None] = lambda _: None,
@@ -68,6 +71,7 @@ def diagnose(
     ----------
     suspects : effects by name that may be named
     cycles : of each run, the first and last cycle that count, None for all
+    windows : of each run, the length of its integration windows [s], None for the rule of the rig
     withheld : numbers of runs that take part in neither choice nor fit; without any, causes are chosen on all runs and each
         run but open circuits is left out of the fit once
     seed : of the resampling that the closure's interval comes from
@@ -105,7 +109,15 @@ def diagnose(
         fitted=data.predict(found.best.nu, found.best.effects(suspects)),
         sets=probabilities(found.fits, found.scale),
     )
-    return _judged(as_found, on_progress)
+    judged = _judged(as_found, on_progress)
+    on_progress("splitting the difference among the causes")
+    return _accounted(judged, contributions_of(data, suspects, found, judged.causes, windows=windows, cycles=cycles))
+
+
+def _accounted(result: ModelDiagnosis, contributions: Sequence[Contribution]) -> ModelDiagnosis:
+    """The result with what each cause contributes, and its causes in the order of what they cost."""
+    causes = by_cost(result.causes, contributions)
+    return msgspec.structs.replace(result, causes=causes, contributions=reordered(contributions, causes))
 
 
 def _judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelDiagnosis:

@@ -163,6 +163,39 @@ class NamedCause(msgspec.Struct, frozen=True):
     weight: float
 
 
+ContributionKind = Literal["physical", "sensor", "entry", "tolerances", "model_form", "residual"]
+"""What a part of a difference is: a cause that costs energy, one that changes only what is read, a wrong entry; the fitted
+numbers and sensors of the rig within their tolerances, the difference between two models, and the rest."""
+
+
+class ContributionPart(msgspec.Struct, frozen=True):
+    """One part of the difference between model and measured run with its 95 % interval, in the unit of its metric.
+
+    `effect` is the cause, None for what is no cause.
+    """
+
+    effect: str | None
+    kind: ContributionKind
+    value: float
+    low: float
+    high: float
+
+
+class Contribution(msgspec.Struct, frozen=True):
+    """One metric of one run: by the rig as given, as measured, and the parts that add up to the difference; SI units.
+
+    `log` is the number of the run. `metric` is one of the nine metrics of the integration windows or the mean of a channel over
+    them. NaN and no parts for a metric that the run cannot give.
+    """
+
+    log: int
+    load: float | None
+    metric: str
+    as_given: float
+    measured: float
+    parts: tuple[ContributionPart, ...]
+
+
 class Shrunk(msgspec.Struct, frozen=True):
     """Root mean squares of one channel over the withheld logs, SI units: before, after, and noise."""
 

@@ -12,7 +12,7 @@ from winchcascade.core.integrate import integrals
 from winchcascade.core.jobs import side_by_side
 from winchcascade.core.rig_file import Rig, WindowRule
 from winchcascade.core.rig_toml import built_in
-from winchcascade.core.run import Finding, Run
+from winchcascade.core.run import Finding, Run, Signal
 from winchcascade.reduction.bins import TORQUE, Bin, bin_powers, engaged
 from winchcascade.reduction.checks.lag import lag_findings
 from winchcascade.reduction.checks.load import load_findings
@@ -111,8 +111,7 @@ def reduce(
 def first_metrics(run: Run, rig: Rig, window: float | None = None) -> dict[str, float | None]:
     """Metrics of the first payout of a clean log by the rules of `reduce` and no more: for thousands of simulations.
 
-    All are None where the log has no payout or where its window is not whole. A ratio above 1 is given as it is, as the error
-    of a model with effects is to be known.
+    All are None where the log has no payout or where its window is not whole. A ratio above 1 is given as it is.
 
     Parameters
     ----------
@@ -123,14 +122,25 @@ def first_metrics(run: Run, rig: Rig, window: float | None = None) -> dict[str, 
         top, end = float(phased.v_smooth.max()), float(run.t[-1])
         span = find_window(phased.cycles[0], phased.plateaus[0], top, end, phased.rule, rig.thresholds)
         if span.fault is None:
-            ends = np.array([[span.onset, span.cutoff]])
-            energy: dict[str, float | None] = {}
-            for stage in STAGES:
-                watts = stream(run.channels, stage, rig.r_drum)
-                energy[f"energy_{stage}"] = None if watts is None else float(integrals(run.t, watts, ends)[0])
-            got, odd = metrics(energy, span.cutoff - span.onset, open_circuit=run.open_circuit)
-            return {name: odd.get(name, getattr(got, name)) for name in METRICS}
+            return metrics_within(run, rig, np.array([[span.onset, span.cutoff]]))[0]
     return dict.fromkeys(METRICS)
+
+
+def metrics_within(run: Run, rig: Rig, windows: Signal) -> list[dict[str, float | None]]:
+    """Metrics of a run within each of some windows, (k, 2) [s]; None where the run cannot give one.
+
+    A ratio above 1 is given as it is, as the error of a model with effects is to be known.
+    """
+    energy: dict[str, list[float] | None] = {}
+    for stage in STAGES:
+        watts = stream(run.channels, stage, rig.r_drum)
+        energy[f"energy_{stage}"] = None if watts is None else integrals(run.t, watts, windows).tolist()
+    found = []
+    for k, (begin, end) in enumerate(windows.tolist()):
+        joules = {name: None if column is None else column[k] for name, column in energy.items()}
+        got, odd = metrics(joules, end - begin, open_circuit=run.open_circuit)
+        found.append({name: odd.get(name, getattr(got, name)) for name in METRICS})
+    return found
 
 
 def require_payouts(reduction: Reduction) -> None:

@@ -1,0 +1,364 @@
+"""What each cause contributes to the difference between the rig as given and the measured run, metric by metric.
+
+A metric of a run is simulated with each subset of the causes at their fitted values, tolerances nominal. The contribution of
+a cause is what it adds, averaged over all orders in which the causes may be added: the value of Shapley (1953, A value for
+n-person games). It depends on no order, and all add up to what the causes do together. Then numbers and sensors of the rig
+move within their tolerances as the fit found them. The rest is the residual.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
+
+import msgspec
+import numpy as np
+
+from winchcascade.core.errors import OptionError
+from winchcascade.core.integrate import means
+from winchcascade.core.jobs import all_at_once
+from winchcascade.diagnosis.causes import COVERED, LAW, joint_covariance
+from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
+from winchcascade.diagnosis.misfit import LOCAL
+from winchcascade.diagnosis.predict import CHANNELS, Course
+from winchcascade.diagnosis.suspects import varied
+from winchcascade.reduction.efficiency import METRICS
+from winchcascade.reduction.reduce import metrics_within, reduce
+from winchcascade.rig.simulate import STEP
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from winchcascade.core.rig_file import Rig
+    from winchcascade.core.run import Run, Signal
+    from winchcascade.diagnosis.diagnosis_result import ContributionKind, NamedCause, Names
+    from winchcascade.diagnosis.evidence import Fit, Found
+    from winchcascade.diagnosis.misfit import Fitted, Log
+    from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.rig.effects.effect import ActiveEffect, Effect
+    from winchcascade.rig.parts import Model
+
+QUANTITIES = (*METRICS, *CHANNELS)
+"""The nine metrics of the integration windows, and the means of the channels over these windows."""
+
+MOVED = 0.02
+"""Share of the plausible range of a field by which its derivative is taken."""
+
+SHAFT_STAGES = ("generator", "gearbox", "entry")
+"""Stages whose effects need another solution of the shaft. Subsets that differ in the others alone follow one another."""
+
+
+# ------------------------------------------------------------------------------------------------- metrics of one run
+def quantities_of(run: Run, rig: Rig, windows: Signal) -> Signal:
+    """Means over the windows, (k, 2) [s], of each of `QUANTITIES`, (14,) SI units; NaN for what the run cannot give."""
+    if not windows.size:
+        return np.full(len(QUANTITIES), math.nan)
+    cycles = [list(one.values()) for one in metrics_within(run, rig, windows)]
+    channels = [
+        np.mean(means(run.t, run.channels[name].__getitem__, windows)) if name in run.channels else math.nan
+        for name in CHANNELS
+    ]
+    return np.array([*np.mean(np.array(cycles, dtype=np.float64), axis=0), *channels], dtype=np.float64)
+
+
+def windows_of(run: Run, rig: Rig, window: float | None, cycles: tuple[int, int] | None) -> Signal:
+    """Integration windows of the complete cycles, (k, 2) [s]; none where the run has no window of that length."""
+    try:
+        reduction = reduce(run, rig=rig, window=window, cycles=cycles)
+    except OptionError:
+        return np.zeros((0, 2))
+    found = [(one.window.onset, one.window.cutoff) for one in reduction.cycles if one.complete]
+    return np.array(found, dtype=np.float64).reshape(-1, 2)
+
+
+class WindowedLog(NamedTuple):
+    """A log with its integration windows, (k, 2) [s], whose metrics are simulated many times.
+
+    `number` is that of the log. `offset` (n, 5) is what a fine step gives beyond the coarse one at the stamps, as the fit adds
+    it to blocks.
+    """
+
+    number: int
+    log: Log
+    rig: Rig
+    windows: Signal
+    offset: Signal
+
+    def simulated(self, model: Model, skew: Signal, zeros: Signal) -> Signal:
+        """What `quantities_of` gives for a model, (14,); channels that the log lacks stay absent.
+
+        Parameters
+        ----------
+        skew, zeros : (5,) delay of the reading of each channel [s], and its zero
+        """
+        run, course = self.log.run, self.log.course
+        read = at_stamps(course, course.on_grid(model, skew=skew)) + self.offset + zeros
+        channels = {"velocity": run.channels["velocity"]}
+        for k, name in enumerate(CHANNELS):
+            if name in run.channels or (name == "torque" and "power_mech" in run.channels):
+                channels[name] = read[:, k]
+        return quantities_of(msgspec.structs.replace(run, channels=channels), self.rig, self.windows)
+
+
+def at_stamps(course: Course, on_grid: Signal) -> Signal:
+    """Channels on the grid of a course, (n, 5), at the stamps of its log."""
+    return np.column_stack([np.interp(course.run.t, course.coarse.t, x) for x in on_grid.T])
+
+
+def windowed(
+    data: Fitted, number: int, window: float | None = None, cycles: tuple[int, int] | None = None
+) -> WindowedLog:
+    """Find the windows of one log of a fit, and what a fine step changes there.
+
+    Parameters
+    ----------
+    window : length of the windows [s]; by default the rule of the rig
+    cycles : first and last that count, all by default
+    """
+    log = data.logs[number]
+    fine, model = Course(log.run, log.course.blocks, STEP), data.nominal
+    offset = at_stamps(fine, fine.on_grid(model)) - at_stamps(log.course, log.course.on_grid(model))
+    return WindowedLog(number, log, data.rig, windows_of(log.run, data.rig, window, cycles), offset)
+
+
+# ------------------------------------------------------------------------------------------------------- the split
+def shapley(values: Signal) -> Signal:
+    """Split what all players reach among them by the mean of what each adds, over all orders of the players.
+
+    Parameters
+    ----------
+    values : (2**k, ...) value of each subset; bit i of the index is set where player i takes part
+
+    Returns
+    -------
+    (k, ...) in the unit of the values
+
+    Examples
+    --------
+    >>> shapley(np.array([0.0, 1.0, 2.0, 5.0])).tolist()
+    [2.0, 3.0]
+    """
+    count = values.shape[0].bit_length() - 1
+    subsets = np.arange(values.shape[0])
+    size = np.array([int(subset).bit_count() for subset in subsets])
+    found = np.empty((count, *values.shape[1:]))
+    for player in range(count):
+        without = subsets[subsets >> player & 1 == 0]
+        weight = np.array([1.0 / (count * math.comb(count - 1, int(n))) for n in size[without]])
+        found[player] = np.tensordot(weight, values[without | 1 << player] - values[without], axes=1)
+    return found
+
+
+class Variants(NamedTuple):
+    """Every model that the split of a fit needs: nuisances and effects of each, and its model of every log.
+
+    In a row: subsets of the `names`; causes that act alone, one field after the other moved; all causes with the same fields
+    moved; all causes with the fitted nuisances; the same, one nuisance after the other moved. The fields belong to the causes
+    `owners`, by their number, are at `places` of all fields of the fit, and move by `steps`; `moved` are the nuisances.
+    """
+
+    names: Names
+    given: list[tuple[Signal, Sequence[ActiveEffect]]]
+    models: list[list[Model]]
+    owners: list[int]
+    places: list[int]
+    steps: Signal
+    moved: list[int]
+
+
+def variants_of(data: Fitted, suspects: Suspects, best: Fit, names: Names) -> Variants:
+    """List the models that the split of a fit among some of its causes needs."""
+    names = tuple(sorted(names, key=lambda name: suspects[name].stage in SHAFT_STAGES))
+    acting = dict(zip(best.names, best.effects(suspects), strict=True))
+    nominal, everything = np.zeros_like(best.nu), [acting[name] for name in names]
+    subsets = [[one for bit, one in enumerate(everything) if subset >> bit & 1] for subset in range(1 << len(names))]
+    alone: list[Sequence[ActiveEffect]] = []
+    together: list[Sequence[ActiveEffect]] = []
+    fields: list[tuple[int, int, float]] = []
+    for owner, name in enumerate(names):
+        own = best.place[name]
+        for place, (moved, step) in enumerate(varied(suspects[name], best.x[own], MOVED), own.start):
+            alone.append([moved])
+            together.append([moved if one is acting[name] else one for one in everything])
+            fields.append((owner, place, step))
+    moving = [j for j, n in enumerate(data.nuisances) if n.kind not in LOCAL]
+    given = [(nominal, effects) for effects in (*subsets, *alone, *together)]
+    given += [(best.nu + shift, everything) for shift in (nominal, *np.eye(best.nu.size)[moving])]
+    owners, places, steps = ([field[k] for field in fields] for k in range(3))
+    return Variants(
+        names,
+        given,
+        [data.models(*one) for one in given],
+        [*map(int, owners)],
+        [*map(int, places)],
+        np.array(steps),
+        moving,
+    )
+
+
+class Split(NamedTuple):
+    """What the parts of one run come to, and their standard uncertainties, (14,) each, SI units."""
+
+    measured: Signal
+    as_given: Signal
+    causes: dict[str, tuple[Signal, Signal]]
+    tolerances: tuple[Signal, Signal]
+    residual: tuple[Signal, Signal]
+
+
+def split_of(data: Fitted, one: WindowedLog, variants: Variants, covariance: Signal) -> Split:
+    """Split the difference between rig as given and one run among causes, tolerances and residual.
+
+    A contribution moves with a field of its cause as the mean of what it does alone and with all causes: exact as long as no
+    three causes act on each other.
+
+    Parameters
+    ----------
+    covariance : (p + n, p + n) of the fields of the fit and then of its nuisances
+    """
+    nuisances = len(data.nuisances)
+    first = covariance.shape[0] - nuisances
+    names, count, fields = variants.names, 1 << len(variants.names), len(variants.places)
+    subsets, alone, together, fitted = np.split(
+        _values(data, one, variants), np.cumsum([count, fields, fields]).tolist()
+    )
+    by_alone = (alone - subsets[[1 << owner for owner in variants.owners]]) / variants.steps[:, None]
+    by_all = (together - subsets[-1]) / variants.steps[:, None]
+    slopes = np.zeros((len(names) + 2, covariance.shape[0], len(QUANTITIES)))
+    slopes[variants.owners, variants.places] = 0.5 * (by_alone + by_all)
+    slopes[-2, [first + j for j in variants.moved]] = fitted[1:] - fitted[0]
+    slopes[-2, first:] += _by_zeros(data, one, variants, fitted[0])
+    slopes[-1, variants.places] = -by_all
+    slopes[-1] -= slopes[-2]
+    used = np.flatnonzero(np.any(slopes != 0.0, axis=(0, 2)))
+    spread = np.tensordot(covariance[np.ix_(used, used)], slopes[:, used], axes=(1, 1)).swapaxes(0, 1)
+    u = np.sqrt(np.maximum(np.sum(slopes[:, used] * spread, axis=1), 0.0))
+    shares, measured = shapley(subsets), quantities_of(one.log.run, one.rig, one.windows)
+    missing = np.isnan(measured + fitted[0])
+    parts = np.vstack([shares, fitted[0] - subsets[-1], measured - fitted[0]])
+    parts[:, missing], u[:, missing] = math.nan, math.nan
+    u[:-2] = np.hypot(u[:-2], LAW * np.abs(shares))
+    *causes, tolerances, residual = zip(parts, u, strict=True)
+    absent = np.where(missing, math.nan, 0.0)
+    return Split(measured + absent, subsets[0] + absent, dict(zip(names, causes, strict=True)), tolerances, residual)
+
+
+def _values(data: Fitted, one: WindowedLog, variants: Variants) -> Signal:
+    """Quantities of one run by every variant, (variants, 14); what does not concern the run is not simulated again."""
+    known: dict[bytes, list[tuple[Model, Signal]]] = {}
+    found = []
+    for (nu, _), models in zip(variants.given, variants.models, strict=True):
+        model, skew, zeros = models[one.number], data.skew(nu), data.zeros(nu)[one.number]
+        alike = known.setdefault(skew.tobytes() + zeros.tobytes(), [])
+        values = next((values for other, values in alike if other == model), None)
+        if values is None:
+            values = one.simulated(model, skew, zeros)
+            alike.append((model, values))
+        found.append(values)
+    return np.array(found)
+
+
+def _by_zeros(data: Fitted, one: WindowedLog, variants: Variants, fitted: Signal) -> Signal:
+    """What one uncertainty of each zero moves with all causes and nuisances as `fitted`, (n, 14); 0 for other nuisances."""
+    nu, models = variants.given[-1 - len(variants.moved)][0], variants.models[-1 - len(variants.moved)]
+    found = np.zeros((nu.size, len(QUANTITIES)))
+    for j, n in enumerate(data.nuisances):
+        if n.kind == "zero" and n.log == one.number:
+            zeros = data.zeros(nu)[one.number]
+            zeros[CHANNELS.index(n.name)] += n.sd
+            found[j] = one.simulated(models[one.number], data.skew(nu), zeros) - fitted
+    return found
+
+
+# ----------------------------------------------------------------------------------------------- all runs of a campaign
+def contributions_of(
+    data: Fitted,
+    suspects: Suspects,
+    found: Found,
+    causes: Sequence[NamedCause],
+    *,
+    windows: Sequence[float | None] | None = None,
+    cycles: Sequence[tuple[int, int] | None] | None = None,
+) -> tuple[Contribution, ...]:
+    """Split every metric of every run among the causes that are named, tolerances and residual, the parts in this order.
+
+    Parameters
+    ----------
+    causes : named ones among those of the best fit
+    windows : of each run the length of its windows [s], None for the rule of the rig
+    cycles : of each run the first and last cycle that count, None for all
+    """
+    names = tuple(cause.effect for cause in causes)
+    covariance = joint_covariance(data, found.best, found.scale)
+    variants = variants_of(data, suspects, found.best, names)
+    nothing = [None] * len(data.logs)
+    settings = enumerate(zip(windows or nothing, cycles or nothing, strict=True))
+
+    def account(number: int, window: float | None, span: tuple[int, int] | None) -> list[Contribution]:
+        one = windowed(data, number, window, span)
+        return _recorded(one, split_of(data, one, variants, covariance), names, suspects)
+
+    jobs = [partial(account, number, *setting) for number, setting in settings]
+    return tuple(contribution for each in all_at_once(jobs) for contribution in each)
+
+
+def _recorded(one: WindowedLog, split: Split, names: Names, suspects: Suspects) -> list[Contribution]:
+    """The split of one run by quantity."""
+    columns: list[tuple[str | None, ContributionKind, tuple[Signal, Signal]]] = [
+        *((name, kind_of(suspects[name]), split.causes[name]) for name in names),
+        (None, "tolerances", split.tolerances),
+        (None, "residual", split.residual),
+    ]
+    return [
+        Contribution(
+            log=one.number,
+            load=one.log.run.load,
+            metric=quantity,
+            as_given=float(split.as_given[k]),
+            measured=float(split.measured[k]),
+            parts=tuple(
+                ContributionPart(name, kind, float(value[k]), *_interval(float(value[k]), float(u[k])))
+                for name, kind, (value, u) in columns
+            )
+            if np.isfinite(split.measured[k])
+            else (),
+        )
+        for k, quantity in enumerate(QUANTITIES)
+    ]
+
+
+def _interval(value: float, u: float) -> tuple[float, float]:
+    return value - COVERED * u, value + COVERED * u
+
+
+def kind_of(effect: Effect) -> ContributionKind:
+    """Whether an effect costs energy, changes only what is read, or is a wrong entry."""
+    return "sensor" if effect.stage == "sensor" else "entry" if effect.stage == "entry" else "physical"
+
+
+def by_cost(
+    causes: Sequence[NamedCause], contributions: Sequence[Contribution], metric: str = "eta_pto"
+) -> tuple[NamedCause, ...]:
+    """Causes in the order of what they change in a metric, on average over the loaded runs, the largest first.
+
+    Entries come first. Without that metric the order stays.
+    """
+    cost: dict[str | None, list[float]] = {}
+    for one in contributions:
+        if one.metric == metric and one.load is not None and math.isfinite(one.load):
+            for part in one.parts:
+                cost.setdefault(part.effect, []).append(part.value)
+    mean = {name: abs(sum(values) / len(values)) for name, values in cost.items()}
+    return tuple(sorted(causes, key=lambda cause: (cause.stage != "entry", -mean.get(cause.effect, 0.0))))
+
+
+def reordered(contributions: Sequence[Contribution], causes: Sequence[NamedCause]) -> tuple[Contribution, ...]:
+    """Contributions whose parts follow the order of the causes, then tolerances and what follows them."""
+    place = {cause.effect: k for k, cause in enumerate(causes)}
+    return tuple(
+        msgspec.structs.replace(
+            one, parts=tuple(sorted(one.parts, key=lambda part: place.get(part.effect or "", len(place))))
+        )
+        for one in contributions
+    )
