@@ -337,18 +337,30 @@ def kind_of(effect: Effect) -> ContributionKind:
     return "sensor" if effect.stage == "sensor" else "entry" if effect.stage == "entry" else "physical"
 
 
-def by_cost(
-    causes: Sequence[NamedCause], contributions: Sequence[Contribution], metric: str = "eta_pto"
-) -> tuple[NamedCause, ...]:
-    """Causes in the order of what they change in a metric, on average over the loaded runs, the largest first.
+EFFICIENCIES = ("eta_pto", "eta_gen", "eta_trans")
+"""Efficiencies in the order in which one that a campaign has decides the order of the causes."""
 
-    Entries come first. Without that metric the order stays.
+
+def leading_metric(contributions: Sequence[Contribution]) -> str | None:
+    """The first of `EFFICIENCIES` that some run has; None where no run has any."""
+    known = {one.metric for one in contributions if one.parts}
+    return next((metric for metric in EFFICIENCIES if metric in known), None)
+
+
+def loaded_part(contributions: Sequence[Contribution], metric: str | None) -> list[Contribution]:
+    """Contributions to one metric of the runs with a load that have it."""
+    return [one for one in contributions if one.metric == metric and one.parts and math.isfinite(one.load or math.inf)]
+
+
+def by_cost(causes: Sequence[NamedCause], contributions: Sequence[Contribution]) -> tuple[NamedCause, ...]:
+    """Causes in the order of what they change in eta_pto, on average over the loaded runs, the largest first; entries lead.
+
+    Without eta_pto another efficiency decides; without any the order stays.
     """
     cost: dict[str | None, list[float]] = {}
-    for one in contributions:
-        if one.metric == metric and one.load is not None and math.isfinite(one.load):
-            for part in one.parts:
-                cost.setdefault(part.effect, []).append(part.value)
+    for one in loaded_part(contributions, leading_metric(contributions)):
+        for part in one.parts:
+            cost.setdefault(part.effect, []).append(part.value)
     mean = {name: abs(sum(values) / len(values)) for name, values in cost.items()}
     return tuple(sorted(causes, key=lambda cause: (cause.stage != "entry", -mean.get(cause.effect, 0.0))))
 

@@ -16,6 +16,8 @@ from winchcascade.report import diagnosis_figures as figures
 from winchcascade.report import diagnosis_tables as tables
 from winchcascade.report import diagnosis_words as words
 from winchcascade.report import line_tables
+from winchcascade.report.cause_costs import cost_words
+from winchcascade.report.cost_section import cost_section
 from winchcascade.report.diagnosis_causes import (
     numbers_figure,
     odds_figure,
@@ -81,6 +83,7 @@ def _sections(found: ModelDiagnosis) -> tuple[Section, ...]:
     return (
         _where(found),
         _which(found),
+        cost_section(found),
         _how_far(found, both),
         _over_speed(found, both),
         _next(
@@ -177,6 +180,7 @@ def _points(found: ModelDiagnosis | LineDiagnosis) -> tuple[Point, ...]:
             *(Point("Your simulation", text) for text in own_simulation_words(found)),
             Point("Where", f"{words.where_words(found)} {words.arises_words(found)}".strip()),
             *_cause_points(found),
+            Point("What it costs", "" if isinstance(found, LineDiagnosis) else cost_words(found)),
             Point("How sure", words.sure_words(found)),
             Point("How far", words.closure_words(found)),
             Point("How steady", steady),

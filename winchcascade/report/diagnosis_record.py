@@ -13,6 +13,7 @@ from winchcascade.diagnosis.diagnosis_result import Experiment, NamedCause, Plac
 from winchcascade.diagnosis.line.line_closure import LineRemainder
 from winchcascade.diagnosis.line.line_data import CyclePart
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.reduction.efficiency import FIELDS
 from winchcascade.report import diagnosis_words as words
 from winchcascade.report.gap_words import about_text, arises_sentence, differs_text, where_sentence
 from winchcascade.report.line_words import samples_of
@@ -48,6 +49,7 @@ def as_json(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any]:
             }
             for cause in found.causes
         ],
+        **({} if isinstance(found, LineDiagnosis) else {"contributions": _contributions(found)}),
         "closure": _closure(found),
         "remainder": None if found.remainder is None else _remainder(found.remainder),
         "next_experiment": None if found.experiment is None else _experiment(found.experiment),
@@ -145,6 +147,30 @@ def _numbers(of: msgspec.Struct) -> dict[str, Any]:
     return {name: number(x) if isinstance(x, float) else x for name, x in msgspec.structs.asdict(of).items()}
 
 
+def _contributions(found: ModelDiagnosis) -> list[dict[str, Any]]:
+    """The split of every metric of every run; with the digits with which the parts add up."""
+    return [
+        {
+            "run": found.runs[one.log].name,
+            "load_ohm": _load(one.load),
+            "metric": FIELDS.get(one.metric, one.metric),
+            "as_given": number(one.as_given, SUMMED),
+            "measured": number(one.measured, SUMMED),
+            "parts": [
+                {
+                    "effect": part.effect,
+                    "kind": part.kind,
+                    "value": number(part.value, SUMMED),
+                    "low": number(part.low),
+                    "high": number(part.high),
+                }
+                for part in one.parts
+            ],
+        }
+        for one in found.contributions
+    ]
+
+
 def _closure(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any] | None:
     if found.closure is None:
         return None
@@ -217,6 +243,10 @@ def _load(load: float | None) -> float | str | None:
     return "inf" if load is not None and math.isinf(load) else load
 
 
-def number(x: float) -> float | None:
-    """A number at six digits, None for one that is not finite."""
-    return float(f"{x:.6g}") if math.isfinite(x) else None
+SUMMED = 12
+"""Significant digits of numbers that add up."""
+
+
+def number(x: float, digits: int = 6) -> float | None:
+    """A number at some significant digits, None for one that is not finite."""
+    return float(f"{x:.{digits}g}") if math.isfinite(x) else None

@@ -13,6 +13,7 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report import diagnosis_words as words
+from winchcascade.report.cause_costs import cost_lines, cost_title, no_energy_words
 from winchcascade.report.diagnosis_names import probability_words, share_words
 from winchcascade.report.digits import significant
 from winchcascade.report.gap_words import NAMES, alarm_words, differs_words
@@ -83,6 +84,7 @@ def diagnosis_text(found: ModelDiagnosis | LineDiagnosis, files: Sequence[Path |
         *entry("where", words.where_words(found)),
         *entry("", arises),
         *_causes(found),
+        *([] if isinstance(found, LineDiagnosis) else _costs(found)),
         *entry("how sure", words.sure_words(found)),
         *_how_far(found, means),
         *entry("steady", steady),
@@ -125,6 +127,16 @@ def _causes(found: DiagnosisResult) -> list[str]:
                 "", f"or {rival.effect} for {cause.effect} (probability {likely}); the two differ most in {differs}."
             )
     return [*lines, *entry("", f"not named, though fitted: {', '.join(found.unnamed)}" if found.unnamed else "")]
+
+
+def _costs(found: ModelDiagnosis) -> list[str]:
+    """The leading efficiency by load, and which causes cost no energy."""
+    table = cost_lines(found, WIDTH)
+    if not table:
+        return []
+    lines = entry("costs", cost_title(found))
+    margin = " " * INDENT if max(map(len, table)) <= WIDTH - INDENT else ""
+    return [*lines, *(margin + plain(line) for line in table), *entry("", no_energy_words(found))]
 
 
 _HEAD = ("what changes", "found", "95 %", "prob.")
