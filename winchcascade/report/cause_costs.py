@@ -102,7 +102,8 @@ def cost_words(found: ModelDiagnosis) -> str:
 def cost_title(found: ModelDiagnosis) -> str:
     """What the table of the terminal shows."""
     metric = leading_metric(found.contributions)
-    return f"{metric} in %: by the rig as given, and {goal_words(found)}; between them its difference in points"
+    value = "as measured" if word_of(found) == "measured" else "of the log"
+    return f"{metric} by the rig as given and {value} in %, parts of the difference in points"
 
 
 def goal_words(found: ModelDiagnosis) -> str:
