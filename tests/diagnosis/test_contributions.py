@@ -24,8 +24,8 @@ from winchcascade.diagnosis.contributions import (
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
 from winchcascade.reduction.reduce import reduce
+from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
-from winchcascade.rig.parts import baseline
 from winchcascade.rig.simulate import simulate
 
 PLANTED = {"copper_heating": {"r_s_change": 0.35}, "line_drag": {"b": 0.9}, "torque_gain": {"gain_error": 0.03}}
