@@ -41,10 +41,11 @@ def campaign(effects: Mapping[str, Mapping[str, float]], seed: int = 0) -> list[
     for name, values in effects.items():
         model = make_effect(name, values).apply(model)
     rng = np.random.default_rng(seed)
-    return [_logged(simulate(run, model).run, rng) for run in driven()]
+    return [logged(simulate(run, model).run, rng) for run in driven()]
 
 
-def _logged(run: Run, rng: np.random.Generator) -> Run:
+def logged(run: Run, rng: np.random.Generator) -> Run:
+    """A simulated run as a logger has it: with noise and zeros."""
     channels = {}
     for name, x in run.channels.items():
         noise = rng.normal(0.0, NOISE[name], x.size) if name in NOISE else 0.0

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.misfit import Fitted
     from winchcascade.diagnosis.solve import Bounds
     from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.rig.effects.effect import Effect
     from winchcascade.rig.parts import Model
 
 AS_GOOD = 3.0
@@ -100,8 +101,7 @@ def parameters_of(data: Fitted, suspects: Suspects, fit: Fit, name: str, scale: 
     effect, place = suspects[name], fit.place[name]
     x, bounds = fit.x[place], fit.bounds.some(place)
     value, absent = (with_values(effect, at).reported for at in (x, freedom(effect).absent))
-    gradient = np.array([(moved.reported - value) / step for moved, step in varied(effect, x, 1e-3)])
-    of_law = LAW * abs(value - absent)
+    gradient, of_law = slope_of_reported(effect, x), LAW * abs(value - absent)
     if np.count_nonzero(gradient) == 1:
         k = int(np.flatnonzero(gradient)[0])
         end = _limit_of(x[k], freedom(effect).absent[k], bounds.some(slice(k, k + 1)))
@@ -144,6 +144,12 @@ def one_sided(fit: Fit, k: int, scale: float) -> float:
     sd = 1.0 / math.sqrt(max(curve / scale, 1e-300))
     beyond = abs(float(fit.slope[k])) / scale * sd
     return sd * (-float(ndtri_exp(math.log(0.05) + log_ndtr(-beyond))) - beyond)
+
+
+def slope_of_reported(effect: Effect, values: Signal) -> Signal:
+    """Derivative of the reported number of a suspect over its fields, (k,)."""
+    value = with_values(effect, values).reported
+    return np.array([(moved.reported - value) / step for moved, step in varied(effect, values, 1e-3)])
 
 
 def covariance_of(data: Fitted, fit: Fit, scale: float) -> Signal:

@@ -25,6 +25,7 @@ from winchcascade.diagnosis.evidence import Found, search
 from winchcascade.diagnosis.gap_map import arises, compare, locate, without_zeros
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.stability import with_stability
 from winchcascade.diagnosis.stagewise import stagewise
 
 if TYPE_CHECKING:
@@ -136,7 +137,7 @@ def _judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> Model
         closure = close(data, suspects, found.best, left_out, result.seed)
         verdict: Verdict = "explained" if not alarms else "unexplained" if closure.share < HALF else "partly_explained"
         on_progress("looking for alternative explanations")
-        causes = causes_of(data, suspects, found)
+        causes = with_stability(data, suspects, found.best, found.scale, causes_of(data, suspects, found))
         result = msgspec.structs.replace(
             result, verdict=verdict, closure=closure, causes=causes if verdict == "explained" else causes[:NAMED]
         )

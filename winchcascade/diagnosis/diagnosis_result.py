@@ -152,8 +152,51 @@ class Alternative(msgspec.Struct, frozen=True):
     differs: Spot | None
 
 
+Along = Literal["order", "load", "scatter"]
+"""What the number of a cause changes along: the order of the runs, the conductance of their loads, or neither."""
+
+
+class RunValue(msgspec.Struct, frozen=True):
+    """Number of a cause from one run alone with its 95 % interval, in the unit of the cause; NaN where the run gives none.
+
+    The interval includes what the runs share, by which all numbers move together. A run gives no number where it is `withheld`,
+    or where its interval would be wider than what is plausible.
+    """
+
+    run: int
+    value: float = math.nan
+    low: float = math.nan
+    high: float = math.nan
+    withheld: bool = False
+
+
+class Trend(msgspec.Struct, frozen=True):
+    """A difference between the numbers of the runs that their uncertainties do not allow.
+
+    `change` is the one from the first run to the last, from the smallest to the largest conductance of the load, or the range
+    of a scatter, `u` its standard uncertainty (NaN for a scatter), in the unit of the cause. Runs that agree would show it with
+    the probability `chance`. `instead` is what would explain it as well.
+    """
+
+    along: Along
+    change: float
+    u: float
+    chance: float
+    instead: Along | None = None
+
+
+class Stability(msgspec.Struct, frozen=True):
+    """The number of a cause from every run alone, in their order, and what differs between them beyond their uncertainties."""
+
+    runs: tuple[RunValue, ...]
+    trends: tuple[Trend, ...]
+
+
 class NamedCause(msgspec.Struct, frozen=True):
-    """An effect that is needed: its probability, its numbers, its alternatives, and how much of the objective it carries."""
+    """An effect that is needed: its probability, its numbers, its alternatives, and how much of the objective it carries.
+
+    `stability` is its number run by run; None without a model.
+    """
 
     effect: str
     stage: str
@@ -161,6 +204,7 @@ class NamedCause(msgspec.Struct, frozen=True):
     parameters: dict[str, Reported]
     rivals: tuple[Alternative, ...]
     weight: float
+    stability: Stability | None = None
 
 
 ContributionKind = Literal["physical", "sensor", "entry", "tolerances", "model_form", "residual"]

@@ -18,6 +18,13 @@ from winchcascade.report import diagnosis_words as words
 from winchcascade.report import line_tables
 from winchcascade.report.cause_costs import cost_words
 from winchcascade.report.cost_section import cost_section
+from winchcascade.report.cycle_histories import (
+    CycleHistory,
+    cycle_histories,
+    histories_json,
+    item_words,
+    zeros_words,
+)
 from winchcascade.report.diagnosis_causes import (
     numbers_figure,
     odds_figure,
@@ -36,11 +43,14 @@ from winchcascade.report.diagnosis_names import (
 )
 from winchcascade.report.digits import significant
 from winchcascade.report.gap_words import NAMES, about_words, upper
+from winchcascade.report.histories_figure import histories_figure
 from winchcascade.report.line_words import cycles_of, flipped_words, small_words
-from winchcascade.report.own_simulation_words import own_simulation_words, simulated_words
+from winchcascade.report.own_simulation_words import baseline_words, own_simulation_words, simulated_words
 from winchcascade.report.publish import publish
 from winchcascade.report.report_model import Note, Point, Report, Section, Table, Tile
 from winchcascade.report.report_parts import data_point, file_digest, made_on, picture, provenance_table, section
+from winchcascade.report.stability_figure import stability_figure
+from winchcascade.report.stability_words import stability_words
 from winchcascade.report.style import house_style
 
 
@@ -59,13 +69,16 @@ def write_diagnosis_reports(
 def make_diagnosis_report(found: ModelDiagnosis | LineDiagnosis, *, command: str = "") -> Report:
     """Make the rows and figures of the report of a diagnosis."""
     size, rig = f"{len(found.runs)} logs", f"{found.rig.name} as given"
+    traces = ""
     with house_style():
         if isinstance(found, LineDiagnosis):
             sections = _line_sections(found)
             size = f"{cycles_of(found)} cycles"
             rig = f"{found.rig.name}: line tension, speed and winch power, no model"
         else:
-            sections = _sections(found)
+            items, first = cycle_histories(found)
+            sections = _sections(found, items[first : first + 1])
+            traces = histories_json(found, items, first, _logged_word(found)) if items else ""
     return Report(
         kind="Diagnosis of a campaign",
         title=found.title,
@@ -74,17 +87,19 @@ def make_diagnosis_report(found: ModelDiagnosis | LineDiagnosis, *, command: str
         tiles=_tiles(found),
         points=_points(found),
         sections=tuple(s for s in (*sections, _provenance(found, command)) if s.blocks),
+        traces=traces,
         banner=banner(words.origins_of(found)),
     )
 
 
-def _sections(found: ModelDiagnosis) -> tuple[Section, ...]:
+def _sections(found: ModelDiagnosis, shown: Sequence[CycleHistory]) -> tuple[Section, ...]:
     both = sides(found)
     return (
         _where(found),
         _which(found),
         cost_section(found),
         _how_far(found, both),
+        *(_histories(found, item) for item in shown),
         _over_speed(found, both),
         _next(
             found,
@@ -163,7 +178,7 @@ def _points(found: ModelDiagnosis | LineDiagnosis) -> tuple[Point, ...]:
         sign, steady = [Point("Sign corrected", flipped_words(found), "warn")], words.again_words(found)
         others = [Point("Not needed", f"{small}." if small else "")]
     else:
-        clean, sign, steady = found.verdict == "no_gap", [], ""
+        clean, sign, steady = found.verdict == "no_gap", [], stability_words(found)
         others = [
             Point("What was checked", words.checked_words(found) if clean else ""),
             Point("What would show", _seen_words(found) if clean else ""),
@@ -183,7 +198,11 @@ def _points(found: ModelDiagnosis | LineDiagnosis) -> tuple[Point, ...]:
             Point("What it costs", "" if isinstance(found, LineDiagnosis) else cost_words(found)),
             Point("How sure", words.sure_words(found)),
             Point("How far", words.closure_words(found)),
-            Point("How steady", steady),
+            Point(
+                "How steady",
+                steady,
+                "warn" if any(c.stability and c.stability.trends for c in found.causes) else "plain",
+            ),
             Point("What next", words.experiment_words(found)),
             Point(
                 "Residual",
@@ -292,6 +311,13 @@ def _which(found: ModelDiagnosis) -> Section:
             "A falling curve with a band; its value at 10 A is in the table of causes.",
         ),
         picture(
+            stability_figure(found), "stability",
+            "Number of each cause from every run alone, with its 95 % interval; all else is as the joint fit has it. Band: the "
+            "joint number with its interval. Runs that hardly depend on a cause have no mark; a much longer interval leaves "
+            "its panel. The title marks a number that changes more than the intervals allow.",
+            "Points with error bars for every run, and a band; the values are in the JSON.",
+        ),
+        picture(
             odds_figure(found), "odds",
             f"{'Probability of each effect (green: named), and odds' if found.causes else 'Odds'} of the likeliest of "
             f"{len(found.sets)} sets of effects that were fitted, against the best one: a bar that is as long as the first "
@@ -299,6 +325,26 @@ def _which(found: ModelDiagnosis) -> Section:
             "Bars of probabilities; those of the causes are in the table.",
         ),
         tables.rivals_table(found),
+    )  # fmt: skip
+
+
+def _logged_word(found: ModelDiagnosis) -> str:
+    return "measured" if words.word_of(found) == "measured" else "logged"
+
+
+def _histories(found: ModelDiagnosis, item: CycleHistory) -> Section:
+    logged = _logged_word(found)
+    effects = " and with the fitted effects and tolerances" if item.caused is not None else ""
+    return section(
+        "histories", "Time histories",
+        picture(
+            histories_figure(found, item, logged), "histories",
+            f"{item_words(found, item)}, where the gap is largest: {logged}, and simulated over time: {baseline_words(found)}"
+            f"{effects} (the paper's Figs 11 and 12). Below each channel its residual, {logged} minus "
+            f"simulated. {zeros_words(found, item)} In the page, other runs and cycles can be chosen.",
+            "Lines over time for every channel, with the residual below.",
+            interactive=True,
+        ),
     )  # fmt: skip
 
 

@@ -10,6 +10,7 @@ from winchcascade.diagnosis.line.line_closure import SLOW
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.line.line_selection import DRAWS, FOLDS, MATERIAL
 from winchcascade.diagnosis.solve import HUBER
+from winchcascade.diagnosis.stability import CHANCE
 from winchcascade.report.line_words import slope_words
 
 METHOD = (
@@ -29,6 +30,9 @@ METHOD = (
     "one fit and the best are fitted anew. The smallest set wins unless a larger one has more by "
     f"{CLEARLY:g}. The probabilities are those among the sets that were fitted; an effect that falls short by less than "
     f"{AS_GOOD:g} in place of a cause is an alternative to it.",
+    "Run by run. About the joint fit the objective is a quadratic; one linear solve per run gives the number of a cause from "
+    "that run alone. Straight lines over the order of the runs and over the conductance of the load, and the scatter, are "
+    f"tested by generalised least squares with what the runs share in their covariance, at a probability of {CHANCE:g}.",
     "Closure. Each withheld log is predicted by a fit without it. With mean squares of blocks, share = 1 − "
     "Σ(after² − noise²)/noise² ÷ Σ(before² − noise²)/noise² over channels and logs; the zeros of each log's sensors are "
     "estimated alike on either side. The interval resamples the cycles.",

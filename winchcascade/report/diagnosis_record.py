@@ -9,7 +9,14 @@ import msgspec
 
 from winchcascade.core.campaign_file import joint_origin, origin_record
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import Experiment, NamedCause, Place, Remainder, StagePlace
+from winchcascade.diagnosis.diagnosis_result import (
+    DiagnosisResult,
+    Experiment,
+    NamedCause,
+    Place,
+    Remainder,
+    StagePlace,
+)
 from winchcascade.diagnosis.line.line_closure import LineRemainder
 from winchcascade.diagnosis.line.line_data import CyclePart
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
@@ -18,6 +25,7 @@ from winchcascade.report import diagnosis_words as words
 from winchcascade.report.gap_words import about_text, arises_sentence, differs_text, where_sentence
 from winchcascade.report.line_words import samples_of
 from winchcascade.report.own_simulation_words import has_own_simulation
+from winchcascade.report.stability_words import SILENT, trend_sentence
 
 SCHEMA = "winchcascade/diagnosis/1"
 
@@ -45,6 +53,7 @@ def as_json(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any]:
         "causes": [
             {
                 **_cause(cause, found.suspects[cause.effect].label),
+                **_stability(found, cause),
                 **({"closes_alone_of_the_gap": number(cause.weight)} if isinstance(found, LineDiagnosis) else {}),
             }
             for cause in found.causes
@@ -138,6 +147,23 @@ def _cause(cause: NamedCause, label: str) -> dict[str, Any]:
         "rivals": [
             {"effect": r.effect, "probability": number(r.probability), "told_apart_by": differs_text(r.differs)}
             for r in cause.rivals
+        ],
+    }
+
+
+def _stability(found: DiagnosisResult, cause: NamedCause) -> dict[str, Any]:
+    """The number of a cause run by run, and what differs between the runs; nothing without a model."""
+    if cause.stability is None:
+        return {}
+    files = words.files_of(found)
+    return {
+        "stability": [
+            {"run": files[one.run], "value": number(one.value), "low": number(one.low), "high": number(one.high)}
+            | ({} if math.isfinite(one.value) else {"reason": SILENT[one.withheld]})
+            for one in cause.stability.runs
+        ],
+        "trends": [
+            {**_numbers(trend), "sentence": trend_sentence(found, cause, trend)} for trend in cause.stability.trends
         ],
     }
 

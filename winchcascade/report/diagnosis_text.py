@@ -20,6 +20,7 @@ from winchcascade.report.gap_words import NAMES, alarm_words, differs_words
 from winchcascade.report.line_words import flipped_words, slope_words, small_words
 from winchcascade.report.model_account import COMPARED
 from winchcascade.report.own_simulation_words import own_simulation_words
+from winchcascade.report.stability_words import trend_words
 from winchcascade.report.text_table import table_lines
 
 WIDTH, INDENT = 100, 11
@@ -72,6 +73,7 @@ def diagnosis_text(found: ModelDiagnosis | LineDiagnosis, files: Sequence[Path |
         rest += entry("slope", slope_words(found) if "drum_inertia" in found.chosen else "")
     else:
         arises, means = words.arises_words(found) if words.says_more(found) else "", "0.44 s means on those logs"
+        steady = trend_words(found)
         rest = entry("checked", words.checked_words(found) if found.verdict == "no_gap" else "")
         rest += entry("not needed", ", ".join(n for n in found.suspects if found.causes and n not in found.chosen))
     lines = [

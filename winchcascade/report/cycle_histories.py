@@ -1,0 +1,232 @@
+"""Time histories of single cycles of a diagnosed campaign: logged, by the rig as given and with the fitted effects."""
+
+from __future__ import annotations
+
+import base64
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import msgspec
+import numpy as np
+
+from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.report.diagnosis_data import HAUL_IN, OUT, by_load, most_telling, seen_channels
+from winchcascade.report.diagnosis_figures import AFTER
+from winchcascade.report.diagnosis_names import load_words
+from winchcascade.report.digits import significant
+from winchcascade.report.gap_words import NAMES
+from winchcascade.report.own_simulation_words import baseline_words
+from winchcascade.report.traces import PANELS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from winchcascade.core.run import Signal
+    from winchcascade.diagnosis.diagnose import ModelDiagnosis
+
+MOST_CYCLES = 24
+"""Maximum number of cycles of all runs that a page holds."""
+
+SHOWN_HZ = 25.0
+"""Histories that are sampled faster are averaged down to about this rate. [Hz]"""
+
+MOST_POINTS = 1500
+"""Maximum number of instants of a cycle."""
+
+LEAD, TAIL = 1.0, 0.5
+"""Time that is shown before the onset of a cycle and after its haul-in. [s]"""
+
+LEVELS = 65535
+"""Values are stored as whole numbers from 0 to this over the range of their channel."""
+
+AXES = {name: (title, unit, factor) for name, title, unit, factor in PANELS if name in CHANNELS}
+"""Title, unit, and what turns SI units into it, of every channel that is compared."""
+
+
+class CycleHistory(NamedTuple):
+    """One cycle of one run: its numbers, instants since the onset (n,) [s], and the end of its payout [s].
+
+    `logged`, `given` and, where there are fitted effects, `caused` (n, 5) are columns of `CHANNELS` in SI units, NaN where the
+    run has no such channel. `zeros` (5,) are taken off the logged values.
+    """
+
+    log: int
+    cycle: int
+    t: Signal
+    payout_end: float
+    logged: Signal
+    given: Signal
+    caused: Signal | None
+    zeros: Signal
+
+    @property
+    def sides(self) -> list[Signal]:
+        """Logged, as given and, where there are any, with the fitted effects."""
+        return [self.logged, self.given, *([] if self.caused is None else [self.caused])]
+
+
+def cycle_histories(found: ModelDiagnosis) -> tuple[list[CycleHistory], int]:
+    """Histories of the cycles that a page holds, in the order of the runs, and the number of the one that is shown first.
+
+    That is, of the run with the most significant gap, the cycle with the largest one.
+    """
+    gaps = cycle_gaps(found)
+    chosen = chosen_cycles(found, gaps)
+    if not chosen:
+        return [], 0
+    items = [item for log in dict.fromkeys(log for log, _ in chosen) for item in _of_a_run(found, log, chosen)]
+    shown = most_telling(found)
+    return items, max(range(len(items)), key=lambda k: (items[k].log == shown, gaps[items[k].log, items[k].cycle]))
+
+
+def cycle_gaps(found: ModelDiagnosis) -> dict[tuple[int, int], float]:
+    """Mean square of the gap of the rig as given over its noise, by run and cycle with a payout."""
+    data, gaps = found.data, {}
+    z = np.where(data.seen, (data.measured - found.predicted) / np.where(data.noise > 0.0, data.noise, 1.0), 0.0) ** 2
+    for k, (log, rows) in enumerate(zip(data.logs, data.rows, strict=True)):
+        blocks = log.course.blocks
+        for cycle in np.unique(blocks.cycle[blocks.phase == OUT]).tolist():
+            own = rows.start + np.flatnonzero(blocks.cycle == cycle)
+            gaps[k, cycle] = float(z[own].sum() / max(np.count_nonzero(data.seen[own]), 1))
+    return gaps
+
+
+def chosen_cycles(found: ModelDiagnosis, gaps: dict[tuple[int, int], float]) -> list[tuple[int, int]]:
+    """All cycles by run and number, or as many as a page holds: evenly over loads and time, those with the largest gap too."""
+    if len(gaps) <= MOST_CYCLES:
+        return sorted(gaps)
+    each = {k: sorted(cycle for log, cycle in gaps if log == k) for k in by_load(found)}
+    logs = _evenly([k for k, cycles in each.items() if cycles], MOST_CYCLES)
+    share, shown = max(MOST_CYCLES // len(logs), 1), most_telling(found)
+    worst = max(gaps, key=lambda pair: (pair[0] == shown, gaps[pair]))
+    chosen = {(k, cycle) for k in logs for cycle in _evenly(each[k], share)}
+    return sorted({*chosen, worst})
+
+
+def _evenly(items: Sequence[int], most: int) -> list[int]:
+    """Items that are evenly spread, at most so many, the first and the last among them."""
+    if len(items) <= most:
+        return list(items)
+    return [items[k] for k in np.unique(np.linspace(0, len(items) - 1, most).round().astype(int)).tolist()]
+
+
+def as_given(found: ModelDiagnosis, log: int) -> Signal:
+    """What the baseline predicts at the samples of a run, (n, 5): the own simulation, or the model of the rig as given."""
+    data = found.data
+    if found.own_simulation is not None:
+        run = found.own_simulation.runs[log]
+        nothing = np.full(run.t.size, math.nan)
+        return np.column_stack([run.channels.get(name, nothing) for name in CHANNELS])
+    return _at_samples(found, log, np.zeros(len(data.nuisances)), fitted=False)
+
+
+def _at_samples(found: ModelDiagnosis, log: int, nu: Signal, *, fitted: bool) -> Signal:
+    data, one = found.data, found.data.logs[log]
+    effects = found.found.best.effects(found.suspects) if fitted else []
+    grid = one.course.on_grid(data.models(nu, effects)[log], skew=data.skew(nu))
+    return np.column_stack([np.interp(one.run.t, one.course.coarse.t, x) for x in grid.T])
+
+
+def _of_a_run(found: ModelDiagnosis, log: int, chosen: Sequence[tuple[int, int]]) -> list[CycleHistory]:
+    """Histories of the chosen cycles of one run."""
+    one, nu = found.data.logs[log], found.found.best.nu
+    run, blocks, zeros = one.run, one.course.blocks, found.data.zeros(nu)[log]
+    nothing = np.full(run.t.size, math.nan)
+    logged = np.column_stack([run.channels.get(name, nothing) for name in CHANNELS]) - zeros
+    given = as_given(found, log)
+    sides = [logged, given, *([_at_samples(found, log, nu, fitted=True)] if found.causes else [])]
+    items = []
+    for cycle in (cycle for k, cycle in chosen if k == log):
+        moving, out = (
+            np.flatnonzero((blocks.cycle == cycle) & np.isin(blocks.phase, phases))
+            for phases in ((OUT, HAUL_IN), (OUT,))
+        )
+        onset = float(run.t[blocks.start[out[0]]])
+        span = onset - LEAD, float(run.t[blocks.stop[moving[-1]] - 1]) + TAIL
+        rows = slice(*np.searchsorted(run.t, span).tolist())
+        step = max(round(run.fs / SHOWN_HZ), -(-(rows.stop - rows.start) // MOST_POINTS), 1)
+        t, *shown = (_averaged(x[rows], step) for x in (run.t - onset, *sides))
+        end = float(run.t[blocks.stop[out[-1]] - 1]) - onset
+        items.append(CycleHistory(log, cycle, t, end, shown[0], shown[1], shown[2] if found.causes else None, zeros))
+    return items
+
+
+def _averaged(x: Signal, step: int) -> Signal:
+    """Means of so many samples each, (n // step, ...) from (n, ...)."""
+    whole = x.shape[0] // step * step
+    return np.asarray(x[:whole].reshape(-1, step, *x.shape[1:]).mean(axis=1))
+
+
+def zeros_words(found: ModelDiagnosis, item: CycleHistory) -> str:
+    """Which zeros of the sensors of a run are taken off its logged values."""
+    texts = []
+    for k, name in enumerate(CHANNELS):
+        if item.zeros[k] and name in found.data.logs[item.log].run.channels:
+            _, unit, factor = AXES[name]
+            texts.append(f"{NAMES[name]} {significant(float(item.zeros[k]) * factor, 2)} {unit}")
+    return (
+        f"Zeros of the sensors, by the joint fit, are taken off the logged values: {', '.join(texts)}." if texts else ""
+    )
+
+
+def panel_channels(found: ModelDiagnosis) -> list[str]:
+    """Channels that have a panel."""
+    return seen_channels(found)
+
+
+def item_words(found: ModelDiagnosis, item: CycleHistory) -> str:
+    """A cycle of a run as a reader chooses it."""
+    run = found.data.logs[item.log].run
+    return f"{run.name} ({load_words(run.load)}), cycle {item.cycle}"
+
+
+def histories_json(found: ModelDiagnosis, items: Sequence[CycleHistory], first: int, logged: str) -> str:
+    """The histories as JSON for the page, values as base64 of whole numbers over the range of their channel.
+
+    Parameters
+    ----------
+    first : number of the one that the page shows first
+    logged : what the values of the log are called
+    """
+    sets = []
+    for item in items:
+        order = " | ".join((logged, baseline_words(found), AFTER)[: len(item.sides)])
+        traces: list[dict[str, object] | None] = []
+        for name in panel_channels(found):
+            k, factor = CHANNELS.index(name), AXES[name][2]
+            columns = np.array([x[:, k] for x in item.sides]) * factor
+            traces.append(None if np.isnan(columns).any() else _packed(columns))
+        sets.append(
+            {
+                "name": item_words(found, item),
+                "note": f"Values under the cursor: {order}. {zeros_words(found, item)}",
+                "payout": [0.0, round(item.payout_end, 3)],
+                "times": _packed(item.t[None]),
+                "traces": traces,
+            }
+        )
+    t = items[first].t
+    page = {
+        "span": [float(t[0]), float(t[-1])],
+        "label": TIME,
+        "cycles": [],
+        "panels": [{"name": AXES[name][0], "unit": AXES[name][1]} for name in panel_channels(found)],
+        "first": first,
+        "sets": sets,
+    }
+    return msgspec.json.encode(page).decode()
+
+
+TIME = "Time since the onset of the payout (s)"
+
+
+def _packed(columns: Signal) -> dict[str, object]:
+    """Curves (c, n) as whole numbers of two bytes, low byte first, over their common range."""
+    low, high = float(columns.min()), float(columns.max())
+    share = (columns - low) / max(high - low, 1e-300)
+    whole = np.round(np.clip(share, 0.0, 1.0) * LEVELS).astype("<u2")
+    return {
+        "low": float(f"{low:.7g}"),
+        "high": float(f"{high:.7g}"),
+        "values": [base64.b64encode(row.tobytes()).decode() for row in whole],
+    }

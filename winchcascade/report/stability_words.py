@@ -1,0 +1,81 @@
+"""Numbers of causes run by run, in sentences."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from winchcascade.diagnosis.causes import COVERED
+from winchcascade.diagnosis.diagnosis_result import Reported
+from winchcascade.diagnosis.stability import FEWEST
+from winchcascade.report.diagnosis_names import display_of, load_words, number_words
+from winchcascade.report.digits import significant
+from winchcascade.report.gap_words import upper
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from winchcascade.core.run import Run
+    from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, NamedCause, Trend
+    from winchcascade.rig.effects.effect import Display
+
+ALONG = {"order": "the order of the runs", "load": "their loads"}
+"""What a number may change along, as a sentence calls it."""
+
+SILENT = {False: "the run hardly depends on this cause", True: "withheld"}
+"""Why a run gives no number, by whether it is withheld."""
+
+
+def shown_as(cause: NamedCause) -> Display:
+    """How the number of a cause is shown that is estimated run by run, the first one that is reported."""
+    name, value = next(iter(cause.parameters.items()))
+    return display_of(cause.effect, name, value.unit)
+
+
+def runs_with_number(cause: NamedCause) -> list[int]:
+    """Numbers of the runs that give a number of a cause."""
+    runs = () if cause.stability is None else cause.stability.runs
+    return [one.run for one in runs if math.isfinite(one.value)]
+
+
+def trend_words(found: DiagnosisResult) -> str:
+    """What differs between the runs beyond its intervals, of every cause; nothing where the runs agree."""
+    each = [(cause, () if cause.stability is None else cause.stability.trends) for cause in found.causes]
+    return " ".join(trend_sentence(found, cause, trend) for cause, trends in each for trend in trends)
+
+
+def stability_words(found: DiagnosisResult) -> str:
+    """Whether the runs agree on the number of each cause; nothing where too few give one."""
+    compared = [cause for cause in found.causes if len(runs_with_number(cause)) >= FEWEST]
+    which = "of every cause" if len(found.causes) > 1 else "of the cause"
+    if len(compared) < len(found.causes):
+        which = f"of {', '.join(cause.effect for cause in compared)}"
+    agreed = f"Estimated from every run alone, the number {which} is the same within its intervals." if compared else ""
+    return trend_words(found) or agreed
+
+
+def trend_sentence(found: DiagnosisResult, cause: NamedCause, trend: Trend) -> str:
+    """What differs between the numbers of a cause from single runs."""
+    how = shown_as(cause)
+    name = f"{found.suspects[cause.effect].label} ({cause.effect}): {how.what}"
+    if trend.along == "scatter":
+        size = f"{significant(trend.change * how.factor, 2)} {how.unit}".rstrip()
+        return f"{name} differs from run to run by up to {size}, more than its intervals allow."
+    half = COVERED * trend.u
+    change = Reported(trend.change, trend.change - half, trend.change + half, "")
+    value, interval = number_words(how, change)
+    sign = "+" if trend.change > 0.0 and not how.signed else ""
+    instead = "" if trend.instead is None else f" {upper(ALONG[trend.instead])} would explain it as well."
+    return (
+        f"{name} changes by {sign}{value} (95 %: {interval}) {_ends(found.runs, cause, trend)}, more than its intervals "
+        f"allow.{instead}"
+    )
+
+
+def _ends(runs: Sequence[Run], cause: NamedCause, trend: Trend) -> str:
+    """From where to where a number changes."""
+    own = [runs[k] for k in runs_with_number(cause)]
+    if trend.along == "order":
+        return f"from {own[0].name} to {own[-1].name}, in the order of the runs"
+    by_load = sorted(own, key=lambda run: -math.inf if run.load is None else -run.load)
+    return f"from {load_words(by_load[0].load)} to {load_words(by_load[-1].load)}"
