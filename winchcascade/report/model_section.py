@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from msgspec.structs import astuple, replace
 
+from winchcascade.core.rig_file import Rig
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report import model_figures as figures
 from winchcascade.report.digits import number
@@ -70,7 +71,7 @@ def run_section(found: Modelled) -> Section:
     return section(
         "model",
         words.heading,
-        Note(f"{_aim(account.word)}{first if account.cycles < account.total else ''}"),
+        Note(f"{_aim(account.word)}{_stated(comparison.rig)}{first if account.cycles < account.total else ''}"),
         *_run_pictures(comparison, account),
         _differences_table([account], [()], ()),
         *_open_circuit(account),
@@ -312,6 +313,11 @@ def _simulated_with(accounts: Sequence[Account]) -> str:
     rigs = ", ".join(dict.fromkeys(account.rig for account in accounts))
     changed = ", ".join(dict.fromkeys(account.changed for account in accounts if account.changed))
     return f"rig {rigs} along the logged line motion, {f'with {changed}' if changed else 'as in its rig file'}"
+
+
+def _stated(rig: Rig) -> str:
+    """Sentence on the effects that a rig file states, empty for none."""
+    return f" The rig file states effects, which the model includes: {', '.join(rig.effects)}." if rig.effects else ""
 
 
 def _aim(word: str) -> str:
