@@ -147,6 +147,9 @@ def shares_hold(result: Result) -> list[bool]:
 NEGLIGIBLE = 1e-5
 """A contribution to an efficiency below this counts as zero: the reduction of two noise-free logs differs by as much. [1]"""
 
+RELEVANT = 0.001
+"""Contribution from which an effect counts as relevant. [1]"""
+
 
 def _within(truth: float, low: float, high: float) -> bool:
     return low - NEGLIGIBLE <= truth <= high + NEGLIGIBLE
@@ -159,12 +162,14 @@ def all_shares_hold(result: Result) -> bool:
 
 def contributions_figures(results: Sequence[Result]) -> list[Figure]:
     named = [r for r in results if named_alone(r)]
+    felt = [r for r in named if max(map(abs, r.shares.values()), default=0.0) >= RELEVANT]
     return [
         _count(
             "interval of eta_pto holds at every load", [all_shares_hold(r) for r in results], Bar("90 % of 60", 0.9, 60)
         ),
         _count("  of those whose cause is named alone", [all_shares_hold(r) for r in named]),
-        _count("  loads of those", [held for r in named for held in shares_hold(r)]),
+        _count("  of those whose effect changes eta_pto by 0.001", [all_shares_hold(r) for r in felt]),
+        _count("  loads of those named", [held for r in named for held in shares_hold(r)]),
         *interval_figures(results),
     ]
 
