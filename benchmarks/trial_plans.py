@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import msgspec
 import numpy as np
 
-from winchcascade.blind.injected import PARTS
+from winchcascade.blind.injected import INJECTED
 from winchcascade.blind.twin_numbers import CRANE_LOGGER, Logger
 
 BLOCK = 60
@@ -96,14 +96,14 @@ def nothing(family: str, rng: np.random.Generator) -> list[Plan]:
 
 def single(family: str, rng: np.random.Generator) -> list[Plan]:
     """Plan campaigns with one effect at full strength, in the same settings."""
-    names = _in_turn(tuple(PARTS), rng)
+    names = _in_turn(tuple(INJECTED), rng)
     plans = nothing(family, rng)
     return [msgspec.structs.replace(plan, effects={name: 1.0}) for plan, name in zip(plans, names, strict=True)]
 
 
 def usual_single(family: str, rng: np.random.Generator) -> list[Plan]:
     """Plan campaigns of the usual logger with one effect at full strength."""
-    return [Plan(family, number, effects={name: 1.0}) for number, name in enumerate(_in_turn(tuple(PARTS), rng), 1)]
+    return [Plan(family, number, effects={name: 1.0}) for number, name in enumerate(_in_turn(tuple(INJECTED), rng), 1)]
 
 
 TOGETHER = 3
@@ -112,12 +112,12 @@ TOGETHER = 3
 
 def several(family: str, rng: np.random.Generator) -> list[Plan]:
     """Plan campaigns of the usual logger with several effects of different stages at strengths about 1."""
-    stages = sorted({part.stage for part in PARTS.values()})
+    stages = sorted({part.stage for part in INJECTED.values()})
     plans = []
     for number in range(1, BLOCK + 1):
         effects = {}
         for stage in rng.permutation(stages)[:TOGETHER]:
-            name = str(rng.choice([name for name, part in PARTS.items() if part.stage == stage]))
+            name = str(rng.choice([name for name, part in INJECTED.items() if part.stage == stage]))
             effects[name] = round(rng.uniform(0.7, 1.4), 3)
         plans.append(Plan(family, number, effects=effects))
     return plans
