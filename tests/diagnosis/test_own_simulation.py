@@ -112,3 +112,19 @@ def test_the_answer_speaks_of_your_simulation() -> None:
     assert "our simulation" not in without
     assert as_json(alone)["baseline"] == "rig"
     assert as_json(alone)["model_form"] == []
+
+
+def test_contributions_lead_from_the_own_simulation_to_the_logs() -> None:
+    alone, found = diagnosed("averaged")
+    for before, one in zip(alone.contributions, found.contributions, strict=True):
+        assert [part.kind for part in one.parts] in ([], ["physical", "tolerances", "model_form", "residual"])
+        if one.parts:
+            form = one.parts[-2]
+            size = max(abs(one.measured), abs(one.as_given))
+            assert sum(part.value for part in one.parts) == pytest.approx(one.measured - one.as_given, abs=1e-9 * size)
+            assert form.value == pytest.approx(before.as_given - one.as_given)
+            assert one.parts[0] == before.parts[0]
+    assert "simulation" in diagnosis_text(found).split("costs ")[1]
+    _, same = diagnosed("same")
+    pto = [one.parts[-2].value for one in same.contributions if one.metric == "eta_pto" and one.parts]
+    assert np.abs(pto).max() < 1e-3

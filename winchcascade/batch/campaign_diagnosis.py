@@ -93,20 +93,21 @@ def diagnose_listed(
         simulations = read_simulations(campaign, the_rig, runs, on_progress)
         if simulations is not None:
             simulations = on_the_logs(simulations, runs, the_rig, cycles)
+        windows = [entry.window for entry in campaign.runs]
         found = diagnose(
             runs,
             the_rig,
             suspects,
             title=campaign.name,
             cycles=cycles,
-            windows=[entry.window for entry in campaign.runs],
+            windows=windows,
             withheld=withheld,
             seed=seed,
             on_progress=on_progress,
         )
         if simulations is None:
             return found
-        return beside_own_simulation(found, simulations, cycles=cycles, on_progress=on_progress)
+        return beside_own_simulation(found, simulations, cycles=cycles, windows=windows, on_progress=on_progress)
     if any(entry.simulated is not None for entry in campaign.runs):
         raise CampaignError(
             f"{campaign.path}: a simulation of your own is compared by the model of the rig, but {model.why} Complete the rig "

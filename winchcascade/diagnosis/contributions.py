@@ -374,3 +374,49 @@ def reordered(contributions: Sequence[Contribution], causes: Sequence[NamedCause
         )
         for one in contributions
     )
+
+
+def from_own_simulation(
+    contributions: Sequence[Contribution],
+    data: Fitted,
+    simulations: Sequence[Run],
+    *,
+    windows: Sequence[float | None] | None = None,
+    cycles: Sequence[tuple[int, int] | None] | None = None,
+) -> tuple[Contribution, ...]:
+    """Contributions that lead from an own simulation to the runs: what the model of the rig has beyond it is a part, too.
+
+    Parameters
+    ----------
+    contributions : from the rig as given, as `contributions_of` gives them
+    simulations : of each run, at the stamps of its log
+    windows, cycles : as for `contributions_of`
+    """
+    nothing = [None] * len(data.logs)
+    settings = zip(data.logs, simulations, windows or nothing, cycles or nothing, strict=True)
+    given = {
+        (number, quantity): float(value)
+        for number, (log, simulation, window, span) in enumerate(settings)
+        for quantity, value in zip(
+            QUANTITIES,
+            quantities_of(_along(log.run, simulation), data.rig, windows_of(log.run, data.rig, window, span)),
+            strict=True,
+        )
+    }
+    return tuple(_from(one, given[one.log, one.metric]) for one in contributions)
+
+
+def _along(run: Run, simulation: Run) -> Run:
+    """A log with the channels of its simulation, so that both have the same windows; without those that either lacks."""
+    both = {name: x for name, x in simulation.channels.items() if name in run.channels}
+    return msgspec.structs.replace(run, channels=both | {"velocity": run.channels["velocity"]})
+
+
+def _from(one: Contribution, given: float) -> Contribution:
+    """A contribution from another value than that of the rig as given; the difference becomes a part before the residual."""
+    if not one.parts or not math.isfinite(given):
+        return msgspec.structs.replace(one, as_given=math.nan, measured=math.nan, parts=())
+    *parts, residual = one.parts
+    form = one.as_given - given
+    parts.append(ContributionPart(None, "model_form", form, form, form))
+    return msgspec.structs.replace(one, as_given=given, parts=(*parts, residual))

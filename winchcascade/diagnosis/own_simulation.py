@@ -17,6 +17,7 @@ import numpy as np
 from winchcascade.diagnosis.block_means import PHASES, blocks_of
 from winchcascade.diagnosis.causes import parameters_of
 from winchcascade.diagnosis.closure import alarms_of, closure_between
+from winchcascade.diagnosis.contributions import from_own_simulation
 from winchcascade.diagnosis.diagnosis_result import ModelForm, OwnSimulation, Spot
 from winchcascade.diagnosis.evidence import search
 from winchcascade.diagnosis.gap_map import STAGE_OF, compare, locate, without_zeros
@@ -58,16 +59,19 @@ def beside_own_simulation(
     simulations: Sequence[Run],
     *,
     cycles: Sequence[tuple[int, int] | None] | None = None,
+    windows: Sequence[float | None] | None = None,
     on_progress: Callable[[str], None] = lambda _: None,
 ) -> ModelDiagnosis:
     """A diagnosis by the rig's model with the own simulation as its baseline.
 
-    Verdict and causes stay, as they follow from log and model. Map, place and closure are those of log minus own simulation.
+    Verdict and causes stay, as they follow from log and model. Map, place, closure and
+    contributions are those of log minus own simulation.
 
     Parameters
     ----------
     simulations : of each run, as `on_the_logs` gives them
     cycles : of each run, the first and last cycle that count, None for all
+    windows : of each run, the length of its integration windows [s], None for the rule of the rig
     """
     data = result.data
     given = np.concatenate(
@@ -84,8 +88,15 @@ def beside_own_simulation(
     if closure is not None:
         closure = closure_between(data, gap, closure.residual, closure.predictions, result.seed)
     own = fit_simulation(simulations, result, cycles, on_progress)
+    split = from_own_simulation(result.contributions, data, simulations, windows=windows, cycles=cycles)
     return msgspec.structs.replace(
-        result, predicted=given, places=places, where=where, closure=closure, own_simulation=own
+        result,
+        predicted=given,
+        places=places,
+        where=where,
+        closure=closure,
+        own_simulation=own,
+        contributions=split,
     )
 
 

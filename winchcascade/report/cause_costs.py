@@ -9,6 +9,7 @@ from winchcascade.diagnosis.contributions import leading_metric, loaded_part
 from winchcascade.report.diagnosis_names import load_words
 from winchcascade.report.diagnosis_words import word_of
 from winchcascade.report.digits import number
+from winchcascade.report.own_simulation_words import has_own_simulation
 from winchcascade.report.text_table import table_lines
 
 if TYPE_CHECKING:
@@ -94,7 +95,7 @@ def cost_words(found: ModelDiagnosis) -> str:
     parts = ", ".join(f"{part_name(found, part)} {points_words(part.value, 1)}" for part in worst.parts)
     text = (
         f"At {load_words(worst.load)} {metric} is {number(worst.measured, 1)} % ({word_of(found)}) and "
-        f"{number(worst.as_given, 1)} % by the rig as given. The difference in points: {parts}."
+        f"{number(worst.as_given, 1)} % by {given_words(found)}. The difference in points: {parts}."
     )
     return f"{text} {no_energy_words(found)}".rstrip()
 
@@ -103,7 +104,17 @@ def cost_title(found: ModelDiagnosis) -> str:
     """What the table of the terminal shows."""
     metric = leading_metric(found.contributions)
     value = "as measured" if word_of(found) == "measured" else "of the log"
-    return f"{metric} by the rig as given and {value} in %, parts of the difference in points"
+    return f"{metric} by {given_words(found)} and {value} in %, parts of the difference in points"
+
+
+def given_words(found: ModelDiagnosis) -> str:
+    """What the parts begin from."""
+    return "your simulation" if has_own_simulation(found) else "the rig as given"
+
+
+def given_head(found: ModelDiagnosis) -> str:
+    """What the parts begin from, as a head of a column."""
+    return "your simulation" if has_own_simulation(found) else "as given"
 
 
 def goal_words(found: ModelDiagnosis) -> str:
@@ -147,7 +158,7 @@ def _cost_table(found: ModelDiagnosis, table: Sequence[LoadCosts], shown: int) -
     count = len(found.causes)
     heads = [found.suspects[cause.effect].label for cause in found.causes[:shown]]
     heads += ["other causes"] if shown < count else []
-    heads = ["load", "as given", *heads, *(NAMES[part.kind] for part in table[0].parts[count:]), word_of(found)]
+    heads = ["load", given_head(found), *heads, *(NAMES[part.kind] for part in table[0].parts[count:]), word_of(found)]
     rows = []
     for costs in table:
         values = [part.value for part in costs.parts]

@@ -10,6 +10,8 @@ from winchcascade.diagnosis.contributions import EFFICIENCIES, leading_metric
 from winchcascade.report.cause_costs import (
     LoadCosts,
     LoadPart,
+    given_head,
+    given_words,
     goal_words,
     load_costs,
     no_energy_words,
@@ -36,7 +38,7 @@ def cost_section(found: ModelDiagnosis) -> Section:
         "costs", "What each cause costs",
         picture(
             waterfall_figure(found), "waterfall",
-            f"{leading_metric(found.contributions)} from the rig as given to {goal_words(found)}, cause by cause, at each "
+            f"{leading_metric(found.contributions)} from {given_words(found)} to {goal_words(found)}, cause by cause, at each "
             "load. Red: a cause that costs efficiency; green: one that adds some; purple: a sensor, which costs no energy; "
             "yellow: a wrong entry; grey: tolerances and residual. Black lines: 95 %.",
             "Bars from one level to the next; the values are in the table.",
@@ -64,11 +66,11 @@ def _cost_table_of(found: ModelDiagnosis, metric: str) -> Table | None:
     ]
     ends = [
         (name, "", *(number(getattr(costs, of), 2) for costs in table))
-        for name, of in (("as given [%]", "as_given"), (f"{word_of(found)} [%]", "measured"))
+        for name, of in ((f"{given_head(found)} [%]", "as_given"), (f"{word_of(found)} [%]", "measured"))
     ]
     return formatted_table(
         f"costs-{metric.replace('_', '-')}",
-        f"{metric}: from the rig as given to {goal_words(found)}, in points of efficiency (±: 95 %).",
+        f"{metric}: from {given_words(found)} to {goal_words(found)}, in points of efficiency (±: 95 %).",
         (text_column("Part"), text_column("Kind"), *(number_column(load_words(costs.load)) for costs in table)),
         [ends[0], *rows, ends[1]],
         f"{no_energy_words(found)} {ABOUT}".strip(),
@@ -116,7 +118,7 @@ def waterfall_figure(found: ModelDiagnosis) -> Figure | None:
         ax.set_title(load_words(table[k].load), loc="left", pad=3)
         if k + COLUMNS >= len(table):
             ax.set_xlabel(f"{metric} (%)")
-    names = ["as given", *(part_name(found, part) for part in table[0].parts), word_of(found)]
+    names = [given_head(found), *(part_name(found, part) for part in table[0].parts), word_of(found)]
     panels[0, 0].set(yticks=range(bars), yticklabels=names, ylim=(bars - 0.45, -0.55))
     return figure
 
