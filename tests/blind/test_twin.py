@@ -19,7 +19,7 @@ from winchcascade.blind.drive import FINE, LEDGER, weakened
 from winchcascade.blind.injected import INJECTED, OUTSIDERS, Hidden, draw_hidden
 from winchcascade.blind.twin import Twin, gas_pressure, line_motion, make_log, noiseless, solve, stamps_of
 from winchcascade.blind.twin_numbers import LOADS, SENSORS, Numbers
-from winchcascade.rig.effects.catalogue import EFFECTS
+from winchcascade.rig.effects.catalogue import EFFECTS, OF_THE_RIG
 from winchcascade.rig.simulate import motion_of, simulate
 
 STRANGERS = ("rig", "reduction", "diagnosis", "tables", "report", "batch")
@@ -48,7 +48,7 @@ def test_the_twin_imports_nothing_of_the_rig_it_is_an_answer_to() -> None:
 
 
 def test_every_effect_of_the_catalogue_may_be_hidden_and_reports_what_a_diagnosis_reports() -> None:
-    assert set(INJECTED) == set(EFFECTS)
+    assert set(INJECTED) == set(OF_THE_RIG)
     for name, part in INJECTED.items():
         assert EFFECTS[name].stage == part.stage
         assert part.parameter == EFFECTS[name].parameter

@@ -18,7 +18,7 @@ from winchcascade.diagnosis.diagnosis_result import Spot
 from winchcascade.diagnosis.evidence import price
 from winchcascade.report.diagnosis_record import as_json
 from winchcascade.report.gap_words import about_text, where_sentence
-from winchcascade.rig.effects.catalogue import EFFECTS
+from winchcascade.rig.effects.catalogue import EFFECTS, OF_THE_RIG
 
 PLANTED = {
     "copper_heating": {"r_s_change": 0.35},
@@ -125,7 +125,7 @@ def test_cycles_that_a_log_has_not_are_rejected() -> None:
 
 
 def test_a_further_cause_is_priced_as_one_of_the_whole_catalogue() -> None:
-    assert price(("ke_shift", "diode_drop")) == pytest.approx(2.0 * math.log(len(EFFECTS)))
+    assert price(("ke_shift", "diode_drop")) == pytest.approx(2.0 * math.log(len(OF_THE_RIG)))
 
 
 def test_the_same_seed_gives_the_same_answer_to_the_digit() -> None:

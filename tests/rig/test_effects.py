@@ -58,6 +58,15 @@ CONTRACT = [
     ("current_gain", "sensor", "gain_error", "relative"),
     ("pressure_gain", "sensor", "gain_error", "relative"),
     ("electrical_lag", "sensor", "lag", "s"),
+    ("drum_radius", "entry", "r_drum", "m"),
+    ("gear_ratio", "entry", "gear_ratio", "1"),
+    ("pole_pairs", "entry", "pole_pairs", "1"),
+    ("screw_lead", "entry", "lead", "m/rev"),
+    ("encoder_scale", "entry", "scale", "1"),
+    ("load_entry", "entry", "load_ohm", "ohm"),
+    ("k_e_convention", "entry", "k_e_ratio", "1"),
+    ("r_s_convention", "entry", "r_s_ratio", "1"),
+    ("l_s_convention", "entry", "l_s_ratio", "1"),
 ]
 """The table of the interface: name, stage, parameter reported, unit (the project writes N.m for N m)."""
 
@@ -97,6 +106,15 @@ SHOWS: dict[str, tuple[set[str], set[str]]] = {
     "current_gain": ({"idc"}, set(READ) - {"idc"}),
     "pressure_gain": ({"pressure"}, set(READ) - {"pressure"}),
     "electrical_lag": ({"vdc", "idc"}, {"pressure", "force", "torque"}),
+    "drum_radius": (set(READ), set()),
+    "gear_ratio": UPSTREAM_OF_GENERATOR,
+    "pole_pairs": UPSTREAM_OF_GENERATOR,
+    "screw_lead": IN_THE_GAS,
+    "encoder_scale": (set(READ), set()),
+    "load_entry": UPSTREAM_OF_GENERATOR,
+    "k_e_convention": UPSTREAM_OF_GENERATOR,
+    "r_s_convention": UPSTREAM_OF_GENERATOR,
+    "l_s_convention": UPSTREAM_OF_GENERATOR,
 }
 """Channels that an effect moves, and those that it cannot touch, as the line's motion is given. What is in neither follows
 from the rotor running down after payout."""
@@ -325,7 +343,7 @@ def test_the_sheet_of_an_effect_has_all_of_its_declaration(name: str) -> None:
 
 PAGE = ROOT / "docs" / "effects.md"
 STAGES = {"generator": "Generator", "gearbox": "Gearbox", "transmission": "Transmission", "restoring": "Restoring module",
-          "sensor": "Sensors"}  # fmt: skip
+          "sensor": "Sensors", "entry": "Wrong entries"}  # fmt: skip
 
 
 def paragraph(effect: Effect) -> str:

@@ -123,14 +123,14 @@ def audit_command(
         from winchcascade.reduction.reduce import first_metrics
         from winchcascade.report.audit_text import attainable_record, attainable_text
         from winchcascade.report.progress import Progress
-        from winchcascade.rig.effects.catalogue import EFFECTS
+        from winchcascade.rig.effects.catalogue import OF_THE_RIG
         from winchcascade.rig.open_rig import load_rig
         from winchcascade.tables.attainable import attainable_ranges
 
         of = load_rig(rig or DEFAULT_RIG)
         with Progress(f"physics of {outcome.table.name}") as watch:
             found = attainable_ranges(
-                outcome.table, of, EFFECTS, lambda run, window: first_metrics(run, of, window),
+                outcome.table, of, OF_THE_RIG, lambda run, window: first_metrics(run, of, window),
                 scatter=outcome.known.eta, watch=watch,
             )  # fmt: skip
         record, text, ok = (

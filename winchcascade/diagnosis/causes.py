@@ -8,15 +8,17 @@ import math
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
+import msgspec
 import numpy as np
 
 from winchcascade.core.jobs import all_at_once
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.block_means import PHASES, blocks_of
 from winchcascade.diagnosis.diagnosis_result import Alternative, Experiment, NamedCause, Reported, Spot
+from winchcascade.diagnosis.entries import LOAD, is_entry, same_in_logs
 from winchcascade.diagnosis.evidence import Fit, RigProblem, fit_set, inside_of
 from winchcascade.diagnosis.predict import CHANNELS, Course
-from winchcascade.diagnosis.solve import Jacobian, Quadratic, normal_equations, quadratic, weights
+from winchcascade.diagnosis.solve import Jacobian, Quadratic, huber, normal_equations, quadratic, weights
 from winchcascade.diagnosis.suspects import freedom, varied, with_values
 
 if TYPE_CHECKING:
@@ -32,6 +34,12 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.suspects import Suspects
     from winchcascade.rig.effects.effect import Effect
     from winchcascade.rig.parts import Model
+
+ALIKE = 0.3
+"""Two explanations that differ by less are the same: fits end within it. [sigma]"""
+
+ENTRIES = "entry"
+"""Stage of wrong entries."""
 
 AS_GOOD = 3.0
 """Evidence by which a set may fall short of the best and still be an alternative: odds of twenty to one."""
@@ -66,7 +74,7 @@ BACK = 0.6
 
 
 def causes_of(data: Fitted, suspects: Suspects, found: Found) -> tuple[NamedCause, ...]:
-    """Every cause of the best set, most important first."""
+    """Every cause of the best set: wrong entries first, then the most important."""
     best = found.best
     swapped = {name: _alternatives(data, suspects, found, name) for name in best.names}
     refitted = {fit.names: fit for fits in swapped.values() for fit in fits}
@@ -83,7 +91,7 @@ def causes_of(data: Fitted, suspects: Suspects, found: Found) -> tuple[NamedCaus
         )
         for name in best.names
     ]
-    return tuple(sorted(causes, key=lambda cause: -cause.weight))
+    return tuple(sorted(causes, key=lambda cause: (cause.stage != ENTRIES, -cause.weight)))
 
 
 def probabilities(fits: dict[Names, Fit], scale: float) -> dict[Names, float]:
@@ -97,11 +105,13 @@ def parameters_of(data: Fitted, suspects: Suspects, fit: Fit, name: str, scale: 
     """What is reported of one cause, with 95 % intervals, and with a law known as far as `LAW` says.
 
     A field at a bound counts as known, unless the reported number follows from it alone: its interval is then one-sided.
+    A wrong entry follows no law of nature.
     """
     effect, place = suspects[name], fit.place[name]
     x, bounds = fit.x[place], fit.bounds.some(place)
     value, absent = (with_values(effect, at).reported for at in (x, freedom(effect).absent))
-    gradient, of_law = slope_of_reported(effect, x), LAW * abs(value - absent)
+    gradient = slope_of_reported(effect, x)
+    of_law = LAW * abs(value - absent) if effect.entry is None else 0.0
     if np.count_nonzero(gradient) == 1:
         k = int(np.flatnonzero(gradient)[0])
         end = _limit_of(x[k], freedom(effect).absent[k], bounds.some(slice(k, k + 1)))
@@ -200,14 +210,29 @@ def _scattered(data: Fitted, fit: Fit) -> Signal:
 
 
 def _alternatives(data: Fitted, suspects: Suspects, found: Found, name: str) -> list[Fit]:
-    """Refits with another suspect in place of one cause that are about as good, best first."""
+    """Refits with another suspect in place of one cause that are about as good, best first.
+
+    Where one of the two is a wrong entry, only the fit counts, and whether the number is a usual multiple where it can be
+    nothing else: a prior must not hide that the logs cannot distinguish the two.
+    """
     best, scale, linear = found.best, found.scale, found.linear
-    about, least = linear.evidence(best.names, scale), best.evidence(scale) - AS_GOOD
     swapped = {other: _swap(best.names, name, other) for other in suspects if other not in best.names}
-    others = {other: linear.evidence(names, scale) for other, names in swapped.items()}
-    near = sorted((other for other in others if others[other] > about - 4.0 * AS_GOOD), key=lambda r: -others[r])
-    fits = [_refit(data, suspects, found, swapped[other]) for other in near[:TRIED]]
-    return sorted((fit for fit in fits if fit.evidence(scale) > least), key=lambda fit: -fit.evidence(scale))
+    short = {}
+    for other, names in swapped.items():
+        by_fit = (linear.best(names)[0] - linear.best(best.names)[0]) / scale
+        by_evidence = linear.evidence(best.names, scale) - linear.evidence(names, scale)
+        short[other] = by_fit if is_entry(name) or is_entry(other) else by_evidence
+    same = [other for other in swapped if same_in_logs(suspects, name, other)]
+    near = sorted(
+        (other for other in short if short[other] < 4.0 * AS_GOOD and other not in same), key=lambda r: short[r]
+    )
+    fits = {other: _refit(data, suspects, found, swapped[other]) for other in near[:TRIED]}
+    fits |= {other: _refit_same(data, suspects, found, name, other) for other in same}
+    for other, fit in fits.items():
+        by_fit = (fit.loss - best.loss) / scale - min(fit.gain(scale), 0.0)
+        by_evidence = best.evidence(scale) - fit.evidence(scale)
+        short[other] = by_fit if is_entry(name) or is_entry(other) else by_evidence
+    return [fits[other] for other in sorted(fits, key=lambda r: short[r]) if short[other] < AS_GOOD]
 
 
 def _swap(names: Names, name: str, other: str) -> Names:
@@ -220,6 +245,24 @@ def _refit(data: Fitted, suspects: Suspects, found: Found, names: Names) -> Fit:
     return found.fits.get(names) or fit_set(RigProblem(data, suspects, names), found.best, quick=True)
 
 
+def _refit_same(data: Fitted, suspects: Suspects, found: Found, name: str, other: str) -> Fit:
+    """The fit with another suspect that looks the same in place of a cause, begun from the same change or its inverse.
+
+    Both change one number by a share of it, so that no expansion about the absent effect is needed.
+    """
+    best, problem = found.best, RigProblem(data, suspects, _swap(found.best.names, name, other))
+    share = float(best.x[best.place[name]][0])
+    x = np.concatenate([best.x[best.place[n]] if n != other else np.zeros(1) for n in problem.names])
+    begins = []
+    for value in (share, 1.0 / (1.0 + share) - 1.0):
+        x[problem.place[other]] = value
+        loss = huber(problem.residual(np.concatenate((best.nu, x))))
+        begins.append(
+            (loss, msgspec.structs.replace(best, names=problem.names, place=problem.place, x=x.copy(), columns={}))
+        )
+    return fit_set(problem, min(begins, key=lambda begin: begin[0])[1], quick=True)
+
+
 def _named(data: Fitted, best: Fit, other: Fit, chance: dict[Names, float]) -> Alternative:
     """The alternative of a fit, and where the two differ most; nowhere if nothing that the logs measure distinguishes them."""
     effect = next(n for n in other.names if n not in best.names)
@@ -229,7 +272,7 @@ def _named(data: Fitted, best: Fit, other: Fit, chance: dict[Names, float]) -> A
         size = float(np.sqrt(np.sum(difference[here, k] ** 2)))
         if size > (most.z if most else 0.0):
             most = Spot(CHANNELS[k], PHASES[phase], data.logs[log].load, z=size)
-    return Alternative(effect, chance[tuple(sorted(other.names))], most)
+    return Alternative(effect, chance[tuple(sorted(other.names))], most if most and most.z > ALIKE else None)
 
 
 class _Explanations(NamedTuple):
@@ -249,15 +292,23 @@ class _Explanations(NamedTuple):
 def plan_run(data: Fitted, suspects: Suspects, found: Found, causes: Sequence[NamedCause]) -> Experiment | None:
     """Choose the run in which a cause and its alternative differ most beyond noise, tolerances and what the latter can adapt.
 
-    The cause is the first with an alternative, else the leading one, whose alternative is then the suspect with the most
-    evidence in its place.
+    The cause is the first with an alternative that a run could distinguish from it, else the leading one, whose alternative is
+    then the suspect with the most evidence in its place. A wrong load of one run is checked on the rig, not by a run.
     """
-    others = [name for name in suspects if name not in found.best.names]
+    others = [name for name in suspects if name not in found.best.names and suspects[name].name != LOAD]
+    causes = [cause for cause in causes if suspects[cause.effect].name != LOAD]
     if not causes or not others:
         return None
-    lead = next((cause for cause in causes if cause.rivals), causes[0])
+    apart = {
+        cause.effect: [
+            r.effect for r in cause.rivals if r.effect in others and not same_in_logs(suspects, cause.effect, r.effect)
+        ]
+        for cause in causes
+    }
+    lead = next((cause for cause in causes if apart[cause.effect]), causes[0])
+    others = [name for name in others if not same_in_logs(suspects, lead.effect, name)]
     closest = max(others, key=lambda r: found.linear.evidence(_swap(found.best.names, lead.effect, r), found.scale))
-    other = lead.rivals[0].effect if lead.rivals else closest
+    other = apart[lead.effect][0] if apart[lead.effect] else closest
     fit = _refit(data, suspects, found, _swap(found.best.names, lead.effect, other))
     both = _explanations(data, suspects, found.best, fit)
     speed, length = _usual(data)

@@ -21,6 +21,7 @@ from winchcascade.diagnosis.diagnosis_result import (
     Remainder,
     StagePlace,
 )
+from winchcascade.diagnosis.entries import bound_to
 from winchcascade.diagnosis.evidence import Found, search
 from winchcascade.diagnosis.gap_map import arises, compare, locate, without_zeros
 from winchcascade.diagnosis.misfit import Fitted
@@ -86,7 +87,7 @@ def diagnose(
     """
     Entries(runs, cycles, withheld, title).check_withheld()
     on_progress("simulating the rig as given")
-    data = Fitted(runs, rig, cycles, withheld)
+    data, suspects = Fitted(runs, rig, cycles, withheld), bound_to(suspects, rig, runs)
     if not any(log.noise.seen.any() for k, log in enumerate(data.logs) if k not in data.withheld):
         raise LogError(
             f"{data.logs[0].run.name}: no log that takes part has {', '.join(CHANNELS[:-1])} or {CHANNELS[-1]} that the model "

@@ -5,11 +5,13 @@ sufficient set: sets are screened in closed form and decided by refits.
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
+from winchcascade.diagnosis.entries import price_of, usual_gain, usual_values
 from winchcascade.diagnosis.solve import (
     Bounds,
     Effort,
@@ -21,7 +23,6 @@ from winchcascade.diagnosis.solve import (
     quadratic,
 )
 from winchcascade.diagnosis.suspects import Suspects, freedom, places_of, varied, with_values
-from winchcascade.rig.effects.catalogue import EFFECTS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -64,6 +65,9 @@ odds of a hundred and fifty to one."""
 MANY, HOPELESS = 5, 2.0
 """Number of causes, and residual mean square in squares of the noise, with which the search ends: more causes do not help."""
 
+MUCH_LOWER = 0.7
+"""Share of the objective that a wrong entry at a usual multiple may leave for a fit to begin there. [1]"""
+
 FURTHER = 2
 """Number of causes, beyond those of the fit about which it was expanded, up to which the closed form is used."""
 
@@ -92,7 +96,11 @@ class Fit(msgspec.Struct, frozen=True):
     def evidence(self, scale: float) -> float:
         """Logarithm of the evidence, up to a constant, residuals scaled by the square `scale`."""
         cost = cost_of(self.curve / scale, self.slope / scale, self.x, self.bounds)
-        return -self.loss / scale - cost - price(self.names)
+        return -self.loss / scale - cost + self.gain(scale) - price(self.names)
+
+    def gain(self, scale: float) -> float:
+        """Evidence that its wrong entries gain or lose by how near they are to usual multiples, as in `usual_gain`."""
+        return usual_gain(self.names, self.place, self.x, self.bounds, self.curve / scale)
 
     def effects(self, suspects: Suspects) -> list[ActiveEffect]:
         """The suspects with the values that were found."""
@@ -227,10 +235,14 @@ class Linear(msgspec.Struct, frozen=True):
         """Logarithm of the evidence for a set, up to a constant, residuals scaled by the square `scale`."""
         own, (objective, x) = self.index(names), self.best(names)
         slope = (self.slope - self.curve @ (x - self.value))[own] / scale
-        cost = cost_of(
-            self.curve[np.ix_(own, own)] / scale, slope, x[own], self.bounds.some(np.array(own, dtype=np.intp))
-        )
-        return -objective / scale - cost - price(names)
+        curve, bounds = self.curve[np.ix_(own, own)] / scale, self.bounds.some(np.array(own, dtype=np.intp))
+        gain = usual_gain(names, self._among(names), x[own], bounds, curve)
+        return -objective / scale - cost_of(curve, slope, x[own], bounds) + gain - price(names)
+
+    def _among(self, names: Names) -> dict[str, slice]:
+        """Where each of some suspects has its fields in a row of theirs alone."""
+        ends = np.cumsum([0, *(self.place[name].stop - self.place[name].start for name in names)]).tolist()
+        return {name: slice(a, b) for name, (a, b) in zip(names, pairwise(ends), strict=True)}
 
 
 def linearise(data: Fitted, suspects: Suspects, about: Fit) -> tuple[Linear, Fit]:
@@ -247,11 +259,8 @@ def linearise(data: Fitted, suspects: Suspects, about: Fit) -> tuple[Linear, Fit
 
 
 def price(names: Names) -> float:
-    """Evidence that the causes must bring beyond their own freedom.
-
-    Each is one of the catalogue, and all are as likely; also where only a few of them are suspects.
-    """
-    return len(names) * math.log(len(EFFECTS))
+    """Evidence that the causes must bring beyond their own freedom."""
+    return sum(price_of(name) for name in names)
 
 
 def cost_of(curve: Signal, slope: Signal, x: Signal, bounds: Bounds) -> float:
@@ -328,6 +337,8 @@ def search(data: Fitted, suspects: Suspects, on_progress: Callable[[str], None] 
     nothing = np.zeros_like(null.nu)  # the first expansion is made about the rig as given
     as_given = msgspec.structs.replace(null, nu=nothing, z=data.residual(nothing, []))
     linear, start = linearise(data, suspects, as_given)
+    for name, begin in _usual_starts(data, suspects, start):
+        _refit(data, suspects, fits, (name,), begin, quick=False)
     visited: dict[Names, Linear] = {(): linear}
     for _ in range(ROUNDS):
         on_progress(f"{len(fits)} sets fitted, best so far: {', '.join(best.names) or 'none'}")
@@ -343,6 +354,26 @@ def search(data: Fitted, suspects: Suspects, on_progress: Callable[[str], None] 
     best = max((fits[names] for names in visited), key=lambda fit: fit.evidence(scale) - CLEARLY * len(fit.names))
     best, linear = _smallest(data, suspects, fits, best, visited[best.names], scale)
     return Found(best, null, fits, linear, scale)
+
+
+def _usual_starts(data: Fitted, suspects: Suspects, as_given: Fit) -> list[tuple[str, Fit]]:
+    """Wrong entries at the usual multiples that lower the objective most: far from the rig as given no expansion holds.
+
+    Parameters
+    ----------
+    as_given : the rig as given, with its columns
+    """
+    if scale_of(as_given) < HOPELESS:
+        return []
+    tried = [
+        (huber(data.residual(as_given.nu, [effect])), name, value) for name, value, effect in usual_values(suspects)
+    ]
+    lower = sorted(one for one in tried if one[0] < MUCH_LOWER * as_given.loss)[:REFITTED]
+    no_columns = msgspec.structs.replace(as_given, j_nu=None, columns={})
+    return [
+        (name, msgspec.structs.replace(no_columns, names=(name,), place={name: slice(0, 1)}, x=np.array([value])))
+        for _, name, value in lower
+    ]
 
 
 def _smallest(
@@ -364,9 +395,11 @@ def _smallest(
     return best, linear
 
 
-def _refit(data: Fitted, suspects: Suspects, fits: dict[Names, Fit], names: Names, start: Fit) -> None:
-    """Fit a set quickly, and keep the fit unless there is a better one; without its columns, most of its memory."""
-    fit = fit_set(RigProblem(data, suspects, names), start, quick=True)
+def _refit(
+    data: Fitted, suspects: Suspects, fits: dict[Names, Fit], names: Names, start: Fit, *, quick: bool = True
+) -> None:
+    """Fit a set, and keep the fit unless there is a better one; without its columns, most of its memory."""
+    fit = fit_set(RigProblem(data, suspects, names), start, quick=quick)
     if names not in fits or fit.loss < fits[names].loss:
         fits[names] = msgspec.structs.replace(fit, j_nu=None, columns={})
 

@@ -147,23 +147,27 @@ class Fitted:
     def model(self, nu: Signal, effects: Sequence[ActiveEffect]) -> Model:
         """The model of the rig: its numbers and laws moved by nuisances in units of their tolerance, then changed by effects.
 
-        Loads and gains are as they are stated.
+        Loads and gains are as they are stated, and so are entries that concern one log.
         """
         numbers = {(n.section, n.name): move for n, move in self.moves(nu, "rig") if move}
         model = baseline(shifted(self.rig, numbers)) if numbers else self.nominal
         for n, move in self.moves(nu, "law"):
             model = changed(model, n.path, "add", move) if move else model
         for effect in effects:
-            model = effect.apply(model)
+            model = effect.apply(model) if log_of(effect) < 0 else model
         return possible(model)
 
     def models(self, nu: Signal, effects: Sequence[ActiveEffect]) -> list[Model]:
-        """The model of each log: that of the rig, with the gains and the load of the log moved by nuisances too."""
+        """The model of each log: that of the rig, with gains, load and entries of the log too."""
         model = self.model(nu, effects)
         for n, move in self.moves(nu, "gain"):
             model = changed(model, n.path, "compound", move)
         loads = {n.load: move for n, move in self.moves(nu, "load")}
-        return [changed(model, LOAD, "compound", loads.get(log.load, 0.0)) for log in self.logs]
+        found = [changed(model, LOAD, "compound", loads.get(log.load, 0.0)) for log in self.logs]
+        for effect in effects:
+            if log_of(effect) >= 0:
+                found[log_of(effect)] = effect.apply(found[log_of(effect)])
+        return found
 
     def skew(self, nu: Signal) -> Signal:
         """Delay of the reading of each channel, (5,) [s]."""
@@ -305,6 +309,12 @@ def _courses(course: Course, predicted: Signal) -> Signal:
             shape = signals[here] / np.maximum(np.quantile(signals[here], TOP, axis=0), 1e-12)
             found[here] = level[:, None] * np.minimum(shape, 1.0)[:, None, :]
     return found
+
+
+def log_of(effect: ActiveEffect) -> int:
+    """Number of the only log that an effect concerns, -1 for all."""
+    entry = effect.effect.entry
+    return -1 if entry is None else entry.log
 
 
 def _log(run: Run, rig: Rig, nominal: Model, cycles: tuple[int, int] | None) -> Log:

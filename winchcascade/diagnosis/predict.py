@@ -116,20 +116,25 @@ class Course:
         ----------
         skew, skews : (5,) delay of the reading of each channel, and the same for each of the others [s]
         """
-        here, moved = constants(model, self.load), []
+        here, found = constants(model, self.load), np.zeros((self.blocks.size, len(CHANNELS), len(others)))
         kept = self.shaft(here)
+        as_here = self._read(model, here, (kept.clutch, kept.vdc), skew)
         numbers = [constants(other, self.load) for other in others]
         near = [there for there in numbers if _of_the_shaft(there) != _of_the_shaft(here) and not _far(here, there)]
         tangent = self.tangent(here, near) if near else None
-        for other, there, late in zip(others, numbers, skews, strict=True):
+        moved = [k for k, late in enumerate(skews) if others[k] != model or not np.array_equal(late, skew)]
+        change = np.empty((*as_here.shape, len(moved)))
+        for column, k in enumerate(moved):
+            there = numbers[k]
             solved = self.shaft(there) if _far(here, there) else kept
             clutch, vdc = solved.clutch, solved.vdc
             if tangent is not None and there in near:
                 by_clutch, by_vdc = tangent.change(there)
                 clutch, vdc = clutch + by_clutch, vdc + by_vdc
-            moved.append(self._read(other, there, (clutch, vdc), late))
-        change = np.stack(moved, axis=-1) - self._read(model, here, (kept.clutch, kept.vdc), skew)[:, :, None]
-        return self.block_mean(change.reshape(change.shape[0], -1)).reshape(-1, *change.shape[1:])
+            change[:, :, column] = self._read(others[k], there, (clutch, vdc), skews[k]) - as_here
+        means = self.block_mean(change.reshape(change.shape[0], len(CHANNELS) * len(moved)))
+        found[:, :, moved] = means.reshape(self.blocks.size, len(CHANNELS), len(moved))
+        return found
 
     def predict(self, model: Model, gain: float = 1.0, skew: Signal | None = None) -> Signal:
         """What the sensors read, as means of the blocks, (m, 5), with the parameters of `on_grid`."""
@@ -148,7 +153,7 @@ ELECTRICAL = CHANNELS.index("vdc")
 
 
 def _of_the_shaft(numbers: Constants) -> tuple[float | tuple[float, ...], ...]:
-    return (numbers.r_drum, *numbers[_SHAFT_FROM:])
+    return numbers[_SHAFT_FROM:]
 
 
 def _far(here: Constants, there: Constants) -> bool:

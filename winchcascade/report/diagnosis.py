@@ -42,6 +42,7 @@ from winchcascade.report.diagnosis_names import (
     share_words,
 )
 from winchcascade.report.digits import significant
+from winchcascade.report.entry_words import check_words
 from winchcascade.report.gap_words import NAMES, about_words, upper
 from winchcascade.report.histories_figure import histories_figure
 from winchcascade.report.line_words import cycles_of, flipped_words, small_words
@@ -229,7 +230,9 @@ def _cause_points(found: DiagnosisResult) -> list[Point]:
     for k, cause in enumerate(found.causes, start=1):
         what, others = words.meaning_words(found, cause.effect), words.alternatives_words(cause, " or ")
         name, numbers = words.named(found, cause.effect), words.cause_words(found, cause)
-        text = f"{name}: {what[:1].lower()}{what[1:].rstrip('.')}. Found: {numbers}."
+        text = (
+            f"{name}: {what[:1].lower()}{what[1:].rstrip('.')}. Found: {numbers}. {check_words(found, cause)}".rstrip()
+        )
         points.append(
             Point(
                 f"Cause {k}" if len(found.causes) > 1 else "Cause",

@@ -53,7 +53,9 @@ def tolerance_of(found: ModelDiagnosis, effect: Effect) -> float:
     if not isinstance(law, Change):
         return 0.0
     known = max((n.sd for n in found.data.nuisances if n.path == (law.known_as or law.path)), default=0.0)
-    return known / abs(number_of(found.data.nominal, law.path)) if law.operation == "scale" else known
+    share = known / abs(number_of(found.data.nominal, law.path)) if law.operation == "scale" else known
+    absent, moved = (with_values(effect, freedom(effect).absent + by).reported for by in (0.0, 1.0))
+    return share * abs(moved - absent)
 
 
 def rows_of(found: ModelDiagnosis) -> list[Row]:

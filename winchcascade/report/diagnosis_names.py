@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
+from winchcascade.diagnosis.entries import effect_name
 from winchcascade.report.digits import number, places
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.effect import Display
@@ -24,8 +25,8 @@ PLENTY = 100.0
 
 def display_of(effect: str, name: str, unit: str = "") -> Display:
     """How a number is shown; one of an effect from elsewhere by its own name and unit."""
-    if effect in EFFECTS:
-        return EFFECTS[effect].display
+    if effect_name(effect) in EFFECTS:
+        return EFFECTS[effect_name(effect)].display
     return Display(name.replace("_", " "), 1.0, "" if unit == "1" else unit, signed=False)
 
 

@@ -20,12 +20,15 @@ from winchcascade.diagnosis.diagnosis_result import (
 from winchcascade.diagnosis.line.line_closure import LineRemainder
 from winchcascade.diagnosis.line.line_data import CyclePart
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.diagnosis.suspects import Suspects
 from winchcascade.reduction.efficiency import FIELDS
 from winchcascade.report import diagnosis_words as words
+from winchcascade.report.entry_words import entry_sentence
 from winchcascade.report.gap_words import about_text, arises_sentence, differs_text, where_sentence
 from winchcascade.report.line_words import samples_of
 from winchcascade.report.own_simulation_words import has_own_simulation
 from winchcascade.report.stability_words import SILENT, trend_sentence
+from winchcascade.rig.effects.effect import WrongEntry
 
 SCHEMA = "winchcascade/diagnosis/1"
 
@@ -38,7 +41,7 @@ def as_json(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any]:
         "data": origin_record(joint_origin(words.origins_of(found))),
         "rig": found.rig.name,
         "seed": found.seed,
-        "suspects": list(found.suspects),
+        "suspects": list(dict.fromkeys(effect.name for effect in found.suspects.values())),
         "logs": [
             {**head, "sha256": run.sha256, "load_ohm": load, "data": origin_record(run.origin)}
             for head, run, load in (
@@ -52,7 +55,7 @@ def as_json(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any]:
         "where": _where(found),
         "causes": [
             {
-                **_cause(cause, found.suspects[cause.effect].label),
+                **_cause(cause, found),
                 **_stability(found, cause),
                 **({"closes_alone_of_the_gap": number(cause.weight)} if isinstance(found, LineDiagnosis) else {}),
             }
@@ -61,7 +64,7 @@ def as_json(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any]:
         **({} if isinstance(found, LineDiagnosis) else {"contributions": _contributions(found)}),
         "closure": _closure(found),
         "remainder": None if found.remainder is None else _remainder(found.remainder),
-        "next_experiment": None if found.experiment is None else _experiment(found.experiment),
+        "next_experiment": None if found.experiment is None else _experiment(found.experiment, found.suspects),
         **(_choice(found) if isinstance(found, LineDiagnosis) else {}),
     }
 
@@ -137,15 +140,21 @@ def _place(place: Place | StagePlace, files: list[str] | None = None) -> dict[st
     }
 
 
-def _cause(cause: NamedCause, label: str) -> dict[str, Any]:
+def _cause(cause: NamedCause, found: DiagnosisResult) -> dict[str, Any]:
+    effect = found.suspects[cause.effect]
     return {
-        "effect": cause.effect,
-        "label": label,
+        "effect": effect.name,
+        **_entry(cause, effect.entry),
+        "label": effect.label,
         "stage": cause.stage,
         "probability": number(cause.probability),
         "parameters": {name: _numbers(x) for name, x in cause.parameters.items()},
         "rivals": [
-            {"effect": r.effect, "probability": number(r.probability), "told_apart_by": differs_text(r.differs)}
+            {
+                "effect": found.suspects[r.effect].name,
+                "probability": number(r.probability),
+                "told_apart_by": differs_text(r.differs),
+            }
             for r in cause.rivals
         ],
     }
@@ -166,6 +175,14 @@ def _stability(found: DiagnosisResult, cause: NamedCause) -> dict[str, Any]:
             {**_numbers(trend), "sentence": trend_sentence(found, cause, trend)} for trend in cause.stability.trends
         ],
     }
+
+
+def _entry(cause: NamedCause, entry: WrongEntry | None) -> dict[str, Any]:
+    """Of a wrong entry, the sentence on what is stated and what fits; of a wrong load, its run and the stated load."""
+    if entry is None:
+        return {}
+    run = {"run": entry.source, "load_ohm": entry.stated} if entry.log >= 0 else {}
+    return {**run, "sentence": entry_sentence(cause, entry)}
 
 
 def _numbers(of: msgspec.Struct) -> dict[str, Any]:
@@ -233,13 +250,13 @@ def _remainder(left: Remainder) -> dict[str, Any]:
     }
 
 
-def _experiment(plan: Experiment) -> dict[str, Any]:
+def _experiment(plan: Experiment, suspects: Suspects) -> dict[str, Any]:
     return {
         "loads": [] if plan.load is None else [_load(plan.load)],
         "profile": words.profile_words(plan),
         "speed_mps": number(plan.speed),
         **({"length_m": number(plan.length)} if plan.motion == "cycle" else {}),
-        "separates": list(plan.separates),
+        "separates": [suspects[name].name for name in plan.separates],
         "expected_z": number(plan.expected_z),
     }
 

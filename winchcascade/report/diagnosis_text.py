@@ -16,6 +16,7 @@ from winchcascade.report import diagnosis_words as words
 from winchcascade.report.cause_costs import cost_lines, cost_title, no_energy_words
 from winchcascade.report.diagnosis_names import probability_words, share_words
 from winchcascade.report.digits import significant
+from winchcascade.report.entry_words import check_words
 from winchcascade.report.gap_words import NAMES, alarm_words, differs_words
 from winchcascade.report.line_words import flipped_words, slope_words, small_words
 from winchcascade.report.model_account import COMPARED
@@ -75,7 +76,7 @@ def diagnosis_text(found: ModelDiagnosis | LineDiagnosis, files: Sequence[Path |
         arises, means = words.arises_words(found) if words.says_more(found) else "", "0.44 s means on those logs"
         steady = trend_words(found)
         rest = entry("checked", words.checked_words(found) if found.verdict == "no_gap" else "")
-        rest += entry("not needed", ", ".join(n for n in found.suspects if found.causes and n not in found.chosen))
+        rest += entry("not needed", words.not_needed_words(found))
     lines = [
         f"{one_line(found.title)}: {words.VERDICTS[found.verdict].lower()}",
         "",
@@ -123,6 +124,7 @@ def _causes(found: DiagnosisResult) -> list[str]:
         head = f"{n.label} ({n.effect}, {n.stage}, probability {n.probability}): " if n.effect else ""
         lines += entry("" if lines else "which", f"{head}{n.what} {n.value} (95 %: {n.beside})")
     for cause in found.causes:
+        lines += entry("", check_words(found, cause))
         for rival in cause.rivals:
             likely, differs = probability_words(rival.probability), differs_words(rival.differs)
             lines += entry(

@@ -15,6 +15,7 @@ from winchcascade.diagnosis.diagnosis_result import (
     Reported,
     Spot,
 )
+from winchcascade.diagnosis.entries import effect_name
 from winchcascade.diagnosis.gap_map import STANDS_OUT, arises
 from winchcascade.diagnosis.line.line_causes import STEP, SWING
 from winchcascade.diagnosis.line.line_closure import BURST
@@ -223,6 +224,13 @@ def named(found: DiagnosisResult, effect: str) -> str:
 def meaning_words(found: DiagnosisResult, effect: str) -> str:
     """What a suspect is."""
     return LINE_MEANINGS[effect] if isinstance(found, LineDiagnosis) else found.suspects[effect].summary
+
+
+def not_needed_words(found: DiagnosisResult) -> str:
+    """Names of the effects that are not needed beside the causes; an entry of several runs is listed once."""
+    chosen = {effect_name(name) for name in found.chosen}
+    others = dict.fromkeys(effect_name(name) for name in found.suspects if effect_name(name) not in chosen)
+    return ", ".join(others) if found.causes else ""
 
 
 def alternatives_words(cause: NamedCause, conjunction: str) -> str:

@@ -100,11 +100,11 @@ def where_sentence(where: Where, word: str = "measured", *, own_simulation: bool
         region = f" between {where.rpm[0]:.0f} and {where.rpm[1]:.0f} rpm"
         if where.i_dc[1] > 0.5:
             region += f" and {max(where.i_dc[0], 0.0):.1f} to {where.i_dc[1]:.1f} A DC"
-    place = "a sensor" if where.stage == "sensor" else f"the {where.stage} stage"
-    gap = "The gap between your simulation and the logs" if own_simulation else "The gap"
-    return (
-        f"{gap} lies in {place}: {_deviates(worst, where.size, region)}by up to {size_text(worst.channel, where.size)}."
+    place = {"sensor": "lies in a sensor", "entry": "comes from a wrong entry"}.get(
+        where.stage, f"lies in the {where.stage} stage"
     )
+    gap = "The gap between your simulation and the logs" if own_simulation else "The gap"
+    return f"{gap} {place}: {_deviates(worst, where.size, region)}by up to {size_text(worst.channel, where.size)}."
 
 
 def arises_sentence(own: Arises | None) -> str:

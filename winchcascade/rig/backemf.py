@@ -70,7 +70,7 @@ def back_emf(run: Run, model: Model, payouts: Sequence[tuple[float, float]], *, 
         raise LogError(f"{run.name}: no DC voltage, which a back-EMF constant is fitted to; log Vdc.")
     vdc, speed = run.channels["vdc"], local_quadratic(run.t, run.channels["velocity"], SMOOTHING)
     bleed, current = dc_currents(run, model, vdc)
-    rpm = speed / model.winch.r_drum * model.drivetrain.gear * 30.0 / math.pi
+    rpm = speed / model.r_motion * model.drivetrain.gear * 30.0 / math.pi
     used = (rpm > RPM_LEAST) & (current > 0.5 * bleed)
     used &= np.logical_or.reduce([(run.t >= begin) & (run.t <= end) for begin, end in payouts])
     if np.count_nonzero(used) < LEAST:

@@ -42,7 +42,11 @@ LEAST_VOLUME = 0.01
 
 
 class Constants(NamedTuple):
-    """Numbers of the parts as the kernel takes them, SI units."""
+    """Numbers of the parts as the kernel takes them, SI units.
+
+    `r_motion` is the logged motion over the angle of the drum [m]: `r_drum`, unless the logged motion has another scale.
+    `inductance` is the phase inductance times the pole pairs, by which the reactance follows the speed of the fast shaft [H].
+    """
 
     r_drum: float
     inertia_drum: float
@@ -61,6 +65,7 @@ class Constants(NamedTuple):
     cooling: float
     seal_friction: float
     seal_stribeck: float
+    r_motion: float
     gear: float
     eta_mesh: float
     b_rotor: float
@@ -70,10 +75,9 @@ class Constants(NamedTuple):
     k_shaft: float
     c_shaft: float
     inertia_rotor: float
-    pole_pairs: float
     k_e: float
     r_s: float
-    l_s: float
+    inductance: float
     v_diode: float
     rolloff: tuple[float, ...]
     rolloff_slope: tuple[float, ...]
@@ -92,10 +96,10 @@ def constants(model: Model, load: float) -> Constants:
         winch.r_drum, winch.inertia, winch.friction, winch.drag, winch.layering,
         winch.stribeck, winch.stribeck_speed,
         gas.lead, gas.eta_forward, gas.eta_reverse, gas.area, gas.pressure, gas.volume, gas.exponent, gas.cooling,
-        gas.seal_friction, gas.stribeck,
+        gas.seal_friction, gas.stribeck, model.r_motion,
         shaft.gear, shaft.eta_mesh, shaft.b_rotor, shaft.windage, shaft.friction, shaft.clutch_drag, shaft.k_shaft,
         shaft.c_shaft, shaft.inertia_rotor,
-        machine.pole_pairs, machine.k_e, machine.r_s, machine.l_s, machine.v_diode,
+        machine.k_e, machine.r_s, machine.pole_pairs * machine.l_s, machine.v_diode,
         (1.0, *machine.rolloff), rolloff_slopes(machine.rolloff), model.dc_link.c_dc, model.dc_link.resistance(load),
         machine.averaged, machine.uncommutated, shaft.quasi_static, shaft.weightless,
     )  # fmt: skip
@@ -233,7 +237,7 @@ def run_shaft(v: Signal, dt: float, c: Constants, table: Signal, out: Signal) ->
         # bridge at the present DC voltage and the predicted speed half-way
         half_way = max(omega + 0.5 * (omega - omega_before), 0.0)
         v_total = v_dc + 2.0 * c.v_diode
-        reactance = max(c.pole_pairs * half_way * c.l_s, 1e-6)
+        reactance = max(half_way * c.inductance, 1e-6)
         i_b, i_s, b_v, s_v, b_full, s_full = weakened_bridge(
             v_total, c.k_e * half_way * rpm, reactance, guess, c, table
         )
@@ -248,7 +252,7 @@ def run_shaft(v: Signal, dt: float, c: Constants, table: Signal, out: Signal) ->
         em_h = (v_total * b_h + 6.0 * c.r_s * i_s * s_h - em) * per
         em += em_v * fills
         brakes = max(em_h + em_v * b_h / holds, 0.0)
-        drum_half = 0.5 * (v[n] + v[min(n + 1, v.size - 1)]) / c.r_drum
+        drum_half = 0.5 * (v[n] + v[min(n + 1, v.size - 1)]) / c.r_motion
         torque, twist, after = _turned((omega, half_way, drum_half), twist, (em, brakes), dt, c)
         # DC link
         faster = 0.5 * (omega + after) - half_way
@@ -279,10 +283,10 @@ def run_steady(v: Signal, dt: float, c: Constants, table: Signal, out: Signal) -
     """
     v_dc = guess = 0.0
     for n in range(v.size):
-        omega = max(v[n] * c.gear / c.r_drum, 0.0)
+        omega = max(v[n] * c.gear / c.r_motion, 0.0)
         before, after = max(n - 1, 0), min(n + 1, v.size - 1)
-        speeds_up = (v[after] - v[before]) * c.gear / c.r_drum / (dt * (after - before)) if omega > 0.0 else 0.0
-        v_full, reactance = c.k_e * omega * 30.0 / math.pi, max(c.pole_pairs * omega * c.l_s, 1e-6)
+        speeds_up = (v[after] - v[before]) * c.gear / c.r_motion / (dt * (after - before)) if omega > 0.0 else 0.0
+        v_full, reactance = c.k_e * omega * 30.0 / math.pi, max(omega * c.inductance, 1e-6)
         low, high, i_b = 0.0, max(_SQRT2 * v_full - 2.0 * c.v_diode, 0.0), 0.0
         v_dc = min(max(v_dc, low), high)
         for _ in range(60):
@@ -336,7 +340,7 @@ def run_line(x: Signal, v: Signal, a: Signal, dt: float, c: Constants, torque: S
     for n in range(v.size):
         direction = math.tanh(v[n] / REST)
         # gas: isothermal, and hotter by the heat of compression that it still holds
-        volume = max(c.volume - c.area * c.lead * x[n] / c.r_drum, LEAST_VOLUME * c.volume)
+        volume = max(c.volume - c.area * c.lead * x[n] / c.r_motion, LEAST_VOLUME * c.volume)
         gauge = c.pressure * (c.volume / volume) - ATMOSPHERE
         if c.exponent != 1.0:
             squeezed = math.log(c.volume / volume)
@@ -353,7 +357,7 @@ def run_line(x: Signal, v: Signal, a: Signal, dt: float, c: Constants, torque: S
             0.5 * (1.0 + direction) / c.eta_forward + 0.5 * (1.0 - direction) * c.eta_reverse
         )
         drag = -c.clutch_drag * 0.5 * (1.0 - direction) * abs(direction)
-        lost = c.line_friction * direction + c.line_drag * v[n] / c.r_drum + c.stribeck * slow
+        lost = c.line_friction * direction + c.line_drag * v[n] / c.r_motion + c.stribeck * slow
         seen = torque[n] + drag
-        force = (screw + seen + lost + c.inertia_drum * a[n] / c.r_drum) / (c.r_drum * (1.0 + c.layering * x[n]))
+        force = (screw + seen + lost + c.inertia_drum * a[n] / c.r_motion) / (c.r_drum * (1.0 + c.layering * x[n]))
         out[n, 0], out[n, 1], out[n, 2], out[n, 3] = gauge, force, seen, screw

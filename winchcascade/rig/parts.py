@@ -160,11 +160,14 @@ ELECTRICAL = ("vdc", "idc")
 class Sensors(msgspec.Struct, frozen=True):
     """Errors of the sensors by channel, absent by default: relative `gain`, `zero` in SI units, and the time by which Vdc
     and Idc are recorded late, `electrical_lag` [s].
+
+    `motion_scale` is the relative error of the logged velocity and displacement of the line, which drive the model [1].
     """
 
     gain: Mapping[str, float] = msgspec.field(default_factory=dict)
     zero: Mapping[str, float] = msgspec.field(default_factory=dict)
     electrical_lag: float = 0.0
+    motion_scale: float = 0.0
 
     def read(self, name: str, x: Signal) -> Signal:
         """Reading of a sensor for the true values of its channel, (n,) in its unit."""
@@ -197,6 +200,11 @@ class Model(msgspec.Struct, frozen=True):
     generator: GeneratorModel
     dc_link: DcLinkModel
     sensors: Sensors = Sensors()
+
+    @property
+    def r_motion(self) -> float:
+        """Logged motion of the line over the angle of the drum: its radius, unless the logged motion has another scale. [m]"""
+        return self.winch.r_drum * (1.0 + self.sensors.motion_scale)
 
 
 Operation = Literal["add", "scale", "compound"]

@@ -92,13 +92,13 @@ def energies(model: Model, motion: LineMotion, load: float, out: Signal) -> dict
     The energy of the line is that of the true line speed, which layers of rope change; the other entries add up to it.
     """
     c, got = constants(model, load), dict(zip(COLUMNS, out.T, strict=True))
-    omega_drum, omega = motion.v / c.r_drum, got["omega_gen"]
+    omega_drum, omega = motion.v / c.r_motion, got["omega_gen"]
     direction = np.tanh(motion.v / REST)
     push = c.lead * omega_drum * got["pressure"] * c.area
     slow = direction * np.exp(-((motion.v / c.stribeck_speed) ** 2))
     seal = (c.lead * c.seal_friction * direction + c.seal_stribeck * slow) * omega_drum
     watts = {
-        "line": got["force"] * motion.v * (1.0 + c.layering * motion.x),
+        "line": got["force"] * omega_drum * c.r_drum * (1.0 + c.layering * motion.x),
         "gas": push,
         "screw": got["screw"] * omega_drum - push - seal,
         "seal": seal,
@@ -222,7 +222,7 @@ def _check_model(model: Model) -> None:
 def _check_travel(name: str, model: Model, motion: LineMotion) -> None:
     """Reject a motion that leaves the gas no volume, or the rope no radius on the drum: LogError."""
     gas, winch = model.restoring, model.winch
-    push = gas.area * gas.lead / winch.r_drum
+    push = gas.area * gas.lead / model.r_motion
     low, high = float(np.min(motion.x)), float(np.max(motion.x))
     if gas.volume <= push * high:
         raise LogError(

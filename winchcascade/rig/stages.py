@@ -128,7 +128,7 @@ def outputs_along(run: Run, model: Model, course: Along, only: Collection[str] =
 
 def _drive(run: Run, model: Model, course: Along, seen: dict[str, Signal]) -> _Drive:
     unknown = np.full(run.t.size, np.nan)
-    rpm = course.v / model.winch.r_drum * model.drivetrain.gear * 30.0 / math.pi
+    rpm = course.v / model.r_motion * model.drivetrain.gear * 30.0 / math.pi
     if "vdc" not in seen:
         return _Drive(rpm, unknown, unknown, unknown)
     bleed, with_capacitor = dc_currents(run, model, seen["vdc"])
@@ -154,7 +154,7 @@ def _torque_of_line(model: Model, course: Along, force: Signal, pressure: Signal
     lost = (
         winch.friction * direction
         + winch.stribeck * slow
-        + (winch.drag * course.v + winch.inertia * course.a) / winch.r_drum
+        + (winch.drag * course.v + winch.inertia * course.a) / model.r_motion
     )
     torque = force * winch.r_drum * (1.0 + winch.layering * course.x) - screw * thread - lost
     return np.where(np.abs(course.v) > MOVING, torque, np.nan)
@@ -176,7 +176,7 @@ def _torque_of_shaft(model: Model, course: Along, drive: _Drive) -> Signal:
     _, i_s = machine_state(model, drive.rpm[known], vdc, current)
     torque_em = ((vdc + 2.0 * machine.v_diode) * current + 3.0 * machine.r_s * i_s**2) / omega
     drag = shaft.b_rotor * omega + shaft.windage * omega**2 + shaft.friction * np.tanh(omega / TURN)
-    speeding = shaft.inertia_rotor * course.a[known] / model.winch.r_drum * shaft.gear
+    speeding = shaft.inertia_rotor * course.a[known] / model.r_motion * shaft.gear
     torque[known] = shaft.gear / shaft.eta_mesh * (torque_em + drag + speeding)
     return torque
 

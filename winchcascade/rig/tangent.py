@@ -16,12 +16,12 @@ from winchcascade.rig.kernel import SHAFT, TURN, Constants, rolloff_at, weakened
 from winchcascade.rig.parts import ROLLOFF_KNOTS
 
 NUMBERS = (
-    "r_drum", "gear", "eta_mesh", "b_rotor", "windage", "friction", "k_shaft", "c_shaft", "inertia_rotor", "k_e", "r_s", "l_s",
-    "v_diode", "c_dc", "load",
+    "r_motion", "gear", "eta_mesh", "b_rotor", "windage", "friction", "k_shaft", "c_shaft", "inertia_rotor", "k_e", "r_s",
+    "inductance", "v_diode", "c_dc", "load",
 )  # fmt: skip
 """Fields of `Constants` whose derivatives are computed: nine mechanical ones first; directions of the roll-off follow them."""
 
-_R_DRUM, _GEAR, _, _, _, _, _K, _C, _, _K_E, _R_S, _L_S, _V_DIODE, _C_DC, _LOAD = range(len(NUMBERS))
+_R_MOTION, _GEAR, _, _, _, _, _K, _C, _, _K_E, _R_S, _INDUCTANCE, _V_DIODE, _C_DC, _LOAD = range(len(NUMBERS))
 _FIRST_WAY = len(NUMBERS)
 
 WIDE = 24
@@ -124,7 +124,7 @@ def run_tangent(
         half_way, v_half, change = 0.5 * (omega + omega_after), 0.5 * (v_dc + v_after), v_after - v_dc
         # bridge: currents over speed and voltage half-way, and over its own numbers
         v_total = v_half + 2.0 * c.v_diode
-        reactance = max(c.pole_pairs * half_way * c.l_s, 1e-6)
+        reactance = max(half_way * c.inductance, 1e-6)
         v_full = c.k_e * half_way * rpm
         i_b, i_s, b_v, s_v, b_full, s_full = weakened_bridge(v_total, v_full, reactance, guess, c, table)
         guess = i_s
@@ -141,12 +141,12 @@ def run_tangent(
             through = b_ll * v_full * left_slope
             s_r, s_x = s_r * loop, s_x * loop
             b_r, b_x = b_r + through * s_r, b_x + through * s_x
-            s_h = s_full * c.k_e * rpm + s_x * c.pole_pairs * c.l_s
-            b_h = b_full * c.k_e * rpm + b_x * c.pole_pairs * c.l_s
+            s_h = s_full * c.k_e * rpm + s_x * c.inductance
+            b_h = b_full * c.k_e * rpm + b_x * c.inductance
             w[_S + _V_DIODE], w[_B + _V_DIODE] = 2.0 * s_v, 2.0 * b_v
             w[_S + _K_E], w[_B + _K_E] = s_full * rpm * half_way, b_full * rpm * half_way
             w[_S + _R_S], w[_B + _R_S] = s_r, b_r
-            w[_S + _L_S], w[_B + _L_S] = s_x * c.pole_pairs * half_way, b_x * c.pole_pairs * half_way
+            w[_S + _INDUCTANCE], w[_B + _INDUCTANCE] = s_x * half_way, b_x * half_way
             for j in range(bent.shape[0]):
                 v_bent = v_full * rolloff_at(i_s, bent[j, 0], bent[j, 1])[0]
                 w[_S + _FIRST_WAY + j] = s_ll * v_bent * loop
@@ -172,14 +172,14 @@ def run_tangent(
             sign = math.tanh(half_way / TURN)
             edge = (1.0 - sign * sign) / TURN
         losses = 0.5 * (c.b_rotor + 2.0 * c.windage * half_way + c.friction * edge + em_h + em_v * v_h)
-        drum_half = 0.5 * (v[n] + v[n + 1]) / c.r_drum
+        drum_half = 0.5 * (v[n] + v[n + 1]) / c.r_motion
         slip = drum_half - half_way / c.gear
         torque = c.k_shaft * twist + stiff * slip
         on = 1.0 if torque > 0.0 else 0.0
         bound = on * 0.5 * share * stiff / c.gear
         moved = 1.0 / (mass + losses + bound) if omega_after > 0.0 else 0.0
         mechanical = (
-            -on * share * stiff * drum_half / c.r_drum,
+            -on * share * stiff * drum_half / c.r_motion,
             on * share / c.gear * (stiff * half_way / c.gear - torque),
             on * torque / c.gear,
             -half_way,
@@ -191,7 +191,7 @@ def run_tangent(
         )
         for k in range(9):
             w[_AFTER + k] = mechanical[k]
-        w[_SLIP + _GEAR], w[_SLIP + _R_DRUM] = half_way / (c.gear * c.gear), -drum_half / c.r_drum
+        w[_SLIP + _GEAR], w[_SLIP + _R_MOTION] = half_way / (c.gear * c.gear), -drum_half / c.r_motion
         w[_TORQUE + _K], w[_TORQUE + _C] = twist + 0.5 * dt * slip, slip
         keeps, pulls = mass - losses - bound, on * share * c.k_shaft
         for k in range(WIDE):

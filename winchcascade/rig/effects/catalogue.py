@@ -12,8 +12,12 @@ from winchcascade.rig.effects.generator import GENERATOR
 from winchcascade.rig.effects.restoring import RESTORING
 from winchcascade.rig.effects.sensor import SENSOR
 from winchcascade.rig.effects.transmission import TRANSMISSION
+from winchcascade.rig.effects.wrong_entries import ENTRY
 
-EFFECTS = {effect.name: effect for effect in (*GENERATOR, *GEARBOX, *TRANSMISSION, *RESTORING, *SENSOR)}
+OF_THE_RIG = {effect.name: effect for effect in (*GENERATOR, *GEARBOX, *TRANSMISSION, *RESTORING, *SENSOR)}
+"""Effects of the rig, its sensors and its logger by name: every effect but wrong entries."""
+
+EFFECTS = OF_THE_RIG | {effect.name: effect for effect in ENTRY}
 """Every effect by its name."""
 
 

@@ -1,5 +1,6 @@
 """An effect as a declaration of what the baseline leaves out, and an effect with values that acts on a model."""
 
+import math
 from collections.abc import Callable
 
 import msgspec
@@ -35,6 +36,35 @@ class Display(msgspec.Struct, frozen=True):
     signed: bool = True
 
 
+class WrongEntry(msgspec.Struct, frozen=True):
+    """What an effect of the stage `entry` takes to be stated wrongly, and which mistakes are usual.
+
+    Parameters
+    ----------
+    number : section and name of the number in the rig file; empty for the scale of the encoder and for a load
+    usual : values of the field at which the true number is a usual multiple of the stated one, such as 1/2 and 2
+    scatter : relative deviation from a usual multiple that is still one, one standard deviation [1]
+    always_usual : whether the true number can be nothing but such a multiple, as with a convention
+    same_as : effects that look the same in the logs
+    log : number of the only log that the entry concerns, -1 for all
+    stated : the stated number, SI units; NaN as long as no rig or run is known
+    unit : unit of the number in the rig file
+    as_number : whether the number is reported and not its ratio to the stated one
+    source : where it is stated: empty for the rig file, the name of the file of a run otherwise
+    """
+
+    number: str = ""
+    usual: tuple[float, ...] = ()
+    scatter: float = 0.01
+    always_usual: bool = False
+    same_as: tuple[str, ...] = ()
+    log: int = -1
+    stated: float = math.nan
+    unit: str = ""
+    as_number: bool = True
+    source: str = ""
+
+
 class Change(msgspec.Struct, frozen=True):
     """How an effect changes one number of the model.
 
@@ -58,7 +88,8 @@ class Effect(msgspec.Struct, frozen=True):
     Parameters
     ----------
     label : plain name that reports show beside the identifier, of at most 20 letters
-    stage : where in the cascade it acts: generator, gearbox, transmission, restoring, sensor
+    stage : where in the cascade it acts: generator, gearbox, transmission, restoring, sensor; or `entry`, a wrong number
+        in the rig file or in the campaign
     summary : what the baseline leaves unmodelled
     shows_as : channels, phases, speeds, loads and displacements at which it shows
     taken_for : similar effects, and what distinguishes them
@@ -70,6 +101,7 @@ class Effect(msgspec.Struct, frozen=True):
     reported_from : the reported parameter of the values; the first field by default
     together : values that act as one after the other do; where the law is a change of one number, they follow from it
     unlisted : what is not in the catalogue and looks the same
+    entry : of the stage `entry`, what is stated wrongly
     """
 
     name: str
@@ -87,6 +119,7 @@ class Effect(msgspec.Struct, frozen=True):
     reported_from: Callable[[Values], float] | None = None
     together: Callable[[Values, Values], Values] | None = None
     unlisted: str = ""
+    entry: WrongEntry | None = None
 
 
 class ActiveEffect(msgspec.Struct, frozen=True):

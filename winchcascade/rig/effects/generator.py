@@ -89,7 +89,6 @@ GENERATOR = (
         unit="relative",
         display=Display("back-EMF constant", 100.0, "%"),
         law=Change("generator.k_e", "scale"),
-        unlisted="an error of the encoder or of the drum radius (both count as exact)",
     ),
     Effect(
         name="copper_heating",

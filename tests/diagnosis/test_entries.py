@@ -1,0 +1,138 @@
+"""Wrong entries: suspects of every diagnosis, chosen only where they explain clearly more, and their alternatives."""
+
+import math
+from functools import cache
+
+import msgspec
+import numpy as np
+import pytest
+from planted import campaign
+
+from winchcascade.core.rig_toml import built_in
+from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
+from winchcascade.diagnosis.entries import RARER, bound_to, price_of, same_in_logs, usual_gain
+from winchcascade.diagnosis.misfit import Fitted
+from winchcascade.diagnosis.suspects import freedom, with_values
+from winchcascade.report.diagnosis_record import as_json
+from winchcascade.report.diagnosis_text import diagnosis_text
+from winchcascade.rig.effects.catalogue import EFFECTS
+from winchcascade.rig.effects.wrong_entries import ENTRY
+
+RIG = built_in()
+LOAD = "load_entry(r9ohm.csv)"
+
+FIRST_ORDER = 0.02
+"""Deviation of a column from a small difference of exact simulations, as a share of the largest of its channel: the shaft is
+taken to first order, and the clutch opens and closes at other instants."""
+
+
+@cache
+def found(name: str, value: float) -> ModelDiagnosis:
+    return diagnose(campaign({name: {EFFECTS[name].fields[0].name: value}}), RIG, EFFECTS)
+
+
+@cache
+def misstated() -> ModelDiagnosis:
+    """The load of one run is stated a third too small."""
+    runs = campaign({})
+    stated = [msgspec.structs.replace(run, load=6.0) if run.load == 9.0 else run for run in runs]
+    return diagnose(stated, RIG, EFFECTS)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "truth", "sentence"),
+    [
+        ("drum_radius", 0.06, 0.1378, "The rig file states r_drum = 0.130 m; the logs fit 0.138 m."),
+        ("gear_ratio", -0.08, 46.0, "The rig file states gear_ratio = 50.0; the logs fit 46.0."),
+        (
+            "k_e_convention",
+            math.sqrt(3.0) - 1.0,
+            math.sqrt(3.0),
+            "The rig file states k_e = 0.0620 V/rpm; the logs fit 0.107",
+        ),
+    ],
+)
+def test_a_wrong_entry_is_named_alone_with_its_number(name: str, value: float, truth: float, sentence: str) -> None:
+    result = found(name, value)
+    (cause,) = result.causes
+    assert (cause.effect, cause.stage, result.verdict) == (name, "entry", "explained")
+    (number,) = cause.parameters.values()
+    assert number.value == pytest.approx(truth, rel=0.01)
+    record = as_json(result)["causes"][0]
+    assert record["sentence"].startswith(sentence)
+    assert "Check this entry before other causes." in " ".join(diagnosis_text(result).split())
+
+
+def test_the_wrong_load_of_one_run_is_named_with_its_run() -> None:
+    record = as_json(misstated())["causes"][0]
+    assert (record["effect"], record["run"], record["load_ohm"]) == ("load_entry", "r9ohm.csv", 6.0)
+    assert record["parameters"]["load_ohm"]["value"] == pytest.approx(9.0, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "other"),
+    [("sync_inductance", 0.2, "pole_pairs"), ("piston_area", -0.07, "screw_lead"), ("force_gain", 0.04, "drum_radius")],
+)
+def test_an_effect_of_the_rig_is_named_and_the_entry_that_looks_the_same_is_its_alternative(
+    name: str, value: float, other: str
+) -> None:
+    (cause,) = as_json(found(name, value))["causes"]
+    assert cause["effect"] == name
+    assert other in [rival["effect"] for rival in cause["rivals"]]
+
+
+def test_a_usual_multiple_of_the_pole_pairs_is_named_before_the_inductance() -> None:
+    (cause,) = as_json(found("pole_pairs", 1.0))["causes"]
+    assert cause["effect"] in ("pole_pairs", "l_s_convention")
+    assert {cause["effect"], *(rival["effect"] for rival in cause["rivals"])} >= {"pole_pairs", "l_s_convention"}
+
+
+def test_an_entry_is_rarer_than_an_effect_of_the_rig() -> None:
+    assert price_of("gear_ratio") == pytest.approx(price_of("ke_shift") + RARER)
+    assert price_of(LOAD) == price_of("gear_ratio")
+
+
+def test_a_usual_multiple_has_a_higher_prior_and_a_convention_no_other() -> None:
+    bounds, curve = freedom(EFFECTS["pole_pairs"]).bounds, np.array([[1e6]])
+
+    def gain(name: str, value: float) -> float:
+        return usual_gain((name,), {name: slice(0, 1)}, np.array([value]), bounds, curve)
+
+    assert gain("pole_pairs", 0.5) > 0.0 > gain("pole_pairs", 0.3) > -1.0
+    assert gain("k_e_convention", math.sqrt(2.0) - 1.0) > 0.0
+    assert gain("k_e_convention", 0.1) < -10.0
+    assert gain("ke_shift", 0.1) == 0.0
+
+
+def test_entries_are_suspects_without_tolerances_and_loads_where_vdc_and_idc_contradict_them() -> None:
+    runs = campaign({})
+    suspects = bound_to(EFFECTS, RIG, runs)
+    assert {effect.name for effect in ENTRY} - {effect.name for effect in suspects.values()} == {"load_entry"}
+    stated = [msgspec.structs.replace(run, load=6.0) if run.load == 9.0 else run for run in runs]
+    assert [name for name in bound_to(EFFECTS, RIG, stated) if name.startswith("load_entry")] == [LOAD]
+    assert same_in_logs(suspects, "sync_inductance", "pole_pairs")
+    assert not same_in_logs(suspects, "ke_shift", "gear_ratio")
+
+
+@pytest.mark.parametrize("name", [name for name, effect in EFFECTS.items() if effect.stage == "entry"])
+def test_columns_of_entries_are_the_limit_of_differences(name: str) -> None:
+    data = Fitted(campaign({}), RIG)
+    nothing, effect = np.zeros(len(data.nuisances)), EFFECTS[name]
+    moved = with_values(effect, np.array([1e-3]))
+    column = data.differences(nothing, [], [(nothing, [moved])])[:, :, 0] / 1e-3
+    exact = (data.predict(nothing, [moved]) - data.predict(nothing, [])) / 1e-3
+    for k in range(column.shape[1]):
+        own = data.seen[:, k]
+        assert np.abs(column - exact)[own, k].max() <= FIRST_ORDER * max(np.abs(exact)[own, k].max(), 1e-9), k
+
+
+def test_an_entry_of_one_log_moves_no_other() -> None:
+    stated = [msgspec.structs.replace(run, load=6.0) if run.load == 9.0 else run for run in campaign({})]
+    data, suspects = Fitted(stated, RIG), bound_to(EFFECTS, RIG, stated)
+    nothing = np.zeros(len(data.nuisances))
+    column = data.differences(nothing, [], [(nothing, [with_values(suspects[LOAD], np.array([0.1]))])])[:, :, 0]
+    log = [run.load for run in stated].index(6.0)
+    others = np.ones(column.shape[0], dtype=bool)
+    others[data.rows[log]] = False
+    assert np.abs(column[others]).max() == 0.0
+    assert np.abs(column[data.rows[log]]).max() > 0.0

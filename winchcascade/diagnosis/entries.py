@@ -1,0 +1,161 @@
+"""Wrong entries as suspects: bound to the numbers that a rig file states and to the runs of a campaign, and their prior."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from winchcascade.diagnosis.nuisances import quantity_of
+from winchcascade.rig.effects.catalogue import OF_THE_RIG
+from winchcascade.rig.effects.effect import ActiveEffect, Effect, Values, WrongEntry
+from winchcascade.rig.effects.wrong_entries import ENTRY, SHARED_RADIUS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from winchcascade.core.rig_file import Rig
+    from winchcascade.core.run import Run, Signal
+    from winchcascade.diagnosis.diagnosis_result import Names
+    from winchcascade.diagnosis.solve import Bounds
+    from winchcascade.diagnosis.suspects import Suspects
+
+BY_NAME = {effect.name: effect for effect in ENTRY}
+"""Every wrong entry by its name."""
+
+LOAD, RADIUS = "load_entry", "drum_radius"
+"""Entries that have several forms: one for each run, and one for each place of the encoder."""
+
+RARER = 3.0
+"""Logarithm of the odds by which an effect of the rig is more likely than a given wrong entry, data apart: 20 to 1. Most
+entries of a rig file are right, while every rig has effects that its model lacks. A wrong entry that takes the place of two
+effects still has more evidence, as it saves the price of one."""
+
+USUAL_SHARE = 0.5
+"""Prior share of the wrong entries whose true number is a usual multiple of the stated one. [1]"""
+
+AGREES = 0.03
+"""A load is no suspect where Vdc over Idc deviates from it by less: more than gains and warm resistors do. [1]"""
+
+
+def effect_name(suspect: str) -> str:
+    """Name in the catalogue of a suspect; entries that concern one run add its name in brackets.
+
+    >>> effect_name("load_entry(r27ohm.csv)"), effect_name("ke_shift")
+    ('load_entry', 'ke_shift')
+    """
+    return suspect.partition("(")[0]
+
+
+def is_entry(suspect: str) -> bool:
+    """Whether a suspect is a wrong entry."""
+    return effect_name(suspect) in BY_NAME
+
+
+# ----------------------------------------------------------------------------------------------------------- the suspects
+def bound_to(suspects: Suspects, rig: Rig, runs: Sequence[Run]) -> Suspects:
+    """Suspects of a diagnosis: wrong entries report the numbers of the rig file, and each run has its own wrong load.
+
+    A drum radius is suspected twice: the logged motion may be true, or computed with the same radius.
+    """
+    found: dict[str, Effect] = {}
+    for name, effect in suspects.items():
+        if effect.entry is None or effect.entry.log >= 0:
+            found[name] = effect
+        elif name == LOAD:
+            found |= _of_each_run(effect, runs)
+        else:
+            found[name] = _of_the_rig(effect, effect.entry, rig)
+    if RADIUS in suspects:
+        shared = SHARED_RADIUS
+        found[f"{RADIUS}(shared)"] = _of_the_rig(shared, shared.entry or WrongEntry(), rig)
+    return found
+
+
+def _multiple(stated: float, values: Values) -> float:
+    return stated * (1.0 + values[0])
+
+
+def _of_the_rig(effect: Effect, entry: WrongEntry, rig: Rig) -> Effect:
+    """An entry that reports the number of the rig file; one that is reported as a ratio knows it too."""
+    number = quantity_of(rig, *entry.number.split(".")) if entry.number else None
+    if number is None:
+        return effect
+    as_number = effect.reported_from is None
+    stated = msgspec.structs.replace(entry, stated=number.value, unit=number.unit, as_number=as_number)
+    bound = msgspec.structs.replace(effect, entry=stated)
+    if not as_number:
+        return bound
+    return msgspec.structs.replace(bound, reported_from=partial(_multiple, number.value))
+
+
+def _of_each_run(effect: Effect, runs: Sequence[Run]) -> dict[str, Effect]:
+    """A wrong load of each run whose Vdc over Idc does not agree with the stated one."""
+    found: dict[str, Effect] = {}
+    for log, run in enumerate(runs):
+        if run.load is None or not math.isfinite(run.load) or abs(_load_ratio(run, run.load) - 1.0) < AGREES:
+            continue
+        name = f"{effect.name}({run.name})"
+        name = name if name not in found else f"{effect.name}({run.name}, run {log + 1})"
+        entry = msgspec.structs.replace(effect.entry or WrongEntry(), log=log, stated=run.load, source=run.name)
+        found[name] = msgspec.structs.replace(effect, entry=entry, reported_from=partial(_multiple, run.load))
+    return found
+
+
+def _load_ratio(run: Run, load: float) -> float:
+    """Vdc over Idc of a run, by least squares, over its stated load [1]; NaN where one of the two is not logged."""
+    if "vdc" not in run.channels or "idc" not in run.channels:
+        return math.nan
+    vdc, idc = run.channels["vdc"], run.channels["idc"]
+    power = float(vdc @ idc)
+    return float(vdc @ vdc) / power / load if power > 0.0 else math.nan
+
+
+# -------------------------------------------------------------------------------------------------------------- the prior
+def price_of(suspect: str) -> float:
+    """Logarithm of the prior odds against a cause [1].
+
+    All effects of the rig are as likely, also where only a few of them are suspects; a wrong entry is rarer.
+    """
+    return math.log(len(OF_THE_RIG)) + (RARER if is_entry(suspect) else 0.0)
+
+
+def usual_gain(names: Names, place: Mapping[str, slice], x: Signal, bounds: Bounds, curve: Signal) -> float:
+    """Evidence that wrong entries gain or lose, as part of their prior lies at usual multiples and not even over their range.
+
+    Parameters
+    ----------
+    place, x, bounds : fields in a row, (k,), their bounds, and the place of each suspect among them
+    curve : (k, k) of the objective
+    """
+    gain = 0.0
+    for name in names:
+        entry = BY_NAME[effect_name(name)].entry if is_entry(name) else None
+        if entry is None or not entry.usual:
+            continue
+        k = place[name].start
+        variance = max(float(np.linalg.pinv(curve, hermitian=True)[k, k]), 0.0)
+        multiples = 1.0 + np.array(entry.usual)
+        sd = np.sqrt(variance + (entry.scatter * multiples) ** 2)
+        density = np.exp(-0.5 * ((1.0 + float(x[k]) - multiples) / sd) ** 2) / (math.sqrt(2.0 * math.pi) * sd)
+        peaked = float(np.mean(density) * (bounds.inner_high[k] - bounds.inner_low[k]))
+        share = 1.0 if entry.always_usual else USUAL_SHARE
+        gain += math.log(max((1.0 - share) + share * peaked, 1e-30))
+    return gain
+
+
+# ------------------------------------------------------------------------------------------------------ where fits begin
+def usual_values(suspects: Suspects) -> Iterator[tuple[str, float, ActiveEffect]]:
+    """Every wrong entry at each of its usual multiples: name of the suspect, value of its field, and the active effect."""
+    for name, effect in suspects.items():
+        for value in effect.entry.usual if effect.entry is not None else ():
+            yield name, value, ActiveEffect(effect, (value,))
+
+
+def same_in_logs(suspects: Suspects, one: str, other: str) -> bool:
+    """Whether the logs cannot distinguish two suspects, as one of them is a wrong entry that looks the same."""
+    pair = (suspects[one], suspects[other])
+    return any(a.entry is not None and b.name in a.entry.same_as for a, b in (pair, pair[::-1]))
