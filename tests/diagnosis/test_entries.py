@@ -9,6 +9,7 @@ import pytest
 from planted import campaign
 
 from winchcascade.core.rig_toml import built_in
+from winchcascade.diagnosis.corrected_rig import stated_causes
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.entries import RARER, bound_to, price_of, same_in_logs, usual_gain
 from winchcascade.diagnosis.misfit import Fitted
@@ -67,6 +68,8 @@ def test_the_wrong_load_of_one_run_is_named_with_its_run() -> None:
     record = as_json(misstated())["causes"][0]
     assert (record["effect"], record["run"], record["load_ohm"]) == ("load_entry", "r9ohm.csv", 6.0)
     assert record["parameters"]["load_ohm"]["value"] == pytest.approx(9.0, rel=0.01)
+    parts = [part for account in as_json(misstated())["contributions"] for part in account["parts"]]
+    assert {part["effect"] for part in parts if part["kind"] == "entry"} == {"load_entry"}
 
 
 @pytest.mark.parametrize(
@@ -136,3 +139,8 @@ def test_an_entry_of_one_log_moves_no_other() -> None:
     others[data.rows[log]] = False
     assert np.abs(column[others]).max() == 0.0
     assert np.abs(column[data.rows[log]]).max() > 0.0
+
+
+def test_the_wrong_load_of_a_run_is_not_written_into_the_rig_file() -> None:
+    assert list(stated_causes(found("drum_radius", 0.06))) == ["drum_radius"]
+    assert stated_causes(misstated()) == {}

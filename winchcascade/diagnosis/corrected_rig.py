@@ -9,6 +9,7 @@ import numpy as np
 
 from winchcascade.core.rig_file import EffectNumber, StatedEffect
 from winchcascade.diagnosis.causes import COVERED, LAW, covariance_of
+from winchcascade.diagnosis.entries import effect_name
 from winchcascade.diagnosis.rig_text import corrected_text, log_name, printable_name, rounded
 from winchcascade.diagnosis.suspects import freedom, with_values
 from winchcascade.rig.baseline import stated_effects
@@ -32,10 +33,11 @@ def corrected_rig(found: ModelDiagnosis) -> Rig:
 def stated_causes(found: ModelDiagnosis) -> dict[str, StatedEffect]:
     """Named causes as effects that a rig file states, each with 95 % intervals and the logs of the fit.
 
-    A cause that the rig file states already is a further change: its values become those of both together.
+    A cause that the rig file states already is a further change: its values become those of both together. A wrong load belongs
+    to the campaign, and a radius that the logger shares has no effect of its own: both are left out.
     """
     logs = tuple(log_name(run) for k, run in enumerate(found.runs) if k not in found.data.withheld)
-    names = [cause.effect for cause in found.causes]
+    names = [cause.effect for cause in found.causes if cause.effect == effect_name(cause.effect)]
     fit = found.found.best
     u = np.sqrt(np.diag(covariance_of(found.data, fit, found.found.scale)))
     stated = {}

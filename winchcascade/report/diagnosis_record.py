@@ -17,6 +17,7 @@ from winchcascade.diagnosis.diagnosis_result import (
     Remainder,
     StagePlace,
 )
+from winchcascade.diagnosis.entries import effect_name
 from winchcascade.diagnosis.line.line_closure import LineRemainder
 from winchcascade.diagnosis.line.line_data import CyclePart
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
@@ -201,7 +202,7 @@ def _contributions(found: ModelDiagnosis) -> list[dict[str, Any]]:
             "measured": number(one.measured, SUMMED),
             "parts": [
                 {
-                    "effect": part.effect,
+                    "effect": None if part.effect is None else effect_name(part.effect),
                     "kind": part.kind,
                     "value": number(part.value, SUMMED),
                     "low": number(part.low),
