@@ -6,8 +6,10 @@ import math
 import re
 import subprocess
 import time
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -18,7 +20,8 @@ from trial_simulators import noise_free, simulated_log
 from winchcascade import read_run, reduce
 from winchcascade.blind.cases import STATED_LOADS, campaign_text, log_text
 from winchcascade.blind.injected import Hidden, draw_hidden
-from winchcascade.blind.twin import Solved, Twin, draw_motion, draw_twin, read_log, solve
+from winchcascade.blind.twin import FIXED, Solved, Twin, draw_motion, draw_twin, read_log, solve
+from winchcascade.blind.twin_numbers import Numbers
 from winchcascade.core.run import Signal
 from winchcascade.core.scratch import scratch_folder
 
@@ -46,9 +49,10 @@ class Alternative(msgspec.Struct, frozen=True):
 
 
 class NamedCause(msgspec.Struct, frozen=True):
-    """A cause that the diagnosis names."""
+    """A cause that the diagnosis names; of a wrong load with its run."""
 
     effect: str
+    run: str | None = None
     parameters: dict[str, Number] = {}
     rivals: tuple[Alternative, ...] = ()
 
@@ -76,7 +80,7 @@ class Part(msgspec.Struct, frozen=True):
 
     effect: str | None
     kind: str
-    value: float
+    value: float | None = None
     low: float | None = None
     high: float | None = None
 
@@ -85,7 +89,7 @@ class Account(msgspec.Struct, frozen=True):
     """The account of one metric of one run."""
 
     metric: str
-    load_ohm: float | None = None
+    load_ohm: float | str | None = None
     parts: tuple[Part, ...] = ()
 
 
@@ -199,19 +203,43 @@ def _eta_pto(twin: Twin, solved: Solved, load: float, folder: Path) -> float:
     return eta
 
 
+class RigEntry(NamedTuple):
+    """An entry of the rig file: its key, the number that a diagnosis reports of it, and the true one of a twin.
+
+    `truth` takes the numbers of the twin and the stated value over the nominal one.
+    """
+
+    key: str
+    parameter: str
+    truth: Callable[[Numbers, float], float]
+
+
+NOMINAL = Numbers()
 ENTRIES = {
-    "drum_radius": "r_drum",
-    "gear_ratio": "gear_ratio",
-    "k_e_convention": "k_e",
-    "r_s_convention": "r_s",
-    "l_s_convention": "l_s",
+    "drum_radius": RigEntry("r_drum", "r_drum", lambda _n, _factor: FIXED.r_drum),
+    "gear_ratio": RigEntry("gear_ratio", "gear_ratio", lambda _n, _factor: FIXED.gear),
+    "k_e_convention": RigEntry("k_e", "k_e_ratio", lambda n, factor: n.k_e / (NOMINAL.k_e * factor)),
+    "r_s_convention": RigEntry("r_s", "r_s_ratio", lambda n, factor: n.r_s / (NOMINAL.r_s * factor)),
+    "l_s_convention": RigEntry("l_s", "l_s_ratio", lambda n, factor: n.l_s / (NOMINAL.l_s * factor)),
 }
 """Entry of the rig file that a suspect describes."""
 
 
+def true_numbers(plan: Plan) -> dict[str, dict[str, float]]:
+    """True value of each number that a diagnosis reports, by effect."""
+    hidden, twin, _ = draw(plan)
+    entry = plan.entry
+    if entry is None:
+        return hidden.reported()
+    if entry.log is not None:
+        return {entry.effect: {"load_ohm": twin.loads[entry.log]}}
+    stated = ENTRIES[entry.effect]
+    return {entry.effect: {stated.parameter: stated.truth(twin.numbers, entry.factor)}}
+
+
 def rig_text(entry: WrongEntry) -> str:
     """The built-in rig file with one wrong value."""
-    text, key = RIG_FILE.read_text(encoding="utf-8"), ENTRIES[entry.effect]
+    text, key = RIG_FILE.read_text(encoding="utf-8"), ENTRIES[entry.effect].key
     changed, times = re.subn(
         rf"(?m)^({key} = {{ value = )([0-9.e+-]+)",
         lambda found: f"{found[1]}{float(found[2]) * entry.factor:.6g}",
@@ -260,4 +288,4 @@ def _result(plan: Plan, folder: Path) -> Result:
         fault = f"{type(error).__name__}: {error}"
     end = time.perf_counter()
     shares = true_shares(plan, folder) if plan.family == "contributions" else {}
-    return Result(plan, draw(plan)[0].reported(), found, made - begin, end - made, commit(), shares, fault)
+    return Result(plan, true_numbers(plan), found, made - begin, end - made, commit(), shares, fault)

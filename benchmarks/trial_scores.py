@@ -71,9 +71,9 @@ def entry_named(result: Result) -> bool:
     if entry is None or result.found is None or len(result.found.causes) != 1:
         return False
     cause = result.found.causes[0]
-    return cause.effect == entry.effect or (
-        entry.effect in cause.names and (cause.effect in entry.pairs or cause.effect.endswith("_convention"))
-    )
+    if entry.log is not None and cause.run != f"{entry.log}.csv":
+        return False
+    return cause.effect == entry.effect or (cause.effect in entry.pairs and entry.effect in cause.names)
 
 
 def intervals(results: Sequence[Result]) -> Iterator[tuple[bool, bool]]:
