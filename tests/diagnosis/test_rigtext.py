@@ -10,6 +10,7 @@ from openlog import made_log, steady_payouts
 
 from winchcascade import __version__, calibrate, load_rig
 from winchcascade.core.errors import LogError, RigError
+from winchcascade.core.quantity import Quantity
 from winchcascade.core.rig_file import EffectNumber, StatedEffect
 from winchcascade.core.rig_toml import built_in, built_in_text, parse_rig
 from winchcascade.diagnosis.calibrate import Calibration
@@ -181,7 +182,7 @@ MORE_DRAG = {"line_drag": StatedEffect({"b": EffectNumber(0.7, "N.m.s/rad")}, ("
 
 
 def test_effects_are_added_after_all_that_the_rig_file_has() -> None:
-    text = corrected_text(built_in(), DRAG, "Day 2\n")
+    text = corrected_text(built_in(), DRAG, {}, "Day 2\n")
     first, _, rest = text.partition("\n")
     assert first == f"{CORRECTED}{__version__} from Day 2?: line_drag."
     assert rest.startswith(built_in_text("hsu2026").rstrip())
@@ -190,9 +191,9 @@ def test_effects_are_added_after_all_that_the_rig_file_has() -> None:
 
 def test_a_rig_file_of_ones_own_keeps_its_line_ends_and_its_other_effects(tmp_path: Path) -> None:
     path = tmp_path / "own.toml"
-    own = corrected_text(built_in(), DRAG, "Day 2") + "# of the screw\n[effects.screw_friction]\nmu_change = 0.01\n"
+    own = corrected_text(built_in(), DRAG, {}, "Day 2") + "# of the screw\n[effects.screw_friction]\nmu_change = 0.01\n"
     path.write_bytes(own.replace("\n", "\r\n").encode())
-    text = corrected_text(load_rig(path), MORE_DRAG, "Day 3")
+    text = corrected_text(load_rig(path), MORE_DRAG, {}, "Day 3")
     assert text.count("\r\n") == text.count("\n")
     assert text.count(CORRECTED) == text.count("[effects.line_drag]") == 1
     assert "# of the screw\r\n[effects.screw_friction]" in text
@@ -203,4 +204,13 @@ def test_an_effect_that_cannot_be_replaced_is_rejected(tmp_path: Path) -> None:
     path = tmp_path / "own.toml"
     path.write_text('based_on = "hsu2026"\nname = "own"\n[effects]\nline_drag = { b = 0.1 }\n', encoding="utf-8")
     with pytest.raises(RigError, match=r"write each effect that it states as a table \[effects.NAME\]"):
-        corrected_text(load_rig(path), DRAG, "Day 2")
+        corrected_text(load_rig(path), DRAG, {}, "Day 2")
+
+
+def test_a_corrected_entry_keeps_its_unit_and_states_its_source() -> None:
+    number = Quantity(0.0612, "V/rpm", "diagnosis of Day 2: 0.987 times the stated number", 1e-4)
+    text = corrected_text(built_in(), {}, {("generator", "k_e"): number}, "Day 2")
+    assert text.startswith(f"{CORRECTED}{__version__} from Day 2: k_e.\n")
+    again = parse_rig(text, "again")
+    assert again.generator.k_e == number
+    assert again.effects == {}

@@ -74,7 +74,7 @@ def test_the_corrected_rig_leaves_no_gap_and_is_accepted_by_other_commands(campa
     assert change.low <= 0.4 <= change.high
     again = winchcascade("diagnose", campaign, "--rig", corrected, "--write", tmp_path / "again.toml", *FEW)
     assert "no gap" in again.stdout
-    assert "no corrected rig file, as no cause is named" in again.stdout
+    assert "no corrected rig file, as no named cause belongs in it" in again.stdout
     assert not (tmp_path / "again.toml").exists()
     as_given, simulated = tmp_path / "as_given.csv", tmp_path / "simulated.csv"
     log = campaign / "r4p5ohm.csv"

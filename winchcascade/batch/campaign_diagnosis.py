@@ -12,7 +12,7 @@ from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.errors import CampaignError, OptionError, RigError
 from winchcascade.core.files import write_content, write_whole
 from winchcascade.core.rig_toml import DEFAULT_RIG
-from winchcascade.diagnosis.corrected_rig import corrected_rig_text, stated_causes
+from winchcascade.diagnosis.corrected_rig import corrected_rig, corrected_rig_text
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose, withheld_numbers
 from winchcascade.diagnosis.diagnosis_result import Entries
 from winchcascade.diagnosis.line.line_data import POWER
@@ -156,7 +156,7 @@ def write_predictions(found: ModelDiagnosis | LineDiagnosis, folder: Path, *, fo
 
 
 def write_corrected_rig(found: ModelDiagnosis | LineDiagnosis, path: Path, *, force: bool = False) -> bool:
-    """Write the rig file of a campaign with the named causes as effects; False, and no file, where none belongs to the rig.
+    """Write the rig file of a campaign with the named causes; False, and no file, where no named cause belongs in a rig file.
 
     Raises
     ------
@@ -169,7 +169,7 @@ def write_corrected_rig(found: ModelDiagnosis | LineDiagnosis, path: Path, *, fo
             f"--write {path}: no model can be made of rig {found.rig.name}, so none can be corrected; leave --write out, or "
             "add the numbers that the rig file lacks."
         )
-    if not stated_causes(found):
+    if corrected_rig(found) == found.rig:
         return False
     write_content(path, corrected_rig_text(found), force=force)
     return True

@@ -114,7 +114,7 @@ def diagnose_command(
         path for option, path in results.items() if path is not None and (corrected or option != "--write")
     ]
     if not corrected:
-        files.append(f"no corrected rig file, as no cause {'of the rig ' if found.causes else ''}is named")
+        files.append("no corrected rig file, as no named cause belongs in it")
     if predictions is not None:
         files.append(predictions if written else "no predictions, as no effect was fitted")
     deliver(json, lambda: as_json(diagnosis_record(found)), lambda: diagnosis_text(found, files), force=force)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from winchcascade.core.errors import LogError, RigError
-from winchcascade.core.quantity import Unit, find_unit
+from winchcascade.core.quantity import Quantity, Unit, find_unit
 from winchcascade.core.rig_toml import built_in_text, parse_rig
 from winchcascade.core.version import __version__
 from winchcascade.diagnosis.nuisances import quantity_of, with_quantity
@@ -62,17 +62,20 @@ def calibrated_text(calibration: Calibration) -> str:
             )
     text = _text_of(calibration.rig)
     for number in found:
-        text = _with_entry(text, number, _entry(number, calibration))
+        text = _with_entry(text, (number.section, number.name), _entry(number, calibration))
     text = _marked(text, MARK, log_name(calibration.run), [number.name for number in found])
     _check(text, calibration.rig, found)
     return text
 
 
-def corrected_text(rig: Rig, effects: Mapping[str, StatedEffect], title: str) -> str:
-    """Write effects into the text of a rig file, in place of those that it states by the same names.
+def corrected_text(
+    rig: Rig, effects: Mapping[str, StatedEffect], entries: Mapping[tuple[str, str], Quantity], title: str
+) -> str:
+    """Write effects into the text of a rig file, in place of those that it states by the same names, and corrected numbers.
 
     Parameters
     ----------
+    entries : corrected numbers by section and name
     title : of the campaign that they were found from, which the first line names
 
     Raises
@@ -84,10 +87,16 @@ def corrected_text(rig: Rig, effects: Mapping[str, StatedEffect], title: str) ->
     for name, effect in effects.items():
         lines = _without_table(text.splitlines(keepends=True), ("effects", name))
         text = f"{''.join(lines).rstrip()}{end}{end}{end.join(_effect_lines(name, effect))}{end}"
-    text = _marked(text, CORRECTED, printable_name(title), list(effects))
+    for place, number in entries.items():
+        text = _with_entry(text, place, _quantity_entry(number))
+    text = _marked(text, CORRECTED, printable_name(title), [*effects, *(name for _, name in entries)])
     expected = msgspec.structs.replace(rig, effects={**rig.effects, **effects})
     try:
         again = parse_rig(text, rig.path)
+        for place, number in entries.items():
+            written = quantity_of(again, *place)
+            if written is not None and written.source == number.source:
+                again = with_quantity(again, *place, quantity_of(rig, *place))
     except RigError as fault:
         raise RigError(
             f"{rig.path}: cannot be corrected ({fault}); write each effect that it states as a table [effects.NAME]."
@@ -97,6 +106,17 @@ def corrected_text(rig: Rig, effects: Mapping[str, StatedEffect], title: str) ->
             f"{rig.path}: cannot be corrected without a change to other entries; put each on a line of its own."
         )
     return text
+
+
+def _quantity_entry(number: Quantity) -> dict[str, str]:
+    """Keys and TOML values of a number in the unit of its file."""
+    scale, u = find_unit(number.unit) or Unit("number", 1.0), number.tolerance or 0.0
+    return {
+        "value": rounded((number.value - scale.offset) / scale.factor, u / scale.factor),
+        "unit": _quoted(number.unit),
+        "tolerance": f"{u / scale.factor:.3g}",
+        "source": _quoted(number.source),
+    }
 
 
 def _effect_lines(name: str, effect: StatedEffect) -> Iterator[str]:
@@ -188,12 +208,12 @@ def rounded(value: float, u: float) -> str:
     return repr(round(value, decimals))
 
 
-def _with_entry(text: str, number: Number, entry: dict[str, str]) -> str:
-    """Replace the entry of a number, an inline table or keys of their own, or add it where there is none."""
+def _with_entry(text: str, wanted: tuple[str, str], entry: dict[str, str]) -> str:
+    """Replace the entry of a number by section and name, an inline table or keys of their own, or add it if there is none."""
     lines = text.splitlines(keepends=True)
     end = _line_end(text)
     inline = f"{{ {', '.join(f'{key} = {value}' for key, value in entry.items())} }}"
-    wanted, section, own = (number.section, number.name), None, []
+    section, own = None, []
     for k, here, key in _keys(lines):
         path = here + _path(key)
         if path == wanted and (table := _TABLE.search(lines[k])):
@@ -204,9 +224,9 @@ def _with_entry(text: str, number: Number, entry: dict[str, str]) -> str:
         section = k if here == wanted[:1] else section
     if own:
         return "".join(_with_keys(lines, own, entry, end))
-    added = f"{number.name} = {inline}{end}"
+    added = f"{wanted[1]} = {inline}{end}"
     if section is None:
-        return f"{text.rstrip()}{end}{end}[{number.section}]{end}{added}"
+        return f"{text.rstrip()}{end}{end}[{wanted[0]}]{end}{added}"
     lines[section] = f"{lines[section].rstrip()}{end}{added}"
     return "".join(lines)
 
