@@ -32,6 +32,23 @@ def test_a_score_counts_the_results_and_lists_the_cases_that_missed(tmp_path: Pa
     assert "explained: rotor_windage" in table
 
 
+def test_a_wrong_load_counts_only_in_its_own_run(tmp_path: Path) -> None:
+    entry = {"effect": "load_entry", "factor": 1.5, "log": "r27ohm"}
+    part = {"effect": "load_entry", "kind": "entry", "value": 0.01, "low": 0.0, "high": 0.02}
+    lines = []
+    for number, run in enumerate(("r27ohm.csv", "r9ohm.csv"), 1):
+        cause = {"effect": "load_entry", "run": run}
+        accounts = [{"metric": "eta_trans", "load_ohm": "inf", "parts": [part]}]
+        found = {"verdict": "explained", "causes": [cause], "contributions": accounts}
+        plan = {"family": "entries", "number": number, "entry": entry}
+        times = {"making": 2.0, "diagnosing": 10.0, "commit": "0000000"}
+        lines.append(json.dumps({"plan": plan, "parameters": {}, "found": found, **times}) + "\n")
+    (tmp_path / "entries.jsonl").write_text("".join(lines))
+    table = trials("--family", "entries", "--score", "--out", tmp_path)
+    assert table.count("1 of 2") == 2  # all entries, and those of this kind
+    assert "   2  load_entry of r27ohm x 1.500" in table
+
+
 @pytest.mark.slow
 def test_a_case_is_done_once_and_kept(tmp_path: Path) -> None:
     part = ("--family", "nothing", "--cases", "1", "--first", "3", "--jobs", "1", "--out", tmp_path)
