@@ -207,7 +207,7 @@ def test_errors_are_drawn_over_current_and_over_what_the_gap_depends_on() -> Non
 # ------------------------------------------------------------------------------------------------------------ the laws
 UNKNOWN = {
     "ke_rolloff", "rotor_windage", "line_drag", "drum_layering", "gas_polytropic", "electrical_lag", "drum_radius",
-    "gear_ratio", "pole_pairs", "screw_lead", "encoder_scale",
+    "gear_ratio", "pole_pairs", "screw_lead", "encoder_scale", "stribeck",
 }  # fmt: skip
 """Effects that change nothing of which a tolerance is known."""
 
