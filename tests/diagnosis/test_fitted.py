@@ -8,6 +8,7 @@ import pytest
 from openlog import made_log, motion_run
 
 from winchcascade import simulate
+from winchcascade.core.rig_file import ModelAccuracy
 from winchcascade.core.rig_toml import built_in
 from winchcascade.diagnosis.misfit import RHO, Fitted
 from winchcascade.diagnosis.predict import CHANNELS
@@ -74,6 +75,8 @@ def test_a_channel_that_says_nothing_gives_zeros(data: Fitted) -> None:
 
 
 def test_the_nominal_model_leaves_noise_alone(data: Fitted) -> None:
+    exact = msgspec.structs.replace(RIG, model=ModelAccuracy(discrepancy=0.0))
+    data = Fitted([log.run for log in data.logs], exact)
     z = data.residual(np.zeros(len(data.nuisances)), [])[: 5 * data.sizes[0]]
     assert np.mean(z[z != 0.0] ** 2) == pytest.approx(1.0, abs=0.2)
 

@@ -13,7 +13,7 @@ from winchcascade.diagnosis.block_means import PHASES
 from winchcascade.diagnosis.diagnosis_result import Alarm, GapClosure, Shrunk, Spot
 from winchcascade.diagnosis.evidence import Fit, RigProblem, fit_set
 from winchcascade.diagnosis.gap_map import without_zeros
-from winchcascade.diagnosis.misfit import unsteadiness_of
+from winchcascade.diagnosis.misfit import WITHIN, unsteadiness_of
 from winchcascade.diagnosis.predict import CHANNELS, Course
 
 if TYPE_CHECKING:
@@ -40,9 +40,6 @@ the true model it stays below 1.7, and below 2.4 with a large lag, as the noise 
 
 RESTLESS = 2.2
 """Scatter within blocks, over that of noise and discrepancy of the model, beyond which something moves that the model lacks."""
-
-WITHIN = 0.05
-"""Share of the scatter of the model within a block that counts as its discrepancy there, beside that of its means. [1]"""
 
 UNSTEADY = 6.0
 """Scatter of the blocks about a smooth course over that of noise alone, the median of the logs, beyond which something varies
@@ -182,13 +179,14 @@ def scatter(data: Fitted, suspects: Suspects, fit: Fit, seed: int = 0) -> dict[s
     """Scatter within blocks of payout over that of noise of sensors and velocity and of the model, the worst log, by channel.
 
     The effect of the noise of the velocity is found by adding as much of it again and simulating. The force is left out: its
-    tether rings. This shows a ripple that the means of blocks do not contain.
+    tether rings. This shows a ripple that the means of blocks do not contain. Fast motion that the smoothed velocity lacks
+    moves a channel by as much at any load: the model's part is that of the log with the highest level.
     """
     models, skew = data.models(fit.nu, fit.effects(suspects)), data.skew(fit.nu)
     rng = np.random.default_rng(seed)
     noisy = [_with_noise(log.run, rng) for log in data.logs]
-    spread = np.sqrt(np.sum(data.discrepancies() ** 2, axis=2))
-    deviation = [spread[rows] for rows in data.rows]
+    share = data.rig.model.discrepancy
+    deviation = np.max(np.sqrt(np.sum(data.discrepancies() ** 2, axis=2)), axis=0)
     found: dict[str, float] = {}
     for number, (log, model) in enumerate(zip(data.logs, models, strict=True)):
         blocks, coarse = log.course.blocks, log.course.coarse.t
@@ -205,7 +203,7 @@ def scatter(data: Fitted, suspects: Suspects, fit: Fit, seed: int = 0) -> dict[s
             predicted = np.interp(log.run.t, coarse, grid[:, k])
             residual = blocks.scatter(logged - predicted)[here]
             floor = np.hypot(white_noise(logged), blocks.scatter(np.interp(log.run.t, coarse, again[:, k]))[here])
-            of_model = np.hypot(WITHIN * blocks.scatter(predicted)[here], deviation[number][here, k])
+            of_model = np.hypot(WITHIN * share * blocks.scatter(predicted)[here], deviation[k])
             ratio = float(np.sqrt(np.mean(residual**2) / np.mean(floor**2 + of_model**2)))
             found[channel] = max(found.get(channel, 0.0), ratio)
     return found

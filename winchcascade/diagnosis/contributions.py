@@ -28,7 +28,7 @@ from winchcascade.reduction.reduce import metrics_within, reduce
 from winchcascade.rig.simulate import STEP
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
@@ -363,6 +363,27 @@ def by_cost(causes: Sequence[NamedCause], contributions: Sequence[Contribution])
             cost.setdefault(part.effect, []).append(part.value)
     mean = {name: abs(sum(values) / len(values)) for name, values in cost.items()}
     return tuple(sorted(causes, key=lambda cause: (cause.stage != "entry", -mean.get(cause.effect, 0.0))))
+
+
+def without(contributions: Sequence[Contribution], effects: Collection[str]) -> tuple[Contribution, ...]:
+    """Contributions in which the parts of some effects, which are no causes, count among the tolerances."""
+    if not effects:
+        return tuple(contributions)
+    return tuple(msgspec.structs.replace(one, parts=_joined(one.parts, effects)) for one in contributions)
+
+
+def _joined(parts: Sequence[ContributionPart], effects: Collection[str]) -> tuple[ContributionPart, ...]:
+    """Parts with those of some effects joined to the tolerances, their half-widths in quadrature."""
+    joined = [part for part in parts if part.effect in effects or part.kind == "tolerances"]
+    value = sum(part.value for part in joined)
+    half = math.hypot(*(0.5 * (part.high - part.low) for part in joined))
+    return tuple(
+        msgspec.structs.replace(part, value=value, low=value - half, high=value + half)
+        if part.kind == "tolerances"
+        else part
+        for part in parts
+        if part.effect not in effects
+    )
 
 
 def reordered(contributions: Sequence[Contribution], causes: Sequence[NamedCause]) -> tuple[Contribution, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.diagnosis.causes import causes_of, plan_run, probabilities
 from winchcascade.diagnosis.closure import ModelClosure, alarms_of, close
-from winchcascade.diagnosis.contributions import by_cost, contributions_of, reordered
+from winchcascade.diagnosis.contributions import by_cost, contributions_of, reordered, without
 from winchcascade.diagnosis.diagnosis_result import (
     HALF,
     NAMED,
@@ -26,6 +26,7 @@ from winchcascade.diagnosis.evidence import Found, search
 from winchcascade.diagnosis.gap_map import arises, compare, locate, without_zeros
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.predict import CHANNELS
+from winchcascade.diagnosis.relevance import minor_of
 from winchcascade.diagnosis.stability import with_stability
 from winchcascade.diagnosis.stagewise import stagewise
 
@@ -117,9 +118,23 @@ def diagnose(
 
 
 def _accounted(result: ModelDiagnosis, contributions: Sequence[Contribution]) -> ModelDiagnosis:
-    """The result with what each cause contributes, and its causes in the order of what they cost."""
-    causes = by_cost(result.causes, contributions)
-    return msgspec.structs.replace(result, causes=causes, contributions=reordered(contributions, causes))
+    """The result with what each cause contributes: causes that matter in the order of what they cost, the others as minor."""
+    data, suspects, found = result.data, result.suspects, result.found
+    minor = minor_of(data, suspects, found.best, result.causes, contributions)
+    small = {one.effect for one in minor}
+    causes = by_cost([cause for cause in result.causes if cause.effect not in small], contributions)
+    result = msgspec.structs.replace(
+        result, causes=causes, minor=minor, contributions=reordered(without(contributions, small), causes)
+    )
+    if not causes and result.verdict == "explained":
+        return msgspec.structs.replace(
+            result, verdict="no_gap", where=None, closure=None, remainder=None, experiment=None
+        )
+    if not causes:
+        return msgspec.structs.replace(result, closure=None, experiment=None)
+    if result.experiment is not None and small & set(result.experiment.separates):
+        return msgspec.structs.replace(result, experiment=plan_run(data, suspects, found, causes))
+    return result
 
 
 def _judged(result: ModelDiagnosis, on_progress: Callable[[str], None]) -> ModelDiagnosis:

@@ -240,6 +240,24 @@ class Contribution(msgspec.Struct, frozen=True):
     parts: tuple[ContributionPart, ...]
 
 
+class LargestChange(msgspec.Struct, frozen=True):
+    """What an effect changes most: an efficiency, or the mean of a channel in a `phase` as a share of its level there. [1]"""
+
+    name: str
+    change: float
+    phase: str | None = None
+    load: float | None = None
+
+
+class Minor(msgspec.Struct, frozen=True):
+    """An effect that is significant but too small to matter, with its numbers and what it changes most."""
+
+    effect: str
+    stage: str
+    parameters: dict[str, Reported]
+    largest: LargestChange
+
+
 class Shrunk(msgspec.Struct, frozen=True):
     """Root mean squares of one channel over the withheld logs, SI units: before, after, and noise."""
 
@@ -323,7 +341,8 @@ class DiagnosisResult(msgspec.Struct, frozen=True, kw_only=True):
     """The answer of a diagnosis, by a model or without one.
 
     `chosen` are the effects of the fit and `causes` those of them that are named; `sets` holds the probability of every set of
-    suspects that was fitted, `places` the map of the gap. `closure` and `experiment` are None where no cause is named, `where`
+    suspects that was fitted, `places` the map of the gap. `minor` are effects that are significant but too small to matter.
+    `closure` and `experiment` are None where no cause is named, `where`
     and `remainder` where there is no gap.
     """
 
@@ -336,6 +355,7 @@ class DiagnosisResult(msgspec.Struct, frozen=True, kw_only=True):
     where: Where | None = None
     chosen: Names
     causes: tuple[NamedCause, ...] = ()
+    minor: tuple[Minor, ...] = ()
     closure: GapClosure | None = None
     remainder: Remainder | None = None
     experiment: Experiment | None = None
@@ -345,7 +365,7 @@ class DiagnosisResult(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def unnamed(self) -> list[str]:
         """Effects of the fit that are not named as causes."""
-        named = {cause.effect for cause in self.causes}
+        named = {cause.effect for cause in self.causes} | {one.effect for one in self.minor}
         return [name for name in self.chosen if name not in named]
 
 

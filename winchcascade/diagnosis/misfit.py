@@ -45,6 +45,9 @@ GAIN_STEP = 0.005
 MOVING = 0.03
 """Slower than this, friction only bounds the force. [m/s]"""
 
+MOST_NOISE = 3.0
+"""So many standard deviations of its noise the smoothed velocity reaches now and then."""
+
 CREEPING = 0.002
 """Below this speed the velocity's noise moves nothing. [m/s]"""
 
@@ -57,6 +60,10 @@ step and a grid of the solutions leave. [1]"""
 
 LEAST = 12
 """Minimum number of blocks from which a noise of their own is estimated."""
+
+WITHIN = 25.0
+"""Discrepancy of a block as a share of the scatter of the model within it, which is largest where the motion begins and ends,
+over that as a share of its level. [1]"""
 
 TOP = 0.9
 """Quantile of the magnitude of a channel, over the blocks of a phase, that is its level there. [1]"""
@@ -324,7 +331,28 @@ def _log(run: Run, rig: Rig, nominal: Model, cycles: tuple[int, int] | None) -> 
     nothing = np.zeros(run.t.size)
     measured = np.column_stack([blocks.mean(run.channels.get(name, nothing)) for name in CHANNELS])
     noise = with_extra(noise_of(course, nominal, coarse), blocks, measured - fine)
-    return Log(run, course, measured, fine - coarse, noise, _whitener(noise), _courses(course, fine))
+    courses = _courses(course, fine)
+    noise = _with_discrepancy(noise, course, nominal, courses[:, :, 0], rig.model.discrepancy)
+    return Log(run, course, measured, fine - coarse, noise, _whitener(noise), courses)
+
+
+OF_A_BLOCK = 0.25
+"""Discrepancy of the model of a single block, as a share of that of its phase. [1]"""
+
+
+def _with_discrepancy(noise: Noise, course: Course, nominal: Model, level: Signal, share: float) -> Noise:
+    """Add by how much the model may deviate in single blocks.
+
+    Parameters
+    ----------
+    level : (m, 5) of each channel in its phase, SI units
+    share : discrepancy of the model over it [1]
+    """
+    grid, run = course.on_grid(nominal), course.run
+    at_stamps = (np.interp(run.t, course.coarse.t, x) for x in grid.T)
+    scatter = np.column_stack([course.blocks.scatter(x) for x in at_stamps])
+    own = np.sqrt(noise.own**2 + share**2 * ((WITHIN * scatter) ** 2 + (OF_A_BLOCK * level) ** 2))
+    return msgspec.structs.replace(noise, own=own)
 
 
 def _whitener(noise: Noise) -> Signal:
@@ -339,11 +367,10 @@ def _whitener(noise: Noise) -> Signal:
     return inverse * noise.seen[:, None, :]
 
 
-def velocity_noise(run: Run, blocks: Blocks) -> float:
-    """Standard deviation of a block's mean of the smoothed velocity. [m/s]"""
+def velocity_noise(run: Run, samples: int = 1) -> float:
+    """Standard deviation of a mean of so many samples of the smoothed velocity. [m/s]"""
     half = int(0.5 * SMOOTHING * run.fs + 1e-6)
     kernel = 3.0 * half * half + 3.0 * half - 1.0 - 5.0 * np.arange(-half, half + 1.0) ** 2
-    samples = max(round(float(np.median(blocks.count))), 1)
     passed = np.convolve(np.full(samples, 1.0 / samples), kernel / kernel.sum())
     return white_noise(run.channels["velocity"]) * float(np.sqrt(np.sum(passed**2)))
 
@@ -362,19 +389,25 @@ def noise_of(course: Course, model: Model, predicted: Signal) -> Noise:
     white = np.array([white_noise(run.channels[name]) if name in run.channels else 0.0 for name in CHANNELS])
     least = NOISELESS * np.max(np.abs(predicted), axis=0) if run.simulated else 0.0
     bare = np.maximum(white / np.sqrt(blocks.count)[:, None], least)
-    return Noise(_seen(course, model, speed), bare, bare, slope * velocity_noise(run, blocks))
+    samples = max(round(float(np.median(blocks.count))), 1)
+    return Noise(_seen(course, model, speed), bare, bare, slope * velocity_noise(run, samples))
 
 
 def _seen(course: Course, model: Model, speed: Signal) -> NDArray[np.bool_]:
-    """Where a channel depends on the model: force and torque while the line moves, as friction only bounds them at rest, and
-    the voltage of an open circuit while the bridge conducts.
+    """Where a channel depends on the model: force and torque while the line moves, as friction only bounds them at rest, the
+    voltage of an open circuit while the bridge conducts, and that of a machine at rest unless the noise of the velocity alone
+    would make the bridge conduct.
     """
     blocks, hold = course.blocks, course.blocks.phase == PHASES.index("hold")
     seen = np.tile([name in course.run.channels for name in CHANNELS], (blocks.size, 1))
     force, torque, vdc, idc = (CHANNELS.index(name) for name in ("force", "torque", "vdc", "idc"))
     seen[:, [force, torque]] &= ((np.abs(speed) > MOVING) & ~hold)[:, None]
+    generator, numbers = model.generator, constants(model, course.load)
+    rpm = MOST_NOISE * velocity_noise(course.run) * numbers.gear / numbers.r_drum * 30.0 / math.pi
+    if generator.k_e * rpm > 2.0 * generator.v_diode:
+        seen[:, [vdc, idc]] &= (np.abs(speed) > MOVING)[:, None]
     if np.isinf(course.load):
-        kept = course.shaft(constants(model, course.load))
+        kept = course.shaft(numbers)
         bridge, bleed = course.block_mean(kept.i_bridge), course.block_mean(kept.idc)
         seen[:, vdc] &= (bridge > CONDUCTING * bleed) | (hold & (blocks.cycle == 0))
         seen[:, idc] = False

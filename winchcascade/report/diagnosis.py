@@ -198,6 +198,7 @@ def _points(found: ModelDiagnosis | LineDiagnosis) -> tuple[Point, ...]:
             *_cause_points(found),
             Point("What it costs", "" if isinstance(found, LineDiagnosis) else cost_words(found)),
             Point("How sure", words.sure_words(found)),
+            Point("Minor", words.minor_words(found)),
             Point("How far", words.closure_words(found)),
             Point(
                 "How steady",

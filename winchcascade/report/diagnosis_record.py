@@ -12,6 +12,7 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import (
     DiagnosisResult,
     Experiment,
+    Minor,
     NamedCause,
     Place,
     Remainder,
@@ -62,6 +63,7 @@ def as_json(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any]:
             }
             for cause in found.causes
         ],
+        "minor": [_minor(one) for one in found.minor],
         **({} if isinstance(found, LineDiagnosis) else {"contributions": _contributions(found)}),
         "closure": _closure(found),
         "remainder": None if found.remainder is None else _remainder(found.remainder),
@@ -184,6 +186,21 @@ def _entry(cause: NamedCause, entry: WrongEntry | None) -> dict[str, Any]:
         return {}
     run = {"run": entry.source, "load_ohm": entry.stated} if entry.log >= 0 else {}
     return {**run, "sentence": entry_sentence(cause, entry)}
+
+
+def _minor(one: Minor) -> dict[str, Any]:
+    largest = one.largest
+    return {
+        "effect": one.effect,
+        "stage": one.stage,
+        "parameters": {name: _numbers(x) for name, x in one.parameters.items()},
+        "largest": {
+            "metric" if largest.phase is None else "channel": largest.name,
+            **({} if largest.phase is None else {"phase": largest.phase}),
+            "load_ohm": _load(largest.load),
+            "change": number(largest.change),
+        },
+    }
 
 
 def _numbers(of: msgspec.Struct) -> dict[str, Any]:

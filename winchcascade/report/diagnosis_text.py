@@ -89,6 +89,7 @@ def diagnosis_text(found: ModelDiagnosis | LineDiagnosis, files: Sequence[Path |
         *_causes(found),
         *([] if isinstance(found, LineDiagnosis) else _costs(found)),
         *entry("how sure", words.sure_words(found)),
+        *entry("minor", words.minor_words(found)),
         *_how_far(found, means),
         *entry("steady", steady),
         *entry("what next", words.experiment_words(found)),

@@ -31,7 +31,7 @@ from winchcascade.report.diagnosis_names import (
     share_words,
 )
 from winchcascade.report.digits import number
-from winchcascade.report.gap_words import alarm_meaning, alarm_words, arises_sentence, upper, where_sentence
+from winchcascade.report.gap_words import NAMES, alarm_meaning, alarm_words, arises_sentence, upper, where_sentence
 from winchcascade.report.line_words import LINE_MEANINGS, LINE_NUMBERS, cycles_of, part_words
 from winchcascade.report.own_simulation_words import has_own_simulation
 
@@ -200,6 +200,20 @@ def numbers_of(found: DiagnosisResult, cause: NamedCause, *, again: bool = False
         )
         about = ("",) * 5
     return numbers
+
+
+def minor_words(found: DiagnosisResult) -> str:
+    """Effects that are significant but too small to matter, each with its number and what it changes most."""
+    texts = []
+    for one in found.minor:
+        (name, value), effect, largest = next(iter(one.parameters.items())), found.suspects[one.effect], one.largest
+        text, _ = number_words(display_of(one.effect, name, value.unit), value)
+        what = largest.name
+        if largest.phase is not None:
+            what = f"the mean of {NAMES[largest.name]} in {phase_words(largest.phase)}"
+        size = f"{abs(largest.change):.2g}" if largest.phase is None else f"{100.0 * abs(largest.change):.2g} %"
+        texts.append(f"{effect.label} ({one.effect}), {text}, changes {what} by {size} at most")
+    return f"Significant but too small to matter: {'; '.join(texts)}." if texts else ""
 
 
 def range_words(value: Reported) -> str:
