@@ -38,7 +38,7 @@ test-browser: $(VENV)/installed
 bench: $(VENV)/installed
 	$(BIN)/python benchmarks/all.py $(BENCH)
 
-# Scores of the diagnosis on campaigns of the twin, in an hour on two cores; make trials TRIALS="--family nothing" does a part.
+# Scores of the diagnosis on campaigns of the twin; make trials TRIALS="--family nothing" does a part.
 trials: $(VENV)/installed
 	$(BIN)/python benchmarks/trials.py $(TRIALS)
 
