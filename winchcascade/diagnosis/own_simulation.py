@@ -100,6 +100,10 @@ def beside_own_simulation(
     )
 
 
+SHOWS = 3.0
+"""Smallest significance of a place at which a simulation has another form: two that cancel each other there show nothing."""
+
+
 def fit_simulation(
     simulations: Sequence[Run],
     result: ModelDiagnosis,
@@ -133,7 +137,7 @@ def model_forms(data: Fitted, suspects: Suspects, found: Found, places: Sequence
     for name in best.names:
         change = here - data.predict(best.nu, [effect for other, effect in effects.items() if other != name])
         size, place = _most(data, change, places)
-        if place is not None and size >= data.rig.model.relevant_share:
+        if place is not None and size >= data.rig.model.relevant_share and abs(place.z) >= SHOWS:
             forms.append(_form(suspects[name].stage, place, name))
     for alarm in alarms_of(data, suspects, best):
         if alarm.kind == "structure" and isinstance(alarm.about, Spot):

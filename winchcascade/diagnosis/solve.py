@@ -241,7 +241,7 @@ def box_minimum(curve: Signal, slope: Signal, low: Signal, high: Signal) -> Sign
             over = (wanted < lo - 1e-12) | (wanted > hi + 1e-12)
             if over.any():
                 bound = np.where(wanted < lo, lo, hi)
-                with np.errstate(divide="ignore", invalid="ignore"):
+                with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
                     share = np.where(over, (bound - x) / (wanted - x), math.inf)
                 first = int(np.argmin(share))
                 x = x + max(float(share[first]), 0.0) * (wanted - x)
