@@ -297,6 +297,9 @@ class Solution(NamedTuple):
     j: Jacobian
 
 
+WORN = 2000.0
+"""Columns are found anew before a fit ends if they served to improve the objective by so many times what counts as settled."""
+
 SHARES = (1.0, 0.4, 0.15, 0.05)
 """Shares of a step that are tried until one lowers the objective."""
 
@@ -308,7 +311,7 @@ def gauss_newton(problem: Problem, x: Signal, j: Jacobian, effort: Effort) -> So
     ----------
     x, j : numbers to begin from and columns there, which serve as long as they foresee what a step brings
     """
-    n, renewals, fresh = problem.nuisances, effort.renewals, True
+    n, renewals, fresh, served = problem.nuisances, effort.renewals, True, 0.0
     here = _solution(problem, x, j)
     for _ in range(effort.rounds):
         step = best_step(here.z, here.j, here.x, problem.bounds, n)
@@ -316,13 +319,14 @@ def gauss_newton(problem: Problem, x: Signal, j: Jacobian, effort: Effort) -> So
         tried = (_solution(problem, here.x + share * step, here.j) for share in SHARES)
         there = next((one for one in tried if one.loss < here.loss), here)
         gained, here = here.loss - there.loss, there
-        if gained < effort.settled and (fresh or promised < effort.settled or not renewals):
-            break
-        if gained and abs(promised - gained) < effort.settled:
-            break  # as foreseen: this is the minimum
-        fresh = renewals > 0 and gained < effort.foreseen * promised
+        served += gained
+        worn = renewals > 0 and served > WORN * effort.settled
+        settled = gained < effort.settled and (fresh or promised < effort.settled or not renewals)
+        if (settled or (gained and abs(promised - gained) < effort.settled)) and not worn:
+            break  # at the minimum: nothing more is foreseen, or it came as foreseen
+        fresh = worn or (renewals > 0 and gained < effort.foreseen * promised)
         if fresh:
-            renewals -= 1
+            renewals, served = renewals - 1, 0.0
             here = here._replace(j=problem.jacobian(here.x))
     return here
 
