@@ -257,6 +257,8 @@ def verdict_words(found: DiagnosisResult) -> str:
     """One honest sentence about the verdict."""
     phrases, closure = phrases_of(found), found.closure
     if closure is None:
+        if found.minor and found.verdict == "no_gap":
+            return "What these logs show beyond noise and tolerances is too small to matter: no cause is named."
         return phrases.verdicts["no_gap" if found.verdict == "no_gap" else "no_cause"]
     count, more = len(found.causes), len(found.unnamed)
     named = "The named cause closes" if count == 1 else f"The {count} named causes close"
@@ -269,7 +271,7 @@ def verdict_words(found: DiagnosisResult) -> str:
         alarms = found.remainder is not None and found.remainder.alarms
         explained = "noise" if closure.share < EXPLAINED else "quiet"
         state = explained if state == "explained" else "structure" if alarms else "more"
-    share = share_words(closure.share).replace(">", "more than")
+    share = share_words(max(closure.share, 0.0)).replace(">", "more than")
     return phrases.verdicts[state].format(closes=f"{named} {share} of the {phrases.closes}", share=share)
 
 
