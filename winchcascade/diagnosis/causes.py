@@ -293,22 +293,21 @@ def plan_run(data: Fitted, suspects: Suspects, found: Found, causes: Sequence[Na
     """Choose the run in which a cause and its alternative differ most beyond noise, tolerances and what the latter can adapt.
 
     The cause is the first with an alternative that a run could distinguish from it, else the leading one, whose alternative is
-    then the suspect with the most evidence in its place. A wrong load of one run is checked on the rig, not by a run.
+    then the physical suspect with the most evidence in its place. A wrong load of one run is checked on the rig, not by a run.
     """
-    others = [name for name in suspects if name not in found.best.names and suspects[name].name != LOAD]
+    others = [name for name in suspects if name not in found.best.names and suspects[name].stage != "entry"]
     causes = [cause for cause in causes if suspects[cause.effect].name != LOAD]
     if not causes or not others:
         return None
+    apart = {cause.effect: [r.effect for r in cause.rivals if suspects[r.effect].name != LOAD] for cause in causes}
     apart = {
-        cause.effect: [
-            r.effect for r in cause.rivals if r.effect in others and not same_in_logs(suspects, cause.effect, r.effect)
-        ]
-        for cause in causes
+        name: [other for other in rivals if not same_in_logs(suspects, name, other)] for name, rivals in apart.items()
     }
     lead = next((cause for cause in causes if apart[cause.effect]), causes[0])
-    others = [name for name in others if not same_in_logs(suspects, lead.effect, name)]
-    closest = max(others, key=lambda r: found.linear.evidence(_swap(found.best.names, lead.effect, r), found.scale))
-    other = apart[lead.effect][0] if apart[lead.effect] else closest
+    near = apart[lead.effect][:1] or [name for name in others if not same_in_logs(suspects, lead.effect, name)]
+    if not near:
+        return None
+    other = max(near, key=lambda r: found.linear.evidence(_swap(found.best.names, lead.effect, r), found.scale))
     fit = _refit(data, suspects, found, _swap(found.best.names, lead.effect, other))
     both = _explanations(data, suspects, found.best, fit)
     speed, length = _usual(data)
