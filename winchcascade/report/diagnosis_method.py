@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from winchcascade.core.rig_file import ModelAccuracy
 from winchcascade.diagnosis.block_means import BLOCK
 from winchcascade.diagnosis.causes import AS_GOOD
 from winchcascade.diagnosis.closure import PULLED, RESTLESS, ROUGH
@@ -12,6 +13,7 @@ from winchcascade.diagnosis.line.line_selection import DRAWS, FOLDS, MATERIAL
 from winchcascade.diagnosis.solve import HUBER
 from winchcascade.diagnosis.stability import CHANCE
 from winchcascade.report.line_words import slope_words
+from winchcascade.rig.effects.catalogue import OF_THE_RIG
 
 METHOD = (
     "Model. Each log's line motion drives a model of the rig with the numbers of the rig file (Hsu et al. 2026, Tables 3 "
@@ -22,12 +24,14 @@ METHOD = (
     "differences from block to block.",
     "Tolerances. Numbers of the rig file, loads, gains, timing and zeros of the sensors are known only so well. Every fit "
     "adjusts them too, each held to its stated value by its standard uncertainty (a normal prior); so it does a little dry "
-    "friction that no rig is free of. A deviation within them is not a cause.",
+    "friction that no rig is free of. No model is exact: a channel may deviate by a share of its level in a phase that the rig "
+    f"file states ({100.0 * ModelAccuracy().discrepancy:g} % by default) and that more data do not average. A deviation within "
+    "these is not a cause.",
     f"Fit. Residuals over their noise count by Huber's loss (Huber 1964, corner at {HUBER:g}) plus half the squares of those "
     "adjustments in standard uncertainties; steps by Gauss and Newton within bounds (Lawson and Hanson 1974).",
     "Choice. A set of effects is worth the logarithm of its evidence (Laplace; MacKay 2003, ch. 28): minus the loss, minus "
-    "what its free numbers cost over their plausible range, minus ln 28 for each effect. Sets are screened by the slopes of "
-    "one fit and the best are fitted anew. The smallest set wins unless a larger one has more by "
+    f"what its free numbers cost over their plausible range, minus ln {len(OF_THE_RIG)} for each effect. Sets are screened "
+    "by the slopes of one fit and the best are fitted anew. The smallest set wins unless a larger one has more by "
     f"{CLEARLY:g}. The probabilities are those among the sets that were fitted; an effect that falls short by less than "
     f"{AS_GOOD:g} in place of a cause is an alternative to it.",
     "Run by run. About the joint fit the objective is a quadratic; one linear solve per run gives the number of a cause from "
