@@ -1,4 +1,4 @@
-"""What each cause contributes to the difference between the rig as given and the measured run, metric by metric.
+"""What each cause contributes to the difference between the model of the rig file and the log, metric by metric.
 
 A metric of a run is simulated with each subset of the causes at their fitted values, tolerances nominal. The contribution of
 a cause is what it adds, averaged over all orders in which the causes may be added: the value of Shapley (1953, A value for
@@ -208,7 +208,7 @@ class Split(NamedTuple):
 
 
 def split_of(data: Fitted, one: WindowedLog, variants: Variants, covariance: Signal) -> Split:
-    """Split the difference between rig as given and one run among causes, tolerances and residual.
+    """Split the difference between the model of the rig file and one run among causes, tolerances and residual.
 
     A contribution moves with a field of its cause as the mean of what it does alone and with all causes: exact as long as no
     three causes act on each other.
