@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
+from winchcascade.batch.log_settings import settings_of
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.results import load_results
 from winchcascade.batch.run_batch import run_batch
 from winchcascade.blind.cases import ORIGIN, campaign_text
-from winchcascade.cli.settings import settings_of
 from winchcascade.core.campaign_file import (
     BANNER,
     SIMULATED,

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from winchcascade.batch.log_settings import LogSettings
 from winchcascade.batch.plan import Work, make_plan
 from winchcascade.core.errors import CampaignError, OptionError, RigError, WinchcascadeError
 
@@ -50,7 +51,7 @@ def names(*targets: str | Path) -> list[str]:
 
 
 def settings_of(work: Work) -> tuple[object, ...]:
-    return work.name, work.rig.name, work.load, work.window, work.cycles
+    return work.name, work.settings.rig.name, work.settings.load, work.settings.window, work.settings.cycles
 
 
 @pytest.mark.parametrize("target", ["", "campaign.toml"], ids=["folder", "file"])
@@ -61,7 +62,7 @@ def test_a_campaign_gives_rig_load_window_and_cycles(campaign: Path, target: str
         ("a.csv", "ours", 36.0, 5.48, (1, 2)),
         ("b.csv", "ours", math.inf, None, None),
     ]
-    assert {(work.load_source, work.about) for work in plan.work} == {("campaign.toml", "Two loads")}
+    assert {(work.settings.load_source, work.settings.about) for work in plan.work} == {("campaign.toml", "Two loads")}
 
 
 def test_a_log_is_as_the_campaign_beside_it_says(campaign: Path) -> None:
@@ -72,7 +73,7 @@ def test_a_log_is_as_the_campaign_beside_it_says(campaign: Path) -> None:
         ("a.csv", "ours", 36.0, 5.48, (1, 2)),
         ("c.csv", "hsu2026", None, None, None),
     ]
-    assert plan.work[2].load_source == "unknown"
+    assert plan.work[2].settings.load_source == "unknown"
     assert plan.title == "b.csv and 2 more"
 
 
@@ -127,7 +128,7 @@ def test_a_log_that_is_listed_with_two_windows_has_two_names(tmp_path: Path) -> 
     first, second = make_plan([str(tmp_path)]).work
     assert first.name != second.name
     assert all(re.fullmatch(r"a\.csv-[0-9a-f]{8}", name) for name in (first.name, second.name))
-    assert (first.window, second.window) == (5.0, 6.0)
+    assert (first.settings.window, second.settings.window) == (5.0, 6.0)
 
 
 def listed(folder: Path, *entries: str, rig: str = "") -> list[str]:
@@ -206,7 +207,7 @@ def test_any_names_are_distinguished_and_safe_for_every_file_system(files: list[
     from winchcascade.batch.plan import _named
     from winchcascade.core.rig_toml import built_in
 
-    found = [work.name for work in _named([Work(name, f"folder/{name}", built_in()) for name in files])]
+    found = [work.name for work in _named([Work(name, f"folder/{name}", LogSettings(built_in())) for name in files])]
     assert len({name.casefold() for name in found}) == len(files)
     for name in found:
         assert re.search(r'[<>:"/\\|?*\x00-\x1f]', name) is None
@@ -305,4 +306,4 @@ def test_a_link_to_a_log_is_as_the_campaign_says(campaign: Path, tmp_path: Path)
     shutil.copytree(campaign, tmp_path / "copy")
     (campaign / "link.csv").symlink_to(campaign / "a.csv")
     (work,) = make_plan([str(campaign / "link.csv")]).work
-    assert (work.load, work.cycles) == (36.0, (1, 2))
+    assert (work.settings.load, work.settings.cycles) == (36.0, (1, 2))

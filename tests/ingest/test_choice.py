@@ -198,11 +198,11 @@ def test_a_command_names_the_sheet_and_shows_it(book: Path) -> None:
 def test_a_campaign_lists_the_sheets_of_one_file_as_runs_of_their_own(book: Path, tmp_path: Path) -> None:
     (book.parent / "campaign.toml").write_text(ENTRIES)
     plan = make_plan([str(book.parent)])
-    assert [(work.name, work.sheet) for work in plan.work] == [
+    assert [(work.name, work.settings.sheet) for work in plan.work] == [
         ("all.xlsx-sheet-r36ohm", "r36ohm"), ("all.xlsx-sheet-2", "2"),
     ]  # fmt: skip
     assert len({work.key for work in plan.work}) == 2
-    assert [work.sheet for work in make_plan([str(book)]).work] == ["r36ohm", "2"]
+    assert [work.settings.sheet for work in make_plan([str(book)]).work] == ["r36ohm", "2"]
     done = run_batch(plan, tmp_path / "out")
     assert done.faults == {}
     tables = {run.name: run.table for run in done.summary.reduced}

@@ -12,19 +12,17 @@ from pathlib import Path
 import msgspec
 from msgspec.structs import replace
 
+from winchcascade.batch.log_settings import LogSettings, listed_settings
 from winchcascade.core.addresses import expand, is_remote, local_path
-from winchcascade.core.campaign_file import CAMPAIGN_FILE, Campaign, Origin, load_campaign
+from winchcascade.core.campaign_file import CAMPAIGN_FILE, Campaign, load_campaign
 from winchcascade.core.errors import CampaignError, OptionError
 from winchcascade.core.plain_text import one_line
-from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import DEFAULT_RIG
 from winchcascade.core.version import __version__
 from winchcascade.rig.open_rig import load_rig
 
 LOGS = frozenset("csv tsv txt dat asc log lvm tdms mat parquet pq xlsx xls xlsm xlsb ods".split())
 """Endings of files that are taken for logs in a folder."""
-
-CYCLES = tuple[int, int]
 
 RESULTS = 2
 """Form of a log's result: a result of another form is made anew, as the tables of the campaign need all of its fields."""
@@ -50,15 +48,8 @@ class Work(msgspec.Struct, frozen=True):
 
     name: str
     address: str
-    rig: Rig
-    load: float | None = None
-    load_source: str = "unknown"
-    window: float | str | None = None
-    cycles: CYCLES | None = None
-    about: str = ""
-    origin: Origin = Origin()
+    settings: LogSettings
     key: str = ""
-    sheet: str | None = None
 
 
 class Plan(msgspec.Struct, frozen=True):
@@ -128,21 +119,13 @@ def _is_result(file: str) -> bool:
 
 def _of_campaign(campaign: Campaign, rig: str | None, window: str | float | None) -> list[Work]:
     known = load_rig(rig or campaign.rig or DEFAULT_RIG)
-    return [
-        Work(
-            name=run.file.name,
-            address=str(run.file),
-            rig=known,
-            load=run.load,
-            load_source=campaign.path.name if run.load is not None else "unknown",
-            window=window if window is not None else run.window,
-            cycles=run.cycles,
-            about=campaign.title,
-            origin=run.origin,
-            sheet=run.sheet,
-        )
-        for run in campaign.runs
-    ]
+    listed = []
+    for run in campaign.runs:
+        settings = listed_settings(campaign, run, known)
+        if window is not None:
+            settings = replace(settings, window=window)
+        listed.append(Work(run.file.name, str(run.file), settings))
+    return listed
 
 
 def _of_logs(logs: Sequence[str], rig: str | None, window: str | float | None) -> list[Work]:
@@ -157,8 +140,8 @@ def _of_logs(logs: Sequence[str], rig: str | None, window: str | float | None) -
             if folder not in listed:
                 listed[folder] = _listed(folder / CAMPAIGN_FILE, rig, window)
             entries = listed[folder].get(Path(log).resolve(), [])
-        counted = entries if any(entry.sheet is not None for entry in entries) else entries[-1:]
-        alone = Work(name=log.rsplit("/", 1)[-1], address=log, rig=usual, window=window)
+        counted = entries if any(entry.settings.sheet is not None for entry in entries) else entries[-1:]
+        alone = Work(log.rsplit("/", 1)[-1], log, LogSettings(usual, window=window))
         found += [replace(entry, address=log) for entry in counted] or [alone]
     return found
 
@@ -186,12 +169,12 @@ def _named(work: Sequence[Work]) -> list[Work]:
     """
     once = {_same(item): item for item in reversed(work)}  # of the same log with the same options the first one counts
     work = [replace(item, key=_key(item)) for item in reversed(once.values())]
-    names = [_safe(item.name) for item in work]
+    names, settings = [_safe(item.name) for item in work], [item.settings for item in work]
     for marks in (
         [_digest(_place(item)) for item in work],
-        ["" if item.sheet is None else f"sheet-{_safe(item.sheet)[:_LONG_SHEET]}" for item in work],
-        ["" if item.cycles is None else f"cycles-{_cycles_mark(*item.cycles)}" for item in work],
-        [_digest(repr((item.load, item.window))) for item in work],
+        ["" if one.sheet is None else f"sheet-{_safe(one.sheet)[:_LONG_SHEET]}" for one in settings],
+        ["" if one.cycles is None else f"cycles-{_cycles_mark(*one.cycles)}" for one in settings],
+        [_digest(repr((one.load, one.window))) for one in settings],
         [item.key[:8] for item in work],
     ):
         names = _made_unique(names, marks)
@@ -243,7 +226,8 @@ def _safe(name: str) -> str:
 
 def _key(work: Work) -> str:
     """Digest of everything that a result depends on besides the log's content: the options, the rig, this program."""
-    said = (RESULTS, work.address, work.load, work.load_source, work.window, work.cycles, work.about, work.origin)
-    sheet = () if work.sheet is None else (work.sheet,)
-    content = repr((*said, *sheet)).encode("utf-8", "replace") + msgspec.json.encode(work.rig) + __version__.encode()
+    options = msgspec.structs.asdict(work.settings)
+    rig, sheet = options.pop("rig"), options.pop("sheet")
+    said = (RESULTS, work.address, *options.values(), *([] if sheet is None else [sheet]))
+    content = repr(said).encode("utf-8", "replace") + msgspec.json.encode(rig) + __version__.encode()
     return hashlib.sha256(content).hexdigest()

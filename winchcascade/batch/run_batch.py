@@ -12,6 +12,7 @@ from msgspec.structs import asdict, replace
 
 from winchcascade.batch.campaign_findings import findings_between, log_efficiency
 from winchcascade.batch.dataset import TABLES, write_dataset, write_workbook
+from winchcascade.batch.log_settings import read_with
 from winchcascade.batch.plan import Work
 from winchcascade.core.addresses import fingerprint, local_copy
 from winchcascade.core.errors import OutputError
@@ -33,7 +34,6 @@ from winchcascade.core.store import (
     with_digest,
 )
 from winchcascade.core.version import __version__
-from winchcascade.ingest.read import read_run
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce, require_payouts
 from winchcascade.report.campaign_record import (
@@ -84,19 +84,10 @@ class Made(msgspec.Struct, frozen=True):
 
 def reduce_log(order: Order) -> Made:
     """Reduce one log and make its files: reports first, the JSON last, so that a JSON means that all files are there."""
-    work = order.work
+    work, settings = order.work, order.work.settings
     with local_copy(work.address) as path:
-        run = read_run(
-            path,
-            rig=work.rig,
-            load=work.load,
-            load_source=work.load_source,
-            about=work.about,
-            origin=work.origin,
-            table=work.sheet,
-        )
-    run = replace(run, path=one_line(work.address))
-    reduction = reduce(run, rig=work.rig, window=work.window, cycles=work.cycles)
+        run = replace(read_with(path, settings), path=one_line(work.address))
+    reduction = reduce(run, rig=settings.rig, window=settings.window, cycles=settings.cycles)
     require_payouts(reduction)
     found = uncertainty(reduction)
     record = asdict(reduction_record(reduction, found))

@@ -9,18 +9,19 @@ from typing import Annotated
 
 import typer
 
+from winchcascade.batch.log_settings import read_with, settings_of
 from winchcascade.cli.options import (
     ForceOption,
     JsonOption,
     LoadOption,
     RigOption,
     SheetOption,
+    check_load,
     effect_names,
     named_number,
     rig_names,
 )
 from winchcascade.cli.outputs import as_json, check_outputs, deliver, show
-from winchcascade.cli.settings import check_load, read_with, settings_of
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.jobs import one_thread_each
 

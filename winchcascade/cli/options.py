@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from winchcascade.core.errors import OptionError
+
 
 def rig_names(incomplete: str) -> list[str]:
     """Built-in rigs that start like this."""
@@ -82,6 +84,12 @@ ThreadsOption = Annotated[
 CampaignArgument = Annotated[
     Path, typer.Argument(metavar="CAMPAIGN", help="A campaign.toml, or the folder that holds one.", show_default=False)
 ]
+
+
+def check_load(load_ohm: float | None) -> None:
+    """Reject a load that is no resistance; OptionError describes what is expected."""
+    if load_ohm is not None and not load_ohm > 0:
+        raise OptionError(f"--load-ohm {load_ohm:g}: expected a number of ohms above 0, or inf for an open circuit.")
 
 
 def named_number(option: str) -> tuple[str, float]:

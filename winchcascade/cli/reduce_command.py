@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from winchcascade.batch.log_settings import read_with, settings_of
 from winchcascade.cli.options import (
     ForceOption,
     HtmlOption,
@@ -16,9 +17,9 @@ from winchcascade.cli.options import (
     RigOption,
     SheetOption,
     WindowOption,
+    check_load,
 )
 from winchcascade.cli.outputs import check_outputs, deliver, given_command
-from winchcascade.cli.settings import check_load, read_with, settings_of
 
 
 def reduce_command(

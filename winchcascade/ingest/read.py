@@ -87,12 +87,14 @@ def read_run(
     for _ in range(_TRIES):
         seen = _Seen(path)
         try:
-            run = _read(path, rig, load, load_source, about, table, simulated)
+            run = _read(path, rig, load, table, simulated=simulated)
         except LogError:
             if seen.is_same():
                 raise
             continue
         if seen.is_same(run.sha256):
+            source = run.load_source if load is None else load_source
+            run = msgspec.structs.replace(run, load_source=source, about=about)
             return _with_origin(run, origin or Origin())
     raise LogError(
         f"{path}: changed each of {_TRIES} times while it was read; expected a file that is complete. Wait until the logger "
@@ -100,10 +102,8 @@ def read_run(
     )
 
 
-def _read(
-    path: Path, rig: Rig, load: float | None, load_source: str, about: str, table_name: str | None, simulated: bool
-) -> Run:
-    """Read and check a log that does not change meanwhile."""
+def _read(path: Path, rig: Rig, load: float | None, table_name: str | None, *, simulated: bool) -> Run:
+    """Read and check a log that does not change meanwhile; `load_source` is that of a property of the file."""
     source = open_log(path, table_name)
     try:
         found, table = _loaded(source, rig, path.name)
@@ -120,6 +120,7 @@ def _read(
             "samples of a crane trial."
         )
     clock, time_findings = _clock(source, table, found, rig, samples, path.name)
+    load_source = ""
     if load is None:
         load, load_source, load_faults = _load(source)
         time_findings += load_faults
@@ -151,7 +152,6 @@ def _read(
         sha256=digests[0],
         findings=(*found.findings, *time_findings, *table.findings, *clock.findings, *checked.findings),
         simulated=found.simulated,
-        about=about,
         table=None if source.table is None else one_line(source.table),
     )
 
