@@ -13,19 +13,19 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 _COMMANDS = {
-    "reduce": ("reduce_command", "reduce_command"),
-    "batch": ("batch_command", "batch_command"),
-    "check": ("table_commands", "check_command"),
-    "audit": ("table_commands", "audit_command"),
-    "demo": ("batch_command", "demo_command"),
-    "simulate": ("model_commands", "simulate_command"),
-    "calibrate": ("model_commands", "calibrate_command"),
-    "diagnose": ("diagnose_command", "diagnose_command"),
-    "effects": ("model_commands", "effects_command"),
-    "rig": ("model_commands", "rig_command"),
-    "blind": ("blind_command", "blind"),
+    "reduce": "reduce_command",
+    "batch": "batch_command",
+    "check": "table_commands",
+    "audit": "table_commands",
+    "demo": "batch_command",
+    "simulate": "model_commands",
+    "calibrate": "model_commands",
+    "diagnose": "diagnose_command",
+    "effects": "model_commands",
+    "rig": "model_commands",
+    "blind": "blind_command",
 }
-"""Each command's module and its name in that module, in the order in which the help lists them."""
+"""Each command's module, where its name ends in `_command`, in the order in which the help lists them."""
 
 
 def command_line(first: str | None) -> typer.Typer:
@@ -41,8 +41,8 @@ def command_line(first: str | None) -> typer.Typer:
     )
     app.callback()(winchcascade)
     for name in [first] if first in _COMMANDS else _COMMANDS:
-        module, function = _COMMANDS[name]
-        command: Callable[..., None] | typer.Typer = getattr(import_module(f"winchcascade.cli.{module}"), function)
+        module = import_module(f"winchcascade.cli.{_COMMANDS[name]}")
+        command: Callable[..., None] | typer.Typer = getattr(module, f"{name}_command")
         if isinstance(command, typer.Typer):
             app.add_typer(command, name=name)
         else:

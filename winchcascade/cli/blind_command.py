@@ -11,7 +11,7 @@ from winchcascade.cli.options import ForceOption, HtmlOption, JobsOption, JsonOp
 from winchcascade.cli.outputs import as_json, check_outputs, deliver, given_command, show
 from winchcascade.core.jobs import Workers, one_thread_each, processes
 
-blind = typer.Typer(
+blind_command = typer.Typer(
     help="Try the diagnosis on campaigns of an independent twin whose answers are sealed.", no_args_is_help=True
 )
 
@@ -20,7 +20,7 @@ TrialArgument = Annotated[
 ]
 
 
-@blind.command("deal")
+@blind_command.command("deal")
 def blind_deal_command(
     cases: Annotated[int, typer.Option("--cases", metavar="N", min=1, help="Campaigns to deal.", show_default=False)],
     seed: Annotated[int, typer.Option("--seed", metavar="S", min=0, help="Deals the same again.", show_default=False)],
@@ -42,7 +42,7 @@ def blind_deal_command(
     raise typer.Exit(1 if done.faults else 0)
 
 
-@blind.command("diagnose")
+@blind_command.command("diagnose")
 def blind_diagnose_command(
     trial: TrialArgument, jobs: JobsOption = None, scheduler: SchedulerOption = None, force: ForceOption = False
 ) -> None:
@@ -61,7 +61,7 @@ def blind_diagnose_command(
     raise typer.Exit(1 if done.faults else 0)
 
 
-@blind.command("score")
+@blind_command.command("score")
 def blind_score_command(
     trial: TrialArgument,
     json: JsonOption = None,

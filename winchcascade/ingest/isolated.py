@@ -213,15 +213,7 @@ def open_isolated(reader: str, path: Path, *, table: str | None = None) -> LogSo
     except BaseException:
         child.close()
         raise
-    return LogSource(
-        headers=opened.headers,
-        load=child.load,
-        time_step=opened.time_step,
-        time_start=opened.time_start,
-        properties=opened.properties,
-        close=child.close,
-        table=opened.table,
-    )
+    return LogSource(load=child.load, close=child.close, **msgspec.structs.asdict(opened))
 
 
 class _Child:
