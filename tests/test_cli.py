@@ -13,8 +13,8 @@ import pytest
 from calls import call
 
 from winchcascade import __version__
+from winchcascade.cli.app import MATTERING, versions
 from winchcascade.cli.entry import main
-from winchcascade.cli.versions import MATTERING, versions
 from winchcascade.core.rig_toml import built_in_text
 
 LONGEST = 600
@@ -80,7 +80,7 @@ def test_the_version_names_what_matters() -> None:
 
 
 def test_the_version_reports_a_package_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("winchcascade.cli.versions.MATTERING", ("numpy", "winchcascade-nothing"))
+    monkeypatch.setattr("winchcascade.cli.app.MATTERING", ("numpy", "winchcascade-nothing"))
     assert versions().splitlines()[1:] == [f"numpy {version('numpy')}", "winchcascade-nothing not installed"]
 
 

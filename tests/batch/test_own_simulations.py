@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from winchcascade.batch.own_simulations import read_simulations, with_simulations
+from winchcascade.batch.campaign_diagnosis import read_simulations, with_simulations
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.errors import CampaignError, LogError, OptionError
 from winchcascade.core.rig_toml import built_in

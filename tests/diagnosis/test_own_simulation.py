@@ -32,6 +32,12 @@ def own(model: Model) -> list[Run]:
 
 
 @cache
+def diagnosed_alone() -> ModelDiagnosis:
+    """The diagnosis by the model of the rig, without an own simulation."""
+    return diagnose(campaign(LINE_DRAG), built_in(), SUSPECTS)
+
+
+@cache
 def diagnosed(simulator: str) -> tuple[ModelDiagnosis, ModelDiagnosis]:
     """A diagnosis by the rig's model, and the same with an own simulation as its baseline."""
     model, rig = baseline(built_in()), built_in()
@@ -39,7 +45,7 @@ def diagnosed(simulator: str) -> tuple[ModelDiagnosis, ModelDiagnosis]:
         model = ActiveEffect(SIMPLIFICATIONS["averaged_bridge"], (1.0,)).apply(model)
     elif simulator != "same":
         model = make_effect(simulator, {"r_s_change": 0.3}).apply(model)
-    alone, cycles = diagnose(campaign(LINE_DRAG), rig, SUSPECTS), [None] * len(driven())
+    alone, cycles = diagnosed_alone(), [None] * len(driven())
     simulations = on_the_logs(own(model), alone.runs, rig, cycles)
     return alone, beside_own_simulation(alone, simulations, cycles=cycles)
 

@@ -18,7 +18,7 @@ from calls import call
 from contents import figure_text, html_text, json_text, log_text, parquet_text, pdf_text, toml_text, workbook_text
 
 from winchcascade import __version__
-from winchcascade.cli.versions import MATTERING
+from winchcascade.cli.app import MATTERING
 
 ROOT = Path(__file__).parent.parent.parent
 SHARED = ROOT.parent / "shared" / "data"

@@ -76,8 +76,12 @@ def diagnose_command(
     A winch without a model is diagnosed from line tension, speed and mechanical power; its cycles are left out in turn.
     """
     one_thread_each()
-    from winchcascade.batch.campaign_diagnosis import diagnose_listed, write_corrected_rig, write_predictions
-    from winchcascade.batch.own_simulations import with_simulations
+    from winchcascade.batch.campaign_diagnosis import (
+        diagnose_listed,
+        with_simulations,
+        write_corrected_rig,
+        write_predictions,
+    )
     from winchcascade.report.diagnosis import write_diagnosis_reports
     from winchcascade.report.diagnosis_record import as_json as diagnosis_record
     from winchcascade.report.diagnosis_text import diagnosis_text
