@@ -26,9 +26,8 @@ ENTRY_POINTS = {"__init__.py", "__main__.py"}
 
 PATTERNS = {
     "check_text": "characters that XML forbids",
-    "page_setup": "characters that no report shows",
     "style": "SVG of Matplotlib",
-    "publish": "symbols of physics and names of fonts",
+    "publish": "symbols of physics, names of fonts, and characters that no report shows",
 }
 """Modules of `report` that may search texts by a pattern, and which texts."""
 

@@ -11,8 +11,8 @@ from typing import Any
 import msgspec
 
 from winchcascade.core.version import __version__
-from winchcascade.report.page_setup import made_at
 from winchcascade.report.records import FindingRecord, RunRecord
+from winchcascade.report.report_model import made_at
 from winchcascade.report.rows import Row, table_rows, table_schema
 
 TABLES = ("runs", "cycles", "bins", "findings")

@@ -14,7 +14,6 @@ import numpy as np
 from msgspec.structs import asdict, replace
 
 from winchcascade.core.campaign_file import KINDS, banner, joint_origin, origin_words
-from winchcascade.core.version import __version__
 from winchcascade.reduction.efficiency import FIELDS, METRICS, NET_METRICS
 from winchcascade.report import campaign_figures as figures
 from winchcascade.report.campaign_record import (
@@ -30,8 +29,21 @@ from winchcascade.report.digits import number, percent, places, stated, uncertai
 from winchcascade.report.model_account import Account
 from winchcascade.report.model_section import Named, campaign_section
 from winchcascade.report.records import FindingRecord
-from winchcascade.report.report_model import Note, Point, Report, Section, Table, TableColumn, Tile, make_table, rows_of
-from winchcascade.report.report_parts import data_point, made_on, picture, provenance_table, section
+from winchcascade.report.report_model import (
+    Note,
+    Point,
+    Report,
+    Section,
+    Table,
+    TableColumn,
+    Tile,
+    data_point,
+    make_table,
+    picture,
+    provenance_table,
+    rows_of,
+    section,
+)
 from winchcascade.report.style import house_style
 from winchcascade.report.tables import DECIMALS, UNIT, metrics_note
 from winchcascade.report.wording import SYMBOL
@@ -99,7 +111,6 @@ def make_campaign_report(
         kind="Campaign",
         title=campaign.title,
         subtitle=f"rig {', '.join(rigs)}" if rigs else "",
-        generator=f"winchcascade/{__version__}",
         tiles=_tiles(loaded),
         points=tuple(_points(runs, failed, loaded)),
         sections=tuple(s for s in sections if s.blocks),
@@ -250,11 +261,8 @@ def _provenance(campaign: CampaignRecord, runs: Sequence[LogSummary], command: s
         ("Logs", f"{len(campaign.runs)}; hash, rig and window of each are in its own report and its result"),
         ("Results", f"{results}; other files in runs are of other calls" if runs else ""),
         ("Loads", ", ".join(f"{load:g}" for load in finite[:20]) + (" Ω" if finite else "")),
-        ("Made by", f"winchcascade {__version__}"),
-        ("Command", command),
-        ("Made on", made_on()),
     ]
-    return provenance_table(rows)
+    return provenance_table(rows, command)
 
 
 # ---------------------------------------------------------------------------------------------------------- the tables

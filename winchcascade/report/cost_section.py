@@ -21,8 +21,15 @@ from winchcascade.report.cause_costs import (
 from winchcascade.report.diagnosis_names import load_words
 from winchcascade.report.diagnosis_words import named, word_of
 from winchcascade.report.digits import number
-from winchcascade.report.report_model import Section, Table
-from winchcascade.report.report_parts import formatted_table, number_column, picture, section, text_column
+from winchcascade.report.report_model import (
+    Section,
+    Table,
+    formatted_table,
+    number_column,
+    picture,
+    section,
+    text_column,
+)
 from winchcascade.report.style import COLOURS, wide_figure
 
 if TYPE_CHECKING:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Sequence
 from pathlib import Path
 
 from winchcascade.core.campaign_file import banner
-from winchcascade.core.version import __version__
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
 from winchcascade.diagnosis.gap_map import STANDS_OUT
@@ -48,8 +46,19 @@ from winchcascade.report.histories_figure import histories_figure
 from winchcascade.report.line_words import cycles_of, flipped_words, small_words
 from winchcascade.report.own_simulation_words import baseline_words, own_simulation_words, simulated_words
 from winchcascade.report.publish import publish
-from winchcascade.report.report_model import Note, Point, Report, Section, Table, Tile
-from winchcascade.report.report_parts import data_point, file_digest, made_on, picture, provenance_table, section
+from winchcascade.report.report_model import (
+    Note,
+    Point,
+    Report,
+    Section,
+    Table,
+    Tile,
+    data_point,
+    file_digest,
+    picture,
+    provenance_table,
+    section,
+)
 from winchcascade.report.stability_figure import stability_figure
 from winchcascade.report.stability_words import stability_words
 from winchcascade.report.style import house_style
@@ -84,7 +93,6 @@ def make_diagnosis_report(found: ModelDiagnosis | LineDiagnosis, *, command: str
         kind="Diagnosis of a campaign",
         title=found.title,
         subtitle=f"{size} · rig {rig} · {len(found.suspects)} suspects",
-        generator=f"winchcascade/{__version__}",
         tiles=_tiles(found),
         points=_points(found),
         sections=tuple(s for s in (*sections, _provenance(found, command)) if s.blocks),
@@ -426,8 +434,6 @@ def _method(texts: Sequence[str]) -> Section:
 
 
 def _provenance(found: ModelDiagnosis | LineDiagnosis, command: str) -> Section:
-    import numpy
-
     rig, sets = found.rig, len(found.sets)
     if isinstance(found, LineDiagnosis):
         logs, judged, source = line_tables.line_logs_table(found), "Judged", "Source of the logs and the rig"
@@ -445,11 +451,8 @@ def _provenance(found: ModelDiagnosis | LineDiagnosis, command: str) -> Section:
         ("Suspects", ", ".join(found.suspects)),
         ("Fits", fits),
         ("Seed of the resampled cycles", str(found.seed)),
-        ("Made by", f"winchcascade {__version__}, Python {platform.python_version()}, numpy {numpy.__version__}"),
-        ("Command", command),
-        ("Made on", made_on()),
     ]
-    return section("provenance", "Provenance", logs, provenance_table(rows))
+    return section("provenance", "Provenance", logs, provenance_table(rows, command))
 
 
 # --------------------------------------------------------------------------------------------- of a winch without a model

@@ -28,8 +28,13 @@ from winchcascade.report.digits import number, significant, uncertain
 from winchcascade.report.gap_words import NAMES, about_words, alarm_meaning, differs_words
 from winchcascade.report.model_account import COMPARED
 from winchcascade.report.own_simulation_words import baseline_words
-from winchcascade.report.report_model import Table, TableColumn
-from winchcascade.report.report_parts import formatted_table, number_column, text_column
+from winchcascade.report.report_model import (
+    Table,
+    TableColumn,
+    formatted_table,
+    number_column,
+    text_column,
+)
 
 MOST_PLACES, MOST_NUISANCES = 12, 10
 """Rows of the places with the largest gap, and of the nuisances that the fit moves most."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import platform
 from collections import Counter
 from functools import partial
 from pathlib import Path
@@ -12,14 +11,24 @@ from typing import TYPE_CHECKING
 from msgspec.structs import asdict
 
 from winchcascade.core.campaign_file import banner, origin_words
-from winchcascade.core.version import __version__
 from winchcascade.reduction.efficiency import ALL_METRICS, METRICS, NOTHING
 from winchcascade.report import figures, tables
 from winchcascade.report.digits import number, percent, places, stated, uncertain
 from winchcascade.report.model_section import Modelled, modelled, run_section
 from winchcascade.report.publish import publish
-from winchcascade.report.report_model import Note, Point, Report, Section, Table, Tile
-from winchcascade.report.report_parts import data_point, file_digest, made_on, picture, provenance_table, section
+from winchcascade.report.report_model import (
+    Note,
+    Point,
+    Report,
+    Section,
+    Table,
+    Tile,
+    data_point,
+    file_digest,
+    picture,
+    provenance_table,
+    section,
+)
 from winchcascade.report.style import house_style
 from winchcascade.report.traces import readout
 from winchcascade.report.wording import SYMBOL, decisive, net_reasons, not_known, window_words
@@ -79,7 +88,6 @@ def make_report(
         kind="Reduction of a log",
         title=run.name,
         subtitle=subtitle,
-        generator=f"winchcascade/{__version__}",
         tiles=_tiles(reduction, found),
         points=tuple(_points(reduction, found)),
         sections=sections,
@@ -312,8 +320,6 @@ _NOT_SHADED = "Phases are not shaded: they would be too narrow to see."
 
 def _provenance(reduction: Reduction, found: Uncertainty, command: str) -> Table:
     """Where every number comes from, so that it can be made again."""
-    import numpy
-
     run, rig = reduction.run, reduction.rig
     load = "unknown" if run.load is None else "open circuit" if math.isinf(run.load) else f"{run.load:g} Ω"
     rows = [
@@ -330,8 +336,5 @@ def _provenance(reduction: Reduction, found: Uncertainty, command: str) -> Table
         ("Drum radius", "not published" if rig.r_drum is None else f"{rig.r_drum:g} m"),
         ("Integration window", reduction.window if isinstance(reduction.window, str) else f"{reduction.window:g} s"),
         ("Monte Carlo", f"{found.draws} draws, seed {found.seed}"),
-        ("Made by", f"winchcascade {__version__}, Python {platform.python_version()}, numpy {numpy.__version__}"),
-        ("Command", command),
-        ("Made on", made_on()),
     ]
-    return provenance_table(rows)
+    return provenance_table(rows, command)

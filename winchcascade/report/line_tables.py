@@ -8,8 +8,12 @@ from winchcascade.report.diagnosis_figures import KILO, signed
 from winchcascade.report.diagnosis_names import phase_words, probability_words, share_words
 from winchcascade.report.digits import number, significant
 from winchcascade.report.line_words import LINE_MEANINGS, set_words
-from winchcascade.report.report_model import Table
-from winchcascade.report.report_parts import formatted_table, number_column, text_column
+from winchcascade.report.report_model import (
+    Table,
+    formatted_table,
+    number_column,
+    text_column,
+)
 
 MOST_SETS = 12
 """Sets of suspects that are listed; all are in the JSON."""

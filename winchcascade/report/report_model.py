@@ -1,13 +1,21 @@
-"""The content of a report: rows and figures, made once, which HTML and PDF only lay out."""
+"""The content of a report: sections of tables and figures, made once, which HTML and PDF only lay out."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Sequence
-from typing import Generic, Literal, TypeVar
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Generic, Literal, TypeVar
 
 import msgspec
 
+from winchcascade.core.campaign_file import Origin, origin_words
+from winchcascade.core.version import __version__
 from winchcascade.report.digits import number
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Cell = str | float | None
 """Value of a cell: a number, a text that is formatted already, or None for what does not exist."""
@@ -105,6 +113,72 @@ def make_table(
     )
 
 
+def items_table(
+    name: str,
+    caption: str,
+    columns: Sequence[TableColumn[T]],
+    items: Sequence[T],
+    *,
+    most: int | None = None,
+    more: str = "more",
+    note: str = "",
+) -> Table | None:
+    """A table with a row for each item, of more than `most` for the first and the last half of that; None without items."""
+    return (
+        make_table(name, caption, columns, rows_of(columns, items, most=most, more=more), note=note) if items else None
+    )
+
+
+def text_column(name: str, unit: str = "") -> TableColumn[object]:
+    """A column of texts."""
+    return TableColumn(name, unit, text=True)
+
+
+def number_column(name: str, unit: str = "") -> TableColumn[object]:
+    """A column of numbers that are formatted already."""
+    return TableColumn(name, unit)
+
+
+def formatted_table(
+    name: str, caption: str, columns: Sequence[TableColumn[object]], rows: Sequence[Sequence[str]], note: str = ""
+) -> Table | None:
+    """A table of texts; None without rows."""
+    return make_table(name, caption, columns, rows, note=note) if rows else None
+
+
+def provenance_table(rows: Sequence[tuple[str, str]], command: str) -> Table:
+    """Where every number comes from: items with their values, those without one left out, and how the report was made."""
+    import platform
+
+    import numpy
+
+    versions = f"winchcascade {__version__}, Python {platform.python_version()}, numpy {numpy.__version__}"
+    made = (
+        ("Made by", versions),
+        ("Command", command),
+        ("Made on", made_at().strftime("%Y-%m-%d %H:%M:%S UTC")),
+    )
+    columns = (text_column("Item"), text_column("Value"))
+    return make_table(
+        "provenance", "What the report was made from, and how.", columns, [row for row in (*rows, *made) if row[1]]
+    )
+
+
+def made_at() -> datetime:
+    """Give the time of making, or SOURCE_DATE_EPOCH where a build must be repeatable; UTC, whole seconds."""
+    epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
+    given = epoch.isdigit() and len(epoch) <= 11
+    now = datetime.fromtimestamp(int(epoch), UTC) if given else datetime.now(UTC)
+    return now.replace(microsecond=0)
+
+
+def file_digest(path: str) -> str:
+    """SHA-256 of a rig file, nothing for a built-in one."""
+    from winchcascade.core.store import digest_of
+
+    return digest_of(Path(path).read_bytes()) if Path(path).is_file() else ""
+
+
 class Picture(msgspec.Struct, frozen=True, tag="picture"):
     """A figure as SVG text with named colours in it (`figures.COLOURS`); `alt` says in words what it shows."""
 
@@ -122,6 +196,13 @@ class Note(msgspec.Struct, frozen=True, tag="note"):
     about: str = ""
 
 
+def picture(figure: Figure | None, name: str, caption: str, alt: str, *, interactive: bool = False) -> Picture | None:
+    """A figure as a block of a report; None for none."""
+    from winchcascade.report.style import svg_text
+
+    return None if figure is None else Picture(name, caption, alt, svg_text(figure, name), interactive)
+
+
 Block = Table | Picture | Note
 
 
@@ -131,6 +212,11 @@ class Section(msgspec.Struct, frozen=True):
     id: str
     heading: str
     blocks: tuple[Block, ...]
+
+
+def section(name: str, heading: str, *blocks: Block | None) -> Section:
+    """A section of the blocks that there are."""
+    return Section(name, heading, tuple(b for b in blocks if b is not None))
 
 
 class Tile(msgspec.Struct, frozen=True):
@@ -150,6 +236,14 @@ class Point(msgspec.Struct, frozen=True):
     tone: Tone = "plain"
 
 
+def data_point(origins: Sequence[Origin]) -> Point:
+    """State whether the data are measured and where they come from; a warning where any are not measured."""
+    words = origin_words(origins)
+    text = words if words.endswith(".") else f"{words}."
+    made = any(origin.measured is False for origin in origins)
+    return Point("Data", text[0].upper() + text[1:], "warn" if made else "plain")
+
+
 class Report(msgspec.Struct, frozen=True):
     """A whole report, in order.
 
@@ -159,9 +253,9 @@ class Report(msgspec.Struct, frozen=True):
     kind: str
     title: str
     subtitle: str
-    generator: str
     tiles: tuple[Tile, ...]
     points: tuple[Point, ...]
     sections: tuple[Section, ...]
     traces: str = ""
     banner: str = ""
+    generator: str = f"winchcascade/{__version__}"
