@@ -140,7 +140,7 @@ def number_column(name: str, unit: str = "") -> TableColumn[object]:
 
 
 def formatted_table(
-    name: str, caption: str, columns: Sequence[TableColumn[object]], rows: Sequence[Sequence[str]], note: str = ""
+    name: str, caption: str, columns: Sequence[TableColumn[T]], rows: Sequence[Sequence[str]], note: str = ""
 ) -> Table | None:
     """A table of texts; None without rows."""
     return make_table(name, caption, columns, rows, note=note) if rows else None

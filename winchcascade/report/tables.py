@@ -15,7 +15,7 @@ from winchcascade.reduction.efficiency import ALL_METRICS, METRICS, NET_METRICS,
 from winchcascade.reduction.energies import STAGES
 from winchcascade.reduction.uncertainty import R_DRUM, shares
 from winchcascade.report.digits import MINUS, number, of_many, percent, places, significant, stated, uncertain
-from winchcascade.report.report_model import Table, TableColumn, make_table, rows_of
+from winchcascade.report.report_model import Table, TableColumn, formatted_table, items_table, make_table, rows_of
 from winchcascade.report.traces import clock_zero
 from winchcascade.report.wording import SYMBOL, label, net_reasons, not_known, of_phase, source_name
 
@@ -47,16 +47,10 @@ _STAGE = {"line": "the line (force times speed)", "mech": "the shaft", "gen": "t
 """What the stages are, by the end of a symbol."""
 
 
-def known_u(found: Uncertainty, metric: str) -> float | None:
-    """Standard uncertainty of a mean; where no sensor's accuracy is known, what the repeatability alone makes of it."""
-    u: float | None = getattr(found.standard, metric) or getattr(found.budget.repeatability, metric)
-    return u
-
-
 def mean_text(reduction: Reduction, found: Uncertainty, metric: str) -> str:
-    """Mean of a metric, with the digits that its uncertainty allows."""
-    u = known_u(found, metric)
+    """Mean of a metric, with the digits that its uncertainty allows: of the repeatability where no accuracy is known."""
     value = getattr(reduction.mean, metric)
+    u = getattr(found.standard, metric) or getattr(found.budget.repeatability, metric)
     return stated(value, u, DECIMALS[metric]) if u else _four(value, metric)
 
 
@@ -159,35 +153,18 @@ def end_text(found: Uncertainty, metric: str, end: Literal["low", "high"]) -> st
 _CYCLE: TableColumn[CycleResult] = TableColumn("Cycle", text=True, of=label)
 
 
-def _phase_columns(*columns: tuple[str, str, int, str, str]) -> list[TableColumn[CycleResult]]:
-    """Columns of the summaries of phases: name, unit, decimals, phase and field."""
-    return [
-        TableColumn(name, unit, digits, of=partial(of_phase, phase, field))
-        for name, unit, digits, phase, field in columns
-    ]
-
-
 def payouts_table(reduction: Reduction) -> Table:
     """Payout of every cycle: instants, travel, and time means over its plateau."""
     zero = clock_zero(reduction.run)
-    columns: list[TableColumn[CycleResult]] = [
-        _CYCLE,
-        TableColumn("Onset", "s", 2, of=lambda c: c.phases.onset - zero),
-        *_phase_columns(
-            ("Payout", "s", 2, "payout", "duration"),
-            ("Travel", "m", 2, "payout", "travel"),
-            ("v_max", "m/s", 2, "payout", "speed_max"),
-            ("v_plateau", "m/s", 3, "plateau", "speed"),
-            ("F", "N", 0, "plateau", "force"),
-            ("τ", "N·m", 1, "plateau", "torque"),
-            *((SYMBOL[f"power_{s}"], "W", 0, "plateau", f"power_{s}") for s in STAGES),
-        ),
-    ]
-    note = (
+    onset: TableColumn[CycleResult] = TableColumn("Onset", "s", 2, of=lambda c: c.phases.onset - zero)
+    return _phases_table(
+        "payouts",
+        "Payouts, with time means over the plateau.",
+        [_CYCLE, onset, *_PAYOUT],
+        reduction,
         f"Onset: when the payout begins{_since(zero)}. v: line velocity; F: line tension; τ: torque of the PTO shaft. "
-        "Plateau: the stretch of steady speed."
+        "Plateau: the stretch of steady speed.",
     )
-    return _phases_table("payouts", "Payouts, with time means over the plateau.", columns, reduction, note)
 
 
 def _since(zero: float) -> str:
@@ -197,23 +174,40 @@ def _since(zero: float) -> str:
 
 def holds_table(reduction: Reduction) -> Table:
     """Hold and haul-in of every cycle."""
-    columns = [
-        _CYCLE,
-        *_phase_columns(
-            ("Hold", "s", 2, "hold", "duration"),
-            ("F_hold", "N", 0, "hold", "force"),
-            ("τ_hold", "N·m", 1, "hold", "torque"),
-            ("p_hold", "kg/cm²", 2, "hold", "pressure"),
-            ("Haul-in", "s", 2, "haul_in", "duration"),
-            ("v_max", "m/s", 2, "haul_in", "speed_max"),
-            ("F_mean", "N", 0, "haul_in", "force"),
-            ("F_min", "N", 0, "haul_in", "force_min"),
-            ("E_line", "J", 0, "haul_in", "energy_line"),
-        ),
-    ]
-    caption = "Holds and haul-ins: time means; the energy of a haul-in is returned to the line and negative."
-    note = "F: line tension; τ: torque of the PTO shaft; p: accumulator pressure, gauge; v: line speed of the haul-in."
-    return _phases_table("holds", caption, columns, reduction, note)
+    return _phases_table(
+        "holds",
+        "Holds and haul-ins: time means; the energy of a haul-in is returned to the line and negative.",
+        [_CYCLE, *_HOLD_AND_HAUL_IN],
+        reduction,
+        "F: line tension; τ: torque of the PTO shaft; p: accumulator pressure, gauge; v: line speed of the haul-in.",
+    )
+
+
+def _phase_column(name: str, unit: str, digits: int, phase: str, field: str) -> TableColumn[CycleResult]:
+    """Column of one number of the summary of a phase."""
+    return TableColumn(name, unit, digits, of=partial(of_phase, phase, field))
+
+
+_PAYOUT = (
+    _phase_column("Payout", "s", 2, "payout", "duration"),
+    _phase_column("Travel", "m", 2, "payout", "travel"),
+    _phase_column("v_max", "m/s", 2, "payout", "speed_max"),
+    _phase_column("v_plateau", "m/s", 3, "plateau", "speed"),
+    _phase_column("F", "N", 0, "plateau", "force"),
+    _phase_column("τ", "N·m", 1, "plateau", "torque"),
+    *(_phase_column(SYMBOL[f"power_{s}"], "W", 0, "plateau", f"power_{s}") for s in STAGES),
+)
+_HOLD_AND_HAUL_IN = (
+    _phase_column("Hold", "s", 2, "hold", "duration"),
+    _phase_column("F_hold", "N", 0, "hold", "force"),
+    _phase_column("τ_hold", "N·m", 1, "hold", "torque"),
+    _phase_column("p_hold", "kg/cm²", 2, "hold", "pressure"),
+    _phase_column("Haul-in", "s", 2, "haul_in", "duration"),
+    _phase_column("v_max", "m/s", 2, "haul_in", "speed_max"),
+    _phase_column("F_mean", "N", 0, "haul_in", "force"),
+    _phase_column("F_min", "N", 0, "haul_in", "force_min"),
+    _phase_column("E_line", "J", 0, "haul_in", "energy_line"),
+)
 
 
 def _phases_table(
@@ -233,29 +227,35 @@ def bins_table(reduction: Reduction) -> Table | None:
         ),
         TableColumn("Samples", of=lambda b: b.count),
     ]
-    stages = [s for s in STAGES if any(b.power.get(s) is not None for b in reduction.bins)]
-    for s in stages:
-        columns += [
-            TableColumn(SYMBOL[f"power_{s}"], "W", of=partial(_power_text, s)),
-            TableColumn("±", "W", of=partial(_error_text, s)),
-        ]
-    rows = rows_of(columns, reduction.bins[:: max(1, -(-len(reduction.bins) // MOST_BINS))])
-    note = "" if len(rows) == len(reduction.bins) else f"{len(rows)} of {len(reduction.bins)} bins, evenly chosen. "
-    note += "The standard error takes samples as independent, which smooth motion makes too small."
-    caption = "Mean powers of the payouts in bins of generator speed, with the standard error of their samples."
-    return make_table("bins", caption, columns, rows, note=note) if stages else None
+    for stage in (s for s in STAGES if any(b.power.get(s) is not None for b in reduction.bins)):
+        columns += _power_columns(stage)
+    shown = reduction.bins[:: max(1, -(-len(reduction.bins) // MOST_BINS))]
+    return items_table(
+        "bins",
+        "Mean powers of the payouts in bins of generator speed, with the standard error of their samples.",
+        columns,
+        shown if len(columns) > 2 else (),
+        note=(
+            "" if len(shown) == len(reduction.bins) else f"{len(shown)} of {len(reduction.bins)} bins, evenly chosen. "
+        )
+        + "The standard error takes samples as independent, which smooth motion makes too small.",
+    )
 
 
-def _power_text(stage: str, b: Bin) -> str:
-    return stated(b.power.get(stage), b.standard_error.get(stage), 0)
-
-
-def _error_text(stage: str, b: Bin) -> str:
-    return uncertain(b.standard_error.get(stage))
+def _power_columns(stage: str) -> list[TableColumn[Bin]]:
+    """Mean power of a stage in a bin, and its standard error."""
+    return [
+        TableColumn(
+            SYMBOL[f"power_{stage}"], "W", of=lambda b: stated(b.power.get(stage), b.standard_error.get(stage), 0)
+        ),
+        TableColumn("±", "W", of=lambda b: uncertain(b.standard_error.get(stage))),
+    ]
 
 
 def findings_table(reduction: Reduction) -> Table | None:
     """What was found wrong with the log and what was done; None for a clean log."""
+    if not reduction.quality:
+        return None
     quality, samples, zero = reduction.quality, reduction.run.samples, clock_zero(reduction.run)
     columns: list[TableColumn[Finding]] = [
         TableColumn("Finding", text=True, of=lambda f: f.kind.replace("_", " ")),
@@ -266,12 +266,14 @@ def findings_table(reduction: Reduction) -> Table | None:
         TableColumn("What was found", text=True, of=lambda f: f.message),
         TableColumn("What was done", text=True, of=lambda f: f.action),
     ]
-    rows = rows_of(columns, quality[:MOST_FINDINGS])
-    if len(quality) > MOST_FINDINGS:
-        rows.append((f"… {len(quality) - MOST_FINDINGS} more", *[""] * 6))
-    note = f"Times are{_since(zero).lstrip(',')}." if zero else ""
-    caption = "Findings: what is wrong with the log, and what was done about it."
-    return make_table("findings", caption, columns, rows, note=note) if quality else None
+    more = [(f"… {len(quality) - MOST_FINDINGS} more", *[""] * 6)] if len(quality) > MOST_FINDINGS else []
+    return make_table(
+        "findings",
+        "Findings: what is wrong with the log, and what was done about it.",
+        columns,
+        [*rows_of(columns, quality[:MOST_FINDINGS]), *more],
+        note=f"Times are{_since(zero).lstrip(',')}." if zero else "",
+    )
 
 
 _METRIC: tuple[TableColumn[str], ...] = (
@@ -286,7 +288,6 @@ def repeatability_table(reduction: Reduction, found: Uncertainty) -> Table | Non
     values = {
         m: {c.cycle: x for c in reduction.complete if (x := getattr(c.metrics, m)) is not None} for m in ALL_METRICS
     }
-    given = [m for m in ALL_METRICS if mean[m] is not None and len(values[m]) > 1]
     columns: list[TableColumn[str]] = [
         *_METRIC,
         TableColumn("Mean", of=partial(mean_text, reduction, found)),
@@ -297,19 +298,20 @@ def repeatability_table(reduction: Reduction, found: Uncertainty) -> Table | Non
         TableColumn("s", of=lambda m: uncertain(scatter[m] * math.sqrt(len(values[m])))),
         TableColumn("s/√N", of=lambda m: uncertain(scatter[m])),
     ]
-    caption = f"Repeatability of {len(reduction.complete)} complete cycles."
-    note = (
-        "The largest deviation of a cycle from the mean, in percent of the mean. s: standard deviation of a cycle; "
-        "s/√N: of the mean of the N cycles; of net energies, of those that are whole."
+    return items_table(
+        "repeatability",
+        f"Repeatability of {len(reduction.complete)} complete cycles.",
+        columns,
+        [m for m in ALL_METRICS if mean[m] is not None and len(values[m]) > 1],
+        note="The largest deviation of a cycle from the mean, in percent of the mean. s: standard deviation of a cycle; "
+        "s/√N: of the mean of the N cycles; of net energies, of those that are whole.",
     )
-    return make_table("repeatability", caption, columns, rows_of(columns, given), note=note) if given else None
 
 
 def uncertainty_table(reduction: Reduction, found: Uncertainty) -> Table | None:
     """Uncertainty of each mean: of the sensors, of the repeatability, together, and the 95 % interval; None without any."""
     mean, u, known, alone = asdict(reduction.mean), asdict(found.standard), found.budget, found.interval_95_sensors
     sensors, scatter, freedom = asdict(known.sensors), asdict(known.repeatability), asdict(known.freedom)
-    given = [m for m in ALL_METRICS if mean[m] is not None]
     columns: list[TableColumn[str]] = [
         *_METRIC,
         TableColumn("Mean", of=lambda m: stated(mean[m], u[m], DECIMALS[m])),
@@ -320,9 +322,13 @@ def uncertainty_table(reduction: Reduction, found: Uncertainty) -> Table | None:
         TableColumn("95 % interval", of=lambda m: _span(found.interval_95.get(m), u[m])),
         TableColumn("these cycles alone", of=lambda m: _span(alone.get(m), sensors[m])),
     ]
-    caption = "Standard uncertainty u of the means and 95 % intervals."
-    table = make_table("uncertainty", caption, columns, rows_of(columns, given), note=_how_stated(found))
-    return table if found.method and given else None
+    return items_table(
+        "uncertainty",
+        "Standard uncertainty u of the means and 95 % intervals.",
+        columns,
+        [m for m in ALL_METRICS if mean[m] is not None and found.method],
+        note=_how_stated(found),
+    )
 
 
 def _freedom_text(freedom: float | None) -> str:
@@ -369,12 +375,14 @@ def budget_table(found: Uncertainty, source: str = "") -> Table | None:
         *(TableColumn(name, text=True) for name in ("Source", "Limit", "Distribution", "u", "From")),
         *(TableColumn(SYMBOL[m], "%") for m in metrics),
     ]
-    caption = "Uncertainty budget: share of the variance of each mean, in percent."
-    note = (
+    return formatted_table(
+        "budget",
+        "Uncertainty budget: share of the variance of each mean, in percent.",
+        columns,
+        cells if metrics else (),
         "Errors of a sensor are the same over the whole log, so they do not average out over its cycles. A limit in "
-        f"shares of the full scale is half zero and half gain error. u: standard uncertainty of the error.{_from(source)}"
+        f"shares of the full scale is half zero and half gain error. u: standard uncertainty of the error.{_from(source)}",
     )
-    return make_table("budget", caption, columns, cells, note=note) if metrics else None
 
 
 def _from(source: str) -> str:
@@ -395,7 +403,6 @@ def _about(row: Contribution) -> tuple[str, str, str, str, str]:
 
 def sensors_table(reduction: Reduction) -> Table | None:
     """Sensors of the channels of the log, as the rig file states them."""
-    sensors = [(name, sensor) for name, sensor in reduction.rig.sensors.items() if name in reduction.run.channels]
     columns: list[TableColumn[tuple[str, Sensor]]] = [
         TableColumn("Channel", text=True, of=lambda item: item[0]),
         TableColumn("Instrument", text=True, of=lambda item: item[1].instrument or "–"),
@@ -403,9 +410,13 @@ def sensors_table(reduction: Reduction) -> Table | None:
         TableColumn("Accuracy", text=True, of=lambda item: _accuracy(item[1])),
         TableColumn("From", text=True, of=lambda item: item[1].source or "–"),
     ]
-    caption = "Sensors, as the rig file states them; accuracies are limits."
-    note = _from(reduction.rig.source).strip()
-    return make_table("sensors", caption, columns, rows_of(columns, sensors), note=note) if sensors else None
+    return items_table(
+        "sensors",
+        "Sensors, as the rig file states them; accuracies are limits.",
+        columns,
+        [(name, sensor) for name, sensor in reduction.rig.sensors.items() if name in reduction.run.channels],
+        note=_from(reduction.rig.source).strip(),
+    )
 
 
 def _in_unit(value: float, sensor: Sensor) -> str:
