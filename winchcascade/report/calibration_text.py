@@ -113,9 +113,8 @@ def calibration_record(calibration: Calibration) -> dict[str, Any]:
 def _row(n: Number) -> tuple[str, ...]:
     """A number with the digits that its uncertainty allows, a very small one as a power of ten."""
     decimals = places(n.u) if n.u > 0.0 else 6
-    before = number(n.before, decimals).replace("–", "-")
-    interval = f"{number(n.low, decimals)} to {number(n.high, decimals)}"
-    return (n.name, before, number(n.value, decimals), interval, n.unit, n.how)
+    before, value, low, high = (number(x, decimals) for x in (n.before, n.value, n.low, n.high))
+    return (n.name, before.replace("–", "-"), value, f"{low} to {high}", n.unit, n.how)
 
 
 def _regression(r: BackEmf) -> str:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from functools import partial
+from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import quote
 
 import msgspec
 import numpy as np
-from msgspec.structs import asdict, replace
+from msgspec.structs import replace
 
 from winchcascade.core.campaign_file import KINDS, banner, joint_origin, origin_words
 from winchcascade.reduction.efficiency import FIELDS, METRICS, NET_METRICS
@@ -25,7 +26,7 @@ from winchcascade.report.campaign_record import (
     mixed_windows,
     window_text,
 )
-from winchcascade.report.digits import number, percent, places, stated, uncertain
+from winchcascade.report.digits import interval_text, percent, stated, uncertain
 from winchcascade.report.model_account import Account
 from winchcascade.report.model_section import Named, campaign_section
 from winchcascade.report.records import FindingRecord
@@ -204,7 +205,7 @@ def _mean(metric: str, run: LogSummary) -> str:
 
 def _interval(metric: str, run: LogSummary) -> str:
     ends, u = run.interval_95[FIELDS[metric]], getattr(run.standard_uncertainty, metric)
-    return "–" if ends is None or not u else f"{number(ends[0], places(u))} to {number(ends[1], places(u))}"
+    return "–" if ends is None or not u else interval_text(*ends, u)
 
 
 def _tiles(runs: Sequence[LogSummary]) -> tuple[Tile, ...]:
@@ -344,14 +345,14 @@ def repeatability_table(runs: Sequence[LogSummary]) -> Table | None:
     """Largest deviation of any cycle from the mean, for every log; None where no log has two cycles."""
     several = [run for run in runs if run.complete > 1]
     given = [m for m in METRICS if any(getattr(run.max_deviation_percent, m) is not None for run in several)]
-    columns = [_LOG, _LOAD, _CYCLES, *(TableColumn(SYMBOL[m], "%", 2, of=partial(_deviation, m)) for m in given)]
+    columns = [
+        _LOG,
+        _LOAD,
+        _CYCLES,
+        *(TableColumn(SYMBOL[m], "%", 2, of=attrgetter(f"max_deviation_percent.{m}")) for m in given),
+    ]
     caption = "Repeatability: largest deviation of any cycle from the mean of its run, in percent of the mean."
     return _table("repeatability", caption, columns, several) if given else None
-
-
-def _deviation(metric: str, run: LogSummary) -> float | None:
-    value: float | None = asdict(run.max_deviation_percent)[metric]
-    return value
 
 
 def logs_table(runs: Sequence[LogSummary]) -> Table:

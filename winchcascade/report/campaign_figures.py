@@ -19,11 +19,12 @@ from winchcascade.report.style import (
     COLOURS,
     LOAD_COLOURS,
     STAGE_STYLE,
-    WIDTH,
+    Room,
     columns_within,
     cut_apart,
     label_panel,
     lines_within,
+    panel_figure,
     text_width,
 )
 from winchcascade.report.wording import tex
@@ -61,9 +62,8 @@ def over_load(runs: Sequence[LogSummary]) -> Figure | None:
     """Draw mean powers and efficiencies over the load, with 95 % intervals; over the runs' order where loads are unknown."""
     if not runs:
         return None
-    figure = Figure((WIDTH, 2.9))
-    left, right = figure.subplots(1, 2, gridspec_kw={"wspace": 0.26})
-    figure.subplots_adjust(left=0.095, right=0.985, top=0.85, bottom=0.17)
+    room = Room(left=0.095, head=0.435, foot=0.493)
+    figure, (left, right) = panel_figure(2.9, 1, 2, room=room, gaps={"wspace": 0.26})
     unit = _points(left, runs, _POWERS, "W")
     label_panel(left, "a", "Mean power in the window", y=f"Power ({unit})")
     _points(right, runs, _ETAS, "1")
@@ -175,10 +175,8 @@ def over_speed(runs: Sequence[LogSummary], bins: Bins) -> Figure | None:
     names = [name for run, name in zip(drawn_runs(runs), _entries(runs), strict=True) if run.name in shown]
     place = {name: k for k, name in enumerate(dict.fromkeys(names))}
     head = 0.27 + LINE * lines_within(list(place), **_LEGEND)
-    height = head + 2.42
-    figure = Figure((WIDTH, height))
-    axes: list[Axes] = list(figure.subplots(1, len(fields), squeeze=False, gridspec_kw={"wspace": 0.34})[0])
-    figure.subplots_adjust(left=0.085, right=0.985, top=1 - head / height, bottom=0.46 / height)
+    room = Room(left=0.085, head=head, foot=0.46)
+    figure, axes = panel_figure(head + 2.42, 1, len(fields), room=room, gaps={"wspace": 0.34})
     for k, (ax, (field, title, unit)) in enumerate(zip(axes, fields, strict=True)):
         curves = [_curve(found, field) for found in shown.values()]
         short, unit = readable(unit, *(y for _, y in curves))

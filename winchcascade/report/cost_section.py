@@ -30,7 +30,7 @@ from winchcascade.report.report_model import (
     section,
     text_column,
 )
-from winchcascade.report.style import COLOURS, wide_figure
+from winchcascade.report.style import COLOURS, Room, panel_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -113,11 +113,10 @@ def waterfall_figure(found: ModelDiagnosis) -> Figure | None:
         return None
     bars, lines = len(table[0].parts) + 2, -(-len(table) // COLUMNS)
     height = lines * (bars * BAR + 0.5) + 0.25
-    figure = wide_figure(height, left=0.2, head=0.24)
-    panels = figure.subplots(lines, COLUMNS, squeeze=False, sharey=True)
-    figure.subplots_adjust(wspace=0.08, hspace=0.5 / (bars * BAR))
+    gaps = {"wspace": 0.08, "hspace": 0.5 / (bars * BAR)}
+    figure, panels = panel_figure(height, lines, COLUMNS, room=Room(left=0.2, head=0.24), gaps=gaps, share="y")
     span = max(_reach(costs)[1] - _reach(costs)[0] for costs in table)
-    for k, ax in enumerate(panels.flat):
+    for k, ax in enumerate(panels):
         if k >= len(table):
             ax.set_visible(False)
             continue
@@ -126,7 +125,7 @@ def waterfall_figure(found: ModelDiagnosis) -> Figure | None:
         if k + COLUMNS >= len(table):
             ax.set_xlabel(f"{metric} (%)")
     names = [given_head(found), *(part_name(found, part) for part in table[0].parts), word_of(found)]
-    panels[0, 0].set(yticks=range(bars), yticklabels=names, ylim=(bars - 0.45, -0.55))
+    panels[0].set(yticks=range(bars), yticklabels=names, ylim=(bars - 0.45, -0.55))
     return figure
 
 

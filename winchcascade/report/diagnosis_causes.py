@@ -22,7 +22,7 @@ from winchcascade.report.diagnosis_data import stator_current
 from winchcascade.report.diagnosis_names import display_of, number_words, probability_words
 from winchcascade.report.digits import MINUS, number
 from winchcascade.report.model_figures import legend_above, line_entry, patch_entry
-from winchcascade.report.style import COLOURS, label_panel, wide_figure
+from winchcascade.report.style import COLOURS, Room, label_panel, panel_figure, wide_figure
 from winchcascade.rig.effects.effect import Change, Display, Effect
 from winchcascade.rig.effects.generator import share_of_k_e
 from winchcascade.rig.parts import ROLLOFF_KNOTS, number_of
@@ -151,8 +151,7 @@ def profile_figure(found: ModelDiagnosis) -> Figure | None:
     profile = profile_of(found)
     if profile is None:
         return None
-    figure = wide_figure(2.7, head=0.28)
-    ax = figure.subplots()
+    figure, (ax,) = panel_figure(2.7, room=Room(head=0.28))
     ax.fill_between(profile.current, profile.low, profile.high, color=COLOURS["gen"], alpha=0.3, lw=0)
     ax.plot(profile.current, profile.left, color=COLOURS["gen"], lw=1.4)
     knots = np.array([x for x in ROLLOFF_KNOTS if x <= profile.current[-1]])

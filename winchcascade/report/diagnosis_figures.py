@@ -37,7 +37,7 @@ from winchcascade.report.line_words import set_words
 from winchcascade.report.model_account import COMPARED
 from winchcascade.report.model_figures import Entry, legend_above, line_entry, patch_entry, shade_over_speed
 from winchcascade.report.own_simulation_words import baseline_words
-from winchcascade.report.style import COLOURS, LOAD_COLOURS, label_panel, wide_figure
+from winchcascade.report.style import COLOURS, LOAD_COLOURS, Room, label_panel, panel_figure, wide_figure
 from winchcascade.rig.stages import STAGES
 
 FULL = 20.0
@@ -93,8 +93,7 @@ def _matrix(
     logs = by_load(found)
     if not rows:
         return None
-    figure = wide_figure(0.3 + 0.235 * len(rows), left=left, head=0.24, foot=0.04)
-    ax = figure.subplots()
+    figure, (ax,) = panel_figure(0.3 + 0.235 * len(rows), room=Room(left=left, head=0.24, foot=0.04))
     for i, (kind, phase) in enumerate(rows):
         for j, log in enumerate(logs):
             if (kind, phase, log) in cells:
@@ -144,8 +143,7 @@ def closure_bars(found: ModelDiagnosis) -> Figure | None:
     if found.closure is None:
         return None
     shown = {name: x for name, x in found.closure.channels.items() if x.noise > 0.0}
-    figure = wide_figure(0.8 + 0.235 * len(shown), left=0.12)
-    ax = figure.subplots()
+    figure, (ax,) = panel_figure(0.8 + 0.235 * len(shown), room=Room(left=0.12))
     for row, x in enumerate(shown.values()):
         before, after = x.before / x.noise, x.after / x.noise
         ax.plot([after, before], [row, row], color=COLOURS["loss"], lw=2.2, solid_capstyle="round", zorder=1)
@@ -196,8 +194,8 @@ def history(found: ModelDiagnosis, both: Sides, log: int, word: str) -> Figure |
     if not own:
         return None
     height = 0.75 + 0.9 * len(own)
-    figure = wide_figure(height, left=0.14, head=0.33, foot=0.4)
-    axes = figure.subplots(len(own), 1, sharex=True, squeeze=False, gridspec_kw={"hspace": 0.16})[:, 0]
+    room = Room(left=0.14, head=0.33, foot=0.4)
+    figure, axes = panel_figure(height, len(own), room=room, gaps={"hspace": 0.16}, share="x")
     for ax, channel in zip(axes, own, strict=True):
         one = series(found, both, log, channel)
         shown = one.t <= one.t[0] + LONGEST
@@ -238,8 +236,7 @@ def over_speed_figure(found: ModelDiagnosis, both: Sides, word: str) -> Figure |
     panels = [panel for panel in PANELS if {*panel[2]} <= {*seen_channels(found)}]
     if not panels or not logs or found.rig.rpm_per_velocity is None:
         return None
-    figure = wide_figure(3.1, left=0.075, head=0.66)
-    axes = figure.subplots(1, len(panels), squeeze=False, gridspec_kw={"wspace": 0.33})[0]
+    figure, axes = panel_figure(3.1, 1, len(panels), room=Room(left=0.075, head=0.66), gaps={"wspace": 0.33})
     colours = dict(zip(logs, (LOAD_COLOURS[k] for k in (1, 3, 5)), strict=False))
     rated, shaded = found.rig.generator.speed_rated, False
     marks: tuple[dict[str, Any], ...] = (
@@ -287,8 +284,7 @@ def error_figure(found: ModelDiagnosis, both: Sides, word: str) -> Figure | None
     panels = error_panels(found)
     if not panels:
         return None
-    figure = wide_figure(2.5, right=0.972, head=0.5)
-    axes = figure.subplots(1, len(panels), squeeze=False, gridspec_kw={"wspace": 0.26})[0]
+    figure, axes = panel_figure(2.5, 1, len(panels), room=Room(right=0.972, head=0.5), gaps={"wspace": 0.26})
     rated = rated_dc_current(found) if panels[0] == "idc" else None
     for n, (ax, channel) in enumerate(zip(axes, panels, strict=True)):
         _errors(ax, found, both, channel)
@@ -350,7 +346,7 @@ def power_history(found: LineDiagnosis, word: str) -> Figure | None:
     shown = (t >= own[0]) & (t <= own[-1])
     about = t[shown][np.argmax(np.abs(part.gap[shown]))]
     near = (t >= about - 0.5 * NEAR) & (t <= about + 0.5 * NEAR)
-    figure = wide_figure(4.5, left=0.085, head=0.5)
+    figure = wide_figure(4.5, Room(left=0.085, head=0.5))
     grid = figure.add_gridspec(2, 2, width_ratios=(2.1, 1.0), height_ratios=(1.7, 1.0), wspace=0.17, hspace=0.12)
     title = f"{'Two cycles' if middle.size > 1 else 'One cycle'} of {part.run.name}"
     for column, (here, text) in enumerate(((shown, title), (near, "Where they differ most"))):
@@ -386,8 +382,7 @@ def power_scatter(found: LineDiagnosis, word: str) -> Figure | None:
     measured = given + np.concatenate([part.gap for part in found.closure.parts])
     caused = measured - np.concatenate(found.closure.after)
     every = slice(None, None, max(measured.size // MARKS, 1))
-    figure = wide_figure(3.1, left=0.085, head=0.28)
-    axes = figure.subplots(1, 2, sharex=True, sharey=True, gridspec_kw={"wspace": 0.08})
+    figure, axes = panel_figure(3.1, 1, 2, room=Room(left=0.085, head=0.28), gaps={"wspace": 0.08}, share="xy")
     ends = [float(np.quantile(measured, q)) * KILO for q in (0.0005, 0.9995)]
     sides = ((given, "mech", upper(GIVEN)), (caused, "gen", upper(CAUSED)))
     for ax, letter, (predicted, colour, title) in zip(axes, "ab", sides, strict=True):
@@ -407,8 +402,7 @@ def sets_of(found: LineDiagnosis) -> list[Names]:
 def closed_bars(found: LineDiagnosis) -> Figure | None:
     """Draw the squared error of sets of causes on held-out cycles, over that without any."""
     sets, every = sets_of(found), found.lines.names
-    figure = wide_figure(0.45 + 0.3 * len(sets), left=0.3, head=0.06, foot=0.4)
-    ax = figure.subplots()
+    figure, (ax,) = panel_figure(0.45 + 0.3 * len(sets), room=Room(left=0.3, head=0.06, foot=0.4))
     for row, names in enumerate(sets):
         left = 100.0 * found.choice.error(names)
         ax.barh(row, left, height=0.6, color=COLOURS["gen" if names == found.chosen else "loss"], lw=0)
@@ -439,8 +433,7 @@ def power_by_cycle(found: LineDiagnosis, word: str) -> Figure | None:
         return None
     before, left = np.array([[KILO * np.sqrt(np.mean(x**2)) for x in pair] for pair in errors]).T
     x = np.arange(len(errors)) + (int(parts[0].cycle.min()) if len(parts) == 1 else 1)
-    figure = wide_figure(1.9, left=0.085, head=0.26)
-    ax = figure.subplots()
+    figure, (ax,) = panel_figure(1.9, room=Room(left=0.085, head=0.26))
     ax.vlines(x, left, before, color=COLOURS["loss"], lw=2.0)
     ax.plot(x, before, ls="none", ms=4.0, mew=1.0, **HOLLOW)
     ax.plot(x, left, ls="none", ms=4.0, **FILLED)

@@ -44,6 +44,15 @@ def _power_of_ten(value: float, decimals: int) -> str:
     return f"{mantissa.replace('-', MINUS)}×10{str(int(exponent)).translate(_RAISED)}"
 
 
+def interval_text(low: float, high: float, u: float) -> str:
+    """Text of an interval with the digits that a standard uncertainty allows.
+
+    >>> interval_text(0.89396, 0.91278, 0.0048)
+    '0.894 to 0.913'
+    """
+    return f"{number(low, places(u))} to {number(high, places(u))}"
+
+
 def stated(value: float | None, u: float | None, otherwise: int) -> str:
     """Text of a value with the digits that its standard uncertainty allows, else with so many decimals.
 

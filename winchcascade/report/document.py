@@ -13,7 +13,7 @@ from msgspec.structs import asdict
 from winchcascade.core.campaign_file import banner, origin_words
 from winchcascade.reduction.efficiency import ALL_METRICS, METRICS, NOTHING
 from winchcascade.report import figures, tables
-from winchcascade.report.digits import number, percent, places, stated, uncertain
+from winchcascade.report.digits import interval_text, number, percent, places, uncertain
 from winchcascade.report.model_section import Modelled, modelled, run_section
 from winchcascade.report.publish import publish
 from winchcascade.report.report_model import (
@@ -111,7 +111,7 @@ def _tiles(reduction: Reduction, found: Uncertainty) -> tuple[Tile, ...]:
         scatter = asdict(found.budget.repeatability)[m]
         text = "uncertainty unknown"
         if interval is not None and u:
-            text = f"95 %: {stated(interval.low, u, 3)} to {stated(interval.high, u, 3)} {unit}".strip()
+            text = f"95 %: {interval_text(interval.low, interval.high, u)} {unit}".strip()
         elif scatter:
             text = f"± {f'{uncertain(scatter)} {unit}'.rstrip()} by repeatability alone"
         value = f"{tables.mean_text(reduction, found, m)} {unit}".strip()

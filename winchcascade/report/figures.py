@@ -16,7 +16,7 @@ from winchcascade.reduction.bins import engaged
 from winchcascade.reduction.efficiency import ALL_RATIOS, METRICS, RATIOS
 from winchcascade.reduction.energies import STAGES, power
 from winchcascade.report.digits import significant
-from winchcascade.report.style import COLOURS, STAGE_STYLE, WIDTH, label_panel
+from winchcascade.report.style import COLOURS, STAGE_STYLE, Room, label_panel, panel_figure, wide_figure
 from winchcascade.report.traces import PANELS, clock_zero, end_of, envelope, time_label
 from winchcascade.report.wording import by_sensor, tex
 
@@ -70,6 +70,9 @@ _TREND_STAGE = {
 _TURN, _DROP = 0.38, -0.3
 """Where a loss turns down between two bars, as a share of the way, and how far it goes."""
 
+_ROOM = Room(left=0.095)
+"""Room of the figures over time."""
+
 STAGE_MARKS = {"line": "o", "mech": "s", "gen": "^"}
 """Markers of the stages."""
 
@@ -84,22 +87,6 @@ def powers_of(reduction: Reduction) -> dict[str, Signal]:
     """Power stream of every stage that the log gives, (n,) [W]."""
     found = {stage: power(reduction.run.channels, stage, reduction.rig.r_drum) for stage in STAGES}
     return {stage: x for stage, x in found.items() if x is not None}
-
-
-def _panels(
-    rows: int, columns: int, *, each: float, around: float, top: float, gaps: dict[str, float]
-) -> tuple[Figure, list[Axes]]:
-    """A figure of panels with one horizontal axis.
-
-    Parameters
-    ----------
-    each, around, top : height of a row of panels, space above and below all of them, and the part of it above [in]
-    """
-    height = around + each * rows
-    figure = Figure((WIDTH, height))
-    axes = figure.subplots(rows, columns, sharex=True, squeeze=False, gridspec_kw=gaps)
-    figure.subplots_adjust(left=0.095, right=0.985, top=1 - top / height, bottom=0.42 / height)
-    return figure, list(axes.ravel())
 
 
 def _trace(ax: Axes, t: Signal, x: Signal, *, most: int = DRAWN, **style: Any) -> None:
@@ -119,7 +106,7 @@ def time_histories(reduction: Reduction, powers: dict[str, Signal]) -> Figure:
     t = run.t - zero
     panels = [panel for panel in PANELS if panel[0] in run.channels]
     rows = len(panels) + bool(powers)
-    figure, axes = _panels(rows, 1, each=0.98, around=0.75, top=0.3, gaps={"hspace": 0.42})
+    figure, axes = panel_figure(0.75 + 0.98 * rows, rows, room=_ROOM, gaps={"hspace": 0.42}, share="x")
     for k, (ax, (name, title, unit, factor)) in enumerate(zip(axes, panels, strict=False)):
         x = run.channels[name]
         short, unit = readable(unit, x)
@@ -173,9 +160,8 @@ def power_streams(reduction: Reduction, powers: dict[str, Signal]) -> Figure | N
     if not powers or not reduction.cycles:
         return None
     with_bins = bool(reduction.bins)
-    figure = Figure((WIDTH, 2.75))
-    axes = figure.subplots(1, 1 + with_bins, squeeze=False, gridspec_kw={"wspace": 0.27})[0]
-    figure.subplots_adjust(left=0.095, right=0.985, top=0.9, bottom=0.16)
+    room = _ROOM._replace(head=0.275, foot=0.44)
+    figure, axes = panel_figure(2.75, 1, 1 + with_bins, room=room, gaps={"wspace": 0.27})
     _one_cycle(axes[0], reduction, powers)
     if with_bins:
         _over_speed(axes[1], reduction, powers)
@@ -282,7 +268,7 @@ def energy_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) ->
     ]
     if not rows:
         return None
-    figure = Figure((WIDTH, 2.3 * len(rows)))
+    figure = wide_figure(2.3 * len(rows))
     for k, (title, flow) in enumerate(rows):
         ax = figure.add_axes((0.0, 1.0 - (k + 1) / len(rows), 1.0, 1.0 / len(rows)))
         ax.set_axis_off()
@@ -357,10 +343,7 @@ def uncertainty_bars(known: Budget) -> Figure | None:
     names = sorted({n for p in parts.values() for n in p}, key=lambda n: (n == "repeatability", n))
     if not names:
         return None
-    height = 0.62 + 0.27 * len(metrics)
-    figure = Figure((WIDTH, height + 0.25))
-    ax = figure.subplots()
-    figure.subplots_adjust(left=0.08, right=0.985, top=1 - 0.3 / height, bottom=0.42 / height)
+    figure, (ax,) = panel_figure(0.87 + 0.27 * len(metrics), room=Room(left=0.08, head=0.38, foot=0.55))
     left = np.zeros(len(metrics))
     rows = np.arange(len(metrics))[::-1]
     for name in names:
@@ -397,8 +380,9 @@ def overlaid(reduction: Reduction, powers: dict[str, Signal], best: int | None, 
     columns += [(f"Power {tex(f'power_{s}')}", "W", powers[s]) for s in ("gen", "mech", "line") if s in powers][:1]
     if not cycles or not columns:
         return None
+    rows, room = -(-len(columns) // 2), _ROOM._replace(head=0.42)
     gaps = {"hspace": 0.36, "wspace": 0.24}
-    figure, axes = _panels(-(-len(columns) // 2), 2, each=1.55, around=0.5, top=0.42, gaps=gaps)
+    figure, axes = panel_figure(0.5 + 1.55 * rows, rows, 2, room=room, gaps=gaps, share="x")
     even = np.linspace(0, len(cycles) - 1, min(len(cycles), OVERLAID)).round().astype(int).tolist()
     chosen = [cycles[k] for k in even if cycles[k].cycle not in (best, worst)]
     chosen += [c for number in (worst, best) for c in cycles if c.cycle == number]
@@ -442,7 +426,8 @@ def trend(reduction: Reduction) -> Figure | None:
     groups = [row for row in (("Efficiencies", "1", etas), ("Energies", "J", energies)) if row[2]]
     if not groups:
         return None
-    figure, axes = _panels(len(groups), 1, each=1.5, around=0.55, top=0.25, gaps={"hspace": 0.3})
+    room = _ROOM._replace(head=0.25)
+    figure, axes = panel_figure(0.55 + 1.5 * len(groups), len(groups), room=room, gaps={"hspace": 0.3}, share="x")
     number = np.array([c.cycle for c in complete], dtype=float)
     for k, (ax, (title, unit, names)) in enumerate(zip(axes, groups, strict=True)):
         columns = {name: np.array([asdict(c.metrics)[name] for c in complete], dtype=float) for name in names}

@@ -11,7 +11,7 @@ from winchcascade.report.cycle_histories import AXES, TIME, CycleHistory, panel_
 from winchcascade.report.diagnosis_figures import AFTER, DASHES
 from winchcascade.report.model_figures import legend_above, line_entry, patch_entry
 from winchcascade.report.own_simulation_words import baseline_words
-from winchcascade.report.style import COLOURS, WIDTH
+from winchcascade.report.style import COLOURS, wide_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,7 +37,7 @@ def histories_figure(found: ModelDiagnosis, item: CycleHistory, word: str) -> Fi
     """Draw one cycle; the parts that a page exchanges have names: `trace-PANEL-LINE`, `span-PANEL`, `xaxis-`, `yaxis-`."""
     channels = panel_channels(found)
     height = HEAD + FOOT + (TITLE + ABOVE + APART + BELOW) * len(channels)
-    figure, top = Figure((WIDTH, height)), height - HEAD
+    figure, top = wide_figure(height), height - HEAD
     for n, name in enumerate(channels):
         title, unit, factor = AXES[name]
         k = CHANNELS.index(name)

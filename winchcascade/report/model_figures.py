@@ -32,11 +32,12 @@ from winchcascade.report.style import (
     COLOURS,
     LOAD_COLOURS,
     WIDTH,
+    Room,
     columns_within,
     label_panel,
     lines_within,
+    panel_figure,
     text_width,
-    wide_figure,
 )
 
 MARKS: tuple[Any, ...] = ("o", "s", "^", "D", "v", "P", "X")
@@ -115,9 +116,8 @@ def panels(
     named = 0 if len(drawn) == 1 else lines_within([name for _, name in _loads(drawn)])
     head = 0.24 + (0.01 + LINE * named if named else 0.0) + (0.32 if gear is not None else 0.22)
     height = head + rows * 2.15 - 0.1 + (0.6 if columns == 1 else 0.0)
-    spaces = {"wspace": {1: 0.2, 2: 0.24, 3: 0.36}[columns], "hspace": 0.5}
-    figure = wide_figure(height, right=0.972, head=head)
-    grid = figure.subplots(rows, columns, squeeze=False, gridspec_kw=spaces).ravel()
+    gaps = {"wspace": {1: 0.2, 2: 0.24, 3: 0.36}[columns], "hspace": 0.5}
+    figure, grid = panel_figure(height, rows, columns, room=Room(right=0.972, head=head), gaps=gaps)
     shaded = False
     for ax, name, letter in zip(grid, given, _LETTERS if len(given) > 1 else ("",), strict=False):
         _panel(ax, letter, name, drawn, (clouds or {}).get(name), MOST_MARKS // columns)
@@ -223,8 +223,7 @@ def legend_above(figure: Figure, entries: Sequence[Entry], *, line: int = 0) -> 
 # --------------------------------------------------------------------------------------------------- an open circuit
 def damper_sweep(sweep: Sweep, *, word: str, rated: float | None) -> Figure:
     """Draw the line tension in open circuit over generator speed, logged and simulated with several dampers (Fig. 11)."""
-    figure = wide_figure(2.9, right=0.972, head=0.29)
-    ax = figure.subplots()
+    figure, (ax,) = panel_figure(2.9, room=Room(right=0.972, head=0.29))
     entries: list[Any] = [(ax.plot(sweep.rpm, sweep.log, color=COLOURS["ink"], lw=1.4)[0], word)]
     for k, (factor, force) in enumerate(zip(sweep.factors, sweep.simulated, strict=True)):
         (drawn,) = ax.plot(
@@ -240,8 +239,7 @@ def damper_sweep(sweep: Sweep, *, word: str, rated: float | None) -> Figure:
 
 def back_emf_figure(fit: Regression, *, word: str) -> Figure:
     """Draw the DC voltage and the back-EMF of an open circuit over generator speed, with the line through zero (Fig. 12)."""
-    figure = wide_figure(2.6, right=0.972, head=0.468)
-    left, right = figure.subplots(1, 2, gridspec_kw={"wspace": 0.24})
+    figure, (left, right) = panel_figure(2.6, 1, 2, room=Room(right=0.972, head=0.468), gaps={"wspace": 0.24})
     ends = np.array([0.0, 1.05 * max(fit.rpm)])
     rig: dict[str, Any] = {"ls": (0, (5, 2)), "lw": 0.9}
     right.fill_between(ends, 0.9 * fit.reference * ends, 1.1 * fit.reference * ends, color=COLOURS["payout"], lw=0)
@@ -314,8 +312,7 @@ def budget_bars(names: Sequence[str], budgets: Sequence[LossBudget], *, word: st
     head, foot = 0.16 + 0.17 * -(-len(entries) // 7), 0.42
     widest = max(text_width(line) for name in names for line in name.split("\n"))
     height, left = head + foot + _PITCH * (len(names) + 0.1), max(0.125, (widest + _BESIDE) / WIDTH)
-    figure = wide_figure(height, left=left, right=0.905, head=head, foot=foot)
-    ax = figure.subplots()
+    figure, (ax,) = panel_figure(height, room=Room(left, 0.905, head, foot))
     rows = [float(k) for k in reversed(range(len(names)))]
     for row, budget in zip(rows, budgets, strict=True):
         _bar(ax, row, budget, present)

@@ -10,7 +10,7 @@ from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, NamedCause
 from winchcascade.report.diagnosis_names import load_words
 from winchcascade.report.model_figures import legend_above, line_entry, patch_entry
 from winchcascade.report.stability_words import runs_with_number, shown_as
-from winchcascade.report.style import COLOURS, wide_figure
+from winchcascade.report.style import COLOURS, Room, panel_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,9 +39,8 @@ def stability_figure(found: DiagnosisResult) -> Figure | None:
         return None
     rows = -(-len(causes) // BESIDE)
     height = AROUND + ROW * rows + BETWEEN * (rows - 1)
-    figure = wide_figure(height, left=0.075, head=0.52, foot=0.33)
-    grid = {"wspace": 0.2, "hspace": BETWEEN / ROW}
-    panels = figure.subplots(rows, BESIDE, squeeze=False, gridspec_kw=grid).ravel()
+    room, gaps = Room(left=0.075, head=0.52, foot=0.33), {"wspace": 0.2, "hspace": BETWEEN / ROW}
+    figure, panels = panel_figure(height, rows, BESIDE, room=room, gaps=gaps)
     for ax, cause in zip(panels, causes, strict=False):
         _panel(ax, found, cause)
     for ax in panels[len(causes) :]:

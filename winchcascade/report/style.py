@@ -6,9 +6,9 @@ import io
 import logging
 import re
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import matplotlib
 import numpy as np
@@ -102,20 +102,44 @@ def house_style() -> Iterator[None]:
         yield
 
 
-def wide_figure(
-    height: float, *, left: float = 0.09, right: float = 0.985, head: float = 0.3, foot: float = 0.42
-) -> Figure:
-    """An empty figure as wide as a page.
+class Room(NamedTuple):
+    """Edges of the panels of a figure, as shares of its width, and the room above and below them [in]."""
+
+    left: float = 0.09
+    right: float = 0.985
+    head: float = 0.3
+    foot: float = 0.42
+
+
+def wide_figure(height: float, room: Room = Room()) -> Figure:  # noqa: B008  # a named tuple does not change
+    """An empty figure as wide as a page and of some height [in]."""
+    figure = Figure((WIDTH, height))
+    figure.subplots_adjust(room.left, room.foot / height, room.right, 1 - room.head / height)
+    return figure
+
+
+def panel_figure(
+    height: float,
+    rows: int = 1,
+    columns: int = 1,
+    *,
+    room: Room = Room(),  # noqa: B008
+    gaps: Mapping[str, float] | None = None,
+    share: Literal["", "x", "y", "xy"] = "",
+) -> tuple[Figure, list[Axes]]:
+    """A figure as wide as a page with its panels, row by row.
 
     Parameters
     ----------
     height : [in]
-    left, right : edges of the panels, as shares of the width
-    head, foot : room above and below the panels [in]
+    gaps : `wspace` and `hspace` between the panels, as shares of a panel
+    share : axes that all panels have in common
     """
-    figure = Figure((WIDTH, height))
-    figure.subplots_adjust(left=left, right=right, top=1 - head / height, bottom=foot / height)
-    return figure
+    figure = wide_figure(height, room)
+    grid = figure.subplots(
+        rows, columns, sharex="x" in share, sharey="y" in share, squeeze=False, gridspec_kw=dict(gaps or {})
+    )
+    return figure, list(grid.ravel())
 
 
 def label_panel(axes: Axes, letter: str, title: str, *, x: str = "", y: str = "") -> None:

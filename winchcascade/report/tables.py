@@ -14,7 +14,17 @@ from winchcascade.core.run import CHANNELS
 from winchcascade.reduction.efficiency import ALL_METRICS, METRICS, NET_METRICS, RATIOS
 from winchcascade.reduction.energies import STAGES
 from winchcascade.reduction.uncertainty import R_DRUM, shares
-from winchcascade.report.digits import MINUS, number, of_many, percent, places, significant, stated, uncertain
+from winchcascade.report.digits import (
+    MINUS,
+    interval_text,
+    number,
+    of_many,
+    percent,
+    places,
+    significant,
+    stated,
+    uncertain,
+)
 from winchcascade.report.report_model import Table, TableColumn, formatted_table, items_table, make_table, rows_of
 from winchcascade.report.traces import clock_zero
 from winchcascade.report.wording import SYMBOL, label, net_reasons, not_known, of_phase, source_name
@@ -337,7 +347,7 @@ def _freedom_text(freedom: float | None) -> str:
 
 
 def _span(ends: Interval | None, u: float | None) -> str:
-    return f"{number(ends.low, places(u))} to {number(ends.high, places(u))}" if ends is not None and u else "–"
+    return interval_text(ends.low, ends.high, u) if ends is not None and u else "–"
 
 
 def unknown_words(found: Uncertainty) -> str:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import partial
+from operator import attrgetter
 from typing import TYPE_CHECKING
-
-from msgspec.structs import asdict
 
 from winchcascade.core.campaign_file import origin_words
 from winchcascade.core.plain_text import one_line
 from winchcascade.reduction.efficiency import METRICS, NET_METRICS
+from winchcascade.reduction.energies import STAGES
 from winchcascade.reduction.montecarlo import stated_uncertainty
 from winchcascade.report.report_model import TableColumn
 from winchcascade.report.text_table import at_most, listing, plain_cell, wrapped
@@ -81,16 +81,11 @@ def _columns(reduction: Reduction, names: Sequence[str]) -> list[TableColumn[Cyc
     """Metrics of a cycle, energies and efficiencies."""
     energy = _decimals(reduction)
     return [
-        TableColumn(name, "", 3, of=partial(_metric, name))
+        TableColumn(name, "", 3, of=attrgetter(f"metrics.{name}"))
         if name.startswith("eta")
-        else TableColumn(name.replace("energy", "E"), "J", energy, of=partial(_metric, name))
+        else TableColumn(name.replace("energy", "E"), "J", energy, of=attrgetter(f"metrics.{name}"))
         for name in names
     ]
-
-
-def _metric(name: str, cycle: CycleResult) -> float | None:
-    value: float | None = asdict(cycle.metrics)[name]
-    return value
 
 
 def _means(
@@ -102,19 +97,18 @@ def _means(
     ----------
     lead : cells between the names of the rows and the metrics
     """
-    energy, u = _decimals(reduction), asdict(uncertainties)
+    energy = _decimals(reduction)
     rows = (
         (f"mean of {n}", n > 0, reduction.mean, energy, 3),
         ("largest dev. %", n > 1, reduction.max_deviation_percent, 2, 2),
-        ("std. uncertainty", any(u[name] is not None for name in names), uncertainties, energy, 4),
+        ("std. uncertainty", any(getattr(uncertainties, name) is not None for name in names), uncertainties, energy, 4),
     )
     return [[name, *lead, *_texts(m, names, *decimals)] for name, wanted, m, *decimals in rows if wanted]
 
 
 def _texts(m: Metrics, names: Sequence[str], energy: int, eta: int) -> list[str]:
     """Texts of metrics, energies and efficiencies with so many decimals."""
-    values = asdict(m)
-    return [plain_cell(values[name], eta if name.startswith("eta") else energy) for name in names]
+    return [plain_cell(getattr(m, name), eta if name.startswith("eta") else energy) for name in names]
 
 
 _PHASES: tuple[TableColumn[CycleResult], ...] = (
@@ -125,9 +119,7 @@ _PHASES: tuple[TableColumn[CycleResult], ...] = (
     TableColumn("haul-in", "s", 2, of=partial(of_phase, "haul_in", "duration")),
     TableColumn("travel", "m", 2, of=partial(of_phase, "payout", "travel")),
     TableColumn("plateau", "m/s", 3, of=partial(of_phase, "plateau", "speed")),
-    TableColumn("P_line", "W", of=lambda c: c.metrics.power_line),
-    TableColumn("P_mech", "W", of=lambda c: c.metrics.power_mech),
-    TableColumn("P_gen", "W", of=lambda c: c.metrics.power_gen),
+    *(TableColumn(f"P_{stage}", "W", of=attrgetter(f"metrics.power_{stage}")) for stage in STAGES),
 )
 
 
@@ -161,8 +153,7 @@ def _duration(run: Run) -> str:
 
 def _decimals(reduction: Reduction) -> int:
     """Decimals of the energies: none for hundreds of joules and more, else as many as give three digits."""
-    joules = [abs(e) for m in METRICS[:3] if (e := asdict(reduction.mean)[m]) is not None]
-    largest = max(joules, default=0.0)
+    largest = max((abs(e) for m in METRICS[:3] if (e := getattr(reduction.mean, m)) is not None), default=0.0)
     return 0 if largest >= 100 or largest == 0 else min(2 - math.floor(math.log10(largest)), 9)
 
 

@@ -28,7 +28,7 @@ from winchcascade.report.report_model import (
     rows_of,
     section,
 )
-from winchcascade.report.style import COLOURS, WIDTH, house_style
+from winchcascade.report.style import COLOURS, Room, house_style, panel_figure
 from winchcascade.report.trial_text import (
     HIDDEN,
     closure_sentence,
@@ -273,10 +273,7 @@ def taken_figure(score: Score) -> Figure | None:
         place = rows.index(hidden_name(case)), columns.index(_column(case))
         counts[place] += 1
         wrong[place] += not case.went_well
-    height = 1.5 + 0.145 * len(rows)
-    figure = Figure((WIDTH, height))
-    ax = figure.subplots()
-    figure.subplots_adjust(left=0.2, right=0.985, top=1 - 1.35 / height, bottom=0.1 / height)
+    figure, (ax,) = panel_figure(1.5 + 0.145 * len(rows), room=Room(left=0.2, head=1.35, foot=0.1))
     for i, j in zip(*np.nonzero(counts), strict=True):
         colour = COLOURS["mech" if wrong[i, j] else "gen"]
         ax.scatter(j, i, s=52, marker="s", color=colour, alpha=0.35, linewidths=0)
@@ -311,9 +308,7 @@ def coverage_figure(score: Score) -> Figure | None:
             found.append((p.effect, p.covered, [(v - p.truth) / size for v in (p.value, p.low, p.high)]))
     if not found:
         return None
-    figure = Figure((WIDTH, 2.6))
-    ax = figure.subplots()
-    figure.subplots_adjust(left=0.09, right=0.985, top=0.91, bottom=0.36)
+    figure, (ax,) = panel_figure(2.6, room=Room(head=0.234, foot=0.936))
     for k, (_, covered, (value, low, high)) in enumerate(found):
         colour = COLOURS["gen" if covered else "mech"]
         ax.plot([k, k], [low, high], color=colour, linewidth=1.1)
