@@ -6,8 +6,15 @@ import msgspec
 import pytest
 from diagnosed import diagnosed
 
-from winchcascade.report.cause_costs import cost_lines, cost_words, load_costs, no_energy_words
-from winchcascade.report.cost_section import cost_section, cost_tables, waterfall_figure
+from winchcascade.report.cause_costs import (
+    cost_lines,
+    cost_section,
+    cost_tables,
+    cost_words,
+    load_costs,
+    no_energy_words,
+    waterfall_figure,
+)
 from winchcascade.report.diagnosis_record import as_json
 from winchcascade.report.diagnosis_text import WIDTH, diagnosis_text
 from winchcascade.report.digits import MINUS

@@ -16,11 +16,11 @@ from winchcascade.report.cycle_histories import (
     chosen_cycles,
     cycle_gaps,
     cycle_histories,
+    histories_figure,
     histories_json,
     zeros_words,
 )
 from winchcascade.report.diagnosis import make_diagnosis_report
-from winchcascade.report.histories_figure import histories_figure
 from winchcascade.report.publish import html_text
 from winchcascade.report.style import house_style
 

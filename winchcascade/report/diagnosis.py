@@ -14,11 +14,12 @@ from winchcascade.report import diagnosis_figures as figures
 from winchcascade.report import diagnosis_tables as tables
 from winchcascade.report import diagnosis_words as words
 from winchcascade.report import line_tables
-from winchcascade.report.cause_costs import cost_words
-from winchcascade.report.cost_section import cost_section
+from winchcascade.report.cause_costs import cost_section, cost_words
+from winchcascade.report.cause_words import check_words, stability_words
 from winchcascade.report.cycle_histories import (
     CycleHistory,
     cycle_histories,
+    histories_figure,
     histories_json,
     item_words,
     zeros_words,
@@ -27,6 +28,7 @@ from winchcascade.report.diagnosis_causes import (
     numbers_figure,
     odds_figure,
     profile_figure,
+    stability_figure,
     threshold_words,
     thresholds,
 )
@@ -40,11 +42,15 @@ from winchcascade.report.diagnosis_names import (
     share_words,
 )
 from winchcascade.report.digits import significant
-from winchcascade.report.entry_words import check_words
-from winchcascade.report.gap_words import NAMES, about_words, upper
-from winchcascade.report.histories_figure import histories_figure
+from winchcascade.report.gap_words import (
+    NAMES,
+    about_words,
+    baseline_words,
+    own_simulation_words,
+    simulated_words,
+    upper,
+)
 from winchcascade.report.line_words import cycles_of, flipped_words, small_words
-from winchcascade.report.own_simulation_words import baseline_words, own_simulation_words, simulated_words
 from winchcascade.report.publish import publish
 from winchcascade.report.report_model import (
     Note,
@@ -59,8 +65,6 @@ from winchcascade.report.report_model import (
     provenance_table,
     section,
 )
-from winchcascade.report.stability_figure import stability_figure
-from winchcascade.report.stability_words import stability_words
 from winchcascade.report.style import house_style
 
 

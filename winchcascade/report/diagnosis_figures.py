@@ -32,11 +32,10 @@ from winchcascade.report.diagnosis_data import (
 )
 from winchcascade.report.diagnosis_names import load_words, phase_words
 from winchcascade.report.digits import MINUS
-from winchcascade.report.gap_words import NAMES, upper
+from winchcascade.report.gap_words import NAMES, baseline_words, upper
 from winchcascade.report.line_words import set_words
 from winchcascade.report.model_account import COMPARED
 from winchcascade.report.model_figures import Entry, legend_above, line_entry, patch_entry, shade_over_speed
-from winchcascade.report.own_simulation_words import baseline_words
 from winchcascade.report.style import COLOURS, LOAD_COLOURS, Room, label_panel, panel_figure, wide_figure
 from winchcascade.rig.stages import STAGES
 

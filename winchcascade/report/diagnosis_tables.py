@@ -25,9 +25,8 @@ from winchcascade.report.diagnosis_names import (
     share_words,
 )
 from winchcascade.report.digits import number, significant, uncertain
-from winchcascade.report.gap_words import NAMES, about_words, alarm_meaning, differs_words
+from winchcascade.report.gap_words import NAMES, about_words, alarm_meaning, baseline_words, differs_words
 from winchcascade.report.model_account import COMPARED
-from winchcascade.report.own_simulation_words import baseline_words
 from winchcascade.report.report_model import (
     Table,
     TableColumn,

@@ -14,14 +14,12 @@ from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report import diagnosis_words as words
 from winchcascade.report.cause_costs import cost_lines, cost_title, no_energy_words
+from winchcascade.report.cause_words import check_words, trend_words
 from winchcascade.report.diagnosis_names import probability_words, share_words
 from winchcascade.report.digits import significant
-from winchcascade.report.entry_words import check_words
-from winchcascade.report.gap_words import NAMES, alarm_words, differs_words
+from winchcascade.report.gap_words import NAMES, alarm_words, differs_words, own_simulation_words
 from winchcascade.report.line_words import flipped_words, slope_words, small_words
 from winchcascade.report.model_account import COMPARED
-from winchcascade.report.own_simulation_words import own_simulation_words
-from winchcascade.report.stability_words import trend_words
 from winchcascade.report.text_table import table_lines
 
 WIDTH, INDENT = 100, 11

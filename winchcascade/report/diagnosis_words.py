@@ -31,9 +31,16 @@ from winchcascade.report.diagnosis_names import (
     share_words,
 )
 from winchcascade.report.digits import number
-from winchcascade.report.gap_words import NAMES, alarm_meaning, alarm_words, arises_sentence, upper, where_sentence
+from winchcascade.report.gap_words import (
+    NAMES,
+    alarm_meaning,
+    alarm_words,
+    arises_sentence,
+    has_own_simulation,
+    upper,
+    where_sentence,
+)
 from winchcascade.report.line_words import LINE_MEANINGS, LINE_NUMBERS, cycles_of, part_words
-from winchcascade.report.own_simulation_words import has_own_simulation
 
 VERDICTS = {
     "no_gap": "No gap",

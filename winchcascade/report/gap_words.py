@@ -1,16 +1,29 @@
-"""Sentences about one place of the gap or one sign of something unexplained, for the terminal, the reports and the JSON."""
+"""Sentences about a place of the gap, a sign of something unexplained, and the owner's own simulation."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
+from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Alarm, Arises, Place, Spot, StagePlace, Where
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_data import POWER
 from winchcascade.diagnosis.nuisances import Nuisance
-from winchcascade.report.diagnosis_names import apart_words, load_words, nuisance_words, phase_words
+from winchcascade.report.diagnosis_names import (
+    apart_words,
+    display_of,
+    load_words,
+    nuisance_words,
+    number_words,
+    phase_words,
+)
 from winchcascade.report.digits import number
+from winchcascade.rig.effects.simplifications import SIMPLIFICATIONS
+
+if TYPE_CHECKING:
+    from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, ModelForm, OwnSimulation
 
 NAMES = {
     "pressure": "pressure", "force": "line tension", "torque": "torque", "vdc": "Vdc", "idc": "Idc", POWER: "winch power",
@@ -175,3 +188,62 @@ def alarm_meaning(alarm: Alarm) -> str:
         "scatter": "something faster than a block of 0.4 s moves, a ripple or a vibration",
         "ripple": "something comes and goes within seconds, as with every turn of a drum that is out of round",
     }.get(alarm.kind, "either its tolerance is wrong or it takes the place of another effect")
+
+
+def has_own_simulation(found: DiagnosisResult) -> bool:
+    """Whether the logs are compared with a simulation of the owner and not with the rig's model as given."""
+    return isinstance(found, ModelDiagnosis) and found.own_simulation is not None
+
+
+def baseline_words(found: DiagnosisResult) -> str:
+    """What the logs are compared with, as in a legend."""
+    return "your simulation" if has_own_simulation(found) else "rig as given"
+
+
+def simulated_words(found: DiagnosisResult, how: str = "") -> str:
+    """What the logs are compared with, as in a caption.
+
+    Parameters
+    ----------
+    how : in what way, such as block by block
+    """
+    if has_own_simulation(found):
+        return f"your simulation, {how}" if how else "your simulation"
+    return f"simulated, {how}, by the rig as given" if how else "simulated by the rig as given"
+
+
+def own_simulation_words(found: DiagnosisResult) -> list[str]:
+    """What the own simulation has in another form than the rig's model, the largest difference first; none without one."""
+    own = found.own_simulation if isinstance(found, ModelDiagnosis) else None
+    if own is None:
+        return []
+    if not own.forms:
+        return ["Your simulation agrees with the rig's model as given within its tolerances."]
+    causes = {cause.effect for cause in found.causes}
+    return [_form_words(form, own, named=form.likely in causes) for form in own.forms]
+
+
+def _form_words(form: ModelForm, own: OwnSimulation, *, named: bool) -> str:
+    """One difference between an own simulation and the rig's model.
+
+    Parameters
+    ----------
+    named : the logs have the same effect, as a cause
+    """
+    load = "" if form.load is None else " in open circuit" if math.isinf(form.load) else f" at {form.load:g} ohm"
+    place = (
+        f"its {NAMES[form.channel]} is {size_text(form.channel, form.bias)} {'higher' if form.bias > 0.0 else 'lower'} during "
+        f"{phase_words(form.phase)}{load}"
+    )
+    differs = f"Your simulation differs from the rig's model in the {form.stage} stage"
+    if form.likely is None:
+        return f"{differs}: {place}; no effect and no usual simplification explains it."
+    if form.likely in SIMPLIFICATIONS:
+        return f"{differs}; likely {own.likely[form.likely].display.what}: {place}."
+    effect, numbers = own.likely[form.likely], own.numbers[form.likely].items()
+    displays = [(display_of(form.likely, name, value.unit), value) for name, value in numbers]
+    sizes = "; ".join(f"{how.what} {number_words(how, value)[0]}" for how, value in displays)
+    too = " The logs have this effect too; only what differs of it is part of their gap." if named else ""
+    return (
+        f"Your simulation already contains {effect.label} ({form.likely}, {form.stage} stage): {sizes}; {place}.{too}"
+    )
