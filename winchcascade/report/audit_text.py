@@ -3,23 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Sequence
+from typing import Any
 
-from winchcascade.core.published_table import load_text, unit_suffix
+from winchcascade.core.published_table import PublishedTable, Span, load_text, unit_suffix
 from winchcascade.core.version import __version__
 from winchcascade.report.text_table import indented, table_lines, wrapped
-from winchcascade.tables.attainable_row import RAMPS, STARTED
-from winchcascade.tables.audit import percent
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from winchcascade.core.published_table import PublishedTable, Span
-    from winchcascade.rig.effects.effect import Field
-    from winchcascade.tables.attainable import Ability, AttainableRanges, SuspectResult
-    from winchcascade.tables.attainable_row import AttainableRow, Cell
-    from winchcascade.tables.audit import Audit, Contradiction
-    from winchcascade.tables.effect_search import Values
+from winchcascade.rig.effects.effect import Field
+from winchcascade.tables.attainable import Ability, AttainableRanges, SuspectResult
+from winchcascade.tables.attainable_row import RAMPS, STARTED, AttainableRow, Cell
+from winchcascade.tables.audit import Audit, Contradiction, percent
+from winchcascade.tables.effect_search import Values
 
 AUDIT_SCHEMA = "winchcascade/audit/1"
 _VERDICTS = {"contradicted": "CONTRADICTED", "not_checkable": "cannot be verified"}

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 from winchcascade.core.campaign_file import origin_record, origin_words
 from winchcascade.core.plain_text import one_line
+from winchcascade.core.quantity import Quantity
 from winchcascade.core.version import __version__
+from winchcascade.diagnosis.calibrate import Calibration, Number
 from winchcascade.report.digits import number, places, significant
 from winchcascade.report.text_table import indented, table_lines, wrapped
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from winchcascade.core.quantity import Quantity
-    from winchcascade.diagnosis.calibrate import Calibration, Number
-    from winchcascade.rig.backemf import BackEmf
+from winchcascade.rig.backemf import BackEmf
 
 CALIBRATION_SCHEMA = "winchcascade/calibration/1"
 

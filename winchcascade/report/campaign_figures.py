@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 from msgspec.structs import asdict
 
+from winchcascade.core.run import Signal
 from winchcascade.reduction.efficiency import FIELDS
 from winchcascade.report.campaign_record import LogSummary, load_text, rule_of
 from winchcascade.report.figures import STAGE_MARKS, readable
@@ -28,11 +30,6 @@ from winchcascade.report.style import (
     text_width,
 )
 from winchcascade.report.wording import tex
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from winchcascade.core.run import Signal
 
 DRAWN_RUNS = 12
 """Runs that share one panel at most; of more, an even selection."""

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import textwrap
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from winchcascade.diagnosis.contributions import EFFICIENCIES, leading_metric, loaded_part
+from winchcascade.diagnosis.diagnose import ModelDiagnosis
+from winchcascade.diagnosis.diagnosis_result import ContributionKind, ContributionPart
 from winchcascade.report.diagnosis_names import load_words
 from winchcascade.report.diagnosis_words import named, word_of
 from winchcascade.report.digits import number
@@ -23,15 +28,6 @@ from winchcascade.report.report_model import (
 )
 from winchcascade.report.style import COLOURS, Room, panel_figure
 from winchcascade.report.text_table import table_lines
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from winchcascade.diagnosis.diagnose import ModelDiagnosis
-    from winchcascade.diagnosis.diagnosis_result import ContributionKind, ContributionPart
 
 PERCENT = 100.0
 

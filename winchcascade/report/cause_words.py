@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 from winchcascade.core.quantity import Unit, find_unit
+from winchcascade.core.run import Run
 from winchcascade.diagnosis.causes import COVERED
-from winchcascade.diagnosis.diagnosis_result import Reported
+from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, NamedCause, Reported, Trend
 from winchcascade.diagnosis.stability import FEWEST
 from winchcascade.report.diagnosis_names import display_of, load_words, number_words
 from winchcascade.report.digits import significant
 from winchcascade.report.gap_words import upper
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from winchcascade.core.run import Run
-    from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, NamedCause, Trend
-    from winchcascade.rig.effects.effect import Display, WrongEntry
+from winchcascade.rig.effects.effect import Display, WrongEntry
 
 CHECK = "Check this entry before other causes."
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 
@@ -15,9 +15,7 @@ from winchcascade.core.published_table import load_text
 from winchcascade.core.version import __version__
 from winchcascade.report.audit_text import load_record, table_record, title_lines
 from winchcascade.report.text_table import at_most, indented, table_lines, wrapped
-
-if TYPE_CHECKING:
-    from winchcascade.tables.check import CellCheck, Check
+from winchcascade.tables.check import CellCheck, Check
 
 CHECK_SCHEMA = "winchcascade/check/1"
 MOST_FINDINGS = 5

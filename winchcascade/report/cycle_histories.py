@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import base64
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from winchcascade.core.run import Signal
+from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.report.diagnosis_data import HAUL_IN, OUT, by_load, most_telling, seen_channels
 from winchcascade.report.diagnosis_figures import AFTER, DASHES
@@ -19,14 +23,6 @@ from winchcascade.report.gap_words import NAMES, baseline_words
 from winchcascade.report.model_figures import legend_above, line_entry, patch_entry
 from winchcascade.report.style import COLOURS, wide_figure
 from winchcascade.report.traces import PANELS
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.axes import Axes
-
-    from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.diagnose import ModelDiagnosis
 
 MOST_CYCLES = 24
 """Maximum number of cycles of all runs that a page holds."""

@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import msgspec
 
+from winchcascade.diagnosis.diagnosis_result import Reported
 from winchcascade.diagnosis.entries import effect_name
+from winchcascade.diagnosis.nuisances import Nuisance
 from winchcascade.report.digits import number, places
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.effect import Display
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from winchcascade.diagnosis.diagnosis_result import Reported
-    from winchcascade.diagnosis.nuisances import Nuisance
-
 
 PLENTY = 100.0
 """More standard deviations than this are not counted."""

@@ -6,12 +6,14 @@ import math
 from collections import Counter
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from msgspec.structs import asdict
 
 from winchcascade.core.campaign_file import banner, origin_words
+from winchcascade.core.run import Signal
 from winchcascade.reduction.efficiency import ALL_METRICS, METRICS, NOTHING
+from winchcascade.reduction.montecarlo import Uncertainty
+from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.report import figures, tables
 from winchcascade.report.digits import interval_text, number, percent, places, uncertain
 from winchcascade.report.model_section import Modelled, modelled, run_section
@@ -32,11 +34,6 @@ from winchcascade.report.report_model import (
 from winchcascade.report.style import house_style
 from winchcascade.report.traces import readout
 from winchcascade.report.wording import SYMBOL, decisive, net_reasons, not_known, window_words
-
-if TYPE_CHECKING:
-    from winchcascade.core.run import Signal
-    from winchcascade.reduction.montecarlo import Uncertainty
-    from winchcascade.reduction.reduction_result import CycleResult, Reduction
 
 _NAMES = {
     "eta_trans": "line to shaft",

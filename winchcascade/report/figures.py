@@ -4,29 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch, Rectangle
 from matplotlib.path import Path as Outline
 from msgspec.structs import asdict
 
+from winchcascade.core.run import Signal
 from winchcascade.reduction.bins import engaged
 from winchcascade.reduction.efficiency import ALL_RATIOS, METRICS, RATIOS
 from winchcascade.reduction.energies import STAGES, power
+from winchcascade.reduction.reduction_result import CycleResult, Reduction
+from winchcascade.reduction.uncertainty import Budget
 from winchcascade.report.digits import significant
 from winchcascade.report.style import COLOURS, STAGE_STYLE, Room, label_panel, panel_figure, wide_figure
 from winchcascade.report.traces import PANELS, clock_zero, end_of, envelope, time_label
 from winchcascade.report.wording import by_sensor, tex
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from winchcascade.core.run import Signal
-    from winchcascade.reduction.reduction_result import CycleResult, Reduction
-    from winchcascade.reduction.uncertainty import Budget
-
 
 DRAWN = 3000
 """Points of a trace that are drawn at most: two for each pixel of a wide screen."""

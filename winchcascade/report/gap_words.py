@@ -4,10 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import Alarm, Arises, Place, Spot, StagePlace, Where
+from winchcascade.diagnosis.diagnosis_result import (
+    Alarm,
+    Arises,
+    DiagnosisResult,
+    ModelForm,
+    OwnSimulation,
+    Place,
+    Spot,
+    StagePlace,
+    Where,
+)
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_data import POWER
 from winchcascade.diagnosis.nuisances import Nuisance
@@ -21,9 +30,6 @@ from winchcascade.report.diagnosis_names import (
 )
 from winchcascade.report.digits import number
 from winchcascade.rig.effects.simplifications import SIMPLIFICATIONS
-
-if TYPE_CHECKING:
-    from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, ModelForm, OwnSimulation
 
 NAMES = {
     "pressure": "pressure", "force": "line tension", "torque": "torque", "vdc": "Vdc", "idc": "Idc", POWER: "winch power",

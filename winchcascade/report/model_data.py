@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.errors import WinchcascadeError
+from winchcascade.core.rig_file import Rig
+from winchcascade.core.run import Mask, Run, Signal
 from winchcascade.reduction.bins import engaged
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from winchcascade.core.rig_file import Rig
-    from winchcascade.core.run import Mask, Run, Signal
-    from winchcascade.reduction.reduction_result import CycleResult, Reduction
-    from winchcascade.rig.parts import Model
-    from winchcascade.rig.simulate import Simulation
+from winchcascade.reduction.reduction_result import CycleResult, Reduction
+from winchcascade.rig.parts import Model
+from winchcascade.rig.simulate import Simulation
 
 LONGEST = 200.0
 """Of a longer log its first complete cycles are simulated: as many as this holds, at half a millisecond a step. [s]"""

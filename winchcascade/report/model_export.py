@@ -4,25 +4,21 @@ from __future__ import annotations
 
 import io
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import write_content
+from winchcascade.core.rig_file import Rig
 from winchcascade.core.version import __version__
 from winchcascade.diagnosis.corrected_rig import corrected_rig
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
+from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.rig.baseline import baseline, stated_effects
-from winchcascade.rig.parts import ROLLOFF_KNOTS, number_of, rolloff_curve
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from winchcascade.core.rig_file import Rig
-    from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-    from winchcascade.rig.parts import Model
+from winchcascade.rig.parts import ROLLOFF_KNOTS, Model, number_of, rolloff_curve
 
 MODEL_SCHEMA = "winchcascade/model/1"
 

@@ -5,15 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from msgspec.structs import asdict
 
 from winchcascade.core.quantity import find_unit, si_unit
-from winchcascade.core.run import CHANNELS
+from winchcascade.core.rig_file import Sensor
+from winchcascade.core.run import CHANNELS, Finding
+from winchcascade.reduction.bins import Bin
 from winchcascade.reduction.efficiency import ALL_METRICS, METRICS, NET_METRICS, RATIOS
 from winchcascade.reduction.energies import STAGES
-from winchcascade.reduction.uncertainty import R_DRUM, shares
+from winchcascade.reduction.montecarlo import Interval, Uncertainty
+from winchcascade.reduction.reduction_result import CycleResult, Reduction
+from winchcascade.reduction.uncertainty import R_DRUM, Contribution, shares
 from winchcascade.report.digits import (
     MINUS,
     interval_text,
@@ -28,15 +32,6 @@ from winchcascade.report.digits import (
 from winchcascade.report.report_model import Table, TableColumn, formatted_table, items_table, make_table, rows_of
 from winchcascade.report.traces import clock_zero
 from winchcascade.report.wording import SYMBOL, label, net_reasons, not_known, of_phase, source_name
-
-if TYPE_CHECKING:
-    from winchcascade.core.rig_file import Sensor
-    from winchcascade.core.run import Finding
-    from winchcascade.reduction.bins import Bin
-    from winchcascade.reduction.montecarlo import Interval, Uncertainty
-    from winchcascade.reduction.reduction_result import CycleResult, Reduction
-    from winchcascade.reduction.uncertainty import Contribution
-
 
 MOST_CYCLES = 60
 """Cycles that a table lists; of more the first and the last half of that."""

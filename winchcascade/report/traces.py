@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from winchcascade.core.quantity import KGF
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from winchcascade.core.run import Run, Signal
-    from winchcascade.reduction.reduction_result import CycleResult
+from winchcascade.core.run import Run, Signal
+from winchcascade.reduction.reduction_result import CycleResult
 
 READ_OUT = 4000
 """Number of samples above which the read-out of a page shows the range of each trace in equal stretches of the log."""

@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from winchcascade.blind.cases import ORIGIN
-from winchcascade.blind.score import NO_GAP, NOTHING, UNEXPLAINED, Count, hidden_name, taken_as
+from winchcascade.blind.score import (
+    NO_GAP,
+    NOTHING,
+    UNEXPLAINED,
+    CaseScore,
+    Count,
+    ParameterScore,
+    Score,
+    hidden_name,
+    taken_as,
+)
 from winchcascade.core.campaign_file import Origin, banner
 from winchcascade.report.diagnosis_names import display_of
 from winchcascade.report.digits import MINUS, number, places, significant
@@ -40,12 +51,6 @@ from winchcascade.report.trial_text import (
     taken_rows,
     totals,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from winchcascade.blind.score import CaseScore, ParameterScore, Score
 
 
 def write_trial_reports(

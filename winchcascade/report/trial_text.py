@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
 from statistics import median
-from typing import TYPE_CHECKING
 
 from winchcascade.blind.cases import ORIGIN, SEALED
 from winchcascade.blind.injected import INJECTED, OUTSIDERS
-from winchcascade.blind.score import NOTHING, Count, Score, hidden_name
+from winchcascade.blind.score import NOTHING, CaseScore, Count, Score, hidden_name
+from winchcascade.blind.trial import TrialProgress
 from winchcascade.core.campaign_file import Origin, origin_words
 from winchcascade.report.campaign_record import altered_lines
 from winchcascade.report.text_table import indented, table_lines
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from winchcascade.blind.score import CaseScore
-    from winchcascade.blind.trial import TrialProgress
 
 HIDDEN = ("single", "pair")
 """Kinds of cases that hide effects of the catalogue."""
