@@ -16,6 +16,10 @@ ATMOSPHERE = 101325.0
 """Standard atmosphere: what an absolute pressure has over a gauge pressure. [Pa]"""
 
 
+TURN = 6.283185307179586
+"""Radians in one revolution."""
+
+
 class Unit(msgspec.Struct, frozen=True):
     """A unit as ``SI value = factor * value + offset``; the dimension is a word that channels share."""
 
@@ -72,8 +76,11 @@ _SPELLED: dict[tuple[str, float], str] = {
     ("power", 1.0): "W watt watts 瓦 瓦特",
     ("power", 1e3): "kW",
     ("power", 1e6): "MW",
-    ("rotation", 1.0): "rad/s rads",
-    ("rotation", 0.10471975511965977): "rpm r/min 1/min min-1 rev/min 轉/分",
+    ("rotation", 1.0): "rad/s rads rad.s-1",
+    ("rotation", 0.10471975511965977): "rpm r/min 1/min min-1 rev/min U/min Umin tr/min giri/min omw/min об/мин obr/min"
+    " 轉/分 转/分 回転/分",
+    ("rotation", 0.017453292519943295): "deg/s °/s deg.s-1",
+    ("rotation", TURN): "rev/s r/s rps U/s tr/s giri/s",
     ("angle", 1.0): "rad",
     ("angle", 0.017453292519943295): "deg ° degree degrees",
     ("resistance", 1.0): "ohm ohms Ohm Ω",
@@ -89,6 +96,17 @@ _SPELLED: dict[tuple[str, float], str] = {
     ("volume", 1.0): "m3",
     ("volume", 1e-3): "L l liter litre dm3",
     ("volume", 1e-6): "mL ml cm3",
+    ("flow", 1.0): "m3/s m3.s-1",
+    ("flow", 1.0 / 60.0): "m3/min",
+    ("flow", 1.0 / 3600.0): "m3/h m3.h-1",
+    ("flow", 1e-3): "L/s l/s dm3/s",
+    ("flow", 1e-3 / 60.0): "L/min l/min lpm dm3/min",
+    ("flow", 1e-3 / 3600.0): "L/h l/h",
+    ("flow", 1e-6): "cm3/s mL/s",
+    ("mass_flow", 1.0): "kg/s",
+    ("mass_flow", 1.0 / 60.0): "kg/min",
+    ("mass_flow", 1.0 / 3600.0): "kg/h",
+    ("acceleration", 1.0): "m/s2",
     ("inertia", 1.0): "kg.m2 kgm2",
     ("inertia", 1e-7): "g.cm2 gcm2",
     ("damping", 1.0): "N.m.s/rad Nms/rad",
@@ -156,6 +174,17 @@ def find_unit(text: str) -> Unit | None:
     if plain == "mPa":
         return None
     return UNITS.get(plain) or _FOLDED_CASE.get(plain.casefold())
+
+
+def read_as(unit: Unit | None, dimension: str) -> Unit | None:
+    """Read a unit as one of a dimension: a frequency counts revolutions where a rotation is expected; None for any other.
+
+    >>> read_as(find_unit("Hz"), "rotation"), read_as(find_unit("N"), "rotation")
+    (Unit(dimension='rotation', factor=6.283185307179586, offset=0.0), None)
+    """
+    if unit is not None and unit.dimension == "frequency" and dimension == "rotation":
+        return Unit("rotation", TURN * unit.factor)
+    return None if unit is None or unit.dimension != dimension else unit
 
 
 def is_load(ohm: float) -> bool:

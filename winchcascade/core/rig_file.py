@@ -12,6 +12,7 @@ from typing import Literal
 import msgspec
 
 from winchcascade.core.quantity import Quantity
+from winchcascade.core.run import CHANNELS, Channel
 
 
 class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -35,15 +36,21 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     source: str = ""
 
 
+Side = Literal["drum", "shaft", "generator"]
+"""Where a speed of rotation is measured."""
+
+
 class Column(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Where a log keeps a channel: the name of its column, and the unit if the log does not name it.
 
-    A unit in the log's header is used instead of this one, unless `override` is set.
+    A unit in the log's header is used instead of this one, unless `override` is set. `side` is the place at which a speed
+    of rotation is measured; drum and shaft turn alike while the clutch is engaged, the generator faster by the gear ratio.
     """
 
     name: str
     unit: str | None = None
     override: bool = False
+    side: Side | None = None
 
 
 class Winch(msgspec.Struct, frozen=True):
@@ -171,6 +178,7 @@ class StatedEffect(msgspec.Struct, frozen=True):
 class Rig(msgspec.Struct, frozen=True):
     """One rig, numbers in SI units. `columns` names columns of logs that the table of names does not contain.
 
+    `channels` are those of the rig's own, beside the built-in ones.
     `effects` are those of the catalogue that the rig is known to have; they belong to its model. `note` is shown with every
     reduction: a remark on the rig for its readers.
     """
@@ -186,11 +194,17 @@ class Rig(msgspec.Struct, frozen=True):
     dc_link: DcLink = DcLink()
     sensors: Mapping[str, Sensor] = msgspec.field(default_factory=dict)
     columns: Mapping[str, Column] = msgspec.field(default_factory=dict)
+    channels: Mapping[str, Channel] = msgspec.field(default_factory=dict)
     effects: Mapping[str, StatedEffect] = msgspec.field(default_factory=dict)
     sample_rate: float | None = None
     thresholds: Thresholds = Thresholds()
     model: ModelAccuracy = ModelAccuracy()
     path: str = ""
+
+    @property
+    def known_channels(self) -> Mapping[str, Channel]:
+        """Built-in channels, then those of the rig's own."""
+        return {**CHANNELS, **self.channels} if self.channels else CHANNELS
 
     @property
     def r_drum(self) -> float | None:

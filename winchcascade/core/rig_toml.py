@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 
 from winchcascade.core.errors import RigError
-from winchcascade.core.quantity import Quantity, find_unit
+from winchcascade.core.quantity import Quantity, find_unit, read_as
 from winchcascade.core.rig_file import (
     Column,
     DcLink,
@@ -28,7 +28,7 @@ from winchcascade.core.rig_file import (
     Thresholds,
     Winch,
 )
-from winchcascade.core.run import CHANNELS
+from winchcascade.core.run import CHANNELS, Channel
 from winchcascade.core.toml_text import check_keys, read_toml, toml_values
 
 BUILT_IN = ("hsu2026", "kitepower")
@@ -160,6 +160,7 @@ def _rig(raw: dict[str, Any], where: str) -> Rig:
                 "note",
                 "sensors",
                 "columns",
+                "channels",
                 "effects",
                 "log",
                 "thresholds",
@@ -189,11 +190,14 @@ def _rig(raw: dict[str, Any], where: str) -> Rig:
     rate = _number(log["sample_rate_hz"], where, "[log] sample_rate_hz") if log else None
     if rate is not None and rate <= 0:
         raise RigError(f"{where}: [log] sample_rate_hz is {rate:g}; expected a number above 0.")
+    own = _channels(_table(raw, "channels", where), where)
+    known = {**CHANNELS, **own}
     return Rig(
         name=raw["name"],
         **texts,
-        sensors=_sensors(_table(raw, "sensors", where), where),
-        columns=_columns(_table(raw, "columns", where), where),
+        sensors=_sensors(_table(raw, "sensors", where), where, known),
+        columns=_columns(_table(raw, "columns", where), where, known, geared="gear_ratio" in raw.get("drivetrain", {})),
+        channels=own,
         effects=_effects(_table(raw, "effects", where), where),
         sample_rate=rate,
         thresholds=_thresholds(_table(raw, "thresholds", where), where),
@@ -263,16 +267,43 @@ def _check_sign(value: float, where: str, place: str, name: str) -> None:
         raise RigError(f"{where}: {place} is {value:g}; expected a share between 0 and 1.")
 
 
-def _sensors(raw: dict[str, Any], where: str) -> dict[str, Sensor]:
+_OWN_NAME = re.compile(r"[A-Za-z]\w*")
+"""A name of a channel of one's own: it stands in products such as `torque * speed`."""
+
+
+def _channels(raw: dict[str, Any], where: str) -> dict[str, Channel]:
+    """Channels of the rig's own, `[channels.NAME] unit = "..."`; the unit decides what is measured."""
+    channels = {}
+    for name, entry in raw.items():
+        place = f"[channels.{name}]"
+        if name in CHANNELS or name == "time" or _OWN_NAME.fullmatch(name) is None:
+            raise RigError(
+                f"{where}: {place}: expected a name of letters, digits and underscores that no built-in channel has; those "
+                f"are time, {', '.join(CHANNELS)}."
+            )
+        if not isinstance(entry, dict):
+            raise RigError(f'{where}: [channels] {name} is {entry!r}; expected a table {place} with unit = "...".')
+        _check_keys(entry, ("unit",), f"{where}: {place} ")
+        text = _convert(entry.get("unit", ""), str, where, f"{place} unit")
+        unit = find_unit(text)
+        if unit is None:
+            raise RigError(
+                f'{where}: {place}: the unit {text!r} is unknown; expected one such as "W", "bar", "L/min" or "1".'
+            )
+        channels[name] = Channel(name, name, unit.dimension, text, f"{name} ({text})")
+    return channels
+
+
+def _sensors(raw: dict[str, Any], where: str, known: Mapping[str, Channel]) -> dict[str, Sensor]:
     sensors = {}
     for name, entry in raw.items():
         place = f"[sensors.{name}]"
-        if name not in CHANNELS:
-            raise RigError(f"{where}: {place} is no channel; expected one of {', '.join(CHANNELS)}.")
+        if name not in known:
+            raise RigError(f"{where}: {place} is no channel; expected one of {', '.join(known)}.")
         sensor: Sensor = _convert(entry, Sensor, where, place)
-        unit = find_unit(sensor.unit)
-        if unit is None or unit.dimension != CHANNELS[name].dimension:
-            raise RigError(f"{where}: {place} unit {sensor.unit!r} is none of {CHANNELS[name].dimension}.")
+        unit = read_as(find_unit(sensor.unit), known[name].dimension)
+        if unit is None:
+            raise RigError(f"{where}: {place} unit {sensor.unit!r} is none of {known[name].dimension}.")
         if unit.offset and (sensor.low is not None or sensor.high is not None):
             raise RigError(
                 f"{where}: {place} unit {sensor.unit!r} does not count from the zero of the channel, as gauge pressure does; "
@@ -299,19 +330,27 @@ def _sensors(raw: dict[str, Any], where: str) -> dict[str, Sensor]:
     return sensors
 
 
-def _columns(raw: dict[str, Any], where: str) -> dict[str, Column]:
+def _columns(raw: dict[str, Any], where: str, known: Mapping[str, Channel], *, geared: bool) -> dict[str, Column]:
+    """Columns by channel; `geared`: the file states a gear ratio, which a speed of the generator is divided by."""
     columns: dict[str, Column] = {}
     for name, entry in raw.items():
         place = f"[columns] {name}"
-        if name not in CHANNELS and name != "time":
-            raise RigError(f"{where}: {place} is no channel; expected time or one of {', '.join(CHANNELS)}.")
+        if name not in known and name != "time":
+            raise RigError(f"{where}: {place} is no channel; expected time or one of {', '.join(known)}.")
         column = Column(entry) if isinstance(entry, str) else _convert(entry, Column, where, place)
         if column.override and column.unit is None:
             raise RigError(
                 f'{where}: {place}: override = true without a unit; add unit = "...", or leave override out.'
             )
-        dimension, unit = "time" if name == "time" else CHANNELS[name].dimension, find_unit(column.unit or "")
-        if unit is not None and unit.dimension != dimension:
+        if column.side is not None and name != "speed":
+            raise RigError(f"{where}: {place}: only the speed of rotation has a side; leave it out.")
+        if column.side == "generator" and not geared:
+            raise RigError(
+                f'{where}: {place}: side = "generator" needs the gear ratio; add gear_ratio under [drivetrain], with the '
+                'value 1 for a direct drive, or side = "shaft".'
+            )
+        dimension, unit = "time" if name == "time" else known[name].dimension, find_unit(column.unit or "")
+        if unit is not None and read_as(unit, dimension) is None:
             raise RigError(f"{where}: {place}: the unit {column.unit!r} is none of {dimension}.")
         for other, taken in columns.items():
             if taken.name == column.name:

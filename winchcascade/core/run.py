@@ -31,6 +31,9 @@ CHANNELS: dict[str, Channel] = {
         Channel("power_mech", "P_mech", "power", "W", "Mechanical power (W)"),
         Channel("vdc", "v_dc", "voltage", "V", "Vdc (V)"),
         Channel("idc", "i_dc", "current", "A", "Idc (A)"),
+        Channel("speed", "omega_pto", "rotation", "rpm", "Shaft speed (rpm)"),
+        Channel("flow", "q_flow", "flow", "m3/s", "Flow (m3/s)"),
+        Channel("power_ac", "P_ac", "power", "W", "AC power (W)"),
     )
 }
 
@@ -104,7 +107,8 @@ class Run(msgspec.Struct, frozen=True):
     ----------
     name : file name, for messages
     t : (n,) stamps on the log's own clock, for stamped logs since the first sample [s]
-    channels : (n,) each, by the names of `channels.CHANNELS`, SI units, payout positive; pressure is gauge [Pa]
+    channels : (n,) each, by the names of `CHANNELS` and of the rig's own channels, SI units, payout positive; pressure is
+        gauge [Pa], `speed` is that of the shaft with the torque sensor [rad/s]; any of them may be absent, the velocity too
     gaps : (k, 2) each, by channel or `CLOCK`: last good and first good stamp around what was bridged [s]
     fs : sampling rate without the gaps [Hz]
     samples : rows of the log, before any was left out

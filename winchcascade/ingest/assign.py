@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import msgspec
 
 from winchcascade.core.errors import LogError
-from winchcascade.core.quantity import Unit, find_unit, si_unit
-from winchcascade.core.rig_file import Rig
-from winchcascade.core.run import CHANNELS, SIMULATED_HEADERS, Finding
+from winchcascade.core.quantity import Unit, find_unit, read_as, si_unit
+from winchcascade.core.rig_file import Rig, Side
+from winchcascade.core.run import SIMULATED_HEADERS, Finding
 from winchcascade.ingest.dialects import (
     CHANNELS_BY_NAME,
     COUNTS,
     DATES,
-    DIMENSION,
     Header,
     letters_of,
     read_header,
@@ -55,24 +54,28 @@ def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None
     Raises
     ------
     LogError : two columns for one channel, a column of the rig file that the log does not have, a unit that does not
-        fit, no column that could give the line velocity
+        fit, no columns that could give a motion or a power
     """
     named = _named_in_rig(headers, rig, where)
     taken: dict[str, int] = dict(named) if clock is None else {"time": clock} | named
     dates: list[int] = []
     unknown: list[int] = []
+    unclear: set[str] = set()
     simulated = {header.name.strip() for header in headers}.issuperset(SIMULATED_HEADERS)
     for index, header in enumerate(headers):
         if index == clock or index in named.values() or (simulated and header.name.strip() in SIMULATED_HEADERS):
             continue
-        channel = recognise(header)
+        channel = _own_channel(header, rig) or recognise(header)
         letters = letters_of(header.name)
         if channel is None and letters in DATES:
             dates.append(index)
         elif channel is None and (not header.name.strip() or letters in COUNTS or set(header.name) <= set("# ")):
             continue
-        elif channel is None or channel in named:
+        elif channel is None or channel in named or channel in unclear:
             unknown.append(index)
+        elif channel in taken and channel in MAY_BE_UNCLEAR and _draw(headers, taken[channel], index, channel):
+            unknown += [taken.pop(channel), index]
+            unclear.add(channel)
         elif channel in taken:
             taken[channel], other = _better(headers, taken[channel], index, channel, where)
             unknown += [other] if channel != "time" else []
@@ -80,10 +83,10 @@ def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None
             taken[channel] = index
     if dates:
         taken.setdefault("time", dates[0])
-    if "velocity" not in taken and "displacement" not in taken:
+    if not gives_result(taken, rig):
         raise LogError(
-            f"{where}: no column for the line velocity or displacement; the log has "
-            f"{listed([h.name.strip() for h in headers])}. Name the columns in a rig file under [columns]."
+            f"{where}: no column for a motion (line velocity, displacement or speed of rotation) and none for a power; the log "
+            f"has {listed([h.name.strip() for h in headers])}. Name the columns in a rig file under [columns]."
         )
     matches, findings = _matches(taken, headers, rig, where)
     if unknown:
@@ -100,8 +103,41 @@ def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None
         for channel, column in rig.columns.items()
         if channel not in named and channel in taken
     ]
+    findings += [
+        Finding("missing_channel", f"the log has no {name} channel", "metrics that need it are null", name)
+        for name in rig.channels
+        if name not in taken and name not in rig.sensors
+    ]
     time = matches.pop("time", None)
     return Assignment(matches, time, tuple(findings), simulated, time_named=clock is None)
+
+
+MOTIONS = ("velocity", "displacement", "speed")
+"""Channels that show how line or shaft moves."""
+
+POWERS = (("power_mech",), ("power_ac",), ("vdc", "idc"), ("pressure", "flow"))
+"""Channels of which, without a motion, a stage of the cascade has a power."""
+
+MAY_BE_UNCLEAR = frozenset({"speed", "flow", "power_ac"})
+"""Channels that are left out where two columns could be one: a machine has several of them."""
+
+
+def gives_result(channels: Collection[str], rig: Rig) -> bool:
+    """Whether channels show a motion or give a power, so that a log of them can be reduced."""
+    own = any(name in channels for name in rig.channels)
+    return own or any(name in channels for name in MOTIONS) or any(all(c in channels for c in pair) for pair in POWERS)
+
+
+def _own_channel(header: Header, rig: Rig) -> str | None:
+    """Channel of the rig's own of which the column has the name, where [columns] names no other."""
+    name = read_header(header).name.strip() if rig.channels else ""
+    return name if name in rig.channels and name not in rig.columns else None
+
+
+def _draw(headers: Sequence[Header], old: int, new: int, channel: str) -> bool:
+    """Whether the names of two columns are equally good for a channel."""
+    plain = [channel in CHANNELS_BY_NAME.get(letters_of(read_header(headers[k]).name), ()) for k in (old, new)]
+    return plain[0] == plain[1]
 
 
 def _named_in_rig(headers: Sequence[Header], rig: Rig, where: str) -> dict[str, int]:
@@ -155,18 +191,50 @@ def _matches(
     """The column of each channel and of the time, with its unit; the usual one for a channel whose column names none."""
     findings: list[Finding] = []
     matches = {}
-    for channel in ("time", *CHANNELS):
+    for channel in ("time", *rig.known_channels):
         if channel not in taken:
             continue
         header = headers[taken[channel]]
         unit = _unit_of(header, channel, rig, where, findings)
         if unit is None and channel != "time":
-            usual = CHANNELS[channel].unit
-            message = f"column {header.name.strip()!r} names no unit that is known; taken as {usual}"
-            findings.append(Finding("unit_assumed", message, "assumed", channel))
-            unit = find_unit(usual)
+            usual = rig.known_channels[channel].unit
+            if channel not in rig.channels:
+                message = f"column {header.name.strip()!r} names no unit that is known; taken as {usual}"
+                findings.append(Finding("unit_assumed", message, "assumed", channel))
+            unit = read_as(find_unit(usual), _dimension(channel, rig))
+        if channel == "speed" and unit is not None:
+            unit = _at_the_shaft(unit, header, rig, findings)
         matches[channel] = Match(taken[channel], unit)
     return matches, findings
+
+
+_AT_GENERATOR = re.compile(
+    r"generator|(?<![a-z])(?:gen|mot)(?![a-z])|motor|rotor|moteur|alternador|генератор|двигател|發電|发电|電動|电动|電機|电机"
+)
+_AT_DRUM = re.compile(r"drum|winch|trommel|winde|tambour|treuil|tambor|tamburo|барабан|捲筒|卷筒|ドラム")
+"""Words of a name that show where a speed of rotation is measured; else it is that of the shaft with the torque sensor."""
+
+
+def _at_the_shaft(unit: Unit, header: Header, rig: Rig, findings: list[Finding]) -> Unit:
+    """Unit of a speed of rotation, divided by the gear ratio for one that is measured at the generator."""
+    column, name = rig.columns.get("speed"), header.name.strip()
+    side: Side | None = None if column is None else column.side
+    if side is None:
+        side = "generator" if _AT_GENERATOR.search(name.casefold()) else "shaft"
+        side = "drum" if _AT_DRUM.search(name.casefold()) else side
+    if side != "generator":
+        return unit
+    gear = rig.drivetrain.gear_ratio
+    if gear is None:
+        message = f"{name!r} is the speed of a machine, and the rig {rig.name} states no gear_ratio; taken as that of the shaft"
+        findings.append(Finding("unit_assumed", message, "assumed", "speed"))
+        return unit
+    return msgspec.structs.replace(unit, factor=unit.factor / gear.value)
+
+
+def _dimension(channel: str, rig: Rig) -> str:
+    """What a channel, or the time, measures."""
+    return "time" if channel == "time" else rig.known_channels[channel].dimension
 
 
 def _unit_of(header: Header, channel: str, rig: Rig, where: str, findings: list[Finding]) -> Unit | None:
@@ -174,10 +242,13 @@ def _unit_of(header: Header, channel: str, rig: Rig, where: str, findings: list[
 
     The log's own unit counts, unless the rig file overrides it or it measures something else.
     """
-    column, read, dimension = rig.columns.get(channel), read_header(header), DIMENSION[channel]
+    column, read, dimension = rig.columns.get(channel), read_header(header), _dimension(channel, rig)
     own = read.unit
     if own is None and read.unknown_unit is not None:
-        own = _unit_by_pint(read.unknown_unit, channel)
+        own = _unit_by_pint(read.unknown_unit, dimension)
+    if own is None and channel == "speed":  # a column may be named rpm
+        own = read_as(find_unit(read.name), dimension)
+    own = read_as(own, dimension) or own
     measured = dimension if own is None else own.dimension
     if column is None or column.unit is None:
         if measured != dimension:
@@ -186,7 +257,7 @@ def _unit_of(header: Header, channel: str, rig: Rig, where: str, findings: list[
                 f"expected one of {dimension}. Correct the log or [columns] in a rig file."
             )
         return own
-    named = find_unit(column.unit) or _unit_by_pint(column.unit, channel)
+    named = read_as(find_unit(column.unit), dimension) or _unit_by_pint(column.unit, dimension)
     if named is None:
         raise LogError(
             f"{where}: the rig {rig.name} gives {channel} the unit {column.unit!r}, which is none of "
@@ -227,14 +298,13 @@ Nothing else is given to pint, which would evaluate any arithmetic: 9**9**9 take
 """
 
 
-def _unit_by_pint(text: str, channel: str) -> Unit | None:
-    """Find a unit that the table does not hold by pint; None where pint has none for this channel either."""
+def _unit_by_pint(text: str, dimension: str) -> Unit | None:
+    """Find a unit of a dimension that the table does not hold by pint; None where pint has none either."""
     if len(text) > _LONGEST_UNIT or not re.fullmatch(_UNIT, text):
         return None
     import pint
 
     registry: pint.UnitRegistry[float] = pint.UnitRegistry()
-    dimension = DIMENSION[channel]
     si = si_unit(dimension).replace(".", "*")
     try:
         at_zero, at_one = (float(registry.Quantity(x, text).to(si).magnitude) for x in (0.0, 1.0))

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import msgspec
 
-from winchcascade.core.quantity import Unit, find_unit
+from winchcascade.core.quantity import Unit, find_unit, read_as
 from winchcascade.core.run import CHANNELS
 
 
@@ -47,6 +47,18 @@ NAMES: dict[str, str] = {
     "idc": """idc i_dc dc_current current_dc current i dclink_current dc_link_current dcbus_current ibus i_bus strom
         gleichstrom courant courant_dc courant_cc courant_continu corriente corriente_dc corriente_cc corrente corrente_cc
         stroom strøm ström prąd virta proud akım 直流電流 直流电流 電流 电流 전류 직류전류 ток""",
+    "speed": """speed rotation_speed rotational_speed speed_of_rotation angular_velocity angular_speed velocity vel rpm
+        generator_speed gen_speed motor_speed rotor_speed generator_rpm gen_rpm motor_rpm omega ω n n_gen n_mot n_motor
+        n_generator drehzahl motordrehzahl generatordrehzahl wellendrehzahl winkelgeschwindigkeit geschwindigkeit régime
+        régime_moteur régime_de_rotation vitesse vitesse_de_rotation vitesse_rotation vitesse_angulaire giri
+        velocità_di_rotazione velocità_angolare velocità velocidad_de_giro velocidad_de_rotación velocidad_angular velocidad
+        velocidade_de_rotação velocidade_angular rotação toerental hoeksnelheid varvtal rotationshastighet omdrejningstal
+        turtall prędkość_obrotowa prędkość_kątowa obroty pyörimisnopeus kierrosluku otáčky devir devir_sayısı 回転数
+        回転速度 角速度 转速 轉速 旋转速度 회전수 회전속도 각속도 частота_вращения скорость_вращения обороты""",
+    "flow": """flow flow_rate volume_flow volume_flow_rate volumetric_flow volumetric_flow_rate q durchfluss volumenstrom
+        débit caudal portata vazão debiet flöde przepływ virtaus průtok debi 流量 유량 расход""",
+    "power_ac": """ac_power power_ac p_ac active_power wirkleistung puissance_active potencia_activa potenza_attiva
+        potência_ativa 有功功率 交流功率 有効電力 유효전력 активная_мощность""",
 }
 """By channel, what loggers call it; matched without case, accents, blanks, punctuation and the words of `QUALIFIERS`."""
 
@@ -65,6 +77,9 @@ COUNTS = frozenset(
     indexlevel0 unnamed0""".split()
 )
 """Columns that number the rows: no channels, and not reported as unknown."""
+
+UNITS_DECIDE = frozenset({"flow", "power_ac"})
+"""Channels that are recognised only with a unit: their names are short, and no unit is the usual one."""
 
 DIMENSION = {"time": "time"} | {name: channel.dimension for name, channel in CHANNELS.items()}
 """What each channel, and the time, measures."""
@@ -130,7 +145,7 @@ def read_header(header: Header) -> _Read:
     splits += [(n[: m.start()], n[m.end() :]) for n in dict.fromkeys((name, bare)) for m in _BEFORE_UNIT.finditer(n)]
     units = [(start, end, unit) for start, end in splits if (unit := find_unit(end)) is not None]
     for start, _, own in units:
-        if any(DIMENSION[c] == own.dimension for c in _candidates(start)):
+        if any(read_as(own, DIMENSION[c]) for c in _candidates(start)):
             return _Read(start, own, None)
     # A unit that no channel has, behind the name of one, as in `T / °F`; a lone letter, as in `Force/F`, may be a name.
     foreign = (u for n, end, u in units if len(end) > 1 and u.dimension not in _MEASURED and _candidates(n))
@@ -161,12 +176,14 @@ def recognise(header: Header) -> str | None:
     """Channel (or `time`) that a header names, None for a column that is none.
 
     >>> [recognise(Header(n)) for n in ("V_DC (V)", "直流電壓", "Line velocity", "Speed (rpm)", "Tension (V)")]
-    ['vdc', 'vdc', 'velocity', None, 'vdc']
+    ['vdc', 'vdc', 'velocity', 'speed', 'vdc']
     """
     read = read_header(header)
     found = _candidates(read.name)
     if read.unit is not None:
-        found = tuple(c for c in found if DIMENSION[c] == read.unit.dimension)
+        found = tuple(c for c in found if read_as(read.unit, DIMENSION[c]))
+    elif letters_of(read.name) in COUNTS or UNITS_DECIDE.issuperset(found):
+        found = ()
     elif len(found) > 1 and read.name.strip() == "T":  # without a unit t is the time, T a torque
         found = ("torque",)
     return found[0] if found else None

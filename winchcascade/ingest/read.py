@@ -131,9 +131,9 @@ def _read(path: Path, rig: Rig, load: float | None, table_name: str | None, *, s
         simulated=found.simulated or simulated,
         open_circuit=load == math.inf,
     )
-    if "velocity" not in checked.channels:
+    if not checked.channels:
         raise LogError(
-            f"{path.name}: neither velocity nor displacement holds a number; expected the motion of the line."
+            f"{path.name}: the columns of motion and power hold no number; expected those of one stage at least."
         )
     hashing.join()
     if not any(digests):

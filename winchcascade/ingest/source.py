@@ -113,8 +113,8 @@ def first_text(texts: Mapping[str, object], keys: Iterable[str]) -> str | None:
 
 
 def moves(headers: Iterable[Header]) -> bool:
-    """Whether columns hold the motion of a line, as those of a log do."""
-    return any(recognise(header) in ("velocity", "displacement") for header in headers)
+    """Whether columns hold the motion of a line or a shaft, as those of a log do."""
+    return any(recognise(header) in ("velocity", "displacement", "speed") for header in headers)
 
 
 def choose(candidates: Sequence[str], wanted: str | None, where: str, kind: str) -> str:

@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.integrate import ENOUGH, GAUSS, median, median_and_error, quantile, running, smallest_step
+from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Finding, Mask, Signal
 
 BLOCK = 1.0
@@ -55,6 +56,9 @@ ONE_SIDED = 0.1
 POWER = 0.02
 """A logged power that differs from the one by torque and radius by less does not matter: radii are known no better. [1]"""
 
+SPEED = 0.02
+"""A speed of rotation that differs from the one by line velocity and radius by less does not matter, as for the power. [1]"""
+
 DRIVEN = 0.3
 """The shaft is driven above this share of its largest power, three samples in a thousand left out."""
 
@@ -67,8 +71,8 @@ FAST = 0.3
 CLEAR = 1.2
 """A channel votes if it is this many times as large in one direction as in the other."""
 
-IDLE = {"force": 20.0, "torque": 2.0, "power_mech": 20.0, "vdc": 5.0, "idc": 0.03}
-"""What a channel of the other sign must exceed to be called flipped: well above zeros and noise. [N, N m, W, V, A]"""
+IDLE = {"force": 20.0, "torque": 2.0, "power_mech": 20.0, "vdc": 5.0, "idc": 0.03, "speed": 0.5}
+"""What a channel of the other sign must exceed to be called flipped: well above zeros and noise. [N, N m, W, V, A, rad/s]"""
 
 VACUUM = -1.05e5
 """No gauge pressure lies below it. [Pa]"""
@@ -170,25 +174,64 @@ def _zero_text(zero: float, drift: float, v_onset: float) -> str:
 
 
 def power_disagrees(channels: Mapping[str, Signal], r_drum: float | None) -> list[Finding]:
-    """Report a logged mechanical power that differs from what torque, velocity and drum radius [m] give."""
-    names = ("power_mech", "torque", "velocity")
-    if r_drum is None or any(name not in channels for name in names):
+    """Report a logged mechanical power that differs from what torque, velocity and drum radius [m] give.
+
+    Without velocity or radius, torque and speed of rotation give it.
+    """
+    by_line = r_drum is not None and "velocity" in channels
+    names = ("power_mech", "torque", "velocity" if by_line else "speed")
+    if any(name not in channels for name in names):
         return []
-    every = max(1, channels["velocity"].size // ENOUGH)
-    logged, torque, v = (channels[name][::every] for name in names)
-    by_torque = torque * v / r_drum
+    every = max(1, channels["torque"].size // ENOUGH)
+    logged, torque, motion = (channels[name][::every] for name in names)
+    by_torque = torque * motion / (r_drum if by_line and r_drum is not None else 1.0)
     known = np.isfinite(logged) & np.isfinite(by_torque)
     if not known.any():
         return []
-    driven = known & (by_torque > max(DRIVEN * quantile(by_torque[known], 0.997), 0.0))
+    if by_line:
+        driven = known & (by_torque > max(DRIVEN * quantile(by_torque[known], 0.997), 0.0))
+    else:  # a machine may be driven or drive
+        size = np.abs(by_torque)
+        driven = known & (size > max(DRIVEN * quantile(size[known], 0.997), 0.0))
     if np.count_nonzero(driven) < FEWEST:
         return []
     ratio, u = median_and_error(logged[driven] / by_torque[driven])
     what = (
         f"power_mech is {ratio:#.4g} times torque x velocity / r_drum, with {r_drum:g} m of the rig; E_mech is the integral of "
         f"power_mech: check its unit and shaft, unit and gain of the torque, and r_drum"
+        if by_line
+        else f"power_mech is {ratio:#.4g} times torque x speed; E_mech is the integral of power_mech: check its sign, unit and "
+        f"shaft, and sign, unit and gain of torque and speed"
     )
     return [_reported("power_mech", what)] if abs(ratio - 1.0) > max(POWER, CERTAIN * u) else []
+
+
+def speed_disagrees(channels: Mapping[str, Signal], rig: Rig) -> list[Finding]:
+    """Report a speed of rotation that differs from the one by line velocity and drum radius while the clutch is engaged.
+
+    A speed that is derived, or that differs by chance, is not reported; neither channel is changed.
+    """
+    if rig.r_drum is None or any(name not in channels for name in ("speed", "velocity")):
+        return []
+    every = max(1, channels["velocity"].size // ENOUGH)
+    omega, by_line = channels["speed"][::every], channels["velocity"][::every] / rig.r_drum
+    known = np.isfinite(omega) & np.isfinite(by_line)
+    torque = channels.get("torque")
+    engaged = known if torque is None else known & (torque[::every] > rig.thresholds.tau_engaged)
+    if not engaged.any():
+        return []
+    driven = engaged & (by_line > max(FAST * quantile(by_line[known], 0.997), 0.0))
+    if np.count_nonzero(driven) < FEWEST:
+        return []
+    ratio, u = median_and_error(omega[driven] / by_line[driven])
+    if abs(ratio - 1.0) <= max(SPEED, CERTAIN * u):
+        return []
+    geared = " and the gear ratio" if rig.drivetrain.gear_ratio is not None else ""
+    what = (
+        f"speed is {ratio:#.4g} times velocity / r_drum while the clutch is engaged, with {rig.r_drum:g} m of the rig: the "
+        f"line or the clutch slips, or an entry is wrong; check r_drum{geared}, and unit and side of the speed"
+    )
+    return [Finding("speed_mismatch", what, "reported and kept", "speed")]
 
 
 def without_sign(t: Signal, v: Signal, displacement: Signal, v_onset: float, stroke_min: float) -> bool:

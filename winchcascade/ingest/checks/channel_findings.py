@@ -7,7 +7,7 @@ import numpy as np
 
 from winchcascade.core.quantity import find_unit
 from winchcascade.core.rig_file import Sensor
-from winchcascade.core.run import CHANNELS, Finding, FindingKind, Index, Mask, Signal
+from winchcascade.core.run import Channel, Finding, FindingKind, Index, Mask, Signal
 from winchcascade.ingest.checks.stuck import repeats_of
 
 SATURATES = ("force", "torque", "power_mech", "vdc", "idc")
@@ -33,11 +33,11 @@ def at(t: Signal, bad: Mask, kind: FindingKind, channel: str, what: str, *, remo
     )
 
 
-def text_of(channel: str, value: float, digits: int = 5) -> str:
+def text_of(channel: Channel, value: float, digits: int = 5) -> str:
     """Format a value of a channel, given in its SI unit, in the unit in which a log has it."""
-    unit = find_unit(CHANNELS[channel].unit)
+    unit = find_unit(channel.unit)
     assert unit is not None
-    return f"{value / unit.factor:.{digits}g}"
+    return f"{(value - unit.offset) / unit.factor:.{digits}g}"
 
 
 def limits_of(sensor: Sensor | None) -> tuple[float, float]:
@@ -56,7 +56,7 @@ def farthest(sensor: Sensor | None) -> float:
 
 
 def out_of_range(
-    t: Signal, name: str, x: Signal, wild: tuple[Index, Signal] | None, sign: float, sensor: Sensor
+    t: Signal, channel: Channel, x: Signal, wild: tuple[Index, Signal] | None, sign: float, sensor: Sensor
 ) -> list[Finding]:
     """Report values outside the range of the sensor; they are kept, as clipping or dropping them would hide what happened.
 
@@ -77,15 +77,15 @@ def out_of_range(
         return []
     limit, worst = (high, top) if top > high else (low, bottom)
     what = (
-        f"samples lie outside the sensor's range, up to {text_of(name, worst)} {CHANNELS[name].unit} where it ends at "
-        f"{text_of(name, limit)}"
+        f"samples lie outside the sensor's range, up to {text_of(channel, worst)} {channel.unit} where it ends at "
+        f"{text_of(channel, limit)}"
     )
-    found = at(t, (x < low) | (x > high), "out_of_range", name, what)
+    found = at(t, (x < low) | (x > high), "out_of_range", channel.name, what)
     action = f"reported and kept, but for {spikes} bridged as spikes" if spikes else found.action
     return [msgspec.structs.replace(found, action=action)]
 
 
-def saturated(t: Signal, name: str, x: Signal) -> list[Finding]:
+def saturated(t: Signal, channel: Channel, x: Signal) -> list[Finding]:
     """Report a channel that holds its largest value in stretches while it scatters elsewhere: its sensor or input is saturated.
 
     Parameters
@@ -102,7 +102,7 @@ def saturated(t: Signal, name: str, x: Signal) -> list[Finding]:
     if repeats_of(change[np.isfinite(change)]) > RARELY:
         return []
     what = (
-        f"samples hold its largest value, {text_of(name, top)} {CHANNELS[name].unit}, without noise: the sensor or its input "
-        f"is saturated"
+        f"samples hold its largest value, {text_of(channel, top)} {channel.unit}, without noise: the sensor or its "
+        f"input is saturated"
     )
-    return [at(t, held, "out_of_range", name, what)]
+    return [at(t, held, "out_of_range", channel.name, what)]

@@ -8,9 +8,16 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.run import CHANNELS, Finding, FindingKind, Index, Mask, Signal
+from winchcascade.core.run import Channel, Finding, FindingKind, Index, Mask, Signal
 from winchcascade.core.smooth import local_quadratic
-from winchcascade.ingest.checks.agreement import correct_signs, disagreements, power_disagrees, without_sign
+from winchcascade.ingest.assign import gives_result
+from winchcascade.ingest.checks.agreement import (
+    correct_signs,
+    disagreements,
+    power_disagrees,
+    speed_disagrees,
+    without_sign,
+)
 from winchcascade.ingest.checks.channel_findings import (
     SATURATES,
     at,
@@ -25,6 +32,9 @@ from winchcascade.ingest.checks.glitches import LONGEST, Pulses, find_glitches, 
 from winchcascade.ingest.checks.spikes import Bends, find_bends, single_spikes
 from winchcascade.ingest.checks.stuck import find_stuck, motion
 from winchcascade.ingest.checks.timing import check_clock
+
+FOLLOW_LINE = frozenset({"displacement", "pressure", "force", "torque", "power_mech", "vdc", "idc"})
+"""Channels that must change while the line pays out faster or slower; a channel of one's own may hold its value."""
 
 _FEW = 1000
 """Number of samples that are compared first to show whether a channel changes at all."""
@@ -107,29 +117,33 @@ def check(t: Signal, channels: dict[str, Signal], rig: Rig, *, simulated: bool, 
     v, displacement = channels.get("velocity"), channels.get("displacement")
     if not (simulated or v is None or displacement is None) and _constant(v) and not _constant(displacement):
         log.leave_out("velocity", "derived from the displacement")
-    if "velocity" not in channels and "displacement" not in channels:
+    if not gives_result(channels, rig):
         return Checked(t, {}, {}, tuple(findings), np.empty((0, 2)))
     renumbered = np.empty((0, 2)) if simulated else _check_clock(log)
     t = log.t
     both = not simulated and "velocity" in channels and "displacement" in channels
-    if "velocity" not in channels:
+    if "velocity" not in channels and "displacement" in channels:
         _derive_velocity(log)
+    if "velocity" not in channels and "speed" in channels and rig.r_drum is not None:
+        _velocity_from_speed(log, rig.r_drum)
     if both:
         _give_direction(log)
-    corrected = correct_signs(channels)
+    corrected = correct_signs(channels) if "velocity" in channels else []
     findings += corrected
     if not simulated:
         signs = {f.channel: -1.0 for f in corrected}
         for name, x in channels.items():
             if name in rig.sensors:
-                findings += out_of_range(t, name, x, log.spikes.get(name), signs.get(name, 1.0), rig.sensors[name])
+                wild, sign = log.spikes.get(name), signs.get(name, 1.0)
+                findings += out_of_range(t, rig.known_channels[name], x, wild, sign, rig.sensors[name])
             if name in SATURATES:
-                findings += saturated(t, name, x)
-        _take_out_stuck(log, open_circuit)
+                findings += saturated(t, rig.known_channels[name], x)
+        if "velocity" in channels:
+            _take_out_stuck(log, open_circuit)
         clock_is_wrong = any(f.kind == "clock_mismatch" and f.start is None for f in findings)
         if both and "displacement" in channels and not clock_is_wrong:
             findings += disagreements(t, channels["velocity"], channels["displacement"], rig.thresholds.v_onset)
-        findings += power_disagrees(channels, rig.r_drum)
+        findings += [*power_disagrees(channels, rig.r_drum), *speed_disagrees(channels, rig)]
     gaps = {}
     for name, bad in log.lost.items():
         if name in channels and bad.any():
@@ -196,6 +210,16 @@ def _derive_velocity(log: _Log) -> None:
             log.findings[k] = msgspec.structs.replace(f, action="derived from the displacement")
 
 
+def _velocity_from_speed(log: _Log, r_drum: float) -> None:
+    """Derive the velocity of a log without motion of the line from the speed of rotation and the drum's radius [m]."""
+    log.channels["velocity"] = log.channels["speed"] * r_drum
+    log.lost["velocity"] = log.lost["speed"].copy()
+    message = "the log has no velocity channel"
+    action = f"derived from the speed of rotation with the drum radius of {r_drum:g} m"
+    log.findings[:] = [f for f in log.findings if not (f.kind == "missing_channel" and f.channel == "velocity")]
+    log.findings.append(Finding("missing_channel", message, action, "velocity"))
+
+
 def _give_direction(log: _Log) -> None:
     """Give a speed that has no sign the direction of the displacement."""
     v, displacement, thresholds = log.channels["velocity"], log.channels["displacement"], log.rig.thresholds
@@ -255,16 +279,17 @@ def _take_out_dropouts(log: _Log, *, open_circuit: bool) -> dict[str, Bends]:
             break
     for name, (whole, stretches, parts) in taken.items():
         log.channels[name][:] = whole
-        what = f"samples jump to {_values(name, stretches)} while other channels continue, in {_places(len(parts))}"
+        values = _values(log.rig.known_channels[name], stretches)
+        what = f"samples jump to {values} while other channels continue, in {_places(len(parts))}"
         log.findings += log.take_out_spikes(name, np.concatenate(parts), what)
     return bends
 
 
-def _values(name: str, stretches: Sequence[Dropout]) -> str:
+def _values(channel: Channel, stretches: Sequence[Dropout]) -> str:
     """The values that a channel dropped to, the most frequent ones, for a sentence."""
-    texts = [text_of(name, d.value, 6) if d.even else f"about {text_of(name, d.value, 2)}" for d in stretches]
+    texts = [text_of(channel, d.value, 6) if d.even else f"about {text_of(channel, d.value, 2)}" for d in stretches]
     most = sorted({*texts}, key=lambda text: (-texts.count(text), text))
-    return f"{' or '.join(most[:2])} {CHANNELS[name].unit}" + (" or other constants" if len(most) > 2 else "")
+    return f"{' or '.join(most[:2])} {channel.unit}" + (" or other constants" if len(most) > 2 else "")
 
 
 def _places(count: int) -> str:
@@ -275,7 +300,7 @@ def _take_out_stuck(log: _Log, open_circuit: bool) -> None:
     """Take out the samples that only repeat a stuck value; a value beyond the sensor's range is kept."""
     t, channels, sensors = log.t, log.channels, log.rig.sensors
     line = motion(t, _whole(t, channels["velocity"]), log.rig.thresholds.v_onset)
-    names = [name for name in channels if name != "velocity" and not (open_circuit and name == "idc")]
+    names = [name for name in channels if name in FOLLOW_LINE and not (open_circuit and name == "idc")]
     for name in ("velocity", *names):
         x = channels[name]
         low, high = limits_of(sensors.get(name))

@@ -19,7 +19,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.integrate import integrals, median, quantile
-from winchcascade.core.run import CHANNELS, Finding, Run, Signal
+from winchcascade.core.run import Finding, Run, Signal
 from winchcascade.reduction.efficiency import NOTHING, ratio, runs_idle
 from winchcascade.reduction.energies import STAGES, Energies, sources, stream
 from winchcascade.reduction.gap_error import all_gaps
@@ -335,8 +335,9 @@ def _coarse(phased: PhasedRun, name: str, level: float) -> Finding | None:
         return None
     error = 0.5 * step / level
     of_onset = name == "velocity" and step >= OF_ONSET * phased.rig.thresholds.v_onset
+    unit = phased.rig.known_channels[name].unit
     message = (
-        f"{name} is recorded in steps of {step:.3g} {CHANNELS[name].unit}, {step / level:.1%} of its mean in the windows; if "
+        f"{name} is recorded in steps of {step:.3g} {unit}, {step / level:.1%} of its mean in the windows; if "
         f"the logger truncates, energies of {name} are up to {error:.1%} too low"
     ) + ("; the onset moves too, which may raise or lower them" if of_onset else "")
     finding = Finding("coarse_resolution", message, "reported and kept; record it with more digits", name)

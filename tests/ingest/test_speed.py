@@ -1,0 +1,180 @@
+"""Speed of rotation and channels of one's own: how columns are found, and what a log without line velocity gives."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from campaign_log import HEAD, ROWS, kinds, read, text
+
+from winchcascade import read_run
+from winchcascade.core.errors import LogError, RigError
+from winchcascade.core.rig_file import Rig
+from winchcascade.core.rig_toml import built_in, parse_rig
+from winchcascade.ingest.dialects import Header, recognise
+
+RPM = 30.0 / math.pi
+BENCH = '\n[drivetrain]\ngear_ratio = { value = 8.0, unit = "1" }\n'
+
+
+def rig_of(more: str) -> Rig:
+    return parse_rig(f'name = "bench"\n{more}', "bench.toml")
+
+
+def bench_log(header: str, rpm: float = 600.0, *, n: int = 50) -> str:
+    rows = [[f"{0.1 * k:.1f}", f"{rpm * (1.0 + 1e-4 * k)}", f"{2.0 + 0.001 * k}"] for k in range(n)]
+    return text(rows, ["Time (s)", header, "Torque (N.m)"])
+
+
+def crane_log(ratio: float) -> str:
+    """The crane log with the speed of the generator, that many times what line and gear give."""
+    rig = built_in()
+    per_velocity = ratio * (rig.rpm_per_velocity or 0.0)
+    return text([[*row, f"{float(row[2]) * per_velocity:.1f}"] for row in ROWS], [*HEAD, "Generator speed (rpm)"])
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "rotation speed (U/min)", "Drehzahl / min-1", "n (rpm)", "RPM", "Régime (tr/min)", "giri [rpm]",
+        "velocidad de giro (rpm)", "回転数 (rpm)", "转速(rpm)", "omega (rad/s)", "Speed (Hz)", "Motor speed [1/min]",
+        "Vitesse de rotation (tr/min)", "Shaft speed (deg/s)",
+    ],
+)  # fmt: skip
+def test_a_speed_of_rotation_is_found_by_name_and_unit(name: str) -> None:
+    assert recognise(Header(name)) == "speed"
+
+
+@pytest.mark.parametrize("name", ["n", "N", "Motor Optical Speed (RPM)", "flow", "Flow (gpm)", "q", "AC power"])
+def test_a_name_that_could_be_anything_is_no_speed_and_no_flow(name: str) -> None:
+    assert recognise(Header(name)) is None
+
+
+def test_a_speed_without_unit_stays_the_line_velocity() -> None:
+    assert recognise(Header("Speed")) == "velocity"
+
+
+@pytest.mark.parametrize(
+    ("header", "value", "omega"),
+    [
+        ("n (rpm)", 600.0, 600.0 / RPM),
+        ("n (Hz)", 10.0, 20.0 * math.pi),
+        ("n (deg/s)", 360.0, 2.0 * math.pi),
+        ("n (rad/s)", 5.0, 5.0),
+        ("Drum speed (rpm)", 600.0, 600.0 / RPM),
+        ("Generator speed (rpm)", 600.0, 600.0 / RPM / 8.0),
+        ("Motor rpm", 600.0, 600.0 / RPM / 8.0),
+    ],
+)
+def test_a_speed_is_that_of_the_shaft_in_radians_per_second(
+    header: str, value: float, omega: float, tmp_path: Path
+) -> None:
+    run = read(tmp_path, bench_log(header, value), rig=rig_of(BENCH))
+    assert run.channels["speed"][0] == pytest.approx(omega)
+    assert "velocity" not in run.channels
+
+
+def test_the_side_of_the_rig_file_counts_before_the_name(tmp_path: Path) -> None:
+    rig = rig_of(BENCH + '[columns]\nspeed = { name = "Status_RPM_V1", unit = "rpm", side = "generator" }\n')
+    run = read(tmp_path, bench_log("Status_RPM_V1", 960.0), rig=rig)
+    assert run.channels["speed"][0] == pytest.approx(120.0 / RPM)
+    assert kinds(run) == set()
+
+
+def test_the_speed_of_a_machine_without_gear_ratio_is_that_of_the_shaft_and_reported(tmp_path: Path) -> None:
+    run = read(tmp_path, bench_log("Generator speed (rpm)"), rig=rig_of(""))
+    assert run.channels["speed"][0] == pytest.approx(600.0 / RPM)
+    (finding,) = run.findings
+    assert "states no gear_ratio; taken as that of the shaft" in finding.message
+
+
+def test_the_velocity_follows_from_the_speed_where_the_radius_is_known(tmp_path: Path) -> None:
+    run = read(tmp_path, bench_log("n (rpm)"), rig=rig_of('[winch]\nr_drum = { value = 0.1, unit = "m" }\n'))
+    assert run.channels["velocity"] == pytest.approx(0.1 * run.channels["speed"])
+    assert [f.action for f in run.findings] == ["derived from the speed of rotation with the drum radius of 0.1 m"]
+
+
+@pytest.mark.parametrize(("ratio", "found"), [(1.0, set()), (0.9, {"speed_mismatch"}), (1.004, set())])
+def test_a_speed_that_contradicts_line_drum_and_gear_is_reported(ratio: float, found: set[str], tmp_path: Path) -> None:
+    run = read(tmp_path, crane_log(ratio))
+    assert kinds(run) == found
+    for finding in run.findings:
+        assert "speed is 0.900" in finding.message
+        assert "check r_drum and the gear ratio" in finding.message
+
+
+def test_a_speed_of_the_opposite_sign_follows_the_line(tmp_path: Path) -> None:
+    run = read(tmp_path, crane_log(-1.0))
+    assert kinds(run) == {"sign_flipped"}
+    assert run.channels["speed"].max() == pytest.approx(run.channels["velocity"].max() / 0.13, rel=0.01)
+
+
+def test_two_speeds_are_left_out_and_do_not_reject_the_log(tmp_path: Path) -> None:
+    log = text([[*row, "1", "2"] for row in ROWS], [*HEAD, "Motor speed (rpm)", "Generator speed (rpm)"])
+    run = read(tmp_path, log)
+    assert kinds(run) == {"unknown_column"}
+    assert "speed" not in run.channels
+
+
+def test_channels_of_a_rig_of_its_own_are_read_by_name_or_column(tmp_path: Path) -> None:
+    rig = rig_of(
+        '[channels.p_main]\nunit = "bar"\n[channels.pump]\nunit = "kW"\n[channels.valve]\nunit = "%"\n'
+        '[columns]\npump = "Pumpe"\n'
+    )
+    rows = [[f"{0.1 * k:.1f}", "3", f"{k / 100}", "0.5"] for k in range(40)]
+    run = read(tmp_path, text(rows, ["t (s)", "p_main", "Pumpe (W)", "x5"]), rig=rig)
+    assert run.channels["p_main"][0] == pytest.approx(3e5)
+    assert run.channels["pump"][30] == pytest.approx(0.3)
+    assert {f.message for f in run.findings} == {"1 column that is no channel: x5", "the log has no valve channel"}
+    assert list(rig.known_channels)[-3:] == ["p_main", "pump", "valve"]
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ('[channels.torque]\nunit = "N.m"\n', "that no built-in channel has"),
+        ('[channels."a b"]\nunit = "W"\n', "letters, digits and underscores"),
+        ('[channels.pump]\nunit = "furlong"\n', "the unit 'furlong' is unknown"),
+        ("[channels.pump]\n", "the unit '' is unknown"),
+        ("[channels]\npump = 3\n", "expected a table [channels.pump]"),
+        ('[columns]\nspeed = { name = "n", side = "generator" }\n', "needs the gear ratio"),
+        ('[columns]\nforce = { name = "n", side = "drum" }\n', "only the speed of rotation has a side"),
+        ('[columns]\nspeed = { name = "n", side = "left" }\n', "left"),
+        ('[columns]\npump = "n"\n', "is no channel"),
+    ],
+)
+def test_a_wrong_entry_of_channels_is_one_sentence(more: str, words: str) -> None:
+    with pytest.raises(RigError, match=r"^bench\.toml: ") as caught:
+        rig_of(more)
+    assert words in str(caught.value)
+
+
+def test_a_power_that_contradicts_torque_and_speed_is_reported(tmp_path: Path) -> None:
+    rows = [[f"{0.1 * k:.1f}", f"{600 + k}", "2.0", f"{-2.0 * (600 + k) / RPM}"] for k in range(50)]
+    run = read(tmp_path, text(rows, ["t (s)", "n (rpm)", "Torque (N.m)", "Shaft power (W)"]), rig=rig_of(""))
+    (finding,) = run.findings
+    assert "power_mech is -1.000 times torque x speed" in finding.message
+
+
+def test_a_log_of_the_direct_current_alone_is_read(tmp_path: Path) -> None:
+    rows = [[f"{0.1 * k:.1f}", "48.1", f"{1 + k / 100}"] for k in range(50)]
+    run = read(tmp_path, text(rows, ["t (s)", "Vdc (V)", "Idc (A)"]), rig=rig_of(""))
+    assert set(run.channels) == {"vdc", "idc"}
+
+
+def test_columns_without_numbers_reject_the_log(tmp_path: Path) -> None:
+    rows = [[f"{0.1 * k:.1f}", "-", "-"] for k in range(50)]
+    with pytest.raises(LogError, match="the columns of motion and power hold no number"):
+        read(tmp_path, text(rows, ["t (s)", "Vdc (V)", "Idc (A)"]), rig=rig_of(""))
+
+
+def test_a_propeller_stand_gives_speed_torque_and_direct_current(shared: Path) -> None:
+    rig = rig_of(
+        '[columns]\nspeed = { name = "Motor Optical Speed (RPM)", side = "shaft" }\n'
+        'vdc = "Voltage (V)"\nidc = "Current (A)"\npower_mech = "Mechanical Power (W)"\n'
+    )
+    run = read_run(shared / "benches" / "rcbenchmark-1580" / "StepsTest20230624_2023-06-24_190243.csv", rig=rig)
+    assert not np.any(run.channels["speed"])
+    assert {"speed", "torque", "vdc", "idc"} <= set(run.channels)
