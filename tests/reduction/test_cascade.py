@@ -5,15 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from winchcascade.core.cascade import BUILT_IN
 from winchcascade.reduction.bins import bin_powers
 from winchcascade.reduction.efficiency import METRICS, Metrics, ensemble_mean, largest_deviation, metrics, total
-from winchcascade.reduction.energies import power, power_mech
 
 ONE = np.ones(3)
-
-
-def test_shaft_power_is_torque_times_the_speed_of_the_drum() -> None:
-    assert power_mech(310.0 * ONE, 1.0 * ONE, 0.13) == pytest.approx(310.0 / 0.13 * ONE)
 
 
 @pytest.mark.parametrize(
@@ -31,7 +27,7 @@ def test_shaft_power_is_torque_times_the_speed_of_the_drum() -> None:
 def test_a_stage_has_a_power_where_its_channels_are(
     stage: str, channels: dict[str, np.ndarray], r_drum: float | None, watts: float | None
 ) -> None:
-    found = power(channels, stage, r_drum)
+    found = BUILT_IN[stage].watts(channels, r_drum)
     assert found is None if watts is None else found == pytest.approx(watts * ONE)
 
 

@@ -14,6 +14,7 @@ from scipy import stats
 
 from winchcascade import read_run, reduce
 from winchcascade.core.campaign_file import load_campaign
+from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Finding, Run
 from winchcascade.reduction.efficiency_between_runs import LogEfficiency, logs_apart
 from winchcascade.reduction.efficiency_changes import compare_cycles, energy_noise, probability
@@ -234,7 +235,7 @@ def test_the_noise_of_an_energy_is_that_of_repeated_logs() -> None:
     clean = reduce(log(4), window=5.96)
     joules = np.array([[c.metrics.energy_gen for c in reduce(run, window=5.96).cycles] for run in runs])
     seen = float(np.sqrt(np.mean((joules / [c.metrics.energy_gen for c in clean.cycles] - 1.0) ** 2)))
-    expected = [energy_noise(run, [c.window for c in clean.cycles])["gen"] for run in runs]
+    expected = [energy_noise(run, built_in(), [c.window for c in clean.cycles])["gen"] for run in runs]
     assert float(np.mean(expected)) == pytest.approx(seen, rel=0.15)
 
 
@@ -242,5 +243,5 @@ def test_a_log_without_current_has_no_noise_of_its_energy() -> None:
     channels = {name: x for name, x in log(4).channels.items() if name != "idc"}
     run = msgspec.structs.replace(log(4), channels=channels)
     windows = [c.window for c in reduce(run).cycles]
-    assert set(energy_noise(run, windows)) == {"line", "mech"}
-    assert energy_noise(run, []) == {}
+    assert set(energy_noise(run, built_in(), windows)) == {"line", "mech"}
+    assert energy_noise(run, built_in(), []) == {}

@@ -122,7 +122,7 @@ def test_a_gap_far_from_an_instant_does_not_move_it() -> None:
 def test_a_cutoff_that_a_gap_moves_is_worth_the_power_there(by: float, message: str | None) -> None:
     spans, gaps = np.array([[1.0, 4.0], [5.0, 8.0]]), np.array([[20.0, 20.2]])
     changed = energy_error(T, np.full(T.size, 500.0), gaps, spans, np.array([by, 0.0]))
-    faults = gap_faults("line", gaps, spans, changed / 1500.0, built_in().thresholds)
+    faults = gap_faults("line", "its window", gaps, spans, changed / 1500.0, built_in().thresholds)
     assert changed == pytest.approx([by * 500.0, 0.0])
     assert faults == ({} if message is None else {0: message})
 

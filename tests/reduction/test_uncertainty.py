@@ -15,13 +15,13 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from winchcascade.core.accuracy import error_sources
+from winchcascade.core.cascade import PAPER as CASCADE
 from winchcascade.core.quantity import Quantity
 from winchcascade.core.rig_file import Rig, Sensor, WindowRule
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.efficiency import METRICS
-from winchcascade.reduction.energies import PARTS
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.uncertainty import Budget, budget, shares
@@ -399,9 +399,9 @@ def test_bridged_gaps_have_a_row_without_a_source() -> None:
     for stage, joules in reduction.bridged.items():
         counted = [joule for joule, c in zip(joules, reduction.cycles, strict=True) if c.complete]
         expected = math.hypot(*counted) / math.sqrt(3.0) / n  # limits of rectangular errors, independent of each other
-        assert expected > 0 or PARTS[stage][1] == "haul_in"
+        assert expected > 0 or CASCADE.parts[stage][1] == "haul_in"
         assert getattr(row, f"energy_{stage}") == pytest.approx(expected, rel=ROUNDING)
-        if PARTS[stage][1] == "window":
+        if CASCADE.parts[stage][1] == "window":
             assert getattr(row, f"power_{stage}") == pytest.approx(expected / 5.48, rel=ROUNDING)
     for m in METRICS:
         parts = [getattr(r.of, m) for r in found.rows]

@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from msgspec.structs import asdict
-
-from winchcascade.reduction.efficiency import RATIOS
+from winchcascade.reduction.efficiency import FIELDS, RATIOS
 from winchcascade.reduction.efficiency_between_runs import Apart, LogEfficiency, logs_apart
 from winchcascade.reduction.efficiency_changes import LOOK_AT
 from winchcascade.report.records import FindingRecord, RunRecord
@@ -23,15 +21,14 @@ def log_efficiency(name: str, record: RunRecord) -> LogEfficiency | None:
         return None
     speeds = [p.plateau.speed if p.plateau else p.travel / p.duration for p in payouts]
     log, parts = record.log, record.uncertainty
-    own = [asdict(row.contribution) for row in parts.budget if row.part != "gain"] + [asdict(parts.repeatability)]
-    mean = asdict(record.mean)
+    own = [row.contribution for row in parts.budget if row.part != "gain"] + [parts.repeatability]
     return LogEfficiency(
         name=name,
         kind=(record.rig, record.window == "payout", bool(log.simulated)),
         load=math.inf if log.open_circuit else log.load_ohm,
         speed=sum(speeds) / len(speeds),
-        power=record.mean.power_mech,
-        eta={metric: mean[metric] for metric in RATIOS},
+        power=record.mean[FIELDS["power_mech"]],
+        eta={metric: record.mean[metric] for metric in RATIOS},
         uncertainty={metric: math.hypot(*(part[metric] or 0.0 for part in own)) for metric in RATIOS},
     )
 

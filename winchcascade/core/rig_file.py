@@ -11,6 +11,7 @@ from typing import Literal
 
 import msgspec
 
+from winchcascade.core.cascade import PAPER, Cascade
 from winchcascade.core.quantity import Quantity
 from winchcascade.core.run import CHANNELS, Channel
 
@@ -196,6 +197,7 @@ class Rig(msgspec.Struct, frozen=True):
     columns: Mapping[str, Column] = msgspec.field(default_factory=dict)
     channels: Mapping[str, Channel] = msgspec.field(default_factory=dict)
     effects: Mapping[str, StatedEffect] = msgspec.field(default_factory=dict)
+    cascade: Cascade = PAPER
     sample_rate: float | None = None
     thresholds: Thresholds = Thresholds()
     model: ModelAccuracy = ModelAccuracy()

@@ -2,57 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
-import msgspec
+from winchcascade.core.cascade import PAPER, Cascade, field_of
 
-METRICS = (
-    "energy_line", "energy_mech", "energy_gen", "power_line", "power_mech", "power_gen", "eta_trans", "eta_gen", "eta_pto",
-)  # fmt: skip
-"""The nine metrics of a cycle: energies [J], mean powers over the window [W] and efficiencies [1]."""
+METRICS, NET_METRICS, ALL_METRICS = PAPER.metrics, PAPER.net_metrics, PAPER.all_metrics
+"""Metrics of the paper's cascade: of windows, of whole cycles, and both."""
 
-RATIOS = {
-    "eta_trans": ("energy_mech", "energy_line"),
-    "eta_gen": ("energy_gen", "energy_mech"),
-    "eta_pto": ("energy_gen", "energy_line"),
-}
-"""Each efficiency: what comes out over what goes in (Eq. 6)."""
+RATIOS, ALL_RATIOS = PAPER.ratios, PAPER.all_ratios
+"""Efficiencies of the paper's cascade: what comes out over what goes in (Eq. 6)."""
+
+FIELDS = {name: field_of(name) for name in ALL_METRICS}
+"""Metrics of the paper's cascade as written files call them: with their unit."""
 
 
-NET_METRICS = ("energy_payout", "energy_returned", "energy_net", "energy_gen_cycle", "eta_net")
-"""Metrics of a whole cycle, which do not depend on the window: line energy of the payout, line energy returned in haul-in, net
-line energy from onset to next onset, energy at the DC link over the same span [J], and the ratio of the last two [1]."""
+class Metrics(dict[str, float | None]):
+    """Metrics of a cycle or of many by name, such as `energy_line`; each is an attribute too.
 
-NET_RATIOS = {"eta_net": ("energy_gen_cycle", "energy_net")}
+    None for a metric that the log cannot give, also for one that is not listed.
 
-ALL_METRICS = METRICS + NET_METRICS
-ALL_RATIOS = RATIOS | NET_RATIOS
+    >>> Metrics(eta_trans=0.9).eta_trans, Metrics().energy_net
+    (0.9, None)
+    """
 
+    def __missing__(self, name: str) -> None:
+        """None for a metric that is not listed."""
 
-FIELDS = {
-    name: name + ("_j" if name.startswith("energy") else "_w" if name.startswith("power") else "")
-    for name in ALL_METRICS
-}
-"""The metrics of windows and of whole cycles as written files call them: with their unit."""
+    def __getattr__(self, name: str) -> float | None:
+        """A metric by its name."""
+        if name.startswith(("energy_", "power_", "eta_")):
+            return self.get(name)
+        raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
 
+    def value(self, name: str) -> float:
+        """A metric that the log gives; KeyError for one that it does not give."""
+        value = self[name]
+        if value is None:
+            raise KeyError(name)
+        return value
 
-class Metrics(msgspec.Struct, frozen=True, rename=FIELDS):
-    """The nine metrics of a cycle or of many, and those of whole cycles; None for what a log cannot give."""
-
-    energy_line: float | None = None
-    energy_mech: float | None = None
-    energy_gen: float | None = None
-    power_line: float | None = None
-    power_mech: float | None = None
-    power_gen: float | None = None
-    eta_trans: float | None = None
-    eta_gen: float | None = None
-    eta_pto: float | None = None
-    energy_payout: float | None = None
-    energy_returned: float | None = None
-    energy_net: float | None = None
-    energy_gen_cycle: float | None = None
-    eta_net: float | None = None
+    def fields(self, names: Iterable[str] = ALL_METRICS) -> dict[str, float | None]:
+        """Some metrics by their names in written files."""
+        return {field_of(name): self.get(name) for name in names}
 
 
 NOTHING = 1e-9
@@ -90,13 +81,13 @@ def runs_idle(delivered: Sequence[float | None]) -> bool:
 
 
 def metrics(
-    energy: dict[str, float | None], duration: float, *, open_circuit: bool
+    energy: Mapping[str, float | None], duration: float, *, open_circuit: bool, cascade: Cascade = PAPER
 ) -> tuple[Metrics, dict[str, float]]:
     """Put one cycle's metrics together (Eqs 5 and 6).
 
     Parameters
     ----------
-    energy : energy_line, energy_mech, energy_gen over the window [J]; other metrics are taken over
+    energy : energies of the stages over the window by name [J]; other metrics are taken over
     duration : length of the window [s]
     open_circuit : nothing is delivered, so eta_gen and eta_pto are no efficiencies of the machine
 
@@ -104,20 +95,20 @@ def metrics(
     -------
     the metrics, and the ratios that are no efficiency and therefore None in them, by name
     """
-    values = dict(energy)
-    for stage in ("line", "mech", "gen"):
+    values = Metrics(energy)
+    for stage in cascade.names:
         joule = energy[f"energy_{stage}"]
         values[f"power_{stage}"] = None if joule is None or duration <= 0 else joule / duration
     odd = {}
-    for name, (out, into) in RATIOS.items():
-        value = None if open_circuit and name != "eta_trans" else ratio(energy[out], energy[into])
+    for name, (out, into) in cascade.ratios.items():
+        value = None if open_circuit and cascade.undelivered(name) else ratio(energy[out], energy[into])
         if value is not None and not is_efficiency(value):
             odd[name], value = value, None
         values[name] = value
-    return Metrics(**values), odd
+    return values, odd
 
 
-def ensemble_mean(cycles: Sequence[Metrics]) -> Metrics:
+def ensemble_mean(cycles: Sequence[Metrics], cascade: Cascade = PAPER) -> Metrics:
     """Mean of each metric over the cycles (Eq. 7); efficiencies are means of the cycles' ratios.
 
     A metric that any cycle cannot give has no mean: one over the rest would not be of the same cycles. Net energies are
@@ -126,30 +117,33 @@ def ensemble_mean(cycles: Sequence[Metrics]) -> Metrics:
     >>> ensemble_mean([Metrics(eta_trans=0.5), Metrics(eta_trans=0.75)]).eta_trans
     0.625
     """
-    return Metrics(**{name: _mean(column) for name, column in _columns(cycles).items()})
+    return Metrics({name: _mean(column) for name, column in _columns(cycles, cascade).items()})
 
 
-def largest_deviation(cycles: Sequence[Metrics]) -> Metrics:
+def largest_deviation(cycles: Sequence[Metrics], cascade: Cascade = PAPER) -> Metrics:
     """Largest deviation of any cycle from the mean, in percent of the mean (Sec. 3.2); None for fewer than two. [%]"""
-    return Metrics(**{name: _deviation(column) for name, column in _columns(cycles).items()})
+    return Metrics({name: _deviation(column) for name, column in _columns(cycles, cascade).items()})
 
 
-def total(cycles: Sequence[Metrics], duration: float, *, open_circuit: bool) -> Metrics:
+def total(cycles: Sequence[Metrics], duration: float, *, open_circuit: bool, cascade: Cascade = PAPER) -> Metrics:
     """Summed energies, their mean powers over all windows together, and the ratios of the sums.
 
     Parameters
     ----------
     duration : length of all windows [s]
     """
-    sums = {name: None if column is None else float(sum(column)) for name, column in _columns(cycles).items()}
-    found, _ = metrics(sums, duration, open_circuit=open_circuit)
-    return msgspec.structs.replace(found, eta_net=ratio(sums["energy_gen_cycle"], sums["energy_net"]))
+    columns = _columns(cycles, cascade)
+    sums = {name: None if column is None else float(sum(column)) for name, column in columns.items()}
+    found, _ = metrics(sums, duration, open_circuit=open_circuit, cascade=cascade)
+    for name, (out, into) in cascade.net_ratios.items():
+        found[name] = ratio(sums[out], sums[into])
+    return found
 
 
-def _columns(cycles: Sequence[Metrics]) -> dict[str, list[float] | None]:
+def _columns(cycles: Sequence[Metrics], cascade: Cascade) -> dict[str, list[float] | None]:
     """Each metric of the cycles that have it, None if none has, or, but for net energies, if any has it not."""
-    given = {m: [value for cycle in cycles if (value := getattr(cycle, m)) is not None] for m in ALL_METRICS}
-    return {m: x if x and (m in NET_METRICS or len(x) == len(cycles)) else None for m, x in given.items()}
+    given = {m: [value for cycle in cycles if (value := cycle[m]) is not None] for m in cascade.all_metrics}
+    return {m: x if x and (m in cascade.net_metrics or len(x) == len(cycles)) else None for m, x in given.items()}
 
 
 def _mean(column: list[float] | None) -> float | None:

@@ -19,8 +19,7 @@ from winchcascade.core.accuracy import error_sources
 from winchcascade.core.integrate import white_noise
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Finding, Index, Mask, Run, Signal
-from winchcascade.reduction.efficiency import NOTHING, RATIOS, runs_idle
-from winchcascade.reduction.energies import STAGES, sources
+from winchcascade.reduction.efficiency import NOTHING, runs_idle
 from winchcascade.reduction.phased_run import Window
 from winchcascade.reduction.reduction_result import CycleResult
 
@@ -113,22 +112,25 @@ def compare_cycles(
     """
     if run.open_circuit:
         return []
-    whole = [c for c in cycles if c.complete]
-    if runs_idle([c.metrics.eta_gen if c.metrics.eta_pto is None else c.metrics.eta_pto for c in whole]):
+    cascade, whole = rig.cascade, [c for c in cycles if c.complete]
+    last, overall = cascade.neighbours[-1], cascade.overall
+    if runs_idle([c.metrics[last] if c.metrics[overall] is None else c.metrics[overall] for c in whole]):
         return []
-    noise = energy_noise(run, [c.window for c in whole])
-    given = {m: [k for k, c in enumerate(cycles) if c.complete and getattr(c.metrics, m) is not None] for m in RATIOS}
-    tested = [m for m in ("eta_trans", "eta_gen") if len(given[m]) > 1] or ["eta_pto"] * (len(given["eta_pto"]) > 1)
+    noise = energy_noise(run, rig, [c.window for c in whole])
+    ratios = cascade.ratios
+    given = {m: [k for k, c in enumerate(cycles) if c.complete and c.metrics[m] is not None] for m in ratios}
+    tested = [m for m in cascade.neighbours if len(given[m]) > 1] or [overall] * (len(given[overall]) > 1)
     compared = []
     for metric in tested:
         here = [cycles[k] for k in given[metric]]
         gaps = np.zeros(len(here))
-        for energy in RATIOS[metric]:
+        energies = np.array([[cycles[c].metrics[energy] for c in given[metric]] for energy in ratios[metric]])
+        for energy, joule in zip(ratios[metric], energies, strict=True):
             joules = bridged.get(energy.removeprefix("energy_"), np.zeros(len(cycles)))
-            gaps += [joules[c] / max(getattr(cycles[c].metrics, energy), NOTHING) for c in given[metric]]
-        repeats = math.hypot(REPEATS, *(noise.get(energy.removeprefix("energy_"), 0.0) for energy in RATIOS[metric]))
+            gaps += [joules[c] / max(j, NOTHING) for c, j in zip(given[metric], joule, strict=True)]
+        repeats = math.hypot(REPEATS, *(noise.get(energy.removeprefix("energy_"), 0.0) for energy in ratios[metric]))
         known = _Known(gaps, _zeros(here, rig), 0.5 if run.load is not None else 1.0, repeats)
-        compared.append(_largest_change(metric, here, known, len(tested)))
+        compared.append(_largest_change(metric, here, energies.T, known, len(tested)))
     return [found for found in compared if found is not None]
 
 
@@ -144,7 +146,7 @@ def _zeros(cycles: Sequence[CycleResult], rig: Rig) -> float:
     return total
 
 
-def energy_noise(run: Run, windows: Sequence[Window]) -> dict[str, float]:
+def energy_noise(run: Run, rig: Rig, windows: Sequence[Window]) -> dict[str, float]:
     """Relative standard deviation of an energy in a window by the white noise of its channels, by stage. [1]
 
     The noise of a channel is that of its samples in the window. In the sum of the power over n samples it averages out by the
@@ -158,11 +160,12 @@ def energy_noise(run: Run, windows: Sequence[Window]) -> dict[str, float]:
     rows = [slice(*np.searchsorted(run.t, (w.onset, w.cutoff)).tolist()) for w in chosen]
     count = max(1, int(INDEPENDENT * run.fs + 1e-6))
     found = {}
-    for stage in STAGES:
-        names = sources(run.channels, stage)
-        if rows and all(name in run.channels for name in names):
+    for stage in rig.cascade.stages:
+        product = stage.power(run.channels, rig.r_drum)
+        if rows and product is not None:
+            names = product.channels
             square = [_square([_averaged(run.channels[name][part], count) for name in names]) for part in rows]
-            found[stage] = float(np.sqrt(np.mean(square)))
+            found[stage.name] = float(np.sqrt(np.mean(square)))
     return found
 
 
@@ -179,13 +182,21 @@ def _square(factors: Sequence[Signal]) -> float:
     return square / max(float(x @ y) ** 2, NOTHING)
 
 
-def _largest_change(metric: str, cycles: Sequence[CycleResult], known: _Known, metrics: int) -> CycleComparison | None:
-    """The most significant change of an efficiency over the cycles; None where the efficiency is not positive."""
-    eta = np.array([getattr(c.metrics, metric) for c in cycles])
+def _largest_change(
+    metric: str, cycles: Sequence[CycleResult], energies: Signal, known: _Known, metrics: int
+) -> CycleComparison | None:
+    """The most significant change of an efficiency over the cycles; None where the efficiency is not positive.
+
+    Parameters
+    ----------
+    energies : of the cycles, out of the stages and into them, (k, 2) [J]
+    metrics : number of efficiencies that are tested
+    """
+    eta = np.array([c.metrics[metric] for c in cycles])
     mean, n = float(np.mean(eta)), len(cycles)
     if mean <= 0.0:
         return None
-    energies = np.maximum([[getattr(c.metrics, e) for e in RATIOS[metric]] for c in cycles], NOTHING)
+    energies = np.maximum(energies, NOTHING)
     lengths = np.array([[c.window.cutoff - c.window.onset] for c in cycles])
     size = np.hstack([np.log(energies), np.log(energies / lengths)])
     first = np.concatenate([np.arange(1, n), np.ones(max(n - 2, 0), dtype=np.int64)])

@@ -11,7 +11,8 @@ from collections.abc import Mapping, Sequence
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import Stream, integrals
+from winchcascade.core.cascade import ELECTRICAL
+from winchcascade.core.integrate import integrals
 from winchcascade.core.rig_file import Thresholds
 from winchcascade.core.run import Run, Signal
 from winchcascade.reduction.efficiency import is_efficiency, ratio
@@ -19,59 +20,11 @@ from winchcascade.reduction.gap_error import energy_error, gaps_of, instant_erro
 from winchcascade.reduction.phased_run import PhasedRun, Window, travel_in
 from winchcascade.reduction.phases import Cycle
 
-STAGES = ("line", "mech", "gen")
-"""The stages of the cascade in the direction in which power flows."""
-
 NET_TRAVEL_MAX = 0.01
 """Largest net travel of a cycle, as a share of its stroke: a line that ends elsewhere leaves energy in the gas. [1]"""
 
-PARTS = {
-    "line": ("line", "window"),
-    "mech": ("mech", "window"),
-    "gen": ("gen", "window"),
-    "payout": ("line", "payout"),
-    "returned": ("line", "haul_in"),
-    "net": ("line", "cycle"),
-    "gen_cycle": ("gen", "cycle"),
-}
-"""Each energy of a cycle: the stage whose power is integrated, and the span over which."""
-
 SIGN = {"returned": -1.0}
 """Energies that are counted against the line's direction: what the line gives back is positive."""
-
-
-def power_mech(tau_pto: Signal, v_line: Signal, r_drum: float) -> Signal:
-    """Power of the PTO shaft, P = tau v / r_drum (Eq. 3); torque in N m, radius in m. [W]"""
-    return tau_pto * (v_line / r_drum)
-
-
-def stream(channels: Mapping[str, Signal], stage: str, r_drum: float | None) -> Stream | None:
-    """Power stream of one stage as a function of the rows of the log, None where log or rig lack what it needs. [W]
-
-    The line has P = F v (Eq. 2), the DC link P = Vdc Idc (Eq. 4). A logged mechanical power is taken as it is; otherwise
-    torque and drum radius give it.
-    """
-    if any(name not in channels for name in sources(channels, stage)):
-        return None
-    x, y = (channels[name] for name in (*sources(channels, stage), "velocity")[:2])
-    if stage != "mech":
-        return lambda part: x[part] * y[part]
-    if "power_mech" in channels:
-        return x.__getitem__
-    return None if r_drum is None else lambda part: power_mech(x[part], y[part], r_drum)
-
-
-def power(channels: Mapping[str, Signal], stage: str, r_drum: float | None) -> Signal | None:
-    """Power stream of one stage over the whole log, (n,), None where log or rig lack what it needs. [W]"""
-    part = stream(channels, stage, r_drum)
-    return None if part is None else part(slice(None))
-
-
-def sources(channels: Mapping[str, Signal], stage: str) -> tuple[str, ...]:
-    """Channels of which the power of a stage is made."""
-    if stage == "mech" and "power_mech" in channels:
-        return ("power_mech",)
-    return {"line": ("force", "velocity"), "mech": ("torque", "velocity"), "gen": ("vdc", "idc")}[stage]
 
 
 class NetSpan(msgspec.Struct, frozen=True, rename={"begin": "begin_s", "end": "end_s", "travel": "travel_m"}):
@@ -145,7 +98,7 @@ def net_metrics(joules: Mapping[str, float | None], span: NetSpan) -> tuple[dict
 
     Parameters
     ----------
-    joules : energies by their names in `PARTS` [J]
+    joules : energies by their names in the parts of the cascade [J]
 
     Examples
     --------
@@ -153,10 +106,10 @@ def net_metrics(joules: Mapping[str, float | None], span: NetSpan) -> tuple[dict
     >>> net_metrics(parts, NetSpan(0.0, 60.0))[0]["eta_net"]
     0.75
     """
-    net = joules["net"]
+    net = joules.get("net")
     if span.reason is None and net is not None and net <= 0.0:
         span = msgspec.structs.replace(span, reason="the net energy of the line is not positive")
-    if span.reason is not None:
+    if span.reason is not None or "net" not in joules:
         return {}, span
     values = {f"energy_{name}": joules[name] for name in ("payout", "returned", "net", "gen_cycle")}
     eta = ratio(joules["gen_cycle"], net)
@@ -166,8 +119,8 @@ def net_metrics(joules: Mapping[str, float | None], span: NetSpan) -> tuple[dict
 
 
 class Energies(msgspec.Struct, frozen=True):
-    """Windows and whole cycles with what is wrong with them, the energies of each by their names in `PARTS`, None for one
-    not measured, and what gaps may have changed of them. [J]
+    """Windows and whole cycles with what is wrong with them, the energies of each by their names in the parts of the
+    cascade, None for one not measured, and what gaps may have changed of them. [J]
     """
 
     windows: list[Window]
@@ -183,7 +136,8 @@ def integrate_energies(phased: PhasedRun, windows: Sequence[Window], nets: Seque
     """
     run, limits = phased.run, phased.rig.thresholds
     spans = spans_of(windows, phased.cycles, nets)
-    joules: dict[str, list[float] | None] = dict.fromkeys(PARTS)
+    cascade, r_drum = phased.rig.cascade, phased.rig.r_drum
+    joules: dict[str, list[float] | None] = dict.fromkeys(cascade.parts)
     bridged: dict[str, tuple[float, ...]] = {}
     faults: dict[str, dict[int, str]] = {span: {} for span in spans}
     moved = dict.fromkeys(spans, np.zeros(len(windows)))  # at an onset the line hardly moves
@@ -191,21 +145,23 @@ def integrate_energies(phased: PhasedRun, windows: Sequence[Window], nets: Seque
         onset, cutoff = spans["window"].T
         instants = onset if isinstance(phased.rule, float) else cutoff - limits.settle
         moved["window"] = instant_error(run, phased.v_smooth, instants)
-    for stage in STAGES:
-        watts = stream(run.channels, stage, phased.rig.r_drum)
-        if watts is None:
+    for stage in cascade.stages:
+        watts, product = stage.stream(run.channels, r_drum), stage.power(run.channels, r_drum)
+        if watts is None or product is None:
             continue
-        parts = {name: span for name, (source, span) in PARTS.items() if source == stage}
+        parts = {name: span for name, (source, span) in cascade.parts.items() if source == stage.name}
         joule = integrals(run.t, watts, np.concatenate([spans[span] for span in parts.values()]))
-        gaps = gaps_of(run, sources(run.channels, stage))
+        gaps = gaps_of(run, product.channels)
         for (name, span), part in zip(parts.items(), np.split(joule, len(parts)), strict=True):
             joules[name] = (SIGN.get(name, 1.0) * part).tolist()
-            if len(gaps) and not (stage == "gen" and run.open_circuit):  # no current flows: any of it is a large share
+            idle = stage.name in ELECTRICAL and run.open_circuit  # no current flows: any of it is a large share
+            if len(gaps) and not idle:
                 changed = energy_error(run.t, watts(slice(None)), gaps, spans[span], moved[span])
                 bridged[name] = tuple(changed.tolist())
                 share = np.where(np.ptp(spans[span], axis=1) > 0.0, changed / np.maximum(np.abs(part), 1e-9), 0.0)
-                for k, fault in gap_faults(name, gaps, spans[span], share, limits).items():
-                    faults["window" if span == "window" else "cycle"].setdefault(k, fault)
+                which, place = ("window", "its window") if span == "window" else ("cycle", "the cycle")
+                for k, fault in gap_faults(name, place, gaps, spans[span], share, limits).items():
+                    faults[which].setdefault(k, fault)
     return Energies(
         [Window(w.onset, w.cutoff, w.fault or faults["window"].get(k)) for k, w in enumerate(windows)],
         [NetSpan(n.begin, n.end, n.travel, n.reason or faults["cycle"].get(k)) for k, n in enumerate(nets)],
@@ -214,19 +170,18 @@ def integrate_energies(phased: PhasedRun, windows: Sequence[Window], nets: Seque
     )
 
 
-def gap_faults(name: str, gaps: Signal, spans: Signal, share: Signal, limits: Thresholds) -> dict[int, str]:
+def gap_faults(name: str, place: str, gaps: Signal, spans: Signal, share: Signal, limits: Thresholds) -> dict[int, str]:
     """Faults of the spans in which a gap is too long, or in which bridging could change the energy by too much.
 
     Parameters
     ----------
-    name : of the energy in `PARTS`
+    name, place : of the energy, and what its spans are called
     share : of the energy in each span that bridging could change, (k,) [1]
     """
     found: dict[int, str] = {}
-    where = "its window" if PARTS[name][1] == "window" else "the cycle"
     for begin, end in gaps[gaps[:, 1] - gaps[:, 0] > limits.gap_max]:
         for k in np.flatnonzero((spans[:, 0] < end) & (spans[:, 1] > begin)).tolist():
-            found.setdefault(k, f"a gap of {end - begin:.2f} s lies in {where} (E_{name})")
+            found.setdefault(k, f"a gap of {end - begin:.2f} s lies in {place} (E_{name})")
     for k in np.flatnonzero(share > limits.gap_energy_max).tolist():
         found.setdefault(k, f"bridging its gaps could change E_{name} by {min(share[k], 9.99):.1%}")
     return found

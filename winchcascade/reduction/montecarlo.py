@@ -13,14 +13,14 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.run import Index, Signal
-from winchcascade.reduction.efficiency import ALL_METRICS, ALL_RATIOS, Metrics
+from winchcascade.reduction.efficiency import Metrics
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.uncertainty import (
     R_DRUM,
     SAMPLING,
     Budget,
     ErrorModel,
-    Stage,
+    StageEnergy,
     budget,
     error_model,
     sampling_limit,
@@ -99,7 +99,7 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED, draws: int = DRAWS) -
     student = {1: np.zeros(draws)}
     drawn, whole, alone = {}, {}, {}
     for metric, x in spread.items():
-        scatter = getattr(known.repeatability, metric) or 0.0
+        scatter = known.repeatability[metric] or 0.0
         drawn[metric] = float(np.hypot(np.std(x), scatter))
         n = model.rows[metric].size
         if n not in student:
@@ -108,10 +108,10 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED, draws: int = DRAWS) -
         alone[metric] = _interval(x) if scatter else whole[metric]
     within = max(LINEAR_WITHIN, 3.0 / np.sqrt(draws))
     method: dict[str, Method] = {
-        m: "gum" if abs(u - getattr(known.mean, m)) <= within * u else "monte_carlo" for m, u in drawn.items()
+        m: "gum" if abs(u - known.mean.value(m)) <= within * u else "monte_carlo" for m, u in drawn.items()
     }
-    stated = {m: getattr(known.mean, m) if way == "gum" else drawn[m] for m, way in method.items()}
-    return Uncertainty(known, seed, draws, Metrics(**drawn), Metrics(**stated), method, whole, alone)
+    stated = {m: known.mean[m] if way == "gum" else drawn[m] for m, way in method.items()}
+    return Uncertainty(known, seed, draws, Metrics(drawn), Metrics(stated), method, whole, alone)
 
 
 def stated_uncertainty(reduction: Reduction) -> tuple[Budget, Metrics]:
@@ -131,15 +131,16 @@ def _spread(
     reduction: Reduction, model: ErrorModel, known: Budget, rng: np.random.Generator, draws: int
 ) -> dict[str, Signal]:
     """Means of the metrics for drawn errors, (draws,) each; nothing for a metric without an accuracy."""
-    spread = {m: np.empty(draws) for m in ALL_METRICS if getattr(known.mean, m) is not None}
+    ratios = model.cascade.all_ratios
+    spread = {m: np.empty(draws) for m in model.cascade.all_metrics if known.mean[m] is not None}
     for start in range(0, draws, BLOCK):  # blocks that stay in the cache of the processor
         part = slice(start, min(start + BLOCK, draws))
         drawn = _draw(model, rng, part.stop - start)
         for metric, x in spread.items():
             rows = model.rows[metric]
-            if metric in ALL_RATIOS:
-                out, into = (drawn[name.removeprefix("energy_")] for name in ALL_RATIOS[metric])
-                x[part] = _ratio(out, into, rows, getattr(reduction.mean, metric))
+            if metric in ratios:
+                out, into = (drawn[name.removeprefix("energy_")] for name in ratios[metric])
+                x[part] = _ratio(out, into, rows, reduction.mean.value(metric))
             else:
                 kind, name = metric.split("_", 1)
                 per = model.stages[name].t[rows, None] if kind == "power" else 1.0
@@ -154,7 +155,7 @@ class _Drawn(msgspec.Struct, frozen=True):
     made of the zeros, the factor of the gains and of the gaps.
     """
 
-    stage: Stage
+    stage: StageEnergy
     parts: Signal
     weights: Signal
     factor: Signal | float

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 
+from winchcascade.core.cascade import BUILT_IN
 from winchcascade.core.integrate import Stream, extremes, integrals, means
 from winchcascade.core.run import Signal
-from winchcascade.reduction.energies import STAGES, stream
 from winchcascade.reduction.phased_run import PhasedRun
 from winchcascade.reduction.phases import Cycle
 
@@ -83,7 +83,7 @@ def summarise(phased: PhasedRun) -> list[PhaseSummary]:
     held = _means(phased, ("force", "torque", "pressure"), _windows(cycles, [c.hold for c in cycles]))
     hauls = _windows(cycles, [c.haul_in for c in cycles])
     top = (-extremes(run.t, phased.v_smooth, hauls)[0]).tolist()
-    force, line = run.channels.get("force"), stream(run.channels, "line", phased.rig.r_drum)
+    force, line = run.channels.get("force"), BUILT_IN["line"].stream(run.channels, None)
     nothing: list[float | None] = [None] * len(cycles)
     least = nothing if force is None else extremes(run.t, force, hauls)[0].tolist()
     energy = nothing if line is None else integrals(run.t, line, hauls).tolist()
@@ -115,7 +115,9 @@ def _means(phased: PhasedRun, names: Sequence[str], windows: Signal) -> list[lis
     """Time means of channels and powers in each window; None for what is not measured and for a mean over no time."""
     run = phased.run
     signals: dict[str, Stream | None] = {name: x.__getitem__ for name, x in run.channels.items()}
-    signals |= {f"power_{stage}": stream(run.channels, stage, phased.rig.r_drum) for stage in STAGES}
+    signals |= {
+        f"power_{stage.name}": stage.stream(run.channels, phased.rig.r_drum) for stage in phased.rig.cascade.stages
+    }
     columns = np.full((len(windows), len(names)), np.nan)
     for k, name in enumerate(names):
         x = signals.get(name)

@@ -18,17 +18,9 @@ from winchcascade.reduction.checks.lag import lag_findings
 from winchcascade.reduction.checks.load import load_findings
 from winchcascade.reduction.checks.sampling import check_sampling, resolution_findings
 from winchcascade.reduction.checks.zeros import zero_findings
-from winchcascade.reduction.efficiency import METRICS, ensemble_mean, largest_deviation, metrics, total
+from winchcascade.reduction.efficiency import Metrics, ensemble_mean, largest_deviation, metrics, total
 from winchcascade.reduction.efficiency_changes import changes_within
-from winchcascade.reduction.energies import (
-    STAGES,
-    Energies,
-    NetSpan,
-    find_net_spans,
-    integrate_energies,
-    net_metrics,
-    stream,
-)
+from winchcascade.reduction.energies import Energies, NetSpan, find_net_spans, integrate_energies, net_metrics
 from winchcascade.reduction.phase_summary import PhaseSummary, summarise
 from winchcascade.reduction.phased_run import PhasedRun, Window, check_lengths, find_phases, find_window, find_windows
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
@@ -98,9 +90,9 @@ def reduce(
         rig=rig,
         window=phased.rule,
         cycles=tuple(results),
-        mean=ensemble_mean(complete),
-        max_deviation_percent=largest_deviation(complete),
-        total=total(complete, whole, open_circuit=run.open_circuit),
+        mean=ensemble_mean(complete, rig.cascade),
+        max_deviation_percent=largest_deviation(complete, rig.cascade),
+        total=total(complete, whole, open_circuit=run.open_circuit, cascade=rig.cascade),
         bins=bins,
         quality=(*run.findings, *findings),
         bridged=energy.bridged,
@@ -108,7 +100,7 @@ def reduce(
     )
 
 
-def first_metrics(run: Run, rig: Rig, window: float | None = None) -> dict[str, float | None]:
+def first_metrics(run: Run, rig: Rig, window: float | None = None) -> Metrics:
     """Metrics of the first payout of a clean log by the rules of `reduce` and no more: for thousands of simulations.
 
     All are None where the log has no payout or where its window is not whole. A ratio above 1 is given as it is.
@@ -123,23 +115,23 @@ def first_metrics(run: Run, rig: Rig, window: float | None = None) -> dict[str, 
         span = find_window(phased.cycles[0], phased.plateaus[0], top, end, phased.rule, rig.thresholds)
         if span.fault is None:
             return metrics_within(run, rig, np.array([[span.onset, span.cutoff]]))[0]
-    return dict.fromkeys(METRICS)
+    return Metrics()
 
 
-def metrics_within(run: Run, rig: Rig, windows: Signal) -> list[dict[str, float | None]]:
+def metrics_within(run: Run, rig: Rig, windows: Signal) -> list[Metrics]:
     """Metrics of a run within each of some windows, (k, 2) [s]; None where the run cannot give one.
 
     A ratio above 1 is given as it is, as the error of a model with effects is to be known.
     """
     energy: dict[str, list[float] | None] = {}
-    for stage in STAGES:
-        watts = stream(run.channels, stage, rig.r_drum)
-        energy[f"energy_{stage}"] = None if watts is None else integrals(run.t, watts, windows).tolist()
+    for stage in rig.cascade.stages:
+        watts = stage.stream(run.channels, rig.r_drum)
+        energy[f"energy_{stage.name}"] = None if watts is None else integrals(run.t, watts, windows).tolist()
     found = []
     for k, (begin, end) in enumerate(windows.tolist()):
         joules = {name: None if column is None else column[k] for name, column in energy.items()}
-        got, odd = metrics(joules, end - begin, open_circuit=run.open_circuit)
-        found.append({name: odd.get(name, getattr(got, name)) for name in METRICS})
+        got, odd = metrics(joules, end - begin, open_circuit=run.open_circuit, cascade=rig.cascade)
+        found.append(Metrics(got | odd))
     return found
 
 
@@ -188,9 +180,10 @@ def _results(
         joules = {name: None if column is None else column[k] for name, column in energy.joules.items()}
         of_cycle, net = net_metrics(joules, net)
         values, no_efficiency = metrics(
-            {f"energy_{stage}": joules[stage] for stage in STAGES} | of_cycle,
+            {f"energy_{stage}": joules[stage] for stage in phased.rig.cascade.names} | of_cycle,
             window.cutoff - window.onset,
             open_circuit=phased.run.open_circuit,
+            cascade=phased.rig.cascade,
         )
         for name, value in no_efficiency.items():
             odd.setdefault(name, []).append((number, value))
@@ -238,6 +231,6 @@ def _bins(phased: PhasedRun, windows: Sequence[Window]) -> tuple[Bin, ...]:
         )
     counted = [k for k, window in enumerate(windows) if window.fault is None]
     driven = engaged(run, [phased.cycles[k] for k in counted], [phased.plateaus[k] for k in counted], rig)
-    powers = {stage: stream(run.channels, stage, rig.r_drum) for stage in STAGES}
+    powers = {stage.name: stage.stream(run.channels, rig.r_drum) for stage in rig.cascade.stages}
     powers[TORQUE] = run.channels["torque"].__getitem__ if TORQUE in run.channels else None
     return bin_powers(speeds, rpm_per_velocity, driven, powers, rig.thresholds.rpm_bin)

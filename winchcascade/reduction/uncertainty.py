@@ -14,11 +14,12 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.accuracy import ErrorSource, error_sources
+from winchcascade.core.cascade import Cascade
 from winchcascade.core.integrate import integrals
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Index, Mask, Signal
-from winchcascade.reduction.efficiency import ALL_METRICS, ALL_RATIOS, NOTHING, Metrics
-from winchcascade.reduction.energies import PARTS, SIGN, sources, spans_of
+from winchcascade.reduction.efficiency import NOTHING, Metrics
+from winchcascade.reduction.energies import SIGN, spans_of
 from winchcascade.reduction.reduction_result import Reduction
 
 R_DRUM = "r_drum"
@@ -71,8 +72,8 @@ class Budget(msgspec.Struct, frozen=True):
     reach: float = 0.0
 
 
-class Stage(msgspec.Struct, frozen=True):
-    """Integrals over k spans that give one of the energies in `PARTS` for any errors of its two channels, each (k,).
+class StageEnergy(msgspec.Struct, frozen=True):
+    """Integrals over k spans that give one energy of a cascade for any errors of its two channels, each (k,).
 
     The product of the channels, each alone, and the length of the span [s], 0 for a cycle without this energy; `second` is
     None for a stage that is one logged power. `scale` turns the product into a power; it holds the drum's radius where
@@ -103,10 +104,11 @@ class Stage(msgspec.Struct, frozen=True):
 
 
 class ErrorModel(msgspec.Struct, frozen=True):
-    """What errors act on: the measured stages by their names in `PARTS`, the sources of uncertainty of the run, and the indices
-    of the cycles over which the mean of each metric is taken."""
+    """What errors act on: the measured energies by their names in the parts of the cascade, the sources of uncertainty of the
+    run, and the indices of the cycles over which the mean of each metric is taken."""
 
-    stages: Mapping[str, Stage]
+    cascade: Cascade
+    stages: Mapping[str, StageEnergy]
     sources: tuple[ErrorSource, ...]
     rows: Mapping[str, Index]
 
@@ -115,31 +117,31 @@ def error_model(reduction: Reduction) -> ErrorModel:
     """Integrate the stages of a reduction, and list its sources of uncertainty."""
     stages = _stage_integrals(reduction)
     rows = {
-        m: np.flatnonzero([c.complete and getattr(c.metrics, m) is not None for c in reduction.cycles])
-        for m in ALL_METRICS
+        m: np.flatnonzero([c.complete and c.metrics[m] is not None for c in reduction.cycles])
+        for m in reduction.rig.cascade.all_metrics
     }
-    return ErrorModel(stages, tuple(_sources(reduction.rig, stages)), rows)
+    return ErrorModel(reduction.rig.cascade, stages, tuple(_sources(reduction.rig, stages)), rows)
 
 
-def _stage_integrals(reduction: Reduction) -> dict[str, Stage]:
+def _stage_integrals(reduction: Reduction) -> dict[str, StageEnergy]:
     """Integrate what the energies of each measured stage are made of, over the window and the whole of every cycle."""
     run, rig, cycles = reduction.run, reduction.rig, reduction.cycles
     spans = spans_of([c.window for c in cycles], [c.phases for c in cycles], [c.net for c in cycles])
     alone: dict[str, dict[str, Signal]] = {}
+    products = {stage.name: stage.power(run.channels, rig.r_drum) for stage in rig.cascade.stages}
     stages = {}
-    for part, (stage, span) in PARTS.items():
-        energy = [getattr(c.metrics, f"energy_{part}") for c in cycles]
-        if all(joule is None for joule in energy):
+    for part, (stage, span) in rig.cascade.parts.items():
+        energy, product = [c.metrics[f"energy_{part}"] for c in cycles], products[stage]
+        if product is None or all(joule is None for joule in energy):
             continue
-        names = sources(run.channels, stage)
+        names = product.channels
         for name in names:
             if name not in alone:
                 whole = integrals(run.t, run.channels[name].__getitem__, np.concatenate(list(spans.values())))
                 alone[name] = dict(zip(spans, np.split(whole, len(spans)), strict=True))
         t = spans[span][:, 1] - spans[span][:, 0]
-        by_radius = stage == "mech" and len(names) == 2
-        scale = 1.0 / rig.r_drum if by_radius and rig.r_drum is not None else SIGN.get(part, 1.0)
-        stages[part] = Stage(
+        scale = 1.0 / rig.r_drum if product.by_radius and rig.r_drum is not None else SIGN.get(part, 1.0)
+        stages[part] = StageEnergy(
             first=names[0],
             second=names[1] if len(names) == 2 else None,
             xy=np.array([joule or 0.0 for joule in energy]) / scale,
@@ -147,7 +149,7 @@ def _stage_integrals(reduction: Reduction) -> dict[str, Stage]:
             y=alone[names[1]][span] if len(names) == 2 else t,
             t=t,
             scale=scale,
-            by_radius=by_radius,
+            by_radius=product.by_radius,
             bridged=np.array(reduction.bridged.get(part, [0.0] * len(energy))),
             sampled=np.array(reduction.sampled.get(part, [0.0] * len(energy))),
         )
@@ -168,39 +170,40 @@ def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
     channels, with_accuracy = _channels(stages), {s.channel for s in model.sources}
     unknown = channels - with_accuracy - set(TAKEN_AS_EXACT)
     measured = {name for name, stage in stages.items() if not stage.channels & unknown}
-    given = [m for m in ALL_METRICS if getattr(reduction.mean, m) is not None]
-    stated = [m for m in ALL_METRICS if _stages_of(m) <= measured]
+    cascade = model.cascade
+    given = [m for m in cascade.all_metrics if reduction.mean[m] is not None]
+    stated = [m for m in cascade.all_metrics if _stages_of(cascade, m) <= measured]
     reach, gains = _reach(model, np.array([c.complete for c in reduction.cycles], dtype=bool))
-    undetermined = [m for m in stated if m in given and _is_undetermined(m, reach, gains)]
+    undetermined = [m for m in stated if m in given and _is_undetermined(cascade, m, reach, gains)]
     stated = [m for m in stated if m not in undetermined]
     rows = []
     square = {m: np.zeros(len(reduction.cycles)) for m in stated}
     mean_square = dict.fromkeys(stated, 0.0)
     for source, joules in _energy_errors(model):
-        changed = _of_metrics(joules, stages, stated, independent=source is None)
+        changed = _of_metrics(joules, model, stated, independent=source is None)
         of = {m: _of_mean(x[rows_of[m]], shared=source is not None) for m, x in changed.items() if m in given}
-        rows.append(Contribution(source, Metrics(**of)))
+        rows.append(Contribution(source, Metrics(of)))
         for m, x in changed.items():
             square[m] += x**2
             mean_square[m] += of.get(m, 0.0) ** 2
     sensors = {m: math.sqrt(mean_square[m]) for m in stated if m in given}
-    columns = {m: [getattr(reduction.cycles[k].metrics, m) for k in rows_of[m].tolist()] for m in given}
+    columns = {m: [reduction.cycles[k].metrics[m] for k in rows_of[m].tolist()] for m in given}
     scatter = {m: float(np.std(x, ddof=1)) / math.sqrt(len(x)) for m, x in columns.items() if len(x) > 1}
     mean = {m: math.hypot(u, scatter.get(m, 0.0)) for m, u in sensors.items()}
     return Budget(
         rows=tuple(rows),
-        sensors=Metrics(**sensors),
-        repeatability=Metrics(**scatter),
-        mean=Metrics(**mean),
-        freedom=Metrics(**{m: _freedom(u, scatter.get(m, 0.0), rows_of[m].size) for m, u in mean.items()}),
+        sensors=Metrics(sensors),
+        repeatability=Metrics(scatter),
+        mean=Metrics(mean),
+        freedom=Metrics({m: _freedom(u, scatter.get(m, 0.0), rows_of[m].size) for m, u in mean.items()}),
         cycles=tuple(
-            Metrics(**{m: math.sqrt(square[m][k]) for m in stated if getattr(c.metrics, m) is not None})
+            Metrics({m: math.sqrt(square[m][k]) for m in stated if c.metrics[m] is not None})
             for k, c in enumerate(reduction.cycles)
         ),
         exact=tuple(sorted(channels & set(TAKEN_AS_EXACT) - with_accuracy)),
         unknown=tuple(sorted(unknown)),
         undetermined=tuple(undetermined),
-        reach=max((reach[s] for m in ALL_RATIOS for s in _stages_of(m) if s in reach), default=0.0),
+        reach=max((reach[s] for m in cascade.all_ratios for s in _stages_of(cascade, m) if s in reach), default=0.0),
     )
 
 
@@ -217,10 +220,10 @@ def _reach(model: ErrorModel, complete: Mask) -> tuple[dict[str, float], dict[st
     return reach, gains
 
 
-def _is_undetermined(metric: str, reach: Mapping[str, float], gains: Mapping[str, float]) -> bool:
+def _is_undetermined(cascade: Cascade, metric: str, reach: Mapping[str, float], gains: Mapping[str, float]) -> bool:
     """Whether the errors could take away all of what a metric is divided by: an energy, or one plus a gain."""
-    divided = metric in ALL_RATIOS and reach[_stage_of(ALL_RATIOS[metric][1])] >= 1.0
-    return divided or any(gains[s] >= GAIN_REACH for s in _stages_of(metric))
+    divided = metric in cascade.all_ratios and reach[_stage_of(cascade.all_ratios[metric][1])] >= 1.0
+    return divided or any(gains[s] >= GAIN_REACH for s in _stages_of(cascade, metric))
 
 
 def shares(part: Metrics, whole: Metrics) -> Metrics:
@@ -229,11 +232,10 @@ def shares(part: Metrics, whole: Metrics) -> Metrics:
     >>> shares(Metrics(eta_trans=3.0), Metrics(eta_trans=5.0)).eta_trans
     0.36
     """
-    pairs = {m: (getattr(part, m), getattr(whole, m)) for m in ALL_METRICS}
-    return Metrics(**{m: (a / b) ** 2 for m, (a, b) in pairs.items() if a is not None and b})
+    return Metrics({m: (a / b) ** 2 for m, a in part.items() if a is not None and (b := whole[m])})
 
 
-def _sources(rig: Rig, stages: Mapping[str, Stage]) -> list[ErrorSource]:
+def _sources(rig: Rig, stages: Mapping[str, StageEnergy]) -> list[ErrorSource]:
     """Every source of uncertainty of the stages of a run: sensors of their channels, drum radius, and coarse sampling."""
     sensors = {name: rig.sensors[name] for name in sorted(_channels(stages)) if name in rig.sensors}
     found = [source for name, sensor in sensors.items() for source in error_sources(name, sensor)]
@@ -244,22 +246,22 @@ def _sources(rig: Rig, stages: Mapping[str, Stage]) -> list[ErrorSource]:
     return [*found, ErrorSource(SAMPLING, "gain", limit / math.sqrt(3.0), limit, origin)] if limit > 0.0 else found
 
 
-def sampling_limit(stages: Mapping[str, Stage]) -> float:
+def sampling_limit(stages: Mapping[str, StageEnergy]) -> float:
     """Largest share of a stage's energy, all cycles together, that thinning the log changes. [1]"""
     energies = [(abs(float(s.sampled.sum())), abs(float(s.energy.sum()))) for s in stages.values()]
     return max((changed / energy for changed, energy in energies if energy > NOTHING), default=0.0)
 
 
-def _stages_of(metric: str) -> set[str]:
-    """Stages, by their names in `PARTS`, that a metric is made of."""
-    return {_stage_of(name) for name in ALL_RATIOS.get(metric, (metric.replace("power_", "energy_"),))}
+def _stages_of(cascade: Cascade, metric: str) -> set[str]:
+    """Energies, by their names in the parts of the cascade, that a metric is made of."""
+    return {_stage_of(name) for name in cascade.all_ratios.get(metric, (metric.replace("power_", "energy_"),))}
 
 
 def _stage_of(energy: str) -> str:
     return energy.removeprefix("energy_")
 
 
-def _channels(stages: Mapping[str, Stage]) -> set[str]:
+def _channels(stages: Mapping[str, StageEnergy]) -> set[str]:
     return set().union(*(stage.channels for stage in stages.values()))
 
 
@@ -282,7 +284,7 @@ def _energy_errors(model: ErrorModel) -> list[tuple[ErrorSource | None, dict[str
     return errors
 
 
-def _energy_slope(source: ErrorSource, stage: Stage) -> Signal:
+def _energy_slope(source: ErrorSource, stage: StageEnergy) -> Signal:
     """Change of a stage's energy with a source, (k,): what is read too high has to be taken off."""
     if source.channel == R_DRUM:
         return -stage.energy if stage.by_radius else np.zeros_like(stage.xy)
@@ -297,16 +299,16 @@ def _energy_slope(source: ErrorSource, stage: Stage) -> Signal:
 
 def _of_metrics(
     joules: Mapping[str, Signal],
-    stages: Mapping[str, Stage],
+    model: ErrorModel,
     metrics: Sequence[str],
     *,
     independent: bool,
 ) -> dict[str, Signal]:
     """Carry changes of the stages' energies over to the metrics; those of two stages cancel unless independent."""
-    changed = {}
+    changed, stages, ratios = {}, model.stages, model.cascade.all_ratios
     for metric in metrics:
-        if metric in ALL_RATIOS:
-            out, into = map(_stage_of, ALL_RATIOS[metric])
+        if metric in ratios:
+            out, into = map(_stage_of, ratios[metric])
             energy = stages[into].energy
             taken = np.where(np.abs(energy) > NOTHING, energy, np.inf)  # nothing divided by nothing is no ratio
             up, down = joules[out] / taken, stages[out].energy / taken * (joules[into] / taken)

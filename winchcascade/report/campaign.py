@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from functools import partial
-from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import quote
@@ -179,13 +178,13 @@ def best_load(runs: Sequence[LogSummary]) -> Best | None:
     logs with the same sensors share their errors, the true probability is rather higher. A load is the best where any of
     its logs is.
     """
-    given = [run for run in runs if run.standard_uncertainty.eta_pto and run.mean.eta_pto is not None]
+    given = [run for run in runs if run.standard_uncertainty["eta_pto"] and run.mean["eta_pto"] is not None]
     given = [run for run in given if run.load_ohm is not None and not run.open_circuit]
     loads = np.array([run.load_ohm for run in given], dtype=float)
     if np.unique(loads).size < 2:
         return None
-    mean = np.array([run.mean.eta_pto for run in given])
-    u = np.array([run.standard_uncertainty.eta_pto for run in given])
+    mean = np.array([run.mean["eta_pto"] for run in given])
+    u = np.array([run.standard_uncertainty["eta_pto"] for run in given])
     drawn = mean + u * np.random.default_rng(SEED).standard_normal((DRAWS, len(given)))
     share = np.bincount(np.argmax(drawn, axis=1), minlength=len(given)) / DRAWS
     order = np.argsort(-mean, kind="stable")
@@ -200,11 +199,11 @@ def _name(run: LogSummary) -> str:
 
 def _mean(metric: str, run: LogSummary) -> str:
     """Mean of a metric with the digits that its standard uncertainty allows."""
-    return stated(getattr(run.mean, metric), getattr(run.standard_uncertainty, metric), DECIMALS[metric])
+    return stated(run.mean[FIELDS[metric]], run.standard_uncertainty[FIELDS[metric]], DECIMALS[metric])
 
 
 def _interval(metric: str, run: LogSummary) -> str:
-    ends, u = run.interval_95[FIELDS[metric]], getattr(run.standard_uncertainty, metric)
+    ends, u = run.interval_95[FIELDS[metric]], run.standard_uncertainty[FIELDS[metric]]
     return "–" if ends is None or not u else interval_text(*ends, u)
 
 
@@ -217,7 +216,9 @@ def _tiles(runs: Sequence[LogSummary]) -> tuple[Tile, ...]:
         there = "there" if best.logs == 1 else f"there, highest of {best.logs} logs"
         tiles.append(Tile("Best load", "", _name(best.run), sure))
         tiles.append(Tile("η_pto", there, _mean("eta_pto", best.run), f"95 %: {_interval('eta_pto', best.run)}"))
-    powered = [(power, run) for run in runs if (power := run.mean.power_gen) is not None and not run.open_circuit]
+    powered = [
+        (power, run) for run in runs if (power := run.mean[FIELDS["power_gen"]]) is not None and not run.open_circuit
+    ]
     if powered:
         _, run = max(powered, key=lambda pair: pair[0])
         unknown = run.interval_95[FIELDS["power_gen"]] is None
@@ -244,7 +245,7 @@ def _points(runs: Sequence[LogSummary], failed: Sequence[FailedLog], loaded: Seq
         points.append(Point("Findings", f"In {len(found)} of {len(runs)} logs: {', '.join(kinds)}.", "warn"))
     elif runs:
         points.append(Point("Findings", "No fault found in any log.", "good"))
-    worst = [(most, run) for run in loaded if (most := run.max_deviation_percent.eta_pto) is not None]
+    worst = [(most, run) for run in loaded if (most := run.max_deviation_percent["eta_pto"]) is not None]
     if worst:
         most, run = max(worst, key=lambda pair: pair[0])
         points.append(Point("Repeatability", f"η_pto deviates from its mean by {most:.2f} % at most, at {_name(run)}."))
@@ -289,11 +290,11 @@ def _linked(table: Table, runs: Sequence[LogSummary]) -> Table:
 
 def _given(runs: Sequence[LogSummary], metrics: Iterable[str]) -> list[str]:
     """Metrics of which any log has a mean."""
-    return [m for m in metrics if any(getattr(run.mean, m) is not None for run in runs)]
+    return [m for m in metrics if any(run.mean[FIELDS[m]] is not None for run in runs)]
 
 
 def _with_uncertainty(metric: str, run: LogSummary) -> str:
-    value, u = getattr(run.mean, metric), getattr(run.standard_uncertainty, metric)
+    value, u = run.mean[FIELDS[metric]], run.standard_uncertainty[FIELDS[metric]]
     return f"{_mean(metric, run)}{'' if value is None or not u else f' ± {uncertain(u)}'}"
 
 
@@ -344,15 +345,19 @@ _NET_RATIO = "η_net = E_gen, cycle / E_net. "
 def repeatability_table(runs: Sequence[LogSummary]) -> Table | None:
     """Largest deviation of any cycle from the mean, for every log; None where no log has two cycles."""
     several = [run for run in runs if run.complete > 1]
-    given = [m for m in METRICS if any(getattr(run.max_deviation_percent, m) is not None for run in several)]
+    given = [m for m in METRICS if any(run.max_deviation_percent[FIELDS[m]] is not None for run in several)]
     columns = [
         _LOG,
         _LOAD,
         _CYCLES,
-        *(TableColumn(SYMBOL[m], "%", 2, of=attrgetter(f"max_deviation_percent.{m}")) for m in given),
+        *(TableColumn(SYMBOL[m], "%", 2, of=partial(_deviation, FIELDS[m])) for m in given),
     ]
     caption = "Repeatability: largest deviation of any cycle from the mean of its run, in percent of the mean."
     return _table("repeatability", caption, columns, several) if given else None
+
+
+def _deviation(field: str, run: LogSummary) -> float | None:
+    return run.max_deviation_percent[field]
 
 
 def logs_table(runs: Sequence[LogSummary]) -> Table:

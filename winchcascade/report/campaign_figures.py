@@ -10,7 +10,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
-from msgspec.structs import asdict
 
 from winchcascade.core.run import Signal
 from winchcascade.reduction.efficiency import FIELDS
@@ -98,7 +97,7 @@ def _points(ax: Axes, runs: Sequence[LogSummary], names: Mapping[str, str], unit
     at = _places(runs)
     x = np.arange(1.0, len(runs) + 1) if at is None else np.array(at)
     order = np.argsort(x, kind="stable")
-    means = {stage: np.array([asdict(run.mean)[m] for run in runs], dtype=float) for stage, m in names.items()}
+    means = {stage: np.array([run.mean[FIELDS[m]] for run in runs], dtype=float) for stage, m in names.items()}
     columns = {stage: y for stage, y in means.items() if np.isfinite(y).any()}
     short, unit = readable(unit, *(y[np.isfinite(y)] for y in columns.values()))
     for stage, y in columns.items():

@@ -13,9 +13,9 @@ import msgspec
 from winchcascade.core.campaign_file import Origin, joint_origin, origin_from, origin_record, origin_words
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.version import __version__
-from winchcascade.reduction.efficiency import Metrics
+from winchcascade.reduction.efficiency import FIELDS
 from winchcascade.report.digits import stated, uncertain
-from winchcascade.report.records import FindingRecord, Interval95, RunRecord
+from winchcascade.report.records import FindingRecord, Interval95, Numbers, RunRecord
 from winchcascade.report.report_model import TableColumn
 from winchcascade.report.text_table import at_most, listing, wrapped
 
@@ -52,10 +52,10 @@ class LogSummary(msgspec.Struct, frozen=True):
     findings: tuple[str, ...]
     finding_count: int
     removed_share: float
-    mean: Metrics
-    standard_uncertainty: Metrics
+    mean: Numbers
+    standard_uncertainty: Numbers
     interval_95: dict[str, Interval95 | None]
-    max_deviation_percent: Metrics
+    max_deviation_percent: Numbers
 
     @property
     def load(self) -> float | None:
@@ -248,14 +248,14 @@ def _name(run: LogSummary) -> str:
 
 
 def _mean(metric: str, run: LogSummary) -> str:
-    return stated(getattr(run.mean, metric), None, 3 if metric.startswith("eta") else 0).replace("–", "-")
+    return stated(run.mean[FIELDS[metric]], None, 3 if metric.startswith("eta") else 0).replace("–", "-")
 
 
 def _uncertainty(run: LogSummary) -> str:
     """Standard uncertainty of the first efficiency that has a mean: of the whole chain, else of a stage."""
     u, mean = run.standard_uncertainty, run.mean
-    pairs = ((mean.eta_pto, u.eta_pto), (mean.eta_trans, u.eta_trans), (mean.eta_gen, u.eta_gen))
-    return uncertain(next((sigma for value, sigma in pairs if value is not None), None)).replace("–", "-")
+    given = next((u[name] for name in ("eta_pto", "eta_trans", "eta_gen") if mean[name] is not None), None)
+    return uncertain(given).replace("–", "-")
 
 
 _COLUMNS: tuple[TableColumn[LogSummary], ...] = (

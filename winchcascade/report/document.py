@@ -7,8 +7,6 @@ from collections import Counter
 from functools import partial
 from pathlib import Path
 
-from msgspec.structs import asdict
-
 from winchcascade.core.campaign_file import banner, origin_words
 from winchcascade.core.run import Signal
 from winchcascade.reduction.efficiency import ALL_METRICS, METRICS, NOTHING
@@ -101,11 +99,11 @@ def _about(reduction: Reduction) -> str:
 
 def _tiles(reduction: Reduction, found: Uncertainty) -> tuple[Tile, ...]:
     """The efficiencies with their intervals, and energies where there are fewer than three."""
-    given = [m for m in (*METRICS[6:], *METRICS[:3]) if asdict(reduction.mean)[m] is not None][:3]
+    given = [m for m in (*METRICS[6:], *METRICS[:3]) if reduction.mean[m] is not None][:3]
     tiles = []
     for m in given:
-        unit, interval, u = tables.UNIT[m], found.interval_95.get(m), asdict(found.standard)[m]
-        scatter = asdict(found.budget.repeatability)[m]
+        unit, interval, u = tables.UNIT[m], found.interval_95.get(m), found.standard[m]
+        scatter = found.budget.repeatability[m]
         text = "uncertainty unknown"
         if interval is not None and u:
             text = f"95 %: {interval_text(interval.low, interval.high, u)} {unit}".strip()
@@ -147,11 +145,11 @@ def _best_points(reduction: Reduction) -> list[Point]:
     if extremes is None:
         return []
     best, worst, m = extremes
-    high, low = (asdict(cycle.metrics)[m] for cycle in (best, worst))
+    high, low = (cycle.metrics.value(m) for cycle in (best, worst))
     decimals = max(places((high - low) / 3.0) if high > low else 0, 3 - math.floor(math.log10(max(abs(high), NOTHING))))
     text = (
         f"Cycle {best.cycle} with {SYMBOL[m]} = {number(high, decimals)}, cycle {worst.cycle} with {number(low, decimals)}; "
-        f"the largest deviation from the mean is {asdict(reduction.max_deviation_percent)[m]:.2f} %."
+        f"the largest deviation from the mean is {reduction.max_deviation_percent[m]:.2f} %."
     )
     return [Point("Best and worst", text)]
 
@@ -227,7 +225,7 @@ def _sections(reduction: Reduction, found: Uncertainty, model: Modelled, command
 
 
 def _results(reduction: Reduction, found: Uncertainty) -> Section:
-    given = [m for m in ALL_METRICS if m.startswith("energy") and getattr(reduction.mean, m) is not None]
+    given = [m for m in ALL_METRICS if m.startswith("energy") and reduction.mean[m] is not None]
     means = {m: tables.mean_text(reduction, found, m) for m in given}
     words = ", ".join(f"{SYMBOL[m]} {text} J" for m, text in means.items())
     net = " b: over the whole cycle the stored energy is returned, so that only losses remain."

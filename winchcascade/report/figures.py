@@ -11,12 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch, Rectangle
 from matplotlib.path import Path as Outline
-from msgspec.structs import asdict
 
+from winchcascade.core.cascade import PAPER
 from winchcascade.core.run import Signal
 from winchcascade.reduction.bins import engaged
 from winchcascade.reduction.efficiency import ALL_RATIOS, METRICS, RATIOS
-from winchcascade.reduction.energies import STAGES, power
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.reduction.uncertainty import Budget
 from winchcascade.report.digits import significant
@@ -59,7 +58,7 @@ _TREND_STAGE = {
     "eta_trans": "mech",
     "eta_gen": "gen",
     "eta_pto": "line",
-    **{f"energy_{stage}": stage for stage in STAGES},
+    **{f"energy_{stage}": stage for stage in PAPER.names},
 }
 """Stage of which a metric has the colour in the figure of the trend."""
 
@@ -81,8 +80,9 @@ def readable(unit: str, *signals: Signal) -> tuple[float, str]:
 
 def powers_of(reduction: Reduction) -> dict[str, Signal]:
     """Power stream of every stage that the log gives, (n,) [W]."""
-    found = {stage: power(reduction.run.channels, stage, reduction.rig.r_drum) for stage in STAGES}
-    return {stage: x for stage, x in found.items() if x is not None}
+    channels, r_drum = reduction.run.channels, reduction.rig.r_drum
+    found = {stage.name: stage.watts(channels, r_drum) for stage in reduction.rig.cascade.stages}
+    return {stage: watts for stage, watts in found.items() if watts is not None}
 
 
 def _trace(ax: Axes, t: Signal, x: Signal, *, most: int = DRAWN, **style: Any) -> None:
@@ -247,7 +247,7 @@ def energy_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) ->
     texts : means as they are stated, by metric; with four digits if not given
     """
     stored = {"mech": " in the rotor", "line": " in the gas" if reduction.rig.restoring.volume_gas is not None else ""}
-    given = [stage for stage in STAGES if asdict(reduction.mean)[f"energy_{stage}"] is not None]
+    given = [stage for stage in reduction.rig.cascade.names if reduction.mean[f"energy_{stage}"] is not None]
     stored["line"] *= given[1:2] == ["mech"]
     window = [_Step(f"energy_{s}", s, _STAGE_WORDS[s], f"lost or stored{stored.get(s, '')}") for s in given]
     cycle = [
@@ -276,7 +276,7 @@ def energy_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) ->
 
 def _flow_of(reduction: Reduction, steps: Sequence[_Step], texts: Mapping[str, str]) -> list[_Flow]:
     """Bars of the steps up to the first that has no mean energy; a loss is a share of the first bar."""
-    mean: dict[str, float | None] = asdict(reduction.mean)
+    mean = reduction.mean
     flow: list[_Flow] = []
     for step, following in zip(steps, (*steps[1:], None), strict=False):
         joule = mean[step.metric]
@@ -334,7 +334,7 @@ _MEANS = (*METRICS[6:], "eta_net", *METRICS[:3])
 
 def uncertainty_bars(known: Budget) -> Figure | None:
     """Draw which sensor makes which share of the variance of each mean."""
-    parts = {m: by_sensor(known, m) for m, u in asdict(known.mean).items() if m in _MEANS and u}
+    parts = {m: by_sensor(known, m) for m, u in known.mean.items() if m in _MEANS and u}
     metrics = [m for m in _MEANS if m in parts]
     names = sorted({n for p in parts.values() for n in p}, key=lambda n: (n == "repeatability", n))
     if not names:
@@ -417,7 +417,7 @@ def trend(reduction: Reduction) -> Figure | None:
     complete = reduction.complete
     if len(complete) < TREND_FROM:
         return None
-    known = [m for m, value in asdict(reduction.mean).items() if value is not None]
+    known = [m for m, value in reduction.mean.items() if value is not None]
     etas, energies = ([m for m in names if m in known] for names in (RATIOS, METRICS[:3]))
     groups = [row for row in (("Efficiencies", "1", etas), ("Energies", "J", energies)) if row[2]]
     if not groups:
@@ -426,7 +426,7 @@ def trend(reduction: Reduction) -> Figure | None:
     figure, axes = panel_figure(0.55 + 1.5 * len(groups), len(groups), room=room, gaps={"hspace": 0.3}, share="x")
     number = np.array([c.cycle for c in complete], dtype=float)
     for k, (ax, (title, unit, names)) in enumerate(zip(axes, groups, strict=True)):
-        columns = {name: np.array([asdict(c.metrics)[name] for c in complete], dtype=float) for name in names}
+        columns = {name: np.array([c.metrics[name] for c in complete], dtype=float) for name in names}
         short, unit = readable(unit, *columns.values())
         for name, values in columns.items():
             rows = envelope(values, DRAWN // 2)

@@ -9,10 +9,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from winchcascade.core.cascade import BUILT_IN
 from winchcascade.core.errors import LogError
 from winchcascade.core.quantity import KGF
 from winchcascade.core.run import Signal
-from winchcascade.reduction.energies import power
 from winchcascade.report.model_data import ModelComparison, before_braking
 
 LEAST = 3
@@ -153,7 +153,7 @@ def quantities(channels: Mapping[str, Signal], r_drum: float | None) -> dict[str
     found = {name: channels[channel] for name, channel in names if channel in channels}
     if "pressure" in channels:
         found["pressure_kgcm2"] = found[HAUL_IN] = channels["pressure"] / _KGCM2
-    powers = {"power_mech_w": power(channels, "mech", r_drum), "power_gen_w": power(channels, "gen", r_drum)}
+    powers = {f"power_{name}_w": BUILT_IN[name].watts(channels, r_drum) for name in ("mech", "gen")}
     found |= {name: watt for name, watt in powers.items() if watt is not None}
     if found.keys() >= powers.keys():
         found["loss_w"] = found["power_mech_w"] - found["power_gen_w"]

@@ -10,11 +10,12 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 from winchcascade.core.campaign_file import origin_record
+from winchcascade.core.cascade import PAPER
 from winchcascade.core.quantity import KGF, si_unit
 from winchcascade.core.run import CHANNELS
 from winchcascade.core.version import __version__
 from winchcascade.reduction.efficiency import FIELDS, Metrics
-from winchcascade.reduction.energies import STAGES, NetSpan
+from winchcascade.reduction.energies import NetSpan
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.phase_summary import HaulInSummary, PayoutSummary
 from winchcascade.reduction.uncertainty import shares
@@ -31,6 +32,9 @@ _KGCM2 = KGF * 1e4
 
 Interval95 = tuple[float, float]
 """Ends of a 95 % interval, in the unit of its metric."""
+
+Numbers = dict[str, float | None]
+"""Numbers of metrics by their names in written files; None for one that does not exist."""
 
 
 class LogRecord(msgspec.Struct, frozen=True):
@@ -117,7 +121,7 @@ class CycleRecord(msgspec.Struct, frozen=True):
     energy_net_j: float | None
     energy_gen_cycle_j: float | None
     eta_net: float | None
-    standard_uncertainty: Metrics
+    standard_uncertainty: Numbers
 
 
 class BudgetRecord(msgspec.Struct, frozen=True, kw_only=True):
@@ -133,8 +137,8 @@ class BudgetRecord(msgspec.Struct, frozen=True, kw_only=True):
     limit: float | UnsetType | None = UNSET
     standard_uncertainty: float | UnsetType = UNSET
     origin: str | UnsetType | None = msgspec.field(name="from", default=UNSET)
-    contribution: Metrics
-    share: Metrics
+    contribution: Numbers
+    share: Numbers
 
 
 class UncertaintyRecord(msgspec.Struct, frozen=True):
@@ -143,11 +147,11 @@ class UncertaintyRecord(msgspec.Struct, frozen=True):
     seed: int
     draws: int
     stated: dict[str, str | None]
-    sensors: Metrics
-    repeatability: Metrics
-    monte_carlo: Metrics
+    sensors: Numbers
+    repeatability: Numbers
+    monte_carlo: Numbers
     interval_95_sensors: dict[str, Interval95 | None]
-    degrees_of_freedom: Metrics
+    degrees_of_freedom: Numbers
     budget: tuple[BudgetRecord, ...]
     taken_as_exact: tuple[str, ...]
     without_accuracy: tuple[str, ...]
@@ -181,12 +185,12 @@ class RunRecord(msgspec.Struct, frozen=True):
     window: str | float
     quality: tuple[FindingRecord, ...]
     cycles: tuple[CycleRecord, ...]
-    mean: Metrics
-    max_deviation_percent: Metrics
-    standard_uncertainty: Metrics
+    mean: Numbers
+    max_deviation_percent: Numbers
+    standard_uncertainty: Numbers
     interval_95: dict[str, Interval95 | None]
     uncertainty: UncertaintyRecord
-    total: Metrics
+    total: Numbers
     bins: tuple[BinRecord, ...]
 
 
@@ -219,12 +223,12 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
         window=reduction.window,
         quality=tuple(finding_record(f, run.samples) for f in reduction.quality),
         cycles=tuple(cycle_record(c, u) for c, u in zip(reduction.cycles, found.budget.cycles, strict=True)),
-        mean=reduction.mean,
-        max_deviation_percent=reduction.max_deviation_percent,
-        standard_uncertainty=found.standard,
+        mean=reduction.mean.fields(),
+        max_deviation_percent=reduction.max_deviation_percent.fields(),
+        standard_uncertainty=found.standard.fields(),
         interval_95=_intervals(found.interval_95),
         uncertainty=_uncertainty(found),
-        total=reduction.total,
+        total=reduction.total.fields(),
         bins=tuple(bin_record(b) for b in reduction.bins),
     )
 
@@ -239,16 +243,16 @@ def _intervals(intervals: Mapping[str, Interval]) -> dict[str, Interval95 | None
 
 def _uncertainty(found: Uncertainty) -> UncertaintyRecord:
     known = found.budget
-    freedom = msgspec.structs.asdict(known.freedom)
+    freedom = Metrics({m: None if n is None or math.isinf(n) else n for m, n in known.freedom.items()})
     return UncertaintyRecord(
         seed=found.seed,
         draws=found.draws,
         stated={field: found.method.get(name) for name, field in FIELDS.items()},
-        sensors=known.sensors,
-        repeatability=known.repeatability,
-        monte_carlo=found.drawn,
+        sensors=known.sensors.fields(),
+        repeatability=known.repeatability.fields(),
+        monte_carlo=found.drawn.fields(),
         interval_95_sensors=_intervals(found.interval_95_sensors),
-        degrees_of_freedom=Metrics(**{m: None if n is None or math.isinf(n) else n for m, n in freedom.items()}),
+        degrees_of_freedom=freedom.fields(),
         budget=tuple(_budget_row(row, known.mean) for row in known.rows),
         taken_as_exact=tuple(known.exact),
         without_accuracy=tuple(known.unknown),
@@ -257,9 +261,9 @@ def _uncertainty(found: Uncertainty) -> UncertaintyRecord:
 
 
 def _budget_row(row: Contribution, mean: Metrics) -> BudgetRecord:
-    source, share = row.source, shares(row.of, mean)
+    source, contribution, share = row.source, row.of.fields(), shares(row.of, mean).fields()
     if source is None:
-        return BudgetRecord(source="bridged gaps", contribution=row.of, share=share)
+        return BudgetRecord(source="bridged gaps", contribution=contribution, share=share)
     return BudgetRecord(
         source=source.channel,
         part=source.part,
@@ -268,7 +272,7 @@ def _budget_row(row: Contribution, mean: Metrics) -> BudgetRecord:
         limit=source.limit,
         standard_uncertainty=source.u,
         origin=source.origin,
-        contribution=row.of,
+        contribution=contribution,
         share=share,
     )
 
@@ -301,8 +305,8 @@ def cycle_record(cycle: CycleResult, standard_uncertainty: Metrics) -> CycleReco
         phase_summary=PhaseSummaryRecord(summary.payout, hold, summary.haul_in),
         window=WindowRecord(window.onset, window.cutoff, round(window.cutoff - window.onset, 9)),
         net_span=cycle.net,
-        **{FIELDS[name]: value for name, value in msgspec.structs.asdict(cycle.metrics).items()},
-        standard_uncertainty=standard_uncertainty,
+        **cycle.metrics.fields(),
+        standard_uncertainty=standard_uncertainty.fields(),
     )
 
 
@@ -312,8 +316,8 @@ def bin_record(item: Bin) -> BinRecord:
         rpm_low=item.rpm_low,
         rpm_high=item.rpm_high,
         count=item.count,
-        **{f"power_{stage}_w": item.power[stage] for stage in STAGES},
-        **{f"power_{stage}_w_standard_error": item.standard_error[stage] for stage in STAGES},
+        **{f"power_{stage}_w": item.power[stage] for stage in PAPER.names},
+        **{f"power_{stage}_w_standard_error": item.standard_error[stage] for stage in PAPER.names},
         torque_nm=item.torque,
         torque_nm_standard_error=item.torque_standard_error,
     )

@@ -107,10 +107,10 @@ def _flat_run(record: RunRecord) -> Row:
         "complete": sum(c.complete for c in record.cycles),
         "findings": len(record.quality),
     }
-    mean, u, deviation = (asdict(m) for m in (record.mean, record.standard_uncertainty, record.max_deviation_percent))
-    for name, field in FIELDS.items():
+    mean, u, deviation = record.mean, record.standard_uncertainty, record.max_deviation_percent
+    for field in FIELDS.values():
         low, high = record.interval_95[field] or (None, None)
-        values = (mean[name], u[name], low, high, deviation[name])
+        values = (mean[field], u[field], low, high, deviation[field])
         row |= {f"{field}{end}": value for end, value in zip(_RUN_ENDS, values, strict=True)}
     return row
 

@@ -9,12 +9,12 @@ from typing import Literal
 
 from msgspec.structs import asdict
 
+from winchcascade.core.cascade import PAPER
 from winchcascade.core.quantity import find_unit, si_unit
 from winchcascade.core.rig_file import Sensor
 from winchcascade.core.run import CHANNELS, Finding
 from winchcascade.reduction.bins import Bin
 from winchcascade.reduction.efficiency import ALL_METRICS, METRICS, NET_METRICS, RATIOS
-from winchcascade.reduction.energies import STAGES
 from winchcascade.reduction.montecarlo import Interval, Uncertainty
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.reduction.uncertainty import R_DRUM, Contribution, shares
@@ -200,7 +200,7 @@ _PAYOUT = (
     _phase_column("v_plateau", "m/s", 3, "plateau", "speed"),
     _phase_column("F", "N", 0, "plateau", "force"),
     _phase_column("τ", "N·m", 1, "plateau", "torque"),
-    *(_phase_column(SYMBOL[f"power_{s}"], "W", 0, "plateau", f"power_{s}") for s in STAGES),
+    *(_phase_column(SYMBOL[f"power_{s}"], "W", 0, "plateau", f"power_{s}") for s in PAPER.names),
 )
 _HOLD_AND_HAUL_IN = (
     _phase_column("Hold", "s", 2, "hold", "duration"),
@@ -232,7 +232,7 @@ def bins_table(reduction: Reduction) -> Table | None:
         ),
         TableColumn("Samples", of=lambda b: b.count),
     ]
-    for stage in (s for s in STAGES if any(b.power.get(s) is not None for b in reduction.bins)):
+    for stage in (s for s in PAPER.names if any(b.power.get(s) is not None for b in reduction.bins)):
         columns += _power_columns(stage)
     shown = reduction.bins[:: max(1, -(-len(reduction.bins) // MOST_BINS))]
     return items_table(
@@ -289,7 +289,7 @@ _METRIC: tuple[TableColumn[str], ...] = (
 
 def repeatability_table(reduction: Reduction, found: Uncertainty) -> Table | None:
     """Scatter of the complete cycles: largest deviation, which cycle has it, and s/sqrt(N); None for fewer than two."""
-    mean, scatter = asdict(reduction.mean), asdict(found.budget.repeatability)
+    mean, scatter = reduction.mean, found.budget.repeatability
     values = {
         m: {c.cycle: x for c in reduction.complete if (x := getattr(c.metrics, m)) is not None} for m in ALL_METRICS
     }
@@ -298,9 +298,9 @@ def repeatability_table(reduction: Reduction, found: Uncertainty) -> Table | Non
         TableColumn("Mean", of=partial(mean_text, reduction, found)),
         TableColumn("Least", of=lambda m: stated(min(values[m].values()), scatter[m], DECIMALS[m])),
         TableColumn("Largest", of=lambda m: stated(max(values[m].values()), scatter[m], DECIMALS[m])),
-        TableColumn("Largest deviation", "%", 2, of=asdict(reduction.max_deviation_percent).__getitem__),
-        TableColumn("in cycle", of=lambda m: f"{max(values[m], key=lambda k: abs(values[m][k] - mean[m]))}"),
-        TableColumn("s", of=lambda m: uncertain(scatter[m] * math.sqrt(len(values[m])))),
+        TableColumn("Largest deviation", "%", 2, of=reduction.max_deviation_percent.get),
+        TableColumn("in cycle", of=lambda m: f"{max(values[m], key=lambda k: abs(values[m][k] - mean.value(m)))}"),
+        TableColumn("s", of=lambda m: uncertain(scatter.value(m) * math.sqrt(len(values[m])))),
         TableColumn("s/√N", of=lambda m: uncertain(scatter[m])),
     ]
     return items_table(
@@ -315,8 +315,8 @@ def repeatability_table(reduction: Reduction, found: Uncertainty) -> Table | Non
 
 def uncertainty_table(reduction: Reduction, found: Uncertainty) -> Table | None:
     """Uncertainty of each mean: of the sensors, of the repeatability, together, and the 95 % interval; None without any."""
-    mean, u, known, alone = asdict(reduction.mean), asdict(found.standard), found.budget, found.interval_95_sensors
-    sensors, scatter, freedom = asdict(known.sensors), asdict(known.repeatability), asdict(known.freedom)
+    mean, u, known, alone = reduction.mean, found.standard, found.budget, found.interval_95_sensors
+    sensors, scatter, freedom = known.sensors, known.repeatability, known.freedom
     columns: list[TableColumn[str]] = [
         *_METRIC,
         TableColumn("Mean", of=lambda m: stated(mean[m], u[m], DECIMALS[m])),

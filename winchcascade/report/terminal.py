@@ -9,9 +9,9 @@ from operator import attrgetter
 from typing import TYPE_CHECKING
 
 from winchcascade.core.campaign_file import origin_words
+from winchcascade.core.cascade import PAPER
 from winchcascade.core.plain_text import one_line
 from winchcascade.reduction.efficiency import METRICS, NET_METRICS
-from winchcascade.reduction.energies import STAGES
 from winchcascade.reduction.montecarlo import stated_uncertainty
 from winchcascade.report.report_model import TableColumn
 from winchcascade.report.text_table import at_most, listing, plain_cell, wrapped
@@ -119,7 +119,7 @@ _PHASES: tuple[TableColumn[CycleResult], ...] = (
     TableColumn("haul-in", "s", 2, of=partial(of_phase, "haul_in", "duration")),
     TableColumn("travel", "m", 2, of=partial(of_phase, "payout", "travel")),
     TableColumn("plateau", "m/s", 3, of=partial(of_phase, "plateau", "speed")),
-    *(TableColumn(f"P_{stage}", "W", of=attrgetter(f"metrics.power_{stage}")) for stage in STAGES),
+    *(TableColumn(f"P_{stage}", "W", of=attrgetter(f"metrics.power_{stage}")) for stage in PAPER.names),
 )
 
 

@@ -61,7 +61,7 @@ def by_sensor(known: Budget, metric: str) -> dict[str, float]:
     found: dict[str, float] = {}
     rows = [("bridged gaps" if row.source is None else _sensor(row.source), row.of) for row in known.rows]
     for name, of in (*rows, ("repeatability", known.repeatability)):
-        if share := asdict(shares(of, known.mean))[metric]:
+        if share := shares(of, known.mean)[metric]:
             found[name] = found.get(name, 0.0) + share
     return found
 
@@ -119,8 +119,8 @@ def net_reasons(cycles: Sequence[CycleResult]) -> list[str]:
 
 def not_known(known: Budget) -> list[str]:
     """What the rig file leaves unknown of the uncertainty."""
-    repeatability, exact = asdict(known.repeatability), ", ".join(known.exact)
-    stated = [metric for metric in METRICS if asdict(known.mean)[metric] is not None]
+    repeatability, exact = known.repeatability, ", ".join(known.exact)
+    stated = [metric for metric in METRICS if known.mean[metric] is not None]
     return [
         text
         for text, wanted in (

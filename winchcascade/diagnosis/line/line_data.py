@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from winchcascade.core.cascade import BUILT_IN
 from winchcascade.core.errors import CampaignError, LogError, OptionError
 from winchcascade.core.integrate import median
 from winchcascade.core.run import CLOCK
 from winchcascade.diagnosis.block_means import Blocks, blocks_of
-from winchcascade.reduction.energies import power
 from winchcascade.reduction.phases import detect, smoothed_velocity
 from winchcascade.rig.stages import acceleration, line_power
 
@@ -166,7 +166,7 @@ def measured_power(run: Run, rig: Rig) -> Signal:
                 f"{run.name}: no {what}; a rig without a model ({rig.name}) is diagnosed from line tension, velocity and "
                 "mechanical power, so log it, or name its column under [columns] in the rig file."
             )
-    found = power(run.channels, "mech", rig.r_drum)
+    found = BUILT_IN["mech"].watts(run.channels, rig.r_drum)
     if found is None:
         raise LogError(
             f"{run.name}: no mechanical power of the winch, nor a torque with a drum radius in the rig file; a rig without a "

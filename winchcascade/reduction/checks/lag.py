@@ -13,9 +13,9 @@ from collections.abc import Callable, Iterator, Sequence
 import msgspec
 import numpy as np
 
+from winchcascade.core.cascade import BUILT_IN
 from winchcascade.core.run import CHANNELS, Finding, Signal
 from winchcascade.reduction.checks.load import losses
-from winchcascade.reduction.energies import stream
 from winchcascade.reduction.phased_run import PhasedRun
 
 SAME_TIME = 0.1
@@ -128,7 +128,7 @@ def _electrical(phased: PhasedRun, k: int) -> _Pair:
 def _shaft(phased: PhasedRun, k: int) -> _Pair | None:
     """Power of the shaft while the clutch drives, and the one that DC link, known losses and known storage need."""
     run, rig = phased.run, phased.rig
-    mech = stream(run.channels, "mech", rig.r_drum)
+    mech = BUILT_IN["mech"].stream(run.channels, rig.r_drum)
     rows = _driven(phased, k, -BESIDE)
     t, v_dc, i_dc = run.t[rows], run.channels["vdc"][rows], run.channels["idc"][rows]
     if mech is None or t.size < FEWEST:

@@ -18,10 +18,11 @@ from collections.abc import Mapping, Sequence
 import msgspec
 import numpy as np
 
+from winchcascade.core.cascade import ELECTRICAL
 from winchcascade.core.integrate import integrals, median, quantile
 from winchcascade.core.run import Finding, Run, Signal
 from winchcascade.reduction.efficiency import NOTHING, ratio, runs_idle
-from winchcascade.reduction.energies import STAGES, Energies, sources, stream
+from winchcascade.reduction.energies import Energies
 from winchcascade.reduction.gap_error import all_gaps
 from winchcascade.reduction.phased_run import SHORTEST, PhasedRun, Window, find_phases, find_windows
 
@@ -165,12 +166,16 @@ def _held_channels(phased: PhasedRun, energies: Energies) -> tuple[Finding, ...]
     rows = phased.rows(cycle.onset, plateau.braking)
     end = int(np.searchsorted(run.t, energies.windows[k].cutoff))
     found: dict[str, Finding] = {}
-    for stage in STAGES:
-        watts, joules = stream(run.channels, stage, phased.rig.r_drum), energies.joules[stage]
-        if watts is None or joules is None or joules[k] <= NOTHING or (stage == "gen" and run.open_circuit):
+    r_drum = phased.rig.r_drum
+    for stage in phased.rig.cascade.stages:
+        product, watts = stage.power(run.channels, r_drum), stage.stream(run.channels, r_drum)
+        joules = energies.joules[stage.name]
+        if product is None or watts is None or joules is None or joules[k] <= NOTHING:
+            continue
+        if run.open_circuit and stage.name in ELECTRICAL:
             continue
         power = float(watts(slice(max(end - 1, 0), end + 1)).mean())
-        for name in sources(run.channels, stage):
+        for name in product.channels:
             late, how = _recorded_late(run.channels[name][rows], name, run.fs, plateau.begin - cycle.onset)
             message = f"{name} is {how}; energies of {name} may err by {late * power / joules[k]:.1%}"
             action = "reported and kept; log it with every sample"
@@ -275,7 +280,7 @@ def _own_error(change: Signal, within: float) -> float:
 def thinned_changes(phased: PhasedRun, energies: Energies) -> dict[str, Signal]:
     """Relative change of each stage's energy in each cycle on each thinned log, (5, k); NaN where a cycle is not found."""
     run, rig = phased.run, phased.rig
-    known = {stage: np.array(joules) for stage in STAGES if (joules := energies.joules[stage]) is not None}
+    known = {s.name: np.array(joules) for s in rig.cascade.stages if (joules := energies.joules[s.name]) is not None}
     changes = {stage: np.full((len(THINNED), len(phased.cycles)), np.nan) for stage in known}
     middles = np.array([0.5 * (c.onset + c.payout_end) for c in phased.cycles])
     for row, (step, first) in enumerate(THINNED):
@@ -287,11 +292,12 @@ def thinned_changes(phased: PhasedRun, energies: Energies) -> dict[str, Signal]:
         inside = [(middles > c.onset) & (middles <= c.payout_end) for c, _ in found]
         same = [(n, k) for n, here in enumerate(inside) for k in np.flatnonzero(here).tolist()]
         at, cycle = np.array(same, dtype=np.intp).reshape(-1, 2).T
-        for stage, into in known.items():
-            watts = stream(channels, stage, rig.r_drum)
-            if watts is not None:
+        for stage in rig.cascade.stages:
+            watts = stage.stream(channels, rig.r_drum)
+            if watts is not None and stage.name in known:
+                into = known[stage.name]
                 changed = integrals(t, watts, spans)[at] - into[cycle]
-                changes[stage][row, cycle] = changed / np.maximum(np.abs(into[cycle]), NOTHING)
+                changes[stage.name][row, cycle] = changed / np.maximum(np.abs(into[cycle]), NOTHING)
     return changes
 
 
@@ -304,12 +310,15 @@ def resolution_findings(phased: PhasedRun, energies: Energies) -> list[Finding]:
     chosen = [w for k in phased.chosen() if (w := energies.windows[k]).fault is None]
     if not chosen or run.simulated:
         return []
-    delivered = [ratio(gen, line) for gen, line in zip(joules["gen"] or (), joules["line"] or (), strict=False)]
+    of = joules.get("gen") or (), joules.get("line") or ()
+    delivered = [ratio(gen, line) for gen, line in zip(*of, strict=False)]
     idle = run.open_circuit or runs_idle(delivered)
     levels: dict[str, float] = {}
-    for stage in STAGES:
-        if max(joules[stage] or [0.0]) > NOTHING and not (stage == "gen" and idle):
-            names = sources(run.channels, stage)
+    for stage in phased.rig.cascade.stages:
+        product = stage.power(run.channels, phased.rig.r_drum)
+        evaluated = max(joules[stage.name] or [0.0]) > NOTHING and not (stage.name in ELECTRICAL and idle)
+        if product is not None and evaluated:
+            names = product.channels
             for name, other in zip(names, names[::-1], strict=True):
                 level = median(np.array([_level(phased, name, other, w) for w in chosen]))
                 levels[name] = min(level, levels.get(name, math.inf))

@@ -1,0 +1,193 @@
+"""The cascade of a rig: its stages in the direction in which power flows, and the metrics that follow from them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import msgspec
+
+if TYPE_CHECKING:
+    from winchcascade.core.integrate import Stream
+    from winchcascade.core.run import Signal
+
+
+class Product(msgspec.Struct, frozen=True):
+    """A power as one logged power or as the product of two channels, divided by the drum radius where `by_radius` says so."""
+
+    channels: tuple[str, ...]
+    by_radius: bool = False
+
+    @property
+    def text(self) -> str:
+        """The product as a rig file writes it."""
+        return " * ".join(self.channels) + (" / r_drum" if self.by_radius else "")
+
+
+class Stage(msgspec.Struct, frozen=True):
+    """One stage of a cascade. Of its `powers` the first counts whose channels the log has.
+
+    `where` describes the place at which the power flows.
+    """
+
+    name: str
+    powers: tuple[Product, ...]
+    where: str = ""
+
+    def power(self, channels: Mapping[str, Signal], r_drum: float | None) -> Product | None:
+        """Product that gives the power of this stage, None where log or rig lack what it needs."""
+        for product in self.powers:
+            if all(name in channels for name in product.channels) and not (product.by_radius and r_drum is None):
+                return product
+        return None
+
+    def stream(self, channels: Mapping[str, Signal], r_drum: float | None) -> Stream | None:
+        """Power as a function of the rows of the log, None where log or rig lack what it needs. [W]"""
+        product = self.power(channels, r_drum)
+        if product is None:
+            return None
+        factors = [channels[name] for name in product.channels]
+        if len(factors) == 1:
+            return factors[0].__getitem__
+        x, y = factors
+        if product.by_radius and r_drum is not None:
+            return lambda part: x[part] * (y[part] / r_drum)
+        return lambda part: x[part] * y[part]
+
+    def watts(self, channels: Mapping[str, Signal], r_drum: float | None) -> Signal | None:
+        """Power over the whole log, (n,), None where log or rig lack what it needs. [W]"""
+        stream = self.stream(channels, r_drum)
+        return None if stream is None else stream(slice(None))
+
+
+BUILT_IN: dict[str, Stage] = {
+    stage.name: stage
+    for stage in (
+        Stage("line", (Product(("force", "velocity")),), "the line (force times speed)"),
+        Stage(
+            "mech",
+            (Product(("power_mech",)), Product(("torque", "velocity"), by_radius=True), Product(("torque", "speed"))),
+            "the shaft",
+        ),
+        Stage("gen", (Product(("vdc", "idc")),), "the DC link (Vdc times Idc)"),
+        Stage("hyd", (Product(("pressure", "flow")),), "the hydraulic circuit (pressure times flow)"),
+        Stage("ac", (Product(("power_ac",)),), "the AC terminals"),
+    )
+}
+"""Stages that a rig file need not define."""
+
+ELECTRICAL = ("gen", "ac")
+"""Stages that deliver nothing in an open circuit."""
+
+_PAPER_NAMES = {("line", "mech"): "eta_trans", ("mech", "gen"): "eta_gen", ("line", "gen"): "eta_pto"}
+"""Names of the efficiencies of the paper (Eq. 6), by the stage that the power comes from and the one that it goes to."""
+
+_OF_THE_LINE = {
+    "payout": ("line", "payout"),
+    "returned": ("line", "haul_in"),
+    "net": ("line", "cycle"),
+    "gen_cycle": ("gen", "cycle"),
+}
+"""Energies of a whole cycle: the stage whose power is integrated, and the span over which."""
+
+
+class Cascade(msgspec.Struct, frozen=True, dict=True):
+    """Stages of a rig in the direction in which power flows; `configured` if a rig file states them."""
+
+    stages: tuple[Stage, ...]
+    configured: bool = False
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the stages."""
+        return tuple(stage.name for stage in self.stages)
+
+    @property
+    def has_net(self) -> bool:
+        """Whether line and DC link belong to the cascade, so that a whole cycle has net energies."""
+        return {"line", "gen"} <= set(self.names)
+
+    @cached_property
+    def parts(self) -> dict[str, tuple[str, str]]:
+        """Each energy of a cycle: the stage whose power is integrated, and the span over which."""
+        return {name: (name, "window") for name in self.names} | (_OF_THE_LINE if self.has_net else {})
+
+    @cached_property
+    def ratios(self) -> dict[str, tuple[str, str]]:
+        """Each efficiency: the energy that comes out and the one that goes in; neighbours first, then the whole cascade."""
+        names = self.names
+        pairs = [*pairwise(names), *([(names[0], names[-1])] if len(names) > 2 else [])]
+        return {efficiency_name(*pair): (f"energy_{pair[1]}", f"energy_{pair[0]}") for pair in pairs}
+
+    @property
+    def neighbours(self) -> tuple[str, ...]:
+        """Efficiencies from each stage to the next."""
+        return tuple(self.ratios)[: len(self.stages) - 1]
+
+    @property
+    def overall(self) -> str:
+        """Efficiency from the first stage to the last."""
+        return tuple(self.ratios)[-1]
+
+    @cached_property
+    def net_ratios(self) -> dict[str, tuple[str, str]]:
+        """Efficiency of whole cycles."""
+        return {"eta_net": ("energy_gen_cycle", "energy_net")} if self.has_net else {}
+
+    @cached_property
+    def all_ratios(self) -> dict[str, tuple[str, str]]:
+        """Efficiencies of windows and of whole cycles."""
+        return self.ratios | self.net_ratios
+
+    @cached_property
+    def energies(self) -> tuple[str, ...]:
+        """Names of the energies of a window."""
+        return tuple(f"energy_{name}" for name in self.names)
+
+    @cached_property
+    def metrics(self) -> tuple[str, ...]:
+        """Metrics of a window: energies [J], mean powers [W] and efficiencies [1]."""
+        return (*self.energies, *(f"power_{name}" for name in self.names), *self.ratios)
+
+    @cached_property
+    def net_metrics(self) -> tuple[str, ...]:
+        """Metrics of a whole cycle, which do not depend on the window: line energy of the payout, line energy returned in
+        haul-in, net line energy from onset to next onset, energy at the DC link over the same span [J], and the ratio of the
+        last two [1]."""
+        return (*(f"energy_{name}" for name in _OF_THE_LINE), "eta_net") if self.has_net else ()
+
+    @cached_property
+    def all_metrics(self) -> tuple[str, ...]:
+        """Metrics of windows and of whole cycles."""
+        return self.metrics + self.net_metrics
+
+    def undelivered(self, efficiency: str) -> bool:
+        """Whether an efficiency is not evaluated in an open circuit, as its stage delivers nothing there."""
+        return self.ratios[efficiency][0].removeprefix("energy_") in ELECTRICAL
+
+
+def efficiency_name(into: str, out: str) -> str:
+    """Name of the efficiency from one stage to another: that of the paper, else made of both names.
+
+    >>> efficiency_name("mech", "gen"), efficiency_name("gen", "mech")
+    ('eta_gen', 'eta_gen_mech')
+    """
+    return _PAPER_NAMES.get((into, out)) or f"eta_{into}_{out}"
+
+
+def field_of(metric: str) -> str:
+    """Name of a metric in written files: with its unit.
+
+    >>> field_of("energy_line"), field_of("eta_pto")
+    ('energy_line_j', 'eta_pto')
+    """
+    return metric + _SUFFIX.get(metric.partition("_")[0], "")
+
+
+_SUFFIX = {"energy": "_j", "power": "_w"}
+
+
+PAPER = Cascade(tuple(BUILT_IN[name] for name in ("line", "mech", "gen")))
+"""The cascade of the paper: line, shaft, DC link."""
