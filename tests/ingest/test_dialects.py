@@ -160,21 +160,6 @@ def test_numbers_of_rows_are_nothing_to_tell(name: str, tmp_path: Path) -> None:
     assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
 
 
-@pytest.mark.parametrize(
-    ("first", "second", "words"),
-    [
-        ("Velocity (m/s)", "Line speed (m/s)", ["'Velocity (m/s)'", "'Line speed (m/s)'", "under [columns]"]),
-        ("Velocity (m/s)", "Velocity (m/s)", ["columns 3 and 4", "'Velocity (m/s)'", "Rename or delete"]),
-    ],
-)
-def test_two_columns_for_one_channel_are_named_in_one_sentence(
-    first: str, second: str, words: list[str], tmp_path: Path
-) -> None:
-    with pytest.raises(LogError) as caught:
-        read(tmp_path, text([[*r[:3], r[2], *r[3:]] for r in ROWS], [*HEAD[:2], first, second, *HEAD[3:]]))
-    assert all(word in str(caught.value) for word in words)
-
-
 def test_a_plain_name_wins_over_one_that_says_where(tmp_path: Path) -> None:
     rows = [[*r[:3], "9.9", *r[3:]] for r in ROWS]
     run = read(tmp_path, text(rows, [*HEAD[:3], "Velocity of drum actual (m/s)", *HEAD[3:]]))

@@ -114,7 +114,7 @@ def test_a_speed_of_the_opposite_sign_follows_the_line(tmp_path: Path) -> None:
 def test_two_speeds_are_left_out_and_do_not_reject_the_log(tmp_path: Path) -> None:
     log = text([[*row, "1", "2"] for row in ROWS], [*HEAD, "Motor speed (rpm)", "Generator speed (rpm)"])
     run = read(tmp_path, log)
-    assert kinds(run) == {"unknown_column"}
+    assert kinds(run) == {"ambiguous_column"}
     assert "speed" not in run.channels
 
 

@@ -66,6 +66,7 @@ FindingKind = Literal[
     "slack_line",
     "incomplete_cycle",
     "unknown_column",
+    "ambiguous_column",
     "load_mismatch",
     "coarse_sampling",
     "coarse_resolution",

@@ -17,6 +17,7 @@ from winchcascade.ingest.dialects import (
     DATES,
     Header,
     letters_of,
+    nameless,
     read_header,
     recognise,
 )
@@ -35,13 +36,17 @@ class Match(msgspec.Struct, frozen=True):
 
 
 class Assignment(msgspec.Struct, frozen=True):
-    """Which header is which channel; `time` is None for a log without a time column, `time_named` if it has a name."""
+    """Which header is which channel; `time` is None for a log without a time column, `time_named` if it has a name.
+
+    `candidates` holds the columns of each channel for which names and units leave several.
+    """
 
     channels: Mapping[str, Match]
     time: Match | None
     findings: tuple[Finding, ...]
     simulated: bool
     time_named: bool
+    candidates: Mapping[str, tuple[Match, ...]] = msgspec.field(default_factory=dict)
 
 
 def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None = None) -> Assignment:
@@ -53,14 +58,14 @@ def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None
 
     Raises
     ------
-    LogError : two columns for one channel, a column of the rig file that the log does not have, a unit that does not
-        fit, no columns that could give a motion or a power
+    LogError : a column of the rig file that the log does not have, a unit that does not fit, no columns that could give a
+        motion or a power
     """
     named = _named_in_rig(headers, rig, where)
     taken: dict[str, int] = dict(named) if clock is None else {"time": clock} | named
+    alike: dict[str, list[int]] = {}
     dates: list[int] = []
     unknown: list[int] = []
-    unclear: set[str] = set()
     simulated = {header.name.strip() for header in headers}.issuperset(SIMULATED_HEADERS)
     for index, header in enumerate(headers):
         if index == clock or index in named.values() or (simulated and header.name.strip() in SIMULATED_HEADERS):
@@ -71,24 +76,29 @@ def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None
             dates.append(index)
         elif channel is None and (not header.name.strip() or letters in COUNTS or set(header.name) <= set("# ")):
             continue
-        elif channel is None or channel in named or channel in unclear:
+        elif channel is None or channel in named:
             unknown.append(index)
-        elif channel in taken and channel in MAY_BE_UNCLEAR and _draw(headers, taken[channel], index, channel):
-            unknown += [taken.pop(channel), index]
-            unclear.add(channel)
-        elif channel in taken:
-            taken[channel], other = _better(headers, taken[channel], index, channel, where)
-            unknown += [other] if channel != "time" else []
-        else:
-            taken[channel] = index
+        elif channel not in taken:
+            alike.setdefault(channel, []).append(index)
+    several: dict[str, list[int]] = {}
+    for channel, columns in alike.items():
+        best = _best(headers, columns, channel)
+        taken[channel] = best[0]
+        if channel != "time":
+            unknown += [k for k in columns if k not in best]
+            several |= {channel: best} if len(best) > 1 else {}
     if dates:
         taken.setdefault("time", dates[0])
     if not gives_result(taken, rig):
         raise LogError(
             f"{where}: no column for a motion (line velocity, displacement or speed of rotation) and none for a power; the log "
-            f"has {listed([h.name.strip() for h in headers])}. Name the columns in a rig file under [columns]."
+            f"has {listed(_names_with_units(headers))}. Name the columns in a rig file under [columns]."
         )
-    matches, findings = _matches(taken, headers, rig, where)
+    matches, findings = _matches({k: v for k, v in taken.items() if k not in several}, headers, rig, where)
+    candidates = {
+        channel: tuple(_matches({channel: k}, headers, rig, where)[0][channel] for k in columns)
+        for channel, columns in several.items()
+    }
     if unknown:
         what = f"{len(unknown)} columns that are no channel" if len(unknown) > 1 else "1 column that is no channel"
         message = f"{what}: {listed([headers[k].name.strip() for k in sorted(unknown)])}"
@@ -109,7 +119,7 @@ def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None
         if name not in taken and name not in rig.sensors
     ]
     time = matches.pop("time", None)
-    return Assignment(matches, time, tuple(findings), simulated, time_named=clock is None)
+    return Assignment(matches, time, tuple(findings), simulated, clock is None, candidates)
 
 
 MOTIONS = ("velocity", "displacement", "speed")
@@ -117,9 +127,6 @@ MOTIONS = ("velocity", "displacement", "speed")
 
 POWERS = (("power_mech",), ("power_ac",), ("vdc", "idc"), ("pressure", "flow"))
 """Channels of which, without a motion, a stage of the cascade has a power."""
-
-MAY_BE_UNCLEAR = frozenset({"speed", "flow", "power_ac"})
-"""Channels that are left out where two columns could be one: a machine has several of them."""
 
 
 def gives_result(channels: Collection[str], rig: Rig) -> bool:
@@ -132,12 +139,6 @@ def _own_channel(header: Header, rig: Rig) -> str | None:
     """Channel of the rig's own of which the column has the name, where [columns] names no other."""
     name = read_header(header).name.strip() if rig.channels else ""
     return name if name in rig.channels and name not in rig.columns else None
-
-
-def _draw(headers: Sequence[Header], old: int, new: int, channel: str) -> bool:
-    """Whether the names of two columns are equally good for a channel."""
-    plain = [channel in CHANNELS_BY_NAME.get(letters_of(read_header(headers[k]).name), ()) for k in (old, new)]
-    return plain[0] == plain[1]
 
 
 def _named_in_rig(headers: Sequence[Header], rig: Rig, where: str) -> dict[str, int]:
@@ -156,27 +157,25 @@ def _named_in_rig(headers: Sequence[Header], rig: Rig, where: str) -> dict[str, 
     return found
 
 
-def _better(headers: Sequence[Header], old: int, new: int, channel: str, where: str) -> tuple[int, int]:
-    """Of two columns for one channel, the one whose name is a plain one of the table, and the other; a draw is a fault.
+def _best(headers: Sequence[Header], columns: Sequence[int], channel: str) -> list[int]:
+    """Of the columns for one channel, those whose name is a plain one of the table; all of them where none has one.
 
-    Of two time columns it is the one that names a unit of time, as a stamp may be coarser than the time elapsed.
+    Of several time columns it is the first that names a unit of time, as a stamp may be coarser than the time elapsed.
     """
-    read = [read_header(headers[k]) for k in (old, new)]
-    better = [channel in CHANNELS_BY_NAME.get(letters_of(r.name), ()) for r in read]
+    read = {k: read_header(headers[k]) for k in columns}
     if channel == "time":
-        better = [read[0].unit is not None or read[1].unit is None, read[0].unit is None and read[1].unit is not None]
-    names = [headers[k].name.strip() for k in (old, new)]
-    if better[0] == better[1] and names[0] == names[1]:
-        raise LogError(
-            f"{where}: columns {old + 1} and {new + 1} are both named {names[0]!r}; expected one {channel}. Rename or "
-            f"delete one of them."
-        )
-    if better[0] == better[1]:
-        raise LogError(
-            f"{where}: both {names[0]!r} and {names[1]!r} could be the {channel}; expected one. Name the right one in a "
-            f"rig file under [columns]."
-        )
-    return (old, new) if better[0] else (new, old)
+        return [next((k for k in columns if read[k].unit is not None), columns[0])]
+    plain = [k for k in columns if channel in CHANNELS_BY_NAME.get(letters_of(read[k].name), ())]
+    return plain or list(columns)
+
+
+def _names_with_units(headers: Sequence[Header]) -> list[str]:
+    """Names of the columns for a message, with the units that the file keeps apart from them."""
+    named = [header for header in headers if not nameless(header)] or headers
+    units = [f"({h.unit.strip()})" if h.unit else "" for h in named]
+    return [
+        h.name.strip() if unit in h.name else f"{h.name.strip()} {unit}" for h, unit in zip(named, units, strict=True)
+    ]
 
 
 def listed(names: Sequence[str], most: int = 12) -> str:

@@ -112,18 +112,17 @@ def find_layout(lines: Sequence[str], where: str) -> Layout:
     if not tables:
         raise LogError(_no_table(lines, where))
     delimiter, first, rows = max(tables, key=_score)
-    width = _width(rows)
+    width = usual_width(rows)
     headers = _headers(lines[:first], delimiter, rows, where)
     return Layout(
         delimiter,
-        _decimal(rows),
+        decimal_sign(rows),
         headers[:width],
         len(headers) > width,
         first,
         tuple(map(tuple, rows)),
         any('"' in line for line in lines[first:]),
-        _properties(lines[:first]),
-        _is_labview(lines[:first]),
+        preamble_properties(lines[:first]),
     )
 
 
@@ -158,14 +157,14 @@ def _first_data(lines: Sequence[str], delimiter: str) -> tuple[int, list[list[st
         if not data(k) or _channels(row) > 1:
             continue
         after = [j for j in range(k + 1, min(k + 6, len(rows))) if rows[j] != [""]]
-        width = _width([rows[j] for j in after if data(j)])
+        width = usual_width([rows[j] for j in after if data(j)])
         alike = sum(data(j) and abs(len(rows[j]) - width) <= 1 for j in after) if len(row) >= width - 1 else 0
         if alike >= max(1, len(after) - 2) and not any(_channels(rows[j]) > 1 for j in after if not data(j)):
             return k, [rows[j] for j in range(k, min(k + _SAMPLE, len(rows))) if data(j)]
     return None
 
 
-def _width(rows: Sequence[Sequence[str]]) -> int:
+def usual_width(rows: Sequence[Sequence[str]]) -> int:
     """How many cells most rows have."""
     lengths = [len(row) for row in rows]
     return max(lengths, key=lengths.count, default=0)
@@ -178,7 +177,7 @@ def _channels(cells: Sequence[str]) -> int:
 
 def _headers(above: Sequence[str], delimiter: str, rows: list[list[str]], where: str) -> tuple[Header, ...]:
     """Names and units from the lines above the data: the line that names most channels, the line that is all units."""
-    width = _width(rows)
+    width = usual_width(rows)
     columns = [[row[k] for row in rows if len(row) > k] for k in range(width)]
     filled = max(k + 1 for k, column in enumerate(columns) if any(column))
     found = [_names(line, delimiter, width) for line in above[-12:]][::-1]
@@ -192,21 +191,11 @@ def _headers(above: Sequence[str], delimiter: str, rows: list[list[str]], where:
         names, units = [first, *names], ["", *units] if len(units) < filled else units
     if any(recognise(Header(name)) for name in names[width:] if name):
         raise LogError(_no_names([names], filled, where))
-    if _is_labview(above):  # LabVIEW's own columns: the axis, and remarks
-        units = [
-            "s" if name == "X_Value" else unit for name, unit in zip(names, _wide(units, len(names)), strict=False)
-        ]
-        names = ["" if name == "Comment" else name for name in names]
     names, units = _wide(names, width), _wide(units, width)
     return (
         *(_header(k, names[k], units[k] or None, columns[k]) for k in range(width)),
         *map(Header, names[width:]),
     )
-
-
-def _is_labview(above: Sequence[str]) -> bool:
-    """Whether the lines above the data are the heading of a LabVIEW measurement file."""
-    return any(line.startswith("***End_of_Header***") for line in above)
 
 
 def _units(near: Sequence[list[str]]) -> list[str]:
@@ -265,13 +254,13 @@ def _known_units(row: Sequence[str]) -> int:
     return sum(find_unit(c.strip("()[] ")) is not None for c in row if c.strip("()[]-– "))
 
 
-def _decimal(rows: Sequence[Sequence[str]]) -> str:
+def decimal_sign(rows: Sequence[Sequence[str]]) -> str:
     """Decimal sign: a comma if more numbers hold a comma than a point."""
     numbers = [c for row in rows for c in row if looks_like_a_number(c)]
     return "," if sum("," in c for c in numbers) > sum("." in c for c in numbers) else "."
 
 
-def _properties(above: Sequence[str]) -> dict[str, str]:
+def preamble_properties(above: Sequence[str]) -> dict[str, str]:
     """Lines of the preamble of the form `key: value`, `key = value` or `key<delimiter>value`."""
     found: dict[str, str] = {}
     for parts in filter(None, map(_PROPERTY.match, above)):

@@ -174,16 +174,24 @@ def _with_origin(run: Run, stated: Origin) -> Run:
 def _loaded(source: LogSource, rig: Rig, where: str) -> tuple[Assignment, LogTable]:
     """The channels, with the clock of a named column or else of the only column without a name that is one.
 
-    A data frame may have its clock in the index, which has no name.
+    A data frame may have its clock in the index, which has no name. Of several columns for one channel the data choose.
     """
     found = assign(source.headers, rig, where)
     wanted = [match.index for match in found.channels.values()]
+    wanted += [match.index for matches in found.candidates.values() for match in matches]
+    table = None
     if found.time is None and source.time_step is None:
         columns = [k for k, header in enumerate(source.headers) if nameless(header) and k not in wanted]
-        clocks = [(k, table) for k in columns if _is_clock(table := source.load(wanted, k))]
+        clocks = [(k, loaded) for k in columns if _is_clock(loaded := source.load(wanted, k))]
         if len(clocks) == 1:
-            return assign(source.headers, rig, where, clock=clocks[0][0]), clocks[0][1]
-    return found, source.load(wanted, found.time.index if found.time else None)
+            found, table = assign(source.headers, rig, where, clock=clocks[0][0]), clocks[0][1]
+    if table is None:
+        table = source.load(wanted, found.time.index if found.time else None)
+    if found.candidates:
+        from winchcascade.ingest.several_columns import with_chosen
+
+        found = with_chosen(found, table, source.headers, rig, where)
+    return found, table
 
 
 def _is_clock(table: LogTable) -> bool:

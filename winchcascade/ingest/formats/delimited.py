@@ -98,6 +98,9 @@ _D_EXPONENT = re.compile(rb"(?<=[\d.])[dD](?=[-+]?\d)")
 _HEADING = re.compile(rb"^(?!nan\b|inf)(?:[*]{3}End_|[a-z])[^\n]*\n?", re.IGNORECASE | re.MULTILINE)
 """A line of the heading that LabVIEW repeats above each segment; a row of data begins with a number or an empty cell."""
 
+_LONGEST_HEADING = 400
+"""Lines of a file among which the first heading of LabVIEW ends."""
+
 _MOST_MARKS = 200
 """Number of texts for "no number" that Arrow is given; a file with more of them is read cell by cell."""
 
@@ -124,7 +127,7 @@ def open_delimited(path: Path) -> LogSource:
             f"{path.name}: lines of more than {_HEAD // 4 >> 10} kB; expected a log with a few dozen columns. Check that "
             f"this is a log."
         )
-    layout = find_layout(lines, path.name)
+    layout = _layout(lines, path.name)
     step, start = waveform(layout.properties)
     return LogSource(
         headers=layout.headers,
@@ -133,6 +136,17 @@ def open_delimited(path: Path) -> LogSource:
         time_start=start,
         properties=dict(layout.properties),
     )
+
+
+def _layout(lines: Sequence[str], where: str) -> Layout:
+    """Find the table in the first lines of a file, by the headings of LabVIEW where it has them."""
+    if any(line.startswith("***End_of_Header***") for line in lines[:_LONGEST_HEADING]):
+        from winchcascade.ingest.labview import labview_layout
+
+        found = labview_layout(lines, where)
+        if found is not None:
+            return found
+    return find_layout(lines, where)
 
 
 def _load(

@@ -1,0 +1,99 @@
+"""LabVIEW measurement files: what they state of themselves is used, and no line of their headings is taken for data."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from winchcascade import read_run
+from winchcascade.core.errors import LogError
+from winchcascade.core.rig_file import Column
+from winchcascade.core.rig_toml import built_in
+
+SAMPLES = Path(__file__).parents[3] / "shared" / "data" / "benches" / "lvm-samples"
+TOP = "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t,\nX_Columns\t{axis}\nTime\t09:51:39,1970510124996\n"
+END = "***End_of_Header***\t\n"
+
+here = pytest.mark.skipif(not SAMPLES.exists(), reason="the example logs lie in ../shared/data, which is not here")
+
+
+def lvm(names: list[str], units: list[str], rows: list[str], *, axis: str = "No", steps: tuple[str, ...] = ()) -> str:
+    steps = steps or ("4,0E-2",) * len(names)
+    heading = {
+        "Channels": [str(len(names))],
+        "Date": ["2013/02/19"] * len(names),
+        "Time": ["09:51:40,7271890640258789063"] * len(names),
+        "Y_Unit_Label": units,
+        "X0": ["0,0000000000000000E+0"] * len(names),
+        "Delta_X": [*steps],
+    }
+    lines = ["\t".join([key, *cells, ""]) for key, cells in heading.items()]
+    body = "\n".join([*lines, END.strip(), "\t".join(["X_Value", *names, "Comment"]), *rows])
+    return TOP.format(axis=axis) + END + "\t\n" + body + "\n"
+
+
+def write(folder: Path, content: str) -> Path:
+    path = folder / "log.lvm"
+    path.write_text(content, encoding="cp1252")
+    return path
+
+
+def test_one_channel_without_an_x_column_takes_its_interval_from_the_heading(tmp_path: Path) -> None:
+    run = read_run(write(tmp_path, lvm(["Velocity"], ["m/s"], [f"\t0,{k:06d}" for k in range(40)])))
+    assert run.fs == pytest.approx(25.0)
+    assert np.allclose(run.channels["velocity"], np.arange(40) * 1e-6)
+
+
+def test_a_heading_without_a_decimal_sign_leaves_it_to_the_numbers(tmp_path: Path) -> None:
+    content = lvm(["Velocity", "Force"], ["m/s", "N"], [f"\t0,5\t{k},25" for k in range(40)])
+    run = read_run(write(tmp_path, content.replace("Decimal_Separator\t,\n", "")))
+    assert np.allclose(run.channels["force"], np.arange(40) + 0.25)
+
+
+@pytest.mark.parametrize(("steps", "what"), [(("4,0E-2", "2,0E-2"), "Velocity 0.04 s, Force 0.02 s")])
+def test_channels_of_different_intervals_are_rejected(steps: tuple[str, ...], what: str, tmp_path: Path) -> None:
+    content = lvm(["Velocity", "Force"], ["m/s", "N"], ["\t0,5\t1,5"] * 40, steps=steps)
+    with pytest.raises(LogError) as caught:
+        read_run(write(tmp_path, content))
+    assert f"sampled every different times ({what}); expected one for all" in str(caught.value)
+
+
+def test_a_heading_without_rows_is_rejected(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="a LabVIEW heading but no rows of numbers below it"):
+        read_run(write(tmp_path, lvm(["Velocity"], ["m/s"], [])))
+
+
+@here
+def test_the_sample_with_a_velocity_is_read() -> None:
+    run = read_run(SAMPLES / "made_from_short_lvm.lvm")
+    assert (run.samples, run.fs, set(run.channels)) == (3000, 25.0, {"velocity", "force"})
+
+
+@here
+@pytest.mark.parametrize(
+    ("name", "listed"),
+    [
+        ("multi_time_column", "Voltage (Volts), Acceleration (g)"),
+        ("no_decimal_separator", "ax (g), ay (g), az (g)"),
+        ("short", "Excitation (Trigger) (Newtons), Response (Trigger) (m/s^2)"),
+        ("short_new_line_end", "Excitation (Trigger) (Newtons), Response (Trigger) (m/s^2)"),
+        ("with_comments", "Pressão ABS. (MPa), Temperatura (°C), Volume (ml)"),
+        ("with_empty_fields", "Dev0/Ai0, Dev0/Ai2, Untitled"),
+    ],
+)
+def test_samples_of_other_experiments_are_rejected_with_their_channels(name: str, listed: str) -> None:
+    with pytest.raises(LogError) as caught:
+        read_run(SAMPLES / f"{name}.lvm")
+    assert "no column for a motion" in str(caught.value)
+    assert listed in str(caught.value)
+
+
+@here
+def test_samples_with_named_columns_are_read_up_to_their_few_rows() -> None:
+    columns = {"velocity": Column("Dev0/Ai0", "m/s"), "vdc": Column("Dev0/Ai2", "V")}
+    rig = msgspec.structs.replace(built_in(), columns=columns)
+    with pytest.raises(LogError, match="the log has 7 rows of data"):
+        read_run(SAMPLES / "with_empty_fields.lvm", rig=rig)
