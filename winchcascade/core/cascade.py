@@ -15,15 +15,23 @@ if TYPE_CHECKING:
 
 
 class Product(msgspec.Struct, frozen=True):
-    """A power as one logged power or as the product of two channels, divided by the drum radius where `by_radius` says so."""
+    """A power as one logged power or as the product of two channels, divided by the drum radius where `by_radius` says so.
+
+    `sign` is -1 where the log counts the power against the direction of the cascade.
+    """
 
     channels: tuple[str, ...]
     by_radius: bool = False
+    sign: float = 1.0
 
     @property
     def text(self) -> str:
         """The product as a rig file writes it."""
-        return " * ".join(self.channels) + (" / r_drum" if self.by_radius else "")
+        return "-" * (self.sign < 0) + " * ".join(self.channels) + (" / r_drum" if self.by_radius else "")
+
+    def scale(self, r_drum: float | None) -> float:
+        """Factor that turns the product of the channels into the power. [1, or 1/m with the drum radius]"""
+        return self.sign / r_drum if self.by_radius and r_drum is not None else self.sign
 
 
 class Stage(msgspec.Struct, frozen=True):
@@ -48,13 +56,14 @@ class Stage(msgspec.Struct, frozen=True):
         product = self.power(channels, r_drum)
         if product is None:
             return None
-        factors = [channels[name] for name in product.channels]
-        if len(factors) == 1:
-            return factors[0].__getitem__
-        x, y = factors
+        sign, (x, *others) = product.sign, (channels[name] for name in product.channels)
+        if not others:
+            return x.__getitem__ if sign > 0 else lambda part: -x[part]
+        y = others[0]
         if product.by_radius and r_drum is not None:
-            return lambda part: x[part] * (y[part] / r_drum)
-        return lambda part: x[part] * y[part]
+            signed = sign * r_drum
+            return lambda part: x[part] * (y[part] / signed)
+        return (lambda part: x[part] * y[part]) if sign > 0 else lambda part: -x[part] * y[part]
 
     def watts(self, channels: Mapping[str, Signal], r_drum: float | None) -> Signal | None:
         """Power over the whole log, (n,), None where log or rig lack what it needs. [W]"""

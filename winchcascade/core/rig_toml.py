@@ -12,6 +12,8 @@ from typing import Any
 
 import msgspec
 
+from winchcascade.core.cascade import Cascade
+from winchcascade.core.cascade_toml import CascadeTable, StageTable, read_cascade
 from winchcascade.core.errors import RigError
 from winchcascade.core.quantity import Quantity, find_unit, read_as
 from winchcascade.core.rig_file import (
@@ -159,7 +161,9 @@ def _rig(raw: dict[str, Any], where: str) -> Rig:
                 "source",
                 "note",
                 "sensors",
+                "stage",
                 "columns",
+                "cascade",
                 "channels",
                 "effects",
                 "log",
@@ -198,6 +202,7 @@ def _rig(raw: dict[str, Any], where: str) -> Rig:
         sensors=_sensors(_table(raw, "sensors", where), where, known),
         columns=_columns(_table(raw, "columns", where), where, known, geared="gear_ratio" in raw.get("drivetrain", {})),
         channels=own,
+        cascade=_cascade(raw, known, where),
         effects=_effects(_table(raw, "effects", where), where),
         sample_rate=rate,
         thresholds=_thresholds(_table(raw, "thresholds", where), where),
@@ -205,6 +210,14 @@ def _rig(raw: dict[str, Any], where: str) -> Rig:
         path=where,
         **sections,
     )
+
+
+def _cascade(raw: dict[str, Any], known: Mapping[str, Channel], where: str) -> Cascade:
+    """Stages and their order, `[cascade]` and `[stage.NAME]`."""
+    table = _convert(raw["cascade"], CascadeTable, where, "[cascade]") if "cascade" in raw else None
+    stages = _table(raw, "stage", where)
+    own = {name: _convert(stage, StageTable, where, f"[stage.{name}]") for name, stage in stages.items()}
+    return read_cascade(table, own, known, where)
 
 
 def _table(raw: dict[str, Any], key: str, where: str) -> dict[str, Any]:

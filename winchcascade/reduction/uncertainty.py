@@ -140,7 +140,7 @@ def _stage_integrals(reduction: Reduction) -> dict[str, StageEnergy]:
                 whole = integrals(run.t, run.channels[name].__getitem__, np.concatenate(list(spans.values())))
                 alone[name] = dict(zip(spans, np.split(whole, len(spans)), strict=True))
         t = spans[span][:, 1] - spans[span][:, 0]
-        scale = 1.0 / rig.r_drum if product.by_radius and rig.r_drum is not None else SIGN.get(part, 1.0)
+        scale = SIGN.get(part, 1.0) * product.scale(rig.r_drum)
         stages[part] = StageEnergy(
             first=names[0],
             second=names[1] if len(names) == 2 else None,

@@ -14,6 +14,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from winchcascade.core.campaign_file import KINDS, banner, joint_origin, origin_words
+from winchcascade.core.cascade import PAPER
 from winchcascade.reduction.efficiency import FIELDS, METRICS, NET_METRICS
 from winchcascade.report import campaign_figures as figures
 from winchcascade.report.campaign_record import (
@@ -45,7 +46,7 @@ from winchcascade.report.report_model import (
     section,
 )
 from winchcascade.report.style import house_style
-from winchcascade.report.tables import DECIMALS, UNIT, metrics_note
+from winchcascade.report.tables import decimals_of, metrics_note, unit_of
 from winchcascade.report.wording import SYMBOL
 
 SEED = 20260
@@ -199,7 +200,7 @@ def _name(run: LogSummary) -> str:
 
 def _mean(metric: str, run: LogSummary) -> str:
     """Mean of a metric with the digits that its standard uncertainty allows."""
-    return stated(run.mean[FIELDS[metric]], run.standard_uncertainty[FIELDS[metric]], DECIMALS[metric])
+    return stated(run.mean[FIELDS[metric]], run.standard_uncertainty[FIELDS[metric]], decimals_of(metric))
 
 
 def _interval(metric: str, run: LogSummary) -> str:
@@ -300,7 +301,7 @@ def _with_uncertainty(metric: str, run: LogSummary) -> str:
 
 def _metric_columns(metrics: Iterable[str]) -> list[TableColumn[LogSummary]]:
     """Means of metrics with their standard uncertainties."""
-    return [TableColumn(SYMBOL[m], UNIT[m], of=partial(_with_uncertainty, m)) for m in metrics]
+    return [TableColumn(SYMBOL[m], unit_of(m), of=partial(_with_uncertainty, m)) for m in metrics]
 
 
 def energies_table(runs: Sequence[LogSummary]) -> Table:
@@ -308,7 +309,7 @@ def energies_table(runs: Sequence[LogSummary]) -> Table:
     given = _given(runs, [f"{kind}_{stage}" for stage in ("line", "mech", "gen") for kind in ("energy", "power")])
     caption = "Mean energies over the integration window and mean powers in it, ± standard uncertainty."
     columns = [_LOG, _LOAD, _WINDOW, _CYCLES, *_metric_columns(given)]
-    return _linked(_table("energies", caption, columns, runs, metrics_note(given).strip()), runs)
+    return _linked(_table("energies", caption, columns, runs, metrics_note(PAPER, given).strip()), runs)
 
 
 def efficiencies_table(runs: Sequence[LogSummary]) -> Table:
@@ -319,7 +320,7 @@ def efficiencies_table(runs: Sequence[LogSummary]) -> Table:
         columns += [column, TableColumn("95 % interval", of=partial(_interval, m))]
     caption = "Efficiencies: means of the cycles' ratios, ± standard uncertainty, and 95 % intervals."
     note = (
-        f"{metrics_note(given)}Errors of the sensors are common to all runs with the same sensors, so differences between "
+        f"{metrics_note(PAPER, given)}Errors of the sensors are common to all runs with the same sensors, so differences between "
         "loads are better known than each value."
     )
     return _table("efficiencies", caption, columns, runs, note)

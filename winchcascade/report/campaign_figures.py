@@ -14,17 +14,17 @@ from matplotlib.ticker import FixedLocator, NullLocator
 from winchcascade.core.run import Signal
 from winchcascade.reduction.efficiency import FIELDS
 from winchcascade.report.campaign_record import LogSummary, load_text, rule_of
-from winchcascade.report.figures import STAGE_MARKS, readable
+from winchcascade.report.figures import readable
 from winchcascade.report.model_figures import LINE, MARK_SIZE, load_style
 from winchcascade.report.style import (
     COLOURS,
     LOAD_COLOURS,
-    STAGE_STYLE,
     Room,
     columns_within,
     cut_apart,
     label_panel,
     lines_within,
+    look_of,
     panel_figure,
     text_width,
 )
@@ -104,8 +104,9 @@ def _points(ax: Axes, runs: Sequence[LogSummary], names: Mapping[str, str], unit
         ends = [run.interval_95[FIELDS[names[stage]]] or (math.nan, math.nan) for run in runs]
         low, high = np.array(ends, dtype=float).T
         bars = np.nan_to_num(np.vstack((y - low, high - y)))[:, order].clip(0.0) * short
-        line: Any = {"color": COLOURS[stage], "lw": 0.9, "ls": STAGE_STYLE[stage]}
-        mark: Any = {"marker": STAGE_MARKS[stage], "ms": 4, "label": tex(names[stage])}
+        look = look_of(stage)
+        line: Any = {"color": COLOURS[look.colour], "lw": 0.9, "ls": look.dashes}
+        mark: Any = {"marker": look.mark, "ms": 4, "label": tex(names[stage])}
         for n, members in enumerate(comparable(runs)):
             here = np.isin(order, members)
             own_x, own_y = x[order[here]], y[order[here]] * short

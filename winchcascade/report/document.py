@@ -8,8 +8,9 @@ from functools import partial
 from pathlib import Path
 
 from winchcascade.core.campaign_file import banner, origin_words
+from winchcascade.core.cascade import Cascade
 from winchcascade.core.run import Signal
-from winchcascade.reduction.efficiency import ALL_METRICS, METRICS, NOTHING
+from winchcascade.reduction.efficiency import NOTHING
 from winchcascade.reduction.montecarlo import Uncertainty
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.report import figures, tables
@@ -99,10 +100,11 @@ def _about(reduction: Reduction) -> str:
 
 def _tiles(reduction: Reduction, found: Uncertainty) -> tuple[Tile, ...]:
     """The efficiencies with their intervals, and energies where there are fewer than three."""
-    given = [m for m in (*METRICS[6:], *METRICS[:3]) if reduction.mean[m] is not None][:3]
+    cascade = reduction.rig.cascade
+    given = [m for m in (*cascade.ratios, *cascade.energies) if reduction.mean[m] is not None][:3]
     tiles = []
     for m in given:
-        unit, interval, u = tables.UNIT[m], found.interval_95.get(m), found.standard[m]
+        unit, interval, u = tables.unit_of(m), found.interval_95.get(m), found.standard[m]
         scatter = found.budget.repeatability[m]
         text = "uncertainty unknown"
         if interval is not None and u:
@@ -110,16 +112,27 @@ def _tiles(reduction: Reduction, found: Uncertainty) -> tuple[Tile, ...]:
         elif scatter:
             text = f"± {f'{uncertain(scatter)} {unit}'.rstrip()} by repeatability alone"
         value = f"{tables.mean_text(reduction, found, m)} {unit}".strip()
-        tiles.append(Tile(SYMBOL[m], _NAMES[m], value, text))
+        tiles.append(Tile(SYMBOL[m], _name(cascade, m), value, text))
     return tuple(tiles)
+
+
+def _name(cascade: Cascade, metric: str) -> str:
+    """What a metric is, for a tile."""
+    if metric in _NAMES:
+        return _NAMES[metric]
+    if metric in cascade.ratios:
+        out, into = (name.removeprefix("energy_") for name in cascade.ratios[metric])
+        return f"{into} to {out}"
+    return f"energy of {metric.removeprefix('energy_')}, per cycle"
 
 
 def best_and_worst(reduction: Reduction) -> tuple[CycleResult, CycleResult, str] | None:
     """Complete cycles of the highest and the lowest efficiency, and which; None where there are not two to compare."""
     complete = reduction.complete
-    for metric in ("eta_pto", "eta_trans", "eta_gen", "energy_line"):
-        if len(complete) > 1 and getattr(reduction.mean, metric) is not None:
-            ranked = sorted(complete, key=lambda c: float(getattr(c.metrics, metric)))
+    cascade = reduction.rig.cascade
+    for metric in (cascade.overall, *cascade.neighbours, *cascade.energies[:1]):
+        if len(complete) > 1 and reduction.mean[metric] is not None:
+            ranked = sorted(complete, key=lambda c: c.metrics.value(metric))
             return ranked[-1], ranked[0], metric
     return None
 
@@ -225,7 +238,7 @@ def _sections(reduction: Reduction, found: Uncertainty, model: Modelled, command
 
 
 def _results(reduction: Reduction, found: Uncertainty) -> Section:
-    given = [m for m in ALL_METRICS if m.startswith("energy") and reduction.mean[m] is not None]
+    given = [m for m, value in reduction.mean.items() if m.startswith("energy") and value is not None]
     means = {m: tables.mean_text(reduction, found, m) for m in given}
     words = ", ".join(f"{SYMBOL[m]} {text} J" for m, text in means.items())
     net = " b: over the whole cycle the stored energy is returned, so that only losses remain."

@@ -12,14 +12,14 @@ from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch, Rectangle
 from matplotlib.path import Path as Outline
 
-from winchcascade.core.cascade import PAPER
+from winchcascade.core.cascade import Cascade
 from winchcascade.core.run import Signal
 from winchcascade.reduction.bins import engaged
-from winchcascade.reduction.efficiency import ALL_RATIOS, METRICS, RATIOS
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.reduction.uncertainty import Budget
 from winchcascade.report.digits import significant
-from winchcascade.report.style import COLOURS, STAGE_STYLE, Room, label_panel, panel_figure, wide_figure
+from winchcascade.report.style import COLOURS, Room, label_panel, look_of, panel_figure, wide_figure
+from winchcascade.report.tables import budgeted
 from winchcascade.report.traces import PANELS, clock_zero, end_of, envelope, time_label
 from winchcascade.report.wording import by_sensor, tex
 
@@ -41,7 +41,7 @@ OVERLAID = 40
 OVERLAID_POINTS = 6000
 """Points of all overlaid cycles together in one panel, about."""
 
-_STAGE_WORDS = {"line": "line", "mech": "shaft", "gen": "DC link"}
+_STAGE_WORDS = {"line": "line", "mech": "shaft", "gen": "DC link", "hyd": "hydraulic circuit", "ac": "AC terminals"}
 
 _BAR_STYLE = {
     "force cell": ("line", ""),
@@ -54,22 +54,11 @@ _BAR_STYLE = {
 }
 """Colour and hatching of each part of the variance."""
 
-_TREND_STAGE = {
-    "eta_trans": "mech",
-    "eta_gen": "gen",
-    "eta_pto": "line",
-    **{f"energy_{stage}": stage for stage in PAPER.names},
-}
-"""Stage of which a metric has the colour in the figure of the trend."""
-
 _TURN, _DROP = 0.38, -0.3
 """Where a loss turns down between two bars, as a share of the way, and how far it goes."""
 
 _ROOM = Room(left=0.095)
 """Room of the figures over time."""
-
-STAGE_MARKS = {"line": "o", "mech": "s", "gen": "^"}
-"""Markers of the stages."""
 
 
 def readable(unit: str, *signals: Signal) -> tuple[float, str]:
@@ -93,7 +82,8 @@ def _trace(ax: Axes, t: Signal, x: Signal, *, most: int = DRAWN, **style: Any) -
 
 def _stage_style(stage: str) -> dict[str, Any]:
     """Colour and dashes of the power of a stage, and its symbol for the legend."""
-    return {"color": COLOURS[stage], "ls": STAGE_STYLE[stage], "label": tex(f"power_{stage}")}
+    look = look_of(stage)
+    return {"color": COLOURS[look.colour], "ls": look.dashes, "label": tex(f"power_{stage}")}
 
 
 def time_histories(reduction: Reduction, powers: dict[str, Signal]) -> Figure:
@@ -193,7 +183,7 @@ def _over_speed(ax: Axes, reduction: Reduction, powers: dict[str, Signal]) -> No
         )  # fmt: skip
     short, unit = readable("W", *(x[rows] for x in powers.values()))
     for stage, x in powers.items():
-        dots(ax, speed, x[rows] * short, COLOURS[stage])
+        dots(ax, speed, x[rows] * short, COLOURS[look_of(stage).colour])
         means = [(0.5 * (b.rpm_low + b.rpm_high), y * short) for b in bins if (y := b.power.get(stage)) is not None]
         ax.plot(*np.array(means).reshape(-1, 2).T, lw=1.3, **_stage_style(stage))
     ax.set_xlim(min(0.0, bins[0].rpm_low), highest)
@@ -249,7 +239,10 @@ def energy_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) ->
     stored = {"mech": " in the rotor", "line": " in the gas" if reduction.rig.restoring.volume_gas is not None else ""}
     given = [stage for stage in reduction.rig.cascade.names if reduction.mean[f"energy_{stage}"] is not None]
     stored["line"] *= given[1:2] == ["mech"]
-    window = [_Step(f"energy_{s}", s, _STAGE_WORDS[s], f"lost or stored{stored.get(s, '')}") for s in given]
+    window = [
+        _Step(f"energy_{s}", look_of(s).colour, _STAGE_WORDS.get(s, s), f"lost or stored{stored.get(s, '')}")
+        for s in given
+    ]
     cycle = [
         _Step("energy_payout", "line", "line, payout", "returned in haul-in", "energy_returned"),
         _Step("energy_net", "line", "line, net", "lost"),
@@ -276,7 +269,7 @@ def energy_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) ->
 
 def _flow_of(reduction: Reduction, steps: Sequence[_Step], texts: Mapping[str, str]) -> list[_Flow]:
     """Bars of the steps up to the first that has no mean energy; a loss is a share of the first bar."""
-    mean = reduction.mean
+    mean, ratios = reduction.mean, reduction.rig.cascade.all_ratios
     flow: list[_Flow] = []
     for step, following in zip(steps, (*steps[1:], None), strict=False):
         joule = mean[step.metric]
@@ -288,7 +281,10 @@ def _flow_of(reduction: Reduction, steps: Sequence[_Step], texts: Mapping[str, s
             whole = flow[0].joule if flow else joule
             lost = mean.get(step.leaving) or joule - after
             leaves = f"{step.leaves}: {significant(lost)} J, {100 * lost / whole:.1f} % of {tex(steps[0].metric)}"
-            eta = next((n for n, pair in ALL_RATIOS.items() if pair == (following.metric, step.metric)), "")
+            eta = next(
+                (n for n, pair in ratios.items() if pair == (following.metric, step.metric)),
+                "",
+            )
             goes_on = "" if (value := mean.get(eta)) is None else f"{tex(eta)} = {value:.3f}"
         text = f"{tex(step.metric)} = {texts.get(step.metric) or significant(joule, 4)} J\n{step.where}"
         flow.append(_Flow(joule, step.stage, text, leaves, goes_on))
@@ -328,14 +324,10 @@ def _leaving(begin: float, turn: float, low: float, high: float) -> PathPatch:
     return PathPatch(Outline(points, codes), fc=COLOURS["loss"], lw=0)
 
 
-_MEANS = (*METRICS[6:], "eta_net", *METRICS[:3])
-"""Metrics of the figures of uncertainty and trend: efficiencies, then energies of the window."""
-
-
 def uncertainty_bars(known: Budget) -> Figure | None:
     """Draw which sensor makes which share of the variance of each mean."""
-    parts = {m: by_sensor(known, m) for m, u in known.mean.items() if m in _MEANS and u}
-    metrics = [m for m in _MEANS if m in parts]
+    metrics = [m for m in budgeted(known.mean) if known.mean[m]]
+    parts = {m: by_sensor(known, m) for m in metrics}
     names = sorted({n for p in parts.values() for n in p}, key=lambda n: (n == "repeatability", n))
     if not names:
         return None
@@ -412,13 +404,21 @@ def _overlaid_style(c: CycleResult, best: int | None, worst: int | None) -> dict
     return {"color": COLOURS["soft"], "lw": 0.7, "label": "other cycles" if best else "complete"}
 
 
+def _stage_of(cascade: Cascade, metric: str) -> str:
+    """Stage whose colour a metric has: that of an energy, the first one for the whole cascade, else the one that delivers."""
+    if metric == cascade.overall and len(cascade.stages) > 2:
+        return cascade.names[0]
+    return cascade.ratios.get(metric, (metric,))[0].removeprefix("energy_")
+
+
 def trend(reduction: Reduction) -> Figure | None:
     """Draw efficiencies and energies over the number of the cycle, so that a drift is seen; None for few cycles."""
     complete = reduction.complete
     if len(complete) < TREND_FROM:
         return None
     known = [m for m, value in reduction.mean.items() if value is not None]
-    etas, energies = ([m for m in names if m in known] for names in (RATIOS, METRICS[:3]))
+    cascade = reduction.rig.cascade
+    etas, energies = ([m for m in names if m in known] for names in (cascade.ratios, cascade.energies))
     groups = [row for row in (("Efficiencies", "1", etas), ("Energies", "J", energies)) if row[2]]
     if not groups:
         return None
@@ -431,12 +431,13 @@ def trend(reduction: Reduction) -> Figure | None:
         for name, values in columns.items():
             rows = envelope(values, DRAWN // 2)
             x, y, few = number[rows], values[rows] * short, len(rows) <= 200
-            stage = _TREND_STAGE[name]
-            ax.plot(x, y, color=COLOURS[stage], lw=0.5, alpha=0.5)
-            mark: Any = {"ls": "none", "marker": STAGE_MARKS[stage], "ms": 2.2, "mew": 0, "color": COLOURS[stage]}
+            look = look_of(_stage_of(cascade, name))
+            colour = COLOURS[look.colour]
+            ax.plot(x, y, color=colour, lw=0.5, alpha=0.5)
+            mark: Any = {"ls": "none", "marker": look.mark, "ms": 2.2, "mew": 0, "color": colour}
             ax.plot(x if few else [], y if few else [], label=tex(name), **mark)
             if not few:
-                dots(ax, x, y, COLOURS[stage])
+                dots(ax, x, y, colour)
         label_panel(ax, "ab"[k], title, y=unit)
         ax.legend(loc="lower right", ncols=3, bbox_to_anchor=(1.0, 0.98), borderaxespad=0.0, markerscale=1.8)
     axes[-1].set_xlabel("Cycle")

@@ -50,8 +50,32 @@ COLOURS = {
 LOAD_COLOURS = tuple(f"load{k}" for k in range(7))
 """Colours of logs in the order of their loads, from an open circuit to the heaviest."""
 
-STAGE_STYLE = {"line": "-", "mech": (0, (5, 1.2)), "gen": (0, (2.2, 1.2))}
-"""Lines of the stages differ in dashes too, so that they can be distinguished without colour."""
+
+class Look(NamedTuple):
+    """Look of a stage in figures: name of its colour, dashes of its lines, and marker."""
+
+    colour: str
+    dashes: str | tuple[int, tuple[float, ...]]
+    mark: str
+
+
+_STAGES = {
+    "line": Look("line", "-", "o"),
+    "mech": Look("mech", (0, (5, 1.2)), "s"),
+    "gen": Look("gen", (0, (2.2, 1.2)), "^"),
+    "hyd": Look("load1", (0, (7, 1.2, 1.2, 1.2)), "D"),
+    "ac": Look("extra", (0, (1.2, 1.2)), "v"),
+}
+_OWN_STAGES = (
+    Look("load4", (0, (5, 1.2, 1.2, 1.2)), "P"), Look("load6", (0, (3, 1.2)), "X"), Look("load3", (0, (8, 2)), "<"),
+    Look("load5", (0, (4, 1, 1, 1, 1, 1)), ">"), Look("load0", (0, (1.6, 0.8)), "h"),
+)  # fmt: skip
+
+
+def look_of(stage: str) -> Look:
+    """Look of a stage, the same in every report; lines differ in dashes too, for those who cannot distinguish the colours."""
+    return _STAGES.get(stage) or _OWN_STAGES[sum(map(ord, stage)) % len(_OWN_STAGES)]
+
 
 _RC = {
     "font.family": "DejaVu Sans",

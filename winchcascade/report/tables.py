@@ -9,12 +9,12 @@ from typing import Literal
 
 from msgspec.structs import asdict
 
-from winchcascade.core.cascade import PAPER
+from winchcascade.core.cascade import PAPER, Cascade
 from winchcascade.core.quantity import find_unit, si_unit
 from winchcascade.core.rig_file import Sensor
 from winchcascade.core.run import CHANNELS, Finding
 from winchcascade.reduction.bins import Bin
-from winchcascade.reduction.efficiency import ALL_METRICS, METRICS, NET_METRICS, RATIOS
+from winchcascade.reduction.efficiency import NET_METRICS, Metrics
 from winchcascade.reduction.montecarlo import Interval, Uncertainty
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.reduction.uncertainty import R_DRUM, Contribution, shares
@@ -44,25 +44,28 @@ MOST_REASONS = 3
 MOST_BINS = 80
 """Bins that a table lists; of more an even selection."""
 
-UNIT = {m: "J" if m.startswith("energy") else "W" if m.startswith("power") else "" for m in ALL_METRICS}
-DECIMALS = {m: 3 if m.startswith("eta") else 0 for m in ALL_METRICS}
+
+def unit_of(metric: str) -> str:
+    """Unit of a metric, "" for an efficiency."""
+    return {"energy": "J", "power": "W"}.get(metric.partition("_")[0], "")
 
 
-_STAGE = {"line": "the line (force times speed)", "mech": "the shaft", "gen": "the DC link (Vdc times Idc)"}
-"""What the stages are, by the end of a symbol."""
+def decimals_of(metric: str) -> int:
+    """Decimals of a metric whose uncertainty is unknown."""
+    return 3 if metric.startswith("eta") else 0
 
 
 def mean_text(reduction: Reduction, found: Uncertainty, metric: str) -> str:
     """Mean of a metric, with the digits that its uncertainty allows: of the repeatability where no accuracy is known."""
     value = getattr(reduction.mean, metric)
     u = getattr(found.standard, metric) or getattr(found.budget.repeatability, metric)
-    return stated(value, u, DECIMALS[metric]) if u else _four(value, metric)
+    return stated(value, u, decimals_of(metric)) if u else _four(value, metric)
 
 
 def _four(value: float | None, metric: str) -> str:
     """A value of unknown uncertainty: four digits before the point are enough."""
     if value is None or not math.isfinite(value) or abs(value) < 1e4:
-        return stated(value, None, DECIMALS[metric])
+        return stated(value, None, decimals_of(metric))
     return number(value, 3 - math.floor(math.log10(abs(value))))
 
 
@@ -72,9 +75,9 @@ def _metric_columns(reduction: Reduction, found: Uncertainty, given: Sequence[st
 
     def text(metric: str, c: CycleResult) -> str:
         value, u = getattr(c.metrics, metric), getattr(of[c.cycle], metric)
-        return of_many(value, u, DECIMALS[metric]) if u else _four(value, metric)
+        return of_many(value, u, decimals_of(metric)) if u else _four(value, metric)
 
-    return [TableColumn(SYMBOL[m], UNIT[m], of=partial(text, m)) for m in given]
+    return [TableColumn(SYMBOL[m], unit_of(m), of=partial(text, m)) for m in given]
 
 
 def _given(reduction: Reduction, metrics: Sequence[str]) -> list[str]:
@@ -84,7 +87,7 @@ def _given(reduction: Reduction, metrics: Sequence[str]) -> list[str]:
 
 def cycles_table(reduction: Reduction, found: Uncertainty) -> Table:
     """Energies, mean powers and efficiencies of every cycle, their mean, its uncertainty and the largest deviation."""
-    given, n = _given(reduction, METRICS), len(reduction.complete)
+    given, n = _given(reduction, reduction.rig.cascade.metrics), len(reduction.complete)
     more = "; the mean's uncertainty adds the repeatability" if n > 1 else ""
     incomplete = "" if n == len(reduction.cycles) else " A cycle in brackets is incomplete and not in the mean."
     columns: list[TableColumn[CycleResult]] = [
@@ -98,14 +101,14 @@ def cycles_table(reduction: Reduction, found: Uncertainty) -> Table:
         columns,
         rows_of(columns, reduction.cycles, most=MOST_CYCLES),
         below=_means(reduction, found, given, n),
-        note=metrics_note(given)
+        note=metrics_note(reduction.rig.cascade, given)
         + (f"Digits of a cycle are those that the sensors' errors allow{more}." if found.method else ""),
     )
 
 
 def net_table(reduction: Reduction, found: Uncertainty) -> Table | None:
     """Energies of every whole cycle, from onset to next onset, and their means; None where no cycle has any."""
-    given = _given(reduction, NET_METRICS)
+    given = _given(reduction, reduction.rig.cascade.net_metrics)
     if not given:
         return None
     reasons = net_reasons(reduction.cycles)
@@ -141,10 +144,12 @@ def _means(reduction: Reduction, found: Uncertainty, given: Sequence[str], n: in
     return [(name, "", *map(text, given)) for name, wanted, text in rows if wanted and given]
 
 
-def metrics_note(given: Sequence[str]) -> str:
+def metrics_note(cascade: Cascade, given: Sequence[str]) -> str:
     """What the symbols of some metrics mean."""
-    stages = [f"{s}, {what}" for s, what in _STAGE.items() if f"energy_{s}" in given or f"power_{s}" in given]
-    ratios = [f"{SYMBOL[m]} = {SYMBOL[up]} / {SYMBOL[low]}" for m, (up, low) in RATIOS.items() if m in given]
+    stages = [
+        f"{s.name}, {s.where}" for s in cascade.stages if f"energy_{s.name}" in given or f"power_{s.name}" in given
+    ]
+    ratios = [f"{SYMBOL[m]} = {SYMBOL[up]} / {SYMBOL[low]}" for m, (up, low) in cascade.ratios.items() if m in given]
     subscripts = f"Subscripts: {'; '.join(stages)}" if stages else ""
     return "".join(f"{text}. " for text in (subscripts, ", ".join(ratios)) if text)
 
@@ -232,7 +237,7 @@ def bins_table(reduction: Reduction) -> Table | None:
         ),
         TableColumn("Samples", of=lambda b: b.count),
     ]
-    for stage in (s for s in PAPER.names if any(b.power.get(s) is not None for b in reduction.bins)):
+    for stage in (s for s in reduction.rig.cascade.names if any(b.power.get(s) is not None for b in reduction.bins)):
         columns += _power_columns(stage)
     shown = reduction.bins[:: max(1, -(-len(reduction.bins) // MOST_BINS))]
     return items_table(
@@ -283,21 +288,19 @@ def findings_table(reduction: Reduction) -> Table | None:
 
 _METRIC: tuple[TableColumn[str], ...] = (
     TableColumn("Metric", text=True, of=SYMBOL.__getitem__),
-    TableColumn("Unit", text=True, of=UNIT.__getitem__),
+    TableColumn("Unit", text=True, of=unit_of),
 )
 
 
 def repeatability_table(reduction: Reduction, found: Uncertainty) -> Table | None:
     """Scatter of the complete cycles: largest deviation, which cycle has it, and s/sqrt(N); None for fewer than two."""
     mean, scatter = reduction.mean, found.budget.repeatability
-    values = {
-        m: {c.cycle: x for c in reduction.complete if (x := getattr(c.metrics, m)) is not None} for m in ALL_METRICS
-    }
+    values = {m: {c.cycle: x for c in reduction.complete if (x := getattr(c.metrics, m)) is not None} for m in mean}
     columns: list[TableColumn[str]] = [
         *_METRIC,
         TableColumn("Mean", of=partial(mean_text, reduction, found)),
-        TableColumn("Least", of=lambda m: stated(min(values[m].values()), scatter[m], DECIMALS[m])),
-        TableColumn("Largest", of=lambda m: stated(max(values[m].values()), scatter[m], DECIMALS[m])),
+        TableColumn("Least", of=lambda m: stated(min(values[m].values()), scatter[m], decimals_of(m))),
+        TableColumn("Largest", of=lambda m: stated(max(values[m].values()), scatter[m], decimals_of(m))),
         TableColumn("Largest deviation", "%", 2, of=reduction.max_deviation_percent.get),
         TableColumn("in cycle", of=lambda m: f"{max(values[m], key=lambda k: abs(values[m][k] - mean.value(m)))}"),
         TableColumn("s", of=lambda m: uncertain(scatter.value(m) * math.sqrt(len(values[m])))),
@@ -307,7 +310,7 @@ def repeatability_table(reduction: Reduction, found: Uncertainty) -> Table | Non
         "repeatability",
         f"Repeatability of {len(reduction.complete)} complete cycles.",
         columns,
-        [m for m in ALL_METRICS if mean[m] is not None and len(values[m]) > 1],
+        [m for m in mean if mean[m] is not None and len(values[m]) > 1],
         note="The largest deviation of a cycle from the mean, in percent of the mean. s: standard deviation of a cycle; "
         "s/√N: of the mean of the N cycles; of net energies, of those that are whole.",
     )
@@ -319,7 +322,7 @@ def uncertainty_table(reduction: Reduction, found: Uncertainty) -> Table | None:
     sensors, scatter, freedom = known.sensors, known.repeatability, known.freedom
     columns: list[TableColumn[str]] = [
         *_METRIC,
-        TableColumn("Mean", of=lambda m: stated(mean[m], u[m], DECIMALS[m])),
+        TableColumn("Mean", of=lambda m: stated(mean[m], u[m], decimals_of(m))),
         TableColumn("u, sensors", of=lambda m: uncertain(sensors[m])),
         TableColumn("u, cycles", of=lambda m: uncertain(scatter[m])),
         TableColumn("u", of=lambda m: uncertain(u[m])),
@@ -331,7 +334,7 @@ def uncertainty_table(reduction: Reduction, found: Uncertainty) -> Table | None:
         "uncertainty",
         "Standard uncertainty u of the means and 95 % intervals.",
         columns,
-        [m for m in ALL_METRICS if mean[m] is not None and found.method],
+        [m for m in mean if mean[m] is not None and found.method],
         note=_how_stated(found),
     )
 
@@ -354,13 +357,19 @@ def unknown_words(found: Uncertainty) -> str:
 
 def _how_stated(found: Uncertainty) -> str:
     """Where the stated uncertainties come from."""
-    by_draws = ", ".join(SYMBOL[m] for m in ALL_METRICS if found.method.get(m) == "monte_carlo")
+    by_draws = ", ".join(SYMBOL[m] for m, way in found.method.items() if way == "monte_carlo")
     which = f"of {by_draws} the Monte Carlo's u is stated, as the errors do not act linearly"
     return (
         f"Monte Carlo of {found.draws} draws, seed {found.seed}: "
         f"{which if by_draws else 'the Monte Carlo confirms the budget of every metric'}. ν: effective degrees of freedom. "
         "'These cycles alone' leaves the repeatability out: it is what the sensors leave open of the very cycles of this log."
     )
+
+
+def budgeted(mean: Metrics) -> list[str]:
+    """Metrics whose budget is shown: efficiencies, then energies of the window."""
+    etas = [m for m in mean if m.startswith("eta")]
+    return [*etas, *(m for m in mean if m.startswith("energy") and m not in NET_METRICS)]
 
 
 def budget_table(found: Uncertainty, source: str = "") -> Table | None:
@@ -371,7 +380,7 @@ def budget_table(found: Uncertainty, source: str = "") -> Table | None:
     source : what the rig file says of where its numbers come from
     """
     known = found.budget
-    metrics = [m for m in (*METRICS[6:], "eta_net", *METRICS[:3]) if getattr(known.mean, m)]
+    metrics = [m for m in budgeted(known.mean) if known.mean[m]]
     rows = [(_about(r), shares(r.of, known.mean)) for r in known.rows]
     scatter = shares(known.repeatability, known.mean)
     cells = [(*about, *(percent(getattr(share, m) or None) for m in metrics)) for about, share in rows]

@@ -9,9 +9,7 @@ from operator import attrgetter
 from typing import TYPE_CHECKING
 
 from winchcascade.core.campaign_file import origin_words
-from winchcascade.core.cascade import PAPER
 from winchcascade.core.plain_text import one_line
-from winchcascade.reduction.efficiency import METRICS, NET_METRICS
 from winchcascade.reduction.montecarlo import stated_uncertainty
 from winchcascade.report.report_model import TableColumn
 from winchcascade.report.text_table import at_most, listing, plain_cell, wrapped
@@ -40,7 +38,10 @@ def reduction_text(reduction: Reduction) -> str:
     """
     known, uncertainties = stated_uncertainty(reduction)
     lines = [*_title(reduction), "", *_results(reduction, uncertainties), "", *_net(reduction, uncertainties), ""]
-    lines += listing(_PHASES, reduction.cycles, most=_MOST_CYCLES, more=_MORE, used=True)
+    powers: list[TableColumn[CycleResult]] = [
+        TableColumn(f"P_{stage}", "W", of=attrgetter(f"metrics.power_{stage}")) for stage in reduction.rig.cascade.names
+    ]
+    lines += listing([*_PHASES, *powers], reduction.cycles, most=_MOST_CYCLES, more=_MORE, used=True)
     parts = ", ".join(f"{metric} {share:.0%} {name}" for metric, share, name in decisive(known))
     sentences = [*([f"most of the variance: {parts}"] if parts else []), *not_known(known)]
     lines += ["", *(wrapped(f"uncertainty: {'; '.join(sentences)}", width=_WIDTH) if sentences else [])]
@@ -55,7 +56,8 @@ _CYCLE: TableColumn[CycleResult] = TableColumn("cycle", of=label)
 
 def _results(reduction: Reduction, uncertainties: Metrics) -> list[str]:
     """Energies and efficiencies of the windows."""
-    names, n = (*METRICS[:3], *METRICS[6:]), len(reduction.complete)
+    cascade, n = reduction.rig.cascade, len(reduction.complete)
+    names = (*cascade.energies, *cascade.ratios)
     window: TableColumn[CycleResult] = TableColumn("window", "s", 2, of=lambda c: c.window.cutoff - c.window.onset)
     below = [] if n else [["no mean: no complete cycle", *[""] * (len(names) + 1)]]
     below += _means(reduction, uncertainties, names, n, [""])
@@ -68,10 +70,13 @@ def _results(reduction: Reduction, uncertainties: Metrics) -> list[str]:
 def _net(reduction: Reduction, uncertainties: Metrics) -> list[str]:
     """Energies of whole cycles, from onset to next onset, and why some cycles have none."""
     lines: list[str] = []
+    names = reduction.rig.cascade.net_metrics
+    if not names:
+        return lines
     if any(c.metrics.energy_net is not None for c in reduction.cycles):
         n = sum(c.metrics.energy_net is not None for c in reduction.complete)
-        below = _means(reduction, uncertainties, NET_METRICS, n, [])
-        columns = [_CYCLE, *_columns(reduction, NET_METRICS)]
+        below = _means(reduction, uncertainties, names, n, [])
+        columns = [_CYCLE, *_columns(reduction, names)]
         lines += listing(columns, reduction.cycles, most=_MOST_CYCLES, more=_MORE, below=below, used=True)
     reasons = [wrapped(f"no net energy, {sentence}", width=_WIDTH) for sentence in net_reasons(reduction.cycles)]
     return lines + at_most(reasons, _MOST_REASONS, "more reasons, all in --json", "  ")
@@ -119,7 +124,6 @@ _PHASES: tuple[TableColumn[CycleResult], ...] = (
     TableColumn("haul-in", "s", 2, of=partial(of_phase, "haul_in", "duration")),
     TableColumn("travel", "m", 2, of=partial(of_phase, "payout", "travel")),
     TableColumn("plateau", "m/s", 3, of=partial(of_phase, "plateau", "speed")),
-    *(TableColumn(f"P_{stage}", "W", of=attrgetter(f"metrics.power_{stage}")) for stage in PAPER.names),
 )
 
 
@@ -153,7 +157,8 @@ def _duration(run: Run) -> str:
 
 def _decimals(reduction: Reduction) -> int:
     """Decimals of the energies: none for hundreds of joules and more, else as many as give three digits."""
-    largest = max((abs(e) for m in METRICS[:3] if (e := getattr(reduction.mean, m)) is not None), default=0.0)
+    energies = (reduction.mean[m] for m in reduction.rig.cascade.energies)
+    largest = max((abs(e) for e in energies if e is not None), default=0.0)
     return 0 if largest >= 100 or largest == 0 else min(2 - math.floor(math.log10(largest)), 9)
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from msgspec.structs import asdict
 
 from winchcascade.core.quantity import KGF
-from winchcascade.reduction.efficiency import METRICS
+from winchcascade.reduction.efficiency import NET_METRICS
 from winchcascade.reduction.uncertainty import R_DRUM, SAMPLING, shares
 
 if TYPE_CHECKING:
@@ -31,11 +31,21 @@ SENSORS = {
 """What a source of uncertainty is called in a sentence."""
 
 
-SYMBOL = {
+class _Symbols(dict[str, str]):
+    """Symbols of metrics; one of a stage of a rig file is made of its name."""
+
+    def __missing__(self, metric: str) -> str:
+        kind, _, place = metric.partition("_")
+        return f"{_LETTERS[kind]}_{place.replace('_', '→')}"
+
+
+_LETTERS = {"energy": "E", "power": "P", "eta": "η"}
+
+SYMBOL = _Symbols({
     "energy_line": "E_line", "energy_mech": "E_mech", "energy_gen": "E_gen", "power_line": "P_line", "power_mech": "P_mech",
     "power_gen": "P_gen", "eta_trans": "η_trans", "eta_gen": "η_gen", "eta_pto": "η_pto", "energy_payout": "E_payout",
     "energy_returned": "E_returned", "energy_net": "E_net", "energy_gen_cycle": "E_gen, cycle", "eta_net": "η_net",
-}  # fmt: skip
+})  # fmt: skip
 """Symbols of the metrics; what follows the underscore is set low."""
 
 
@@ -46,7 +56,7 @@ def tex(metric: str) -> str:
     ('$\\\\eta_\\\\mathrm{trans}$', '$E_\\\\mathrm{gen}$')
     """
     letter, _, place = SYMBOL[metric].partition(", ")[0].partition("_")
-    return "$" + letter.replace("η", r"\eta") + rf"_\mathrm{{{place}}}$"
+    return "$" + letter.replace("η", r"\eta") + rf"_\mathrm{{{place.replace('→', chr(92) + 'to ')}}}$"
 
 
 def source_name(source: ErrorSource | None) -> str:
@@ -72,7 +82,7 @@ def _sensor(source: ErrorSource) -> str:
 
 def decisive(known: Budget) -> list[tuple[str, float, str]]:
     """Which sensor decides the uncertainty of each efficiency: the metric, the share of its variance, and the sensor."""
-    parts = [(metric, by_sensor(known, metric)) for metric in METRICS[6:]]
+    parts = [(m, by_sensor(known, m)) for m in known.mean if m.startswith("eta") and m != "eta_net"]
     return [(metric, max(found.values()), max(found, key=found.__getitem__)) for metric, found in parts if found]
 
 
@@ -120,7 +130,7 @@ def net_reasons(cycles: Sequence[CycleResult]) -> list[str]:
 def not_known(known: Budget) -> list[str]:
     """What the rig file leaves unknown of the uncertainty."""
     repeatability, exact = known.repeatability, ", ".join(known.exact)
-    stated = [metric for metric in METRICS if known.mean[metric] is not None]
+    stated = [metric for metric, value in known.mean.items() if value is not None and metric not in NET_METRICS]
     return [
         text
         for text, wanted in (
