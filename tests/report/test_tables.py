@@ -92,7 +92,7 @@ def all_tables(result: Result) -> Iterator[Table]:
     yield tables.holds_table(reduction)
     for table in (
         tables.uncertainty_table(reduction, found),
-        tables.repeatability_table(reduction, found), tables.budget_table(found),
+        tables.repeatability_table(reduction, found), tables.budget_table(found, reduction.rig),
         tables.bins_table(reduction),
         tables.findings_table(reduction), tables.sensors_table(reduction),
     ):  # fmt: skip
@@ -211,7 +211,7 @@ def test_sixty_cycles_are_all_listed(many: Result) -> None:
 
 @pytest.mark.parametrize("log", LOGS)
 def test_shares_of_the_budget_add_up_to_the_whole(results: dict[str, Result], log: str) -> None:
-    table = tables.budget_table(results[log][1])
+    table = tables.budget_table(results[log][1], results[log][0].rig)
     if not results[log][0].complete:
         assert table is None
         return
@@ -298,7 +298,7 @@ def test_without_accuracies_only_the_repeatability_is_stated() -> None:
     assert table is not None
     assert "–" not in columns(table)["s/√N"]
     assert "for lack of an accuracy of force, idc, torque, vdc" in tables.unknown_words(found)
-    assert tables.budget_table(found) is None
+    assert tables.budget_table(found, reduction.rig) is None
     assert tables.sensors_table(reduction) is None
 
 

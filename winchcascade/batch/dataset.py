@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
+from winchcascade.core.cascade import Cascade
 from winchcascade.core.version import __version__
 from winchcascade.report.records import FindingRecord, RunRecord
 from winchcascade.report.report_model import made_at
@@ -25,19 +26,26 @@ _SHEET_ROWS = 1_048_575
 """Rows of data that a sheet of Excel takes."""
 
 
-def write_dataset(results: Iterable[Path], folder: Path, *, between: Sequence[tuple[str, FindingRecord]] = ()) -> None:
+def write_dataset(
+    results: Iterable[Path],
+    folder: Path,
+    *,
+    between: Sequence[tuple[str, FindingRecord]] = (),
+    cascades: Collection[Cascade] = (),
+) -> None:
     """Write the tables of all results, JSON files of one log each, into a folder, which is made.
 
     Parameters
     ----------
     between : findings that one log has beside the others, each with the name of its log
+    cascades : those of the rigs of the logs
     """
     import pyarrow as pa
     from pyarrow import parquet
 
     folder.mkdir(parents=True, exist_ok=True)
     about = {"schema": SCHEMA, "version": __version__}
-    schemas = {table: table_schema(table, about) for table in TABLES}
+    schemas = {table: table_schema(table, about, cascades) for table in TABLES}
 
     def flush(writer: Any, table: str, rows: list[Row]) -> None:
         writer.write_table(pa.Table.from_pylist(rows, schema=schemas[table]))

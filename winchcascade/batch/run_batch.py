@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
+from msgspec import UNSET
 from msgspec.structs import asdict, replace
 
 from winchcascade.batch.campaign_findings import findings_between, log_efficiency
@@ -90,7 +91,7 @@ def reduce_log(order: Order) -> Made:
     reduction = reduce(run, rig=settings.rig, window=settings.window, cycles=settings.cycles)
     require_payouts(reduction)
     found = uncertainty(reduction)
-    record = asdict(reduction_record(reduction, found))
+    record = {k: part for k, part in asdict(reduction_record(reduction, found)).items() if part is not UNSET}
     files: dict[str, bytes] = {}
     if order.reports:
         from winchcascade.report.document import make_report
@@ -278,7 +279,8 @@ def _put_together(plan: Plan, batch: Batch, products: Products) -> Batch:
     try:
         (out / "dataset").mkdir(exist_ok=True)
         with scratch_folder(out) as made:
-            write_dataset(batch.results.values(), made / "dataset", between=campaign.between)
+            cascades = [work.settings.rig.cascade for work in plan.work]
+            write_dataset(batch.results.values(), made / "dataset", between=campaign.between, cascades=cascades)
             if products.workbook:
                 write_workbook(made / "dataset", made / "campaign.xlsx")
             if reports:

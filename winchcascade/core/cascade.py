@@ -114,6 +114,12 @@ class Cascade(msgspec.Struct, frozen=True, dict=True):
         return tuple(stage.name for stage in self.stages)
 
     @property
+    def channels(self) -> tuple[str, ...]:
+        """Channels that the powers may be made of, and the line velocity."""
+        factors = (name for stage in self.stages for product in stage.powers for name in product.channels)
+        return tuple(dict.fromkeys(("velocity", *factors)))
+
+    @property
     def has_net(self) -> bool:
         """Whether line and DC link belong to the cascade, so that a whole cycle has net energies."""
         return {"line", "gen"} <= set(self.names)
@@ -137,8 +143,8 @@ class Cascade(msgspec.Struct, frozen=True, dict=True):
 
     @property
     def overall(self) -> str:
-        """Efficiency from the first stage to the last."""
-        return tuple(self.ratios)[-1]
+        """Efficiency from the first stage to the last; that of a single stage to itself is never evaluated."""
+        return efficiency_name(self.names[0], self.names[-1])
 
     @cached_property
     def net_ratios(self) -> dict[str, tuple[str, str]]:
@@ -172,9 +178,14 @@ class Cascade(msgspec.Struct, frozen=True, dict=True):
         """Metrics of windows and of whole cycles."""
         return self.metrics + self.net_metrics
 
+    def between(self, efficiency: str) -> tuple[str, str]:
+        """Stages that an efficiency leads from and to."""
+        out, into = self.ratios[efficiency]
+        return into.removeprefix("energy_"), out.removeprefix("energy_")
+
     def undelivered(self, efficiency: str) -> bool:
         """Whether an efficiency is not evaluated in an open circuit, as its stage delivers nothing there."""
-        return self.ratios[efficiency][0].removeprefix("energy_") in ELECTRICAL
+        return self.between(efficiency)[1] in ELECTRICAL
 
 
 def efficiency_name(into: str, out: str) -> str:

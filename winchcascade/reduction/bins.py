@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import msgspec
@@ -52,14 +53,28 @@ def engaged(run: Run, cycles: Sequence[Cycle], plateaus: Sequence[Plateau | Plat
             pulls = torque[first:last] >= rig.thresholds.tau_engaged
             rising = int(np.argmax(pulls)) if pulls.any() else 0
             driven[first + rising : last] = pulls[rising:]
-    for before, after in all_gaps(run, ("velocity", "force", "torque", "power_mech", "vdc", "idc")):
+    for before, after in all_gaps(run, rig.cascade.channels):
         driven[np.searchsorted(run.t, before, side="right") : np.searchsorted(run.t, after, side="left")] = False
     return driven
 
 
+def generator_speed(run: Run, rig: Rig) -> tuple[Signal, float] | None:
+    """A signal and the factor that turns it into the speed of the generator in rpm; None where that speed is unknown.
+
+    The line velocity gives it while the clutch is engaged, where drum radius and gear ratio are known, else the logged speed of
+    the shaft.
+    """
+    per_velocity, gear = rig.rpm_per_velocity, rig.drivetrain.gear_ratio
+    if per_velocity is not None and "velocity" in run.channels:
+        return run.channels["velocity"], per_velocity
+    if "speed" in run.channels:
+        return run.channels["speed"], (1.0 if gear is None else gear.value) * 30.0 / math.pi
+    return None
+
+
 def bin_powers(
-    v_line: Signal,
-    rpm_per_velocity: float,
+    speed: Signal,
+    rpm: float,
     driven: Mask,
     powers: Mapping[str, Stream | None],
     width: float,
@@ -68,7 +83,7 @@ def bin_powers(
 
     Parameters
     ----------
-    v_line : (n,) line velocity [m/s], and what turns it into generator speed [rpm s/m]
+    speed, rpm : (n,) signal, and the factor that turns it into generator speed [rpm]
     driven : (n,) samples that count
     powers : of each stage, as a function of the rows of the log, None for one that is not measured [W]; under `TORQUE`
         the torque [N m]
@@ -77,7 +92,7 @@ def bin_powers(
     rows = np.flatnonzero(driven)
     if rows.size == 0:
         return ()
-    number = np.floor(v_line[rows] * (rpm_per_velocity / width)).astype(np.intp)
+    number = np.floor(speed[rows] * (rpm / width)).astype(np.intp)
     low = int(number.min())
     number -= low
     count = np.bincount(number)

@@ -277,7 +277,7 @@ def _finding(found: CycleComparison) -> Finding:
     return Finding(
         "efficiency_change",
         f"{found.metric} {course}, a change of {abs(other - one) / max(one, other):.1%}{explained}",
-        f"kept as logged; look at {LOOK_AT[found.metric]}",
+        f"kept as logged; look at {LOOK_AT.get(found.metric, OTHER_STAGES)}",
         start=span[0].window.onset,
         end=span[-1].window.cutoff,
         count=len(span),
@@ -290,6 +290,9 @@ LOOK_AT = {
     "eta_pto": "force, Vdc, Idc, the load and the machine",
 }
 """What may have changed, by efficiency."""
+
+OTHER_STAGES = "the sensors of both stages and what lies between them"
+"""What may have changed for an efficiency of stages of a rig file."""
 
 
 def _named(cycles: Sequence[CycleResult], here: Mask) -> str:

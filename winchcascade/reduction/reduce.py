@@ -13,7 +13,7 @@ from winchcascade.core.jobs import side_by_side
 from winchcascade.core.rig_file import Rig, WindowRule
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Finding, Run, Signal
-from winchcascade.reduction.bins import TORQUE, Bin, bin_powers, engaged
+from winchcascade.reduction.bins import TORQUE, Bin, bin_powers, engaged, generator_speed
 from winchcascade.reduction.checks.lag import lag_findings
 from winchcascade.reduction.checks.load import load_findings
 from winchcascade.reduction.checks.sampling import check_sampling, resolution_findings
@@ -219,11 +219,11 @@ def _no_efficiency(name: str, places: Sequence[tuple[int, float]]) -> Finding:
 def _bins(phased: PhasedRun, windows: Sequence[Window]) -> tuple[Bin, ...]:
     """Bins over the payouts of the complete cycles; none where the speed of the generator is unknown."""
     run, rig = phased.run, phased.rig
-    rpm_per_velocity = rig.rpm_per_velocity
-    if rpm_per_velocity is None:
+    found = generator_speed(run, rig)
+    if found is None:
         return ()
-    speeds = run.channels["velocity"]
-    most = float(np.max(np.abs(speeds))) * rpm_per_velocity / rig.thresholds.rpm_bin
+    speed, rpm = found
+    most = float(np.max(np.abs(speed))) * rpm / rig.thresholds.rpm_bin
     if most > MOST_BINS:
         raise OptionError(
             f"{run.name}: {most:.3g} bins of {rig.thresholds.rpm_bin:g} rpm; expected at most {MOST_BINS}. Check gear_ratio, "
@@ -233,4 +233,4 @@ def _bins(phased: PhasedRun, windows: Sequence[Window]) -> tuple[Bin, ...]:
     driven = engaged(run, [phased.cycles[k] for k in counted], [phased.plateaus[k] for k in counted], rig)
     powers = {stage.name: stage.stream(run.channels, rig.r_drum) for stage in rig.cascade.stages}
     powers[TORQUE] = run.channels["torque"].__getitem__ if TORQUE in run.channels else None
-    return bin_powers(speeds, rpm_per_velocity, driven, powers, rig.thresholds.rpm_bin)
+    return bin_powers(speed, rpm, driven, powers, rig.thresholds.rpm_bin)

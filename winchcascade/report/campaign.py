@@ -14,14 +14,14 @@ import numpy as np
 from msgspec.structs import replace
 
 from winchcascade.core.campaign_file import KINDS, banner, joint_origin, origin_words
-from winchcascade.core.cascade import PAPER
-from winchcascade.reduction.efficiency import FIELDS, METRICS, NET_METRICS
+from winchcascade.core.cascade import field_of
 from winchcascade.report import campaign_figures as figures
 from winchcascade.report.campaign_record import (
     CampaignRecord,
     FailedLog,
     LogSummary,
     by_load,
+    cascade_of,
     load_text,
     mixed_windows,
     window_text,
@@ -173,19 +173,20 @@ class Best(NamedTuple):
 
 
 def best_load(runs: Sequence[LogSummary]) -> Best | None:
-    """The load of the log of the highest eta_pto, and the load that is next; None where no two can be compared.
+    """The load of the log of the highest efficiency of the whole cascade, and the next load; None where no two can be compared.
 
     Each mean is drawn from a normal distribution with its standard uncertainty, the logs independent of each other: as
     logs with the same sensors share their errors, the true probability is rather higher. A load is the best where any of
     its logs is.
     """
-    given = [run for run in runs if run.standard_uncertainty["eta_pto"] and run.mean["eta_pto"] is not None]
+    eta = cascade_of(runs).overall
+    given = [run for run in runs if run.standard_uncertainty.get(eta) and run.mean.get(eta) is not None]
     given = [run for run in given if run.load_ohm is not None and not run.open_circuit]
     loads = np.array([run.load_ohm for run in given], dtype=float)
     if np.unique(loads).size < 2:
         return None
-    mean = np.array([run.mean["eta_pto"] for run in given])
-    u = np.array([run.standard_uncertainty["eta_pto"] for run in given])
+    mean = np.array([run.mean[eta] for run in given])
+    u = np.array([run.standard_uncertainty[eta] for run in given])
     drawn = mean + u * np.random.default_rng(SEED).standard_normal((DRAWS, len(given)))
     share = np.bincount(np.argmax(drawn, axis=1), minlength=len(given)) / DRAWS
     order = np.argsort(-mean, kind="stable")
@@ -200,36 +201,39 @@ def _name(run: LogSummary) -> str:
 
 def _mean(metric: str, run: LogSummary) -> str:
     """Mean of a metric with the digits that its standard uncertainty allows."""
-    return stated(run.mean[FIELDS[metric]], run.standard_uncertainty[FIELDS[metric]], decimals_of(metric))
+    return stated(run.mean.get(field_of(metric)), run.standard_uncertainty.get(field_of(metric)), decimals_of(metric))
 
 
 def _interval(metric: str, run: LogSummary) -> str:
-    ends, u = run.interval_95[FIELDS[metric]], run.standard_uncertainty[FIELDS[metric]]
+    ends, u = run.interval_95.get(field_of(metric)), run.standard_uncertainty.get(field_of(metric))
     return "–" if ends is None or not u else interval_text(*ends, u)
 
 
 def _tiles(runs: Sequence[LogSummary]) -> tuple[Tile, ...]:
     """The best load with its efficiency, and the largest power."""
-    tiles = []
+    tiles, cascade = [], cascade_of(runs)
+    eta, delivered = cascade.overall, f"power_{cascade.names[-1]}"
     best = best_load(runs)
     if best is not None:
         sure = f"best with a probability of {percent(best.likely) if best.likely < 0.995 else '>99'} %"
         there = "there" if best.logs == 1 else f"there, highest of {best.logs} logs"
         tiles.append(Tile("Best load", "", _name(best.run), sure))
-        tiles.append(Tile("η_pto", there, _mean("eta_pto", best.run), f"95 %: {_interval('eta_pto', best.run)}"))
+        tiles.append(Tile(SYMBOL[eta], there, _mean(eta, best.run), f"95 %: {_interval(eta, best.run)}"))
     powered = [
-        (power, run) for run in runs if (power := run.mean[FIELDS["power_gen"]]) is not None and not run.open_circuit
+        (power, run)
+        for run in runs
+        if (power := run.mean.get(field_of(delivered))) is not None and not run.open_circuit
     ]
     if powered:
         _, run = max(powered, key=lambda pair: pair[0])
-        unknown = run.interval_95[FIELDS["power_gen"]] is None
-        text = "uncertainty unknown" if unknown else f"95 %: {_interval('power_gen', run)} W"
-        tiles.append(Tile("P_gen", f"largest, at {_name(run)}", f"{_mean('power_gen', run)} W", text))
+        unknown = run.interval_95.get(field_of(delivered)) is None
+        text = "uncertainty unknown" if unknown else f"95 %: {_interval(delivered, run)} W"
+        tiles.append(Tile(SYMBOL[delivered], f"largest, at {_name(run)}", f"{_mean(delivered, run)} W", text))
     return tuple(tiles)
 
 
 def _points(runs: Sequence[LogSummary], failed: Sequence[FailedLog], loaded: Sequence[LogSummary]) -> list[Point]:
-    points = [data_point([run.origin for run in runs])] if runs else []
+    points, eta = [data_point([run.origin for run in runs])] if runs else [], cascade_of(runs).overall
     mixed = mixed_windows(runs)
     points += [Point("Windows", mixed, "warn")] if mixed else []
     total, whole = sum(run.cycles for run in runs), sum(run.complete for run in runs)
@@ -237,19 +241,21 @@ def _points(runs: Sequence[LogSummary], failed: Sequence[FailedLog], loaded: Seq
     points.append(Point("Logs", text, "warn" if failed or whole < total else "plain"))
     best = best_load(loaded)
     if best is not None:
-        first, second = (f"{_name(run)} with {{}}{_mean('eta_pto', run)}" for run in (best.run, best.following))
+        first, second = (f"{_name(run)} with {{}}{_mean(eta, run)}" for run in (best.run, best.following))
         sure = "" if best.likely > 0.95 else " The uncertainties do not distinguish them."
-        points.append(Point("Best load", f"{first.format('η_pto = ')}, then {second.format('')}.{sure}"))
+        points.append(Point("Best load", f"{first.format(f'{SYMBOL[eta]} = ')}, then {second.format('')}.{sure}"))
     found = [run for run in runs if run.findings]
     if found:
         kinds = sorted({kind.replace("_", " ") for run in found for kind in run.findings})
         points.append(Point("Findings", f"In {len(found)} of {len(runs)} logs: {', '.join(kinds)}.", "warn"))
     elif runs:
         points.append(Point("Findings", "No fault found in any log.", "good"))
-    worst = [(most, run) for run in loaded if (most := run.max_deviation_percent["eta_pto"]) is not None]
+    worst = [(most, run) for run in loaded if (most := run.max_deviation_percent.get(eta)) is not None]
     if worst:
         most, run = max(worst, key=lambda pair: pair[0])
-        points.append(Point("Repeatability", f"η_pto deviates from its mean by {most:.2f} % at most, at {_name(run)}."))
+        points.append(
+            Point("Repeatability", f"{SYMBOL[eta]} deviates from its mean by {most:.2f} % at most, at {_name(run)}.")
+        )
     return points
 
 
@@ -291,11 +297,11 @@ def _linked(table: Table, runs: Sequence[LogSummary]) -> Table:
 
 def _given(runs: Sequence[LogSummary], metrics: Iterable[str]) -> list[str]:
     """Metrics of which any log has a mean."""
-    return [m for m in metrics if any(run.mean[FIELDS[m]] is not None for run in runs)]
+    return [m for m in metrics if any(run.mean.get(field_of(m)) is not None for run in runs)]
 
 
 def _with_uncertainty(metric: str, run: LogSummary) -> str:
-    value, u = run.mean[FIELDS[metric]], run.standard_uncertainty[FIELDS[metric]]
+    value, u = run.mean.get(field_of(metric)), run.standard_uncertainty.get(field_of(metric))
     return f"{_mean(metric, run)}{'' if value is None or not u else f' ± {uncertain(u)}'}"
 
 
@@ -306,29 +312,31 @@ def _metric_columns(metrics: Iterable[str]) -> list[TableColumn[LogSummary]]:
 
 def energies_table(runs: Sequence[LogSummary]) -> Table:
     """Mean energies and powers of every log with their standard uncertainties (the layout of Table 2)."""
-    given = _given(runs, [f"{kind}_{stage}" for stage in ("line", "mech", "gen") for kind in ("energy", "power")])
+    cascade = cascade_of(runs)
+    given = _given(runs, [f"{kind}_{stage}" for stage in cascade.names for kind in ("energy", "power")])
     caption = "Mean energies over the integration window and mean powers in it, ± standard uncertainty."
     columns = [_LOG, _LOAD, _WINDOW, _CYCLES, *_metric_columns(given)]
-    return _linked(_table("energies", caption, columns, runs, metrics_note(PAPER, given).strip()), runs)
+    return _linked(_table("energies", caption, columns, runs, metrics_note(cascade, given).strip()), runs)
 
 
 def efficiencies_table(runs: Sequence[LogSummary]) -> Table:
     """Mean efficiencies of every log with their standard uncertainties and 95 % intervals."""
-    given = _given(runs, METRICS[6:])
+    cascade = cascade_of(runs)
+    given = _given(runs, cascade.ratios)
     columns = [_LOG, _LOAD, _WINDOW]
     for m, column in zip(given, _metric_columns(given), strict=True):
         columns += [column, TableColumn("95 % interval", of=partial(_interval, m))]
     caption = "Efficiencies: means of the cycles' ratios, ± standard uncertainty, and 95 % intervals."
     note = (
-        f"{metrics_note(PAPER, given)}Errors of the sensors are common to all runs with the same sensors, so differences between "
-        "loads are better known than each value."
+        f"{metrics_note(cascade, given)}Errors of the sensors are common to all runs with the same sensors, so differences "
+        "between loads are better known than each value."
     )
     return _table("efficiencies", caption, columns, runs, note)
 
 
 def net_table(runs: Sequence[LogSummary]) -> Table | None:
     """Net energies of whole cycles of every log, means with their standard uncertainties; None where no log has any."""
-    given = _given(runs, NET_METRICS)
+    given = _given(runs, cascade_of(runs).net_metrics)
     caption = (
         "Whole cycles: line energy of the payout, line energy returned in haul-in, and net line energy from onset to "
         "next onset, ± standard uncertainty."
@@ -346,19 +354,23 @@ _NET_RATIO = "η_net = E_gen, cycle / E_net. "
 def repeatability_table(runs: Sequence[LogSummary]) -> Table | None:
     """Largest deviation of any cycle from the mean, for every log; None where no log has two cycles."""
     several = [run for run in runs if run.complete > 1]
-    given = [m for m in METRICS if any(run.max_deviation_percent[FIELDS[m]] is not None for run in several)]
+    given = [
+        m
+        for m in cascade_of(runs).metrics
+        if any(run.max_deviation_percent.get(field_of(m)) is not None for run in several)
+    ]
     columns = [
         _LOG,
         _LOAD,
         _CYCLES,
-        *(TableColumn(SYMBOL[m], "%", 2, of=partial(_deviation, FIELDS[m])) for m in given),
+        *(TableColumn(SYMBOL[m], "%", 2, of=partial(_deviation, field_of(m))) for m in given),
     ]
     caption = "Repeatability: largest deviation of any cycle from the mean of its run, in percent of the mean."
     return _table("repeatability", caption, columns, several) if given else None
 
 
 def _deviation(field: str, run: LogSummary) -> float | None:
-    return run.max_deviation_percent[field]
+    return run.max_deviation_percent.get(field)
 
 
 def logs_table(runs: Sequence[LogSummary]) -> Table:

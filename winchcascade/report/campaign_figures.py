@@ -11,10 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
+from winchcascade.core.cascade import field_of
 from winchcascade.core.run import Signal
-from winchcascade.reduction.efficiency import FIELDS
-from winchcascade.report.campaign_record import LogSummary, load_text, rule_of
-from winchcascade.report.figures import readable
+from winchcascade.report.campaign_record import LogSummary, cascade_of, load_text, rule_of
+from winchcascade.report.figures import readable, stage_of
 from winchcascade.report.model_figures import LINE, MARK_SIZE, load_style
 from winchcascade.report.style import (
     COLOURS,
@@ -36,8 +36,6 @@ DRAWN_RUNS = 12
 Bins = Mapping[str, Sequence[Mapping[str, float]]]
 """Bins of each run by its name, their known values by the names of the dataset."""
 
-_POWERS = {"line": "power_line", "mech": "power_mech", "gen": "power_gen"}
-_ETAS = {"mech": "eta_trans", "gen": "eta_gen", "line": "eta_pto"}
 _PANEL, _APART = 2.4, 0.05
 """Width between the first and the last load in a panel, and space between two numbers under it. [in]"""
 
@@ -60,9 +58,10 @@ def over_load(runs: Sequence[LogSummary]) -> Figure | None:
         return None
     room = Room(left=0.095, head=0.435, foot=0.493)
     figure, (left, right) = panel_figure(2.9, 1, 2, room=room, gaps={"wspace": 0.26})
-    unit = _points(left, runs, _POWERS, "W")
+    cascade = cascade_of(runs)
+    unit = _points(left, runs, [f"power_{name}" for name in cascade.names], "W")
     label_panel(left, "a", "Mean power in the window", y=f"Power ({unit})")
-    _points(right, runs, _ETAS, "1")
+    _points(right, runs, [*cascade.ratios], "1")
     label_panel(right, "b", "Efficiency", y="Efficiency (1)")
     return figure
 
@@ -92,21 +91,21 @@ def _places(runs: Sequence[LogSummary]) -> list[float] | None:
     return known if len(known) == len(runs) and len(set(known)) > 1 else None
 
 
-def _points(ax: Axes, runs: Sequence[LogSummary], names: Mapping[str, str], unit: str) -> str:
+def _points(ax: Axes, runs: Sequence[LogSummary], names: Sequence[str], unit: str) -> str:
     """Draw the means of some metrics with their intervals; gives the unit of the axis."""
     at = _places(runs)
     x = np.arange(1.0, len(runs) + 1) if at is None else np.array(at)
     order = np.argsort(x, kind="stable")
-    means = {stage: np.array([run.mean[FIELDS[m]] for run in runs], dtype=float) for stage, m in names.items()}
-    columns = {stage: y for stage, y in means.items() if np.isfinite(y).any()}
+    means = {m: np.array([run.mean.get(field_of(m)) for run in runs], dtype=float) for m in names}
+    columns, cascade = {m: y for m, y in means.items() if np.isfinite(y).any()}, cascade_of(runs)
     short, unit = readable(unit, *(y[np.isfinite(y)] for y in columns.values()))
-    for stage, y in columns.items():
-        ends = [run.interval_95[FIELDS[names[stage]]] or (math.nan, math.nan) for run in runs]
+    for m, y in columns.items():
+        ends = [run.interval_95.get(field_of(m)) or (math.nan, math.nan) for run in runs]
         low, high = np.array(ends, dtype=float).T
         bars = np.nan_to_num(np.vstack((y - low, high - y)))[:, order].clip(0.0) * short
-        look = look_of(stage)
+        look = look_of(stage_of(cascade, m))
         line: Any = {"color": COLOURS[look.colour], "lw": 0.9, "ls": look.dashes}
-        mark: Any = {"marker": look.mark, "ms": 4, "label": tex(names[stage])}
+        mark: Any = {"marker": look.mark, "ms": 4, "label": tex(m)}
         for n, members in enumerate(comparable(runs)):
             here = np.isin(order, members)
             own_x, own_y = x[order[here]], y[order[here]] * short

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import msgspec
+from msgspec import UNSET, UnsetType
 
 from winchcascade.core.campaign_file import Origin, joint_origin, origin_from, origin_record, origin_words
+from winchcascade.core.cascade import BUILT_IN, PAPER, Cascade, Stage, field_of
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.version import __version__
-from winchcascade.reduction.efficiency import FIELDS
 from winchcascade.report.digits import stated, uncertain
 from winchcascade.report.records import FindingRecord, Interval95, Numbers, RunRecord
 from winchcascade.report.report_model import TableColumn
@@ -25,8 +26,6 @@ LISTED_RUNS = 20
 """Logs that are listed; of more the first and the last half of that."""
 
 MOST_FAULTS = 10
-
-_METRICS = ("energy_line", "energy_mech", "energy_gen", "eta_trans", "eta_gen", "eta_pto")
 
 
 MOST_ALTERED = 5
@@ -56,6 +55,7 @@ class LogSummary(msgspec.Struct, frozen=True):
     standard_uncertainty: Numbers
     interval_95: dict[str, Interval95 | None]
     max_deviation_percent: Numbers
+    stages: tuple[str, ...] | UnsetType = UNSET
 
     @property
     def load(self) -> float | None:
@@ -105,6 +105,7 @@ def log_summary(name: str, log: str, record: RunRecord) -> LogSummary:
     ----------
     log : path or address of the log
     """
+    of = record if record.stages is UNSET else record.stages
     return LogSummary(
         name=name,
         log=log,
@@ -122,11 +123,19 @@ def log_summary(name: str, log: str, record: RunRecord) -> LogSummary:
         findings=tuple(sorted({finding.kind for finding in record.quality})),
         finding_count=len(record.quality),
         removed_share=sum(finding.removed_share for finding in record.quality),
-        mean=record.mean,
-        standard_uncertainty=record.standard_uncertainty,
-        interval_95=record.interval_95,
-        max_deviation_percent=record.max_deviation_percent,
+        mean=record.mean | of.mean,
+        standard_uncertainty=record.standard_uncertainty | of.standard_uncertainty,
+        interval_95=record.interval_95 | of.interval_95,
+        max_deviation_percent=record.max_deviation_percent | of.max_deviation_percent,
+        stages=UNSET if record.stages is UNSET else record.stages.order,
     )
+
+
+def cascade_of(runs: Iterable[LogSummary]) -> Cascade:
+    """Cascade of a campaign: that of the paper where no rig file states its stages, else all stages of its logs."""
+    orders = [run.stages for run in runs if run.stages is not UNSET]
+    names = dict.fromkeys(name for order in orders for name in order)
+    return Cascade(tuple(BUILT_IN.get(name) or Stage(name, ()) for name in names), configured=True) if names else PAPER
 
 
 def campaign_json(campaign: CampaignRecord) -> dict[str, Any]:
@@ -238,8 +247,18 @@ def _fault(run: FailedLog) -> str:
 
 
 def _table(runs: Sequence[LogSummary]) -> list[str]:
-    columns = _COLUMNS if any(run.findings for run in runs) else _COLUMNS[:-1]
-    return listing(columns, runs, most=LISTED_RUNS, more="more, in the dataset")
+    cascade = cascade_of(runs)
+    metrics = [
+        TableColumn(m.replace("energy", "E"), "J" if m.startswith("energy") else "", of=partial(_mean, m))
+        for m in (*cascade.energies, *cascade.ratios)
+    ]
+    columns = [*_LOG, *metrics, TableColumn("±", of=partial(_uncertainty, cascade)), *_FINDINGS]
+    return listing(
+        columns if any(run.findings for run in runs) else columns[:-1],
+        runs,
+        most=LISTED_RUNS,
+        more="more, in the dataset",
+    )
 
 
 def _name(run: LogSummary) -> str:
@@ -248,28 +267,26 @@ def _name(run: LogSummary) -> str:
 
 
 def _mean(metric: str, run: LogSummary) -> str:
-    return stated(run.mean[FIELDS[metric]], None, 3 if metric.startswith("eta") else 0).replace("–", "-")
+    return stated(run.mean.get(field_of(metric)), None, 3 if metric.startswith("eta") else 0).replace("–", "-")
 
 
-def _uncertainty(run: LogSummary) -> str:
-    """Standard uncertainty of the first efficiency that has a mean: of the whole chain, else of a stage."""
+def _uncertainty(cascade: Cascade, run: LogSummary) -> str:
+    """Standard uncertainty of the first efficiency that has a mean: of the whole cascade, else of a stage."""
     u, mean = run.standard_uncertainty, run.mean
-    given = next((u[name] for name in ("eta_pto", "eta_trans", "eta_gen") if mean[name] is not None), None)
+    names = (cascade.overall, *cascade.neighbours)
+    given = next((u[name] for name in names if mean.get(name) is not None), None)
     return uncertain(given).replace("–", "-")
 
 
-_COLUMNS: tuple[TableColumn[LogSummary], ...] = (
+_LOG: tuple[TableColumn[LogSummary], ...] = (
     TableColumn("log", of=_name),
     TableColumn("load", "ohm", of=lambda run: load_text(run).replace("–", "-")),
     TableColumn("window", "s", of=window_text),
     TableColumn(
         "cycles", of=lambda run: f"{run.complete}" + ("" if run.complete == run.cycles else f" of {run.cycles}")
     ),
-    *(
-        TableColumn(m.replace("energy", "E"), "J" if m.startswith("energy") else "", of=partial(_mean, m))
-        for m in _METRICS
-    ),
-    TableColumn("±", of=_uncertainty),
+)
+_FINDINGS: tuple[TableColumn[LogSummary], ...] = (
     TableColumn("findings", of=lambda run: f"! {run.finding_count}" if run.findings else "-"),
 )
 

@@ -121,8 +121,7 @@ def _name(cascade: Cascade, metric: str) -> str:
     if metric in _NAMES:
         return _NAMES[metric]
     if metric in cascade.ratios:
-        out, into = (name.removeprefix("energy_") for name in cascade.ratios[metric])
-        return f"{into} to {out}"
+        return " to ".join(cascade.between(metric))
     return f"energy of {metric.removeprefix('energy_')}, per cycle"
 
 
@@ -317,7 +316,7 @@ def _repeatability(reduction: Reduction, found: Uncertainty) -> Section:
             "of the cycles (repeatability).",
             "Bars of the shares of the variance; the numbers are in the uncertainty budget.",
         ),
-        tables.budget_table(found, reduction.rig.source),
+        tables.budget_table(found, reduction.rig),
         tables.sensors_table(reduction),
     )  # fmt: skip
 

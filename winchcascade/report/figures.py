@@ -14,7 +14,7 @@ from matplotlib.path import Path as Outline
 
 from winchcascade.core.cascade import Cascade
 from winchcascade.core.run import Signal
-from winchcascade.reduction.bins import engaged
+from winchcascade.reduction.bins import engaged, generator_speed
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.reduction.uncertainty import Budget
 from winchcascade.report.digits import significant
@@ -173,7 +173,8 @@ def _over_speed(ax: Axes, reduction: Reduction, powers: dict[str, Signal]) -> No
     run, rig, bins, counted = reduction.run, reduction.rig, reduction.bins, reduction.complete
     rows = np.flatnonzero(engaged(run, [c.phases for c in counted], [c.summary.payout.plateau for c in counted], rig))
     rows = rows[:: max(1, -(-rows.size // DOTS))]
-    speed = run.channels["velocity"][rows] * (rig.rpm_per_velocity or 0.0)
+    signal, rpm = generator_speed(run, rig) or (run.t, 0.0)
+    speed = signal[rows] * rpm
     rated, highest = rig.generator.speed_rated, bins[-1].rpm_high
     if rated is not None and rated.value * 30.0 / np.pi < highest:
         ax.axvspan(rated.value * 30.0 / np.pi, highest, color=COLOURS["over"], lw=0)
@@ -404,11 +405,11 @@ def _overlaid_style(c: CycleResult, best: int | None, worst: int | None) -> dict
     return {"color": COLOURS["soft"], "lw": 0.7, "label": "other cycles" if best else "complete"}
 
 
-def _stage_of(cascade: Cascade, metric: str) -> str:
+def stage_of(cascade: Cascade, metric: str) -> str:
     """Stage whose colour a metric has: that of an energy, the first one for the whole cascade, else the one that delivers."""
     if metric == cascade.overall and len(cascade.stages) > 2:
         return cascade.names[0]
-    return cascade.ratios.get(metric, (metric,))[0].removeprefix("energy_")
+    return cascade.between(metric)[1] if metric in cascade.ratios else metric.removeprefix("energy_")
 
 
 def trend(reduction: Reduction) -> Figure | None:
@@ -431,7 +432,7 @@ def trend(reduction: Reduction) -> Figure | None:
         for name, values in columns.items():
             rows = envelope(values, DRAWN // 2)
             x, y, few = number[rows], values[rows] * short, len(rows) <= 200
-            look = look_of(_stage_of(cascade, name))
+            look = look_of(stage_of(cascade, name))
             colour = COLOURS[look.colour]
             ax.plot(x, y, color=colour, lw=0.5, alpha=0.5)
             mark: Any = {"ls": "none", "marker": look.mark, "ms": 2.2, "mew": 0, "color": colour}

@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import msgspec
 from msgspec import UNSET, UnsetType
 
 from winchcascade.core.campaign_file import origin_record
-from winchcascade.core.cascade import PAPER
+from winchcascade.core.cascade import PAPER, Cascade, field_of
 from winchcascade.core.quantity import KGF, si_unit
-from winchcascade.core.run import CHANNELS
 from winchcascade.core.version import __version__
-from winchcascade.reduction.efficiency import FIELDS, Metrics
+from winchcascade.reduction.efficiency import ALL_METRICS, FIELDS, Metrics
 from winchcascade.reduction.energies import NetSpan
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.phase_summary import HaulInSummary, PayoutSummary
 from winchcascade.reduction.uncertainty import shares
 
 if TYPE_CHECKING:
-    from winchcascade.core.run import Finding
+    from winchcascade.core.run import Channel, Finding
     from winchcascade.reduction.bins import Bin
     from winchcascade.reduction.montecarlo import Interval, Uncertainty
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
@@ -122,6 +121,7 @@ class CycleRecord(msgspec.Struct, frozen=True):
     energy_gen_cycle_j: float | None
     eta_net: float | None
     standard_uncertainty: Numbers
+    stages: Numbers | UnsetType = UNSET
 
 
 class BudgetRecord(msgspec.Struct, frozen=True, kw_only=True):
@@ -158,6 +158,9 @@ class UncertaintyRecord(msgspec.Struct, frozen=True):
     undetermined: tuple[str, ...]
 
 
+_BIN_ENDS = ("", "_standard_error")
+
+
 class BinRecord(msgspec.Struct, frozen=True):
     """One bin of generator speed with mean powers and their standard errors."""
 
@@ -172,6 +175,24 @@ class BinRecord(msgspec.Struct, frozen=True):
     power_gen_w_standard_error: float | None
     torque_nm: float | None
     torque_nm_standard_error: float | None
+    stages: Numbers | UnsetType = UNSET
+
+
+class StagesRecord(msgspec.Struct, frozen=True):
+    """Numbers of the stages that a rig file configures, by name.
+
+    `power` states of which channels the power of a stage is made, null where the log does not have them; `efficiency` from
+    which stage to which an efficiency leads.
+    """
+
+    order: tuple[str, ...]
+    power: dict[str, str | None]
+    efficiency: dict[str, tuple[str, str]]
+    mean: Numbers
+    max_deviation_percent: Numbers
+    standard_uncertainty: Numbers
+    interval_95: dict[str, Interval95 | None]
+    total: Numbers
 
 
 class RunRecord(msgspec.Struct, frozen=True):
@@ -192,6 +213,7 @@ class RunRecord(msgspec.Struct, frozen=True):
     uncertainty: UncertaintyRecord
     total: Numbers
     bins: tuple[BinRecord, ...]
+    stages: StagesRecord | UnsetType = UNSET
 
 
 def reduction_json(reduction: Reduction, found: Uncertainty | None = None) -> bytes:
@@ -222,26 +244,45 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
         rig=reduction.rig.name,
         window=reduction.window,
         quality=tuple(finding_record(f, run.samples) for f in reduction.quality),
-        cycles=tuple(cycle_record(c, u) for c, u in zip(reduction.cycles, found.budget.cycles, strict=True)),
+        cycles=tuple(
+            cycle_record(c, u, reduction.rig.cascade)
+            for c, u in zip(reduction.cycles, found.budget.cycles, strict=True)
+        ),
         mean=reduction.mean.fields(),
         max_deviation_percent=reduction.max_deviation_percent.fields(),
         standard_uncertainty=found.standard.fields(),
         interval_95=_intervals(found.interval_95),
-        uncertainty=_uncertainty(found),
+        uncertainty=_uncertainty(found, reduction.rig.known_channels),
         total=reduction.total.fields(),
-        bins=tuple(bin_record(b) for b in reduction.bins),
+        bins=tuple(bin_record(b, reduction.rig.cascade) for b in reduction.bins),
+        stages=_stages(reduction, found),
     )
 
 
-def _intervals(intervals: Mapping[str, Interval]) -> dict[str, Interval95 | None]:
+def _stages(reduction: Reduction, found: Uncertainty) -> StagesRecord | UnsetType:
+    """Numbers of the stages where a rig file configures them."""
+    cascade, run = reduction.rig.cascade, reduction.run
+    if not cascade.configured:
+        return UNSET
+    products = {stage.name: stage.power(run.channels, reduction.rig.r_drum) for stage in cascade.stages}
+    return StagesRecord(
+        order=cascade.names,
+        power={name: None if product is None else product.text for name, product in products.items()},
+        efficiency={eta: cascade.between(eta) for eta in cascade.ratios},
+        mean=reduction.mean.fields(cascade.metrics),
+        max_deviation_percent=reduction.max_deviation_percent.fields(cascade.metrics),
+        standard_uncertainty=found.standard.fields(cascade.metrics),
+        interval_95=_intervals(found.interval_95, cascade.metrics),
+        total=reduction.total.fields(cascade.metrics),
+    )
+
+
+def _intervals(intervals: Mapping[str, Interval], names: Sequence[str] = ALL_METRICS) -> dict[str, Interval95 | None]:
     """95 % intervals under the names of written files, None for a metric that has none."""
-    return {
-        field: None if (ends := intervals.get(name)) is None else (ends.low, ends.high)
-        for name, field in FIELDS.items()
-    }
+    return {field_of(m): None if (ends := intervals.get(m)) is None else (ends.low, ends.high) for m in names}
 
 
-def _uncertainty(found: Uncertainty) -> UncertaintyRecord:
+def _uncertainty(found: Uncertainty, channels: Mapping[str, Channel]) -> UncertaintyRecord:
     known = found.budget
     freedom = Metrics({m: None if n is None or math.isinf(n) else n for m, n in known.freedom.items()})
     return UncertaintyRecord(
@@ -253,21 +294,21 @@ def _uncertainty(found: Uncertainty) -> UncertaintyRecord:
         monte_carlo=found.drawn.fields(),
         interval_95_sensors=_intervals(found.interval_95_sensors),
         degrees_of_freedom=freedom.fields(),
-        budget=tuple(_budget_row(row, known.mean) for row in known.rows),
+        budget=tuple(_budget_row(row, known.mean, channels) for row in known.rows),
         taken_as_exact=tuple(known.exact),
         without_accuracy=tuple(known.unknown),
         undetermined=tuple(FIELDS[name] for name in known.undetermined),
     )
 
 
-def _budget_row(row: Contribution, mean: Metrics) -> BudgetRecord:
+def _budget_row(row: Contribution, mean: Metrics, channels: Mapping[str, Channel]) -> BudgetRecord:
     source, contribution, share = row.source, row.of.fields(), shares(row.of, mean).fields()
     if source is None:
         return BudgetRecord(source="bridged gaps", contribution=contribution, share=share)
     return BudgetRecord(
         source=source.channel,
         part=source.part,
-        unit="1" if source.part == "gain" else si_unit(CHANNELS[source.channel].dimension),
+        unit="1" if source.part == "gain" else si_unit(channels[source.channel].dimension),
         distribution=source.shape,
         limit=source.limit,
         standard_uncertainty=source.u,
@@ -291,7 +332,7 @@ def finding_record(finding: Finding, samples: int) -> FindingRecord:
     )
 
 
-def cycle_record(cycle: CycleResult, standard_uncertainty: Metrics) -> CycleRecord:
+def cycle_record(cycle: CycleResult, standard_uncertainty: Metrics, cascade: Cascade = PAPER) -> CycleRecord:
     """One cycle with the standard uncertainties of its metrics."""
     phases, window, summary = cycle.phases, cycle.window, cycle.summary
     hold = None
@@ -307,17 +348,20 @@ def cycle_record(cycle: CycleResult, standard_uncertainty: Metrics) -> CycleReco
         net_span=cycle.net,
         **cycle.metrics.fields(),
         standard_uncertainty=standard_uncertainty.fields(),
+        stages=cycle.metrics.fields(cascade.metrics) if cascade.configured else UNSET,
     )
 
 
-def bin_record(item: Bin) -> BinRecord:
+def bin_record(item: Bin, cascade: Cascade = PAPER) -> BinRecord:
     """One bin of generator speed."""
+    errors = {f"power_{stage}_w_standard_error": error for stage, error in item.standard_error.items()}
+    stages = {f"power_{stage}_w": watts for stage, watts in item.power.items()} | errors
     return BinRecord(
         rpm_low=item.rpm_low,
         rpm_high=item.rpm_high,
         count=item.count,
-        **{f"power_{stage}_w": item.power[stage] for stage in PAPER.names},
-        **{f"power_{stage}_w_standard_error": item.standard_error[stage] for stage in PAPER.names},
+        **{f"power_{stage}_w{end}": stages.get(f"power_{stage}_w{end}") for stage in PAPER.names for end in _BIN_ENDS},
         torque_nm=item.torque,
         torque_nm_standard_error=item.torque_standard_error,
+        stages=stages if cascade.configured else UNSET,
     )

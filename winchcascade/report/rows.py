@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
+from msgspec import UNSET
 from msgspec.structs import asdict
 
+from winchcascade.core.cascade import Cascade, field_of
 from winchcascade.core.files import check_replaceable, write_whole
 from winchcascade.core.store import make_one
 from winchcascade.reduction.efficiency import FIELDS, Metrics
@@ -58,27 +60,35 @@ def write_parquet(reduction: Reduction, folder: Path, *, force: bool = False) ->
     files = parquet_files(folder, reduction.run.name)
     for path in files.values():
         check_replaceable(path, force=force)
-    run = reduction.run
+    run, cascade = reduction.run, reduction.rig.cascade
     about = {"schema": SCHEMA, "log": run.name, "sha256": run.sha256, "rig": reduction.rig.name}
     about |= {} if run.load is None else {"load_ohm": repr(run.load)}
     rows: dict[str, list[Row]] = {
-        "cycles": [_flat_cycle(cycle_record(c, Metrics())) for c in reduction.cycles],
-        "bins": [asdict(bin_record(b)) for b in reduction.bins],
+        "cycles": [_flat_cycle(cycle_record(c, Metrics(), cascade)) for c in reduction.cycles],
+        "bins": [_flat_bin(bin_record(b, cascade)) for b in reduction.bins],
         "findings": [asdict(finding_record(f, run.samples)) for f in reduction.quality],
     }
     for table, path in files.items():
         records = [{"run": run.name, "log": run.path, "load_ohm": run.load, **row} for row in rows[table]]
-        content = pa.Table.from_pylist(records, schema=table_schema(table, about))
+        content = pa.Table.from_pylist(records, schema=table_schema(table, about, [cascade]))
         write_whole(path, lambda part, content=content: parquet.write_table(content, part), force=force)  # type: ignore[misc]
     return list(files.values())
 
 
-def table_schema(table: str, about: Mapping[str, str]) -> pa.Schema:
-    """Arrow schema of one of the tables `runs`, `cycles`, `bins` and `findings`; each row begins with run, log and load."""
+def table_schema(table: str, about: Mapping[str, str], cascades: Iterable[Cascade] = ()) -> pa.Schema:
+    """Arrow schema of one of the tables `runs`, `cycles`, `bins` and `findings`; each row begins with run, log and load.
+
+    Parameters
+    ----------
+    about : metadata of the table
+    cascades : those of the rigs of the logs; metrics of their own stages come last
+    """
     import pyarrow as pa
 
     kinds = {str: pa.string(), float: pa.float64(), int: pa.int64(), bool: pa.bool_()}
     columns: dict[str, type] = {"run": str, "log": str, "load_ohm": float, **_COLUMNS[table]}
+    own = {m for cascade in cascades for m in cascade.metrics if m not in FIELDS}
+    columns |= {f"{field_of(m)}{end}": float for m in sorted(own) for end in _own_ends(table, m)}
     return pa.schema([pa.field(name, kinds[kind]) for name, kind in columns.items()], metadata=dict(about))
 
 
@@ -89,7 +99,7 @@ def table_rows(run: str, record: RunRecord) -> dict[str, list[Row]]:
     return {
         "runs": [begin | _flat_run(record)],
         "cycles": [begin | _flat_cycle(c) for c in record.cycles],
-        "bins": [begin | asdict(b) for b in record.bins],
+        "bins": [begin | _flat_bin(b) for b in record.bins],
         "findings": [begin | asdict(f) for f in record.quality],
     }
 
@@ -108,8 +118,13 @@ def _flat_run(record: RunRecord) -> Row:
         "findings": len(record.quality),
     }
     mean, u, deviation = record.mean, record.standard_uncertainty, record.max_deviation_percent
-    for field in FIELDS.values():
-        low, high = record.interval_95[field] or (None, None)
+    intervals = record.interval_95
+    if record.stages is not UNSET:
+        own = record.stages
+        mean, u, deviation = mean | own.mean, u | own.standard_uncertainty, deviation | own.max_deviation_percent
+        intervals = intervals | own.interval_95
+    for field in mean:
+        low, high = intervals[field] or (None, None)
         values = (mean[field], u[field], low, high, deviation[field])
         row |= {f"{field}{end}": value for end, value in zip(_RUN_ENDS, values, strict=True)}
     return row
@@ -119,6 +134,7 @@ def _flat_cycle(record: CycleRecord) -> Row:
     """A cycle in one row: nested names joined, phases as begin and end; names beyond the schema of the table do no harm."""
     own = asdict(record)
     row: Row = {name: own[name] for name in ("cycle", "complete", *FIELDS.values())} | asdict(record.window)
+    row |= {} if record.stages is UNSET else record.stages
     for phase, span in asdict(record.phases).items():
         row[f"{phase}_begin_s"], row[f"{phase}_end_s"] = span or (None, None)
     summary = record.phase_summary
@@ -126,6 +142,19 @@ def _flat_cycle(record: CycleRecord) -> Row:
     for prefix, part in {**parts, "haul_in": summary.haul_in}.items():
         row |= {f"{prefix}_{name}": value for name, value in (msgspec.to_builtins(part) or {}).items()}
     return row
+
+
+def _flat_bin(record: BinRecord) -> Row:
+    """A bin in one row."""
+    own = asdict(record)
+    stages = own.pop("stages")
+    return own | ({} if stages is UNSET else stages)
+
+
+def _own_ends(table: str, metric: str) -> Sequence[str]:
+    """What follows the name of a metric of a stage of a rig file in the columns of a table."""
+    ends = {"runs": _RUN_ENDS, "cycles": ("",), "bins": ("", "_standard_error") if metric.startswith("power") else ()}
+    return ends.get(table, ())
 
 
 _RUN_ENDS = ("", "_standard_uncertainty", "_low_95", "_high_95", "_max_deviation_percent")
@@ -154,7 +183,7 @@ _COLUMNS: dict[str, dict[str, type]] = {
         **_floats(NetSpan, "net_"),
         "net_reason": str,
     },
-    "bins": {**_floats(BinRecord), "count": int},
+    "bins": {**{k: float for k in _floats(BinRecord) if k != "stages"}, "count": int},
     "findings": {
         **{"kind": str, "channel": str, "start_s": float, "end_s": float, "count": int, "action": str, "message": str},
         "removed_share": float,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Literal
 
@@ -11,8 +11,8 @@ from msgspec.structs import asdict
 
 from winchcascade.core.cascade import PAPER, Cascade
 from winchcascade.core.quantity import find_unit, si_unit
-from winchcascade.core.rig_file import Sensor
-from winchcascade.core.run import CHANNELS, Finding
+from winchcascade.core.rig_file import Rig, Sensor
+from winchcascade.core.run import Channel, Finding
 from winchcascade.reduction.bins import Bin
 from winchcascade.reduction.efficiency import NET_METRICS, Metrics
 from winchcascade.reduction.montecarlo import Interval, Uncertainty
@@ -372,16 +372,11 @@ def budgeted(mean: Metrics) -> list[str]:
     return [*etas, *(m for m in mean if m.startswith("energy") and m not in NET_METRICS)]
 
 
-def budget_table(found: Uncertainty, source: str = "") -> Table | None:
-    """Which error contributes which share of the variance of each mean; None where no accuracy is known.
-
-    Parameters
-    ----------
-    source : what the rig file says of where its numbers come from
-    """
-    known = found.budget
+def budget_table(found: Uncertainty, rig: Rig) -> Table | None:
+    """Which error contributes which share of the variance of each mean; None where no accuracy is known."""
+    known, channels = found.budget, rig.known_channels
     metrics = [m for m in budgeted(known.mean) if known.mean[m]]
-    rows = [(_about(r), shares(r.of, known.mean)) for r in known.rows]
+    rows = [(_about(r, channels), shares(r.of, known.mean)) for r in known.rows]
     scatter = shares(known.repeatability, known.mean)
     cells = [(*about, *(percent(getattr(share, m) or None) for m in metrics)) for about, share in rows]
     cells.append(("repeatability", "", "normal", "", "cycles", *(percent(getattr(scatter, m)) for m in metrics)))
@@ -395,7 +390,7 @@ def budget_table(found: Uncertainty, source: str = "") -> Table | None:
         columns,
         cells if metrics else (),
         "Errors of a sensor are the same over the whole log, so they do not average out over its cycles. A limit in "
-        f"shares of the full scale is half zero and half gain error. u: standard uncertainty of the error.{_from(source)}",
+        f"shares of the full scale is half zero and half gain error. u: standard uncertainty of the error.{_from(rig.source)}",
     )
 
 
@@ -404,13 +399,13 @@ def _from(source: str) -> str:
     return f" From: the rig file's words; its source is {source}." if source else ""
 
 
-def _about(row: Contribution) -> tuple[str, str, str, str, str]:
+def _about(row: Contribution, channels: Mapping[str, Channel]) -> tuple[str, str, str, str, str]:
     source = row.source
     if source is None:
         return source_name(None), "", "rectangular", "", "data beside the gaps"
     factor, unit = 100.0, "%"
     if source.part != "gain" and source.channel != R_DRUM:
-        factor, unit = 1.0, si_unit(CHANNELS[source.channel].dimension).replace(".", "·")
+        factor, unit = 1.0, si_unit(channels[source.channel].dimension).replace(".", "·")
     limit = "" if source.limit is None else f"{significant(source.limit * factor)} {unit}"
     return source_name(source), limit, source.shape, f"{significant(source.u * factor)} {unit}", source.origin or "–"
 

@@ -10,7 +10,7 @@ from winchcascade.core.accuracy import CERTAIN
 from winchcascade.core.integrate import median, median_and_error
 from winchcascade.core.quantity import ATMOSPHERE
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.run import CHANNELS, Finding, Signal
+from winchcascade.core.run import Finding, Signal
 from winchcascade.reduction.phased_run import PhasedRun
 
 TIME_CONSTANTS = 5.0
@@ -104,7 +104,7 @@ def _zero(phased: PhasedRun, channel: str, spans: list[Span], holds: list[Span])
             return []
         spans, zero = [span for span, _ in zeros], max((x for _, x in zeros), key=abs)
         where = f"in {len(spans)} of {len(holds)} holds, but not over the whole log, {channel} reads up to "
-    unit = CHANNELS[channel].unit
+    unit = phased.rig.known_channels[channel].unit
     message = (
         f"{where}{zero:+.3g} {unit} at rest, after rotor and capacitor have run down; its zero is known to "
         f"{phased.u_zero(channel):.2g} {unit}"

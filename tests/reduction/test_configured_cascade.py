@@ -1,0 +1,134 @@
+"""Cascades of other benches: stages of a rig file, their efficiencies, uncertainties and files."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from winchcascade.core.cascade import PAPER
+from winchcascade.core.errors import RigError
+from winchcascade.core.rig_file import Rig
+from winchcascade.core.rig_toml import read_rig
+from winchcascade.ingest.read import read_run
+from winchcascade.reduction.montecarlo import uncertainty
+from winchcascade.reduction.reduce import reduce
+from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.report.document import write_reports
+from winchcascade.report.records import reduction_json
+from winchcascade.report.rows import write_parquet
+from winchcascade.report.terminal import reduction_text
+
+LOG = Path("fixtures/campaign/r36ohm.csv")
+
+
+def rig_with(folder: Path, text: str) -> Rig:
+    """The rig of the paper with other tables."""
+    path = folder / "rig.toml"
+    path.write_text(Path("winchcascade/rigfiles/hsu2026.toml").read_text() + text)
+    return read_rig(path)
+
+
+def reduced(rig: Rig, window: float = 5.48) -> Reduction:
+    return reduce(read_run(LOG, rig=rig), rig=rig, window=window)
+
+
+def test_the_papers_stages_are_one_configuration_of_the_cascade(tmp_path: Path) -> None:
+    stated = reduced(rig_with(tmp_path, '[cascade]\nstages = ["line", "mech", "gen"]\n'))
+    plain = reduce(read_run(LOG), window=5.48)
+    assert stated.mean == plain.mean
+    assert stated.rig.cascade.stages == PAPER.stages
+    one, other = (json.loads(reduction_json(x, uncertainty(x, draws=200))) for x in (stated, plain))
+    assert one["mean"] == other["mean"]
+    assert one["stages"]["mean"].items() <= one["mean"].items()
+    assert "stages" not in other
+
+
+def test_two_stages_have_one_efficiency_and_no_net_energies(tmp_path: Path) -> None:
+    result = reduced(rig_with(tmp_path, '[cascade]\nstages = ["mech", "gen"]\n'))
+    assert result.rig.cascade.ratios == {"eta_gen": ("energy_gen", "energy_mech")}
+    assert result.mean.eta_gen == pytest.approx(0.7711, abs=1e-4)
+    assert result.mean.energy_line is None
+    assert result.mean.energy_net is None
+    assert "no net energy" not in reduction_text(result)
+
+
+def test_a_motor_test_runs_the_other_way(tmp_path: Path) -> None:
+    forward = reduced(rig_with(tmp_path, '[cascade]\nstages = ["mech", "gen"]\n'))
+    back = reduced(rig_with(tmp_path, '[cascade]\nstages = ["gen", "mech"]\n'))
+    assert back.mean.eta_gen_mech is None
+    assert [f.kind for f in back.quality].count("out_of_range") == 1
+    assert back.mean.energy_gen == forward.mean.energy_gen
+
+
+def test_stages_that_share_their_channels_share_their_errors(tmp_path: Path) -> None:
+    text = '[cascade]\nstages = ["line", "hyd", "mech"]\n[stage.hyd]\npower = "force * velocity"\n'
+    result = reduced(rig_with(tmp_path, text))
+    found = uncertainty(result, draws=500)
+    assert result.mean.eta_line_hyd == pytest.approx(1.0)
+    assert found.standard.eta_line_hyd == pytest.approx(0.0, abs=1e-9)
+    assert found.standard.eta_hyd_mech == pytest.approx(found.standard.value("eta_trans"), rel=1e-6)
+    assert result.rig.cascade.ratios.keys() == {"eta_line_hyd", "eta_hyd_mech", "eta_trans"}
+
+
+def test_a_power_may_be_counted_the_other_way_in_a_log(tmp_path: Path) -> None:
+    text = '[cascade]\nstages = ["mech", "gen"]\n[stage.gen]\npower = "-vdc * idc"\n'
+    opposite = reduced(rig_with(tmp_path, text))
+    plain = reduced(rig_with(tmp_path, '[cascade]\nstages = ["mech", "gen"]\n'))
+    assert opposite.mean.value("energy_gen") == pytest.approx(-plain.mean.value("energy_gen"))
+    u, expected = uncertainty(opposite, draws=500).standard, uncertainty(plain, draws=500).standard
+    assert u.energy_gen == pytest.approx(expected.energy_gen)
+
+
+def test_an_own_channel_gives_a_stage_its_power(tmp_path: Path) -> None:
+    log = tmp_path / "with flow.csv"
+    lines = LOG.read_text().splitlines()
+    lines = [lines[0] + ",Oil flow (L/min)", *(line + ",60" for line in lines[1:])]
+    log.write_text("\n".join(lines))
+    rig = rig_with(
+        tmp_path,
+        '[channels.oil]\nunit = "L/min"\n[columns]\noil = "Oil flow (L/min)"\n'
+        '[cascade]\nstages = ["oilside", "mech"]\n[stage.oilside]\npower = "pressure * oil"\nwhere = "the oil"\n'
+        '[sensors.oil]\nunit = "L/min"\naccuracy_reading = 0.01\n',
+    )
+    run = read_run(log, rig=rig)
+    assert run.channels["oil"] == pytest.approx(1e-3)
+    result = reduce(run, rig=rig, window=5.48)
+    cycle = result.cycles[0]
+    rows = slice(*np.searchsorted(run.t, (cycle.window.onset, cycle.window.cutoff)).tolist())
+    by_hand = float(np.trapezoid(run.channels["pressure"][rows] * 1e-3, run.t[rows]))
+    assert cycle.metrics.energy_oilside == pytest.approx(by_hand, rel=0.02)
+    assert "P_oilside" in reduction_text(result)
+    write_reports(result, uncertainty(result, draws=200), html=tmp_path / "a.html", pdf=tmp_path / "a.pdf")
+    page = (tmp_path / "a.html").read_text()
+    assert "oilside, the oil" in page
+    files = write_parquet(result, tmp_path / "tables")
+    columns = pq.read_table(files[0]).to_pydict()
+    assert columns["energy_oilside_j"] == [c.metrics.energy_oilside for c in result.cycles]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            '[cascade]\nstages = ["line", "shaft"]\n',
+            "'shaft' is no stage; expected names among line, mech, gen, hyd, ac",
+        ),
+        ("[cascade]\nstages = []\n", "the list is empty"),
+        ('[cascade]\nstages = ["line", "line"]\n', "expected each stage once"),
+        ('[cascade]\nstage = ["line"]\n', "unknown field `stage`"),
+        ('[stage.hyd]\npower = "vdc * force"\n', "is no power"),
+        ('[stage.hyd]\npower = "force * speed"\n', "is no power"),
+        ('[stage.hyd]\npower = "pressure * oil"\n', "needs a channel 'oil'"),
+        ('[stage.hyd_2]\npower = "power_ac"\n', "a name of letters and digits"),
+        ('[stage.net]\npower = "power_ac"\n', "a name of letters and digits"),
+        ('[stage.hyd]\npower = "force * velocity * vdc"\n', "is no power"),
+        ('[stage]\nhyd = "force * velocity"\n', "[stage.hyd]"),
+    ],
+)
+def test_a_wrong_cascade_is_one_sentence(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.raises(RigError) as fault:
+        rig_with(tmp_path, text)
+    assert words in str(fault.value)
+    assert str(tmp_path / "rig.toml") in str(fault.value)
