@@ -1,5 +1,6 @@
 """Small files that claim or unpack to much: each must be read or rejected within the limits of memory and time."""
 
+import gzip
 import io
 import struct
 import zlib
@@ -196,6 +197,9 @@ def _tdms_segments(channels: int, segments: int) -> bytes:
 
 
 BOMBS: dict[str, Callable[[], bytes]] = {
+    "zip, a line": lambda: zipped({"log.csv": b"t,v\n" + bytes(200 * MEGA)}),
+    "gzip, a line": lambda: gzip.compress(b"t,v\n" + bytes(200 * MEGA)),
+    "zip, members": lambda: zipped({f"{k}": b"" for k in range(11_000)}),
     "xlsx, a cell in the last corner": lambda: _stray(1 << 20, "XFD"),
     "xlsx, a cell in the last row": lambda: _stray(1 << 20, "BP"),
     "xlsx, sheets that share a part": _many_sheets,

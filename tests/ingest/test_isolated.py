@@ -36,6 +36,7 @@ LATE = 40.0
 QUICK = (
     "xlsx, a cell in the last corner", "xls, a claimed size", "xlsb, a cell in the last corner",
     "ods, repeated rows and columns", "parquet, zeros", "mat, a claimed length", "mat73, a fill value",
+    "zip, a line", "gzip, a line", "zip, members",
 )  # fmt: skip
 """Bombs that are made and rejected in a second, one of each format."""
 

@@ -19,10 +19,8 @@ from winchcascade.core.errors import CampaignError, OptionError
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.rig_toml import DEFAULT_RIG
 from winchcascade.core.version import __version__
+from winchcascade.ingest.source import LOG_ENDINGS
 from winchcascade.rig.open_rig import load_rig
-
-LOGS = frozenset("csv tsv txt dat asc log lvm tdms mat parquet pq xlsx xls xlsm xlsb ods".split())
-"""Endings of files that are taken for logs in a folder."""
 
 RESULTS = 2
 """Form of a log's result: a result of another form is made anew, as the tables of the campaign need all of its fields."""
@@ -103,12 +101,17 @@ def _of_target(target: str, rig: str | None, window: str | float | None) -> tupl
 
 
 def _logs_only(files: Sequence[str], target: str) -> list[str]:
-    logs = [file for file in files if file.rsplit(".", 1)[-1].lower() in LOGS and not _is_result(file)]
+    logs = [file for file in files if _is_log(file) and not _is_result(file)]
     if not logs:
         raise OptionError(
-            f"{target}: no log found; expected files that end in {', '.join(sorted(LOGS))}, or a {CAMPAIGN_FILE}."
+            f"{target}: no log found; expected files that end in {', '.join(sorted(LOG_ENDINGS))}, or a {CAMPAIGN_FILE}."
         )
     return logs
+
+
+def _is_log(file: str) -> bool:
+    """Whether the name of a file ends as a log does, compressed by gzip or not."""
+    return file.lower().removesuffix(".gz").rsplit(".", 1)[-1] in LOG_ENDINGS
 
 
 def _is_result(file: str) -> bool:

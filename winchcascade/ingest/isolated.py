@@ -15,7 +15,8 @@ import sys
 import weakref
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
-from contextlib import suppress
+from contextlib import ExitStack, suppress
+from functools import partial
 from pathlib import Path
 from pkgutil import resolve_name
 from time import monotonic
@@ -26,6 +27,7 @@ import numpy as np
 
 from winchcascade.core.errors import LogError
 from winchcascade.core.run import Finding, Signal
+from winchcascade.core.scratch import scratch_folder
 from winchcascade.ingest.dialects import Header
 from winchcascade.ingest.limits import (
     MB,
@@ -47,15 +49,24 @@ class _Format(NamedTuple):
     """A format: its name, what to do with a file of it that cannot be read, and the function that opens one.
 
     `together`: the reader needs all wanted columns at once. The others read each column by itself, which takes less memory.
+    `unpacks`: the reader unpacks the log into a scratch folder.
     """
 
     name: str
     remedy: str
     opener: str
     together: bool = False
+    unpacks: bool = False
 
 
 _FORMATS = {
+    "archive": _Format(
+        "archive",
+        "unpack the log",
+        "winchcascade.ingest.formats.archive:open_archive",
+        together=True,  # as some formats need that may be inside
+        unpacks=True,
+    ),
     "excel": _Format(
         "workbook",
         "delete stray cells outside the table, save it again or export the sheet as CSV",
@@ -103,13 +114,14 @@ _OUT_OF_MEMORY = ("memory allocation of", "bad_alloc", "MemoryError")
 
 
 class _Order(msgspec.Struct, frozen=True):
-    """The first request: the file, its reader, the limits of the process and the number of its parent."""
+    """The first request: the file, its reader, the limits of the process, the number of its parent, and a scratch folder."""
 
     reader: str
     path: str
     table: str | None
     limits: Limits
     parent: int
+    scratch: str | None = None
 
 
 class _Opened(msgspec.Struct, frozen=True):
@@ -138,7 +150,7 @@ def main() -> None:
     opening = sys.stdin.buffer.readline()
     if opening:
         order = msgspec.convert(json.loads(opening), _Order)
-        limit_this_process(order.limits.memory, order.parent)
+        limit_this_process(order.limits.memory, order.parent, unpacks=order.scratch is not None)
         try:
             for head, column in _answers(order):
                 _send(answers, head)
@@ -165,7 +177,10 @@ def _answers(order: _Order) -> Iterator[tuple[_Opened | _Column, Signal | None]]
     """Open the file and describe it, then answer each request by the wanted columns one by one and the time column."""
     _end_after(order.limits.seconds)
     form = _FORMATS[order.reader]
-    source: LogSource = resolve_name(form.opener)(Path(order.path), table=order.table)
+    opener = resolve_name(form.opener)
+    if order.scratch is not None:
+        opener = partial(opener, scratch=Path(order.scratch))
+    source: LogSource = opener(Path(order.path), table=order.table)
     opened = _Opened(tuple(source.headers), source.time_step, source.time_start, dict(source.properties), source.table)
     yield opened, None
     for line in sys.stdin.buffer:
@@ -234,11 +249,13 @@ class _Child:
             env=os.environ | {"OPENBLAS_NUM_THREADS": "1", "RUST_BACKTRACE": "0"},
         )
         job = job_for(int(getattr(self._process, "_handle", 0)), self._limits.memory)
-        self.close: Callable[[], object] = weakref.finalize(self, _end, self._process, job)
+        scratch = ExitStack()
+        self._scratch = str(scratch.enter_context(scratch_folder())) if _FORMATS[reader].unpacks else None
+        self.close: Callable[[], object] = weakref.finalize(self, _end, self._process, job, scratch)
 
     def open(self, table: str | None) -> _Opened:
         """Open the file and describe it."""
-        order = _Order(self._reader, str(self._path), table, self._limits, os.getpid())
+        order = _Order(self._reader, str(self._path), table, self._limits, os.getpid(), self._scratch)
         return self._ask([sys.path, order], lambda answers: self._head(answers, _Opened))
 
     def load(self, wanted: Sequence[int], time: int | None) -> LogTable:
@@ -334,7 +351,12 @@ class _Child:
         )
 
 
-def _end(process: subprocess.Popen[bytes], job: int | None) -> None:
+def opener_of(reader: str) -> str:
+    """Function that opens files of a format, as a text."""
+    return _FORMATS[reader].opener
+
+
+def _end(process: subprocess.Popen[bytes], job: int | None, scratch: ExitStack) -> None:
     process.kill()
     process.wait()
     for stream in (process.stdin, process.stdout, process.stderr):
@@ -342,3 +364,4 @@ def _end(process: subprocess.Popen[bytes], job: int | None) -> None:
             with suppress(OSError):  # a request that was not taken
                 stream.close()
     close_job(job)
+    scratch.close()

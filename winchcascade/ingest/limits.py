@@ -68,8 +68,13 @@ def _setting(name: str, usual: float) -> float:
     return value
 
 
-def limit_this_process(memory: int, parent: int) -> None:
-    """Apply what the system itself enforces: end with the parent, reserve and write no more than needed, leave no core file."""
+def limit_this_process(memory: int, parent: int, *, unpacks: bool = False) -> None:
+    """Apply what the system itself enforces: end with the parent, reserve and write no more than needed, leave no core file.
+
+    Parameters
+    ----------
+    unpacks : the process unpacks a log into a file, which may be as large as its memory
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt is for the parent, which then ends this process
     if sys.platform == "win32":
         import ctypes
@@ -78,7 +83,7 @@ def limit_this_process(memory: int, parent: int) -> None:
         return
     import resource
 
-    caps = [(resource.RLIMIT_CORE, 0), (resource.RLIMIT_FSIZE, _LONGEST_WORDS)]
+    caps = [(resource.RLIMIT_CORE, 0), (resource.RLIMIT_FSIZE, memory if unpacks else _LONGEST_WORDS)]
     if sys.platform == "linux":
         import ctypes
 

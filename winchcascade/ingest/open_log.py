@@ -12,7 +12,7 @@ from winchcascade.ingest.source import LogSource, reject_sheet
 _ISOLATED = {
     b"TDSm": "tdms",
     b"PAR1": "parquet",
-    b"PK\x03\x04": "excel",
+    b"\x1f\x8b": "archive",
     b"\xd0\xcf\x11\xe0": "excel",
     b"MATLAB ": "mat",
     b"\x89HDF": "mat",
@@ -31,6 +31,24 @@ def open_log(path: Path, table: str | None = None) -> LogSource:
         raise LogError(f"{path}: no such file; give the path of a log.")
     if not path.is_file():
         raise LogError(f"{path}: is not a file; give the path of one log.")
+    reader = reader_of(path)
+    if reader != "delimited":
+        from winchcascade.ingest.isolated import open_isolated
+
+        return open_isolated(reader, path, table=table)
+    reject_sheet(table, path.name)
+    from winchcascade.ingest.formats.delimited import open_delimited
+
+    return open_delimited(path)
+
+
+def reader_of(path: Path) -> str:
+    """Choose the reader of a file by its first bytes: `delimited`, or a name that `isolated` lists.
+
+    Raises
+    ------
+    LogError : the file cannot be read, is empty or is certain to be no log
+    """
     try:
         with path.open("rb") as file:
             head = file.read(4096)
@@ -38,20 +56,29 @@ def open_log(path: Path, table: str | None = None) -> LogSource:
         raise LogError(f"{path.name}: cannot be read ({fault.strerror}); check its permissions.") from None
     if not head:
         raise LogError(f"{path.name}: the file is empty; expected a log with column names and rows of numbers.")
-    reader = next((name for magic, name in _ISOLATED.items() if head.startswith(magic)), None)
-    if reader or is_mat_v4(head):
-        from winchcascade.ingest.isolated import open_isolated
-
-        return open_isolated(reader or "mat", path, table=table)
     for magic, name in _NO_LOGS.items():
         if head.startswith(magic):
             raise LogError(
                 f"{path.name}: is {name}, not a log; expected CSV, TDMS, MATLAB, Parquet or Excel. Unpack or export it first."
             )
-    reject_sheet(table, path.name)
-    from winchcascade.ingest.formats.delimited import open_delimited
+    if is_zip(head):
+        return "excel" if _WORKBOOK.match(head, _ZIP_NAME) else "archive"
+    reader = next((name for magic, name in _ISOLATED.items() if head.startswith(magic)), None)
+    return reader or ("mat" if is_mat_v4(head) else "delimited")
 
-    return open_delimited(path)
+
+def is_zip(head: bytes) -> bool:
+    """Whether a file begins as a zip archive does, an empty one included."""
+    return head.startswith((b"PK\x03\x04", b"PK\x05\x06"))
+
+
+_ZIP_NAME = 30
+"""Place of the name of the first member in a zip archive."""
+
+_WORKBOOK = re.compile(
+    rb"\[Content_Types\]|_rels/|docProps/|xl/|customXml/|mimetype|META-INF/|(?:content|styles|meta|settings)\.xml"
+)
+"""How the names of the members of a workbook begin."""
 
 
 _V4_TYPE = re.compile(r"[01]0[0-5][012]")
@@ -89,7 +116,6 @@ def is_mat_v4(head: bytes) -> bool:
 
 
 _NO_LOGS = {
-    b"\x1f\x8b": "gzip-compressed",
     b"BZh": "bzip2-compressed",
     b"\xfd7zXZ": "xz-compressed",
     b"\x28\xb5\x2f\xfd": "zstd-compressed",

@@ -20,6 +20,9 @@ from winchcascade.ingest.dialects import Header, recognise
 FEWEST_ROWS = 10
 """A table with fewer rows than this is a list of parameters or results: it shows no motion."""
 
+LOG_ENDINGS = frozenset("csv tsv txt dat asc log lvm tdms mat parquet pq xlsx xls xlsm xlsb ods".split())
+"""Endings of files that are taken for logs among others; the reader is chosen by their content."""
+
 MOST_NAMED = 12
 """Names that a message lists."""
 

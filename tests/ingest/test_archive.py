@@ -1,0 +1,120 @@
+"""Archives: the one log inside is read as if it lay beside them, whatever its format, and nothing is left behind."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import tempfile
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from campaign_log import SAME, SOURCE, clean, efficiencies
+from seeds import seeds
+
+from winchcascade import read_run
+from winchcascade.core.errors import LogError
+from winchcascade.ingest.open_log import open_log
+
+LOG = SOURCE.read_bytes()
+
+
+def zipped(**members: bytes) -> bytes:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+    return stream.getvalue()
+
+
+def write(folder: Path, content: bytes, name: str = "run.dat") -> Path:
+    path = folder / name
+    path.write_bytes(content)
+    return path
+
+
+def sentence(path: Path, table: str | None = None) -> str:
+    with pytest.raises(LogError) as caught:
+        read_run(path, table=table)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        gzip.compress(LOG),
+        zipped(**{"r36ohm.csv": LOG}),
+        zipped(**{"README.md": b"text", "day 1/r36ohm.csv": LOG, "__MACOSX/._r36ohm.csv": b"x", "photo.jpg": b"y"}),
+        zipped(**{"no ending": LOG}),
+    ],
+    ids=["gzip", "zip", "with other files", "without an ending"],
+)
+def test_a_compressed_log_gives_the_same_results(content: bytes, tmp_path: Path) -> None:
+    run = read_run(write(tmp_path, content))
+    assert run.findings == ()
+    assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
+
+
+@pytest.mark.parametrize("form", ["lvm", "tdms", "mat", "mat73", "parquet", "excel", "xls"])
+def test_a_log_of_any_format_may_be_inside(form: str, tmp_path: Path) -> None:
+    inner = seeds(form)[0]
+    plain = open_log(write(tmp_path, inner, "plain.dat"))
+    packed = open_log(write(tmp_path, zipped(**{"log.dat": inner}), "packed.dat"))
+    assert packed.headers == plain.headers
+    one, other = (source.load([1, 2], None) for source in (plain, packed))
+    assert all(np.array_equal(one.values[k], other.values[k], equal_nan=True) for k in (1, 2))
+    plain.close()
+    packed.close()
+
+
+def test_several_logs_are_listed_and_one_can_be_named(tmp_path: Path) -> None:
+    path = write(tmp_path, zipped(**{"a.csv": b"nothing", "b.csv": LOG}))
+    assert "2 files could be the log: 'a.csv', 'b.csv'; expected one; name it with --sheet NAME" in sentence(path)
+    assert read_run(path, table="b.csv").samples == 2767
+
+
+def test_nothing_is_written_outside_of_the_scratch_folder_and_nothing_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scratch = tmp_path / "a" / "scratch"
+    scratch.mkdir(parents=True)
+    monkeypatch.setattr(tempfile, "tempdir", str(scratch))
+    path = write(tmp_path, zipped(**{"../../evil.csv": LOG}))
+    source = open_log(path)
+    assert [file.name for file in scratch.rglob("*.csv")] == ["evil.csv"]
+    source.close()
+    assert sorted(file.name for file in tmp_path.rglob("*")) == ["a", "run.dat", "scratch"]
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (
+            zipped(**{"a.csv": b"t,v\n" + bytes(150_000_000)}),
+            "unpacks to more than 100 MB; less was expected of an archive of",
+        ),
+        (
+            gzip.compress(b"t,v\n" + bytes(150_000_000)),
+            "unpacks to more than 100 MB; less was expected of an archive of",
+        ),
+        (zipped(**{"a.zip": zipped(**{"b.csv": LOG})}), "a.zip: is an archive within an archive"),
+        (zipped(), "holds no file that could be a log"),
+        (zipped(**{"a.csv": LOG})[:20_000], "the archive is damaged or breaks off"),
+        (gzip.compress(LOG)[:20_000], "the archive is damaged or breaks off"),
+        (zipped(**{"a.csv": b""}), "a.csv: the file is empty"),
+        (zipped(**{"a.csv": b"%PDF-1.4 " * 99}), "a.csv: is a PDF document, not a log"),
+    ],
+    ids=["zip bomb", "gzip bomb", "nested", "empty", "cut zip", "cut gzip", "an empty log", "no log"],
+)
+def test_an_archive_that_cannot_be_used_is_rejected_in_one_sentence(content: bytes, words: str, tmp_path: Path) -> None:
+    said = sentence(write(tmp_path, content))
+    assert said.startswith("run.dat: ")
+    assert words in said
+
+
+def test_an_encrypted_log_is_rejected(tmp_path: Path) -> None:
+    content = bytearray(zipped(**{"a.csv": LOG}))
+    content[6] |= 1
+    content[content.index(b"PK\x01\x02") + 8] |= 1
+    assert "a.csv is encrypted; expected a log without a password" in sentence(write(tmp_path, bytes(content)))
