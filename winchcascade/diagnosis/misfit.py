@@ -131,7 +131,9 @@ class Fitted:
         self.rig, self.nominal, self.withheld = rig, baseline(rig), frozenset(withheld)
         self.nuisances: tuple[Nuisance, ...] = nuisances(rig, runs)
         spans = cycles or [None] * len(runs)
-        self.logs = [_log(run, rig, self.nominal, span) for run, span in zip(runs, spans, strict=True)]
+        blocks = [blocks_of(run, rig, span) for run, span in zip(runs, spans, strict=True)]
+        repeats = _repeats(runs, blocks, self.withheld)
+        self.logs = [_log(rig, self.nominal, *one) for one in zip(runs, blocks, repeats, strict=True)]
         for log in self.logs:
             log.course.most_kept = max(min(MOST_KEPT, ALL_KEPT // len(self.logs)), 2)
         self.sizes = [log.measured.shape[0] for log in self.logs]
@@ -324,15 +326,35 @@ def log_of(effect: ActiveEffect) -> int:
     return -1 if entry is None else entry.log
 
 
-def _log(run: Run, rig: Rig, nominal: Model, cycles: tuple[int, int] | None) -> Log:
-    blocks = blocks_of(run, rig, cycles)
+USUAL = 3.0
+"""Number of payouts at a load for which the discrepancy of a single block is stated; more of them are repeats."""
+
+
+def _repeats(runs: Sequence[Run], blocks: Sequence[Blocks], withheld: Collection[int]) -> list[float]:
+    """How often each log is repeated: payouts at its load over all logs that take part, over the usual number, at least 1."""
+    payouts: dict[float | None, int] = {}
+    for k, (run, own) in enumerate(zip(runs, blocks, strict=True)):
+        if k not in withheld:
+            payouts[run.load] = payouts.get(run.load, 0) + np.unique(own.cycle[own.phase == 0]).size
+    return [max(payouts.get(run.load, 0) / USUAL, 1.0) for run in runs]
+
+
+def _log(rig: Rig, nominal: Model, run: Run, blocks: Blocks, repeats: float) -> Log:
+    """Prepare a log.
+
+    Parameters
+    ----------
+    repeats : how often it is repeated; the discrepancy of a block is the same in repeats, so that all of them together must
+        tell no more of the model than one
+    """
     course = Course(run, blocks, COARSE)
     coarse, fine = course.predict(nominal), Course(run, blocks, STEP).predict(nominal)
     nothing = np.zeros(run.t.size)
     measured = np.column_stack([blocks.mean(run.channels.get(name, nothing)) for name in CHANNELS])
     noise = with_extra(noise_of(course, nominal, coarse), blocks, measured - fine)
     courses = _courses(course, fine)
-    noise = _with_discrepancy(noise, course, nominal, courses[:, :, 0], rig.model.discrepancy)
+    share = rig.model.discrepancy * math.sqrt(repeats)
+    noise = _with_discrepancy(noise, course, nominal, courses[:, :, 0], share)
     return Log(run, course, measured, fine - coarse, noise, _whitener(noise), courses)
 
 
