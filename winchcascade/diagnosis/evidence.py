@@ -365,15 +365,25 @@ def _usual_starts(data: Fitted, suspects: Suspects, as_given: Fit) -> list[tuple
     """
     if scale_of(as_given) < HOPELESS:
         return []
+    limit, nu = MUCH_LOWER * as_given.loss, as_given.nu
     tried = [
-        (huber(data.residual(as_given.nu, [effect])), name, value) for name, value, effect in usual_values(suspects)
+        (huber(data.residual(nu, [effect])), name, value)
+        for name, value, effect in usual_values(suspects)
+        if _loss_of_one(data, nu, effect) < limit
     ]
-    lower = sorted(one for one in tried if one[0] < MUCH_LOWER * as_given.loss)[:REFITTED]
+    lower = sorted(one for one in tried if one[0] < limit)[:REFITTED]
     no_columns = msgspec.structs.replace(as_given, j_nu=None, columns={})
     return [
         (name, msgspec.structs.replace(no_columns, names=(name,), place={name: slice(0, 1)}, x=np.array([value])))
         for _, name, value in lower
     ]
+
+
+def _loss_of_one(data: Fitted, nu: Signal, effect: ActiveEffect) -> float:
+    """Robust loss of the log with the lowest load, which all effects of the rig move: the least that the whole loss can be."""
+    lowest = min((log.load, k) for k, log in enumerate(data.logs) if k not in data.withheld)[1]
+    residual = data.measured[data.rows[lowest]] - data.predict(nu, [effect], [lowest])
+    return huber(data.whiten(residual, lowest))
 
 
 def _smallest(
