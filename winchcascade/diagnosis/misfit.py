@@ -74,13 +74,15 @@ class Noise(msgspec.Struct, frozen=True):
 
     `seen` (m, 5): the channel depends on the model there. `own` (m, 5) is the standard deviation of the mean of a block that
     belongs to the channel alone, `bare` (m, 5) its part from white noise of the sensor, `drive` (m, 5) the standard deviation
-    that all channels share through the noise of the velocity. SI units, columns of `predict.CHANNELS`.
+    that all channels share through the noise of the velocity, `model` (m, 5) that by which the model may deviate in a single
+    block. SI units, columns of `predict.CHANNELS`.
     """
 
     seen: NDArray[np.bool_]
     own: Signal
     bare: Signal
     drive: Signal
+    model: Signal
 
     @property
     def total(self) -> Signal:
@@ -299,24 +301,41 @@ def _local_columns(data: Fitted, log: int) -> list[Local]:
     return found
 
 
-def _courses(course: Course, predicted: Signal) -> Signal:
-    """What a discrepancy of the model of 1 moves, (m, 5, 3): the level of each channel in each phase, along `COURSES`.
+def _levels(blocks: Blocks, predicted: Signal) -> Signal:
+    """Level of each channel in each phase, (3, 5): 0 in phases that a log lacks.
 
     Parameters
     ----------
     predicted : (m, 5) blocks of the rig as given; the level of the pressure is its swing over the log
     """
-    blocks = course.blocks
+    level = np.zeros((len(PHASES), len(CHANNELS)))
+    for phase in range(len(PHASES)):
+        here = predicted[blocks.phase == phase]
+        if here.size:
+            level[phase] = np.quantile(np.abs(here), TOP, axis=0)
+    level[:, CHANNELS.index("pressure")] = np.ptp(predicted[:, CHANNELS.index("pressure")])
+    return level
+
+
+def _courses(course: Course, predicted: Signal, level: Signal) -> Signal:
+    """What a discrepancy of the model of 1 moves, (m, 5, 3): the plateau of each channel in the log, along `COURSES`.
+
+    The plateau is the largest level of a phase: sensors and models deviate by a share of what a run reaches, also in haul-in.
+
+    Parameters
+    ----------
+    predicted : (m, 5) blocks of the rig as given
+    level : (3, 5) as `_levels` gives it
+    """
+    blocks, plateau = course.blocks, np.max(level, axis=0)
     speed = np.abs(blocks.mean(course.run.channels["velocity"]))
     signals = np.column_stack([np.ones(blocks.size), speed, np.abs(predicted[:, CHANNELS.index("idc")])])
     found = np.zeros((blocks.size, len(CHANNELS), len(COURSES)))
     for phase in range(len(PHASES)):
         here = np.flatnonzero(blocks.phase == phase)
         if here.size:
-            level = np.quantile(np.abs(predicted[here]), TOP, axis=0)
-            level[CHANNELS.index("pressure")] = np.ptp(predicted[:, CHANNELS.index("pressure")])
             shape = signals[here] / np.maximum(np.quantile(signals[here], TOP, axis=0), 1e-12)
-            found[here] = level[:, None] * np.minimum(shape, 1.0)[:, None, :]
+            found[here] = plateau[:, None] * np.minimum(shape, 1.0)[:, None, :]
     return found
 
 
@@ -352,29 +371,28 @@ def _log(rig: Rig, nominal: Model, run: Run, blocks: Blocks, repeats: float) -> 
     nothing = np.zeros(run.t.size)
     measured = np.column_stack([blocks.mean(run.channels.get(name, nothing)) for name in CHANNELS])
     noise = with_extra(noise_of(course, nominal, coarse), blocks, measured - fine)
-    courses = _courses(course, fine)
-    share = rig.model.discrepancy * math.sqrt(repeats)
-    noise = _with_discrepancy(noise, course, nominal, courses[:, :, 0], share)
-    return Log(run, course, measured, fine - coarse, noise, _whitener(noise), courses)
+    level = _levels(blocks, fine)
+    deviation = rig.model.discrepancy * _in_a_block(course, nominal, level[blocks.phase])
+    own = np.sqrt(noise.own**2 + repeats * deviation**2)
+    noise = msgspec.structs.replace(noise, own=own, model=deviation)
+    return Log(run, course, measured, fine - coarse, noise, _whitener(noise), _courses(course, fine, level))
 
 
 OF_A_BLOCK = 0.25
 """Discrepancy of the model of a single block, as a share of that of its phase. [1]"""
 
 
-def _with_discrepancy(noise: Noise, course: Course, nominal: Model, level: Signal, share: float) -> Noise:
-    """Add by how much the model may deviate in single blocks.
+def _in_a_block(course: Course, nominal: Model, level: Signal) -> Signal:
+    """What a discrepancy of the model of 1 moves in single blocks, (m, 5), SI units.
 
     Parameters
     ----------
     level : (m, 5) of each channel in its phase, SI units
-    share : discrepancy of the model over it [1]
     """
     grid, run = course.on_grid(nominal), course.run
     at_stamps = (np.interp(run.t, course.coarse.t, x) for x in grid.T)
     scatter = np.column_stack([course.blocks.scatter(x) for x in at_stamps])
-    own = np.sqrt(noise.own**2 + share**2 * ((WITHIN * scatter) ** 2 + (OF_A_BLOCK * level) ** 2))
-    return msgspec.structs.replace(noise, own=own)
+    return np.hypot(WITHIN * scatter, OF_A_BLOCK * level)
 
 
 def _whitener(noise: Noise) -> Signal:
@@ -412,7 +430,8 @@ def noise_of(course: Course, model: Model, predicted: Signal) -> Noise:
     least = NOISELESS * np.max(np.abs(predicted), axis=0) if run.simulated else 0.0
     bare = np.maximum(white / np.sqrt(blocks.count)[:, None], least)
     samples = max(round(float(np.median(blocks.count))), 1)
-    return Noise(_seen(course, model, speed), bare, bare, slope * velocity_noise(run, samples))
+    drive = slope * velocity_noise(run, samples)
+    return Noise(_seen(course, model, speed), bare, bare, drive, np.zeros_like(bare))
 
 
 def _seen(course: Course, model: Model, speed: Signal) -> NDArray[np.bool_]:
@@ -450,9 +469,9 @@ def with_extra(noise: Noise, blocks: Blocks, residual: Signal) -> Noise:
 
 def unsteadiness_of(noise: Noise, blocks: Blocks, residual: Signal) -> Signal:
     """Standard deviations of the blocks of a residual about a smooth course, as found and as the noise of sensors and velocity
-    makes them, by phase and channel, (3, 5, 2) in the units of the channels; NaN where there are too few blocks.
+    and the model make them, by phase and channel, (3, 5, 2) in the units of the channels; NaN where there are too few blocks.
     """
-    expected = np.hypot(noise.bare, noise.drive)
+    expected = np.sqrt(noise.bare**2 + noise.drive**2 + noise.model**2)
     table = np.full((len(PHASES), len(CHANNELS), 2), np.nan)
     for phase in range(len(PHASES)):
         for k in range(len(CHANNELS)):
