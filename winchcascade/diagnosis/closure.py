@@ -9,10 +9,11 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.integrate import white_noise
-from winchcascade.diagnosis.block_means import PHASES
+from winchcascade.diagnosis.block_means import PHASES, scatter_about_course
 from winchcascade.diagnosis.diagnosis_result import Alarm, GapClosure, Shrunk, Spot
 from winchcascade.diagnosis.evidence import Fit, RigProblem, fit_set
 from winchcascade.diagnosis.gap_map import without_zeros
+from winchcascade.diagnosis.misfit import LEAST as LEAST_BLOCKS
 from winchcascade.diagnosis.misfit import WITHIN, unsteadiness_of
 from winchcascade.diagnosis.predict import CHANNELS, Course
 
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from winchcascade.core.run import Run, Signal
-    from winchcascade.diagnosis.misfit import Fitted
+    from winchcascade.diagnosis.misfit import Fitted, Log
     from winchcascade.diagnosis.suspects import Suspects
 
 DRAWS = 400
@@ -43,7 +44,7 @@ RESTLESS = 2.2
 
 UNSTEADY = 6.0
 """Scatter of the blocks about a smooth course over that of noise alone, the median of the logs, beyond which something varies
-that the model lacks: an eccentric drum, teeth. Ringing, gusts and the true model stay below 3."""
+that the model lacks: an eccentric drum, teeth. The true model stays below 2 at any rate and noise."""
 
 PULLED = 5.0
 """Maximum magnitude of a nuisance, in its tolerances, that counts as within tolerance."""
@@ -218,11 +219,16 @@ def _with_noise(run: Run, rng: np.random.Generator) -> Run:
 def unsteadiness(data: Fitted, suspects: Suspects, fit: Fit) -> dict[tuple[str, str], float]:
     """Scatter of blocks about a smooth course over that of noise, the median of the logs, by channel and phase.
 
-    The noise in the fit contains all scatter from block to block, so that no z shows it.
+    The noise in the fit contains all scatter from block to block, so that no z shows it. The tether moves the force also at
+    rest: its scatter there counts as noise.
     """
     residual = data.measured - data.predict(fit.nu, fit.effects(suspects))
     each = (log for log in enumerate(data.logs) if log[0] not in data.withheld)
-    tables = [unsteadiness_of(log.noise, log.course.blocks, residual[data.rows[k]]) for k, log in each]
+    tables = []
+    for k, log in each:
+        table = unsteadiness_of(log.noise, log.course.blocks, residual[data.rows[k]])
+        table[:, FORCE, 1] = np.fmax(table[:, FORCE, 1], _at_rest(log))
+        tables.append(table)
     found, expected = np.moveaxis(np.array(tables), -1, 0)
     ratio = np.divide(found, expected, out=np.full_like(found, np.nan), where=expected > 0.0)
     return {
@@ -231,3 +237,12 @@ def unsteadiness(data: Fitted, suspects: Suspects, fit: Fit) -> dict[tuple[str, 
         for k, channel in enumerate(CHANNELS)
         if np.isfinite(ratio[:, p, k]).any()
     }
+
+
+FORCE = CHANNELS.index("force")
+
+
+def _at_rest(log: Log) -> float:
+    """Scatter of the force from block to block while the line rests, NaN where there are too few blocks. [N]"""
+    blocks = log.course.blocks
+    return scatter_about_course(blocks, log.measured[:, FORCE], blocks.phase == PHASES.index("hold"), LEAST_BLOCKS)
