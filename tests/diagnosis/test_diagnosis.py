@@ -113,6 +113,22 @@ def test_an_eccentric_drum_is_no_noise() -> None:
     assert (worst.kind, worst.about) == ("ripple", Spot("torque", "payout"))
 
 
+def test_a_tether_that_moves_also_at_rest_is_noise() -> None:
+    rng = np.random.default_rng(3)
+    moved = [
+        msgspec.structs.replace(
+            run,
+            channels={
+                **run.channels,
+                "force": run.channels["force"]
+                + 40.0 * np.interp(run.t, np.arange(0.0, run.t[-1] + 0.5, 0.3), rng.normal(size=int(run.t[-1] / 0.3) + 2)),
+            },
+        )
+        for run in campaign({})
+    ]
+    assert diagnose(moved, built_in(), EFFECTS).verdict == "no_gap"
+
+
 def test_logs_without_a_channel_of_the_model_are_rejected_and_not_called_sound() -> None:
     bare = [msgspec.structs.replace(run, channels={"velocity": run.channels["velocity"]}) for run in campaign({})]
     with pytest.raises(LogError, match="no log that takes part has pressure, force, torque, vdc or idc"):
