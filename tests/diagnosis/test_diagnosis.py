@@ -121,7 +121,8 @@ def test_a_tether_that_moves_also_at_rest_is_noise() -> None:
             channels={
                 **run.channels,
                 "force": run.channels["force"]
-                + 40.0 * np.interp(run.t, np.arange(0.0, run.t[-1] + 0.5, 0.3), rng.normal(size=int(run.t[-1] / 0.3) + 2)),
+                + 40.0
+                * np.interp(run.t, np.arange(0.0, run.t[-1] + 0.5, 0.3), rng.normal(size=int(run.t[-1] / 0.3) + 2)),
             },
         )
         for run in campaign({})

@@ -114,7 +114,9 @@ def test_the_discrepancy_of_the_model_is_a_share_of_the_plateau_of_its_log(data:
     assert share == pytest.approx(RIG.model.discrepancy, rel=0.02)
     swing = np.ptp(first.measured[:, pressure])
     assert spread[data.rows[0], pressure].max() == pytest.approx(RIG.model.discrepancy * swing, rel=0.02)
-    haul_in = spread[data.rows[0]][first.course.blocks.phase == 2, torque]  # the clutch lets go, but a sensor has its range
+    haul_in = spread[data.rows[0]][
+        first.course.blocks.phase == 2, torque
+    ]  # the clutch lets go, but a sensor has its range
     assert haul_in.max() == pytest.approx(spread[data.rows[0]][payout, torque].max(), rel=0.02)
 
 
