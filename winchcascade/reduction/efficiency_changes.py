@@ -110,7 +110,7 @@ def compare_cycles(
 
     Every split into first and last cycles is compared, every cycle with the others, and a straight line is fitted to all.
     """
-    if run.open_circuit:
+    if run.open_circuit or not rig.cascade.neighbours:
         return []
     cascade, whole = rig.cascade, [c for c in cycles if c.complete]
     last, overall = cascade.neighbours[-1], cascade.overall

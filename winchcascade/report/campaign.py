@@ -354,11 +354,8 @@ _NET_RATIO = "η_net = E_gen, cycle / E_net. "
 def repeatability_table(runs: Sequence[LogSummary]) -> Table | None:
     """Largest deviation of any cycle from the mean, for every log; None where no log has two cycles."""
     several = [run for run in runs if run.complete > 1]
-    given = [
-        m
-        for m in cascade_of(runs).metrics
-        if any(run.max_deviation_percent.get(field_of(m)) is not None for run in several)
-    ]
+    metrics = cascade_of(runs).metrics
+    given = [m for m in metrics if any(_deviation(field_of(m), run) is not None for run in several)]
     columns = [
         _LOG,
         _LOAD,
