@@ -89,7 +89,8 @@ def metrics(
     ----------
     energy : energies of the stages over the window by name [J]; other metrics are taken over
     duration : length of the window [s]
-    open_circuit : nothing is delivered, so eta_gen and eta_pto are no efficiencies of the machine
+    open_circuit : nothing is delivered, so eta_gen and eta_pto are no efficiencies of the machine; nor is any ratio to an
+        energy of exactly zero, as of a shaft at rest
 
     Returns
     -------
@@ -101,7 +102,8 @@ def metrics(
         values[f"power_{stage}"] = None if joule is None or duration <= 0 else joule / duration
     odd = {}
     for name, (out, into) in cascade.ratios.items():
-        value = None if open_circuit and cascade.undelivered(name) else ratio(energy[out], energy[into])
+        idle = energy[out] == 0.0 or (open_circuit and cascade.undelivered(name))
+        value = None if idle else ratio(energy[out], energy[into])
         if value is not None and not is_efficiency(value):
             odd[name], value = value, None
         values[name] = value
