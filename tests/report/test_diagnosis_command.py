@@ -3,6 +3,7 @@
 import json
 import shutil
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 from diagnosed import PLANTED, SUSPECTS, write_campaign
@@ -34,6 +35,27 @@ def results(campaign: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+class Corrected(NamedTuple):
+    """The corrected rig file, the exported model in both formats, and what the commands printed: a text, and JSON alone."""
+
+    rig: Path
+    model: Path
+    matlab: Path
+    text: str
+    json: str
+
+
+@pytest.fixture(scope="module")
+def corrected(campaign: Path, tmp_path_factory: pytest.TempPathFactory) -> Corrected:
+    """The same diagnosis twice: with a text and with JSON on standard output."""
+    out = tmp_path_factory.mktemp("corrected")
+    rig, model, matlab = out / "corrected.toml", out / "model.json", out / "model.mat"
+    text = winchcascade("diagnose", campaign, "--write", rig, "--export", model, *FEW)
+    alone = winchcascade("diagnose", campaign / "campaign.toml", "--export", matlab, "--json", "-", *FEW)
+    assert (text.returncode, alone.returncode) == (0, 0)
+    return Corrected(rig, model, matlab, text.stdout, alone.stdout)
+
+
 def test_the_command_writes_json_page_pdf_and_predictions(results: Path) -> None:
     record = json.loads((results / "d.json").read_bytes())
     assert record["schema"] == "winchcascade/diagnosis/1"
@@ -57,41 +79,37 @@ def test_the_report_names_the_withheld_log(results: Path) -> None:
     assert "withheld" in (results / "d.html").read_text(encoding="utf-8")
 
 
-def test_json_on_standard_output_stands_alone(campaign: Path) -> None:
-    done = winchcascade("diagnose", campaign / "campaign.toml", "--json", "-", *FEW)
-    assert done.returncode == 0
-    assert json.loads(done.stdout)["closure"]["withheld"] == [18.0, 4.5]
+def test_json_on_standard_output_stands_alone(corrected: Corrected) -> None:
+    assert json.loads(corrected.json)["closure"]["withheld"] == [18.0, 4.5]
 
 
-def test_the_corrected_rig_leaves_no_gap_and_is_accepted_by_other_commands(campaign: Path, tmp_path: Path) -> None:
-    corrected = tmp_path / "corrected.toml"
-    done = winchcascade("diagnose", campaign, "--write", corrected, *FEW)
-    assert done.returncode == 0
-    assert str(corrected) in done.stdout
-    change = load_rig(corrected).effects["copper_heating"].fields["r_s_change"]
+def test_the_corrected_rig_leaves_no_gap_and_is_accepted_by_other_commands(
+    campaign: Path, corrected: Corrected, tmp_path: Path
+) -> None:
+    assert str(corrected.rig) in corrected.text
+    change = load_rig(corrected.rig).effects["copper_heating"].fields["r_s_change"]
     assert change.low is not None
     assert change.high is not None
     assert change.low <= 0.4 <= change.high
-    again = winchcascade("diagnose", campaign, "--rig", corrected, "--write", tmp_path / "again.toml", *FEW)
+    again = winchcascade("diagnose", campaign, "--rig", corrected.rig, "--write", tmp_path / "again.toml", *FEW)
     assert "no gap" in again.stdout
     assert "no corrected rig file, as no named cause belongs in it" in again.stdout
     assert not (tmp_path / "again.toml").exists()
     as_given, simulated = tmp_path / "as_given.csv", tmp_path / "simulated.csv"
     log = campaign / "r4p5ohm.csv"
     assert winchcascade("simulate", log, "--load-ohm", "4.5", "--out", as_given).returncode == 0
-    assert winchcascade("simulate", log, "--load-ohm", "4.5", "--rig", corrected, "--out", simulated).returncode == 0
+    assert (
+        winchcascade("simulate", log, "--load-ohm", "4.5", "--rig", corrected.rig, "--out", simulated).returncode == 0
+    )
     logged, given, found = (read_run(path, load=4.5).channels["vdc"] for path in (log, as_given, simulated))
     assert abs(found - logged).mean() < 0.1 * abs(given - logged).mean()
     page = tmp_path / "r4p5ohm.html"
-    assert winchcascade("reduce", log, "--load-ohm", "4.5", "--rig", corrected, "--html", page).returncode == 0
+    assert winchcascade("reduce", log, "--load-ohm", "4.5", "--rig", corrected.rig, "--html", page).returncode == 0
     assert "states effects, which the model includes: copper_heating" in page.read_text(encoding="utf-8")
 
 
-def test_the_corrected_model_is_exported_for_python_and_matlab(campaign: Path, tmp_path: Path) -> None:
-    text, matlab = tmp_path / "model.json", tmp_path / "model.mat"
-    for file in (text, matlab, matlab):  # the second time over its own file
-        assert winchcascade("diagnose", campaign, "--export", file, *FEW).returncode == 0
-    record, model = json.loads(text.read_bytes()), loadmat(matlab, simplify_cells=True)["model"]
+def test_the_corrected_model_is_exported_for_python_and_matlab(corrected: Corrected) -> None:
+    record, model = json.loads(corrected.model.read_bytes()), loadmat(corrected.matlab, simplify_cells=True)["model"]
     assert record["schema"] == model["schema"] == "winchcascade/model/1"
     resistance = record["generator"]["r_s"]
     assert resistance["value"] == pytest.approx(1.4 * resistance["as_given"], rel=0.03)
@@ -170,9 +188,14 @@ def test_an_input_is_never_replaced(campaign: Path) -> None:
     assert (campaign / "campaign.toml").read_bytes() == before
 
 
-def test_an_effect_that_alone_is_suspected_is_the_only_one_that_is_named(campaign: Path, tmp_path: Path) -> None:
-    done = winchcascade("diagnose", campaign, "--suspect", "ke_rolloff", "--json", "-")
+def test_an_effect_that_alone_is_suspected_is_the_only_one_that_is_named(
+    campaign: Path, corrected: Corrected, tmp_path: Path
+) -> None:
+    earlier = tmp_path / "model.mat"
+    shutil.copy(corrected.matlab, earlier)
+    done = winchcascade("diagnose", campaign, "--suspect", "ke_rolloff", "--json", "-", "--export", earlier)
     assert done.returncode == 0, done.stderr
+    assert earlier.read_bytes() != corrected.matlab.read_bytes()  # replaced, as the tool had written it
     record = json.loads(done.stdout)
     assert {cause["effect"] for cause in record["causes"]} <= {"ke_rolloff"}
     assert record["verdict"] != "no_gap"
