@@ -69,7 +69,7 @@ def test_the_net_energies_are_those_of_the_exact_motion(name: str, tmp_path: Pat
             "energy_gen_cycle": integral(exact.t, watts["gen"], (c.net.begin, c.net.end)),
         }
         for metric, joule in joules.items():
-            zero = 0.0 if metric in ("energy_net", "energy_gen_cycle") else ZERO * c.summary.payout.travel
+            zero = 0.0 if metric in ("energy_net", "energy_gen_cycle") else ZERO * (c.summary.payout.travel or math.nan)
             assert getattr(c.metrics, metric) == pytest.approx(joule, rel=NOISE, abs=zero), metric
         assert c.metrics.eta_net == pytest.approx(joules["energy_gen_cycle"] / joules["energy_net"], rel=NOISE)
 
@@ -133,7 +133,7 @@ def test_a_line_that_ends_elsewhere_has_no_net_energy(share: float, whole: bool)
     first = WHOLE.cycles[0]
     assert first.net.travel is not None
     ramp = np.clip((LOG.t - first.net.begin) / (first.net.end - first.net.begin), 0.0, 1.0)
-    drift = (share * first.summary.payout.travel - first.net.travel) * ramp
+    drift = (share * (first.summary.payout.travel or math.nan) - first.net.travel) * ramp
     found = reduce(changed(displacement=LOG.channels["displacement"] + drift))
     assert (reasons(found)[0] is None) is whole
     assert reasons(found)[1:] == [None, None]
@@ -171,7 +171,7 @@ def test_the_zero_of_the_force_cell_cancels_over_a_cycle_and_its_gain_does_not()
     zero, payout = force["zero"].of.energy_net, force["zero"].of.energy_payout
     assert zero is not None
     assert payout is not None
-    travel = max(abs(c.net.travel or 0.0) / c.summary.payout.travel for c in WHOLE.cycles)
+    travel = max(abs(c.net.travel or 0.0) / (c.summary.payout.travel or math.nan) for c in WHOLE.cycles)
     assert zero < 2 * travel * payout
     gain = force["gain"].source
     assert gain is not None

@@ -19,7 +19,7 @@ def log_efficiency(name: str, record: RunRecord) -> LogEfficiency | None:
     payouts = [cycle.phase_summary.payout for cycle in record.cycles if cycle.complete]
     if not payouts:
         return None
-    speeds = [p.plateau.speed if p.plateau else p.travel / p.duration for p in payouts]
+    speeds = [(p.plateau.speed if p.plateau else (p.travel or 0.0) / p.duration) or 0.0 for p in payouts]
     log, parts = record.log, record.uncertainty
     own = [row.contribution for row in parts.budget if row.part != "gain"] + [parts.repeatability]
     return LogEfficiency(

@@ -34,7 +34,9 @@ class LogSettings(msgspec.Struct, frozen=True):
 
 
 def listed_settings(campaign: Campaign, run: CampaignRun, rig: Rig) -> LogSettings:
-    """Settings of a log as a campaign lists it."""
+    """Settings of a log as a campaign lists it; its ranges of time count before [phases] of the rig."""
+    if run.ranges:
+        rig = replace(rig, phases=replace(rig.phases, source="ranges", ranges=run.ranges))
     return LogSettings(
         rig=rig,
         load=run.load,

@@ -14,6 +14,7 @@ from typing import Annotated, Any
 import msgspec
 
 from winchcascade.core.errors import CampaignError
+from winchcascade.core.phase_rule import Ranges
 from winchcascade.core.quantity import is_load
 from winchcascade.core.toml_text import Expected, check_keys, entries, entry, read_toml, toml_values
 
@@ -100,13 +101,14 @@ Cycles = tuple[int, int]
 """First and last cycle that count, both included."""
 
 
-class CampaignRun(msgspec.Struct, frozen=True, rename={"load": "load_ohm", "window": "window_s"}):
+class CampaignRun(msgspec.Struct, frozen=True, rename={"load": "load_ohm", "window": "window_s", "ranges": "ranges_s"}):
     """One log of a campaign: its file, load [ohm], fixed window [s], the cycles that count, whether it is withheld, and where
     its data come from.
 
     `sheet` is the name or number of the table within a workbook, a MATLAB file or TDMS. `simulated` is the file of the
     owner's own simulation of the run, None where there is none.
 
+    `ranges` are begin and end of each cycle on the clock of the log, instead of detected ones [s].
     `load` is None for a rig without one and inf for an open circuit; `window` None where the rule of the rig applies.
     """
 
@@ -118,6 +120,7 @@ class CampaignRun(msgspec.Struct, frozen=True, rename={"load": "load_ohm", "wind
         Expected("first and last, such as [1, 20]", lambda ends: 1 <= ends[0] <= ends[1]),
     ] = None
     withheld: Annotated[bool, Expected("true or false")] = False
+    ranges: Ranges = ()
     origin: Origin = Origin()
     sheet: str | None = None
     simulated: Path | None = None
@@ -244,7 +247,18 @@ _Sheet = Annotated[
 
 def _run(raw: dict[str, Any], number: int, path: Path, common: Origin) -> CampaignRun:
     place = f"{path}: run {number}"
-    known = ("file", "simulated", "sheet", "load_ohm", "window_s", "cycles", "withheld", "measured", "origin")
+    known = (
+        "file",
+        "simulated",
+        "sheet",
+        "load_ohm",
+        "window_s",
+        "cycles",
+        "ranges_s",
+        "withheld",
+        "measured",
+        "origin",
+    )
     words = f"no entry of a run; expected {', '.join(known[:-1])} or {known[-1]}"
     check_keys(raw, known, f"{place}: ", words, CampaignError)
     file = entry(raw.get("file"), "file", _File, place, CampaignError)

@@ -12,6 +12,7 @@ from typing import Literal
 import msgspec
 
 from winchcascade.core.cascade import PAPER, Cascade
+from winchcascade.core.phase_rule import PhaseRule
 from winchcascade.core.quantity import Quantity
 from winchcascade.core.run import CHANNELS, Channel
 
@@ -201,6 +202,7 @@ class Rig(msgspec.Struct, frozen=True):
     sample_rate: float | None = None
     thresholds: Thresholds = Thresholds()
     model: ModelAccuracy = ModelAccuracy()
+    phases: PhaseRule = PhaseRule()
     path: str = ""
 
     @property
@@ -222,5 +224,6 @@ class Rig(msgspec.Struct, frozen=True):
         return gear.value / self.r_drum * 30.0 / math.pi
 
 
-WindowRule = Literal["auto", "payout"] | float
-"""Where the integration window ends: after the plateau begins, with the payout, or a fixed time after the onset [s]."""
+WindowRule = Literal["auto", "payout", "whole"] | float
+"""Where the integration window ends: after the plateau begins, with the payout, or a fixed time after the onset [s]; `whole`
+where cycles are spans that are found in no motion."""

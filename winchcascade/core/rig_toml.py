@@ -15,6 +15,7 @@ import msgspec
 from winchcascade.core.cascade import Cascade
 from winchcascade.core.cascade_toml import CascadeTable, StageTable, read_cascade
 from winchcascade.core.errors import RigError
+from winchcascade.core.phase_rule import phase_rule
 from winchcascade.core.quantity import Quantity, find_unit, read_as
 from winchcascade.core.rig_file import (
     Column,
@@ -169,6 +170,7 @@ def _rig(raw: dict[str, Any], where: str) -> Rig:
                 "log",
                 "thresholds",
                 "model",
+                "phases",
                 *_SECTIONS,
             }
         ),
@@ -207,6 +209,7 @@ def _rig(raw: dict[str, Any], where: str) -> Rig:
         sample_rate=rate,
         thresholds=_thresholds(_table(raw, "thresholds", where), where),
         model=_model_accuracy(_table(raw, "model", where), where),
+        phases=phase_rule(_table(raw, "phases", where), where),
         path=where,
         **sections,
     )

@@ -117,6 +117,7 @@ class Run(msgspec.Struct, frozen=True):
     table : name of the sheet, variable or group that was read, None for a file that is one table
     simulated : carries the columns by which `simulate` marks its logs; a log without that mark may be simulated too
     origin : whether the data are measured, as the campaign states it or the mark of `simulate`, and where they come from
+    labels : (n,) 1 in payout, -1 in haul-in, 0 elsewhere, where the rig file names a column of phases
     load : resistance at the DC link; inf is an open circuit, None unknown or no load at all [ohm]
     """
 
@@ -126,6 +127,7 @@ class Run(msgspec.Struct, frozen=True):
     fs: float
     samples: int
     gaps: Mapping[str, Signal] = msgspec.field(default_factory=dict)
+    labels: Signal | None = None
     load: float | None = None
     load_source: str = "unknown"
     path: str = ""

@@ -28,6 +28,7 @@ from winchcascade.ingest.checks.quality import check
 from winchcascade.ingest.clock import Clock, clock_of_digits, even_clock, read_clock, require_rising
 from winchcascade.ingest.dialects import nameless
 from winchcascade.ingest.open_log import open_log
+from winchcascade.ingest.phase_labels import label_column, phase_labels
 from winchcascade.ingest.source import FEWEST_ROWS, LogSource, LogTable
 
 OVERFLOW = 1e30
@@ -107,6 +108,7 @@ def _read(path: Path, rig: Rig, load: float | None, table_name: str | None, *, s
     source = open_log(path, table_name)
     try:
         found, table = _loaded(source, rig, path.name)
+        labels = _labels(source, table, rig, path.name)
     finally:
         source.close()
     # Hashing leaves the interpreter free for other work.
@@ -124,13 +126,13 @@ def _read(path: Path, rig: Rig, load: float | None, table_name: str | None, *, s
     if load is None:
         load, load_source, load_faults = _load(source)
         time_findings += load_faults
-    checked = check(
-        clock.t,
-        _channels(table, found, clock),
-        rig,
-        simulated=found.simulated or simulated,
-        open_circuit=load == math.inf,
-    )
+    channels, simulated = _channels(table, found, clock), found.simulated or simulated
+    if rig.phases.source == "rows":
+        from winchcascade.ingest.step_rows import steps_of_rows
+
+        checked = steps_of_rows(channels)
+    else:
+        checked = check(clock.t, channels, rig, simulated=simulated, open_circuit=load == math.inf)
     if not checked.channels:
         raise LogError(
             f"{path.name}: the columns of motion and power hold no number; expected those of one stage at least."
@@ -138,7 +140,9 @@ def _read(path: Path, rig: Rig, load: float | None, table_name: str | None, *, s
     hashing.join()
     if not any(digests):
         raise LogError(f"{path}: could not be read to its end; check that the file is still there.")
-    lost = np.concatenate((np.interp(clock.gaps, clock.t, checked.t), checked.clock))
+    lost = checked.clock
+    if clock.gaps.size:
+        lost = np.concatenate((np.interp(clock.gaps, clock.t, checked.t), lost))
     return Run(
         name=one_line(path.name),
         t=checked.t,
@@ -146,6 +150,7 @@ def _read(path: Path, rig: Rig, load: float | None, table_name: str | None, *, s
         fs=clock.fs,
         samples=samples,
         gaps=dict(checked.gaps) | ({CLOCK: lost[np.argsort(lost[:, 0])]} if lost.size else {}),
+        labels=labels if labels is None or clock.rows is None else labels[clock.rows],
         load=load,
         load_source=load_source,
         path=one_line(str(path)),
@@ -179,6 +184,8 @@ def _loaded(source: LogSource, rig: Rig, where: str) -> tuple[Assignment, LogTab
     found = assign(source.headers, rig, where)
     wanted = [match.index for match in found.channels.values()]
     wanted += [match.index for matches in found.candidates.values() for match in matches]
+    if rig.phases.source == "column":
+        wanted = list(dict.fromkeys([*wanted, label_column(source.headers, rig.phases, where)]))
     table = None
     if found.time is None and source.time_step is None:
         columns = [k for k, header in enumerate(source.headers) if nameless(header) and k not in wanted]
@@ -192,6 +199,13 @@ def _loaded(source: LogSource, rig: Rig, where: str) -> tuple[Assignment, LogTab
 
         found = with_chosen(found, table, source.headers, rig, where)
     return found, table
+
+
+def _labels(source: LogSource, table: LogTable, rig: Rig, where: str) -> Signal | None:
+    """Phase of each row where the rig names a column of them, (n,)."""
+    if rig.phases.source != "column":
+        return None
+    return phase_labels(source, table, label_column(source.headers, rig.phases, where), rig.phases, where)
 
 
 def _is_clock(table: LogTable) -> bool:
@@ -248,7 +262,11 @@ def _sha256(path: Path) -> str:
 def _clock(
     source: LogSource, table: LogTable, found: Assignment, rig: Rig, samples: int, where: str
 ) -> tuple[Clock, list[Finding]]:
-    """Stamps from the time column, else from the increment that the file or the rig file states."""
+    """Stamps from the time column, else from the increment that the file or the rig file states; rows of step means have
+    none.
+    """
+    if rig.phases.source == "rows":
+        return even_clock(samples, 1.0, 0.0), []
     if table.stamps is None:
         step = source.time_step or (rig.sample_rate and 1.0 / rig.sample_rate)
         if step is None:

@@ -54,6 +54,8 @@ class LogSource(msgspec.Struct, frozen=True):
     time_start : stamp of the first sample of such a waveform [s]
     properties : what the file states about itself, such as `load_ohm`
     table : name of the sheet, variable or group that is read, where a file may hold several
+    texts : loads a column as texts, by its index, in the rows in which the columns of some other indices hold a number; None
+        where the format gives numbers alone
     close : releases what the source holds; no column can be loaded afterwards
     """
 
@@ -62,6 +64,7 @@ class LogSource(msgspec.Struct, frozen=True):
     time_step: float | None = None
     time_start: float = 0.0
     properties: Mapping[str, str | float] = msgspec.field(default_factory=dict)
+    texts: Callable[[int, Sequence[int]], Sequence[str]] | None = None
     close: Callable[[], object] = lambda: None
     table: str | None = None
 

@@ -96,7 +96,7 @@ def instant_error(run: Run, v_smooth: Signal, instants: Signal) -> Signal:
     """What gaps of the velocity may move the instants at which it passes a level, (k,) in rising order [s]."""
     moved = np.zeros(len(instants))
     gaps = gaps_of(run, ("velocity",))
-    if len(gaps) == 0:
+    if len(gaps) == 0 or "velocity" not in run.channels:
         return moved
     first = np.searchsorted(instants, gaps[:, 0] - NEAR)
     error = bridging_error(run.t, run.channels["velocity"], gaps)

@@ -11,7 +11,7 @@ import numpy as np
 from winchcascade.core.cascade import BUILT_IN
 from winchcascade.core.integrate import Stream, extremes, integrals, means
 from winchcascade.core.run import Signal
-from winchcascade.reduction.phased_run import PhasedRun
+from winchcascade.reduction.phased_run import PhasedRun, span_end
 from winchcascade.reduction.phases import Cycle
 
 WRITTEN = {
@@ -27,7 +27,7 @@ class PlateauSummary(msgspec.Struct, frozen=True, rename=WRITTEN):
 
     begin: float
     braking: float
-    speed: float
+    speed: float | None
     force: float | None
     torque: float | None
     power_line: float | None
@@ -39,8 +39,8 @@ class PayoutSummary(msgspec.Struct, frozen=True, rename=WRITTEN):
     """Payout: duration [s], travel [m], top speed of the smoothed velocity [m/s], and its plateau if it has one."""
 
     duration: float
-    travel: float
-    speed_max: float
+    travel: float | None
+    speed_max: float | None
     plateau: PlateauSummary | None
 
 
@@ -57,18 +57,29 @@ class HaulInSummary(msgspec.Struct, frozen=True, rename=WRITTEN):
     """Haul-in: duration [s], top speed as a magnitude [m/s], mean and minimum force [N], line energy, negative [J]."""
 
     duration: float
-    speed_max: float
+    speed_max: float | None
     force: float | None
     force_min: float | None
     energy_line: float | None
 
 
+class OperatingPoint(msgspec.Struct, frozen=True, rename=WRITTEN):
+    """Time means over a cycle that is a span: speed of the shaft [rpm] and torque [N m], None for what is not measured."""
+
+    rpm_shaft: float | None
+    torque: float | None
+
+
 class PhaseSummary(msgspec.Struct, frozen=True):
-    """The three phases of one cycle; None for one that the log does not hold."""
+    """The three phases of one cycle; None for one that the log does not hold.
+
+    `point` belongs to cycles that are spans of shaft or torque, as operating points of a dynamometer; it is unset for others.
+    """
 
     payout: PayoutSummary
     hold: HoldSummary | None
     haul_in: HaulInSummary | None
+    point: OperatingPoint | msgspec.UnsetType = msgspec.UNSET
 
 
 def summarise(phased: PhasedRun) -> list[PhaseSummary]:
@@ -76,8 +87,9 @@ def summarise(phased: PhasedRun) -> list[PhaseSummary]:
     run, cycles = phased.run, phased.cycles
     flat = _windows(cycles, [None if p is None else (p.begin, max(p.braking, p.begin)) for p in phased.plateaus])
     on_plateau = _means(phased, ("velocity", "force", "torque", "power_line", "power_mech", "power_gen"), flat)
+    known = "velocity" in run.channels
     plateaus = [
-        None if p is None else PlateauSummary(begin, braking, p.speed if speed is None else speed, *rest)
+        None if p is None else PlateauSummary(begin, braking, p.speed if speed is None and known else speed, *rest)
         for p, (begin, braking), (speed, *rest) in zip(phased.plateaus, flat.tolist(), on_plateau, strict=True)
     ]
     held = _means(phased, ("force", "torque", "pressure"), _windows(cycles, [c.hold for c in cycles]))
@@ -88,15 +100,35 @@ def summarise(phased: PhasedRun) -> list[PhaseSummary]:
     least = nothing if force is None else extremes(run.t, force, hauls)[0].tolist()
     energy = nothing if line is None else integrals(run.t, line, hauls).tolist()
     hauled = zip(top, _means(phased, ("force",), hauls), least, energy, strict=True)
+    points = _points(phased)
     return [
         PhaseSummary(
-            PayoutSummary(_seconds(c.payout_end - c.onset), travel, speed_max, plateau),
+            PayoutSummary(
+                _seconds(c.payout_end - c.onset),
+                travel if math.isfinite(travel) else None,
+                speed_max if known else None,
+                plateau,
+            ),
             None if c.hold is None else HoldSummary(_seconds(c.hold[1] - c.hold[0]), *hold),
-            None if c.haul_in is None else HaulInSummary(_seconds(c.haul_in[1] - c.haul_in[0]), v, mean, low, joule),
+            None
+            if c.haul_in is None
+            else HaulInSummary(_seconds(c.haul_in[1] - c.haul_in[0]), v if known else None, mean, low, joule),
+            point,
         )
-        for c, travel, speed_max, plateau, hold, (v, (mean,), low, joule) in zip(
-            cycles, phased.travel, phased.speed_max, plateaus, held, hauled, strict=True
+        for c, travel, speed_max, plateau, hold, (v, (mean,), low, joule), point in zip(
+            cycles, phased.travel, phased.speed_max, plateaus, held, hauled, points, strict=True
         )
+    ]
+
+
+def _points(phased: PhasedRun) -> list[OperatingPoint | msgspec.UnsetType]:
+    """Mean speed and torque of each cycle that is a span; unset where payouts are found in a motion."""
+    if phased.rig.phases.by_motion or not {"speed", "torque"} & phased.run.channels.keys():
+        return [msgspec.UNSET] * len(phased.cycles)
+    windows = np.array([(c.onset, span_end(c, phased.rig)) for c in phased.cycles]).reshape(-1, 2)
+    return [
+        OperatingPoint(None if omega is None else omega * 30.0 / math.pi, torque)
+        for omega, torque in _means(phased, ("speed", "torque"), windows)
     ]
 
 

@@ -13,7 +13,8 @@ from winchcascade.core.errors import OptionError
 from winchcascade.core.integrate import extremes, integrals, median
 from winchcascade.core.rig_file import Rig, Thresholds, WindowRule
 from winchcascade.core.run import Finding, Run, Signal
-from winchcascade.reduction.phases import Cycle, Plateau, check_cycles, detect, find_plateau, smoothed_velocity
+from winchcascade.reduction.phase_sources import find_cycles
+from winchcascade.reduction.phases import Cycle, Plateau, check_cycles, find_plateau
 
 MOST_CYCLES = 12
 """Maximum number of cycles that are checked: an even selection of those of a longer log. Faults of a sensor concern all."""
@@ -38,8 +39,8 @@ class PhasedRun(msgspec.Struct, frozen=True):
 
     Parameters
     ----------
-    rule : of the windows
-    v_smooth : (n,) line velocity, smoothed [m/s]
+    rule : of the windows; `payout` where cycles are spans that are found in no motion
+    v_smooth : (n,) line velocity, smoothed [m/s]; speed of the shaft [rad/s] or zero where that is unknown
     first : number of the first cycle that counts
     next_onset : of the payout that follows the last of the cycles [s], None if there is none
     plateaus, travel, speed_max : of each payout: its plateau, its travel [m] and its top smoothed speed [m/s]
@@ -88,30 +89,34 @@ def find_phases(run: Run, rig: Rig, rule: WindowRule, cycles: tuple[int, int] | 
     ------
     OptionError : the log has none of these cycles
     """
-    v_smooth = smoothed_velocity(run, rig.thresholds)
-    detected = detect(run, v_smooth, rig.thresholds)
+    found = find_cycles(run, rig)
+    v_smooth, detected, by_motion = found.motion, found.cycles, rig.phases.by_motion
     if cycles is not None:
         check_cycles(cycles, detected, run.name)
     first, last = cycles or (1, len(detected))
-    found, following = detected[first - 1 : last], detected[last:]
-    payouts = np.array([(c.onset, c.payout_end) for c in found]).reshape(-1, 2)
+    counted, following = detected[first - 1 : last], detected[last:]
+    payouts = np.array([(c.onset, c.payout_end) for c in counted]).reshape(-1, 2)
     return PhasedRun(
         run=run,
         rig=rig,
-        rule=rule,
+        rule=rule if by_motion else "payout",
         v_smooth=v_smooth,
         first=first,
-        cycles=found,
+        cycles=counted,
         next_onset=following[0].onset if following else None,
-        plateaus=[find_plateau(run.t, v_smooth, c, rig.thresholds) for c in found],
+        plateaus=[find_plateau(run.t, v_smooth, c, rig.thresholds) if by_motion else None for c in counted],
         travel=travel_in(run, payouts),
         speed_max=extremes(run.t, v_smooth, payouts)[1].tolist(),
     )
 
 
 def travel_in(run: Run, spans: Signal) -> list[float]:
-    """Net travel of the line in each span, (k, 2) [s], from the displacement, else the integral of the velocity. [m]"""
+    """Net travel of the line in each span, (k, 2) [s], from the displacement, else the integral of the velocity; NaN where
+    both are unknown. [m]
+    """
     displacement = run.channels.get("displacement")
+    if displacement is None and "velocity" not in run.channels:
+        return [math.nan] * len(spans)
     if displacement is None:
         return list(map(float, integrals(run.t, run.channels["velocity"].__getitem__, spans)))
     return list(map(float, np.diff(np.interp(spans, run.t, displacement), axis=1)[:, 0]))
@@ -148,6 +153,8 @@ def find_window(
 
 def find_windows(phased: PhasedRun) -> list[Window]:
     """Windows by the rule; where payouts should be alike, one that was aborted is distinguished from the others."""
+    if not phased.rig.phases.by_motion:
+        return [_whole_span(phased, cycle) for cycle in phased.cycles]
     end, usual = float(phased.run.t[-1]), _usual_travel(phased)
     following = [*(c.onset for c in phased.cycles[1:]), math.inf]
     found = []
@@ -156,6 +163,22 @@ def find_windows(phased: PhasedRun) -> list[Window]:
         fault = window.fault or _fault(phased, k, window, following[k], usual)
         found.append(msgspec.structs.replace(window, fault=fault))
     return found
+
+
+def span_end(cycle: Cycle, rig: Rig) -> float:
+    """End of a cycle that is a span: of a wave with its negative half, of a labelled cycle that of its payout. [s]"""
+    return cycle.haul_in[1] if rig.phases.source == "waves" and cycle.haul_in is not None else cycle.payout_end
+
+
+def _whole_span(phased: PhasedRun, cycle: Cycle) -> Window:
+    """Window of a cycle that is a span: all of it."""
+    end = span_end(cycle, phased.rig)
+    length, fs = end - cycle.onset, phased.run.fs
+    cut = cycle.begins_inside or cycle.ends_inside
+    fault = "the log begins or ends inside it" if cut else None
+    if length * fs < SHORTEST and phased.rig.phases.source != "rows":
+        fault = f"its window of {length:.3g} s is shorter than two samples, which are {1.0 / fs:.3g} s apart"
+    return Window(cycle.onset, end, fault)
 
 
 def _fault(phased: PhasedRun, k: int, window: Window, after: float, usual: float) -> str | None:

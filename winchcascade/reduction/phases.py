@@ -13,7 +13,7 @@ from itertools import accumulate, pairwise
 import msgspec
 import numpy as np
 
-from winchcascade.core.errors import OptionError
+from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.integrate import median, quantile, running
 from winchcascade.core.rig_file import Thresholds
 from winchcascade.core.run import Index, Run, Signal
@@ -67,7 +67,12 @@ class _Runs(msgspec.Struct, frozen=True):
 
 
 def smoothed_velocity(run: Run, thresholds: Thresholds) -> Signal:
-    """Smooth the line velocity as detection, windows and plateau use it. [m/s]"""
+    """Smooth the line velocity as detection, windows and plateau use it; LogError for a log without one. [m/s]"""
+    if "velocity" not in run.channels:
+        raise LogError(
+            f"{run.name}: the velocity of the line is unknown; name its column, the one of the displacement, or the speed of "
+            "rotation and r_drum in the rig file."
+        )
     return local_quadratic(run.t, run.channels["velocity"], thresholds.smoothing)
 
 

@@ -16,7 +16,7 @@ from winchcascade.core.run import Finding, Run, Signal
 from winchcascade.reduction.bins import TORQUE, Bin, bin_powers, engaged, generator_speed
 from winchcascade.reduction.checks.lag import lag_findings
 from winchcascade.reduction.checks.load import load_findings
-from winchcascade.reduction.checks.sampling import check_sampling, resolution_findings
+from winchcascade.reduction.checks.sampling import Sampling, check_sampling, resolution_findings
 from winchcascade.reduction.checks.zeros import zero_findings
 from winchcascade.reduction.efficiency import Metrics, ensemble_mean, largest_deviation, metrics, total
 from winchcascade.reduction.efficiency_changes import changes_within
@@ -72,23 +72,30 @@ def reduce(
     3
     """
     rig = rig or built_in()
+    if window is not None and not rig.phases.by_motion:
+        raise OptionError(
+            f'{run.name}: window {window}: cycles come from "{rig.phases.source}" by [phases] of the rig {rig.name}, and their '
+            "windows are whole; leave the window out."
+        )
     phased = find_phases(run, rig, window_rule(rig.thresholds.window if window is None else window), cycles)
     windows, nets = find_windows(phased), find_net_spans(phased)
     findings = [*_not_given(run, rig), *_too_few(cycles, phased), *check_lengths(phased, windows)]
     summaries, (energy, bins) = side_by_side(
         lambda: summarise(phased), lambda: _energies_and_bins(phased, windows, nets), samples=run.samples
     )
-    sampling = check_sampling(phased, energy)
-    findings += [*load_findings(phased, summaries), *lag_findings(phased), *zero_findings(phased), *sampling.findings]
-    findings += resolution_findings(phased, energy)
+    by_motion = rig.phases.by_motion
+    sampling = check_sampling(phased, energy) if by_motion else Sampling({}, ())
+    if by_motion:  # the checks compare payouts that are alike, and rests between them
+        findings += [*load_findings(phased, summaries), *lag_findings(phased), *zero_findings(phased)]
+    findings += [*sampling.findings, *resolution_findings(phased, energy)]
     results = _results(phased, summaries, energy, findings)
-    findings += changes_within(results, rig, energy.bridged, run)
+    findings += changes_within(results, rig, energy.bridged, run) if by_motion else []
     complete = [r.metrics for r in results if r.complete]
     whole = sum(r.window.cutoff - r.window.onset for r in results if r.complete)
     return Reduction(
         run=run,
         rig=rig,
-        window=phased.rule,
+        window=phased.rule if by_motion else "whole",
         cycles=tuple(results),
         mean=ensemble_mean(complete, rig.cascade),
         max_deviation_percent=largest_deviation(complete, rig.cascade),
@@ -136,13 +143,11 @@ def metrics_within(run: Run, rig: Rig, windows: Signal) -> list[Metrics]:
 
 
 def require_payouts(reduction: Reduction) -> None:
-    """Require that the line of a log pays out: LogError if it never does."""
+    """Require that a log has a cycle: LogError, which proposes another source of cycles, if it has none."""
     if not reduction.cycles:
-        limits = reduction.rig.thresholds
-        raise LogError(
-            f"{reduction.run.name}: no payout found; expected the line to pay out more than {limits.stroke_min:g} m at more "
-            f"than {limits.v_onset:g} m/s. Check name, unit and sign of the velocity column."
-        )
+        from winchcascade.reduction.phase_proposal import no_cycles
+
+        raise LogError(no_cycles(reduction.run, reduction.rig))
 
 
 def _too_few(chosen: tuple[int, int] | None, phased: PhasedRun) -> list[Finding]:
@@ -156,7 +161,7 @@ def _too_few(chosen: tuple[int, int] | None, phased: PhasedRun) -> list[Finding]
 
 def _not_given(run: Run, rig: Rig) -> list[Finding]:
     """Why a stage has no power although its channel is there."""
-    if "torque" not in run.channels or "power_mech" in run.channels or rig.r_drum is not None:
+    if "torque" not in run.channels or {"power_mech", "speed"} & run.channels.keys() or rig.r_drum is not None:
         return []
     message = f"torque alone gives no power: the rig {rig.name} has no drum radius (r_drum under [winch])"
     return [Finding("missing_channel", message, "metrics that need it are null", "torque")]

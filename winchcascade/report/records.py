@@ -16,7 +16,7 @@ from winchcascade.core.version import __version__
 from winchcascade.reduction.efficiency import ALL_METRICS, FIELDS, Metrics
 from winchcascade.reduction.energies import NetSpan
 from winchcascade.reduction.montecarlo import uncertainty
-from winchcascade.reduction.phase_summary import HaulInSummary, PayoutSummary
+from winchcascade.reduction.phase_summary import HaulInSummary, OperatingPoint, PayoutSummary
 from winchcascade.reduction.uncertainty import shares
 
 if TYPE_CHECKING:
@@ -82,11 +82,12 @@ class HoldRecord(msgspec.Struct, frozen=True):
 
 
 class PhaseSummaryRecord(msgspec.Struct, frozen=True):
-    """Summaries of the phases of a cycle; null for a phase that the log does not hold."""
+    """Summaries of the phases of a cycle; null for a phase that the log does not hold, `point` only where a cycle is a span."""
 
     payout: PayoutSummary
     hold: HoldRecord | None
     haul_in: HaulInSummary | None
+    point: OperatingPoint | msgspec.UnsetType = msgspec.UNSET
 
 
 class WindowRecord(msgspec.Struct, frozen=True):
@@ -343,7 +344,7 @@ def cycle_record(cycle: CycleResult, standard_uncertainty: Metrics, cascade: Cas
         cycle=cycle.cycle,
         complete=cycle.complete,
         phases=PhasesRecord((phases.onset, phases.payout_end), phases.hold, phases.haul_in),
-        phase_summary=PhaseSummaryRecord(summary.payout, hold, summary.haul_in),
+        phase_summary=PhaseSummaryRecord(summary.payout, hold, summary.haul_in, summary.point),
         window=WindowRecord(window.onset, window.cutoff, round(window.cutoff - window.onset, 9)),
         net_span=cycle.net,
         **cycle.metrics.fields(),

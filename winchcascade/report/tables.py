@@ -202,6 +202,8 @@ _PAYOUT = (
     _phase_column("Payout", "s", 2, "payout", "duration"),
     _phase_column("Travel", "m", 2, "payout", "travel"),
     _phase_column("v_max", "m/s", 2, "payout", "speed_max"),
+    _phase_column("n", "rpm", 1, "point", "rpm_shaft"),
+    _phase_column("τ", "N·m", 3, "point", "torque"),
     _phase_column("v_plateau", "m/s", 3, "plateau", "speed"),
     _phase_column("F", "N", 0, "plateau", "force"),
     _phase_column("τ", "N·m", 1, "plateau", "torque"),

@@ -61,7 +61,7 @@ def _results(reduction: Reduction, uncertainties: Metrics) -> list[str]:
     window: TableColumn[CycleResult] = TableColumn("window", "s", 2, of=lambda c: c.window.cutoff - c.window.onset)
     below = [] if n else [["no mean: no complete cycle", *[""] * (len(names) + 1)]]
     below += _means(reduction, uncertainties, names, n, [""])
-    if n > 1 and reduction.window == "payout":  # windows differ in length, so sums show what a mean does not
+    if n > 1 and reduction.window in ("payout", "whole"):  # windows differ in length, so sums show what a mean does not
         below.append(["all together", "", *_texts(reduction.total, names, _decimals(reduction), 3)])
     columns = [_CYCLE, window, *_columns(reduction, names)]
     return listing(columns, reduction.cycles, most=_MOST_CYCLES, more=_MORE, below=below, used=True)
@@ -123,6 +123,8 @@ _PHASES: tuple[TableColumn[CycleResult], ...] = (
     TableColumn("hold", "s", 2, of=partial(of_phase, "hold", "duration")),
     TableColumn("haul-in", "s", 2, of=partial(of_phase, "haul_in", "duration")),
     TableColumn("travel", "m", 2, of=partial(of_phase, "payout", "travel")),
+    TableColumn("speed", "rpm", 1, of=partial(of_phase, "point", "rpm_shaft")),
+    TableColumn("torque", "N.m", 3, of=partial(of_phase, "point", "torque")),
     TableColumn("plateau", "m/s", 3, of=partial(of_phase, "plateau", "speed")),
 )
 

@@ -104,6 +104,7 @@ def of_phase(phase: str, field: str, cycle: CycleResult) -> float | None:
         "plateau": summary.payout.plateau,
         "hold": summary.hold,
         "haul_in": summary.haul_in,
+        "point": summary.point or None,
     }
     value: float | None = (asdict(part) if (part := parts[phase]) is not None else {}).get(field)
     return value / (KGF * 1e4) if field == "pressure" and value is not None else value

@@ -135,6 +135,7 @@ def open_delimited(path: Path) -> LogSource:
         time_step=step,
         time_start=start,
         properties=dict(layout.properties),
+        texts=lambda column, beside: _load_texts(path, encoding, layout, column, beside),
     )
 
 
@@ -155,6 +156,30 @@ def _load(
     """Read the wanted columns, block by block."""
     texts = time if time is not None and any(map(is_stamp, layout.column(time))) else None
     used = [*wanted, *([] if time is None else [time])]
+    parser = _parsed(path, encoding, layout, used, texts)
+    whole = _whole_rows(parser)
+    findings = parser.findings(path.name)
+    values = {k: whole.values[k] for k in wanted}
+    if time is None or texts is not None:
+        return LogTable(values, whole.stamps, findings=findings)
+    stamps, stamped = _stamps(layout, step, time, whole.values[time])
+    return LogTable(values, stamps, stamped, findings)
+
+
+def _load_texts(path: Path, encoding: str, layout: Layout, column: int, beside: Sequence[int]) -> Sequence[str]:
+    """Read a column as texts, in the rows in which one beside it holds a number."""
+    stamps = _whole_rows(_parsed(path, encoding, layout, [*beside, column], column)).stamps
+    return [] if stamps is None or isinstance(stamps, np.ndarray) else stamps
+
+
+def _whole_rows(parser: _Parser) -> LogTable:
+    """The columns of a parser and its texts, without rows that hold neither a number nor a stamp."""
+    columns = {k: column[: parser.rows] for k, column in parser.columns.items()}
+    return without_notes(LogTable(columns, stamps=None if parser.stamped is None else parser.texts))
+
+
+def _parsed(path: Path, encoding: str, layout: Layout, used: Sequence[int], texts: int | None) -> _Parser:
+    """Parse the used columns, one of them as texts, block by block."""
     parser = _Parser(layout, encoding if encoding[:3] != "utf" else "utf-8", used, texts)
     blocks = text_blocks(path, encoding, layout.first)
     first = next(blocks, b"")
@@ -164,14 +189,7 @@ def _load(
         parser.expect(int(1.05 * size / len(first) * parser.rows) + 1000)
     for table in in_parallel(parser.parse, blocks) if size > BLOCK else map(parser.parse, blocks):
         parser.store(table)
-    columns = {k: column[: parser.rows] for k, column in parser.columns.items()}
-    whole = without_notes(LogTable(columns, stamps=None if texts is None else parser.texts))
-    findings = parser.findings(path.name)
-    values = {k: whole.values[k] for k in wanted}
-    if time is None or texts is not None:
-        return LogTable(values, whole.stamps, findings=findings)
-    stamps, stamped = _stamps(layout, step, time, whole.values[time])
-    return LogTable(values, stamps, stamped, findings)
+    return parser
 
 
 def _stamps(layout: Layout, step: float | None, time: int, stamps: Signal) -> tuple[Signal | None, bool]:

@@ -132,7 +132,7 @@ def _needed(point: _Operating, rig: Rig) -> tuple[float, float | None]:
 
     The drag is None where the rig file lacks a loss: what is then needed is only a lower limit.
     """
-    omega = point.plateau.speed * (rig.rpm_per_velocity or 0.0) * math.pi / 30.0
+    omega = (point.plateau.speed or 0.0) * (rig.rpm_per_velocity or 0.0) * math.pi / 30.0
     needed = (point.plateau.power_gen or 0.0) + losses(rig, point.i_dc, omega)
     drag, mesh = rig.drivetrain.b_rotor, rig.drivetrain.eta_mesh
     efficiency = mesh.value if mesh else 1.0

@@ -1,0 +1,265 @@
+"""Cycles by each source of [phases], and the source that is proposed for a log without payout."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from winchcascade import read_run, reduce
+from winchcascade.cli.entry import main
+from winchcascade.core.errors import LogError, OptionError, RigError
+from winchcascade.core.rig_file import Rig
+from winchcascade.core.rig_toml import parse_rig
+from winchcascade.core.run import Signal
+from winchcascade.reduction.reduce import require_payouts
+from winchcascade.reduction.reduction_result import Reduction
+
+RPM = 30.0 / math.pi
+T: Signal = np.arange(0.0, 40.0, 0.02, dtype=np.float64)
+EXACT = 1e-9
+"""Two ways to write one trapezoidal integral."""
+
+
+def rig_of(more: str) -> Rig:
+    return parse_rig(f'name = "bench"\n{more}', "bench.toml")
+
+
+def write(folder: Path, columns: dict[str, Signal | list[str]]) -> Path:
+    rows = zip(*(map(str, x if isinstance(x, list) else x.tolist()) for x in columns.values()), strict=True)
+    path = folder / "log.csv"
+    path.write_text("\n".join([",".join(columns), *map(",".join, rows)]) + "\n")
+    return path
+
+
+def reduced(folder: Path, rig: str, columns: dict[str, Signal | list[str]]) -> Reduction:
+    known = rig_of(rig)
+    return reduce(read_run(write(folder, columns), rig=known), rig=known)
+
+
+def stairs(levels: list[float], seconds: float = 8.0) -> Signal:
+    """Speeds [rad/s] that follow each level with a time constant of 0.1 s."""
+    level = np.repeat(levels, round(seconds / 0.02))
+    out = np.empty(level.size)
+    x = level[0]
+    for k, aim in enumerate(level.tolist()):
+        x += (aim - x) * 0.2
+        out[k] = x
+    return out
+
+
+def stamps(x: Signal) -> Signal:
+    return np.arange(x.size, dtype=np.float64) * 0.02
+
+
+def message(folder: Path, rig: str, columns: dict[str, Signal | list[str]]) -> str:
+    with pytest.raises(LogError) as caught:
+        require_payouts(reduced(folder, rig, columns))
+    return str(caught.value)
+
+
+# ------------------------------------------------------------------------------------------------------------- waves
+def test_the_energy_of_each_wave_is_that_between_its_zero_crossings(tmp_path: Path) -> None:
+    omega, tau = 3.0 * np.sin(2.0 * np.pi * T / 8.0), 20.0 * np.sin(2.0 * np.pi * T / 8.0)
+    found = reduced(tmp_path, '[phases]\nfrom = "waves"\n', {"t (s)": T, "n (rad/s)": omega, "Torque (N.m)": tau})
+    assert [c.phases.onset for c in found.cycles] == pytest.approx([0.0, 8.0, 16.0, 24.0], abs=2e-3)
+    assert [c.window.cutoff - c.window.onset for c in found.cycles] == pytest.approx([8.0] * 4, abs=4e-3)
+    assert [c.metrics.energy_mech for c in found.cycles] == pytest.approx([60.0 / 2.0 * 8.0] * 4, rel=1e-3)
+    assert all(c.phases.haul_in is not None and c.complete for c in found.cycles)
+
+
+def test_noise_below_the_onset_is_no_wave(tmp_path: Path) -> None:
+    omega = 0.3 * np.sin(2.0 * np.pi * T / 3.0)
+    words = message(tmp_path, '[phases]\nfrom = "waves"\n', {"t (s)": T, "n (rad/s)": omega})
+    assert "A wave goes beyond the onset speed both ways" in words
+
+
+# ------------------------------------------------------------------------------------------------------------- steps
+def test_steps_are_the_steady_stretches_without_their_settling(tmp_path: Path) -> None:
+    omega = stairs([0.0, 50.0, 100.0, -80.0, 0.0])
+    t = stamps(omega)
+    found = reduced(
+        tmp_path, '[phases]\nfrom = "steps"\n', {"t (s)": t, "n (rad/s)": omega, "Torque (N.m)": 0.1 * omega}
+    )
+    assert len(found.cycles) == 3
+    for cycle, (begin, level) in zip(found.cycles, [(8.0, 50.0), (16.0, 100.0), (24.0, -80.0)], strict=True):
+        assert begin + 0.5 < cycle.window.onset < begin + 1.6
+        assert begin + 7.5 < cycle.window.cutoff <= begin + 8.0
+        point = cycle.summary.point
+        assert point
+        assert point.rpm_shaft == pytest.approx(level * RPM, rel=2e-3)
+        inside = (t >= cycle.window.onset) & (t <= cycle.window.cutoff)
+        script = float(np.trapezoid((0.1 * omega * omega)[inside], t[inside]))
+        assert cycle.metrics.energy_mech == pytest.approx(script, rel=1e-6)
+
+
+def test_noise_of_the_torque_does_not_cut_a_step(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    omega = stairs([50.0, 100.0])
+    tau = 0.1 * omega + 1.5 * rng.standard_normal(omega.size)
+    t = stamps(omega)
+    found = reduced(tmp_path, '[phases]\nfrom = "steps"\n', {"t (s)": t, "n (rad/s)": omega, "Torque (N.m)": tau})
+    assert len(found.cycles) == 2
+
+
+# --------------------------------------------------------------------------------------------- rows, ranges and whole
+def test_each_row_of_step_means_is_one_cycle_whatever_its_stamp(tmp_path: Path) -> None:
+    speed, torque = np.arange(1000.0, 1012.0), np.linspace(1.0, 2.0, 12)
+    t = np.array([3.0, 1.0, 7.0, 2.0, 9.0, 4.0, 11.0, 5.0, 6.0, 0.5, 8.0, 10.0])
+    found = reduced(tmp_path, '[phases]\nfrom = "rows"\n', {"t (s)": t, "n (rpm)": speed, "Torque (N.m)": torque})
+    power = [c.metrics.power_mech for c in found.cycles]
+    assert power == pytest.approx((speed / RPM * torque).tolist(), rel=EXACT)
+    assert [c.complete for c in found.cycles] == [True] * 12
+
+
+def test_the_whole_record_is_one_window(tmp_path: Path) -> None:
+    omega = np.linspace(0.0, 10.0, T.size)
+    found = reduced(tmp_path, '[phases]\nfrom = "whole"\n', {"t (s)": T, "n (rad/s)": omega, "Torque (N.m)": omega})
+    (cycle,) = found.cycles
+    assert (cycle.window.onset, cycle.window.cutoff) == (T[0], T[-1])
+    assert cycle.metrics.energy_mech == pytest.approx(float(np.trapezoid(omega * omega, T)), rel=EXACT)
+    assert found.window == "whole"
+
+
+def test_a_gap_of_minutes_cuts_the_whole_record_in_two(tmp_path: Path) -> None:
+    t = np.where(T < 20.0, T, T + 300.0)
+    omega = np.full(T.size, 10.0)
+    found = reduced(tmp_path, '[phases]\nfrom = "whole"\n', {"t (s)": t, "n (rad/s)": omega, "Torque (N.m)": omega})
+    assert [c.complete for c in found.cycles] == [True, True]
+    assert [round(c.window.cutoff - c.window.onset, 3) for c in found.cycles] == [19.98, 19.98]
+
+
+def test_cycles_by_ranges_of_time(tmp_path: Path) -> None:
+    columns: dict[str, Signal | list[str]] = {"t (s)": T, "n (rad/s)": T, "Torque (N.m)": T}
+    found = reduced(tmp_path, '[phases]\nfrom = "ranges"\nranges_s = [[2.0, 5.0], [10, 20]]\n', columns)
+    assert [c.metrics.energy_mech for c in found.cycles] == pytest.approx([39.0, 7000.0 / 3.0], rel=1e-5)
+    with pytest.raises(OptionError, match=r"the range 30 to 50 s does not lie in the log"):
+        reduced(tmp_path, '[phases]\nfrom = "ranges"\nranges_s = [[30, 50]]\n', columns)
+    with pytest.raises(OptionError, match=r"by ranges of time, but none is given"):
+        reduced(tmp_path, '[phases]\nfrom = "ranges"\n', columns)
+
+
+def test_ranges_of_a_campaign_hold_for_its_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, {"t (s)": T, "n (rad/s)": T, "Torque (N.m)": T})
+    (tmp_path / "rig.toml").write_text('name = "bench"\n')
+    (tmp_path / "campaign.toml").write_text(
+        'rig = "rig.toml"\n[[run]]\nfile = "log.csv"\nranges_s = [[2.0, 5.0], [10.0, 20.0]]\n'
+    )
+    run_cli(["reduce", str(tmp_path / "log.csv"), "--json", "-"])
+    cycles = json.loads(capsys.readouterr().out)["cycles"]
+    assert [c["window"]["onset_s"] for c in cycles] == [2.0, 10.0]
+    assert cycles[0]["phase_summary"]["point"]["torque_nm"] == pytest.approx(3.5)
+
+
+def run_cli(arguments: list[str]) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sys.argv", ["winchcascade", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            main()
+    assert not ended.value.code
+
+
+# ------------------------------------------------------------------------------------------------------------ labels
+LABELS = ["rest"] * 500 + ["RO"] * 500 + ["rest"] * 200 + ["ri-1"] * 400 + ["RO"] * 300 + ["rest"] * 100
+
+
+@pytest.mark.parametrize("number", [False, True], ids=["texts", "numbers"])
+def test_a_column_of_labels_gives_payout_hold_and_haul_in(number: bool, tmp_path: Path) -> None:
+    codes = {"rest": "0", "RO": "1", "ri-1": "2"}
+    values = [codes[label] for label in LABELS] if number else LABELS
+    payout, haul_in = ("1", "2") if number else ('"ro "', '"ri-1"')
+    rig = f'[phases]\nfrom = "column"\ncolumn = "phase"\npayout = [{payout}]\nhaul_in = [{haul_in}]\n'
+    found = reduced(tmp_path, rig, {"t (s)": T, "Velocity (m/s)": T, "Force (N)": T, "phase": values})
+    first, second = (c.phases for c in found.cycles)
+    assert (first.onset, first.payout_end) == pytest.approx((10.0, 20.0))
+    assert first.haul_in == pytest.approx((24.0, 32.0))
+    assert (second.onset, second.payout_end, second.haul_in) == pytest.approx((32.0, 38.0, None))
+    assert found.cycles[0].metrics.energy_line == pytest.approx(7000.0 / 3.0, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("entry", "words"),
+    [
+        ('column = "stage"\npayout = ["RO"]', "no column 'stage', which [phases] of the rig names"),
+        ('column = "phase"\npayout = ["out"]', "has a value of payout, ['out']; it holds 'RO', 'rest', 'ri-1'"),
+    ],
+)
+def test_a_wrong_column_of_labels_is_one_sentence(entry: str, words: str, tmp_path: Path) -> None:
+    columns: dict[str, Signal | list[str]] = {"t (s)": T, "Velocity (m/s)": T, "Force (N)": T, "phase": LABELS}
+    with pytest.raises(LogError) as caught:
+        reduced(tmp_path, f'[phases]\nfrom = "column"\n{entry}\n', columns)
+    assert words in str(caught.value)
+
+
+# ------------------------------------------------------------------------------------------------ motions and faults
+def test_payouts_by_the_speed_of_a_shaft_without_a_drum(tmp_path: Path) -> None:
+    omega = stairs([0.0, 50.0, 0.0, -50.0, 0.0])
+    t = stamps(omega)
+    found = reduced(
+        tmp_path, '[phases]\nfrom = "speed"\n', {"t (s)": t, "n (rad/s)": omega, "Torque (N.m)": 0.1 * omega}
+    )
+    (cycle,) = found.cycles
+    assert cycle.phases.onset == pytest.approx(8.0, abs=0.3)
+    assert cycle.phases.haul_in is not None
+    assert cycle.summary.payout.speed_max is None
+    assert cycle.summary.payout.travel is None
+    assert cycle.metrics.energy_mech is not None
+
+
+def test_payouts_by_the_displacement_alone(tmp_path: Path) -> None:
+    x = np.interp(T, [0, 10, 20, 25, 35, 40], [0, 0, 8, 8, 0, 0])
+    found = reduced(
+        tmp_path, '[phases]\nfrom = "displacement"\n[thresholds]\nwindow = "payout"\n',
+        {"t (s)": T, "Displacement (m)": x, "Force (N)": 100.0 + 2.0 * np.sin(9.0 * T)},
+    )  # fmt: skip
+    (cycle,) = found.cycles
+    assert cycle.metrics.energy_line == pytest.approx(800.0, rel=0.01)
+
+
+def test_a_window_belongs_to_payouts_in_a_motion(tmp_path: Path) -> None:
+    known = rig_of('[phases]\nfrom = "whole"\n')
+    run = read_run(write(tmp_path, {"t (s)": T, "n (rad/s)": T, "Torque (N.m)": T}), rig=known)
+    with pytest.raises(OptionError, match=r'window 5\.48: cycles come from "whole"'):
+        reduce(run, rig=known, window="5.48")
+
+
+@pytest.mark.parametrize(
+    ("columns", "words"),
+    [
+        ({"n (rad/s)": 0.0 * T}, 'shows no motion: for the energies of the whole record, set from = "whole"'),
+        ({"Vdc (V)": 48.0 + 0.001 * T, "Idc (A)": T}, 'the whole record, set from = "whole"'),
+        ({"n (rad/s)": 5.0 * np.sin(T)}, 'reciprocates about zero: for its 6 waves, set from = "waves"'),
+        ({"n (rad/s)": stairs([20.0, 40.0, 60.0], 13.34)[: T.size]}, '3 steady stretches: for operating points, set'),
+        ({"n (rad/s)": T, "Mode": ["1"] * T.size}, "The column 'Mode' may label the phases"),
+    ],
+)  # fmt: skip
+def test_a_log_without_payout_gets_the_fitting_setting(
+    columns: dict[str, Signal | list[str]], words: str, tmp_path: Path
+) -> None:
+    assert words in message(tmp_path, "", {"t (s)": T, **columns})
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ('from = "tides"', "from is 'tides'; expected velocity, displacement, speed, column,"),
+        ('from = "column"', "needs the column and its values in payout"),
+        ("step_min_s = 0", "step_min_s is 0; expected a number above 0"),
+        ("speed_band = 2", "speed_band is 2; expected a share above 0"),
+        ("ranges_s = [[3, 2]]", "expected pairs of begin and end in seconds"),
+        ("step = 1", "[phases] step is no entry of a rig file"),
+    ],
+)
+def test_a_wrong_entry_of_phases_is_one_sentence(more: str, words: str) -> None:
+    with pytest.raises(RigError) as caught:
+        rig_of(f"[phases]\n{more}\n")
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("source", ["speed", "displacement", "waves", "steps"])
+def test_a_source_that_the_log_lacks_is_named(source: str, tmp_path: Path) -> None:
+    with pytest.raises(LogError, match=r"\[phases\] of the rig finds cycles in .*, which the log has not"):
+        reduced(tmp_path, f'[phases]\nfrom = "{source}"\n', {"t (s)": T, "Vdc (V)": T, "Idc (A)": T})

@@ -1,0 +1,80 @@
+"""Phase of each sample by a column of labels that the rig file names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from winchcascade.core.errors import LogError
+from winchcascade.core.phase_rule import PhaseRule
+from winchcascade.core.run import Signal
+from winchcascade.ingest.assign import listed
+from winchcascade.ingest.dialects import Header, read_header
+from winchcascade.ingest.source import LogSource, LogTable
+
+MOST_VALUES = 8
+"""Values of a column that a message lists."""
+
+
+def label_column(headers: Sequence[Header], rule: PhaseRule, where: str) -> int:
+    """Index of the column of labels; LogError for a log that does not have it."""
+    names = [header.name.strip() for header in headers]
+    bare = [read_header(header).name.strip() for header in headers]
+    name = rule.column.strip()
+    if name not in names and name not in bare:
+        raise LogError(
+            f"{where}: no column {rule.column!r}, which [phases] of the rig names; the log has {listed(names)}. Correct it in "
+            "the rig file."
+        )
+    return (names if name in names else bare).index(name)
+
+
+def phase_labels(source: LogSource, table: LogTable, column: int, rule: PhaseRule, where: str) -> Signal:
+    """Phase of each row of a table, (n,): 1 in payout, -1 in haul-in, 0 elsewhere.
+
+    Labels are numbers, or texts where the format keeps them; case and blanks around a text do not matter.
+
+    Raises
+    ------
+    LogError : the column holds no number, and its texts cannot be read from this format; none of its values is one of payout
+    """
+    numbers = table.values[column]
+    if np.isfinite(numbers).any():
+        values: Sequence[str] = [f"{x:g}" for x in numbers.tolist()]
+    elif source.texts is not None:
+        values = source.texts(column, [k for k in table.values if k != column])
+    else:
+        raise LogError(
+            f"{where}: the column {rule.column!r} holds no numbers, and texts of phases are read from text files alone; save "
+            "the log as CSV, or number the phases."
+        )
+    if len(values) != numbers.size:
+        raise LogError(
+            f"{where}: {len(values)} labels in the column {rule.column!r} for {numbers.size} rows of numbers; expected a label "
+            "in each row. Delete rows that hold no numbers."
+        )
+    found = {value: _code(value, rule) for value in set(values)}
+    if 1 not in found.values():
+        seen = ", ".join(repr(value.strip()) for value in sorted(found)[:MOST_VALUES])
+        raise LogError(
+            f"{where}: no sample of the column {rule.column!r} has a value of payout, {list(rule.payout)}; it holds {seen}. "
+            "Correct payout under [phases] of the rig file."
+        )
+    return np.array([found[value] for value in values], dtype=np.float64)
+
+
+def _code(value: str, rule: PhaseRule) -> int:
+    plain = _plain(value)
+    if plain in map(_plain, map(str, rule.payout)):
+        return 1
+    return -1 if plain in map(_plain, map(str, rule.haul_in)) else 0
+
+
+def _plain(text: str) -> str:
+    """Fold the spellings of one label: case, blanks and quotes around it, and 1.0 for 1."""
+    text = text.strip().strip("\"'").strip().casefold()
+    try:
+        return f"{float(text):g}"
+    except ValueError:
+        return text

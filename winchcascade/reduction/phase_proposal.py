@@ -1,0 +1,81 @@
+"""Which source of cycles fits a log in which none was found: a sentence for the message about it."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+from msgspec.structs import replace
+
+from winchcascade.core.phase_rule import PhaseRule
+from winchcascade.core.rig_file import Rig
+from winchcascade.core.run import Run
+from winchcascade.reduction.phase_sources import Motion, smoothed_motion
+from winchcascade.reduction.steps import find_steps
+from winchcascade.reduction.waves import find_waves
+
+FEW_WAVES = 2
+"""Smallest number of waves that shows a reciprocating motion."""
+
+_LABELS = re.compile(
+    r"(?:.*[\W_])?(?:phase|phasen|label|state|status|mode|modus|step|stage|segment|etat|état|fase|estado|阶段|階段|フェーズ)"
+    r"(?:[\W_].*)?",
+    re.IGNORECASE,
+)
+"""Names of columns that may label the phases."""
+
+
+def no_cycles(run: Run, rig: Rig) -> str:
+    """Message about a log without a cycle: what was expected, and the setting under [phases] that fits the log."""
+    if not rig.phases.by_motion:
+        found = f'no cycle found by "{rig.phases.source}" under [phases] of the rig {rig.name}'
+        return f"{run.name}: {found}. {_loosen(rig.phases)}"
+    limits, motion = rig.thresholds, smoothed_motion(run, rig)
+    expected = (
+        "the motion of the line or the shaft is unknown"
+        if motion is None
+        else f"expected the line to pay out more than {limits.stroke_min:g} m at more than {limits.v_onset:g} m/s"
+        if "velocity" in run.channels
+        else "expected the line to pay out, and the log has no velocity of the line"
+    )
+    return f"{run.name}: no payout found; {expected}. {_proposal(run, rig, motion)}"
+
+
+def _loosen(rule: PhaseRule) -> str:
+    """What to change of a source that finds nothing."""
+    return {
+        "waves": "A wave goes beyond the onset speed both ways; check v_onset under [thresholds], or rpm_onset for a shaft.",
+        "steps": "Check speed_band, torque_band, step_min_s and settle_s.",
+        "column": f"No sample of the column {rule.column!r} has a value of payout = {list(rule.payout)}; check both.",
+    }.get(rule.source, 'Choose another source, such as from = "whole".')
+
+
+def _proposal(run: Run, rig: Rig, motion: Motion | None) -> str:
+    """The fitting setting with its reason; the columns to check where the line moves and nothing else fits."""
+    labels = [name for f in run.findings if f.kind == "unknown_column" for name in _label_columns(f.message)]
+    if labels:
+        return (
+            f'The column {labels[0]!r} may label the phases: set from = "column", column = "{labels[0]}" and the values of '
+            "payout and haul_in under [phases] of a rig file."
+        )
+    setting = "under [phases] of a rig file"
+    if motion is None:
+        return (
+            f'For the energies of the whole record, set from = "whole" {setting}; else name the column of the motion.'
+        )
+    if float(np.max(np.abs(motion.v_smooth))) <= motion.thresholds.v_onset:
+        return f'The log shows no motion: for the energies of the whole record, set from = "whole" {setting}.'
+    waves = find_waves(run.t, motion.v_smooth, motion.thresholds.v_onset)
+    if len(waves) >= FEW_WAVES:
+        return f'The motion reciprocates about zero: for its {len(waves)} waves, set from = "waves" {setting}.'
+    if "speed" in run.channels:
+        steps = find_steps(run, replace(rig.phases, source="steps"), rig.thresholds.gap_max)
+        if steps:
+            return f'The speed has {len(steps)} steady stretches: for operating points, set from = "steps" {setting}.'
+        return f'The shaft turns without steady stretches: set from = "whole" or "speed" {setting}, or check the speed column.'
+    return "Check name, unit and sign of the velocity column."
+
+
+def _label_columns(message: str) -> list[str]:
+    """Names, in the finding about columns that are no channel, that may be those of labels."""
+    return [name for name in message.partition(": ")[2].split(", ") if _LABELS.fullmatch(name)]

@@ -1,0 +1,199 @@
+"""Cycles of a log by each source that a rig file may name under [phases], in one table of detectors.
+
+A cycle of a motion has payout, hold and haul-in. Each cycle of another source is one span, over which energies are integrated:
+its window. A wave is cut into its positive half, the payout, and its negative half, the haul-in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import msgspec
+import numpy as np
+from msgspec.structs import replace
+
+from winchcascade.core.errors import LogError, OptionError
+from winchcascade.core.phase_rule import PhaseSource
+from winchcascade.core.rig_file import Rig, Thresholds
+from winchcascade.core.run import Run, Signal
+from winchcascade.core.smooth import local_quadratic
+from winchcascade.reduction.gap_error import all_gaps
+from winchcascade.reduction.phases import Cycle, detect, smoothed_velocity
+
+TURN = 2.0 * np.pi
+"""Radians in one revolution."""
+
+RPM = np.pi / 30.0
+"""Radians per second in one revolution per minute."""
+
+
+BESIDE_GAP = 1e-6
+"""Time between a gap and a span that does not touch it. [s]"""
+
+FEWEST = 2.0
+"""A stretch between two gaps that is shorter than so many sampling intervals is left out."""
+
+
+class Detected(msgspec.Struct, frozen=True):
+    """Cycles of a run in order of time, and the smoothed motion in which they were found, (n,).
+
+    The motion is a line velocity [m/s]; where that is unknown, the speed of the shaft [rad/s], or zero without a motion.
+    """
+
+    cycles: list[Cycle]
+    motion: Signal
+
+
+class Motion(msgspec.Struct, frozen=True):
+    """A smoothed motion, (n,), and the thresholds of its detection, in the same unit: m/s and m, or rad/s and rad."""
+
+    v_smooth: Signal
+    thresholds: Thresholds
+
+
+def find_cycles(run: Run, rig: Rig) -> Detected:
+    """Find the cycles of a log by the source that its rig names.
+
+    Raises
+    ------
+    LogError : the log lacks the channel that the source needs
+    OptionError : ranges that the log does not hold
+    """
+    return DETECTORS[rig.phases.source](run, rig)
+
+
+def smoothed_motion(run: Run, rig: Rig) -> Motion | None:
+    """Smoothed line velocity of a run, else the speed of its shaft; None where neither is known."""
+    if "velocity" in run.channels:
+        return Motion(smoothed_velocity(run, rig.thresholds), rig.thresholds)
+    return _of_shaft(run, rig) if "speed" in run.channels else None
+
+
+def _of_shaft(run: Run, rig: Rig) -> Motion:
+    """Speed of the shaft as a motion: of the line where the radius of the drum is known, else in radians."""
+    omega = local_quadratic(run.t, run.channels["speed"], rig.thresholds.smoothing)
+    if rig.r_drum is not None:
+        return Motion(omega * rig.r_drum, rig.thresholds)
+    rule = rig.phases
+    return Motion(omega, replace(rig.thresholds, v_onset=rule.rpm_onset * RPM, stroke_min=rule.turns_min * TURN))
+
+
+def _by_velocity(run: Run, rig: Rig) -> Detected:
+    """Payouts of the line; none where its velocity is unknown, as the message about it names another source."""
+    if "velocity" not in run.channels:
+        return Detected([], _no_motion(run))
+    v_smooth = smoothed_velocity(run, rig.thresholds)
+    return Detected(detect(run, v_smooth, rig.thresholds), v_smooth)
+
+
+def _by_displacement(run: Run, rig: Rig) -> Detected:
+    """Payouts by the slope of the displacement."""
+    if "displacement" not in run.channels:
+        raise _lacks(run, "displacement")
+    slope = np.gradient(local_quadratic(run.t, run.channels["displacement"], rig.thresholds.smoothing), run.t)
+    return Detected(detect(run, slope, rig.thresholds), slope)
+
+
+def _by_speed(run: Run, rig: Rig) -> Detected:
+    """Payouts by the speed of the shaft."""
+    if "speed" not in run.channels:
+        raise _lacks(run, "speed")
+    motion = _of_shaft(run, rig)
+    turned = replace(run, channels={name: x for name, x in run.channels.items() if name != "displacement"})
+    return Detected(detect(turned, motion.v_smooth, motion.thresholds), motion.v_smooth)
+
+
+def _by_waves(run: Run, rig: Rig) -> Detected:
+    from winchcascade.reduction.waves import find_waves
+
+    motion = smoothed_motion(run, rig)
+    if motion is None:
+        raise _lacks(run, "velocity, displacement or speed")
+    return Detected(find_waves(run.t, motion.v_smooth, motion.thresholds.v_onset), motion.v_smooth)
+
+
+def _by_steps(run: Run, rig: Rig) -> Detected:
+    from winchcascade.reduction.steps import find_steps
+
+    if "speed" not in run.channels:
+        raise _lacks(run, "speed")
+    return Detected(find_steps(run, rig.phases, rig.thresholds.gap_max), _motion(run, rig))
+
+
+def _by_column(run: Run, rig: Rig) -> Detected:
+    from winchcascade.reduction.labels import labelled_cycles
+
+    if run.labels is None:
+        raise LogError(
+            f"{run.name}: was read without the column {rig.phases.column!r} of its phases; read it with the same rig file."
+        )
+    return Detected(labelled_cycles(run.t, run.labels), _motion(run, rig))
+
+
+def _by_ranges(run: Run, rig: Rig) -> Detected:
+    begin, end = float(run.t[0]), float(run.t[-1])
+    if not rig.phases.ranges:
+        raise OptionError(
+            f"{run.name}: cycles by ranges of time, but none is given; add ranges_s = [[begin, end], ...] to its entry of "
+            "campaign.toml, or under [phases] of the rig file."
+        )
+    for a, b in rig.phases.ranges:
+        if a < begin or b > end:
+            raise OptionError(
+                f"{run.name}: the range {a:g} to {b:g} s does not lie in the log, which goes from {begin:.2f} to {end:.2f} s; "
+                "correct ranges_s."
+            )
+    return Detected([span(a, b) for a, b in sorted(rig.phases.ranges)], _motion(run, rig))
+
+
+def _whole(run: Run, rig: Rig) -> Detected:
+    """The record in one span, or the stretches between gaps that are too long to bridge."""
+    gaps = all_gaps(run, tuple(run.channels))
+    gaps = gaps[gaps[:, 1] - gaps[:, 0] > rig.thresholds.gap_max]
+    begins = [float(run.t[0]), *(np.maximum.accumulate(gaps[:, 1]) + BESIDE_GAP).tolist()]
+    ends = [*(gaps[:, 0] - BESIDE_GAP).tolist(), float(run.t[-1])]
+    least = FEWEST / run.fs
+    spans = [span(a, b) for a, b in zip(begins, ends, strict=True) if b - a > least]
+    return Detected(spans, _motion(run, rig))
+
+
+def _by_rows(run: Run, rig: Rig) -> Detected:
+    """Each row of a table of step means, which the reader wrote as two samples of one value."""
+    return Detected([span(a, b) for a, b in run.t.reshape(-1, 2).tolist()], _motion(run, rig))
+
+
+def span(begin: float, end: float) -> Cycle:
+    """A cycle that is one span [s], without hold and haul-in."""
+    return Cycle(begin, end, None, None, begins_inside=False, ends_inside=False)
+
+
+def _motion(run: Run, rig: Rig) -> Signal:
+    motion = smoothed_motion(run, rig)
+    return _no_motion(run) if motion is None else motion.v_smooth
+
+
+def _no_motion(run: Run) -> Signal:
+    return np.zeros(run.t.size)
+
+
+def _lacks(run: Run, channel: str) -> LogError:
+    return LogError(
+        f"{run.name}: [phases] of the rig finds cycles in {channel}, which the log has not; name its column under [columns], "
+        "or another source under [phases]."
+    )
+
+
+Detector = Callable[[Run, Rig], Detected]
+
+DETECTORS: Mapping[PhaseSource, Detector] = {
+    "velocity": _by_velocity,
+    "displacement": _by_displacement,
+    "speed": _by_speed,
+    "column": _by_column,
+    "ranges": _by_ranges,
+    "waves": _by_waves,
+    "steps": _by_steps,
+    "rows": _by_rows,
+    "whole": _whole,
+}
+"""How cycles are found, by source."""
