@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
@@ -112,10 +112,13 @@ def audit_command(
     from winchcascade.core.table_toml import load_table
     from winchcascade.report.audit_text import audit_record, audit_text
     from winchcascade.tables.audit import audit
+    from winchcascade.tables.point_table import is_point_table
 
     if rig is not None and not physics:
         raise OptionError(f"--rig {rig}: is of use with --physics alone; add that, or leave the rig out.")
     check_outputs({"--json": json}, [table, rig], force=force)
+    if Path(table).is_file() and is_point_table(Path(table)):
+        _audit_points(Path(table), physics=physics, json=json, force=force)
     outcome = audit(load_table(table))
     record, text, ok = audit_record(outcome), audit_text(outcome), outcome.ok
     if physics:
@@ -140,3 +143,18 @@ def audit_command(
         )
     deliver(json, lambda: as_json(record), lambda: text, force=force)
     raise typer.Exit(0 if ok else 1)
+
+
+def _audit_points(table: Path, *, physics: bool, json: str | None, force: bool) -> NoReturn:
+    """Audit a table of operating points and end the command."""
+    from winchcascade.report.point_audit_text import point_audit_record, point_audit_text
+    from winchcascade.tables.point_audit import audit_points
+    from winchcascade.tables.point_table import load_points
+
+    if physics:
+        raise OptionError(
+            f"--physics: {table} is a table of operating points; expected one of loads; leave --physics out."
+        )
+    found = audit_points(load_points(table))
+    deliver(json, lambda: as_json(point_audit_record(found)), lambda: point_audit_text(found), force=force)
+    raise typer.Exit(0 if found.ok else 1)

@@ -73,6 +73,8 @@ _SPELLED: dict[tuple[str, float], str] = {
     ("voltage", 1e3): "kV",
     ("current", 1.0): "A amp amps ampere amperes Adc ADC 安培 安 А",
     ("current", 1e-3): "mA MA ma",
+    ("power", 1e-6): "uW µW μW",
+    ("power", 1e-3): "mW",
     ("power", 1.0): "W watt watts 瓦 瓦特",
     ("power", 1e3): "kW",
     ("power", 1e6): "MW",
@@ -117,6 +119,8 @@ _SPELLED: dict[tuple[str, float], str] = {
     ("lead", 1e-3): "mm/rev",
     ("number", 1.0): "1 -",
     ("number", 1e-2): "% percent",
+    ("norm_flow", 1.0 / 3600.0): "Nm3/h Nm³/h m3(n)/h",
+    ("norm_flow", 1.0 / 60000.0): "NL/min Nl/min l(n)/min",
     ("frequency", 1.0): "Hz 1/s",
     ("frequency", 1e3): "kHz",
     ("temperature", 1.0): "K kelvin",
@@ -134,7 +138,7 @@ _ABSOLUTE: dict[float, str] = {
 """By factor, how loggers write an absolute pressure."""
 
 _TEMPERATURES: dict[tuple[float, float], str] = {
-    (1.0, 273.15): "°C C degC deg.C deg_C degreesC oC celsius 攝氏 摄氏 攝氏度 摄氏度",
+    (1.0, 273.15): "°C ºC ￭C ｰC C degC deg.C deg_C degreesC oC celsius 攝氏 摄氏 攝氏度 摄氏度",
     (5.0 / 9.0, 459.67 * 5.0 / 9.0): "°F degF deg.F deg_F degreesF oF fahrenheit",
 }
 """By factor and offset, how loggers write a temperature; none is a channel, and these distinguish it from a torque T."""

@@ -1,0 +1,72 @@
+"""An audit of a table of operating points, as text and as a record for JSON."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from winchcascade.core.version import __version__
+from winchcascade.report.text_table import indented, wrapped
+
+if TYPE_CHECKING:
+    from winchcascade.tables.point_audit import PointAudit
+
+POINT_AUDIT_SCHEMA = "winchcascade/point-audit/1"
+
+_MOST_SHOWN = 12
+"""Broken laws that the text shows; the JSON has all."""
+
+
+def point_audit_text(audit: PointAudit) -> str:
+    """What a table of operating points contradicts in itself; 100 columns at most."""
+    table, broken = audit.table, audit.broken
+    lines = wrapped(f"{table.name}: {table.title}") + wrapped(f"source: {table.source}")
+    laws = [f"{name} = {column.law.text}" for name, column in table.columns.items() if column.law]
+    bounds = [name for name, column in table.columns.items() if column.at_most == 1.0]
+    lines += wrapped(f"laws: {', '.join(laws)}") if laws else []
+    lines += wrapped(f"at most 1: {', '.join(bounds)}") if bounds else []
+    lines += wrapped(f"means may differ by {100.0 * table.tolerance:g} %") if table.tolerance else []
+    lines += ["", f"{len(table.rows)} rows, {audit.laws} cells compared"]
+    for fault in audit.faults:
+        lines += indented(fault.sentence)
+    for item in broken[:_MOST_SHOWN]:
+        lines += indented(item.sentence)
+    lines += indented(f"and {len(broken) - _MOST_SHOWN} more") if len(broken) > _MOST_SHOWN else []
+    found = [f"{len(audit.faults)} column fault{'s'[: len(audit.faults) != 1]}"] if audit.faults else []
+    found += [f"{len(broken)} cell{'s'[: len(broken) != 1]} that contradict others"] if broken or not found else []
+    return "\n".join([*lines, "", "nothing contradicts itself" if audit.ok else f"found: {', '.join(found)}"]) + "\n"
+
+
+def point_audit_record(audit: PointAudit) -> dict[str, Any]:
+    """The audit as nested records, schema `winchcascade/point-audit/1`; JSON has null for an open end."""
+    table = audit.table
+    return {
+        "schema": POINT_AUDIT_SCHEMA,
+        "version": __version__,
+        "table": {"name": table.name, "title": table.title, "source": table.source, "path": table.path},
+        "ok": audit.ok,
+        "rows": len(table.rows),
+        "cells_compared": audit.laws,
+        "column_faults": [
+            {
+                "kind": fault.kind,
+                "columns": [*fault.columns],
+                "heads": [table.columns[name].head for name in fault.columns],
+                "broken_before": fault.broken_before,
+                "broken_after": fault.broken_after,
+                "sentence": fault.sentence,
+            }
+            for fault in audit.faults
+        ],
+        "contradictions": [
+            {
+                "row": item.row + 1,
+                "key": {name: cell.value for name, cell in table.rows[item.row].items() if name in table.key},
+                "column": item.column,
+                "printed": item.printed,
+                "unit": table.columns[item.column].unit,
+                "allowed": (item.allowed.low, item.allowed.high),
+                "sentence": item.sentence,
+            }
+            for item in audit.broken
+        ],
+    }

@@ -1,0 +1,234 @@
+"""A published table of operating points: rows keyed by any of their columns, read from a TOML file and a CSV beside it.
+
+The digits of each cell give its rounding, unless the file states decimals or significant digits for the column.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+
+from winchcascade.core.published_table import ENERGY_UNITS, Span, TableError, unit_suffix
+from winchcascade.core.quantity import find_unit
+from winchcascade.core.toml_text import Expected, check_keys, entry, read_toml, toml_values
+from winchcascade.ingest.cells import looks_like_a_number, numbers, split_row
+from winchcascade.ingest.layout import decimal_sign, find_encoding
+
+_LAW = re.compile(r"\s*(\w+)((?:\s*[*/]\s*\w+)*)\s*")
+_FACTOR = re.compile(r"([*/])\s*(\w+)")
+
+_POWER, _TORQUE_AND_SPEED = ("power_mech", "power_shaft"), "torque * speed"
+"""Columns of shaft power, and what they are in a table that has both torque and speed (P = T omega)."""
+
+
+class Law(msgspec.Struct, frozen=True):
+    """What a column is of others: the product of some, divided by others."""
+
+    text: str
+    times: tuple[str, ...]
+    over: tuple[str, ...]
+
+
+class PointColumn(msgspec.Struct, frozen=True):
+    """One column: its head in the CSV, its unit with the factor to SI, how it is rounded, and what it is of others."""
+
+    head: str
+    unit: str
+    factor: float
+    decimals: int | None = None
+    digits: int | None = None
+    law: Law | None = None
+    at_most: float = math.inf
+
+
+class PointCell(msgspec.Struct, frozen=True):
+    """A number as printed, in the unit of its column, and half a unit of its last printed digit."""
+
+    value: float
+    rounding: float
+    text: str
+
+    def span(self, factor: float) -> Span:
+        """Every value that rounds to what is printed, in SI units."""
+        return Span((self.value - self.rounding) * factor, (self.value + self.rounding) * factor)
+
+
+class PointTable(msgspec.Struct, frozen=True):
+    """A table of operating points; `tolerance` is the share by which means of products may differ from products of means."""
+
+    name: str
+    title: str
+    source: str
+    key: tuple[str, ...]
+    columns: Mapping[str, PointColumn]
+    rows: tuple[Mapping[str, PointCell], ...]
+    tolerance: float = 0.0
+    path: str = ""
+
+    def row_name(self, k: int) -> str:
+        """How a row is called: its key columns, or its number from 1 on."""
+        row = self.rows[k]
+        named = [f"{name} {row[name].text}{unit_suffix(self.columns[name].unit)}" for name in self.key if name in row]
+        return ", ".join(named) or f"row {k + 1}"
+
+
+_Text = Annotated[str, Expected("a text", str.strip)]
+_Key = Annotated[
+    str | list[str], Expected('the name of a column, or a list of names, such as key = ["torque", "speed"]')
+]
+_Points = Annotated[list[dict[str, Any]], Expected("[[point]] tables")]
+_Percent = Annotated[float, Expected("percent from 0 to 20", lambda x: 0 <= x <= 20)]
+_Decimals = Annotated[int | None, Expected("how many are printed, such as 3", lambda n: -9 <= n <= 12)]
+_Digits = Annotated[int | None, Expected("how many significant digits are printed, such as 4", lambda n: 1 <= n <= 17)]
+
+
+def is_point_table(path: Path) -> bool:
+    """Whether a file is a table of operating points: it names a CSV, a key or points, which tables by load do not have."""
+    raw = toml_values(read_toml(path, "a table that can be read", TableError), str(path), TableError)
+    return not {"csv", "key", "point"}.isdisjoint(raw)
+
+
+def load_points(path: Path) -> PointTable:
+    """Read a table of operating points; TableError names what is wrong."""
+    where = str(path)
+    raw = toml_values(read_toml(path, "a table that can be read", TableError), where, TableError)
+    known = ("title", "source", "csv", "key", "columns", "point", "tolerance_percent")
+    _known(raw, known, where)
+    columns = _columns(raw.get("columns"), where)
+    key = entry(raw.get("key", []), "key", _Key, where, TableError)
+    keys = (key,) if isinstance(key, str) else tuple(key)
+    for name in keys:
+        if name not in columns:
+            raise TableError(f"{where}: key names {name!r}, which is no column; expected one of {', '.join(columns)}.")
+    if ("csv" in raw) == ("point" in raw):
+        raise TableError(f'{where}: expected either csv = "FILE" or [[point]] tables with the rows, and not both.')
+    if "csv" in raw:
+        rows = _csv_rows(path.parent / entry(raw["csv"], "csv", _Text, where, TableError), columns, where)
+    else:
+        rows = _point_rows(entry(raw["point"], "point", _Points, where, TableError), columns, where)
+    return PointTable(
+        name=path.stem,
+        title=entry(raw.get("title"), "title", _Text, where, TableError),
+        source=entry(raw.get("source"), "source", _Text, where, TableError),
+        key=keys,
+        columns=columns,
+        rows=rows,
+        tolerance=entry(raw.get("tolerance_percent", 0.0), "tolerance_percent", _Percent, where, TableError) / 100.0,
+        path=where,
+    )
+
+
+def _known(raw: Mapping[str, object], known: Sequence[str], place: str) -> None:
+    check_keys(raw, known, f"{place}: ", f"no entry here; expected {', '.join(known)}", TableError)
+
+
+def _columns(raw: object, where: str) -> dict[str, PointColumn]:
+    if not isinstance(raw, dict) or not raw:
+        raise TableError(f'{where}: no columns; expected [columns] with an entry such as torque = {{ unit = "N.m" }}.')
+    columns = {}
+    for name, given in raw.items():
+        place = f"{where}: [columns] {name}"
+        if not isinstance(given, dict):
+            raise TableError(f'{place} is {given!r}; expected {{ name = "...", unit = "..." }}.')
+        _known(given, ("name", "unit", "decimals", "digits", "is"), place)
+        unit = entry(given.get("unit", "1"), "unit", _Text, place, TableError)
+        found = find_unit(unit)
+        factor = ENERGY_UNITS.get(unit) or (found.factor if found else None)
+        if factor is None:
+            raise TableError(f"{place}: the unit {unit!r} is unknown; expected one such as W, kW, N.m, rpm or 1.")
+        law = given.get("is", _TORQUE_AND_SPEED if name in _POWER and {"torque", "speed"} <= set(raw) else None)
+        columns[name] = PointColumn(
+            head=entry(given.get("name", name), "name", _Text, place, TableError),
+            unit=unit,
+            factor=factor,
+            decimals=entry(given.get("decimals"), "decimals", _Decimals, place, TableError),
+            digits=entry(given.get("digits"), "digits", _Digits, place, TableError),
+            law=None if law is None else _law(law, raw, place),
+            at_most=1.0 if name.startswith(("eta", "power_factor")) else math.inf,
+        )
+    return columns
+
+
+def _law(text: object, columns: Mapping[str, object], place: str) -> Law:
+    found = _LAW.fullmatch(text) if isinstance(text, str) else None
+    if found is None:
+        raise TableError(
+            f'{place}: is = {text!r}; expected products and quotients of columns, such as "torque * speed".'
+        )
+    factors = [("*", found[1]), *_FACTOR.findall(found[2])]
+    for _, name in factors:
+        if name not in columns:
+            raise TableError(f"{place}: is names {name!r}, which is no column; expected one of {', '.join(columns)}.")
+    times, over = (tuple(name for sign, name in factors if sign == one) for one in "*/")
+    return Law(str(text), times, over)
+
+
+def _csv_rows(file: Path, columns: Mapping[str, PointColumn], where: str) -> tuple[Mapping[str, PointCell], ...]:
+    """Rows of a CSV whose first line holds the heads."""
+    try:
+        content = file.read_bytes()
+    except OSError as fault:
+        raise TableError(f"{file}: cannot be read ({fault.strerror}); correct csv in {where}.") from None
+    lines = [line for line in content.decode(find_encoding(content), "replace").splitlines() if line.strip()]
+    head = lines[0].lstrip("\ufeff") if lines else ""
+    delimiter = max(";\t,", key=head.count)
+    names = split_row(head, delimiter)
+    for column in columns.values():
+        if names.count(column.head) != 1:
+            raise TableError(
+                f"{file}: {names.count(column.head) or 'no'} columns are named {column.head!r}; expected one; the file has "
+                f"{', '.join(names)}. Correct [columns] in {where}."
+            )
+    cells = [split_row(line, delimiter) for line in lines[1:]]
+    decimal = "." if delimiter == "," else decimal_sign(cells)
+    places = {name: names.index(column.head) for name, column in columns.items()}
+    rows = [
+        {
+            name: cell
+            for name, k in places.items()
+            if k < len(row) and (cell := _cell(row[k], decimal, columns[name])) is not None
+        }
+        for row in cells
+    ]
+    return tuple(row for row in rows if row)
+
+
+def _point_rows(
+    points: Sequence[Mapping[str, Any]], columns: Mapping[str, PointColumn], where: str
+) -> tuple[Mapping[str, PointCell], ...]:
+    rows = []
+    for k, point in enumerate(points, 1):
+        _known(point, tuple(columns), f"{where}: point {k}")
+        row = {name: _cell(str(value), ".", columns[name]) for name, value in point.items()}
+        for name, cell in row.items():
+            if cell is None:
+                raise TableError(f"{where}: point {k}: {name} is {point[name]!r}; expected a number.")
+        rows.append({name: cell for name, cell in row.items() if cell is not None})
+    return tuple(rows)
+
+
+def _cell(text: str, decimal: str, column: PointColumn) -> PointCell | None:
+    """A printed number with its rounding; None for a cell without a number."""
+    if not looks_like_a_number(text):
+        return None
+    value = float(numbers([text], decimal)[0][0])
+    if not math.isfinite(value):
+        return None
+    return PointCell(
+        value, 0.5 * 10.0 ** -_printed_decimals(value, text.replace(",", ".") if decimal == "," else text, column), text
+    )
+
+
+def _printed_decimals(value: float, text: str, column: PointColumn) -> int:
+    """Decimals of a number: as the column states, by its significant digits, else those of its text."""
+    if column.decimals is not None:
+        return column.decimals
+    if column.digits is not None:
+        return column.digits - 1 - (math.floor(math.log10(abs(value))) if value else 0)
+    mantissa, _, power = text.strip().lower().replace("d", "e").partition("e")
+    return len(mantissa.partition(".")[2]) - int(power or 0)
