@@ -32,7 +32,7 @@ from winchcascade.report.report_model import (
 )
 from winchcascade.report.style import house_style
 from winchcascade.report.traces import readout
-from winchcascade.report.wording import SYMBOL, decisive, net_reasons, not_known, window_words
+from winchcascade.report.wording import SYMBOL, decisive, net_reasons, not_known, subscripts_of, window_words
 
 _NAMES = {
     "eta_trans": "line to shaft",
@@ -89,6 +89,7 @@ def make_report(
         sections=sections,
         traces=readout(run, reduction.cycles, figures.powers_of(reduction)),
         banner=banner([run.origin]),
+        subscripts=subscripts_of(reduction.rig.cascade),
     )
 
 
@@ -101,7 +102,8 @@ def _about(reduction: Reduction) -> str:
 def _tiles(reduction: Reduction, found: Uncertainty) -> tuple[Tile, ...]:
     """The efficiencies with their intervals, and energies where there are fewer than three."""
     cascade = reduction.rig.cascade
-    given = [m for m in (*cascade.ratios, *cascade.energies) if reduction.mean[m] is not None][:3]
+    etas = (*cascade.neighbours[:2], cascade.overall) if len(cascade.stages) > 2 else tuple(cascade.ratios)
+    given = [m for m in (*etas, *cascade.energies) if reduction.mean[m] is not None][:3]
     tiles = []
     for m in given:
         unit, interval, u = tables.unit_of(m), found.interval_95.get(m), found.standard[m]
@@ -251,6 +253,7 @@ def _results(reduction: Reduction, found: Uncertainty) -> Section:
             f"Flow diagram: {words}.",
         ),
         tables.cycles_table(reduction, found),
+        tables.powers_table(reduction, found),
         tables.net_table(reduction, found),
     )  # fmt: skip
 

@@ -270,6 +270,7 @@ def energy_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) ->
 
 def _flow_of(reduction: Reduction, steps: Sequence[_Step], texts: Mapping[str, str]) -> list[_Flow]:
     """Bars of the steps up to the first that has no mean energy; a loss is a share of the first bar."""
+    apart = "\n" if len(steps) > 3 else " "
     mean, ratios = reduction.mean, reduction.rig.cascade.all_ratios
     flow: list[_Flow] = []
     for step, following in zip(steps, (*steps[1:], None), strict=False):
@@ -281,7 +282,7 @@ def _flow_of(reduction: Reduction, steps: Sequence[_Step], texts: Mapping[str, s
         if following is not None and after is not None:
             whole = flow[0].joule if flow else joule
             lost = mean.get(step.leaving) or joule - after
-            leaves = f"{step.leaves}: {significant(lost)} J, {100 * lost / whole:.1f} % of {tex(steps[0].metric)}"
+            leaves = f"{step.leaves}:{apart}{significant(lost)} J, {100 * lost / whole:.1f} % of {tex(steps[0].metric)}"
             eta = next(
                 (n for n, pair in ratios.items() if pair == (following.metric, step.metric)),
                 "",

@@ -16,10 +16,6 @@ from winchcascade.report.style import COLOURS
 if TYPE_CHECKING:
     from winchcascade.report.report_model import Table
 
-_SYMBOL = re.compile(
-    r"\b([EPFvpητ])_(line|mech|gen, cycle|gen|trans|pto|max|min|mean|plateau|hold|payout|returned|net)\b"
-)
-
 FEW = 4
 """A table of numbers with no more columns than this is not stretched over the page."""
 
@@ -41,8 +37,10 @@ def html_text(report: Report) -> str:
     import jinja2
     from markupsafe import Markup, escape
 
+    symbol = re.compile(rf"\b([EPFvpητ])_({'|'.join(report.subscripts)})\b")
+
     def symbols(text: str) -> Markup:
-        return Markup(_SYMBOL.sub(r"\1<sub>\2</sub>", str(escape(text))).replace(" %", "\u00a0%"))
+        return Markup(symbol.sub(r"\1<sub>\2</sub>", str(escape(text))).replace(" %", "\u00a0%"))
 
     folder = template_folder()
     environment = jinja2.Environment(
@@ -51,7 +49,7 @@ def html_text(report: Report) -> str:
     )  # fmt: skip
     environment.filters |= {
         "symbols": symbols,
-        "symbol": lambda text: symbols(text) if _SYMBOL.fullmatch(text) else escape(text),
+        "symbol": lambda text: symbols(text) if symbol.fullmatch(text) else escape(text),
         "drawing": lambda svg: Markup(themed(svg)),
         "width": width,
         "kind": lambda block: type(block).__name__,

@@ -244,10 +244,17 @@ def data_point(origins: Sequence[Origin]) -> Point:
     return Point("Data", text[0].upper() + text[1:], "warn" if made else "plain")
 
 
+SUBSCRIPTS = (
+    "line", "mech", "gen, cycle", "gen", "trans", "pto", "max", "min", "mean", "plateau", "hold", "payout", "returned", "net",
+)  # fmt: skip
+"""Subscripts of the symbols of every report."""
+
+
 class Report(msgspec.Struct, frozen=True):
     """A whole report, in order.
 
-    `traces` is the JSON that the page's time histories read values from. `banner` is a warning on every page.
+    `traces` is the JSON that the page's time histories read values from. `banner` is a warning on every page. `subscripts` are
+    what may stand low behind a letter and an underscore in a text.
     """
 
     kind: str
@@ -258,4 +265,5 @@ class Report(msgspec.Struct, frozen=True):
     sections: tuple[Section, ...]
     traces: str = ""
     banner: str = ""
+    subscripts: tuple[str, ...] = SUBSCRIPTS
     generator: str = f"winchcascade/{__version__}"

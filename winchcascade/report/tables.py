@@ -41,6 +41,9 @@ MOST_FINDINGS = 40
 MOST_REASONS = 3
 """Reasons for missing net energies that a note lists; the JSON holds that of each cycle."""
 
+TOGETHER = 3
+"""Stages whose energies, powers and efficiencies stand in one table; of more the powers have their own."""
+
 MOST_BINS = 80
 """Bins that a table lists; of more an even selection."""
 
@@ -87,7 +90,10 @@ def _given(reduction: Reduction, metrics: Sequence[str]) -> list[str]:
 
 def cycles_table(reduction: Reduction, found: Uncertainty) -> Table:
     """Energies, mean powers and efficiencies of every cycle, their mean, its uncertainty and the largest deviation."""
-    given, n = _given(reduction, reduction.rig.cascade.metrics), len(reduction.complete)
+    cascade = reduction.rig.cascade
+    apart = len(cascade.stages) > TOGETHER
+    given = _given(reduction, [m for m in cascade.metrics if not (apart and m.startswith("power"))])
+    n = len(reduction.complete)
     more = "; the mean's uncertainty adds the repeatability" if n > 1 else ""
     incomplete = "" if n == len(reduction.cycles) else " A cycle in brackets is incomplete and not in the mean."
     columns: list[TableColumn[CycleResult]] = [
@@ -97,12 +103,28 @@ def cycles_table(reduction: Reduction, found: Uncertainty) -> Table:
     ]
     return make_table(
         "cycles",
-        "Cycles: energies E over the integration window, mean powers P in it, efficiencies η." + incomplete,
+        f"Cycles: energies E over the integration window,{'' if apart else ' mean powers P in it,'} efficiencies η."
+        + incomplete,
         columns,
         rows_of(columns, reduction.cycles, most=MOST_CYCLES),
         below=_means(reduction, found, given, n),
-        note=metrics_note(reduction.rig.cascade, given)
+        note=metrics_note(cascade, given)
         + (f"Digits of a cycle are those that the sensors' errors allow{more}." if found.method else ""),
+    )
+
+
+def powers_table(reduction: Reduction, found: Uncertainty) -> Table | None:
+    """Mean powers of every cycle where a cascade has too many stages for one table; None where it has not."""
+    cascade = reduction.rig.cascade
+    given = _given(reduction, [m for m in cascade.metrics if m.startswith("power")])
+    if len(cascade.stages) <= TOGETHER or not given:
+        return None
+    return make_table(
+        "mean-powers",
+        "Mean powers P in the integration window.",
+        columns := [_CYCLE, *_metric_columns(reduction, found, given)],
+        rows_of(columns, reduction.cycles, most=MOST_CYCLES),
+        below=[(row[0], *row[2:]) for row in _means(reduction, found, given, len(reduction.complete))],
     )
 
 

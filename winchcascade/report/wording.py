@@ -9,11 +9,13 @@ from msgspec.structs import asdict
 from winchcascade.core.quantity import KGF
 from winchcascade.reduction.efficiency import NET_METRICS
 from winchcascade.reduction.uncertainty import R_DRUM, SAMPLING, shares
+from winchcascade.report.report_model import SUBSCRIPTS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from winchcascade.core.accuracy import ErrorSource
+    from winchcascade.core.cascade import Cascade
     from winchcascade.core.rig_file import WindowRule
     from winchcascade.reduction.reduction_result import CycleResult
     from winchcascade.reduction.uncertainty import Budget
@@ -47,6 +49,12 @@ SYMBOL = _Symbols({
     "energy_returned": "E_returned", "energy_net": "E_net", "energy_gen_cycle": "E_gen, cycle", "eta_net": "η_net",
 })  # fmt: skip
 """Symbols of the metrics; what follows the underscore is set low."""
+
+
+def subscripts_of(cascade: Cascade) -> tuple[str, ...]:
+    """Subscripts of the symbols of a cascade, longer ones first."""
+    own = {SYMBOL[m].partition("_")[2] for m in cascade.all_metrics}
+    return (*sorted(own - {*SUBSCRIPTS}, key=len, reverse=True), *SUBSCRIPTS)
 
 
 def tex(metric: str) -> str:
