@@ -151,6 +151,22 @@ def test_a_wrong_entry_of_channels_is_one_sentence(more: str, words: str) -> Non
     assert words in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("entry", "words"),
+    [
+        ("accuracy_reading = 0.01\ncoverage = 0.5", "coverage is 0.5; expected a coverage factor from 1 to 10"),
+        ("coverage = 2", "coverage belongs to an accuracy, and none is stated"),
+        ("daq_reading = 0.001", "has the share of the acquisition system and no accuracy of the sensor"),
+        ("accuracy_reading = 0.01\ndaq_full_scale = 0.1", "daq_full_scale has no full scale"),
+        ("accuracy_reading = 0.01\ndaq_reading = 3", "daq_reading is 3; expected a share"),
+    ],
+)
+def test_a_wrong_accuracy_of_an_instrument_is_one_sentence(entry: str, words: str) -> None:
+    with pytest.raises(RigError, match=r"\[sensors\.speed\]") as caught:
+        rig_of(f'[sensors.speed]\nunit = "rpm"\n{entry}\n')
+    assert words in str(caught.value)
+
+
 def test_a_power_that_contradicts_torque_and_speed_is_reported(tmp_path: Path) -> None:
     rows = [[f"{0.1 * k:.1f}", f"{600 + k}", "2.0", f"{-2.0 * (600 + k) / RPM}"] for k in range(50)]
     run = read(tmp_path, text(rows, ["t (s)", "n (rpm)", "Torque (N.m)", "Shaft power (W)"]), rig=rig_of(""))

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from winchcascade.core.accuracy import error_sources
+from winchcascade.core.accuracy import error_sources, part_uncertainty
 from winchcascade.core.cascade import PAPER as CASCADE
 from winchcascade.core.quantity import Quantity
 from winchcascade.core.rig_file import Rig, Sensor, WindowRule
@@ -259,6 +259,51 @@ def test_a_calibration_counts_where_no_accuracy_is_stated() -> None:
         ("idc", "gain", 0.001, None, "normal", "in place"),
     ]
     assert deviations(Sensor("A", u_gain=0.001)) == {"gain": 0.001}
+
+
+@given(high=st.floats(1e-3, 1e6), share=st.floats(1e-6, 0.1), factor=st.floats(1.0, 10.0))
+def test_an_expanded_uncertainty_over_its_coverage_factor_is_the_standard_one_at_full_scale(
+    high: float, share: float, factor: float
+) -> None:
+    sources = error_sources("force", Sensor("N", high=high, accuracy_full_scale=share, coverage=factor))
+    assert {s.shape for s in sources} == {"normal"}
+    at_full_scale = math.hypot(*(s.u * (high if s.part == "gain" else 1.0) for s in sources))
+    assert at_full_scale == pytest.approx(share * high / factor)
+
+
+def test_the_acquisition_system_adds_an_error_of_its_own() -> None:
+    sensor = Sensor(
+        "N.m", high=100.0, accuracy_full_scale=0.001, coverage=2.0, daq_reading=0.0003, daq_full_scale=0.0002
+    )
+    sources = error_sources("torque", sensor)
+    assert [(s.part, s.shape, s.origin == "acquisition system") for s in sources] == [
+        ("zero", "normal", False),
+        ("gain", "normal", False),
+        ("zero", "rectangular", True),
+        ("gain", "rectangular", True),
+    ]
+    assert [s.limit for s in sources[2:]] == pytest.approx([0.01, 0.0004])
+    assert part_uncertainty(sensor, "zero") == pytest.approx(math.hypot(0.05 / math.sqrt(2.0), 0.01 / math.sqrt(3.0)))
+
+
+def test_the_budget_of_a_drive_bench_is_that_of_a_pocket_calculator() -> None:
+    """The worked example of docs/method.md: a motor at 50 N m, 1500 rpm, 400 V and 22 A."""
+    torque = Sensor(
+        "N.m", low=-100.0, high=100.0, accuracy_full_scale=1e-3, coverage=2.0, daq_full_scale=2e-4, daq_reading=3e-4
+    )
+    speed = Sensor("rpm", accuracy_reading=1e-4)
+    volt = Sensor("V", high=600.0, accuracy_reading=2e-4, accuracy_full_scale=4e-4)
+    current = Sensor(
+        "A", high=50.0, accuracy_reading=2e-4, accuracy_full_scale=4e-4, daq_reading=5e-4, daq_coverage=2.0
+    )
+
+    def relative(sensor: Sensor, x: float) -> float:
+        return math.hypot(part_uncertainty(sensor, "gain"), part_uncertainty(sensor, "zero") / x)
+
+    u = [relative(torque, 50.0), relative(speed, 157.08), relative(volt, 400.0), relative(current, 22.0)]
+    assert u == pytest.approx([8.32e-4, 0.58e-4, 2.89e-4, 4.30e-4], abs=0.5e-6)
+    eta = 50.0 * 157.08 / (400.0 * 22.0)
+    assert eta * math.hypot(*u) == pytest.approx(8.76e-4, abs=0.5e-6)
 
 
 @pytest.mark.parametrize("sensor", [Sensor("N"), Sensor("N", high=20.0, resolution=0.1), Sensor("N", accuracy=0.0)])

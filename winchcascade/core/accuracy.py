@@ -23,6 +23,10 @@ CERTAIN = 5.0
 """An offset is significant from so many standard uncertainties of the sensor's zero."""
 
 
+ACQUISITION = "acquisition system"
+"""Origin of the errors that the acquisition system adds to those of a sensor."""
+
+
 class ErrorSource(msgspec.Struct, frozen=True):
     """One source of uncertainty, the same over a whole run: zero [SI unit of the channel] or gain [1] of what is read.
 
@@ -42,26 +46,57 @@ class ErrorSource(msgspec.Struct, frozen=True):
 
 
 def error_sources(channel: str, sensor: Sensor) -> tuple[ErrorSource, ...]:
-    """Errors that a sensor's stated accuracy allows, in SI units; empty where none is stated.
+    """Errors that the stated accuracies of a sensor and of its acquisition system allow, in SI units; empty without any.
 
     Accuracies are limits of rectangular distributions. One in shares of the full scale (or absolute, with a known range)
     is half zero and half gain; a share of the reading is gain alone; an absolute one without a range is zero alone.
-    Without any, standard uncertainties of a calibration in place count.
+    With a coverage factor they are expanded uncertainties of normal distributions, and zero and gain each have the share
+    1 / sqrt(2), so that both in squares are the stated one at full scale (GUM 6.2). Without any accuracy of the sensor,
+    standard uncertainties of a calibration in place count. The acquisition system adds errors of its own to a known sensor.
 
     >>> from winchcascade.core.rig_file import Sensor
     >>> [(s.part, s.limit) for s in error_sources("force", Sensor("N", high=20000.0, accuracy_full_scale=0.002))]
     [('zero', 20.0), ('gain', 0.001)]
+    >>> [(s.part, s.u) for s in error_sources("vdc", Sensor("V", accuracy_reading=0.004, coverage=2.0))]
+    [('gain', 0.002)]
     """
     full_scale = max(abs(sensor.low or 0.0), abs(sensor.high or 0.0))
     absolute = (sensor.accuracy or 0.0) + (sensor.accuracy_full_scale or 0.0) * full_scale
-    zero = 0.5 * absolute if full_scale > 0 else absolute
-    gain = (0.5 * absolute / full_scale if full_scale > 0 else 0.0) + (sensor.accuracy_reading or 0.0)
-    parts: tuple[tuple[Part, float, float | None], ...] = (("zero", zero, sensor.u_zero), ("gain", gain, sensor.u_gain))
-    if zero or gain:
-        return tuple(
-            ErrorSource(channel, p, limit / math.sqrt(3.0), limit, sensor.source) for p, limit, _ in parts if limit
-        )
-    return tuple(ErrorSource(channel, p, u, None, sensor.source) for p, _, u in parts if u)
+    own = _Stated(absolute, sensor.accuracy_reading or 0.0, full_scale, sensor.coverage)
+    acquired = _Stated(
+        (sensor.daq_full_scale or 0.0) * full_scale, sensor.daq_reading or 0.0, full_scale, sensor.daq_coverage
+    )
+    found = _sources(channel, own, sensor.source)
+    if not found:
+        in_place: tuple[tuple[Part, float | None], ...] = (("zero", sensor.u_zero), ("gain", sensor.u_gain))
+        found = [ErrorSource(channel, part, u, None, sensor.source) for part, u in in_place if u]
+    return (*found, *_sources(channel, acquired, ACQUISITION)) if found else ()
+
+
+class _Stated(msgspec.Struct, frozen=True):
+    """An accuracy: absolute and full scale [SI unit of the channel], share of the reading [1], coverage factor or None."""
+
+    absolute: float
+    reading: float
+    full_scale: float
+    coverage: float | None
+
+
+def _sources(channel: str, stated: _Stated, origin: str) -> list[ErrorSource]:
+    """Zero and gain errors of one stated accuracy; none for one that is not stated."""
+    ranged = stated.full_scale > 0.0
+    share = 1.0 if not ranged else 0.5 if stated.coverage is None else math.sqrt(0.5)
+    zero = share * stated.absolute
+    gain = (zero / stated.full_scale if ranged else 0.0) + stated.reading
+    sizes: tuple[tuple[Part, float], ...] = (("zero", zero), ("gain", gain))
+    if stated.coverage is not None:
+        return [ErrorSource(channel, part, size / stated.coverage, None, origin) for part, size in sizes if size]
+    return [ErrorSource(channel, part, limit / math.sqrt(3.0), limit, origin) for part, limit in sizes if limit]
+
+
+def part_uncertainty(sensor: Sensor | None, part: Part) -> float:
+    """Standard uncertainty of zero [SI unit of the channel] or gain [1] of a sensor with its acquisition system, in squares."""
+    return 0.0 if sensor is None else math.hypot(*(s.u for s in error_sources("", sensor) if s.part == part))
 
 
 def zero_uncertainty(sensor: Sensor | None) -> float:
@@ -73,7 +108,7 @@ def zero_uncertainty(sensor: Sensor | None) -> float:
     """
     if sensor is None:
         return 0.0
-    return sensor.u_zero or sum(s.u for s in error_sources("", sensor) if s.part == "zero")
+    return sensor.u_zero or part_uncertainty(sensor, "zero")
 
 
 def open_circuit_current(rig: Rig, voltage: float) -> float:

@@ -21,8 +21,9 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One sensor: range, resolution and accuracy; in the file in its own `unit`, here in SI units.
 
     `accuracy_full_scale` is a share of the end of the range that is farther from zero, `accuracy_reading` of the reading;
-    all accuracies are limits. `u_zero` and `u_gain` are standard uncertainties of zero and gain of a sensor that was
-    calibrated in place.
+    what is stated adds up. Accuracies are limits, or with `coverage` expanded uncertainties of that coverage factor. `daq_...`
+    are the same of the acquisition system, which adds an error of its own. `u_zero` and `u_gain` are standard uncertainties of
+    zero and gain of a sensor that was calibrated in place.
     """
 
     unit: str
@@ -33,6 +34,10 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     accuracy: float | None = None
     accuracy_full_scale: float | None = None
     accuracy_reading: float | None = None
+    coverage: float | None = None
+    daq_full_scale: float | None = None
+    daq_reading: float | None = None
+    daq_coverage: float | None = None
     u_zero: float | None = None
     u_gain: float | None = None
     source: str = ""

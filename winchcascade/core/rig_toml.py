@@ -327,14 +327,7 @@ def _sensors(raw: dict[str, Any], where: str, known: Mapping[str, Channel]) -> d
             )
         if sensor.low is not None and sensor.high is not None and sensor.low >= sensor.high:
             raise RigError(f"{where}: {place} low {sensor.low:g} is not below high {sensor.high:g}.")
-        for key in ("resolution", "accuracy", "u_zero", "accuracy_full_scale", "accuracy_reading", "u_gain"):
-            size = getattr(sensor, key) or 0.0
-            if not 0 <= size <= HUGE:
-                raise RigError(f"{where}: {place} {key} is {size:g}; expected a number that is not negative.")
-            if size > 1 and key in ("accuracy_full_scale", "accuracy_reading", "u_gain"):
-                raise RigError(f"{where}: {place} {key} is {size:g}; expected a share, such as 0.002 for 0.2 %.")
-        if sensor.accuracy_full_scale is not None and not (sensor.high or sensor.low):
-            raise RigError(f"{where}: {place} accuracy_full_scale has no full scale; give the range as high = ... too.")
+        _check_accuracy(sensor, where, place)
         in_si = {
             key: _finite(value, where, f"{place} {key}") * unit.factor
             for key in ("low", "high", "resolution", "accuracy", "u_zero")
@@ -344,6 +337,43 @@ def _sensors(raw: dict[str, Any], where: str, known: Mapping[str, Channel]) -> d
             raise RigError(f"{where}: {place} has a number beyond {HUGE:g} in SI units; check it and its unit.")
         sensors[name] = msgspec.structs.replace(sensor, **in_si)
     return sensors
+
+
+_SHARES_OF_SENSOR = ("accuracy_full_scale", "accuracy_reading", "daq_full_scale", "daq_reading", "u_gain")
+
+_LARGEST_COVERAGE = 10.0
+"""No statement of a maker has a larger coverage factor: k = 2 and 3 are usual."""
+
+
+def _check_accuracy(sensor: Sensor, where: str, place: str) -> None:
+    """Reject accuracies of a sensor that are no size or no share, and coverage factors that are none."""
+    for key in ("resolution", "accuracy", "u_zero", *_SHARES_OF_SENSOR):
+        size = getattr(sensor, key) or 0.0
+        if not 0 <= size <= HUGE:
+            raise RigError(f"{where}: {place} {key} is {size:g}; expected a number that is not negative.")
+        if size > 1 and key in _SHARES_OF_SENSOR:
+            raise RigError(f"{where}: {place} {key} is {size:g}; expected a share, such as 0.002 for 0.2 %.")
+    for key in ("accuracy_full_scale", "daq_full_scale"):
+        if getattr(sensor, key) is not None and not (sensor.high or sensor.low):
+            raise RigError(f"{where}: {place} {key} has no full scale; give the range as high = ... too.")
+    known = (sensor.accuracy, sensor.accuracy_full_scale, sensor.accuracy_reading, sensor.u_zero, sensor.u_gain)
+    if any((sensor.daq_full_scale, sensor.daq_reading)) and not any(known):
+        raise RigError(
+            f"{where}: {place} has the share of the acquisition system and no accuracy of the sensor; add the one of the "
+            "sensor, such as accuracy_reading = ..."
+        )
+    stated = {
+        "coverage": (sensor.accuracy, sensor.accuracy_full_scale, sensor.accuracy_reading),
+        "daq_coverage": (sensor.daq_full_scale, sensor.daq_reading),
+    }
+    for key, accuracies in stated.items():
+        factor = getattr(sensor, key)
+        if factor is not None and not 1.0 <= factor <= _LARGEST_COVERAGE:
+            raise RigError(f"{where}: {place} {key} is {factor:g}; expected a coverage factor from 1 to 10, such as 2.")
+        if factor is not None and not any(accuracies):
+            raise RigError(
+                f"{where}: {place} {key} belongs to an accuracy, and none is stated; add it or leave {key} out."
+            )
 
 
 def _columns(raw: dict[str, Any], where: str, known: Mapping[str, Channel], *, geared: bool) -> dict[str, Column]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import msgspec
 
-from winchcascade.core.accuracy import error_sources
+from winchcascade.core.accuracy import part_uncertainty
 from winchcascade.core.quantity import Quantity
 from winchcascade.diagnosis.block_means import PHASES
 from winchcascade.diagnosis.predict import CHANNELS
@@ -161,8 +161,7 @@ def sensor_errors(sensor: Sensor | None) -> tuple[float, float]:
     if sensor is None:
         return 0.0, 0.0
     if sensor.u_gain is None and sensor.u_zero is None:
-        stated = {source.part: source.u for source in error_sources("", sensor)}
-        return stated.get("gain", 0.0), stated.get("zero", 0.0)
+        return part_uncertainty(sensor, "gain"), part_uncertainty(sensor, "zero")
     gain = sensor.u_gain if sensor.u_gain is not None else (sensor.accuracy_reading or 0.0) / math.sqrt(3.0)
     return gain, sensor.u_zero or 0.0
 

@@ -165,9 +165,8 @@ def _draw(model: ErrorModel, rng: np.random.Generator, draws: int) -> dict[str, 
     """Energies that channels without errors would have given, (1 + gain) x + zero being read of x."""
     errors: dict[tuple[str, str], Signal] = {}
     for s in model.sources:
-        errors[s.channel, s.part] = (
-            s.u * rng.standard_normal(draws) if s.limit is None else rng.uniform(-s.limit, s.limit, draws)
-        )
+        drawn_error = s.u * rng.standard_normal(draws) if s.limit is None else rng.uniform(-s.limit, s.limit, draws)
+        errors[s.channel, s.part] = errors.get((s.channel, s.part), 0.0) + drawn_error  # sensor and acquisition system
     limit = sampling_limit(model.stages) or 1.0
     drawn = {}
     for name, stage in model.stages.items():

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 
-from winchcascade.core.accuracy import error_sources, zero_uncertainty
+from winchcascade.core.accuracy import part_uncertainty, zero_uncertainty
 from winchcascade.core.errors import OptionError
 from winchcascade.core.integrate import extremes, integrals, median
 from winchcascade.core.rig_file import Rig, Thresholds, WindowRule
@@ -69,8 +69,7 @@ class PhasedRun(msgspec.Struct, frozen=True):
 
     def u_gain(self, channel: str) -> float:
         """Standard uncertainty of a sensor's gain by its stated accuracy, 0 where none is stated. [1]"""
-        sensor = self.rig.sensors.get(channel)
-        return 0.0 if sensor is None else sum(s.u for s in error_sources(channel, sensor) if s.part == "gain")
+        return part_uncertainty(self.rig.sensors.get(channel), "gain")
 
     def u_zero(self, channel: str) -> float:
         """Standard uncertainty of a sensor's zero, 0 where none is stated. [SI unit of the channel]"""

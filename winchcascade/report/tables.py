@@ -469,10 +469,18 @@ def _range(sensor: Sensor) -> str:
 
 
 def _accuracy(sensor: Sensor) -> str:
-    full, reading, own = sensor.accuracy_full_scale, sensor.accuracy_reading, sensor.accuracy
+    own = "" if sensor.accuracy is None else f"{_in_unit(sensor.accuracy, sensor)} {sensor.unit}"
+    stated = _sum_text(sensor.accuracy_full_scale, sensor.accuracy_reading, own, sensor.coverage)
+    acquired = _sum_text(sensor.daq_full_scale, sensor.daq_reading, "", sensor.daq_coverage)
+    return (stated or "not stated") + (f"; acquisition {acquired}" if acquired else "")
+
+
+def _sum_text(full_scale: float | None, reading: float | None, absolute: str, coverage: float | None) -> str:
+    """A stated accuracy as the sum of its parts, "" without any; with its coverage factor if it is an expanded uncertainty."""
     parts = [
-        "" if full is None else f"{_given_number(100.0 * full)} % of full scale",
+        "" if full_scale is None else f"{_given_number(100.0 * full_scale)} % of full scale",
         "" if reading is None else f"{_given_number(100.0 * reading)} % of the reading",
-        "" if own is None else f"{_in_unit(own, sensor)} {sensor.unit}",
+        absolute,
     ]
-    return " and ".join(part for part in parts if part) or "not stated"
+    text = " and ".join(part for part in parts if part)
+    return text if coverage is None or not text else f"{text} (expanded, k = {coverage:g})"

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from msgspec.structs import asdict
 
+from winchcascade.core.accuracy import ACQUISITION
 from winchcascade.core.quantity import KGF
 from winchcascade.reduction.efficiency import NET_METRICS
 from winchcascade.reduction.uncertainty import R_DRUM, SAMPLING, shares
@@ -71,7 +72,8 @@ def source_name(source: ErrorSource | None) -> str:
     """Name a source of uncertainty: the sensor and what of it errs."""
     if source is None:
         return "bridged gaps"
-    return _sensor(source) + ("" if source.channel in (R_DRUM, SAMPLING) else f", {source.part}")
+    part = "" if source.channel in (R_DRUM, SAMPLING) else f", {source.part}"
+    return _sensor(source) + part + (" (acquisition)" if source.origin == ACQUISITION else "")
 
 
 def by_sensor(known: Budget, metric: str) -> dict[str, float]:
