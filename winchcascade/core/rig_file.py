@@ -48,15 +48,16 @@ Side = Literal["drum", "shaft", "generator"]
 
 
 class Column(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Where a log keeps a channel: the name of its column, and the unit if the log does not name it.
+    """Where a log keeps a channel: the name of its column, or its number from 1 on, and the unit if the log does not name it.
 
     A unit in the log's header is used instead of this one, unless `override` is set. `side` is the place at which a speed
     of rotation is measured; drum and shaft turn alike while the clutch is engaged, the generator faster by the gear ratio.
     """
 
-    name: str
+    name: str = ""
     unit: str | None = None
     override: bool = False
+    number: int | None = None
     side: Side | None = None
 
 

@@ -100,7 +100,9 @@ def _merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
     """Lay one table over another; what has a unit or a name is replaced whole, so that no old number clings to it."""
     return base | {
         key: _merged(base[key], value)
-        if isinstance(base.get(key), dict) and isinstance(value, dict) and {"value", "name", "unit"}.isdisjoint(value)
+        if isinstance(base.get(key), dict)
+        and isinstance(value, dict)
+        and {"value", "name", "unit", "number"}.isdisjoint(value)
         else value
         for key, value in over.items()
     }
@@ -147,6 +149,9 @@ _LIMITS = {
 
 _PLAIN = {"one_way_clutch": bool, "load_tolerance_percent": float}
 """Entries of the sections that have no unit."""
+
+_MOST_COLUMNS = 100_000
+"""No log has more columns."""
 
 HUGE = 1e12
 """No range, accuracy or tolerance of a rig is larger, in SI units."""
@@ -384,6 +389,10 @@ def _columns(raw: dict[str, Any], where: str, known: Mapping[str, Channel], *, g
         if name not in known and name != "time":
             raise RigError(f"{where}: {place} is no channel; expected time or one of {', '.join(known)}.")
         column = Column(entry) if isinstance(entry, str) else _convert(entry, Column, where, place)
+        if bool(column.name.strip()) == (column.number is not None):
+            raise RigError(f'{where}: {place}: expected either name = "..." or number = ..., the column from 1 on.')
+        if column.number is not None and not 1 <= column.number <= _MOST_COLUMNS:
+            raise RigError(f"{where}: {place}: number is {column.number}; expected the column's place, from 1 on.")
         if column.override and column.unit is None:
             raise RigError(
                 f'{where}: {place}: override = true without a unit; add unit = "...", or leave override out.'
@@ -399,8 +408,9 @@ def _columns(raw: dict[str, Any], where: str, known: Mapping[str, Channel], *, g
         if unit is not None and read_as(unit, dimension) is None:
             raise RigError(f"{where}: {place}: the unit {column.unit!r} is none of {dimension}.")
         for other, taken in columns.items():
-            if taken.name == column.name:
-                raise RigError(f"{where}: {place} and {other} both name the column {column.name!r}; expected one each.")
+            if (taken.name, taken.number) == (column.name, column.number):
+                called = repr(column.name) if column.number is None else str(column.number)
+                raise RigError(f"{where}: {place} and {other} both name the column {called}; expected one each.")
         columns[name] = column
     return columns
 

@@ -146,6 +146,14 @@ def _named_in_rig(headers: Sequence[Header], rig: Rig, where: str) -> dict[str, 
     bare = [read_header(h).name.strip() for h in headers]
     found = {}
     for channel, column in rig.columns.items():
+        if column.number is not None:
+            if column.number > len(headers):
+                raise LogError(
+                    f"{where}: no column {column.number}, which the rig {rig.name} names for {channel}; the log has "
+                    f"{len(headers)} columns. Correct [columns] in the rig file or choose the rig with --rig."
+                )
+            found[channel] = column.number - 1
+            continue
         name = column.name.strip()
         if name in names or name in bare:
             found[channel] = (names if name in names else bare).index(name)

@@ -100,8 +100,8 @@ def _readable(head: bytes, encoding: str) -> int:
     return sum(recognise(Header(cell)) is not None for cell in cells if cell.strip()) + units
 
 
-def find_layout(lines: Sequence[str], where: str) -> Layout:
-    """Find the table in the first lines of a file.
+def find_layout(lines: Sequence[str], where: str, *, numbered: bool = False) -> Layout:
+    """Find the table in the first lines of a file; where the columns are `numbered`, it needs no names.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def find_layout(lines: Sequence[str], where: str) -> Layout:
         raise LogError(_no_table(lines, where))
     delimiter, first, rows = max(tables, key=_score)
     width = usual_width(rows)
-    headers = _headers(lines[:first], delimiter, rows, where)
+    headers = _headers(lines[:first], delimiter, rows, where, numbered=numbered)
     return Layout(
         delimiter,
         decimal_sign(rows),
@@ -175,7 +175,9 @@ def _channels(cells: Sequence[str]) -> int:
     return len({recognise(Header(c)) for c in cells if c} - {None})
 
 
-def _headers(above: Sequence[str], delimiter: str, rows: list[list[str]], where: str) -> tuple[Header, ...]:
+def _headers(
+    above: Sequence[str], delimiter: str, rows: list[list[str]], where: str, *, numbered: bool
+) -> tuple[Header, ...]:
     """Names and units from the lines above the data: the line that names most channels, the line that is all units."""
     width = usual_width(rows)
     columns = [[row[k] for row in rows if len(row) > k] for k in range(width)]
@@ -184,6 +186,9 @@ def _headers(above: Sequence[str], delimiter: str, rows: list[list[str]], where:
     near = [row for row in found if sum(map(bool, row)) >= 2 and len(row) >= filled - 1]
     units = _units(near)
     names = max((row for row in near if row is not units), key=_channels, default=None)
+    if names is None and numbered:
+        units = _wide(units, width)
+        return tuple(Header(f"column {k + 1}", units[k] or None) for k in range(width))
     if names is None:
         raise LogError(_no_names(found, filled, where))
     first = "Date" if any(map(_DATE.match, columns[0])) else "" if _counts(columns[0]) else None
@@ -275,7 +280,8 @@ def _no_names(found: Sequence[Sequence[str]], filled: int, where: str) -> str:
     if names is None:
         return (
             f"{where}: rows of {filled} numbers but no column names above them; expected a first row such as "
-            f"'Time (s),Displacement (m),Velocity (m/s),Force (N)'. Add one."
+            f"'Time (s),Displacement (m),Velocity (m/s),Force (N)'. Add one, or number the columns in a rig file: [columns] "
+            f'velocity = {{ number = 3, unit = "m/s" }}.'
         )
     if len(names) == filled:
         return (

@@ -20,12 +20,13 @@ _ISOLATED = {
 """By first bytes, readers that run in a process of their own, as `isolated` names them."""
 
 
-def open_log(path: Path, table: str | None = None) -> LogSource:
+def open_log(path: Path, table: str | None = None, *, numbered: bool = False) -> LogSource:
     """Open a log by its first bytes, whatever its name ends in; each reader is imported only when it is needed.
 
     Parameters
     ----------
     table : name or number of the sheet, variable or group to read, where the file holds several
+    numbered : the rig file numbers the columns, so that a text log needs no names
     """
     if not path.exists():
         raise LogError(f"{path}: no such file; give the path of a log.")
@@ -39,7 +40,7 @@ def open_log(path: Path, table: str | None = None) -> LogSource:
     reject_sheet(table, path.name)
     from winchcascade.ingest.formats.delimited import open_delimited
 
-    return open_delimited(path)
+    return open_delimited(path, numbered=numbered)
 
 
 def reader_of(path: Path) -> str:

@@ -105,7 +105,8 @@ def read_run(
 
 def _read(path: Path, rig: Rig, load: float | None, table_name: str | None, *, simulated: bool) -> Run:
     """Read and check a log that does not change meanwhile; `load_source` is that of a property of the file."""
-    source = open_log(path, table_name)
+    numbered = any(column.number is not None for column in rig.columns.values())
+    source = open_log(path, table_name, numbered=numbered)
     try:
         found, table = _loaded(source, rig, path.name)
         labels = _labels(source, table, rig, path.name)

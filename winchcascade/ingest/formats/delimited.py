@@ -105,8 +105,8 @@ _MOST_MARKS = 200
 """Number of texts for "no number" that Arrow is given; a file with more of them is read cell by cell."""
 
 
-def open_delimited(path: Path) -> LogSource:
-    """Open a delimited text log.
+def open_delimited(path: Path, *, numbered: bool = False) -> LogSource:
+    """Open a delimited text log; where the columns are `numbered`, it needs no names.
 
     Raises
     ------
@@ -127,7 +127,7 @@ def open_delimited(path: Path) -> LogSource:
             f"{path.name}: lines of more than {_HEAD // 4 >> 10} kB; expected a log with a few dozen columns. Check that "
             f"this is a log."
         )
-    layout = _layout(lines, path.name)
+    layout = _layout(lines, path.name, numbered=numbered)
     step, start = waveform(layout.properties)
     return LogSource(
         headers=layout.headers,
@@ -139,7 +139,7 @@ def open_delimited(path: Path) -> LogSource:
     )
 
 
-def _layout(lines: Sequence[str], where: str) -> Layout:
+def _layout(lines: Sequence[str], where: str, *, numbered: bool) -> Layout:
     """Find the table in the first lines of a file, by the headings of LabVIEW where it has them."""
     if any(line.startswith("***End_of_Header***") for line in lines[:_LONGEST_HEADING]):
         from winchcascade.ingest.labview import labview_layout
@@ -147,7 +147,7 @@ def _layout(lines: Sequence[str], where: str) -> Layout:
         found = labview_layout(lines, where)
         if found is not None:
             return found
-    return find_layout(lines, where)
+    return find_layout(lines, where, numbered=numbered)
 
 
 def _load(
