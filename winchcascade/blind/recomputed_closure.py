@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from winchcascade.blind.twin_numbers import SENSORS
 from winchcascade.core.errors import WinchcascadeError
-from winchcascade.core.integrate import median
+from winchcascade.core.integrate import GAUSS, median
 from winchcascade.core.run import Run, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.ingest.read import read_run
@@ -25,15 +25,6 @@ SMOOTHING = 0.6
 
 ZERO_REACH = 3.0
 """Limit of the fitted zero of a sensor in its standard uncertainties; a bias beyond it is a gap."""
-
-_APART = 3
-"""Distance in blocks of those whose difference gives the noise: nearer ones share its slow part."""
-
-_FEWEST = 8
-"""Minimum number of differences for an estimate of the noise."""
-
-_OF_NORMAL = 1.4826
-"""Standard deviation of normal noise over the median of its magnitude."""
 
 LEAST = 0.5
 """Excess over noise, in mean squares of noise for each channel and log, below which there is no gap to close."""
@@ -108,6 +99,13 @@ def _blocks(log: Run) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return rows[moving], np.flatnonzero(moving)
 
 
+_APART = 3
+"""Distance in blocks of those whose difference gives the noise: nearer ones share its slow part."""
+
+_FEWEST = 8
+"""Minimum number of differences for an estimate of the noise."""
+
+
 def _noise(gap: Signal, numbers: NDArray[np.intp]) -> float:
     """Standard deviation of block means from noise, by second differences, as a gap is nearly straight over a few blocks.
 
@@ -117,4 +115,4 @@ def _noise(gap: Signal, numbers: NDArray[np.intp]) -> float:
     if k.size < _FEWEST:
         return 0.0
     curvature = gap[k] - 2.0 * gap[k + _APART] + gap[k + 2 * _APART]
-    return _OF_NORMAL * median(np.abs(curvature)) / math.sqrt(6.0)
+    return GAUSS * median(np.abs(curvature)) / math.sqrt(6.0)

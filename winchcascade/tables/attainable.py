@@ -25,18 +25,6 @@ Verdict = Literal["explains", "beyond_plausible", "no"]
 MOST_SETS = 8
 """Sets of effects that are named."""
 
-CANDIDATES = 12
-"""Sets of a size that are simulated."""
-
-LOOKED_AT = 40
-"""Sets of a size that are fitted on the curves, after a first look at all."""
-
-MENDED = 0.01
-"""A set that leaves more out of reach in all than this is not tried again with better values. [1]"""
-
-SEEDS = 8
-"""Sets of a size that the next size is grown from; singles all."""
-
 LARGEST = 3
 """Effects of a set at most: more would explain anything."""
 
@@ -133,6 +121,13 @@ def _needed(simulator: TableSimulator, curve: EffectCurve, row: int, k: int) -> 
     return min(curve.x[inside].tolist(), key=lambda value: abs(value - curve.absent), default=None)
 
 
+CANDIDATES = 12
+"""Sets of a size that are simulated."""
+
+SEEDS = 8
+"""Sets of a size that the next size is grown from; singles all."""
+
+
 def _smallest_sets(simulator: TableSimulator, suspects: Suspects, curves: Curves) -> Explanation:
     """The smallest sets that bring all cells within reach: ranked on the curves, the first ones simulated."""
     if not simulator.excess_by_metric(simulator.nominal).any():
@@ -151,6 +146,10 @@ def _smallest_sets(simulator: TableSimulator, suspects: Suspects, curves: Curves
     return Explanation((), (), LARGEST, closest)
 
 
+LOOKED_AT = 40
+"""Sets of a size that are fitted on the curves, after a first look at all."""
+
+
 def _ranked(
     simulator: TableSimulator, suspects: Suspects, curves: Curves, sets: Sequence[tuple[str, ...]]
 ) -> list[tuple[Search, Signal]]:
@@ -163,6 +162,10 @@ def _ranked(
             x = search.fit(hinge=True)
         found.append((simulator.sums(search.on_curves(x)), search, x))
     return [(search, x) for _, search, x in sorted(found, key=lambda one: one[0])]
+
+
+MENDED = 0.01
+"""A set that leaves more out of reach in all than this is not tried again with better values. [1]"""
 
 
 def _simulated(search: Search, x: Signal) -> Values | None:
