@@ -12,6 +12,7 @@ from synthetic import KGCM2, SCENARIOS, SENSORS, make_log, truth
 
 from winchcascade import load_rig
 from winchcascade.ingest.checks.quality import Checked, check
+from winchcascade.ingest.checks.stuck import motion
 
 Signal = NDArray[np.float64]
 RIG = load_rig("hsu2026")
@@ -135,3 +136,8 @@ def test_no_current_is_not_stuck_in_open_circuit() -> None:
 def test_a_torque_that_hangs_does_not_blame_the_encoder_at_rest() -> None:
     start = places("smooth")["plateau"]
     assert stuck(freeze("smooth", ["torque"], start, 14.0)) == {"torque"}
+
+
+def test_the_position_of_the_line_is_the_integral_of_its_velocity() -> None:
+    t = np.cumsum([0.0, 0.1, 0.3, 0.1, 0.2])
+    assert motion(t, 2.0 * t, 0.03).position() == pytest.approx(t**2)

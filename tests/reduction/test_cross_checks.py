@@ -11,8 +11,10 @@ from synthetic import Scenario, make_log, write_csv
 
 from winchcascade import Reduction, Run, read_run, reduce
 from winchcascade.core.errors import OptionError
+from winchcascade.core.rig_file import Sensor
 from winchcascade.core.rig_toml import built_in, parse_rig
 from winchcascade.reduction.montecarlo import uncertainty
+from winchcascade.reduction.phased_run import find_phases
 from winchcascade.reduction.uncertainty import SAMPLING
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
@@ -39,6 +41,14 @@ def messages(found: Reduction, kind: str) -> list[str]:
 
 def of(name: str, run: Run) -> Reduction:
     return reduce(run, window=LOGS[name][1])
+
+
+# ------------------------------------------------------------------------------------------------ sensors
+def test_the_uncertainty_of_a_sensor_is_as_stated_and_none_without_a_sensor() -> None:
+    rig = msgspec.structs.replace(built_in(), sensors={"vdc": Sensor("V", u_gain=0.01, u_zero=0.5), "idc": Sensor("A")})
+    phased = find_phases(clean(), rig, "auto")
+    assert [phased.u_gain(name) for name in ("vdc", "idc", "force")] == [0.01, 0.0, 0.0]
+    assert [phased.u_zero(name) for name in ("vdc", "idc", "force")] == [0.5, 0.0, 0.0]
 
 
 # ------------------------------------------------------------------------------------------------ load
