@@ -13,7 +13,7 @@ from multiprocessing import Pool
 from pathlib import Path
 
 import numpy as np
-import pandas as pd  # type: ignore[import-untyped]
+import pandas as pd
 
 COLUMNS = ["t", "x", "v", "p", "force", "torque", "vdc", "idc"]
 R_DRUM = 0.13

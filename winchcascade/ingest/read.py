@@ -8,15 +8,17 @@ import os
 import re
 import time
 import unicodedata
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from threading import Thread
+from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.campaign_file import SIMULATED, Origin, joint_origin
-from winchcascade.core.errors import LogError
+from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.integrate import median
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.rig_file import Rig
@@ -30,6 +32,9 @@ from winchcascade.ingest.dialects import nameless
 from winchcascade.ingest.open_log import open_log
 from winchcascade.ingest.phase_labels import label_column, phase_labels
 from winchcascade.ingest.source import FEWEST_ROWS, LogSource, LogTable
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 OVERFLOW = 1e30
 """Instruments write 9.9e37 where they have no reading (SCPI); nothing measured comes near."""
@@ -51,7 +56,7 @@ _FEWEST_STAMPS = 3
 
 @np.errstate(invalid="ignore")  # a file of binary numbers may hold NaN of the kind that signals
 def read_run(
-    path: str | Path,
+    path: str | Path | pd.DataFrame,
     *,
     rig: Rig | None = None,
     load: float | None = None,
@@ -60,12 +65,15 @@ def read_run(
     origin: Origin | None = None,
     table: str | None = None,
     simulated: bool = False,
+    units: Mapping[str, str] | None = None,
+    name: str | None = None,
 ) -> Run:
-    """Read a log of any known format and check it.
+    """Read a log, a file of any known format or a pandas DataFrame, and check it.
 
     Parameters
     ----------
-    path : CSV of any dialect, LabVIEW's .lvm, TDMS, MATLAB .mat, Parquet or Excel; the content decides which
+    path : CSV of any dialect, LabVIEW's .lvm, TDMS, MATLAB .mat, Parquet or Excel; the content decides which. Or a DataFrame
+        with the columns of a log and its clock in a column or the index; it is not changed
     rig : the rig whose sensors and columns are expected; the paper's by default
     load : resistance at the DC link, inf for an open circuit; by default what a property of the file states, else None [ohm]
     table : name or number of the sheet of a workbook, of the run in a MATLAB file or of the TDMS group; needed where several
@@ -73,18 +81,36 @@ def read_run(
     load_source, about : source of the load, and a description of the log, for the reports
     origin : whether the data are measured and where they come from; the mark of `simulate` overrides it
     simulated : the log has no sensors that could be stuck or out of range, also without the mark of `simulate`
+    units : of a DataFrame alone: units of its columns by their names, such as {"force": "kN"}
+    name : of the run, in messages and reports; by default that of the file, or `data frame`
 
     Raises
     ------
-    LogError : the file cannot be used; the message is one sentence
+    LogError : the log cannot be used; the message is one sentence
+    OptionError : `units` are given for a file, which names its own
 
     Examples
     --------
     >>> read_run("fixtures/campaign/r36ohm.csv").samples
     2767
     """
-    path = Path(path)
     rig = rig or built_in()
+    if isinstance(path, str | os.PathLike):
+        if units is not None:
+            raise OptionError(
+                f"{path}: units are given for a file, which names its own; expected them with a DataFrame alone. Leave units "
+                "out, or state them in a rig file under [columns]."
+            )
+        run = _read_unchanged(Path(path), rig, load, table, simulated=simulated)
+        run = run if name is None else msgspec.structs.replace(run, name=one_line(name))
+    else:
+        run = _read_frame(path, rig, load, table, simulated=simulated, units=units, name=name or "data frame")
+    run = msgspec.structs.replace(run, load_source=run.load_source if load is None else load_source, about=about)
+    return _with_origin(run, origin or Origin())
+
+
+def _read_unchanged(path: Path, rig: Rig, load: float | None, table: str | None, *, simulated: bool) -> Run:
+    """Read a file that no logger writes to meanwhile; LogError for one that changes each time."""
     for _ in range(_TRIES):
         seen = _Seen(path)
         try:
@@ -94,9 +120,7 @@ def read_run(
                 raise
             continue
         if seen.is_same(run.sha256):
-            source = run.load_source if load is None else load_source
-            run = msgspec.structs.replace(run, load_source=source, about=about)
-            return _with_origin(run, origin or Origin())
+            return run
     raise LogError(
         f"{path}: changed each of {_TRIES} times while it was read; expected a file that is complete. Wait until the logger "
         "has closed it, or reduce a copy."
@@ -108,21 +132,63 @@ def _read(path: Path, rig: Rig, load: float | None, table_name: str | None, *, s
     numbered = any(column.number is not None for column in rig.columns.values())
     source = open_log(path, table_name, numbered=numbered)
     try:
-        found, table = _loaded(source, rig, path.name)
-        labels = _labels(source, table, rig, path.name)
+        loaded = _opened(source, rig, path.name)
     finally:
         source.close()
     # Hashing leaves the interpreter free for other work.
     digests: list[str] = []
     hashing = Thread(target=lambda: digests.append(_sha256(path)), daemon=True)
     hashing.start()
+    run = _run_of(loaded, rig, load, where=path.name, simulated=simulated)
+    hashing.join()
+    if not any(digests):
+        raise LogError(f"{path}: could not be read to its end; check that the file is still there.")
+    return msgspec.structs.replace(run, path=one_line(str(path)), sha256=digests[0])
+
+
+def _read_frame(
+    frame: pd.DataFrame,
+    rig: Rig,
+    load: float | None,
+    table_name: str | None,
+    *,
+    simulated: bool,
+    units: Mapping[str, str] | None,
+    name: str,
+) -> Run:
+    """Read and check a data frame, as a file with the same columns."""
+    from winchcascade.ingest.formats.data_frame import frame_digest, open_frame
+
+    source = open_frame(frame, where=name, units=units, table=table_name)
+    run = _run_of(_opened(source, rig, name), rig, load, where=name, simulated=simulated)
+    return msgspec.structs.replace(run, sha256=frame_digest(frame))
+
+
+class _Opened(NamedTuple):
+    """A log with its columns loaded; `labels` are the phases of its rows where a column states them."""
+
+    source: LogSource
+    found: Assignment
+    table: LogTable
+    labels: Signal | None
+
+
+def _opened(source: LogSource, rig: Rig, where: str) -> _Opened:
+    """Load the columns that a rig needs."""
+    found, table = _loaded(source, rig, where)
+    return _Opened(source, found, table, _labels(source, table, rig, where))
+
+
+def _run_of(opened: _Opened, rig: Rig, load: float | None, *, where: str, simulated: bool) -> Run:
+    """Check the loaded columns of a log; `load_source` is that of a property of the log."""
+    source, found, table, labels = opened
     samples = len(next(iter(table.values.values())))
     if samples < FEWEST_ROWS:
         raise LogError(
-            f"{path.name}: the log has {samples} row{'' if samples == 1 else 's'} of data; expected at least {FEWEST_ROWS} "
+            f"{where}: the log has {samples} row{'' if samples == 1 else 's'} of data; expected at least {FEWEST_ROWS} "
             "samples of a crane trial."
         )
-    clock, time_findings = _clock(source, table, found, rig, samples, path.name)
+    clock, time_findings = _clock(source, table, found, rig, samples, where)
     load_source = ""
     if load is None:
         load, load_source, load_faults = _load(source)
@@ -136,16 +202,13 @@ def _read(path: Path, rig: Rig, load: float | None, table_name: str | None, *, s
         checked = check(clock.t, channels, rig, simulated=simulated, open_circuit=load == math.inf)
     if not checked.channels:
         raise LogError(
-            f"{path.name}: the columns of motion and power hold no number; expected those of one stage at least."
+            f"{where}: the columns of motion and power hold no number; expected those of one stage at least."
         )
-    hashing.join()
-    if not any(digests):
-        raise LogError(f"{path}: could not be read to its end; check that the file is still there.")
     lost = checked.clock
     if clock.gaps.size:
         lost = np.concatenate((np.interp(clock.gaps, clock.t, checked.t), lost))
     return Run(
-        name=one_line(path.name),
+        name=one_line(where),
         t=checked.t,
         channels=checked.channels,
         fs=clock.fs,
@@ -154,8 +217,6 @@ def _read(path: Path, rig: Rig, load: float | None, table_name: str | None, *, s
         labels=labels if labels is None or clock.rows is None else labels[clock.rows],
         load=load,
         load_source=load_source,
-        path=one_line(str(path)),
-        sha256=digests[0],
         findings=(*found.findings, *time_findings, *table.findings, *clock.findings, *checked.findings),
         simulated=found.simulated,
         table=None if source.table is None else one_line(source.table),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -54,7 +54,7 @@ def _opened(path: Path) -> Iterator[Any]:
     """Open the file for as long as its columns are read."""
     with damage_reported(path, "Parquet file", "copy or export it again"):
         # Texts as dictionaries: one long text in every row is one text, else a file of a kilobyte fills the memory.
-        texts = [field.name for field in pq.read_schema(path) if _is_text(field.type)]
+        texts = [field.name for field in pq.read_schema(path) if is_text(field.type)]
         with pq.ParquetFile(path, read_dictionary=texts) as file:
             yield file
 
@@ -73,8 +73,8 @@ def _load(path: Path, wanted: Sequence[int], time: int | None) -> LogTable:
         kind = file.schema_arrow[time].type
         kind = kind.value_type if pa.types.is_dictionary(kind) else kind
         if pa.types.is_temporal(kind):
-            return LogTable(values, stamps=_seconds(file, time, kind), stamped=True)
-        return LogTable(values, stamps=_texts(file, time) if _is_text(kind) else _column(file, time))
+            return LogTable(values, stamps=seconds_of(_pieces(file, time), kind), stamped=True)
+        return LogTable(values, stamps=texts_of(_pieces(file, time)) if is_text(kind) else _column(file, time))
 
 
 def _pieces(file: Any, i: int) -> Iterator[Any]:
@@ -85,7 +85,7 @@ def _pieces(file: Any, i: int) -> Iterator[Any]:
         # A name may stand twice, and `a` also brings in a column named `a.b`.
         alike = [table.column(j) for j, name in enumerate(table.column_names) if name == names[i]]
         column = alike[names[:i].count(names[i])]
-        whole = pa.types.is_dictionary(column.type) and not _is_text(column.type.value_type)
+        whole = pa.types.is_dictionary(column.type) and not is_text(column.type.value_type)
         yield column.cast(column.type.value_type) if whole else column
 
 
@@ -94,20 +94,20 @@ def _column(file: Any, i: int) -> Signal:
     values = np.empty(file.metadata.num_rows)
     end = 0
     for piece in _pieces(file, i):
-        values[end : end + len(piece)] = _numbers(piece)
+        values[end : end + len(piece)] = numbers_of(piece)
         end += len(piece)
     if end != len(values):
         raise ValueError(f"{end} rows where {len(values)} were claimed")
     return values
 
 
-def _numbers(piece: Any) -> Any:
-    """Convert a piece of a column to numbers."""
+def numbers_of(piece: Any) -> Any:
+    """Convert a piece of a column, an Arrow array of one or more chunks, to numbers."""
     kind = piece.type
     if pa.types.is_dictionary(kind):
         parts = [np.array([_number(word) for word in words])[rows] for words, rows in map(_words, piece.chunks)]
         return np.concatenate([np.empty(0), *parts])
-    if _is_text(kind):
+    if is_text(kind):
         return np.array([_number(text or "") for text in piece.to_pylist()], dtype=np.float64)
     if pa.types.is_decimal(kind):
         piece = piece.cast(pa.string())  # the direct way to a float deviates in the last digit
@@ -124,7 +124,8 @@ def _words(chunk: Any) -> tuple[list[str], Any]:
     return [*words, ""], pc.fill_null(chunk.indices.cast(pa.int64()), len(words)).to_numpy(zero_copy_only=False)
 
 
-def _is_text(kind: Any) -> bool:
+def is_text(kind: Any) -> bool:
+    """Whether a column holds texts."""
     return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_string_view(kind))
 
 
@@ -136,16 +137,17 @@ def _number(text: str) -> float:
         return float("nan")
 
 
-def _texts(file: Any, i: int) -> list[str]:
-    chunks = (_words(chunk.dictionary_encode()) for piece in _pieces(file, i) for chunk in piece.chunks)
+def texts_of(pieces: Iterable[Any]) -> list[str]:
+    """Texts of a column in pieces; empty for nulls."""
+    chunks = (_words(chunk.dictionary_encode()) for piece in pieces for chunk in piece.chunks)
     return [words[k] for words, rows in chunks for k in rows.tolist()]
 
 
-def _seconds(file: Any, i: int, kind: Any) -> Signal:
+def seconds_of(pieces: Iterable[Any], kind: Any) -> Signal:
     """Read dates and times as seconds since the first one, NaN for nulls. [s]"""
     unit = "ms" if pa.types.is_date(kind) else kind.unit
     form = pa.timestamp("ms") if pa.types.is_date(kind) else pa.int32() if pa.types.is_time32(kind) else kind
-    chunks = [chunk for piece in _pieces(file, i) for chunk in piece.cast(form).cast(pa.int64()).chunks]
+    chunks = [chunk for piece in pieces for chunk in piece.cast(form).cast(pa.int64()).chunks]
     column = pa.chunked_array(chunks, pa.int64())
     known, ticks = column.is_valid().to_numpy(), pc.fill_null(column, 0).to_numpy()
     first = ticks[known][0] if known.any() else 0
