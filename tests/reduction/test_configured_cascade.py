@@ -132,3 +132,30 @@ def test_a_wrong_cascade_is_one_sentence(tmp_path: Path, text: str, words: str) 
         rig_with(tmp_path, text)
     assert words in str(fault.value)
     assert str(tmp_path / "rig.toml") in str(fault.value)
+
+
+def test_steps_of_a_dyno_are_no_repeats_of_each_other(tmp_path: Path) -> None:
+    rig = tmp_path / "dyno.toml"
+    rig.write_text(
+        'name = "dyno"\n[log]\nsample_rate_hz = 10\n[phases]\nfrom = "steps"\n[cascade]\nstages = ["gen", "mech"]\n'
+        '[sensors.torque]\nunit = "N.m"\naccuracy_reading = 0.01\n[sensors.speed]\nunit = "rpm"\naccuracy_reading = 0.001\n'
+    )
+    rng = np.random.default_rng(3)
+    speeds = np.repeat([300.0, 600.0, 900.0], 80)
+    rows = [f"{n:.2f},{0.5 + 1e-3 * e:.5f}" for n, e in zip(speeds, rng.standard_normal(speeds.size), strict=True)]
+    log = tmp_path / "dyno.csv"
+    log.write_text("\n".join(["Speed (rpm),Torque (N.m)", *rows]))
+    bench = read_rig(rig)
+    result = reduce(read_run(log, rig=bench), rig=bench)
+    found = uncertainty(result, draws=300)
+    assert [round(c.metrics.value("power_mech"), 1) for c in result.cycles] == [15.7, 31.4, 47.1]
+    assert result.max_deviation_percent.energy_mech is None
+    assert found.budget.repeatability.energy_mech is None
+    assert found.standard.value("energy_mech") < 0.02 * result.mean.value("energy_mech")
+    assert "mean of" not in reduction_text(result)
+    reasons = [f.message for f in result.quality if f.kind == "missing_channel"]
+    assert reasons == ["stage gen has no power (vdc * idc): the log has no vdc and no idc"]
+    write_reports(result, found, html=tmp_path / "a.html", pdf=tmp_path / "a.pdf")
+    page = (tmp_path / "a.html").read_text()
+    assert "all cycles together" in page
+    assert "Speed of the shaft" in page

@@ -83,9 +83,8 @@ def reduction() -> Reduction:
 
 
 def page(reduction: Reduction) -> Any:
-    return json.loads(
-        readout(reduction.run, reduction.cycles, powers_of(reduction)), parse_constant=lambda word: pytest.fail(word)
-    )
+    text = readout(reduction.run, reduction.rig, reduction.cycles, powers_of(reduction))
+    return json.loads(text, parse_constant=lambda word: pytest.fail(word))
 
 
 def test_the_readout_of_a_short_log_has_every_sample(reduction: Reduction) -> None:

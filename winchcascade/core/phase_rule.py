@@ -70,6 +70,11 @@ class PhaseRule(
         """Whether payouts are found in a motion, and windows set by the rule of the rig."""
         return self.source in MOTION_SOURCES
 
+    @property
+    def repeats(self) -> bool:
+        """Whether cycles repeat one motion, so that they show a repeatability; steps are different operating points."""
+        return self.source not in ("steps", "rows")
+
 
 def phase_rule(raw: dict[str, Any], where: str) -> PhaseRule:
     """Read the table [phases]; RigError for a wrong entry or one that its source lacks.

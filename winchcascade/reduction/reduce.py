@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from winchcascade.core.cascade import Stage
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.integrate import integrals
 from winchcascade.core.jobs import side_by_side
@@ -98,7 +99,7 @@ def reduce(
         window=phased.rule if by_motion else "whole",
         cycles=tuple(results),
         mean=ensemble_mean(complete, rig.cascade),
-        max_deviation_percent=largest_deviation(complete, rig.cascade),
+        max_deviation_percent=largest_deviation(complete, rig.cascade) if rig.phases.repeats else Metrics(),
         total=total(complete, whole, open_circuit=run.open_circuit, cascade=rig.cascade),
         bins=bins,
         quality=(*run.findings, *findings),
@@ -160,11 +161,30 @@ def _too_few(chosen: tuple[int, int] | None, phased: PhasedRun) -> list[Finding]
 
 
 def _not_given(run: Run, rig: Rig) -> list[Finding]:
-    """Why a stage has no power although its channel is there."""
+    """Why a stage has no power: one of a rig file, or one although its channel is there."""
+    if rig.cascade.configured:
+        return [
+            _without_power(stage, run, rig)
+            for stage in rig.cascade.stages
+            if stage.power(run.channels, rig.r_drum) is None
+        ]
     if "torque" not in run.channels or {"power_mech", "speed"} & run.channels.keys() or rig.r_drum is not None:
         return []
     message = f"torque alone gives no power: the rig {rig.name} has no drum radius (r_drum under [winch])"
     return [Finding("missing_channel", message, "metrics that need it are null", "torque")]
+
+
+def _without_power(stage: Stage, run: Run, rig: Rig) -> Finding:
+    """The finding on a stage without a power: what is missing of the product that lacks the fewest channels."""
+    product = min(stage.powers, key=lambda product: sum(name not in run.channels for name in product.channels))
+    missing = [name for name in product.channels if name not in run.channels]
+    lacks = (
+        f"the log has no {' and no '.join(missing)}" if missing else f"the rig {rig.name} has no r_drum under [winch]"
+    )
+    message = f"stage {stage.name} has no power ({' or '.join(p.text for p in stage.powers)}): {lacks}"
+    return Finding(
+        "missing_channel", message, "its energy and its efficiencies are null", missing[0] if missing else None
+    )
 
 
 def _energies_and_bins(

@@ -188,7 +188,8 @@ def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
             mean_square[m] += of.get(m, 0.0) ** 2
     sensors = {m: math.sqrt(mean_square[m]) for m in stated if m in given}
     columns = {m: [reduction.cycles[k].metrics[m] for k in rows_of[m].tolist()] for m in given}
-    scatter = {m: float(np.std(x, ddof=1)) / math.sqrt(len(x)) for m, x in columns.items() if len(x) > 1}
+    repeats = reduction.rig.phases.repeats
+    scatter = {m: float(np.std(x, ddof=1)) / math.sqrt(len(x)) for m, x in columns.items() if repeats and len(x) > 1}
     mean = {m: math.hypot(u, scatter.get(m, 0.0)) for m, u in sensors.items()}
     return Budget(
         rows=tuple(rows),

@@ -87,7 +87,7 @@ def make_report(
         tiles=_tiles(reduction, found),
         points=tuple(_points(reduction, found)),
         sections=sections,
-        traces=readout(run, reduction.cycles, figures.powers_of(reduction)),
+        traces=readout(run, reduction.rig, reduction.cycles, figures.powers_of(reduction)),
         banner=banner([run.origin]),
         subscripts=subscripts_of(reduction.rig.cascade),
     )
@@ -104,6 +104,16 @@ def _tiles(reduction: Reduction, found: Uncertainty) -> tuple[Tile, ...]:
     cascade = reduction.rig.cascade
     etas = (*cascade.neighbours[:2], cascade.overall) if len(cascade.stages) > 2 else tuple(cascade.ratios)
     given = [m for m in (*etas, *cascade.energies) if reduction.mean[m] is not None][:3]
+    if not reduction.rig.phases.repeats:
+        return tuple(
+            Tile(
+                SYMBOL[m],
+                _name(cascade, m).removesuffix(", per cycle"),
+                f"{tables.whole_text(reduction, m)} {tables.unit_of(m)}".strip(),
+                "all cycles together",
+            )
+            for m in given
+        )
     tiles = []
     for m in given:
         unit, interval, u = tables.unit_of(m), found.interval_95.get(m), found.standard[m]
@@ -161,18 +171,17 @@ def _best_points(reduction: Reduction) -> list[Point]:
     best, worst, m = extremes
     high, low = (cycle.metrics.value(m) for cycle in (best, worst))
     decimals = max(places((high - low) / 3.0) if high > low else 0, 3 - math.floor(math.log10(max(abs(high), NOTHING))))
-    text = (
-        f"Cycle {best.cycle} with {SYMBOL[m]} = {number(high, decimals)}, cycle {worst.cycle} with {number(low, decimals)}; "
-        f"the largest deviation from the mean is {reduction.max_deviation_percent[m]:.2f} %."
-    )
-    return [Point("Best and worst", text)]
+    most = reduction.max_deviation_percent[m]
+    deviates = "" if most is None else f"; the largest deviation from the mean is {most:.2f} %"
+    text = f"Cycle {best.cycle} with {SYMBOL[m]} = {number(high, decimals)}, cycle {worst.cycle} with {number(low, decimals)}"
+    return [Point("Best and worst", f"{text}{deviates}.")]
 
 
 def _net_points(reduction: Reduction, found: Uncertainty) -> list[Point]:
     """The residual energy of the line once haul-in has returned its part, and what of that is delivered."""
     mean, text = reduction.mean, partial(tables.mean_text, reduction, found)
     if mean.energy_net is None:
-        reasons = net_reasons(reduction.cycles)
+        reasons = net_reasons(reduction.cycles) if reduction.rig.cascade.has_net else []
         return [Point("Whole cycles", f"No net energy; {reasons[0]}.")] if reasons else []
     sentence = (
         f"From onset to next onset E_net = {text('energy_net')} J: E_payout = {text('energy_payout')} J less "
@@ -240,16 +249,20 @@ def _sections(reduction: Reduction, found: Uncertainty, model: Modelled, command
 
 def _results(reduction: Reduction, found: Uncertainty) -> Section:
     given = [m for m, value in reduction.mean.items() if m.startswith("energy") and value is not None]
-    means = {m: tables.mean_text(reduction, found, m) for m in given}
+    cascade, repeats = reduction.rig.cascade, reduction.rig.phases.repeats
+    means = {m: tables.mean_text(reduction, found, m) if repeats else tables.whole_text(reduction, m) for m in given}
     words = ", ".join(f"{SYMBOL[m]} {text} J" for m, text in means.items())
+    ratios = "means of the cycles' ratios" if repeats else "ratios of the sums"
+    over = "as a mean over the complete cycles" if repeats else "all complete cycles together"
+    whose = "the line" if cascade.names[0] == "line" else f"stage {cascade.names[0]}"
     net = " b: over the whole cycle the stored energy is returned, so that only losses remain."
     return section(
         "results", "Energies and efficiencies",
         picture(
             figures.energy_flow(reduction, means), "flow",
-            "Where the energy of the line goes, as a mean over the complete cycles: heights are energies. a: in the "
+            f"Where the energy of {whose} goes, {over}: heights are energies. a: in the "
             "integration window, stage by stage; grey does not reach the next stage within the window, as it is lost, or "
-            f"stored and returned or delivered later.{net if 'energy_net' in given else ''} η are means of the cycles' ratios.",
+            f"stored and returned or delivered later.{net if 'energy_net' in given else ''} η are {ratios}.",
             f"Flow diagram: {words}.",
         ),
         tables.cycles_table(reduction, found),
@@ -281,6 +294,7 @@ def _powers(reduction: Reduction, powers: dict[str, Signal]) -> Section:
 
 def _cycles(reduction: Reduction, powers: dict[str, Signal]) -> Section:
     """Cycles laid over each other and one after the other."""
+    holds = tables.holds_table(reduction)
     extremes = best_and_worst(reduction)
     best, worst, by = (None, None, "")
     if extremes is not None:
@@ -293,7 +307,7 @@ def _cycles(reduction: Reduction, powers: dict[str, Signal]) -> Section:
     return section(
         "cycles-and-phases", "Cycles and phases",
         picture(
-            figures.overlaid(reduction, powers, best, worst), "overlaid",
+            figures.overlaid(reduction, powers, best, worst) if reduction.rig.phases.repeats else None, "overlaid",
             f"{caption} Dashed: end of the window.{by}{some}",
             "Line plots of the cycles laid over each other.",
         ),
@@ -302,7 +316,7 @@ def _cycles(reduction: Reduction, powers: dict[str, Signal]) -> Section:
             "Dots of the efficiencies and energies over the number of the cycle; the values are in the tables.",
         ),
         tables.payouts_table(reduction),
-        tables.holds_table(reduction),
+        holds if len(holds.head) > 1 else None,
     )  # fmt: skip
 
 

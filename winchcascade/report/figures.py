@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from string import ascii_lowercase
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,7 +21,7 @@ from winchcascade.reduction.uncertainty import Budget
 from winchcascade.report.digits import significant
 from winchcascade.report.style import COLOURS, Room, label_panel, look_of, panel_figure, wide_figure
 from winchcascade.report.tables import budgeted
-from winchcascade.report.traces import PANELS, clock_zero, end_of, envelope, time_label
+from winchcascade.report.traces import clock_zero, end_of, envelope, panels_of, time_label
 from winchcascade.report.wording import by_sensor, tex
 
 DRAWN = 3000
@@ -62,9 +63,11 @@ _ROOM = Room(left=0.095)
 
 
 def readable(unit: str, *signals: Signal) -> tuple[float, str]:
-    """Factor and unit that keep the numbers of an axis short: thousands from 10 000 on."""
+    """Factor and unit that keep the numbers of an axis short: thousands from 10 000 on, smaller units below 0.01."""
     peak = max((float(np.max(np.abs(x))) for x in signals if x.size), default=0.0)
-    return (1e-3, f"k{unit}") if unit in ("N", "W", "J") and peak >= 1e4 else (1.0, unit)
+    if unit not in ("N", "W", "J", "N·m") or 0.01 <= peak < 1e4 or peak == 0.0:
+        return 1.0, unit
+    return (1e-3, f"k{unit}") if peak >= 1e4 else (1e3, f"m{unit}") if peak >= 1e-5 else (1e6, f"µ{unit}")
 
 
 def powers_of(reduction: Reduction) -> dict[str, Signal]:
@@ -90,19 +93,19 @@ def time_histories(reduction: Reduction, powers: dict[str, Signal]) -> Figure:
     """Draw every channel and the powers over the whole log, phases shaded, windows marked (the paper's Fig. 5)."""
     run, zero = reduction.run, clock_zero(reduction.run)
     t = run.t - zero
-    panels = [panel for panel in PANELS if panel[0] in run.channels]
+    panels = panels_of(run, reduction.rig)
     rows = len(panels) + bool(powers)
     figure, axes = panel_figure(0.75 + 0.98 * rows, rows, room=_ROOM, gaps={"hspace": 0.42}, share="x")
     for k, (ax, (name, title, unit, factor)) in enumerate(zip(axes, panels, strict=False)):
         x = run.channels[name]
         short, unit = readable(unit, x)
         _trace(ax, t, x * (factor * short), color=COLOURS["ink"], gid=f"trace-{name}")
-        label_panel(ax, "abcdefgh"[k], title, y=unit)
+        label_panel(ax, ascii_lowercase[k], title, y=unit)
     if powers:
         short, unit = readable("W", *powers.values())
         for stage, x in powers.items():
             _trace(axes[-1], t, x * short, gid=f"trace-power_{stage}", **_stage_style(stage))
-        label_panel(axes[-1], "abcdefgh"[rows - 1], "Power", y=unit)
+        label_panel(axes[-1], ascii_lowercase[rows - 1], "Power", y=unit)
         axes[-1].legend(loc="lower right", ncols=3, bbox_to_anchor=(1.0, 0.98), borderaxespad=0.0)
     axes[-1].set_xlabel(time_label(run))
     axes[-1].set_xlim(t[0], t[-1])
@@ -271,7 +274,8 @@ def energy_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) ->
 def _flow_of(reduction: Reduction, steps: Sequence[_Step], texts: Mapping[str, str]) -> list[_Flow]:
     """Bars of the steps up to the first that has no mean energy; a loss is a share of the first bar."""
     apart = "\n" if len(steps) > 3 else " "
-    mean, ratios = reduction.mean, reduction.rig.cascade.all_ratios
+    ratios = reduction.rig.cascade.all_ratios
+    mean = reduction.mean if reduction.rig.phases.repeats else reduction.total
     flow: list[_Flow] = []
     for step, following in zip(steps, (*steps[1:], None), strict=False):
         joule = mean[step.metric]
@@ -366,7 +370,11 @@ def overlaid(reduction: Reduction, powers: dict[str, Signal], best: int | None, 
     """
     run, cycles = reduction.run, reduction.cycles
     names = [n for n in ("velocity", "force", "torque", "pressure") if n in run.channels][:3]
-    columns = [(title, unit, run.channels[n] * factor) for n, title, unit, factor in PANELS if n in names]
+    columns = [
+        (title, unit, run.channels[n] * factor)
+        for n, title, unit, factor in panels_of(run, reduction.rig)
+        if n in names
+    ]
     columns += [(f"Power {tex(f'power_{s}')}", "W", powers[s]) for s in ("gen", "mech", "line") if s in powers][:1]
     if not cycles or not columns:
         return None
@@ -384,7 +392,7 @@ def overlaid(reduction: Reduction, powers: dict[str, Signal], best: int | None, 
             style, most = _overlaid_style(c, best, worst), max(150, OVERLAID_POINTS // len(chosen))
             _trace(ax, run.t[part] - c.phases.onset, x[part] * short, most=most, **style)
         ax.axvline(chosen[0].window.cutoff - chosen[0].window.onset, color=COLOURS["soft"], ls="--", lw=0.8)
-        label_panel(ax, "abcdefgh"[k], title, y=unit, x="Time since onset (s)" if k + 2 >= len(columns) else "")
+        label_panel(ax, ascii_lowercase[k], title, y=unit, x="Time since onset (s)" if k + 2 >= len(columns) else "")
         ax.set_xlim(-1.0, longest)
         ax.tick_params(labelbottom=k + 2 >= len(columns))
     for ax in axes[len(columns) :]:

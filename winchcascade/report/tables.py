@@ -72,6 +72,11 @@ def _four(value: float | None, metric: str) -> str:
     return number(value, 3 - math.floor(math.log10(abs(value))))
 
 
+def whole_text(reduction: Reduction, metric: str) -> str:
+    """A metric of all complete cycles together."""
+    return _four(reduction.total[metric], metric)
+
+
 def _metric_columns(reduction: Reduction, found: Uncertainty, given: Sequence[str]) -> list[TableColumn[CycleResult]]:
     """Columns of metrics with the digits that the uncertainty of each cycle allows."""
     of = {c.cycle: u for c, u in zip(reduction.cycles, found.budget.cycles, strict=True)}
@@ -155,13 +160,14 @@ def net_table(reduction: Reduction, found: Uncertainty) -> Table | None:
 
 def _means(reduction: Reduction, found: Uncertainty, given: Sequence[str], n: int) -> list[tuple[str, ...]]:
     """Rows below those of the cycles: the mean over n cycles, its uncertainty and the largest deviation."""
-    stated_u = any(m in found.method for m in given)
+    repeats = reduction.rig.phases.repeats
+    stated_u = repeats and any(m in found.method for m in given)
     rows: tuple[tuple[str, bool, Callable[[str], str]], ...] = (
-        (f"mean of {n}", n > 0, partial(mean_text, reduction, found)),
+        (f"mean of {n}", n > 0 and repeats, partial(mean_text, reduction, found)),
         ("standard uncertainty", stated_u, lambda m: uncertain(getattr(found.standard, m))),
         ("95 % interval, from", stated_u, lambda m: end_text(found, m, "low")),
         ("to", stated_u, lambda m: end_text(found, m, "high")),
-        ("largest deviation (%)", n > 1, lambda m: number(getattr(reduction.max_deviation_percent, m), 2)),
+        ("largest deviation (%)", n > 1 and repeats, lambda m: number(getattr(reduction.max_deviation_percent, m), 2)),
     )
     return [(name, "", *map(text, given)) for name, wanted, text in rows if wanted and given]
 
@@ -334,7 +340,7 @@ def repeatability_table(reduction: Reduction, found: Uncertainty) -> Table | Non
         "repeatability",
         f"Repeatability of {len(reduction.complete)} complete cycles.",
         columns,
-        [m for m in mean if mean[m] is not None and len(values[m]) > 1],
+        [m for m in mean if scatter[m] is not None and len(values[m]) > 1],
         note="The largest deviation of a cycle from the mean, in percent of the mean. s: standard deviation of a cycle; "
         "s/√N: of the mean of the N cycles; of net energies, of those that are whole.",
     )
@@ -376,7 +382,8 @@ def unknown_words(found: Uncertainty) -> str:
     """Why no uncertainty is stated; nothing where one is."""
     if found.method:
         return ""
-    return f"Only the repeatability is known; {'; '.join(not_known(found.budget)) or 'no metric is known'}."
+    known = "Only the repeatability is known" if found.budget.repeatability else "No uncertainty is known"
+    return f"{known}; {'; '.join(not_known(found.budget)) or 'no metric is known'}."
 
 
 def _how_stated(found: Uncertainty) -> str:

@@ -38,8 +38,10 @@ def reduction_text(reduction: Reduction) -> str:
     """
     known, uncertainties = stated_uncertainty(reduction)
     lines = [*_title(reduction), "", *_results(reduction, uncertainties), "", *_net(reduction, uncertainties), ""]
+    watts = _decimals(reduction, "power")
     powers: list[TableColumn[CycleResult]] = [
-        TableColumn(f"P_{stage}", "W", of=attrgetter(f"metrics.power_{stage}")) for stage in reduction.rig.cascade.names
+        TableColumn(f"P_{stage}", "W", watts, of=attrgetter(f"metrics.power_{stage}"))
+        for stage in reduction.rig.cascade.names
     ]
     lines += listing([*_PHASES, *powers], reduction.cycles, most=_MOST_CYCLES, more=_MORE, used=True)
     parts = ", ".join(f"{metric} {share:.0%} {name}" for metric, share, name in decisive(known))
@@ -102,11 +104,17 @@ def _means(
     ----------
     lead : cells between the names of the rows and the metrics
     """
-    energy = _decimals(reduction)
+    energy, repeats = _decimals(reduction), reduction.rig.phases.repeats
     rows = (
-        (f"mean of {n}", n > 0, reduction.mean, energy, 3),
-        ("largest dev. %", n > 1, reduction.max_deviation_percent, 2, 2),
-        ("std. uncertainty", any(getattr(uncertainties, name) is not None for name in names), uncertainties, energy, 4),
+        (f"mean of {n}", n > 0 and repeats, reduction.mean, energy, 3),
+        ("largest dev. %", n > 1 and repeats, reduction.max_deviation_percent, 2, 2),
+        (
+            "std. uncertainty",
+            repeats and any(getattr(uncertainties, name) is not None for name in names),
+            uncertainties,
+            energy,
+            4,
+        ),
     )
     return [[name, *lead, *_texts(m, names, *decimals)] for name, wanted, m, *decimals in rows if wanted]
 
@@ -157,10 +165,10 @@ def _duration(run: Run) -> str:
     return f"{seconds / 60:.1f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
 
 
-def _decimals(reduction: Reduction) -> int:
-    """Decimals of the energies: none for hundreds of joules and more, else as many as give three digits."""
-    energies = (reduction.mean[m] for m in reduction.rig.cascade.energies)
-    largest = max((abs(e) for e in energies if e is not None), default=0.0)
+def _decimals(reduction: Reduction, kind: str = "energy") -> int:
+    """Decimals of the energies or powers: none for hundreds and more, else as many as give three digits."""
+    means = (reduction.mean[f"{kind}_{stage}"] for stage in reduction.rig.cascade.names)
+    largest = max((abs(mean) for mean in means if mean is not None), default=0.0)
     return 0 if largest >= 100 or largest == 0 else min(2 - math.floor(math.log10(largest)), 9)
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from winchcascade.core.quantity import KGF
+from winchcascade.core.quantity import KGF, find_unit
+from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Run, Signal
 from winchcascade.reduction.reduction_result import CycleResult
 
@@ -30,6 +32,24 @@ PANELS = (
     ("idc", "Current of the DC link", "A", 1.0),
 )
 """Channels that have a panel of their own: name, title, unit, and what turns SI units into it."""
+
+MORE_PANELS = (
+    ("speed", "Speed of the shaft", "rpm", 30.0 / math.pi),
+    ("flow", "Flow", "L/min", 6e4),
+    ("power_ac", "AC power", "W", 1.0),
+)
+"""The same of channels that cranes seldom log."""
+
+
+def panels_of(run: Run, rig: Rig) -> list[tuple[str, str, str, float]]:
+    """Panels of the channels of a log, those of the rig's own last."""
+    own = ((name, name, channel.unit, _per_unit(channel.unit)) for name, channel in rig.channels.items())
+    return [panel for panel in (*PANELS, *MORE_PANELS, *own) if panel[0] in run.channels]
+
+
+def _per_unit(unit: str) -> float:
+    found = find_unit(unit)
+    return 1.0 if found is None else 1.0 / found.factor
 
 
 def envelope(x: Signal, most: int) -> NDArray[np.intp]:
@@ -72,11 +92,11 @@ def time_label(run: Run) -> str:
     return "Time (s)" if zero == 0.0 else f"Time since {zero:.2f} s on the log's clock (s)"
 
 
-def readout(run: Run, cycles: Sequence[CycleResult], powers: Mapping[str, Signal]) -> str:
+def readout(run: Run, rig: Rig, cycles: Sequence[CycleResult], powers: Mapping[str, Signal]) -> str:
     """Traces as JSON for the read-out of a page: samples, or of a long log the least and the largest of each stretch."""
     import msgspec
 
-    shown = [(title, unit, run.channels[name], f) for name, title, unit, f in PANELS if name in run.channels]
+    shown = [(title, unit, run.channels[name], f) for name, title, unit, f in panels_of(run, rig)]
     shown += [(f"P_{stage}", "W", x, 1.0) for stage, x in powers.items()]
     zero = clock_zero(run)
     starts = np.linspace(0, run.t.size, min(run.t.size, STRETCHES) + 1)[:-1].astype(np.intp)
