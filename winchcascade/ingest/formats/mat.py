@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from winchcascade.core.errors import LogError
-from winchcascade.core.run import Signal
+from winchcascade.core.run import Finding, Signal
 from winchcascade.ingest.dialects import Header, recognise
 from winchcascade.ingest.source import LogSource, LogTable, choose, damage_reported, reject_sheet
 
@@ -29,17 +29,28 @@ _HDF5, _BEFORE_HDF5 = b"\x89HDF\r\n\x1a\n", 512
 """First bytes of HDF5, and how many MATLAB puts before them."""
 
 
-def _read_72(path: Path) -> dict[str, Node]:
-    """Read MATLAB v4 to v7.2."""
+def _read_72(path: Path, objects: dict[str, str]) -> dict[str, Node]:
+    """Read MATLAB v4 to v7.2; `objects` receives the class of each variable that is an object."""
     from scipy.io import loadmat
-    from scipy.io.matlab import MatReadWarning
+    from scipy.io.matlab import MatlabOpaque, MatReadWarning
 
     with warnings.catch_warnings():
         # scipy turns a variable that breaks off into a warning and a text in its place.
         warnings.simplefilter("ignore")
         warnings.simplefilter("error", MatReadWarning)
+        warnings.filterwarnings(
+            "ignore", 'Duplicate variable name "None"'
+        )  # several objects, whose names lie within them
         variables = loadmat(path, simplify_cells=True)
+    for value in variables.values():
+        if isinstance(value, MatlabOpaque):  # its own name and class are texts within it
+            objects[_decoded(value[0]["s0"])] = _decoded(value[0]["s2"])
+    variables = {name: value for name, value in variables.items() if not isinstance(value, MatlabOpaque)}
     return _nodes((name, _node_72(value)) for name, value in variables.items() if not name.startswith("__"))
+
+
+def _decoded(name: object) -> str:
+    return name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name)
 
 
 def _nodes(pairs: Iterable[tuple[Any, Node | None]]) -> dict[str, Node]:
@@ -69,8 +80,8 @@ def _numbers(array: Any) -> Node | None:
     return float(squeezed) if squeezed.ndim == 0 else squeezed
 
 
-def _read_73(path: Path) -> dict[str, Node]:
-    """Read MATLAB v7.3, which is HDF5."""
+def _read_73(path: Path, objects: dict[str, str]) -> dict[str, Node]:
+    """Read MATLAB v7.3, which is HDF5; `objects` receives the class of each variable that is an object."""
     try:
         import h5py
     except ImportError as fault:
@@ -79,6 +90,11 @@ def _read_73(path: Path) -> dict[str, Node]:
             "`pip install winchcascade[mat73]` or save it with `save -v7`."
         ) from fault
     with h5py.File(path, "r") as file:
+        objects |= {
+            str(name): _decoded(item.attrs.get("MATLAB_class", b"object"))
+            for name, item in file.items()
+            if "MATLAB_object_decode" in item.attrs
+        }
         return _nodes_73(file, file, 0)
 
 
@@ -93,7 +109,7 @@ def _node_73(file: Any, item: Any, depth: int) -> Node | None:
         return None
     if not hasattr(item, "dtype"):
         return _nodes_73(file, item, depth)
-    if item.size is None or item.attrs.get("MATLAB_empty", 0):
+    if item.size is None or item.attrs.get("MATLAB_empty", 0) or "MATLAB_object_decode" in item.attrs:
         return None
     if "ref" in (item.dtype.metadata or {}):  # a cell array
         cells = (_node_73(file, file[reference], depth + 1) for reference in np.asarray(item).T.ravel())
@@ -126,7 +142,8 @@ def open_mat(path: Path, *, table: str | None = None) -> LogSource:
         start = stream.read(_BEFORE_HDF5 + len(_HDF5))
     is_hdf5 = start.startswith((_HDF5, b"MATLAB 7.3 MAT-file")) or start.endswith(_HDF5)
     with damage_reported(path, "MATLAB file", "copy or save it again"):
-        tree = _with_elements(_read_73(path) if is_hdf5 else _read_72(path))
+        objects: dict[str, str] = {}
+        tree = _with_elements(_with_signals((_read_73 if is_hdf5 else _read_72)(path, objects)))
     runs = _runs(tree)
     name = choose(list(runs), table, path.name, "run") if runs else None
     if name is None:
@@ -134,6 +151,8 @@ def open_mat(path: Path, *, table: str | None = None) -> LogSource:
     else:
         tree = runs[name]
     columns = _matrix_columns(tree) or _vectors(tree)
+    if objects and not any(recognise(Header(name)) for name in columns):
+        raise LogError(_export(path.name, objects))
     if not any(isinstance(column, np.ndarray) for column in columns.values()):
         raise LogError(
             f"{path.name}: none of the {len(tree)} variables is a vector of numbers; vectors of one length, a struct "
@@ -148,7 +167,7 @@ def open_mat(path: Path, *, table: str | None = None) -> LogSource:
     )
     return LogSource(
         headers=tuple(Header(name, units.get(name) or units.get(name.rpartition(".")[2])) for name in columns),
-        load=partial(_load, list(columns.values())),
+        load=partial(_load, list(columns.values()), objects),
         time_step=next(steps, None),
         properties=properties,
         table=name,
@@ -298,9 +317,58 @@ def _properties(tree: Mapping[str, Node]) -> dict[str, str | float]:
     }
 
 
-def _load(columns: Sequence[Column], wanted: Sequence[int], time: int | None) -> LogTable:
-    """Give the wanted columns, texts as NaN, and the time column as it is."""
+_EXPORTS = {
+    "timetable": "writetimetable({0}, '{0}.csv')",
+    "table": "writetable({0}, '{0}.csv')",
+    "timeseries": "s.time = {0}.Time; s.velocity = {0}.Data; save('{0}.mat', '-struct', 's')",
+}
+"""How MATLAB exports an object of a class so that other programs can read it."""
+
+
+def _export(where: str, objects: Mapping[str, str]) -> str:
+    """Explain how to export the first of some MATLAB objects."""
+    name, kind = next(iter(objects.items()))
+    usual = "save('run.mat', '-struct', 's') with a struct s of vectors"
+    export = _EXPORTS.get(kind, usual).format(name)
+    more = f" and {len(objects) - 1} more objects" if len(objects) > 1 else ""
+    return (
+        f"{where}: holds {name!r}, a {kind}{more}, which only MATLAB can read; expected vectors of one length or a struct of "
+        f"them; export it in MATLAB by {export}."
+    )
+
+
+def _with_signals(tree: Mapping[str, Node]) -> dict[str, Node]:
+    """The tree with the signals of Simulink, and with time and data of time series saved as structs, as named vectors."""
+    whole: dict[str, Node] = {}
+    for name, node in tree.items():
+        parts = {key.casefold(): item for key, item in node.items()} if isinstance(node, dict) else {}
+        signals, time = parts.get("signals"), parts.get("time")
+        if isinstance(time, np.ndarray) and signals is not None:
+            listed = [
+                signal for signal in (signals if isinstance(signals, list) else [signals]) if isinstance(signal, dict)
+            ]
+            named = {
+                str(signal.get("label") or f"signal {k}"): signal.get("values") for k, signal in enumerate(listed, 1)
+            }
+            columns: dict[str, Node] = {"time": time}
+            columns |= {label: values for label, values in named.items() if values is not None}
+            whole[name] = columns
+        elif isinstance(time, np.ndarray) and isinstance(data := parts.get("data"), np.ndarray) and data.ndim == 1:
+            whole.setdefault("time", time)
+            whole[name] = data
+        else:
+            whole[name] = node
+    return whole
+
+
+def _load(columns: Sequence[Column], objects: Mapping[str, str], wanted: Sequence[int], time: int | None) -> LogTable:
+    """Give the wanted columns, texts as NaN, and the time column as it is; report the objects."""
+    findings: tuple[Finding, ...] = ()
+    if objects:
+        listed = ", ".join(f"{name} ({kind})" for name, kind in objects.items())
+        findings = (Finding("unknown_column", f"MATLAB objects: {listed[:200]}", "not read", count=len(objects)),)
     return LogTable(
         {i: x if isinstance(x := columns[i], np.ndarray) else np.full(len(x), np.nan) for i in wanted},
         stamps=None if time is None else columns[time],
+        findings=findings,
     )
