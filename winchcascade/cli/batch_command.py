@@ -7,8 +7,16 @@ from typing import Annotated
 
 import typer
 
-from winchcascade.cli.options import ForceOption, JobsOption, RigOption, SchedulerOption, WindowOption, report_choices
-from winchcascade.cli.outputs import given_command, show
+from winchcascade.cli.options import (
+    ForceOption,
+    JobsOption,
+    LossMapOption,
+    RigOption,
+    SchedulerOption,
+    WindowOption,
+    report_choices,
+)
+from winchcascade.cli.outputs import check_outputs, given_command, show
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import Workers, one_thread_each, processes, set_threads
 
@@ -39,6 +47,7 @@ def batch_command(
     excel: Annotated[bool, typer.Option("--excel", help="Write the tables as an Excel workbook too.")] = False,
     rig: RigOption = None,
     window: WindowOption = None,
+    loss_map: LossMapOption = None,
     force: ForceOption = False,
 ) -> None:
     """Reduce a whole campaign: every log, the tables of all, and a report.
@@ -53,11 +62,20 @@ def batch_command(
 
     if reports not in REPORTS:
         raise OptionError(f"--reports {reports}: expected none, html or all.")
+    check_outputs({"--loss-map": loss_map}, targets, force=force)
     plan = make_plan(targets, rig=rig, window=None if window is None else window_rule(window))
+    if loss_map is not None:
+        from winchcascade.batch.campaign_loss_map import check_one_map
+
+        check_one_map(plan, loss_map)
     products, workers = Products(REPORTS[reports], excel, given_command()), Workers(jobs or processes(), scheduler)
     with Progress(plan.title) as watch:
         batch = run_batch(plan, out, products, workers=workers, force=force, watch=watch)
     show(campaign_text(batch.summary, out, kept=batch.kept, altered=batch.altered))
+    if loss_map is not None:
+        from winchcascade.batch.campaign_loss_map import write_campaign_loss_map
+
+        show(write_campaign_loss_map(plan, batch, products, loss_map, workers=workers, force=force))
     raise typer.Exit(1 if batch.faults else 0)
 
 

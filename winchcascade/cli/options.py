@@ -68,6 +68,14 @@ HtmlOption = Annotated[
     Path | None, typer.Option("--html", metavar="FILE", help="Write the report as one self-contained page.")
 ]
 PdfOption = Annotated[Path | None, typer.Option("--pdf", metavar="FILE", help="Write the report as PDF.")]
+LossMapOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--loss-map",
+        metavar="FILE",
+        help="Write the loss from shaft to DC link over torque and speed: .csv, .mat or .json.",
+    ),
+]
 JobsOption = Annotated[
     int | None, typer.Option("--jobs", metavar="N", min=1, help="Processes; by default one for each processor.")
 ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -13,6 +13,7 @@ from winchcascade.cli.options import (
     HtmlOption,
     JsonOption,
     LoadOption,
+    LossMapOption,
     PdfOption,
     RigOption,
     SheetOption,
@@ -20,6 +21,10 @@ from winchcascade.cli.options import (
     check_load,
 )
 from winchcascade.cli.outputs import check_outputs, deliver, given_command
+
+if TYPE_CHECKING:
+    from winchcascade.reduction.loss_map import LossMap
+    from winchcascade.reduction.reduction_result import Reduction
 
 
 def reduce_command(
@@ -36,6 +41,7 @@ def reduce_command(
     ] = None,
     html: HtmlOption = None,
     pdf: PdfOption = None,
+    loss_map: LossMapOption = None,
     force: ForceOption = False,
 ) -> None:
     """Reduce one log: its cycles, their energies and efficiencies, and what is wrong with it.
@@ -48,11 +54,16 @@ def reduce_command(
     check_load(load_ohm)
     if window is not None:
         window_rule(window)
-    results = {"--json": json, "--html": html, "--pdf": pdf, "--parquet": parquet}
+    results = {"--json": json, "--html": html, "--pdf": pdf, "--parquet": parquet, "--loss-map": loss_map}
     check_outputs(results, [log, log.parent / "campaign.toml", rig], force=force)
+    if loss_map is not None:
+        from winchcascade.report.loss_map_file import check_ending
+
+        check_ending(loss_map)
     settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=window, sheet=sheet)
     reduction = reduce(read_with(log, settings), rig=settings.rig, window=settings.window, cycles=settings.cycles)
     require_payouts(reduction)
+    mapped = None if loss_map is None else _write_loss_map(reduction, loss_map, force=force)
     if parquet is not None:
         from winchcascade.report.rows import write_parquet
 
@@ -63,13 +74,37 @@ def reduce_command(
 
         found = uncertainty(reduction)
     if found is not None and (html is not None or pdf is not None):
-        from winchcascade.report.document import write_reports
+        from winchcascade.report.document import make_report
+        from winchcascade.report.publish import publish
 
-        write_reports(reduction, found, html=html, pdf=pdf, command=given_command(), force=force)
+        report = make_report(reduction, found, command=given_command())
+        if mapped is not None:
+            from winchcascade.report.loss_map_section import with_loss_map
+
+            report = with_loss_map(report, mapped)
+        publish(report, html=html, pdf=pdf, force=force)
 
     def content() -> bytes:
         from winchcascade.report.records import reduction_json
 
         return reduction_json(reduction, found)
 
-    deliver(json, content, lambda: reduction_text(reduction), force=force)
+    def text() -> str:
+        if mapped is None:
+            return reduction_text(reduction)
+        from winchcascade.report.loss_map_text import loss_map_lines
+
+        return "\n".join([reduction_text(reduction), "", *loss_map_lines(mapped)])
+
+    deliver(json, content, text, force=force)
+
+
+def _write_loss_map(reduction: Reduction, path: Path, *, force: bool) -> LossMap:
+    """Make the loss map of a log and write it."""
+    from winchcascade.reduction.loss_map import make_loss_map
+    from winchcascade.reduction.loss_points import loss_points
+    from winchcascade.report.loss_map_file import write_loss_map
+
+    found = make_loss_map(loss_points(reduction), reduction.rig)
+    write_loss_map(found, path, reduction.run.name, force=force)
+    return found

@@ -27,13 +27,13 @@ _HEADS = (
     rb'|<!doctype html>\s*<html lang="en">\s*<head>\s*<meta charset="utf-8">\s*<meta name="generator" content="' + _VERSION
     + rb'"|<\?xml version="1\.0" encoding="utf-8"\?>\s*<testsuites name="winchcascade check"[^<>]*>\s*<testsuite [^<>]*>\s*'
     rb'<properties>\s*<property name="generator" value="' + _VERSION
-    + rb'"|# (?:Calibrated|Corrected) by ' + _VERSION
+    + rb'"|# (?:Calibrated|Corrected|Loss map) by ' + _VERSION
     + rb" from |Time \(s\),[^\n\"'#;]*Generator speed \(rpm\),Stator current \(A rms\),Air-gap torque \(N\.m\)\r?\n"
     rb"|MATLAB 5\.0 MAT-file, written by " + _VERSION
     + rb"|Time \(s\),Cycle,Predicted mechanical power \(W\)\r?\n)"
 )  # fmt: skip
-"""How files begin: JSON with its schema first, page, JUnit, calibrated or corrected rig file, simulated log, exported
-model, predictions."""
+"""How files begin: JSON with its schema first, page, JUnit, calibrated or corrected rig file, loss map, simulated log,
+exported model, predictions."""
 
 _WORKBOOK = rb"(?s)PK\x05\x06.{16}(?P<size>..)" + _VERSION + rb"\Z"
 """How a workbook ends: the comment of its archive."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,6 +16,7 @@ from winchcascade.core.version import __version__
 from winchcascade.diagnosis.corrected_rig import corrected_rig
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+from winchcascade.report.matlab_file import matlab_bytes
 from winchcascade.rig.baseline import baseline, stated_effects
 from winchcascade.rig.parts import ROLLOFF_KNOTS, Model, number_of, rolloff_curve
 
@@ -100,7 +100,7 @@ def write_export(found: ModelDiagnosis | LineDiagnosis, path: Path, *, force: bo
     if not isinstance(found, ModelDiagnosis):
         raise OptionError(f"--export {path}: no model can be made of rig {found.rig.name}; leave --export out.")
     record = model_record(found)
-    content = _mat(record) if path.suffix.casefold() == ".mat" else _json(record)
+    content = matlab_bytes("model", record) if path.suffix.casefold() == ".mat" else _json(record)
     write_content(path, content, force=force)
 
 
@@ -169,27 +169,3 @@ def _back_emf(model: Model) -> dict[str, Any]:
 
 def _json(record: dict[str, Any]) -> bytes:
     return msgspec.json.format(msgspec.json.encode(record), indent=1) + b"\n"
-
-
-HEADER_BYTES = 116
-"""Length of the text at the beginning of a MATLAB file. [bytes]"""
-
-
-def _mat(record: dict[str, Any]) -> bytes:
-    """A MATLAB file (level 5) with one struct `model`; its header names this tool in place of the time, which would differ."""
-    from scipy.io import savemat
-
-    file: Any = io.BytesIO()
-    savemat(file, {"model": _matlab(record)}, oned_as="column", long_field_names=True)
-    header = f"MATLAB 5.0 MAT-file, written by winchcascade/{__version__}".encode().ljust(HEADER_BYTES)
-    content: bytes = file.getvalue()
-    return header + content[HEADER_BYTES:]
-
-
-def _matlab(value: Any) -> Any:
-    """A value as MATLAB holds it: lists of texts as cells, lists of numbers as columns, nothing as an empty array."""
-    if isinstance(value, dict):
-        return {name: _matlab(inner) for name, inner in value.items()}
-    if isinstance(value, list):
-        return np.array(value, dtype=object if any(isinstance(x, str) for x in value) else np.float64)
-    return np.zeros((0, 0)) if value is None else value

@@ -1,0 +1,339 @@
+"""Power that is lost between two stages without storage, over torque and speed of the shaft: a surface fitted to points.
+
+Energy conservation gives the loss of a point: what goes in, less what comes out, less the rate at which rotor, shaft spring and
+DC-link capacitor take up energy. For the rotor that rate is J omega domega/dt. From line to shaft no such map exists: gas
+and inertia store what goes in.
+
+The surface is linear in its coefficients and has no constant, as a shaft at rest without torque loses nothing:
+
+    P_loss = a w + b w^2 + c T^2 + d |T| + e w T
+
+with friction that does not depend on speed (a), viscous friction and iron (b), copper (c), diodes (d) and a mesh that loses a
+share of its power (e). It is fitted by least squares.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import msgspec
+import numpy as np
+
+from winchcascade.core.accuracy import error_sources
+from winchcascade.core.rig_file import Rig
+from winchcascade.core.run import Index, Mask, Signal
+from winchcascade.reduction.loss_points import LossPoints, columns_at
+
+TERMS = ("speed", "speed_squared", "torque_squared", "torque", "speed_times_torque")
+"""Columns of the surface, in their order."""
+
+UNITS = ("N.m", "N.m.s/rad", "W/(N.m)2", "W/(N.m)", "1")
+"""Units of their coefficients."""
+
+CONDITION_MAX = 100.0
+"""Largest condition number of scaled columns that are still distinguished: points all over a rectangle of torque and speed have
+20 to 75, and from 100 on estimates suffer whatever the noise (Belsley, Kuh and Welsch 1980, Sec. 3.2). [1]"""
+
+ALIKE = 0.95
+"""Correlation about zero from which a column that was left out is said to be contained in another one. [1]"""
+
+BREAKPOINTS = 25
+"""Breakpoints of torque and of speed in the table: linear interpolation of a quadratic surface between them errs by less than a
+thousandth of its curvature over the whole range."""
+
+FOLDS = 10
+"""Parts of the points that are held out one after the other, where there are too few logs and cycles to hold these out."""
+
+CLUSTERS = 12
+"""With at least so many cycles the errors of the points of one cycle are taken to depend on each other."""
+
+
+class Coefficient(msgspec.Struct, frozen=True):
+    """Coefficient of one column with its 95 % interval, in SI units.
+
+    All three are None for a column that the points cannot distinguish from `contained_in`, and is left out.
+    """
+
+    term: str
+    unit: str
+    value: float | None = None
+    low: float | None = None
+    high: float | None = None
+    contained_in: tuple[str, ...] = ()
+
+
+class Surface(msgspec.Struct, frozen=True):
+    """Surface of the loss: its coefficients and how well the points determine them.
+
+    Parameters
+    ----------
+    values, covariance : (5,) and (5, 5), zero for columns that are left out
+    freedom : degrees of freedom of the intervals
+    condition : condition number of the columns that are fitted, each scaled to length one
+    condition_all : the same of all five columns; infinite where some are the same
+    residual : root mean square of what the surface leaves of the points [W]
+    held_out : the same of points that took no part in the fit [W]; None for too few of them
+    held_out_by : what was held out: log, cycle or point
+    """
+
+    coefficients: tuple[Coefficient, ...]
+    values: Signal
+    covariance: Signal
+    freedom: int
+    condition: float
+    condition_all: float
+    residual: float
+    held_out: float | None
+    held_out_by: str
+
+
+class LossMap(msgspec.Struct, frozen=True):
+    """Loss over torque and speed: the points, the surface, and the surface as a table for interpolation.
+
+    Parameters
+    ----------
+    hull : (k, 2) corners of the convex hull of the points, torque [N m] and speed [rad/s], anticlockwise
+    torque, speed : (n,) and (m,) breakpoints [N m], [rad/s]
+    loss, u_loss : (n, m) loss and its standard uncertainty [W]; NaN outside the hull
+    energy, u_energy : lost in all points together, and its standard uncertainty [J]
+    """
+
+    points: LossPoints
+    surface: Surface
+    hull: Signal
+    torque: Signal
+    speed: Signal
+    loss: Signal
+    u_loss: Signal
+    energy: float
+    u_energy: float
+
+
+def make_loss_map(points: LossPoints, rig: Rig) -> LossMap:
+    """Fit the surface to some points and lay it onto a table within their hull.
+
+    Parameters
+    ----------
+    rig : states the accuracies of the sensors, which the intervals contain; what it does not state counts as exact
+    """
+    surface = fit_surface(points, rig)
+    hull = convex_hull(points.torque, points.speed)
+    torque = np.linspace(float(points.torque.min()), float(points.torque.max()), BREAKPOINTS)
+    speed = np.linspace(float(points.speed.min()), float(points.speed.max()), BREAKPOINTS)
+    grid = np.stack(np.meshgrid(torque, speed, indexing="ij"), axis=-1)
+    inside = within(hull, grid[..., 0], grid[..., 1])
+    columns = columns_at(grid[..., 0], grid[..., 1])
+    u = np.sqrt(np.maximum(np.einsum("...i,ij,...j", columns, surface.covariance, columns), 0.0))
+    energy, u_energy = _energy(points, surface, rig)
+    return LossMap(
+        points=points,
+        surface=surface,
+        hull=hull,
+        torque=torque,
+        speed=speed,
+        loss=np.where(inside, columns @ surface.values, np.nan),
+        u_loss=np.where(inside, u, np.nan),
+        energy=energy,
+        u_energy=u_energy,
+    )
+
+
+def fit_surface(points: LossPoints, rig: Rig) -> Surface:
+    """Fit the surface by least squares, with the columns that the points distinguish.
+
+    Parameters
+    ----------
+    rig : states the accuracies of the sensors
+    """
+    groups, by = _held_out_groups(points)
+    kept = _distinguished(points.columns, points.loss, groups)
+    x = points.columns[:, kept]
+    values = np.zeros(len(TERMS))
+    values[kept] = _solve(x, points.loss)
+    left = points.loss - x @ values[kept]
+    covariance, freedom = _scatter(x, left, points.cycle)
+    for changed in _with_errors(points, rig):
+        step = _solve(changed.columns[:, kept], changed.loss) - values[kept]
+        covariance = covariance + np.outer(step, step)
+    whole = np.zeros((len(TERMS), len(TERMS)))
+    whole[np.ix_(kept, kept)] = covariance
+    return Surface(
+        coefficients=_coefficients(points.columns, kept, values, whole, freedom),
+        values=values,
+        covariance=whole,
+        freedom=freedom,
+        condition=condition_number(x),
+        condition_all=condition_number(points.columns),
+        residual=_rms(left),
+        held_out=_held_out(x, points.loss, groups),
+        held_out_by=by,
+    )
+
+
+def condition_number(x: Signal) -> float:
+    """Condition number of columns scaled to length one; inf where they are dependent or a column is empty.
+
+    >>> condition_number(np.eye(3)[:, :2])
+    1.0
+    """
+    length = np.linalg.norm(x, axis=0)
+    if not np.all(length > 0.0):
+        return math.inf
+    sizes = np.linalg.svd(x / length, compute_uv=False)
+    if x.shape[0] < x.shape[1] or sizes[-1] <= 1e-12 * sizes[0]:
+        return math.inf
+    return float(sizes[0] / sizes[-1])
+
+
+def _distinguished(columns: Signal, loss: Signal, groups: Index) -> list[int]:
+    """Columns that the points distinguish; of too many the one is left out that held-out points need least."""
+    kept = [k for k in range(columns.shape[1]) if np.any(np.abs(columns[:, k]) > 0.0)]
+    while len(kept) > 1 and condition_number(columns[:, kept]) > CONDITION_MAX:
+        rest = [[k for k in kept if k != gone] for gone in kept]
+        errors = [_held_out(columns[:, some], loss, groups) for some in rest]
+        without = [math.inf if error is None else error for error in errors]
+        if all(math.isinf(error) for error in without):  # too few points: the first columns are the plainest ones
+            kept = kept[:-1]
+        else:
+            kept = rest[int(np.argmin(without))]
+    return kept
+
+
+def _held_out_groups(points: LossPoints) -> tuple[Index, str]:
+    """Number of the part of each point that is held out together, and what the parts are."""
+    if np.unique(points.log).size >= 3:
+        return points.log, "log"
+    if np.unique(points.cycle).size >= 3:
+        return points.cycle, "cycle"
+    return np.arange(points.loss.size) % FOLDS, "point"
+
+
+def _held_out(x: Signal, loss: Signal, groups: Index) -> float | None:
+    """Root mean square error of points that took no part in the fit [W]; None where what is left cannot be fitted."""
+    errors = np.empty(loss.size)
+    for group in np.unique(groups):
+        out = groups == group
+        if condition_number(x[~out]) == math.inf:
+            return None
+        errors[out] = loss[out] - x[out] @ _solve(x[~out], loss[~out])
+    return _rms(errors)
+
+
+def _solve(x: Signal, y: Signal) -> Signal:
+    """Least squares of columns scaled to length one."""
+    length = np.linalg.norm(x, axis=0)
+    found: Signal = np.linalg.lstsq(x / length, y, rcond=None)[0] / length
+    return found
+
+
+def _rms(x: Signal) -> float:
+    return float(np.sqrt(np.mean(x**2)))
+
+
+def _scatter(x: Signal, left: Signal, cycle: Index) -> tuple[Signal, int]:
+    """Covariance of the coefficients by what the surface leaves, whose size may differ from point to point, and its freedom.
+
+    Of many cycles the errors within each are added up before they are squared (Liang and Zeger 1986); of few each point
+    counts as independent, enlarged by its leverage (HC3, MacKinnon and White 1985).
+    """
+    n, p = x.shape
+    if n <= p:
+        return np.zeros((p, p)), 1
+    inverse = np.linalg.pinv(x)
+    numbers, place = np.unique(cycle, return_inverse=True)
+    clustered = CLUSTERS <= numbers.size < n
+    leverage = np.minimum(np.einsum("ij,ji->i", x, inverse), 0.99)
+    scores = inverse * (left if clustered else left / (1.0 - leverage))
+    if clustered:
+        scores = np.stack([np.bincount(place, weights=row) for row in scores])
+        scores *= math.sqrt(numbers.size / (numbers.size - 1.0) * (n - 1.0) / (n - p))
+    return scores @ scores.T, numbers.size - 1 if clustered else n - p
+
+
+def _with_errors(points: LossPoints, rig: Rig) -> list[LossPoints]:
+    """The points as they would be with each sensor wrong by one standard uncertainty of its zero or gain."""
+    found = []
+    for channel, sensor in rig.sensors.items():
+        if channel in points.means:
+            found += [points.with_error(channel, s.part, s.u) for s in error_sources(channel, sensor)]
+    return found
+
+
+def _energy(points: LossPoints, surface: Surface, rig: Rig) -> tuple[float, float]:
+    """Energy lost in all points together, and its standard uncertainty. [J]"""
+    energy = float(points.loss @ points.duration)
+    left = (points.loss - points.columns @ surface.values) * points.duration
+    _, place = np.unique(points.cycle, return_inverse=True)
+    u_square = float(np.sum(np.bincount(place, weights=left) ** 2))
+    u_square += sum(float((p.loss - points.loss) @ points.duration) ** 2 for p in _with_errors(points, rig))
+    return energy, math.sqrt(u_square)
+
+
+def _coefficients(
+    columns: Signal, kept: Sequence[int], values: Signal, covariance: Signal, freedom: int
+) -> tuple[Coefficient, ...]:
+    from scipy.special import stdtrit
+
+    factor = float(stdtrit(freedom, 0.975))
+    found = []
+    for k, (term, unit) in enumerate(zip(TERMS, UNITS, strict=True)):
+        if k not in kept:
+            found.append(Coefficient(term, unit, contained_in=_contained_in(columns, k, kept)))
+            continue
+        value, reach = float(values[k]), factor * math.sqrt(covariance[k, k])
+        found.append(Coefficient(term, unit, value, value - reach, value + reach))
+    return tuple(found)
+
+
+def _contained_in(columns: Signal, k: int, kept: Sequence[int]) -> tuple[str, ...]:
+    """Columns that follow nearly the same course as another one, or all that are fitted where none does alone."""
+    length = np.linalg.norm(columns, axis=0)
+    if length[k] == 0.0:
+        return ()
+    alike = {j: abs(float(columns[:, j] @ columns[:, k])) / (length[j] * length[k]) for j in kept}
+    return tuple(TERMS[j] for j in kept if alike[j] >= ALIKE) or tuple(TERMS[j] for j in kept)
+
+
+EDGE = 1e-9
+"""A place that lies outside of the hull by less than this share of its extent lies on its edge. [1]"""
+
+
+def convex_hull(x: Signal, y: Signal) -> Signal:
+    """Corners of the convex hull of points, (k, 2), anticlockwise (Andrew 1979); two ends for points on a line.
+
+    >>> convex_hull(np.array([0.0, 2.0, 1.0, 1.0]), np.array([0.0, 0.0, 0.5, 2.0])).tolist()
+    [[0.0, 0.0], [2.0, 0.0], [1.0, 2.0]]
+    """
+    corners = np.unique(np.column_stack((x, y)), axis=0).tolist()
+    if len(corners) < 3:
+        return np.array(corners).reshape(-1, 2)
+    least = EDGE * float(np.prod(np.ptp(corners, axis=0)))
+    lower, upper = _chain(corners, least), _chain(corners[::-1], least)
+    return np.array(lower[:-1] + upper[:-1])
+
+
+def _chain(corners: Sequence[Sequence[float]], least: float) -> list[Sequence[float]]:
+    """Lower half of a hull of points in order, without points on its edges, where it turns by less than a least area."""
+    chain: list[Sequence[float]] = []
+    for point in corners:
+        while len(chain) > 1 and _turn(chain[-2], chain[-1], point) <= least:
+            chain.pop()
+        chain.append(point)
+    return chain
+
+
+def _turn(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> float:
+    """Twice the area of a triangle, positive if it turns to the left."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def within(hull: Signal, x: Signal, y: Signal) -> Mask:
+    """Whether places lie in a convex hull or on its edge; none lies in a hull without area."""
+    if len(hull) < 3:
+        return np.zeros(np.shape(x), dtype=bool)
+    inside = np.ones(np.shape(x), dtype=bool)
+    extent = float(np.prod(np.ptp(hull, axis=0)))
+    for a, b in zip(hull, np.roll(hull, -1, axis=0), strict=True):
+        inside &= (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]) >= -EDGE * extent
+    return inside

@@ -1,0 +1,136 @@
+"""Words and tables of a loss map, for terminal and reports."""
+
+from __future__ import annotations
+
+import math
+
+from winchcascade.reduction.loss_map import CONDITION_MAX, Coefficient, LossMap
+from winchcascade.report.digits import interval_text, number, percent, places, significant, uncertain
+from winchcascade.report.report_model import Table, TableColumn, items_table
+from winchcascade.report.text_table import table_lines, wrapped
+
+COLUMN_WORDS = {
+    "speed": "speed",
+    "speed_squared": "speed²",
+    "torque_squared": "torque²",
+    "torque": "|torque|",
+    "speed_times_torque": "speed × torque",
+}
+"""Columns of the surface, in words."""
+
+MEANING = {
+    "speed": "friction that does not depend on speed",
+    "speed_squared": "viscous friction, iron",
+    "torque_squared": "copper",
+    "torque": "diodes",
+    "speed_times_torque": "share of the power, as in a gear mesh",
+}
+"""Losses that follow these columns."""
+
+UNIT_WORDS = {
+    "N.m": "N m", "N.m.s/rad": "N m s/rad", "W/(N.m)2": "W/(N m)²", "W/(N.m)": "W/(N m)", "1": "1",
+}  # fmt: skip
+
+
+def loss_map_lines(found: LossMap) -> list[str]:
+    """A loss map in the terminal: where its points lie, its coefficients, and how good it is."""
+    head = ("loss over", "coefficient", "95 % interval", "unit", "such as")
+    rows = [
+        (COLUMN_WORDS[c.term], _value(c), _interval(c), UNIT_WORDS[c.unit], MEANING[c.term])
+        for c in found.surface.coefficients
+    ]
+    return [
+        *wrapped(f"loss map {points_words(found)}", width=80),
+        "",
+        *table_lines([head, *rows], left=(0, 3, 4)),
+        "",
+        *(line for sentence in quality_words(found) for line in wrapped(sentence, width=80)),
+    ]
+
+
+def points_words(found: LossMap) -> str:
+    """Number and range of the points, and where the energy went."""
+    points = found.points
+    logs = "" if len(points.logs) == 1 else f" of {len(points.logs)} logs"
+    return (
+        f"{points.stages[0]} to {points.stages[1]}: {points.loss.size} points{logs}, torque "
+        f"{_range(points.torque.min(), points.torque.max())} N m, speed "
+        f"{_range(points.speed.min(), points.speed.max())} rad/s; together {number(found.energy, _digits(found.u_energy))} J "
+        f"lost, standard uncertainty {uncertain(found.u_energy)} J"
+    )
+
+
+def quality_words(found: LossMap) -> list[str]:
+    """How well the surface meets the points, what they do not distinguish, and what was left out."""
+    surface, mean = found.surface, float(abs(found.points.loss).mean())
+    held = surface.held_out
+    sentences = [
+        f"residual {significant(surface.residual)} W"
+        + (
+            ", too few points to hold any out"
+            if held is None
+            else f", of held-out points {significant(held)} W ({percent(held / mean, 1)} % of the mean loss; each "
+            f"{surface.held_out_by} held out {'in turn' if surface.held_out_by != 'point' else 'once'})"
+        ),
+        f"condition number {number(surface.condition, 1)}"
+        + (
+            ""
+            if surface.condition == surface.condition_all
+            else f"; {_all_five(surface.condition_all)} of all five columns"
+        ),
+    ]
+    without: dict[tuple[str, ...], list[str]] = {}
+    for c in surface.coefficients:
+        if c.value is None:
+            without.setdefault(c.contained_in, []).append(COLUMN_WORDS[c.term])
+    for others, columns in without.items():
+        alike = " and ".join(COLUMN_WORDS[name] for name in others)
+        where = f" from {alike}, whose coefficients stand for them too" if alike else ""
+        sentences.append(f"left out, as these points do not distinguish them{where}: {', '.join(columns)}")
+    sentences += [f"points left out, {reason}: {count}" for reason, count in found.points.left_out.items()]
+    if len(found.hull) < 3:
+        sentences.append("the points lie on one line over torque and speed: the table holds no value")
+    return sentences
+
+
+def coefficients_table(found: LossMap) -> Table | None:
+    """Coefficients of the surface with their intervals."""
+    columns: list[TableColumn[Coefficient]] = [
+        TableColumn("Loss over", text=True, of=lambda c: COLUMN_WORDS[c.term]),
+        TableColumn("Coefficient", of=_value),
+        TableColumn("95 % interval", of=_interval),
+        TableColumn("Unit", text=True, of=lambda c: UNIT_WORDS[c.unit]),
+        TableColumn("Such as", text=True, of=lambda c: MEANING[c.term]),
+    ]
+    note = ". ".join(sentence[0].upper() + sentence[1:] for sentence in quality_words(found))
+    return items_table(
+        "loss-coefficients",
+        "Surface of the loss over torque and speed of the shaft: the sum of these columns times their coefficients.",
+        columns,
+        found.surface.coefficients,
+        note=f"{note}. Columns are left out while the condition number exceeds {CONDITION_MAX:g}. Intervals contain the "
+        "scatter of the points and the accuracies of the sensors that the rig file states.",
+    )
+
+
+def _value(c: Coefficient) -> str:
+    return "–" if c.value is None or c.low is None else number(c.value, _digits((c.value - c.low) / 2.0))
+
+
+def _interval(c: Coefficient) -> str:
+    if c.value is None or c.low is None or c.high is None:
+        return "not distinguished"
+    u = (c.value - c.low) / 2.0
+    return interval_text(c.low, c.high, u) if u > 0.0 else significant(c.value)
+
+
+def _digits(u: float) -> int:
+    return places(u) if u > 0.0 and math.isfinite(u) else 3
+
+
+def _range(low: float, high: float) -> str:
+    return f"{significant(float(low))} to {significant(float(high))}"
+
+
+def _all_five(condition: float) -> str:
+    return "infinite" if math.isinf(condition) else significant(condition)
