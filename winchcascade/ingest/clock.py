@@ -72,12 +72,23 @@ def require_rising(t: Signal, where: str) -> None:
         )
 
 
-def read_clock(stamps: Signal, where: str) -> Clock:
+_MODULI = tuple(
+    float(n) for n in (*(2**k for k in (8, 10, 12, 14, 15, 16, 20, 24, 31, 32)), *(10**k for k in range(2, 10)))
+)
+_PERIODS = (60.0, 3600.0, 43_200.0, 86_400.0)
+"""Where counters and clocks begin again: powers of two and of ten in their own unit; minute, hour, half day and day. [s]"""
+
+_NEAR_END = 3.0
+"""A counter begins again within so many intervals of its end and of zero, unless samples were lost there."""
+
+
+def read_clock(stamps: Signal, where: str, *, unit: float = 1.0) -> Clock:
     """Check the stamps of a log and repair what can be repaired.
 
     Parameters
     ----------
     stamps : (n,) as logged, NaN where a stamp could not be read [s]
+    unit : in which the log counts [s]
 
     Raises
     ------
@@ -88,6 +99,8 @@ def read_clock(stamps: Signal, where: str) -> Clock:
     findings: list[Finding] = []
     t, rows = with_all_stamps(stamps, findings, where)
     usual = _usual(np.diff(t), where)
+    if np.any(np.diff(t) < 0):
+        t = counted_on(t, usual, unit, findings)
     if np.any(np.diff(t) < 0):
         t, rows = forward(t, rows, usual, findings, where)
         usual = _usual(np.diff(t), where)
@@ -293,6 +306,35 @@ def _coarse(t: Signal, repeated: int, counts: str) -> Finding:
         end=float(t[-1]),
         count=repeated,
     )
+
+
+def counted_on(t: Signal, usual: float, unit: float, findings: list[Finding]) -> Signal:
+    """Count on where a counter modulo N, such as one of 16 bits, begins again from zero; as it is for any other clock. [s]
+
+    >>> found = []
+    >>> counted_on(np.array([65.534, 65.535, 0.0, 0.001]), 0.001, 0.001, found).round(3).tolist()
+    [65.534, 65.535, 65.536, 65.537]
+    """
+    back = np.flatnonzero(np.diff(t) < 0)
+    largest = float(t.max())
+    if t.min() < 0:
+        return t
+    slack = _NEAR_END * usual
+    for period in sorted({*(n * unit for n in _MODULI), *_PERIODS}):
+        step = t[back + 1] + period - t[back]
+        if largest < period <= largest + slack and np.all((step > 0.5 * usual) & (t[back] > 0.5 * period)):
+            message = (
+                f"the clock counts up to {period:g} s and begins again at {back.size} place{'s' * (back.size > 1)}"
+            )
+            start, end = float(t[back[0]]), float(t[back[-1]] + period * (back.size - 1))
+            findings.append(
+                Finding("backward_stamp", message, "counted on", start=start, end=end, count=int(back.size))
+            )
+            after: Signal = t.copy()
+            for k in back.tolist():
+                after[k + 1 :] += period
+            return after
+    return t
 
 
 def forward(t: Signal, rows: Index, usual: float, findings: list[Finding], where: str) -> tuple[Signal, Index]:

@@ -351,7 +351,7 @@ def _clock(
             return read_clock(digits, where), []
         factor, finding = _assumed_time(stamps, table, found)
         findings.append(finding)
-    return read_clock(stamps if factor == 1.0 else stamps * factor, where), findings
+    return read_clock(stamps if factor == 1.0 else stamps * factor, where, unit=factor), findings
 
 
 _TIME_UNITS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
