@@ -22,7 +22,13 @@ ROOT = Path(__file__).parent.parent
 
 TOGETHER = {
     f"tests/report/{name}.py": "diagnoses"
-    for name in ("test_diagnosis_words", "test_diagnosis_figures", "test_diagnosis_report", "test_declared_effect")
+    for name in (
+        "test_diagnosis_words",
+        "test_diagnosis_figures",
+        "test_diagnosis_report",
+        "test_declared_effect",
+        "test_frames",
+    )
 }
 """Files that use results of one another: one worker takes them all, and makes each result once."""
 

@@ -43,12 +43,27 @@ SIMULATED_HEADERS = ("Generator speed (rpm)", "Stator current (A rms)", "Air-gap
 
 if TYPE_CHECKING:
     import numpy as np
+    import pandas as pd
     from numpy.typing import NDArray
 
-Signal: TypeAlias = "NDArray[np.float64]"
-Index: TypeAlias = "NDArray[np.intp]"
-Mask: TypeAlias = "NDArray[np.bool_]"
-"""Arrays by what they hold, as texts: a module that imports them does not import numpy."""
+    Signal: TypeAlias = NDArray[np.float64]
+    Index: TypeAlias = NDArray[np.intp]
+    Mask: TypeAlias = NDArray[np.bool_]
+else:
+
+    class Signal:
+        """Array of numbers, numpy.float64; a name alone, so that a module that imports it does not import numpy."""
+
+    class Index:
+        """Array of places, numpy.intp."""
+
+    class Mask:
+        """Array of truth values, numpy.bool_."""
+
+
+Units = Literal["si", "display"]
+"""Units of a frame: `si` as in the JSON; `display` as in the reports: efficiencies in percent, pressures in kg/cm2, speeds of
+shafts in rpm, flows in L/min, and the numbers of causes in their own units."""
 
 FindingKind = Literal[
     "missing_channel",
@@ -141,6 +156,12 @@ class Run(msgspec.Struct, frozen=True):
     def __repr__(self) -> str:
         """One line instead of the arrays."""
         return f"Run({self.name!r}, {self.samples} samples at {self.fs:g} Hz, channels {', '.join(self.channels)})"
+
+    def to_pandas(self, units: Units = "si") -> pd.DataFrame:
+        """Stamps and channels as a frame with the units in the names of its columns; `display` gives those of the reports."""
+        from winchcascade.report.frames import run_frame
+
+        return run_frame(self, units)
 
     @property
     def open_circuit(self) -> bool:

@@ -13,13 +13,18 @@ from winchcascade.core.errors import CampaignError
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    import pandas as pd
+
     from winchcascade.core.campaign_file import Cycles
     from winchcascade.core.rig_file import Rig
-    from winchcascade.core.run import Run
+    from winchcascade.core.run import Run, Units
     from winchcascade.diagnosis.nuisances import Nuisance
     from winchcascade.diagnosis.suspects import Suspects
 
 Verdict = Literal["no_gap", "explained", "partly_explained", "unexplained"]
+DiagnosisTable = Literal["causes", "contributions", "map", "stability"]
+"""Tables of a diagnosis as frames."""
+
 Names = tuple[str, ...]
 """A set of suspects."""
 
@@ -361,6 +366,12 @@ class DiagnosisResult(msgspec.Struct, frozen=True, kw_only=True):
     experiment: Experiment | None = None
     sets: dict[Names, float]
     places: tuple[Place, ...]
+
+    def to_pandas(self, table: DiagnosisTable, units: Units = "si") -> pd.DataFrame:
+        """One table as a frame: causes, parts of the metrics of each run, places of the map, or causes run by run."""
+        from winchcascade.report.frames import diagnosis_frame
+
+        return diagnosis_frame(self, table, units)
 
     @property
     def unnamed(self) -> list[str]:

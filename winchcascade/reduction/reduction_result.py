@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING, Literal
 
 import msgspec
 
 from winchcascade.core.rig_file import Rig, WindowRule
-from winchcascade.core.run import Finding, Run
+from winchcascade.core.run import Finding, Run, Units
 from winchcascade.reduction.bins import Bin
 from winchcascade.reduction.efficiency import Metrics
 from winchcascade.reduction.energies import NetSpan
 from winchcascade.reduction.phase_summary import PhaseSummary
 from winchcascade.reduction.phased_run import Window
 from winchcascade.reduction.phases import Cycle
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+ReductionTable = Literal["cycles", "bins", "findings", "channels"]
+"""Tables of a reduction as frames."""
 
 
 class CycleResult(msgspec.Struct, frozen=True):
@@ -55,6 +62,12 @@ class Reduction(msgspec.Struct, frozen=True):
     def __repr__(self) -> str:
         """One line instead of every number."""
         return f"Reduction({self.run.name!r}, {len(self.complete)} of {len(self.cycles)} cycles complete)"
+
+    def to_pandas(self, table: ReductionTable, units: Units = "si") -> pd.DataFrame:
+        """One table as a frame with the columns of the Parquet tables; `channels` has a row for each sample."""
+        from winchcascade.report.frames import reduction_frame
+
+        return reduction_frame(self, table, units)
 
     @property
     def complete(self) -> tuple[CycleResult, ...]:

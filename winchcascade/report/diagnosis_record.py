@@ -115,12 +115,20 @@ def _where(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any] | None:
         "sentence": f"{lies} {arises_sentence(where.arises)}".rstrip(),
     }
     if isinstance(found, LineDiagnosis):
-        return {**record, "map": [{**_place(p), "share_of_squares": number(p.share)} for p in found.places]}
+        return {**record, "map": map_record(found)}
     return {
         **record,
-        "map": [_place(place, files) for place in found.places],
+        "map": map_record(found),
         "stages": [{"stage": p.stage, "inputs": list(p.inputs), **_place(p, files)} for p in found.stages],
     }
+
+
+def map_record(found: ModelDiagnosis | LineDiagnosis) -> list[dict[str, Any]]:
+    """Every place of the map of the gap, also where there is no gap."""
+    if isinstance(found, LineDiagnosis):
+        return [{**_place(p), "share_of_squares": number(p.share)} for p in found.places]
+    files = [run.name for run in found.runs]
+    return [_place(place, files) for place in found.places]
 
 
 def _place(place: Place | StagePlace, files: list[str] | None = None) -> dict[str, Any]:

@@ -63,16 +63,22 @@ def write_parquet(reduction: Reduction, folder: Path, *, force: bool = False) ->
     run, cascade = reduction.run, reduction.rig.cascade
     about = {"schema": SCHEMA, "log": run.name, "sha256": run.sha256, "rig": reduction.rig.name}
     about |= {} if run.load is None else {"load_ohm": repr(run.load)}
-    rows: dict[str, list[Row]] = {
-        "cycles": [_flat_cycle(cycle_record(c, Metrics(), cascade)) for c in reduction.cycles],
-        "bins": [_flat_bin(bin_record(b, cascade)) for b in reduction.bins],
-        "findings": [asdict(finding_record(f, run.samples)) for f in reduction.quality],
-    }
+    rows = reduction_rows(reduction)
     for table, path in files.items():
-        records = [{"run": run.name, "log": run.path, "load_ohm": run.load, **row} for row in rows[table]]
-        content = pa.Table.from_pylist(records, schema=table_schema(table, about, [cascade]))
+        content = pa.Table.from_pylist(rows[table], schema=table_schema(table, about, [cascade]))
         write_whole(path, lambda part, content=content: parquet.write_table(content, part), force=force)  # type: ignore[misc]
     return list(files.values())
+
+
+def reduction_rows(reduction: Reduction) -> dict[str, list[Row]]:
+    """Rows of the tables `cycles`, `bins` and `findings` of a reduction; an open circuit is inf ohm."""
+    run, cascade = reduction.run, reduction.rig.cascade
+    begin: Row = {"run": run.name, "log": run.path, "load_ohm": run.load}
+    return {
+        "cycles": [begin | _flat_cycle(cycle_record(c, Metrics(), cascade)) for c in reduction.cycles],
+        "bins": [begin | _flat_bin(bin_record(b, cascade)) for b in reduction.bins],
+        "findings": [begin | asdict(finding_record(f, run.samples)) for f in reduction.quality],
+    }
 
 
 def table_schema(table: str, about: Mapping[str, str], cascades: Iterable[Cascade] = ()) -> pa.Schema:
@@ -83,13 +89,18 @@ def table_schema(table: str, about: Mapping[str, str], cascades: Iterable[Cascad
     about : metadata of the table
     cascades : those of the rigs of the logs; metrics of their own stages come last
     """
-    import pyarrow as pa
-
-    kinds = {str: pa.string(), float: pa.float64(), int: pa.int64(), bool: pa.bool_()}
     columns: dict[str, type] = {"run": str, "log": str, "load_ohm": float, **_COLUMNS[table]}
     own = {m for cascade in cascades for m in cascade.metrics if m not in FIELDS}
     columns |= {f"{field_of(m)}{end}": float for m in sorted(own) for end in _own_ends(table, m)}
-    return pa.schema([pa.field(name, kinds[kind]) for name, kind in columns.items()], metadata=dict(about))
+    return arrow_schema(columns, about)
+
+
+def arrow_schema(columns: Mapping[str, type], about: Mapping[str, str] | None = None) -> pa.Schema:
+    """Arrow schema of columns of texts, numbers and truth values, with metadata."""
+    import pyarrow as pa
+
+    kinds = {str: pa.string(), float: pa.float64(), int: pa.int64(), bool: pa.bool_()}
+    return pa.schema([pa.field(name, kinds[kind]) for name, kind in columns.items()], metadata=dict(about or {}))
 
 
 def table_rows(run: str, record: RunRecord) -> dict[str, list[Row]]:
@@ -126,7 +137,7 @@ def _flat_run(record: RunRecord) -> Row:
     for field in mean:
         low, high = intervals[field] or (None, None)
         values = (mean[field], u[field], low, high, deviation[field])
-        row |= {f"{field}{end}": value for end, value in zip(_RUN_ENDS, values, strict=True)}
+        row |= {f"{field}{end}": value for end, value in zip(RUN_ENDS, values, strict=True)}
     return row
 
 
@@ -153,11 +164,12 @@ def _flat_bin(record: BinRecord) -> Row:
 
 def _own_ends(table: str, metric: str) -> Sequence[str]:
     """What follows the name of a metric of a stage of a rig file in the columns of a table."""
-    ends = {"runs": _RUN_ENDS, "cycles": ("",), "bins": ("", "_standard_error") if metric.startswith("power") else ()}
+    ends = {"runs": RUN_ENDS, "cycles": ("",), "bins": ("", "_standard_error") if metric.startswith("power") else ()}
     return ends.get(table, ())
 
 
-_RUN_ENDS = ("", "_standard_uncertainty", "_low_95", "_high_95", "_max_deviation_percent")
+RUN_ENDS = ("", "_standard_uncertainty", "_low_95", "_high_95", "_max_deviation_percent")
+"""What follows the name of a metric in the columns of the table of runs; the last is in percent."""
 
 
 def _floats(record: type[msgspec.Struct], prefix: str = "") -> dict[str, type]:
@@ -169,7 +181,7 @@ _COLUMNS: dict[str, dict[str, type]] = {
     "runs": {
         **{"sha256": str, "rig": str, "window": str, "measured": bool, "origin": str},
         **dict.fromkeys(("samples", "cycles", "complete", "findings"), int),
-        **{f"{field}{end}": float for field in FIELDS.values() for end in _RUN_ENDS},
+        **{f"{field}{end}": float for field in FIELDS.values() for end in RUN_ENDS},
     },
     "cycles": {
         **{"cycle": int, "complete": bool},
