@@ -13,6 +13,7 @@ TYPE_CHECKING = False  # not from typing, whose import takes longer than all els
 if TYPE_CHECKING:
     from typing import Any
 
+    from winchcascade.batch.open_campaign import OpenedCampaign, open_campaign
     from winchcascade.core.errors import LogError, OptionError, RigError, WinchcascadeError
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Finding, Run
@@ -23,19 +24,24 @@ if TYPE_CHECKING:
     from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
     from winchcascade.reduction.reduce import reduce
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
+    from winchcascade.report.campaign_reduction import CampaignReduction
+    from winchcascade.report.write_report import write_report
     from winchcascade.rig.baseline import baseline
     from winchcascade.rig.open_rig import load_rig
     from winchcascade.rig.parts import Model
     from winchcascade.rig.simulate import Simulation, simulate
+    from winchcascade.tables.audit import audit
 
 __all__ = [
     "Bin",
     "Calibration",
+    "CampaignReduction",
     "CycleResult",
     "Finding",
     "LogError",
     "Metrics",
     "Model",
+    "OpenedCampaign",
     "OptionError",
     "Reduction",
     "Rig",
@@ -45,23 +51,28 @@ __all__ = [
     "Uncertainty",
     "WinchcascadeError",
     "__version__",
+    "audit",
     "baseline",
     "calibrate",
     "load_rig",
+    "open_campaign",
     "read_run",
     "reduce",
     "simulate",
     "uncertainty",
+    "write_report",
 ]
 
 _HOME = {
     "Bin": "reduction.bins",
     "Calibration": "diagnosis.calibrate",
+    "CampaignReduction": "report.campaign_reduction",
     "CycleResult": "reduction.reduction_result",
     "Finding": "core.run",
     "LogError": "core.errors",
     "Metrics": "reduction.efficiency",
     "Model": "rig.parts",
+    "OpenedCampaign": "batch.open_campaign",
     "OptionError": "core.errors",
     "Reduction": "reduction.reduction_result",
     "Rig": "core.rig_file",
@@ -70,15 +81,23 @@ _HOME = {
     "Simulation": "rig.simulate",
     "Uncertainty": "reduction.montecarlo",
     "WinchcascadeError": "core.errors",
+    "audit": "tables.audit",
     "baseline": "rig.baseline",
     "calibrate": "diagnosis.calibrate",
     "load_rig": "rig.open_rig",
+    "open_campaign": "batch.open_campaign",
     "read_run": "ingest.read",
     "reduce": "reduction.reduce",
     "simulate": "rig.simulate",
     "uncertainty": "reduction.montecarlo",
+    "write_report": "report.write_report",
 }
 """Where each public name lives."""
+
+
+def __dir__() -> list[str]:
+    """The public names, whether they are imported yet or not."""
+    return list(__all__)
 
 
 def __getattr__(name: str) -> Any:

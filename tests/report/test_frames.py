@@ -28,7 +28,7 @@ def test_frames_of_a_reduction_are_its_parquet_tables(reduction: Reduction, tmp_
     write_parquet(reduction, tmp_path)
     for table in ("cycles", "bins", "findings"):
         stored = pd.read_parquet(tmp_path / f"r36ohm.csv.{table}.parquet")
-        pd.testing.assert_frame_equal(reduction.to_pandas(table), stored)  # type: ignore[arg-type]
+        pd.testing.assert_frame_equal(reduction.to_pandas(table), stored)
 
 
 def test_cycles_have_the_numbers_of_the_json(reduction: Reduction) -> None:

@@ -8,14 +8,17 @@ from typing import Any
 import msgspec
 
 from winchcascade.batch.campaign_findings import findings_between, log_efficiency
-from winchcascade.batch.plan import make_plan
+from winchcascade.batch.plan import Plan, make_plan
 from winchcascade.batch.run_batch import Order, reduce_log
 from winchcascade.core.campaign_file import CAMPAIGN_FILE
 from winchcascade.core.errors import LogError, OptionError, OutputError
 from winchcascade.core.jobs import run_here
+from winchcascade.core.published_table import PublishedTable
 from winchcascade.core.store import KeptFiles, State, altered, digest_in, inside
+from winchcascade.core.table_toml import load_table
 from winchcascade.report.campaign_record import CAMPAIGN_SCHEMA
 from winchcascade.report.records import RunRecord
+from winchcascade.tables.check import Check, Factors, check, measured_from_record
 
 _EXPECTED = "expected a campaign, the folder of a batch or a reduction's JSON."
 
@@ -105,13 +108,24 @@ def _of_batch(folder: Path) -> Results:
 
 
 def _of_campaign(target: Path, jobs: int) -> Results:
-    plan = make_plan([str(target)])
+    return campaign_results(make_plan([str(target)]), jobs)
+
+
+def campaign_results(plan: Plan, jobs: int) -> Results:
+    """Reduce the logs of a plan. Raises LogError for one that cannot be used."""
     found: dict[int, dict[str, Any]] = {}
     for outcome in run_here(reduce_log, [Order(work) for work in plan.work], workers=jobs):
         if outcome.value is None:
             raise LogError(f"{outcome.fault}")
         found[outcome.place] = msgspec.json.decode(outcome.value.files["json"])
     return Results(_together({plan.work[k].name: found[k] for k in sorted(found)}), whole=True)
+
+
+def check_results(results: Results, table: PublishedTable | str | Path, factors: Factors | None = None) -> Check:
+    """Compare results with a published table, a table file or a built-in table. Raises as `tables.check.check`."""
+    table = table if isinstance(table, PublishedTable) else load_table(table)
+    measured = [measured_from_record(record, name) for name, record in results.records]
+    return check(measured, table, factors, whole_campaign=results.whole)
 
 
 def _together(records: dict[str, dict[str, Any]]) -> tuple[tuple[str, dict[str, Any]], ...]:

@@ -47,12 +47,12 @@ def check_command(
 
     A cell agrees within rounding, the largest deviation of the cycles and twice the standard uncertainty together.
     """
-    from winchcascade.batch.results import load_results
+    from winchcascade.batch.results import check_results, load_results
     from winchcascade.core.files import write_content
     from winchcascade.core.jobs import processes
     from winchcascade.core.table_toml import load_table
     from winchcascade.report.check_text import check_record, check_text, github_annotations, junit_xml
-    from winchcascade.tables.check import Factors, check, measured_from_record
+    from winchcascade.tables.check import Factors
 
     around = results if results.is_dir() else results.parent
     inputs: list[str | Path] = [results, against, *around.glob("*"), *around.glob("runs/*")]
@@ -64,8 +64,7 @@ def check_command(
             f"{results}: has no digests, as version 0.1.0 wrote results, so that it cannot be verified; run the batch again.\n",
             file=sys.stderr,
         )
-    measured = [measured_from_record(record, name) for name, record in found.records]
-    outcome = check(measured, table, factors, whole_campaign=found.whole)
+    outcome = check_results(found, table, factors)
     if junit is not None:
         write_content(junit, junit_xml(outcome), force=force)
     deliver(json, lambda: as_json(check_record(outcome)), lambda: check_text(outcome), force=force)
@@ -109,7 +108,6 @@ def audit_command(
     With --physics, the table is also compared with the model of a rig.
     The result lists the efficiencies that a plausible payout can reach, and the effects that could explain a difference.
     """
-    from winchcascade.core.table_toml import load_table
     from winchcascade.report.audit_text import audit_record, audit_text
     from winchcascade.tables.audit import audit
     from winchcascade.tables.point_table import is_point_table
@@ -119,7 +117,7 @@ def audit_command(
     check_outputs({"--json": json}, [table, rig], force=force)
     if Path(table).is_file() and is_point_table(Path(table)):
         _audit_points(Path(table), physics=physics, json=json, force=force)
-    outcome = audit(load_table(table))
+    outcome = audit(table)
     record, text, ok = audit_record(outcome), audit_text(outcome), outcome.ok
     if physics:
         from winchcascade.core.rig_toml import DEFAULT_RIG

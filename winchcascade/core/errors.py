@@ -13,6 +13,9 @@ class WinchcascadeError(Exception):
     characters.
     """
 
+    def __init__(self, sentence: str = "") -> None:
+        super().__init__(sentence)
+
     def __str__(self) -> str:
         """The sentence, with a question mark for each character that cannot be printed, the middle left out of a long one."""
         sentence = super().__str__()

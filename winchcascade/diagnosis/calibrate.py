@@ -12,7 +12,8 @@ from winchcascade.core.accuracy import open_circuit_current
 from winchcascade.core.errors import LogError, RigError
 from winchcascade.core.integrate import median
 from winchcascade.core.quantity import Quantity, find_unit, si_unit
-from winchcascade.core.rig_file import ModelAccuracy
+from winchcascade.core.rig_file import ModelAccuracy, Rig
+from winchcascade.core.run import Run
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.nuisances import nuisances, quantity_of, sensor_errors, shifted, with_quantity
 from winchcascade.diagnosis.predict import CHANNELS
@@ -23,8 +24,7 @@ from winchcascade.rig.baseline import baseline
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from winchcascade.core.rig_file import Rig
-    from winchcascade.core.run import Run, Signal
+    from winchcascade.core.run import Signal
 
 
 def back_emf_of(run: Run, rig: Rig, payouts: Sequence[tuple[float, float]]) -> BackEmf:

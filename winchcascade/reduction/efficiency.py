@@ -25,6 +25,11 @@ class Metrics(dict[str, float | None]):
     (0.9, None)
     """
 
+    def __init__(
+        self, values: Mapping[str, float | None] | Iterable[tuple[str, float | None]] = (), **named: float | None
+    ) -> None:
+        super().__init__(values, **named)
+
     def __missing__(self, name: str) -> None:
         """None for a metric that is not listed."""
 

@@ -70,6 +70,26 @@ def make_campaign_report(
     ----------
     results : folder by which the record names the results of single logs, if it is another one
     """
+    runs = by_load(campaign.reduced)
+    return campaign_report(campaign, _bins(out, runs), _model(runs, results or out), command=command)
+
+
+def campaign_report(
+    campaign: CampaignRecord,
+    bins: figures.Bins,
+    model: Sequence[Section] = (),
+    *,
+    command: str = "",
+    linked: bool = True,
+) -> Report:
+    """Make the rows and figures of the report of a campaign.
+
+    Parameters
+    ----------
+    bins : of generator speed, by the names of the runs
+    model : sections on the logs beside their simulations
+    linked : whether the reports of single logs stand beside that of the campaign
+    """
     runs, failed = by_load(campaign.reduced), campaign.failed
     loaded = [run for run in runs if not run.open_circuit] or runs
     rigs = sorted({run.rig for run in runs})
@@ -85,24 +105,24 @@ def make_campaign_report(
                     + "Where η_pto is highest, most of the line's energy reaches the DC link.",
                     "Points of powers and efficiencies over the load; the values are in the tables.",
                 ),
-                energies_table(runs) if runs else None,
+                energies_table(runs, linked=linked) if runs else None,
                 efficiencies_table(runs) if runs else None,
                 net_table(runs),
             ),
             section(
                 "speed", "Over generator speed",
                 picture(
-                    figures.over_speed(runs, _bins(out, runs)), "speed",
+                    figures.over_speed(runs, bins), "speed",
                     "Means of the payouts of each run in bins of generator speed; markers distinguish the loads."
                     + (" Logs of one load look alike." if figures.look_alike(runs) else "")
                     + (f" {figures.DRAWN_RUNS} runs, evenly chosen." if len(runs) > figures.DRAWN_RUNS else ""),
                     "Curves of binned torque and power over generator speed, one for each run.",
                 ),
             ),
-            *_model(runs, results or out),
+            *model,
             section("repeatability", "Repeatability", repeatability_table(runs)),
             section(
-                "findings", "Logs and findings", logs_table(runs) if runs else Note("No log could be used."),
+                "findings", "Logs and findings", logs_table(runs, linked=linked) if runs else Note("No log could be used."),
                 between_table(campaign.between),
                 faults_table(failed),
             ),
@@ -310,13 +330,14 @@ def _metric_columns(metrics: Iterable[str]) -> list[TableColumn[LogSummary]]:
     return [TableColumn(SYMBOL[m], unit_of(m), of=partial(_with_uncertainty, m)) for m in metrics]
 
 
-def energies_table(runs: Sequence[LogSummary]) -> Table:
+def energies_table(runs: Sequence[LogSummary], *, linked: bool = True) -> Table:
     """Mean energies and powers of every log with their standard uncertainties (the layout of Table 2)."""
     cascade = cascade_of(runs)
     given = _given(runs, [f"{kind}_{stage}" for stage in cascade.names for kind in ("energy", "power")])
     caption = "Mean energies over the integration window and mean powers in it, ± standard uncertainty."
     columns = [_LOG, _LOAD, _WINDOW, _CYCLES, *_metric_columns(given)]
-    return _linked(_table("energies", caption, columns, runs, metrics_note(cascade, given).strip()), runs)
+    table = _table("energies", caption, columns, runs, metrics_note(cascade, given).strip())
+    return _linked(table, runs) if linked else table
 
 
 def efficiencies_table(runs: Sequence[LogSummary]) -> Table:
@@ -370,7 +391,7 @@ def _deviation(field: str, run: LogSummary) -> float | None:
     return run.max_deviation_percent.get(field)
 
 
-def logs_table(runs: Sequence[LogSummary]) -> Table:
+def logs_table(runs: Sequence[LogSummary], *, linked: bool = True) -> Table:
     """Every log: its cycles, and what was found wrong with it."""
     columns = [
         _LOG,
@@ -382,7 +403,8 @@ def logs_table(runs: Sequence[LogSummary]) -> Table:
         TableColumn("Findings", text=True, of=_findings),
     ]
     caption = "Logs: complete cycles, share of the samples that findings took out, number and kinds of findings."
-    return _linked(_table("logs", caption, columns, runs), runs)
+    table = _table("logs", caption, columns, runs)
+    return _linked(table, runs) if linked else table
 
 
 def _findings(run: LogSummary) -> str:

@@ -265,7 +265,7 @@ def _cause_unit(found: DiagnosisResult, effect: str, parameter: str, units: Unit
         return unit, 1.0
     from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
     from winchcascade.report.diagnosis_names import display_of
-    from winchcascade.report.diagnosis_words import LINE_NUMBERS
+    from winchcascade.report.line_words import LINE_NUMBERS
 
     how = LINE_NUMBERS[effect] if isinstance(found, LineDiagnosis) else display_of(effect, parameter, unit)
     return how.unit.strip(), how.factor

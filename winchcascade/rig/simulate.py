@@ -16,8 +16,10 @@ from winchcascade.core.campaign_file import SIMULATED
 from winchcascade.core.errors import LogError, RigError
 from winchcascade.core.files import write_whole
 from winchcascade.core.quantity import UNITS
+from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import CHANNELS, SIMULATED_HEADERS, Run, Signal
 from winchcascade.core.smooth import local_quadratic
+from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import COLUMNS, REST, SHAFT, TURN, constants, run_line, solve_shaft
 from winchcascade.rig.parts import ELECTRICAL, Model
 
@@ -156,12 +158,13 @@ class Simulation(msgspec.Struct, frozen=True):
         }
 
 
-def simulate(run: Run, model: Model, *, step: float = STEP) -> Simulation:
+def simulate(run: Run, model: Model | None = None, *, step: float = STEP) -> Simulation:
     """Simulate the rig along the line motion of a log, at the log's load and stamps.
 
     Parameters
     ----------
     run : gives motion, load (unknown counts as an open circuit) and stamps; its other channels are not used
+    model : the baseline of the paper's rig if not given, as `reduce` takes that rig
     step : of the simulation [s]
 
     Raises
@@ -169,7 +172,7 @@ def simulate(run: Run, model: Model, *, step: float = STEP) -> Simulation:
     LogError : the line pays out further than gas or drum allow
     RigError : the model has numbers that no rig can have
     """
-    return simulate_along(run, model, motion_of(run, step))
+    return simulate_along(run, baseline(built_in()) if model is None else model, motion_of(run, step))
 
 
 def simulate_along(run: Run, model: Model, motion: LineMotion) -> Simulation:

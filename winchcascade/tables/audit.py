@@ -9,11 +9,13 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Literal
 
 import msgspec
 
 from winchcascade.core.published_table import PrintedColumn, PublishedTable, Span, TableRow, load_text, unit_suffix
+from winchcascade.core.table_toml import load_table
 from winchcascade.reduction.efficiency import RATIOS
 from winchcascade.tables.claims import ClaimVerdict, claim_verdict
 from winchcascade.tables.feasible import (
@@ -96,14 +98,18 @@ class Audit(msgspec.Struct, frozen=True):
         return not self.contradictions and not self.contradicted
 
 
-def audit(table: PublishedTable) -> Audit:
+def audit(table: PublishedTable | str | Path) -> Audit:
     """Hold a table and its claims against themselves.
 
-    >>> from winchcascade.core.table_toml import load_table
-    >>> found = audit(load_table("hsu2026-table2"))
+    Parameters
+    ----------
+    table : a table, a table file, or the name of a built-in table
+
+    >>> found = audit("hsu2026-table2")
     >>> [(item.load, item.cells) for item in found.contradictions], len(found.contradicted)
     ([(27.0, ('energy_line', 'energy_gen', 'eta_pto'))], 2)
     """
+    table = table if isinstance(table, PublishedTable) else load_table(table)
     known = repeatability(table)
     recovered = windows(table)
     return Audit(

@@ -1,0 +1,125 @@
+"""What the command line does, the library does in one call, with the same numbers."""
+
+import inspect
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+from diagnosed import PLANTED, SUSPECTS, write_campaign
+
+import winchcascade
+from winchcascade import Bin, audit, open_campaign, read_run, reduce, simulate, write_report
+from winchcascade.core.errors import CampaignError, OptionError
+from winchcascade.core.rig_toml import built_in
+from winchcascade.rig.baseline import baseline
+
+
+@pytest.fixture(name="campaign")
+def _campaign(fixtures: Path, tmp_path: Path) -> Path:
+    """Two logs of the shipped campaign."""
+    folder = tmp_path / "campaign"
+    folder.mkdir()
+    lines = ['title = "two loads"']
+    for load in ("9", "36"):
+        shutil.copy(fixtures / "campaign" / f"r{load}ohm.csv", folder)
+        lines += ["[[run]]", f'file = "r{load}ohm.csv"', f"load_ohm = {load}", "window_s = 5.48"]
+    (folder / "campaign.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return folder
+
+
+def test_the_public_names_are_listed_and_have_signatures() -> None:
+    assert dir(winchcascade) == sorted(winchcascade.__all__)
+    public = [getattr(winchcascade, name) for name in winchcascade.__all__]
+    signatures = {thing.__name__: inspect.signature(thing) for thing in public if callable(thing)}
+    assert len(signatures) == len(public) - 1  # all but the version
+    assert list(signatures["Run"].parameters)[:3] == ["name", "t", "channels"]
+    assert signatures["simulate"].parameters["model"].default is None
+
+
+def test_simulate_takes_the_rig_that_reduce_takes() -> None:
+    run = read_run("fixtures/campaign/r36ohm.csv", load=36.0)
+    plain, given = simulate(run), simulate(run, baseline(built_in()))
+    assert plain.run.channels["idc"].tolist() == given.run.channels["idc"].tolist()
+
+
+def test_bins_and_metrics_give_their_powers_by_the_same_names() -> None:
+    reduction = reduce(read_run("fixtures/campaign/r36ohm.csv", load=36.0))
+    assert reduction.bins[3].power_gen == reduction.bins[3].power["gen"]
+    assert reduction.mean.power_gen == reduction.mean["power_gen"]
+    assert reduction.bins[3].power_hyd is None
+    with pytest.raises(AttributeError, match="Bin has no attribute 'pover_gen'"):
+        _ = Bin(1.0, 2.0, 3, {}, {}).pover_gen
+
+
+def test_a_campaign_is_reduced_to_the_results_of_the_batch(campaign: Path, tmp_path: Path) -> None:
+    found = open_campaign(campaign).reduce()
+    out = tmp_path / "out"
+    command = ["batch", str(campaign), "--out", str(out), "--reports", "none", "--jobs", "1"]
+    subprocess.run([sys.executable, "-m", "winchcascade", *command], check=True, capture_output=True)
+    summary: dict[str, Any] = msgspec.json.decode((out / "campaign.json").read_bytes())
+    assert [run.name for run in found.summary.reduced] == [run["name"] for run in summary["runs"]]
+    for run, stored in zip(found.summary.reduced, summary["runs"], strict=True):
+        assert run.mean == stored["mean"]
+        assert run.interval_95 == {k: v and tuple(v) for k, v in stored["interval_95"].items()}
+    frame = found.to_pandas("runs")
+    assert frame["load_ohm"].tolist() == [9.0, 36.0]
+    assert frame["eta_pto"].tolist() == [run["mean"]["eta_pto"] for run in summary["runs"]]
+    assert len(found.to_pandas("cycles")) == sum(run["cycles"] for run in summary["runs"])
+    direct = reduce(read_run(campaign / "r9ohm.csv", load=9.0), window=5.48)
+    assert frame["eta_pto"][0] == direct.mean.eta_pto
+
+
+def test_a_log_that_cannot_be_used_is_a_fault_of_the_campaign(campaign: Path) -> None:
+    (campaign / "r9ohm.csv").write_text("", encoding="utf-8")
+    found = open_campaign(campaign).reduce()
+    why = "r9ohm.csv: the file is empty; expected a log with column names and rows of numbers."
+    assert list(found.faults.values()) == [why]
+    assert len(found.records) == 1
+
+
+def test_a_campaign_is_checked_against_a_table_as_by_the_command(fixtures: Path, campaign: Path) -> None:
+    whole = open_campaign(fixtures / "campaign").check("hsu2026-table2")
+    assert whole.ok
+    part = open_campaign(campaign).check("hsu2026-table2")
+    assert not part.ok  # a row of the table without a run is a miss
+
+
+def test_a_table_is_audited_by_its_name() -> None:
+    found = audit("hsu2026-table2")
+    assert [(item.load, item.cells) for item in found.contradictions] == [
+        (27.0, ("energy_line", "energy_gen", "eta_pto"))
+    ]
+
+
+def test_reports_are_written_by_the_ending_of_their_names(campaign: Path, tmp_path: Path) -> None:
+    reduction = reduce(read_run(campaign / "r36ohm.csv", load=36.0))
+    page = write_report(reduction, tmp_path / "x.html").read_text(encoding="utf-8")
+    assert "<h1>r36ohm.csv</h1>" in page
+    assert write_report(reduction, str(tmp_path / "x.PDF")).read_bytes().startswith(b"%PDF")
+    opened = open_campaign(campaign)
+    (written,) = opened.report(tmp_path / "campaign.html")
+    whole = written.read_text(encoding="utf-8")
+    assert "<h1>two loads</h1>" in whole
+    assert 'href="runs/' not in whole
+    files = opened.report(tmp_path / "results")
+    assert files[0] == tmp_path / "results" / "campaign.html"
+    assert all(file.is_file() for file in files)
+    with pytest.raises(
+        OptionError, match=r"x\.docx: no ending of a report; expected a name that ends in \.html or \.pdf"
+    ):
+        write_report(reduction, tmp_path / "x.docx")
+    with pytest.raises(OptionError, match=r"a Run has no report; expected the result of reduce"):
+        write_report(reduction.run, tmp_path / "x.html")  # type: ignore[arg-type]
+
+
+def test_a_campaign_is_diagnosed_as_by_the_command(tmp_path: Path) -> None:
+    folder = write_campaign(tmp_path, PLANTED["copper"])
+    found = open_campaign(folder).diagnose(suspects=SUSPECTS)
+    assert [cause.effect for cause in found.causes] == ["copper_heating"]
+    (folder / "campaign.toml").unlink()
+    with pytest.raises(CampaignError, match=r"holds no campaign\.toml; a diagnosis expects one"):
+        open_campaign(folder).diagnose()

@@ -1,0 +1,152 @@
+"""A campaign in a library call: reduce, diagnose, check and report it as the commands do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+import msgspec
+from msgspec.structs import replace
+
+from winchcascade.batch.plan import Plan, make_plan
+from winchcascade.core.campaign_file import CAMPAIGN_FILE
+from winchcascade.core.errors import CampaignError, OptionError
+from winchcascade.core.jobs import Workers
+from winchcascade.report.campaign_reduction import CampaignReduction
+from winchcascade.report.records import RunRecord
+
+if TYPE_CHECKING:
+    from winchcascade.core.published_table import PublishedTable
+    from winchcascade.diagnosis.diagnose import ModelDiagnosis
+    from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+    from winchcascade.tables.check import Check, Factors
+
+
+def open_campaign(
+    path: str | Path, *, rig: str | Path | None = None, window: str | float | None = None
+) -> OpenedCampaign:
+    """Open a campaign: a campaign.toml, the folder that holds one, or a folder of logs. Nothing is read but the campaign file.
+
+    Parameters
+    ----------
+    rig : a rig file or the name of a built-in rig, in place of that of the campaign
+    window : a rule or a length of the integration windows [s], in place of those of the campaign
+
+    Raises
+    ------
+    CampaignError : the campaign file cannot be used
+    OptionError : there is no campaign and no log
+    """
+    rig = None if rig is None else str(rig)
+    return OpenedCampaign(Path(path), make_plan([str(path)], rig=rig, window=window), rig)
+
+
+class OpenedCampaign(msgspec.Struct, frozen=True):
+    """A campaign with what its calls have in common: its logs with their settings, and a rig in place of its own."""
+
+    path: Path
+    plan: Plan
+    rig: str | None = None
+
+    def __repr__(self) -> str:
+        """One line instead of every setting."""
+        return f"OpenedCampaign({self.plan.title!r}, {len(self.plan.work)} runs)"
+
+    def reduce(self, *, jobs: int = 1) -> CampaignReduction:
+        """Reduce every log. A log that cannot be used is listed with its fault in the result.
+
+        Parameters
+        ----------
+        jobs : processes; a script that uses several must guard its start by `if __name__ == "__main__"`
+        """
+        from winchcascade.batch.run_batch import run_batch
+
+        with TemporaryDirectory(prefix="winchcascade-") as folder:
+            batch = run_batch(self.plan, Path(folder) / "results", workers=Workers(jobs))
+            records = {
+                name: msgspec.json.decode(path.read_bytes(), type=RunRecord) for name, path in batch.results.items()
+            }
+        more = {name: tuple(f for of, f in batch.summary.between if of == name) for name in records}
+        records = {name: replace(record, quality=record.quality + more[name]) for name, record in records.items()}
+        cascades = tuple(work.settings.rig.cascade for work in self.plan.work)
+        return CampaignReduction(batch.summary, records, cascades)
+
+    def diagnose(
+        self,
+        *,
+        suspects: Sequence[str] = (),
+        withhold: Sequence[float] = (),
+        simulated: str | Path | None = None,
+        seed: int = 0,
+    ) -> ModelDiagnosis | LineDiagnosis:
+        """Find out why logs and model differ.
+
+        Parameters
+        ----------
+        suspects : effects that may be named; the whole catalogue by default
+        withhold : loads of the runs that take part in neither choice nor fit [ohm]
+        simulated : folder of your own simulations, files with the names of the logs
+        seed : of the resampling of cycles
+
+        Raises
+        ------
+        WinchcascadeError : something of the input cannot be used; the message says what
+        """
+        from winchcascade.batch.campaign_diagnosis import diagnose_listed, with_simulations
+        from winchcascade.core.campaign_file import load_campaign
+        from winchcascade.rig.effects.catalogue import EFFECTS, find_effect
+
+        if not (self.path.suffix == ".toml" or (self.path / CAMPAIGN_FILE).is_file()):
+            raise CampaignError(
+                f"{self.path}: holds no {CAMPAIGN_FILE}; a diagnosis expects one, with the load of each log. Write one."
+            )
+        listed = load_campaign(self.path)
+        if simulated is not None:
+            listed = with_simulations(listed, Path(simulated))
+        chosen = {name: find_effect(name) for name in suspects} if suspects else EFFECTS
+        return diagnose_listed(listed, chosen, rig=self.rig, loads=withhold, seed=seed)
+
+    def check(self, table: PublishedTable | str | Path, *, factors: Factors | None = None, jobs: int = 1) -> Check:
+        """Reduce every log and compare the results with a published table, cell by cell.
+
+        Parameters
+        ----------
+        table : a table, a table file, or the name of a built-in table
+        factors : on the three parts of every tolerance, 1 if not given
+
+        Raises
+        ------
+        LogError : a log of the campaign cannot be used
+        CheckError : a load has no row in the table, or two runs have the same load
+        """
+        from winchcascade.batch.results import campaign_results
+        from winchcascade.batch.results import check_results as check_all
+
+        return check_all(campaign_results(self.plan, jobs), table, factors)
+
+    def report(self, path: str | Path, *, jobs: int = 1, force: bool = False) -> list[Path]:
+        """Reduce every log and write the report of the campaign; the files that were written, that of the campaign first.
+
+        Parameters
+        ----------
+        path : a page (.html) or a PDF (.pdf) of the campaign alone; else a folder, which gets what `winchcascade batch` writes:
+            a page for the campaign and for each log, the results as JSON and the tables as Parquet
+
+        Raises
+        ------
+        OptionError : another ending of a file
+        OutputError : the files cannot be written, or are not this tool's own and `force` does not allow to replace them
+        """
+        from winchcascade.batch.run_batch import DATASET, REPORTS, Products, run_batch
+        from winchcascade.report.write_report import write_report
+
+        path = Path(path)
+        if path.suffix and not path.is_dir():
+            if path.suffix.casefold() not in (".html", ".pdf"):
+                raise OptionError(f"{path}: no ending of a report; expected .html, .pdf, or a folder.")
+            return [write_report(self.reduce(jobs=jobs), path, force=force)]
+        batch = run_batch(self.plan, path, Products(REPORTS["html"]), workers=Workers(jobs), force=force)
+        runs = [path / "runs" / f"{name}.{ending}" for name in batch.results for ending in ("html", "json")]
+        return [path / "campaign.html", path / "campaign.json", *runs, *(path / name for name in DATASET)]

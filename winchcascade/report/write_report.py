@@ -1,0 +1,75 @@
+"""The report of any result in one call: the ending of the name decides between a page and a PDF."""
+
+from __future__ import annotations
+
+from functools import singledispatch
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from winchcascade.core.errors import OptionError
+from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
+from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.report.campaign_reduction import CampaignReduction
+
+if TYPE_CHECKING:
+    from winchcascade.report.report_model import Report
+
+Result = Reduction | DiagnosisResult | CampaignReduction
+"""What has a report."""
+
+
+def write_report(result: Result, path: str | Path, *, force: bool = False) -> Path:
+    """Write the report of a reduction, a campaign or a diagnosis as a page (.html) or a PDF (.pdf).
+
+    Parameters
+    ----------
+    force : replace a file that this tool did not write
+
+    Raises
+    ------
+    OptionError : another ending, or a result that has no report
+    OutputError : the file cannot be written, or is not this tool's own and `force` does not allow to replace it
+    """
+    from winchcascade.report.publish import publish
+
+    path = Path(path)
+    ending = path.suffix.casefold()
+    if ending not in (".html", ".pdf"):
+        raise OptionError(f"{path}: no ending of a report; expected a name that ends in .html or .pdf.")
+    report = _report_of(result)
+    publish(report, html=path if ending == ".html" else None, pdf=path if ending == ".pdf" else None, force=force)
+    return path
+
+
+@singledispatch
+def _report_of(result: object) -> Report:
+    """The report of a result."""
+    raise OptionError(
+        f"write_report: a {type(result).__name__} has no report; expected the result of reduce, of open_campaign(...).reduce() "
+        "or of open_campaign(...).diagnose()."
+    )
+
+
+@_report_of.register(Reduction)
+def _(result: Reduction) -> Report:
+    from winchcascade.reduction.montecarlo import uncertainty
+    from winchcascade.report.document import make_report
+
+    return make_report(result, uncertainty(result))
+
+
+@_report_of.register(CampaignReduction)
+def _(result: CampaignReduction) -> Report:
+    from winchcascade.report.campaign import campaign_report
+
+    return campaign_report(result.summary, result.bins, linked=False)
+
+
+@_report_of.register(DiagnosisResult)
+def _(result: DiagnosisResult) -> Report:
+    from winchcascade.diagnosis.diagnose import ModelDiagnosis
+    from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+    from winchcascade.report.diagnosis import make_diagnosis_report
+
+    assert isinstance(result, ModelDiagnosis | LineDiagnosis)  # there are no others
+    return make_diagnosis_report(result)
