@@ -71,7 +71,9 @@ def make_campaign_report(
     results : folder by which the record names the results of single logs, if it is another one
     """
     runs = by_load(campaign.reduced)
-    return campaign_report(campaign, _bins(out, runs), _model(runs, results or out), command=command)
+    with house_style():
+        model = _model(runs, results or out)
+    return campaign_report(campaign, _bins(out, runs), model, command=command)
 
 
 def campaign_report(
