@@ -262,12 +262,22 @@ def test_a_window_belongs_to_payouts_in_a_motion(tmp_path: Path) -> None:
         ({"n (rad/s)": 5.0 * np.sin(T)}, 'reciprocates about zero: for its 6 waves, set from = "waves"'),
         ({"n (rad/s)": stairs([20.0, 40.0, 60.0], 13.34)[: T.size]}, '3 steady stretches: for operating points, set'),
         ({"n (rad/s)": T, "Mode": ["1"] * T.size}, "The column 'Mode' may label the phases"),
+        ({"n (rad/s)": T, "Status_RPM_V1": T}, 'turns without steady stretches: set from = "whole" or "speed"'),
+        ({"n (rad/s)": 20.0 + 20.5 * np.sin(T)}, 'turns without steady stretches: set from = "whole" or "speed"'),
     ],
 )  # fmt: skip
 def test_a_log_without_payout_gets_the_fitting_setting(
     columns: dict[str, Signal | list[str]], words: str, tmp_path: Path
 ) -> None:
     assert words in message(tmp_path, "", {"t (s)": T, **columns})
+
+
+def test_rows_out_of_order_or_without_clock_are_proposed_as_step_means(tmp_path: Path) -> None:
+    t = np.array([3.0, 1.0, 7.0, 2.0, 9.0, 4.0, 11.0, 5.0, 6.0, 0.5, 8.0, 10.0])
+    rows: dict[str, Signal | list[str]] = {"n (rpm)": 100.0 * t, "Torque (N.m)": t}
+    assert 'step means, set from = "rows"' in message(tmp_path, "", {"t (s)": t, **rows})
+    with pytest.raises(LogError, match=r"no time column .* For rows that are step means, set from"):
+        reduced(tmp_path, "", rows)
 
 
 @pytest.mark.parametrize(

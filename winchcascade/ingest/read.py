@@ -50,6 +50,9 @@ _FRESH, _FRESH_IN_SECONDS = _SECOND // 20, 3 * _SECOND
 are whole seconds (FAT), up to 2 s. [ns]
 """
 
+FEW_ROWS = 200
+"""Largest number of rows of a table without clock that may be step means."""
+
 _FEWEST_STAMPS = 3
 """Fewer stamps show no clock."""
 
@@ -332,10 +335,11 @@ def _clock(
     if table.stamps is None:
         step = source.time_step or (rig.sample_rate and 1.0 / rig.sample_rate)
         if step is None:
+            means = ' For rows that are step means, set from = "rows" under [phases].' if samples <= FEW_ROWS else ""
             raise LogError(
                 f"{where}: no time column and no sampling interval; the log has "
                 f"{listed([h.name.strip() for h in source.headers])}. Name the column in a rig file under [columns], or "
-                f"its rate as sample_rate_hz under [log]."
+                f"its rate as sample_rate_hz under [log].{means}"
             )
         clock = even_clock(samples, step, source.time_start if source.time_step else 0.0)
         require_rising(clock.t, where)

@@ -17,9 +17,14 @@ from winchcascade.reduction.waves import find_waves
 FEW_WAVES = 2
 """Smallest number of waves that shows a reciprocating motion."""
 
+RECIPROCATES = 0.2
+"""Smallest share of the top speed that a reciprocating motion reaches in the other direction. [1]"""
+
+FEW_ROWS = 500
+"""Largest number of rows of a table of step means."""
+
 _LABELS = re.compile(
-    r"(?:.*[\W_])?(?:phase|phasen|label|state|status|mode|modus|step|stage|segment|etat|état|fase|estado|阶段|階段|フェーズ)"
-    r"(?:[\W_].*)?",
+    r"(?:.*[\W_])?(?:phase|phasen|label|state|status|mode|modus|stage|segment|etat|état|fase|estado|阶段|階段|フェーズ)\d*",
     re.IGNORECASE,
 )
 """Names of columns that may label the phases."""
@@ -52,13 +57,16 @@ def _loosen(rule: PhaseRule) -> str:
 
 def _proposal(run: Run, rig: Rig, motion: Motion | None) -> str:
     """The fitting setting with its reason; the columns to check where the line moves and nothing else fits."""
+    setting = "under [phases] of a rig file"
+    if run.samples <= FEW_ROWS and any(f.kind == "backward_stamp" for f in run.findings):
+        rows = f"The stamps of its {run.samples} rows are out of order"
+        return f'{rows}: for rows that are step means, set from = "rows" {setting}.'
     labels = [name for f in run.findings if f.kind == "unknown_column" for name in _label_columns(f.message)]
     if labels:
         return (
             f'The column {labels[0]!r} may label the phases: set from = "column", column = "{labels[0]}" and the values of '
             "payout and haul_in under [phases] of a rig file."
         )
-    setting = "under [phases] of a rig file"
     if motion is None:
         return (
             f'For the energies of the whole record, set from = "whole" {setting}; else name the column of the motion.'
@@ -66,7 +74,8 @@ def _proposal(run: Run, rig: Rig, motion: Motion | None) -> str:
     if float(np.max(np.abs(motion.v_smooth))) <= motion.thresholds.v_onset:
         return f'The log shows no motion: for the energies of the whole record, set from = "whole" {setting}.'
     waves = find_waves(run.t, motion.v_smooth, motion.thresholds.v_onset)
-    if len(waves) >= FEW_WAVES:
+    back, ahead = -float(np.min(motion.v_smooth)), float(np.max(motion.v_smooth))
+    if len(waves) >= FEW_WAVES and min(back, ahead) > RECIPROCATES * max(back, ahead):
         return f'The motion reciprocates about zero: for its {len(waves)} waves, set from = "waves" {setting}.'
     if "speed" in run.channels:
         steps = find_steps(run, replace(rig.phases, source="steps"), rig.thresholds.gap_max)
