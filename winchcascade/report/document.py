@@ -236,6 +236,7 @@ def _sections(reduction: Reduction, found: Uncertainty, model: Modelled, command
             ),
         ),
         _powers(reduction, powers),
+        *_waves(reduction),
         _cycles(reduction, powers),
         run_section(model),
         _repeatability(reduction, found),
@@ -245,6 +246,15 @@ def _sections(reduction: Reduction, found: Uncertainty, model: Modelled, command
         section("provenance", "Provenance", _provenance(reduction, found, command)),
     )  # fmt: skip
     return tuple(s for s in sections if s.blocks)
+
+
+def _waves(reduction: Reduction) -> tuple[Section, ...]:
+    """Energies of waves where the rig file says that cycles are waves."""
+    if reduction.rig.phases.source != "waves":
+        return ()
+    from winchcascade.report.wave_section import wave_section
+
+    return (wave_section(reduction),)
 
 
 def _results(reduction: Reduction, found: Uncertainty) -> Section:

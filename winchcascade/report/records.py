@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 from msgspec import UNSET, UnsetType
@@ -183,8 +183,7 @@ class StagesRecord(msgspec.Struct, frozen=True):
     """Numbers of the stages that a rig file configures, by name.
 
     `power` states of which channels the power of a stage is made, null where the log does not have them; `efficiency` from
-    which stage to which an efficiency leads; `both_ways_j` what flows with the cascade and against it, where cycles come from
-    no motion of the line.
+    which stage to which an efficiency leads.
     """
 
     order: tuple[str, ...]
@@ -195,7 +194,6 @@ class StagesRecord(msgspec.Struct, frozen=True):
     standard_uncertainty: Numbers
     interval_95: dict[str, Interval95 | None]
     total: Numbers
-    both_ways_j: dict[str, tuple[float, float]]
 
 
 class RunRecord(msgspec.Struct, frozen=True):
@@ -217,6 +215,7 @@ class RunRecord(msgspec.Struct, frozen=True):
     total: Numbers
     bins: tuple[BinRecord, ...]
     stages: StagesRecord | UnsetType = UNSET
+    waves: dict[str, Any] | UnsetType = UNSET
 
 
 def reduction_json(reduction: Reduction, found: Uncertainty | None = None) -> bytes:
@@ -259,7 +258,18 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
         total=reduction.total.fields(),
         bins=tuple(bin_record(b, reduction.rig.cascade) for b in reduction.bins),
         stages=_stages(reduction, found),
+        waves=_waves(reduction),
     )
+
+
+def _waves(reduction: Reduction) -> dict[str, Any] | UnsetType:
+    """Energies of the waves where a rig file says that cycles are waves."""
+    if reduction.rig.phases.source != "waves":
+        return UNSET
+    from winchcascade.reduction.wave_energies import wave_energies
+    from winchcascade.report.wave_text import wave_record
+
+    return wave_record(wave_energies(reduction))
 
 
 def _stages(reduction: Reduction, found: Uncertainty) -> StagesRecord | UnsetType:
@@ -277,7 +287,6 @@ def _stages(reduction: Reduction, found: Uncertainty) -> StagesRecord | UnsetTyp
         standard_uncertainty=found.standard.fields(cascade.metrics),
         interval_95=_intervals(found.interval_95, cascade.metrics),
         total=reduction.total.fields(cascade.metrics),
-        both_ways_j=dict(reduction.both_ways),
     )
 
 

@@ -44,6 +44,8 @@ def reduction_text(reduction: Reduction) -> str:
         for stage in reduction.rig.cascade.names
     ]
     lines += listing([*_PHASES, *powers], reduction.cycles, most=_MOST_CYCLES, more=_MORE, used=True)
+    if reduction.rig.phases.source == "waves":
+        lines += ["", *_waves(reduction)]
     parts = ", ".join(f"{metric} {share:.0%} {name}" for metric, share, name in decisive(known))
     sentences = [*([f"most of the variance: {parts}"] if parts else []), *not_known(known)]
     lines += ["", *(wrapped(f"uncertainty: {'; '.join(sentences)}", width=_WIDTH) if sentences else [])]
@@ -51,6 +53,13 @@ def reduction_text(reduction: Reduction) -> str:
     lines.append(f"findings: {len(quality) or 'none'}")
     blocks = [wrapped(text, "  ", width=_WIDTH) for text in quality]
     return "\n".join([*lines, *at_most(blocks, _MOST_FINDINGS, "more, all in --json", "  ")]) + "\n"
+
+
+def _waves(reduction: Reduction) -> list[str]:
+    from winchcascade.reduction.wave_energies import wave_energies
+    from winchcascade.report.wave_text import wave_lines
+
+    return wave_lines(wave_energies(reduction))
 
 
 _CYCLE: TableColumn[CycleResult] = TableColumn("cycle", of=label)
@@ -66,18 +75,7 @@ def _results(reduction: Reduction, uncertainties: Metrics) -> list[str]:
     if n > 1 and reduction.window in ("payout", "whole"):  # windows differ in length, so sums show what a mean does not
         below.append(["all together", "", *_texts(reduction.total, names, _decimals(reduction), 3)])
     columns = [_CYCLE, window, *_columns(reduction, names)]
-    lines = listing(columns, reduction.cycles, most=_MOST_CYCLES, more=_MORE, below=below, used=True)
-    return [*lines, *_both_ways(reduction)]
-
-
-def _both_ways(reduction: Reduction) -> list[str]:
-    """Stages whose power changes its direction: what flows with the cascade and against it."""
-    digits = _decimals(reduction)
-    return [
-        f"{stage}: {plain_cell(forth, digits)} J with the cascade, {plain_cell(back, digits)} J against it"
-        for stage, (forth, back) in reduction.both_ways.items()
-        if forth > 0.0 > back
-    ]
+    return listing(columns, reduction.cycles, most=_MOST_CYCLES, more=_MORE, below=below, used=True)
 
 
 def _net(reduction: Reduction, uncertainties: Metrics) -> list[str]:

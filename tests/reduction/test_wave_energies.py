@@ -1,0 +1,205 @@
+"""Energies of irregular waves against the noise-free truth of the model and of the twin; the bootstrap against known series."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from winchcascade import baseline, load_rig, read_run, reduce, simulate
+from winchcascade.blind.injected import Hidden
+from winchcascade.blind.twin import Solved, Twin, read_log, solve
+from winchcascade.blind.twin_numbers import CRANE_LOGGER, LOADS, SENSORS, Numbers
+from winchcascade.core.integrate import integrals
+from winchcascade.core.rig_file import Rig
+from winchcascade.core.run import Run
+from winchcascade.reduction.wave_energies import DRAWS, WaveEnergies, block_length, ratio_of_sums, wave_energies
+from winchcascade.report.wave_text import wave_lines, wave_record
+from winchcascade.rig.kernel import COLUMNS
+
+R_DRUM, SECONDS, GRID = 0.13, 180.0, 1e-3
+STAGES = ("line", "mech", "gen")
+HEADERS = {
+    "time": "Time (s)", "displacement": "Displacement (m)", "velocity": "Velocity (m/s)", "pressure": "Pressure (kg/cm2)",
+    "force": "Force (N)", "torque": "Torque (N.m)", "vdc": "Vdc (V)", "idc": "Idc (A)",
+}  # fmt: skip
+
+
+def waves_rig(folder: Path) -> Rig:
+    """The built-in rig with waves for cycles."""
+    printed = subprocess.run(
+        [sys.executable, "-m", "winchcascade", "rig", "hsu2026"], capture_output=True, text=True, check=True
+    )
+    (folder / "waves.toml").write_text(f'{printed.stdout}\n[phases]\nfrom = "waves"\n', encoding="utf-8")
+    return load_rig(folder / "waves.toml")
+
+
+def sea(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times, payout and speed of an irregular sea of 6 s, at the ends of the twin's intervals; it begins at rest."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(round(SECONDS / GRID) + 1) * GRID
+    hertz = np.linspace(0.08, 0.35, 40)
+    size = np.sqrt(hertz**-5 * np.exp(-1.25 * (6.0 * hertz) ** -4.0))  # Bretschneider
+    parts = size[:, None] * np.cos(2.0 * np.pi * (hertz[:, None] * t[::40] + rng.random((40, 1))))
+    v = np.interp(t, t[::40], (hertz[:, None] * parts).sum(axis=0))
+    v *= 0.45 / v.std() * np.clip(t / 8.0, 0.0, 1.0)
+    return t, np.concatenate(([0.0], np.cumsum(0.5 * GRID * (v[1:] + v[:-1])))), v
+
+
+SMALL = 0.25
+"""Waves with less than this share of the mean energy are compared with the mean: zeros of sensors decide their own. [1]"""
+
+
+def compared(
+    found: WaveEnergies, spans: np.ndarray, t: np.ndarray, powers: dict[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """Errors of the energies of the waves, as shares of the true ones, of small waves as shares of the mean."""
+    errors = {}
+    for stage, watts in powers.items():
+        true = integrals(t, watts.__getitem__, spans)
+        errors[stage] = (found.energy[stage] - true) / np.where(true < SMALL * true.mean(), true.mean(), true)
+    return errors
+
+
+def spans_of(found: WaveEnergies, run: Run, rig: Rig) -> np.ndarray:
+    of = {c.cycle: c.window for c in reduce(run, rig=rig).cycles}
+    return np.array([(of[int(k)].onset, of[int(k)].cutoff) for k in found.cycle])
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_energies_of_simulated_waves_are_within_one_per_cent_of_the_truth(tmp_path: Path, seed: int) -> None:
+    rig, rng = waves_rig(tmp_path), np.random.default_rng(seed)
+    t, _, v = sea(seed)
+    stamps = np.arange(0.0, SECONDS - 1.0, 0.04)
+    profile = Run("sea.csv", stamps, {"velocity": np.interp(stamps, t, v)}, 25.0, stamps.size, load=36.0)
+    done = simulate(profile, baseline(rig))
+    noise = {"velocity": 0.003, "force": 4.0, "torque": 0.4, "vdc": 0.25, "idc": 0.015}
+    channels = {
+        name: x + rng.normal(0.0, noise[name], x.size) if name in noise else x for name, x in done.run.channels.items()
+    }
+    noisy = msgspec.structs.replace(done.run, channels=channels)
+    found = wave_energies(reduce(noisy, rig=rig))
+    assert found.cycle.size > 35
+    exact = dict(zip(COLUMNS, done.solution.T, strict=True))
+    line = done.motion
+    powers = {
+        "line": exact["force"] * line.v,
+        "mech": exact["torque"] * line.v / R_DRUM,
+        "gen": exact["vdc"] ** 2 / 36.0,
+    }
+    for errors in compared(found, spans_of(found, noisy, rig), line.t, powers).values():
+        assert np.abs(errors).max() < 0.01
+    for stage, watts in powers.items():
+        whole = float(integrals(line.t, watts.__getitem__, np.array([[0.0, stamps[-1]]]))[0])
+        assert found.record_energy[stage] == pytest.approx(whole, rel=0.003)
+
+
+def twin_log(seed: int, path: Path) -> Solved:
+    """Write the log of a sea that the twin solved, with noise, zeros and resolution of its sensors; the exact solution."""
+    t, x, v = sea(seed)
+    assert t.size == x.size
+    twin = Twin(Numbers(), dict(LOADS), dict.fromkeys(SENSORS, 1.0), Hidden())
+    (log,) = [name for name in LOADS if "36" in name]
+    solved = solve(twin, log, x, v, 0.0)
+    columns = read_log(twin, solved, np.random.default_rng(seed), CRANE_LOGGER)
+    rows = np.column_stack([columns[name] for name in HEADERS])
+    np.savetxt(path, rows, delimiter=",", header=",".join(HEADERS.values()), comments="")
+    return solved
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
+def test_energies_of_waves_of_the_twin_are_within_one_per_cent_of_the_truth(tmp_path: Path, seed: int) -> None:
+    rig = waves_rig(tmp_path)
+    solved = twin_log(seed, tmp_path / "sea.csv")
+    t, _, speed = sea(seed)
+    v, of = np.interp(solved.t, t, speed), solved.channels
+    run = read_run(tmp_path / "sea.csv", rig=rig, load=36.0)
+    found = wave_energies(reduce(run, rig=rig))
+    assert found.cycle.size > 35
+    powers = {"line": of["force"] * v, "mech": of["torque"] * v / R_DRUM, "gen": of["vdc"] * of["idc"]}
+    for errors in compared(found, spans_of(found, run, rig), solved.t, powers).values():
+        assert np.abs(errors).max() < 0.01
+
+
+def reciprocating(tmp_path: Path, waves: int) -> tuple[Path, Path]:
+    """A short sea of sines of two heights, as a log, and its rig file."""
+    t = np.arange(0.0, 6.0 * waves + 3.0, 0.05)
+    v = np.where(np.floor((t + 1.5) / 6.0) % 2.0 == 0.0, 0.4, 0.8) * np.sin(2.0 * np.pi * (t - 1.5) / 6.0)
+    x = np.concatenate(([0.0], np.cumsum(0.5 * np.diff(t) * (v[1:] + v[:-1]))))
+    torque = np.where(v > 0.0, 100.0 * v, 0.0)
+    power, vdc = 0.8 * torque * v / R_DRUM, 20.0 + 100.0 * np.abs(v)
+    rows = np.column_stack((t, x, v, 900.0 + 800.0 * v, torque, vdc, power / vdc))
+    path = tmp_path / "sines.csv"
+    head = ",".join(HEADERS[name] for name in ("time", "displacement", "velocity", "force", "torque", "vdc", "idc"))
+    np.savetxt(path, rows, delimiter=",", header=head, comments="", fmt="%.6f")
+    waves_rig(tmp_path)
+    return path, tmp_path / "waves.toml"
+
+
+def test_classes_and_record_add_up_to_the_waves(tmp_path: Path) -> None:
+    log, rig = reciprocating(tmp_path, 12)
+    reduction = reduce(read_run(log, rig=load_rig(rig), load=36.0), rig=load_rig(rig))
+    found = wave_energies(reduction)
+    assert found.cycle.size >= 11
+    assert found.period == pytest.approx(np.full(found.cycle.size, 6.0), abs=0.05)
+    assert sum(c.count for c in found.classes) == found.cycle.size
+    for stage in STAGES:
+        assert sum(c.energy[stage] or 0.0 for c in found.classes) == pytest.approx(found.energy[stage].sum())
+        assert found.record_power[stage] * found.record_duration == pytest.approx(found.record_energy[stage])
+    assert found.efficiency["eta_gen"].value == pytest.approx(0.8, abs=1e-4)
+    record = json.loads(msgspec.json.encode(wave_record(found)))
+    assert len(record["each"]) == found.cycle.size
+    assert record["efficiency"]["eta_gen"]["interval_95"][0] <= 0.8001
+    assert "of all waves together" in "\n".join(wave_lines(found))
+
+
+def test_the_command_shows_waves_where_the_rig_file_says_so_and_nothing_else(tmp_path: Path, fixtures: Path) -> None:
+    log, rig = reciprocating(tmp_path, 12)
+    json_file, page, pdf = (tmp_path / f"sines.{ending}" for ending in ("json", "html", "pdf"))
+    files = ["--json", json_file, "--html", page, "--pdf", pdf]
+    printed = command("reduce", log, "--rig", rig, "--load-ohm", "36", *files)
+    assert "record of" in printed
+    assert "waves" in json.loads(json_file.read_text(encoding="utf-8"))
+    assert "Waves by payout" in page.read_text(encoding="utf-8")
+    assert pdf.stat().st_size > 10_000
+    plain = command("reduce", fixtures / "campaign" / "r36ohm.csv", "--json", "-")
+    assert "waves" not in json.loads(plain)
+
+
+def command(*words: object) -> str:
+    arguments = [sys.executable, "-m", "winchcascade", *map(str, words)]
+    return subprocess.run(arguments, capture_output=True, encoding="utf-8", check=True).stdout
+
+
+def test_crane_cycles_have_energies_by_payout_too(fixtures: Path) -> None:
+    found = wave_energies(reduce(read_run(fixtures / "campaign" / "r36ohm.csv", load=36.0), window=5.48))
+    assert found.cycle.size == 3
+    assert found.efficiency["eta_gen"].interval is None
+    assert sum(c.count for c in found.classes) == 3
+
+
+def correlated(rng: np.random.Generator, n: int, memory: float) -> np.ndarray:
+    x = rng.normal(size=n + 50)
+    for k in range(1, x.size):
+        x[k] += memory * x[k - 1]
+    return x[50:]
+
+
+def test_blocks_are_longer_for_waves_that_come_in_groups_and_intervals_hold_the_truth() -> None:
+    rng = np.random.default_rng(8)
+    assert np.median([block_length(rng.normal(size=300)) for _ in range(20)]) <= 2
+    assert np.median([block_length(correlated(rng, 300, 0.7)) for _ in range(20)]) >= 5
+    inside = 0
+    for _ in range(60):
+        group = correlated(rng, 250, 0.6)
+        into = 1000.0 + 100.0 * rng.normal(size=250)
+        out = into * (0.8 + 0.02 * group)
+        low, high = ratio_of_sums(into, out).interval or (0.0, 0.0)
+        inside += low <= 0.8 <= high
+    assert inside >= 51
+    assert ratio_of_sums(into, out) == ratio_of_sums(into, out)
+    assert DRAWS >= 1000

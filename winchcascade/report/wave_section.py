@@ -1,0 +1,60 @@
+"""Energies of irregular waves in a report: over payout, and by class."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from winchcascade.core.cascade import Cascade
+from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.reduction.wave_energies import WaveEnergies, wave_energies
+from winchcascade.report.report_model import Section, picture, section
+from winchcascade.report.style import COLOURS, label_panel, look_of, panel_figure
+from winchcascade.report.wave_text import classes_table, efficiencies_table, record_table
+from winchcascade.report.wording import tex
+
+DOTS = 1500
+"""Waves that are drawn at most; of more, an even selection."""
+
+
+def wave_section(reduction: Reduction) -> Section:
+    """Energies and efficiencies of waves over their payout, the whole record, and classes of payout and period."""
+    found = wave_energies(reduction)
+    return section(
+        "waves", "Waves",
+        picture(
+            wave_figure(found, reduction.rig.cascade), "wave-energies",
+            "Energy of each wave, and efficiency of each wave, over its payout, the travel of its positive half. A single wave "
+            "may take energy from the gas, or leave energy in it: efficiencies of single waves scatter, ratios of sums count.",
+            "Dots of energies and efficiencies over payout; sums by class are in the table.",
+        ),
+        record_table(found),
+        efficiencies_table(found),
+        classes_table(found),
+    )  # fmt: skip
+
+
+def wave_figure(found: WaveEnergies, cascade: Cascade) -> Figure | None:
+    """Energies and efficiencies of the waves over their payout; None without waves."""
+    if not found.cycle.size or not np.isfinite(found.payout).all():
+        return None
+    figure, (left, right) = panel_figure(2.9, 1, 2, gaps={"wspace": 0.25})
+    rows = np.unique(np.linspace(0, found.cycle.size - 1, min(found.cycle.size, DOTS)).astype(np.intp))
+    for stage, joule in found.energy.items():
+        look = look_of(stage)
+        left.plot(
+            found.payout[rows], joule[rows], look.mark, ms=2.6, color=COLOURS[look.colour], label=tex(f"energy_{stage}")
+        )
+    for name in found.efficiency:
+        into, out = cascade.between(name)
+        look = look_of(out if out == cascade.names[-1] and into != cascade.names[0] else into)
+        x, y = found.energy[into][rows], found.energy[out][rows]
+        eta = np.divide(y, x, out=np.full(x.size, np.nan), where=x > 0.0)
+        eta[(eta < 0.0) | (eta > 1.0)] = np.nan
+        right.plot(found.payout[rows], eta, look.mark, ms=2.6, color=COLOURS[look.colour], label=tex(name))
+    payout = f"Payout ({found.payout_unit})"
+    label_panel(left, "a", "Energy of each wave", x=payout, y="J")
+    label_panel(right, "b", "Efficiency of each wave", x=payout)
+    for axes in (left, right):
+        axes.legend(loc="best")
+    return figure
