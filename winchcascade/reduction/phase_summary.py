@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import msgspec
 import numpy as np
@@ -70,16 +70,27 @@ class OperatingPoint(msgspec.Struct, frozen=True, rename=WRITTEN):
     torque: float | None
 
 
+class BothWays(msgspec.Struct, frozen=True, rename={"positive": "positive_j", "negative": "negative_j"}):
+    """Energies of one stage in a cycle that is a span, while its power is positive and while it is negative; the second is
+    negative. Their difference is the integral of the magnitude. [J]
+    """
+
+    positive: float
+    negative: float
+
+
 class PhaseSummary(msgspec.Struct, frozen=True):
     """The three phases of one cycle; None for one that the log does not hold.
 
-    `point` belongs to cycles that are spans of shaft or torque, as operating points of a dynamometer; it is unset for others.
+    `point` and, by stage, `both_ways` belong to cycles that are spans, as operating points of a dynamometer or waves; they are
+    unset for others.
     """
 
     payout: PayoutSummary
     hold: HoldSummary | None
     haul_in: HaulInSummary | None
     point: OperatingPoint | msgspec.UnsetType = msgspec.UNSET
+    both_ways: Mapping[str, BothWays] | msgspec.UnsetType = msgspec.UNSET
 
 
 def summarise(phased: PhasedRun) -> list[PhaseSummary]:
@@ -100,7 +111,7 @@ def summarise(phased: PhasedRun) -> list[PhaseSummary]:
     least = nothing if force is None else extremes(run.t, force, hauls)[0].tolist()
     energy = nothing if line is None else integrals(run.t, line, hauls).tolist()
     hauled = zip(top, _means(phased, ("force",), hauls), least, energy, strict=True)
-    points = _points(phased)
+    points, flows = _points(phased), _both_ways(phased)
     return [
         PhaseSummary(
             PayoutSummary(
@@ -114,9 +125,10 @@ def summarise(phased: PhasedRun) -> list[PhaseSummary]:
             if c.haul_in is None
             else HaulInSummary(_seconds(c.haul_in[1] - c.haul_in[0]), v if known else None, mean, low, joule),
             point,
+            flow,
         )
-        for c, travel, speed_max, plateau, hold, (v, (mean,), low, joule), point in zip(
-            cycles, phased.travel, phased.speed_max, plateaus, held, hauled, points, strict=True
+        for c, travel, speed_max, plateau, hold, (v, (mean,), low, joule), point, flow in zip(
+            cycles, phased.travel, phased.speed_max, plateaus, held, hauled, points, flows, strict=True
         )
     ]
 
@@ -125,11 +137,31 @@ def _points(phased: PhasedRun) -> list[OperatingPoint | msgspec.UnsetType]:
     """Mean speed and torque of each cycle that is a span; unset where payouts are found in a motion."""
     if phased.rig.phases.by_motion or not {"speed", "torque"} & phased.run.channels.keys():
         return [msgspec.UNSET] * len(phased.cycles)
-    windows = np.array([(c.onset, span_end(c, phased.rig)) for c in phased.cycles]).reshape(-1, 2)
     return [
         OperatingPoint(None if omega is None else omega * 30.0 / math.pi, torque)
-        for omega, torque in _means(phased, ("speed", "torque"), windows)
+        for omega, torque in _means(phased, ("speed", "torque"), _whole_spans(phased))
     ]
+
+
+def _both_ways(phased: PhasedRun) -> Sequence[dict[str, BothWays] | msgspec.UnsetType]:
+    """Energies of the stages of each cycle that is a span by the sign of the power; unset for cycles found in a motion."""
+    if phased.rig.phases.by_motion:
+        return [msgspec.UNSET] * len(phased.cycles)
+    run, rig, spans = phased.run, phased.rig, _whole_spans(phased)
+    found: list[dict[str, BothWays]] = [{} for _ in phased.cycles]
+    for stage in rig.cascade.stages:
+        watts = stage.watts(run.channels, rig.r_drum)
+        if watts is None:
+            continue
+        parts = [integrals(run.t, side.__getitem__, spans) for side in (np.maximum(watts, 0.0), np.minimum(watts, 0.0))]
+        for k, (positive, negative) in enumerate(np.transpose(parts).tolist()):
+            found[k][stage.name] = BothWays(positive, negative)
+    return found
+
+
+def _whole_spans(phased: PhasedRun) -> Signal:
+    """Begin and end of each cycle that is a span, (k, 2). [s]"""
+    return np.array([(c.onset, span_end(c, phased.rig)) for c in phased.cycles]).reshape(-1, 2)
 
 
 def _seconds(duration: float) -> float:

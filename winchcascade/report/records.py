@@ -16,7 +16,7 @@ from winchcascade.core.version import __version__
 from winchcascade.reduction.efficiency import ALL_METRICS, FIELDS, Metrics
 from winchcascade.reduction.energies import NetSpan
 from winchcascade.reduction.montecarlo import uncertainty
-from winchcascade.reduction.phase_summary import HaulInSummary, OperatingPoint, PayoutSummary
+from winchcascade.reduction.phase_summary import BothWays, HaulInSummary, OperatingPoint, PayoutSummary
 from winchcascade.reduction.uncertainty import shares
 
 if TYPE_CHECKING:
@@ -88,6 +88,7 @@ class PhaseSummaryRecord(msgspec.Struct, frozen=True):
     hold: HoldRecord | None
     haul_in: HaulInSummary | None
     point: OperatingPoint | msgspec.UnsetType = msgspec.UNSET
+    both_ways: Mapping[str, BothWays] | msgspec.UnsetType = msgspec.UNSET
 
 
 class WindowRecord(msgspec.Struct, frozen=True):
@@ -356,7 +357,7 @@ def cycle_record(cycle: CycleResult, standard_uncertainty: Metrics, cascade: Cas
         cycle=cycle.cycle,
         complete=cycle.complete,
         phases=PhasesRecord((phases.onset, phases.payout_end), phases.hold, phases.haul_in),
-        phase_summary=PhaseSummaryRecord(summary.payout, hold, summary.haul_in, summary.point),
+        phase_summary=PhaseSummaryRecord(summary.payout, hold, summary.haul_in, summary.point, summary.both_ways),
         window=WindowRecord(window.onset, window.cutoff, round(window.cutoff - window.onset, 9)),
         net_span=cycle.net,
         **cycle.metrics.fields(),

@@ -80,6 +80,8 @@ def check_clock(t: Signal, channels: dict[str, Signal], thresholds: Thresholds) 
     channels : (n,) each, NaN where they have holes; the displacement is changed in place where a counter was reset
     """
     v, displacement = channels.get("velocity"), channels.get("displacement")
+    if v is None and displacement is None:  # nothing is smoothed
+        return Timed(t, np.empty((0, 2)), ())
     if v is None or displacement is None:
         mismatch = _unconfirmed(t, thresholds)
     else:
