@@ -13,9 +13,11 @@ from winchcascade.batch.campaign_diagnosis import diagnose_campaign, diagnose_li
 from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.errors import CampaignError, LogError, OptionError
 from winchcascade.core.rig_toml import built_in
+from winchcascade.diagnosis.closure import by_cycles, left_out
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose, withheld_numbers
 from winchcascade.diagnosis.diagnosis_result import Spot
 from winchcascade.diagnosis.evidence import price
+from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.report.diagnosis_record import as_json
 from winchcascade.report.gap_words import about_text, where_sentence
 from winchcascade.rig.effects.catalogue import EFFECTS, OF_THE_RIG
@@ -111,6 +113,22 @@ def test_an_eccentric_drum_is_no_noise() -> None:
     assert found.remainder is not None
     worst = found.remainder.alarms[0]
     assert (worst.kind, worst.about) == ("ripple", Spot("torque", "payout"))
+
+
+def test_the_cycles_of_the_only_load_are_left_out_in_turn() -> None:
+    open_circuit, _, loaded = campaign({})
+    data = Fitted([open_circuit, loaded], built_in())
+    parts = left_out(data, [1])
+    assert by_cycles(data, [1])
+    assert np.concatenate(parts).tolist() == list(range(data.rows[1].start, data.rows[1].stop))
+    cycles = [set(data.blocks.cycle[part].tolist()) for part in parts]
+    assert len(cycles) > 1
+    assert not set.intersection(*cycles)
+    whole = Fitted(campaign({}), built_in())
+    assert [(int(part[0]), int(part[-1]) + 1) for part in left_out(whole, [1, 2])] == [
+        (rows.start, rows.stop) for rows in whole.rows[1:]
+    ]
+    assert not by_cycles(whole, [1, 2])
 
 
 def test_a_tether_that_moves_also_at_rest_is_noise() -> None:

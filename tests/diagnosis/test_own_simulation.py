@@ -1,16 +1,19 @@
 """The gap between logs and a simulation of the owner: causes of the logs, and what the simulation has in another form."""
 
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 from planted import campaign, driven
 
+from winchcascade.batch.campaign_diagnosis import write_predictions
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.gap_map import STANDS_OUT, without_zeros
 from winchcascade.diagnosis.own_simulation import beside_own_simulation, on_the_logs
+from winchcascade.ingest.read import read_run
 from winchcascade.report.diagnosis_record import as_json
 from winchcascade.report.diagnosis_text import diagnosis_text
 from winchcascade.report.gap_words import own_simulation_words
@@ -134,3 +137,15 @@ def test_contributions_lead_from_the_own_simulation_to_the_logs() -> None:
     _, same = diagnosed("same")
     pto = [one.parts[-2].value for one in same.contributions if one.metric == "eta_pto" and one.parts]
     assert np.abs(pto).max() < 1e-3
+
+
+def test_predictions_before_are_those_of_the_own_simulation(tmp_path: Path) -> None:
+    _, found = diagnosed("averaged")
+    assert found.closure is not None
+    assert found.own_simulation is not None
+    write_predictions(found, tmp_path)
+    write_predictions(found, tmp_path)  # its own files are replaced
+    for k in found.closure.predictions:
+        run, own_run = found.runs[k], found.own_simulation.runs[k]
+        before = read_run(tmp_path / "before" / f"{run.name.rpartition('.')[0] or run.name}.csv", load=run.load)
+        np.testing.assert_allclose(before.channels["vdc"], own_run.channels["vdc"], rtol=1e-6, atol=1e-6)

@@ -159,3 +159,23 @@ def test_steps_of_a_dyno_are_no_repeats_of_each_other(tmp_path: Path) -> None:
     page = (tmp_path / "a.html").read_text()
     assert "all cycles together" in page
     assert "Speed of the shaft" in page
+
+
+def test_a_whole_record_states_what_flows_both_ways_and_bears_a_short_gap(tmp_path: Path) -> None:
+    rig = tmp_path / "buoy.toml"
+    rig.write_text('name = "buoy"\n[phases]\nfrom = "whole"\n[cascade]\nstages = ["mech"]\n')
+    bench = read_rig(rig)
+    t = np.delete(np.arange(0.0, 200.0, 0.05), slice(1000, 1030))
+    torque, omega = 2.0 * np.sin(0.8 * t) + 0.3, 3.0 * np.sin(0.8 * t + 1.2)
+    log = tmp_path / "buoy.csv"
+    rows = [f"{a:.3f},{b:.6f},{c:.6f}" for a, b, c in zip(t, torque, omega, strict=True)]
+    log.write_text("\n".join(["Time (s),Torque (N.m),Speed (rad/s)", *rows]))
+    result = reduce(read_run(log, rig=bench), rig=bench)
+    fine = np.arange(0.0, 200.0, 1e-3)
+    power = (2.0 * np.sin(0.8 * fine) + 0.3) * 3.0 * np.sin(0.8 * fine + 1.2)
+    forth, back = result.both_ways["mech"]
+    assert len(result.complete) == 1
+    assert forth == pytest.approx(float(np.maximum(power, 0.0).sum() * 1e-3), rel=0.02)
+    assert back == pytest.approx(float(np.minimum(power, 0.0).sum() * 1e-3), rel=0.03)
+    assert result.mean.energy_mech == pytest.approx(forth + back, rel=1e-3)
+    assert "J against it" in reduction_text(result)

@@ -11,6 +11,7 @@ from synthetic import SCENARIOS, integral, make_log, motion, powers, signals, wr
 from winchcascade.core.run import Run
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.efficiency import FIELDS, NET_METRICS, Metrics
+from winchcascade.reduction.energies import NetSpan, net_metrics
 from winchcascade.reduction.montecarlo import LINEAR_WITHIN, uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
@@ -216,3 +217,19 @@ def test_the_record_holds_the_net_energies_and_why_they_are_missing() -> None:
     assert record["cycles"][0]["eta_net"] == pytest.approx(
         record["cycles"][0]["energy_gen_cycle_j"] / record["cycles"][0]["energy_net_j"]
     )
+
+
+@pytest.mark.parametrize(("net_energy", "gen"), [(0.0, 6e3), (-1e3, 6e3), (8e3, 9e3)])
+def test_a_cycle_whose_line_gives_no_net_energy_or_less_than_the_generator_has_no_efficiency(
+    net_energy: float, gen: float
+) -> None:
+    joules = {"payout": 10e3, "returned": 2e3, "net": net_energy, "gen_cycle": gen}
+    values, span = net_metrics(joules, NetSpan(0.0, 60.0))
+    assert values.get("eta_net") is None
+    assert span.reason is not None
+
+
+def test_a_cycle_without_a_measured_line_keeps_what_the_generator_gives() -> None:
+    joules: dict[str, float | None] = {"payout": None, "returned": None, "net": None, "gen_cycle": 6e3}
+    values, span = net_metrics(joules, NetSpan(0.0, 60.0))
+    assert (values["energy_gen_cycle"], values["eta_net"], span.reason) == (6e3, None, None)

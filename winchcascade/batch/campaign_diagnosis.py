@@ -22,7 +22,7 @@ from winchcascade.ingest.read import read_run
 from winchcascade.report.diagnosis_record import as_json
 from winchcascade.rig.baseline import NoModel, model_of
 from winchcascade.rig.open_rig import load_rig
-from winchcascade.rig.simulate import simulate, write_log
+from winchcascade.rig.simulate import simulate, write_log, write_simulated
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -187,10 +187,10 @@ def diagnose_campaign(
 def write_predictions(found: ModelDiagnosis | LineDiagnosis, folder: Path, *, force: bool = False) -> list[Path]:
     """Write what is predicted of the data that the causes are judged on, in files named after their logs.
 
-    With a model, the files are simulated logs of every withheld log: `before` by the rig as given, `after` by a fit to the
-    other logs. Neither contains the zeros of the sensors of that log. Without a model, the files are the power of the judged
-    cycles: `before` is line tension times speed, `after` is predicted by a fit to the other cycles. They have the stamps of the
-    log; samples that do not count are left out.
+    With a model, the files are simulated logs of every withheld log: `before` by the rig as given, or the own simulation at the
+    stamps of the log, `after` by a fit to the other logs. Neither contains the zeros of the sensors of that log. Without a
+    model, the files are the power of the judged cycles: `before` is line tension times speed, `after` is predicted by a fit to
+    the other cycles. They have the stamps of the log; samples that do not count are left out.
 
     Raises
     ------
@@ -233,11 +233,14 @@ def _predictions(found: ModelDiagnosis | LineDiagnosis) -> Iterator[tuple[str, s
             for name, rows in _predicted_power(found.closure, side).items():
                 yield side, name, partial(_write_power, rows)
         return
-    data = found.data
+    data, own = found.data, found.own_simulation
     for k, fit in found.closure.predictions.items():
         run, after = data.logs[k].run, data.models(fit.nu, fit.effects(found.suspects))[k]
-        for side, model in (("before", data.nominal), ("after", after)):
-            yield side, run.name, partial(write_log, simulate(run, model))
+        if own is None:
+            yield "before", run.name, partial(write_log, simulate(run, data.nominal))
+        else:
+            yield "before", run.name, partial(write_simulated, own.runs[k])
+        yield "after", run.name, partial(write_log, simulate(run, after))
 
 
 def _predicted_power(judged: LineClosure, side: str) -> dict[str, Signal]:

@@ -156,11 +156,11 @@ class ModelAccuracy(msgspec.Struct, frozen=True):
     """
 
     discrepancy: float = 0.002
-    """Standard deviation of a channel from the model, as a share of its level in a phase; more data do not average it. [1]"""
+    """Standard deviation of a channel from the model, as a share of its plateau in the log; more data do not average it. [1]"""
     relevant_efficiency: float = 0.001
     """A cause that changes no efficiency by so much, [1]"""
     relevant_share: float = 0.003
-    """and the mean of no channel in a phase by this share of its level, is listed as minor. [1]"""
+    """and the mean of no channel in a phase by this share of its plateau, is listed as minor. [1]"""
 
 
 class EffectNumber(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

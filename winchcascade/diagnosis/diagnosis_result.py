@@ -246,7 +246,7 @@ class Contribution(msgspec.Struct, frozen=True):
 
 
 class LargestChange(msgspec.Struct, frozen=True):
-    """What an effect changes most: an efficiency, or the mean of a channel in a `phase` as a share of its level there. [1]"""
+    """What an effect changes most: an efficiency, or the mean of a channel in a `phase` as a share of its plateau. [1]"""
 
     name: str
     change: float

@@ -68,7 +68,7 @@ class Nuisance(msgspec.Struct, frozen=True):
     `kind` is `rig` (a number `name` of a section, the same in every log), `law` (one of the model that a rig has not), `load`
     (relative, of one load [ohm]), `gain` (relative, of the sensor of a channel), `timing` (by how much that sensor is read
     late), `zero` (of that sensor in one log, by its number) or `discrepancy` (of the model from any rig: of a channel in a
-    `phase`, as a share of its level there, along one of the `COURSES`, at one load or, where that is NaN, at all).
+    `phase`, as a share of its plateau in the log, along one of the `COURSES`, at one load or, where that is NaN, at all).
     """
 
     kind: Literal["rig", "law", "load", "gain", "timing", "zero", "discrepancy"]

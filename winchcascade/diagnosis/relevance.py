@@ -57,7 +57,7 @@ def of_efficiencies(effect: str, contributions: Sequence[Contribution]) -> list[
 
 
 def of_channels(data: Fitted, suspects: Suspects, best: Fit, effect: str) -> list[LargestChange]:
-    """What one cause changes of the mean of each channel in each phase of each log, as a share of its level there. [1]"""
+    """What one cause changes of the mean of each channel in each phase of each log, as a share of its plateau. [1]"""
     acting = dict(zip(best.names, best.effects(suspects), strict=True))
     others = [one for name, one in acting.items() if name != effect]
     moved = data.predict(best.nu, [*acting.values()]) - data.predict(best.nu, others)

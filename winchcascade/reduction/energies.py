@@ -12,11 +12,11 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.cascade import ELECTRICAL
-from winchcascade.core.integrate import integrals
+from winchcascade.core.integrate import Stream, integrals
 from winchcascade.core.rig_file import Thresholds
 from winchcascade.core.run import Run, Signal
 from winchcascade.reduction.efficiency import is_efficiency, ratio
-from winchcascade.reduction.gap_error import energy_error, gaps_of, instant_error
+from winchcascade.reduction.gap_error import energy_error, gap_limits, gaps_of, instant_error
 from winchcascade.reduction.phased_run import PhasedRun, Window, travel_in
 from winchcascade.reduction.phases import Cycle
 
@@ -134,7 +134,7 @@ def integrate_energies(phased: PhasedRun, windows: Sequence[Window], nets: Seque
 
     Gaps that make an energy uncertain become the fault of the window, or the reason why a cycle has no net energies.
     """
-    run, limits = phased.run, phased.rig.thresholds
+    run, limits = phased.run, gap_limits(phased.run, phased.rig)
     spans = spans_of(windows, phased.cycles, nets)
     cascade, r_drum = phased.rig.cascade, phased.rig.r_drum
     joules: dict[str, list[float] | None] = dict.fromkeys(cascade.parts)
@@ -158,7 +158,8 @@ def integrate_energies(phased: PhasedRun, windows: Sequence[Window], nets: Seque
             if len(gaps) and not idle:
                 changed = energy_error(run.t, watts(slice(None)), gaps, spans[span], moved[span])
                 bridged[name] = tuple(changed.tolist())
-                share = np.where(np.ptp(spans[span], axis=1) > 0.0, changed / np.maximum(np.abs(part), 1e-9), 0.0)
+                flow = np.abs(part) if phased.rig.phases.by_motion else _flow(run.t, watts, spans[span])
+                share = np.where(np.ptp(spans[span], axis=1) > 0.0, changed / np.maximum(flow, 1e-9), 0.0)
                 which, place = ("window", "its window") if span == "window" else ("cycle", "the cycle")
                 for k, fault in gap_faults(name, place, gaps, spans[span], share, limits).items():
                     faults[which].setdefault(k, fault)
@@ -168,6 +169,11 @@ def integrate_energies(phased: PhasedRun, windows: Sequence[Window], nets: Seque
         joules,
         bridged,
     )
+
+
+def _flow(t: Signal, watts: Stream, spans: Signal) -> Signal:
+    """Energy that flows in either direction in each span, (k,): the net energy of a reciprocating machine may be small. [J]"""
+    return integrals(t, lambda part: np.abs(watts(part)), spans)
 
 
 def gap_faults(name: str, place: str, gaps: Signal, spans: Signal, share: Signal, limits: Thresholds) -> dict[int, str]:

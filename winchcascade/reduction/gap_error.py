@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import msgspec
 import numpy as np
 
 from winchcascade.core.integrate import integrals
+from winchcascade.core.rig_file import Rig, Thresholds
 from winchcascade.core.run import CLOCK, Index, Run, Signal
 
 NEAR = 0.3
@@ -17,6 +19,25 @@ BESIDE = 0.2
 
 TOUCH = 1e-9
 """A window that ends where a gap begins touches it: the gap is why it ends there. [s]"""
+
+
+WHOLE_RECORD = 0.01
+"""Share of a whole record that a gap in it may last: longer ones part the record. [1]"""
+
+WHOLE_ENERGY = 0.05
+"""Share of an energy of a whole record that bridging may change; its uncertainty contains it. [1]"""
+
+
+def gap_limits(run: Run, rig: Rig) -> Thresholds:
+    """Thresholds of a rig with the longest gap and the largest change of an energy that are bridged in a log.
+
+    A whole record has no neighbours that could take its place, so it bears more.
+    """
+    limits = rig.thresholds
+    if rig.phases.source != "whole":
+        return limits
+    longest = max(limits.gap_max, WHOLE_RECORD * float(run.t[-1] - run.t[0]))
+    return msgspec.structs.replace(limits, gap_max=longest, gap_energy_max=max(limits.gap_energy_max, WHOLE_ENERGY))
 
 
 def all_gaps(run: Run, channels: Sequence[str]) -> Signal:

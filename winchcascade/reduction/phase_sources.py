@@ -17,7 +17,7 @@ from winchcascade.core.phase_rule import PhaseSource
 from winchcascade.core.rig_file import Rig, Thresholds
 from winchcascade.core.run import Run, Signal
 from winchcascade.core.smooth import local_quadratic
-from winchcascade.reduction.gap_error import all_gaps
+from winchcascade.reduction.gap_error import all_gaps, gap_limits
 from winchcascade.reduction.phases import Cycle, detect, smoothed_velocity
 
 TURN = 2.0 * np.pi
@@ -149,7 +149,7 @@ def _by_ranges(run: Run, rig: Rig) -> Detected:
 def _whole(run: Run, rig: Rig) -> Detected:
     """The record in one span, or the stretches between gaps that are too long to bridge."""
     gaps = all_gaps(run, tuple(run.channels))
-    gaps = gaps[gaps[:, 1] - gaps[:, 0] > rig.thresholds.gap_max]
+    gaps = gaps[gaps[:, 1] - gaps[:, 0] > gap_limits(run, rig).gap_max]
     begins = [float(run.t[0]), *(np.maximum.accumulate(gaps[:, 1]) + BESIDE_GAP).tolist()]
     ends = [*(gaps[:, 0] - BESIDE_GAP).tolist(), float(run.t[-1])]
     least = FEWEST / run.fs

@@ -42,7 +42,8 @@ class Reduction(msgspec.Struct, frozen=True):
     net energies of whole cycles are over those complete cycles that have them.
     `quality` holds the findings of the log and of the reduction. `bridged` is, for each stage that has gaps, what bridging
     them could have changed of each cycle's energy [J]; `sampled`, where the sampling is not clearly fine, is what every second
-    or third sample alone changes of it [J].
+    or third sample alone changes of it [J]. `both_ways`, where cycles come from no motion of the line, is what flows in the
+    direction of the cascade and, negative, against it, by stage, all complete cycles together [J].
     """
 
     run: Run
@@ -56,6 +57,7 @@ class Reduction(msgspec.Struct, frozen=True):
     quality: tuple[Finding, ...]
     bridged: Mapping[str, tuple[float, ...]] = msgspec.field(default_factory=dict)
     sampled: Mapping[str, tuple[float, ...]] = msgspec.field(default_factory=dict)
+    both_ways: Mapping[str, tuple[float, float]] = msgspec.field(default_factory=dict)
 
     def __repr__(self) -> str:
         """One line instead of every number."""

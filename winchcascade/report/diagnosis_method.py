@@ -24,9 +24,9 @@ METHOD = (
     "differences from block to block.",
     "Tolerances. Numbers of the rig file, loads, gains, timing and zeros of the sensors are known only so well. Every fit "
     "adjusts them too, each held to its stated value by its standard uncertainty (a normal prior); so it does a little dry "
-    "friction that no rig is free of. No model is exact: a channel may deviate by a share of its level in a phase that the rig "
-    f"file states ({100.0 * ModelAccuracy().discrepancy:g} % by default) and that more data do not average. A deviation within "
-    "these is not a cause.",
+    "friction that no rig is free of. No model is exact: a channel may deviate by a share of its plateau in the log that "
+    f"the rig file states ({100.0 * ModelAccuracy().discrepancy:g} % by default) and that more data do not average. A "
+    "deviation within these is not a cause.",
     f"Fit. Residuals over their noise count by Huber's loss (Huber 1964, corner at {HUBER:g}) plus half the squares of those "
     "adjustments in standard uncertainties; steps by Gauss and Newton within bounds (Lawson and Hanson 1974).",
     "Choice. A set of effects is worth the logarithm of its evidence (Laplace; MacKay 2003, ch. 28): minus the loss, minus "

@@ -275,8 +275,8 @@ def nuisances_table(found: ModelDiagnosis) -> Table | None:
         ),
         [_nuisance_row(n, x, files) for n, x in pulls[:MOST_NUISANCES] if abs(x) > LEAST_PULL],
         "Numbers of the rig file, loads, gains and zeros of the sensors are known to a tolerance only, and no model is exact; "
-        "every fit lets them move within it, at a price. A discrepancy of the model is a share of the channel's level there. A "
-        f"number that moves beyond {PULLED:g} of its uncertainties is a sign of something else.",
+        "every fit lets them move within it, at a price. A discrepancy of the model is a share of the channel's plateau in the "
+        f"log. A number that moves beyond {PULLED:g} of its uncertainties is a sign of something else.",
     )  # fmt: skip
 
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from winchcascade.core.campaign_file import Origin, joint_origin
 from winchcascade.diagnosis.causes import BACK, HOLD, RAMP
+from winchcascade.diagnosis.closure import by_cycles
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import (
     DiagnosisResult,
@@ -384,6 +385,8 @@ def judged_words(found: ModelDiagnosis | LineDiagnosis) -> str:
         held_out = [part_words(part) for part in found.lines.parts if part.withheld]
     else:
         held_out = [load_words(found.data.logs[k].run.load) for k in sorted(found.data.withheld)]
+        if found.closure is not None and by_cycles(found.data, found.closure.withheld):
+            each = "the cycles of the only load, a part of them at a time,"
     if held_out:
         return f"judged on {items} that took part in neither choice nor fit ({', '.join(held_out)})"
     if found.closure is None:

@@ -184,7 +184,8 @@ class StagesRecord(msgspec.Struct, frozen=True):
     """Numbers of the stages that a rig file configures, by name.
 
     `power` states of which channels the power of a stage is made, null where the log does not have them; `efficiency` from
-    which stage to which an efficiency leads.
+    which stage to which an efficiency leads; `both_ways_j` what flows with the cascade and against it, where cycles come from
+    no motion of the line.
     """
 
     order: tuple[str, ...]
@@ -195,6 +196,7 @@ class StagesRecord(msgspec.Struct, frozen=True):
     standard_uncertainty: Numbers
     interval_95: dict[str, Interval95 | None]
     total: Numbers
+    both_ways_j: dict[str, tuple[float, float]]
 
 
 class RunRecord(msgspec.Struct, frozen=True):
@@ -288,6 +290,7 @@ def _stages(reduction: Reduction, found: Uncertainty) -> StagesRecord | UnsetTyp
         standard_uncertainty=found.standard.fields(cascade.metrics),
         interval_95=_intervals(found.interval_95, cascade.metrics),
         total=reduction.total.fields(cascade.metrics),
+        both_ways_j=dict(reduction.both_ways),
     )
 
 

@@ -75,7 +75,18 @@ def _results(reduction: Reduction, uncertainties: Metrics) -> list[str]:
     if n > 1 and reduction.window in ("payout", "whole"):  # windows differ in length, so sums show what a mean does not
         below.append(["all together", "", *_texts(reduction.total, names, _decimals(reduction), 3)])
     columns = [_CYCLE, window, *_columns(reduction, names)]
-    return listing(columns, reduction.cycles, most=_MOST_CYCLES, more=_MORE, below=below, used=True)
+    lines = listing(columns, reduction.cycles, most=_MOST_CYCLES, more=_MORE, below=below, used=True)
+    return [*lines, *_both_ways(reduction)]
+
+
+def _both_ways(reduction: Reduction) -> list[str]:
+    """Stages whose power changes its direction: what flows with the cascade and against it."""
+    digits = _decimals(reduction)
+    return [
+        f"{stage}: {plain_cell(forth, digits)} J with the cascade, {plain_cell(back, digits)} J against it"
+        for stage, (forth, back) in reduction.both_ways.items()
+        if forth > 0.0 > back
+    ]
 
 
 def _net(reduction: Reduction, uncertainties: Metrics) -> list[str]:

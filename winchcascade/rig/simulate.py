@@ -274,9 +274,25 @@ def write_log(simulation: Simulation, path: Path, *, force: bool = False) -> Non
     ------
     OutputError : the file cannot be written, or is not this tool's own and `force` does not allow to replace it
     """
-    run, shown = simulation.run, [CHANNELS[name] for name in LOGGED]
+    unlogged = np.column_stack([simulation.rpm_gen, simulation.i_s, simulation.torque_em])
+    write_simulated(simulation.run, path, unlogged, force=force)
+
+
+def write_simulated(run: Run, path: Path, unlogged: Signal | None = None, *, force: bool = False) -> None:
+    """Write what any simulation gives for the sensors as CSV, in the format of `write_log`, channels that it lacks left out.
+
+    Parameters
+    ----------
+    unlogged : (n, 3) values without a sensor, not a number where they are not known
+
+    Raises
+    ------
+    OutputError : as `write_log`
+    """
+    shown = [CHANNELS[name] for name in LOGGED if name in run.channels]
     columns = [run.t, *(run.channels[channel.name] / UNITS[channel.unit].factor for channel in shown)]
-    table = np.column_stack([*columns, simulation.rpm_gen, simulation.i_s, simulation.torque_em])
+    unknown = np.full((run.t.size, len(SIMULATED_HEADERS)), math.nan)
+    table = np.column_stack([*columns, unknown if unlogged is None else unlogged])
     header = ",".join(["Time (s)", *(channel.header for channel in shown), *SIMULATED_HEADERS])
     formats = ["%.6f" if run.t[-1] < 1e6 else "%.3f"] + ["%.9g"] * (table.shape[1] - 1)
     write_whole(
