@@ -113,7 +113,7 @@ def test_a_number_of_which_the_log_says_nothing_new_is_marked() -> None:
     assert {n.name for n in found.numbers if n.new} == FOUND
     kept = next(n for n in found.numbers if not n.new)
     assert kept.name == "eta_mesh"
-    assert kept.how == "as given: an open circuit says no more of it"
+    assert kept.how == "rig file: an open circuit does not determine it"
 
 
 def test_the_gain_of_the_voltage_is_not_reported_from_the_back_emf_constant() -> None:

@@ -66,7 +66,7 @@ def test_a_simulation_of_the_same_physics_has_no_other_form() -> None:
     assert record["baseline"] == "own_simulation"
     assert record["model_form"] == []
     assert own_simulation_words(found) == [
-        "Your simulation agrees with the rig's model as given within its tolerances."
+        "Your simulation agrees with the model of the rig file within its tolerances."
     ]
 
 

@@ -83,7 +83,7 @@ def test_tables_and_figure_show_every_load() -> None:
     assert [table.id for table in tables] == ["costs-eta-pto", "costs-eta-gen", "costs-eta-trans"]
     assert tables[0].head == ("Part", "Kind", "18 Ω", "4.5 Ω")
     assert [row[0] for row in tables[0].rows] == [
-        "as given [%]", "Copper heating (copper_heating)", "tolerances", "residual", "log [%]",
+        "nominal [%]", "Copper heating (copper_heating)", "tolerances", "residual", "log [%]",
     ]  # fmt: skip
     with house_style():
         figure = waterfall_figure(found)

@@ -84,8 +84,10 @@ def _excess(channel: str, log: Run, old: Run, new: Run) -> tuple[float, float] |
     noise = _noise(gap_old, starts)
     if noise == 0.0:
         return None
-    reach = ZERO_REACH * SENSORS[channel].zero * SENSORS[channel].unit
-    squares = [float(np.mean((gap - np.clip(np.mean(gap), -reach, reach)) ** 2)) for gap in (gap_old, gap_new)]
+    half_width = ZERO_REACH * SENSORS[channel].zero * SENSORS[channel].unit
+    squares = [
+        float(np.mean((gap - np.clip(np.mean(gap), -half_width, half_width)) ** 2)) for gap in (gap_old, gap_new)
+    ]
     return squares[0] / noise**2 - 1.0, squares[1] / noise**2 - 1.0
 
 

@@ -90,9 +90,9 @@ def _rise(duration: float, shape: float) -> Signal:
 
 def smooth_noise(size: int, width: float, rng: np.random.Generator, *, grid: float = GRID) -> Signal:
     """Noise of unit variance, smoothed by a bell curve of a standard deviation in seconds, (size,)."""
-    reach = round(4.0 * width / grid)
-    bell = np.exp(-0.5 * (np.arange(-reach, reach + 1) * grid / width) ** 2)
-    smooth: Signal = fftconvolve(rng.standard_normal(size + 2 * reach), bell, "valid")
+    half_width = round(4.0 * width / grid)
+    bell = np.exp(-0.5 * (np.arange(-half_width, half_width + 1) * grid / width) ** 2)
+    smooth: Signal = fftconvolve(rng.standard_normal(size + 2 * half_width), bell, "valid")
     return smooth / float(np.sqrt(np.sum(bell**2)))
 
 

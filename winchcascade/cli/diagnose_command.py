@@ -72,7 +72,7 @@ def diagnose_command(
 ) -> None:
     """Find out why logs and model differ: where, which effects, how sure, how far they close the gap, what to test next.
 
-    The rig file is taken as given. Without --withhold and without withheld runs, each load is left out once.
+    The numbers of the rig file enter unchanged. Without --withhold and without withheld runs, each load is left out once.
     A winch without a model is diagnosed from line tension, speed and mechanical power; its cycles are left out in turn.
     """
     one_thread_each()

@@ -79,10 +79,10 @@ def _near(breaks: Index, half: int, n: int) -> Index:
     return np.flatnonzero(near)
 
 
-def _fit(t: Signal, x: Signal, where: Index, reach: float) -> Signal:
-    """Value at its own stamp of the quadratic through each sample's neighbours within `reach` [s], of many every so-manyth."""
-    first = np.searchsorted(t, t[where] - reach, side="left")
-    last = np.searchsorted(t, t[where] + reach, side="right")
+def _fit(t: Signal, x: Signal, where: Index, half_width: float) -> Signal:
+    """Value, at each sample, of the quadratic through its neighbours within `half_width` [s]; of many every so-manyth."""
+    first = np.searchsorted(t, t[where] - half_width, side="left")
+    last = np.searchsorted(t, t[where] + half_width, side="right")
     every = np.maximum(-(-(last - first) // _MOST), 1)
     most = int((-(-(last - first) // every)).max(initial=1))
     fitted = np.empty(where.size)
@@ -92,7 +92,7 @@ def _fit(t: Signal, x: Signal, where: Index, reach: float) -> Signal:
         index = first[block, None] + every[block, None] * np.arange(most)
         inside = index < last[block, None]
         index = np.minimum(index, t.size - 1)
-        u = np.where(inside, (t[index] - t[where[block], None]) / reach, 0.0)
+        u = np.where(inside, (t[index] - t[where[block], None]) / half_width, 0.0)
         fitted[block] = _value_at_zero(u, np.where(inside, x[index], 0.0), inside, x[where[block]])
     return fitted
 

@@ -222,7 +222,7 @@ def _fitted(rig: Rig, data: Fitted, k: int, value: Signal, covariance: Signal) -
         found + COVERED * u,
         u,
         new,
-        how=found_from if new else "as given: an open circuit says no more of it",
+        how=found_from if new else "rig file: an open circuit does not determine it",
     )
 
 

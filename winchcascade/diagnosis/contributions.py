@@ -409,7 +409,7 @@ def from_own_simulation(
 
     Parameters
     ----------
-    contributions : from the rig as given, as `contributions_of` gives them
+    contributions : from the model of the rig file, as `contributions_of` gives them
     simulations : of each run, at the stamps of its log
     windows, cycles : as for `contributions_of`
     """
@@ -434,7 +434,7 @@ def _along(run: Run, simulation: Run) -> Run:
 
 
 def _from(one: Contribution, given: float) -> Contribution:
-    """A contribution from another value than that of the rig as given; the difference becomes a part before the residual."""
+    """A contribution from another value than that of the rig file; the difference becomes a part before the residual."""
     if not one.parts or not math.isfinite(given):
         return msgspec.structs.replace(one, as_given=math.nan, measured=math.nan, parts=())
     *parts, residual = one.parts

@@ -40,8 +40,8 @@ if TYPE_CHECKING:
 
 
 class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
-    """A diagnosis by a model. `predicted` (M, 5) are the blocks of the rig as given, or of the owner's own simulation where
-    there is one, `fitted` those of the fit with its causes.
+    """A diagnosis by a model. `predicted` (M, 5) are the blocks of the model of the rig file, or of the owner's own simulation
+    where there is one, `fitted` those of the fit with its causes.
 
     `places` map the gap end to end, `stages` stage by stage; `contributions` split the metrics of every run.
     """
@@ -68,7 +68,7 @@ def diagnose(
     seed: int = 0,
     on_progress: Callable[[str], None] = lambda _: None,
 ) -> ModelDiagnosis:
-    """Diagnose some runs on one rig, which is taken as given and never calibrated first.
+    """Diagnose some runs on one rig, whose file enters unchanged and is not calibrated first.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def diagnose(
     RigError : the rig file lacks numbers that the model needs
     """
     Entries(runs, cycles, withheld, title).check_withheld()
-    on_progress("simulating the rig as given")
+    on_progress("simulating the model of the rig file")
     data, suspects = Fitted(runs, rig, cycles, withheld), bound_to(suspects, rig, runs)
     if not any(log.noise.seen.any() for k, log in enumerate(data.logs) if k not in data.withheld):
         raise LogError(

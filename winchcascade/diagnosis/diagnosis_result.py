@@ -231,7 +231,7 @@ class ContributionPart(msgspec.Struct, frozen=True):
 
 
 class Contribution(msgspec.Struct, frozen=True):
-    """One metric of one run: by the rig as given, as measured, and the parts that add up to the difference; SI units.
+    """One metric of one run: by the model of the rig file, as measured, and the parts that add up to the difference; SI units.
 
     `log` is the number of the run. `metric` is one of the nine metrics of the integration windows or the mean of a channel over
     them. NaN and no parts for a metric that the run cannot give.

@@ -334,7 +334,7 @@ def search(data: Fitted, suspects: Suspects, on_progress: Callable[[str], None] 
         null = fit_set(rig_alone, null)
     best, scale = null, scale_of(null)
     fits: dict[Names, Fit] = {(): null}
-    nothing = np.zeros_like(null.nu)  # the first expansion is made about the rig as given
+    nothing = np.zeros_like(null.nu)  # the first expansion is made about the model of the rig file
     as_given = msgspec.structs.replace(null, nu=nothing, z=data.residual(nothing, []))
     linear, start = linearise(data, suspects, as_given)
     for name, begin in _usual_starts(data, suspects, start):
@@ -357,11 +357,11 @@ def search(data: Fitted, suspects: Suspects, on_progress: Callable[[str], None] 
 
 
 def _usual_starts(data: Fitted, suspects: Suspects, as_given: Fit) -> list[tuple[str, Fit]]:
-    """Wrong entries at the usual multiples that lower the objective most: far from the rig as given no expansion holds.
+    """Wrong entries at the usual multiples that lower the objective most: far from the rig file no expansion holds.
 
     Parameters
     ----------
-    as_given : the rig as given, with its columns
+    as_given : the model of the rig file, with its columns
     """
     if scale_of(as_given) < HOPELESS:
         return []

@@ -118,7 +118,7 @@ class Fitted:
     Parameters
     ----------
     runs : logs with their loads
-    rig : as given, never calibrated first
+    rig : with the numbers of its file, none calibrated first
     cycles : of each log, the first and last that count, None for all
     withheld : numbers of the logs that are predicted but take part in no fit
     """
@@ -306,7 +306,7 @@ def _levels(blocks: Blocks, predicted: Signal) -> Signal:
 
     Parameters
     ----------
-    predicted : (m, 5) blocks of the rig as given; the level of the pressure is its swing over the log
+    predicted : (m, 5) blocks of the model of the rig file; the level of the pressure is its swing over the log
     """
     level = np.zeros((len(PHASES), len(CHANNELS)))
     for phase in range(len(PHASES)):

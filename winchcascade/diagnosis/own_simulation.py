@@ -3,7 +3,7 @@
 Causes are fitted with the rig's model against the logs. The own simulation is fitted as if it were a set of logs, with the same
 search; beside the effects of the catalogue it may lack what simulations usually simplify. Then
 
-    log - own simulation = causes + tolerances + (rig's model as given - own simulation) + residual.
+    log - own simulation = causes + tolerances + (model of the rig file - own simulation) + residual.
 """
 
 from __future__ import annotations

@@ -49,7 +49,7 @@ WHOLE = 0.99
 
 
 class _Stages(msgspec.Struct, frozen=True):
-    """The stages of one log under the rig as given: its motion, and their outputs by name where these are logged too.
+    """The stages of one log under the model of the rig file: its motion, and their outputs by name where these are logged too.
 
     `discrepancy` (m, 5, 3) is one standard deviation of the discrepancy of the model along each of its courses, SI units.
     """
@@ -62,7 +62,7 @@ class _Stages(msgspec.Struct, frozen=True):
 
 
 def stagewise(data: Fitted) -> tuple[StagePlace, ...]:
-    """Compare every stage with what it makes of its own measured inputs, under the rig as given, by log, stage and phase."""
+    """Compare every stage with what it makes of its own measured inputs, by the model of the rig file."""
     one = np.eye(len(data.nuisances))
     moved = {j: data.models(one[j], []) for j, n in enumerate(data.nuisances) if n.kind in ("rig", "law", "load")}
     found: list[StagePlace] = []

@@ -101,11 +101,11 @@ def energy_error(t: Signal, watts: Signal, gaps: Signal, spans: Signal, moved: S
 def _hidden(t: Signal, x: Signal, gaps: Signal) -> Signal:
     """Area between the line over each gap and the lines that go on from either side: to where they meet, else a jump."""
     width = np.maximum(gaps[:, 1] - gaps[:, 0], TOUCH)
-    reach = np.maximum(0.5 * width, BESIDE)
+    half_width = np.maximum(0.5 * width, BESIDE)
     first, last = np.interp(gaps.T, t, x)
     chord = (last - first) / width
-    bend_in = (first - np.interp(gaps[:, 0] - reach, t, x)) / reach - chord
-    bend_out = chord - (np.interp(gaps[:, 1] + reach, t, x) - last) / reach
+    bend_in = (first - np.interp(gaps[:, 0] - half_width, t, x)) / half_width - chord
+    bend_out = chord - (np.interp(gaps[:, 1] + half_width, t, x) - last) / half_width
     kink = bend_in * bend_out > 0
     height = width * np.where(kink, bend_in * bend_out / np.where(kink, bend_in + bend_out, 1.0), bend_in)
     jump = width * np.maximum(np.abs(bend_in), np.abs(bend_out))
@@ -124,9 +124,9 @@ def instant_error(run: Run, v_smooth: Signal, instants: Signal) -> Signal:
     for gap, metres, k in zip(gaps, error, first.tolist(), strict=True):
         if k < len(instants) and instants[k] <= gap[1] + NEAR:
             width = gap[1] - gap[0]
-            reach = max(width, NEAR)
-            before, after = np.interp([instants[k] - reach, instants[k] + reach], run.t, v_smooth)
-            slope = max((after - before) / (2 * reach), 1e-3)
+            half_width = max(width, NEAR)
+            before, after = np.interp([instants[k] - half_width, instants[k] + half_width], run.t, v_smooth)
+            slope = max((after - before) / (2 * half_width), 1e-3)
             weight = _weight(max(gap[0] - instants[k], instants[k] - gap[1], 0.0) / NEAR)
             moved[k] += min(metres * min(1.5 / width, weight / (2 * NEAR)) / slope, width + NEAR)
     return moved

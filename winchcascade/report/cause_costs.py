@@ -42,7 +42,7 @@ NO_ENERGY = {
 
 
 class LoadCosts(NamedTuple):
-    """An efficiency at one load as the mean of its runs: by the rig as given, as measured, and its parts. [%, points]"""
+    """An efficiency at one load, a mean of its runs: by the model of the rig file, as measured, and its parts. [%, points]"""
 
     load: float
     as_given: float
@@ -120,12 +120,12 @@ def cost_title(found: ModelDiagnosis) -> str:
 
 def given_words(found: ModelDiagnosis) -> str:
     """What the parts begin from."""
-    return "your simulation" if has_own_simulation(found) else "the rig as given"
+    return "your simulation" if has_own_simulation(found) else "the model of the rig file"
 
 
 def given_head(found: ModelDiagnosis) -> str:
     """What the parts begin from, as a head of a column."""
-    return "your simulation" if has_own_simulation(found) else "as given"
+    return "your simulation" if has_own_simulation(found) else "nominal"
 
 
 def goal_words(found: ModelDiagnosis) -> str:
@@ -255,7 +255,7 @@ BAR = 0.165
 
 
 def waterfall_figure(found: ModelDiagnosis) -> Figure | None:
-    """Draw an efficiency from the rig as given to that of the runs, cause by cause, a panel for each load."""
+    """Draw an efficiency from the model of the rig file to that of the runs, cause by cause, a panel for each load."""
     metric = leading_metric(found.contributions)
     table = load_costs(found, metric)[:MOST_LOADS]
     if not table:

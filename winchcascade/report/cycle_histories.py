@@ -61,7 +61,7 @@ class CycleHistory(NamedTuple):
 
     @property
     def sides(self) -> list[Signal]:
-        """Logged, as given and, where there are any, with the fitted effects."""
+        """Logged, by the baseline and, where there are any, with the fitted effects."""
         return [self.logged, self.given, *([] if self.caused is None else [self.caused])]
 
 
@@ -80,7 +80,7 @@ def cycle_histories(found: ModelDiagnosis) -> tuple[list[CycleHistory], int]:
 
 
 def cycle_gaps(found: ModelDiagnosis) -> dict[tuple[int, int], float]:
-    """Mean square of the gap of the rig as given over its noise, by run and cycle with a payout."""
+    """Mean square of the gap of the baseline over its noise, by run and cycle with a payout."""
     data, gaps = found.data, {}
     z = np.where(data.seen, (data.measured - found.predicted) / np.where(data.noise > 0.0, data.noise, 1.0), 0.0) ** 2
     for k, (log, rows) in enumerate(zip(data.logs, data.rows, strict=True)):
@@ -110,8 +110,8 @@ def _evenly(items: Sequence[int], most: int) -> list[int]:
     return [items[k] for k in np.unique(np.linspace(0, len(items) - 1, most).round().astype(int)).tolist()]
 
 
-def as_given(found: ModelDiagnosis, log: int) -> Signal:
-    """What the baseline predicts at the samples of a run, (n, 5): the own simulation, or the model of the rig as given."""
+def baseline_of(found: ModelDiagnosis, log: int) -> Signal:
+    """What the baseline predicts at the samples of a run, (n, 5): the own simulation, or the model of the rig file."""
     data = found.data
     if found.own_simulation is not None:
         run = found.own_simulation.runs[log]
@@ -133,7 +133,7 @@ def _of_a_run(found: ModelDiagnosis, log: int, chosen: Sequence[tuple[int, int]]
     run, blocks, zeros = one.run, one.course.blocks, found.data.zeros(nu)[log]
     nothing = np.full(run.t.size, math.nan)
     logged = np.column_stack([run.channels.get(name, nothing) for name in CHANNELS]) - zeros
-    given = as_given(found, log)
+    given = baseline_of(found, log)
     sides = [logged, given, *([_at_samples(found, log, nu, fitted=True)] if found.causes else [])]
     items = []
     for cycle in (cycle for k, cycle in chosen if k == log):

@@ -82,7 +82,7 @@ def write_diagnosis_reports(
 
 def make_diagnosis_report(found: ModelDiagnosis | LineDiagnosis, *, command: str = "") -> Report:
     """Make the rows and figures of the report of a diagnosis."""
-    size, rig = f"{len(found.runs)} logs", f"{found.rig.name} as given"
+    size, rig = f"{len(found.runs)} logs", f"{found.rig.name}, model of its rig file"
     traces = ""
     with house_style():
         if isinstance(found, LineDiagnosis):
@@ -286,8 +286,8 @@ def _where(found: ModelDiagnosis) -> Section:
         Note(STAGE_BY_STAGE),
         picture(
             figures.stage_map(found), "stages",
-            f"Stage by stage: {word} minus what each stage makes of its own inputs from the log, by the rig as given, in "
-            "standard uncertainties; numbers and colours as in the map.",
+            f"Stage by stage: {word} minus what each stage makes of its own inputs from the log, by the model of the rig file, "
+            "in standard uncertainties; numbers and colours as in the map.",
             "Matrix of numbers by stage and phase (rows) and load (columns); the largest are in the table.",
         ),
         tables.stages_table(found),

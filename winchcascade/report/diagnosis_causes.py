@@ -95,7 +95,7 @@ def numbers_figure(found: ModelDiagnosis) -> Figure | None:
         figure,
         [
             line_entry("found, 95 %", "gen", marker="s", ms=4.5, lw=2.4),
-            line_entry("rig as given", lw=1.0, ls="--"),
+            line_entry("rig file", lw=1.0, ls="--"),
             patch_entry("its tolerance, 95 %", "line", alpha=0.3, lw=0),
             patch_entry("plausible", "hold", ec=COLOURS["grid"]),
         ],
@@ -161,7 +161,7 @@ def profile_figure(found: ModelDiagnosis) -> Figure | None:
     entries = [
         line_entry("found, with knots", "gen", marker="s", ms=3.5, lw=1.4),
         patch_entry("95 % band", "gen", alpha=0.3, lw=0),
-        line_entry("rig as given", lw=0.9, ls="--"),
+        line_entry("rig file", lw=0.9, ls="--"),
     ]
     rated = found.rig.generator.i_rated
     if rated is not None:

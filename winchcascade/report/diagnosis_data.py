@@ -1,4 +1,4 @@
-"""Block means of a diagnosed campaign as its figures show them: logged, by the rig as given, and with the causes."""
+"""Block means of a diagnosed campaign as its figures show them: logged, by the model of the rig file, and with the causes."""
 
 from __future__ import annotations
 

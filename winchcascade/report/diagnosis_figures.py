@@ -229,7 +229,7 @@ PANELS = (
 def over_speed_figure(found: ModelDiagnosis, both: Sides, word: str) -> Figure | None:
     """Draw current, torque and power over generator speed at three loads (Figs 18a, 18c, 18d).
 
-    The log is a line, the rig as given open circles, and the rig with the causes filled squares.
+    The log is a line, the model of the rig file open circles, and the model with the causes filled squares.
     """
     logs = representative(found)
     panels = [panel for panel in PANELS if {*panel[2]} <= {*seen_channels(found)}]
@@ -369,7 +369,7 @@ def power_history(found: LineDiagnosis, word: str) -> Figure | None:
 
 
 def power_scatter(found: LineDiagnosis, word: str) -> Figure | None:
-    """Draw measured over predicted power, as given and with the causes, at samples spread over the judged cycles."""
+    """Draw measured over predicted power, by the line alone and with the causes, at samples spread over the judged cycles."""
     if found.closure is None:
         return None
     given = np.concatenate(
@@ -419,7 +419,7 @@ def closed_bars(found: LineDiagnosis) -> Figure | None:
 
 
 def power_by_cycle(found: LineDiagnosis, word: str) -> Figure | None:
-    """Draw the root mean square of the error in every judged cycle, as given and with the causes."""
+    """Draw the root mean square of the error in every judged cycle, by the line alone and with the causes."""
     if found.closure is None:
         return None
     parts = found.closure.parts

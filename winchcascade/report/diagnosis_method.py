@@ -17,7 +17,7 @@ from winchcascade.rig.effects.catalogue import OF_THE_RIG
 
 METHOD = (
     "Model. Each log's line motion drives a model of the rig with the numbers of the rig file (Hsu et al. 2026, Tables 3 "
-    "and 4; the diode bridge as a switched circuit). The file is taken as given and never calibrated first.",
+    "and 4; the diode bridge as a switched circuit). The numbers of the file enter unchanged; none is calibrated first.",
     f"Blocks. Logs and simulations are averaged over blocks of about {BLOCK:g} s within one phase, a period of the "
     "tether's ringing, which cancels with most of the correlation between samples. The noise of a block comes from the "
     "log itself: fourth differences of its samples, the velocity's noise carried through the model, and second "

@@ -197,13 +197,13 @@ def alarm_meaning(alarm: Alarm) -> str:
 
 
 def has_own_simulation(found: DiagnosisResult) -> bool:
-    """Whether the logs are compared with a simulation of the owner and not with the rig's model as given."""
+    """Whether the logs are compared with a simulation of the owner and not with the model of the rig file."""
     return isinstance(found, ModelDiagnosis) and found.own_simulation is not None
 
 
 def baseline_words(found: DiagnosisResult) -> str:
     """What the logs are compared with, as in a legend."""
-    return "your simulation" if has_own_simulation(found) else "rig as given"
+    return "your simulation" if has_own_simulation(found) else "model of the rig file"
 
 
 def simulated_words(found: DiagnosisResult, how: str = "") -> str:
@@ -215,7 +215,7 @@ def simulated_words(found: DiagnosisResult, how: str = "") -> str:
     """
     if has_own_simulation(found):
         return f"your simulation, {how}" if how else "your simulation"
-    return f"simulated, {how}, by the rig as given" if how else "simulated by the rig as given"
+    return f"simulated, {how}, by the model of the rig file" if how else "simulated by the model of the rig file"
 
 
 def own_simulation_words(found: DiagnosisResult) -> list[str]:
@@ -224,7 +224,7 @@ def own_simulation_words(found: DiagnosisResult) -> list[str]:
     if own is None:
         return []
     if not own.forms:
-        return ["Your simulation agrees with the rig's model as given within its tolerances."]
+        return ["Your simulation agrees with the model of the rig file within its tolerances."]
     causes = {cause.effect for cause in found.causes}
     return [_form_words(form, own, named=form.likely in causes) for form in own.forms]
 

@@ -105,7 +105,7 @@ def write_export(found: ModelDiagnosis | LineDiagnosis, path: Path, *, force: bo
 
 
 def model_record(found: ModelDiagnosis) -> dict[str, Any]:
-    """The corrected model: every number with its unit, source and value as given; tables and errors of the sensors apart."""
+    """The corrected model: every number with its unit, source and nominal value; tables and errors of the sensors apart."""
     rig = corrected_rig(found)
     model, given = baseline(rig), found.data.nominal
     parts: dict[str, dict[str, Any]] = {}

@@ -238,17 +238,17 @@ def acceleration(t: Signal, v: Signal, width: float = ACCELERATION) -> Signal:
     >>> bool(np.allclose(acceleration(t, t**2), 2.0 * t))
     True
     """
-    reach = 0.5 * width * (1.0 + 1e-6)
-    half, every = max(int(reach / median(np.diff(t))), 1), np.arange(t.size)
+    half_width = 0.5 * width * (1.0 + 1e-6)
+    half, every = max(int(half_width / median(np.diff(t))), 1), np.arange(t.size)
     sums, moments = np.zeros((5, t.size)), np.zeros((3, t.size))
     for k in range(-half, half + 1):
         at = np.clip(every + k, 0, t.size - 1)
-        u = (t[at] - t) / reach
+        u = (t[at] - t) / half_width
         powers = np.where((np.abs(u) <= 1.0) & (at == every + k), u ** np.arange(5)[:, None], 0.0)
         sums += powers
         moments += powers[:3] * v[at]
     normal = sums[np.add.outer(np.arange(3), np.arange(3))].transpose(2, 0, 1)
     sound = np.linalg.det(normal) > 1e-9 * np.maximum(sums[0], 1.0) ** 3
     slope = np.full(t.size, np.nan)
-    slope[sound] = np.linalg.solve(normal[sound], moments.T[sound, :, None])[:, 1, 0] / reach
+    slope[sound] = np.linalg.solve(normal[sound], moments.T[sound, :, None])[:, 1, 0] / half_width
     return slope

@@ -180,8 +180,8 @@ def _samples(run: Run, rig: Rig, gap: Signal, asked: tuple[int, int] | None) -> 
 
     The slope of the velocity needs samples on either side, so those next to a gap of the velocity do not count.
     """
-    good, reach = np.isfinite(gap), 0.5 * width_of(run, SPANS[-1])
-    for channel, margin in {CLOCK: reach, "velocity": reach, "force": 0.0, POWER: 0.0, "torque": 0.0}.items():
+    good, half_width = np.isfinite(gap), 0.5 * width_of(run, SPANS[-1])
+    for channel, margin in {CLOCK: half_width, "velocity": half_width, "force": 0.0, POWER: 0.0, "torque": 0.0}.items():
         for a, b in run.gaps.get(channel, np.zeros((0, 2))).tolist():
             good &= ~((run.t > a - margin) & (run.t < b + margin))
     onsets = [cycle.onset for cycle in detect(run, smoothed_velocity(run, rig.thresholds), rig.thresholds)]

@@ -76,8 +76,8 @@ GEARBOX = (
         name="rotor_inertia",
         label="Rotor inertia",
         stage="gearbox",
-        summary="Inertia of the fast shaft differs: coupling, gear or brake disc not in the rotor's data.",
-        shows_as="torque and force off while the line speeds up and at the edge of braking; vdc runs down slower or "
+        summary="Inertia of the fast shaft differs: coupling, gear or brake disc not in the data of the rotor.",
+        shows_as="torque and force deviate while the line speeds up and at the edge of braking; vdc runs down slower or "
         "faster after payout; the plateau agrees.",
         taken_for="inertia at the drum (drum_inertia), which torque does not show; drag (rotor_viscous), which the "
         "plateau shows.",

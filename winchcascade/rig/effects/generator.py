@@ -79,7 +79,7 @@ GENERATOR = (
         label="Back-EMF constant",
         stage="generator",
         summary="Back-EMF constant differs at every current: magnets warm or out of tolerance.",
-        shows_as="vdc and idc off by nearly the same share at every load, in open circuit too, torque and force by "
+        shows_as="vdc and idc deviate by nearly the same share at every load, in open circuit too, torque and force by "
         "about twice that.",
         taken_for="a gain error of Vdc (voltage_gain), which leaves torque and idc alone; roll-off (ke_rolloff), which "
         "open circuit does not show.",
@@ -111,7 +111,7 @@ GENERATOR = (
         label="Phase inductance",
         stage="generator",
         summary="Phase inductance differs from the maker's value.",
-        shows_as="vdc, idc, torque and force off where speed and current are both high: commutation takes longer.",
+        shows_as="vdc, idc, torque and force deviate where speed and current are both high: commutation takes longer.",
         taken_for="roll-off (ke_rolloff), which needs current alone; hot copper (copper_heating), which needs no "
         "speed.",
         source="Hsu et al. 2026, Table 4 (constant Ld and Lq, Sec. 4.1.3).",
@@ -142,7 +142,7 @@ GENERATOR = (
         label="Load resistance",
         stage="generator",
         summary="Load resistance differs from its nominal value.",
-        shows_as="vdc and idc off in opposite directions, their ratio by the same share at every speed, and torque and "
+        shows_as="vdc and idc deviate in opposite directions, their ratio by the same share at every speed, and torque and "
         "force with them; in open circuit nothing.",
         taken_for="gain errors of Vdc or Idc (voltage_gain, current_gain), which change that ratio but not the torque.",
         source="Hsu et al. 2026, Fig. 14d: the apparent resistance over speed; plausible range.",

@@ -77,7 +77,7 @@ RESTORING = (
         label="Precharge pressure",
         stage="restoring",
         summary="Precharge pressure of the gas differs.",
-        shows_as="pressure and force off by the same share of the absolute pressure at every displacement, in every "
+        shows_as="pressure and force deviate by the same share of the absolute pressure at every displacement, in every "
         "phase.",
         taken_for="a zero error of the pressure sensor, which does not grow with displacement and leaves force alone; "
         "another gas volume (gas_volume).",
@@ -94,7 +94,7 @@ RESTORING = (
         label="Piston area",
         stage="restoring",
         summary="Effective piston area differs.",
-        shows_as="force off at every displacement, and pressure rises less or more with it; at zero payout the "
+        shows_as="force deviates at every displacement, and pressure rises less or more with it; at zero payout the "
         "pressure agrees.",
         taken_for="another gas volume (gas_volume), whose force agrees at zero payout; screw friction "
         "(screw_friction), which pressure does not show.",
@@ -128,7 +128,7 @@ RESTORING = (
         label="Screw friction",
         stage="restoring",
         summary="Friction coefficient of the screw differs.",
-        shows_as="force off in payout and in haul-in, in opposite directions and in proportion to pressure; torque and "
+        shows_as="force deviates in payout and in haul-in, in opposite directions and in proportion to pressure; torque and "
         "pressure agree.",
         taken_for="seals (seal_friction) or friction at the drum (line_friction), whose amount no pressure changes.",
         source="Hsu et al. 2026, Table 3 and Sec. 4.2: 0.04, calibrated; ball screws reach 0.01.",

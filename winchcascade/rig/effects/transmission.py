@@ -64,7 +64,7 @@ TRANSMISSION = (
         label="Line drag",
         stage="transmission",
         summary="Drag between line and torque sensor in proportion to speed.",
-        shows_as="force above the baseline in payout and below it in haul-in, in proportion to the line's speed; "
+        shows_as="force above the baseline in payout and below it in haul-in, in proportion to the speed of the line; "
         "torque and pressure agree.",
         taken_for="drag on the fast shaft (rotor_viscous), which torque shows and haul-in does not; constant friction "
         "(line_friction).",
@@ -113,7 +113,7 @@ TRANSMISSION = (
         label="Drum inertia",
         stage="transmission",
         summary="Inertia at the drum differs: rope on the drum, chain and sprockets.",
-        shows_as="force off while the line speeds up or brakes, in payout and haul-in; torque and pressure agree.",
+        shows_as="force deviates while the line speeds up or brakes, in payout and haul-in; torque and pressure agree.",
         taken_for="inertia of the fast shaft (rotor_inertia), which torque shows and haul-in does not.",
         source="Hsu et al. 2026, Table 4: 0.3 kg m2.",
         fields=(Field("j_extra", "kg.m2", -0.2, 1.0, (-0.29, 100.0), "plausible range around Table 4"),),
