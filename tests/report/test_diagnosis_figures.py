@@ -42,9 +42,9 @@ from winchcascade.report.diagnosis_figures import (
     gap_map,
     history,
     over_speed_figure,
-    signed,
     stage_map,
 )
+from winchcascade.report.diagnosis_names import signed
 from winchcascade.report.style import house_style
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.open_rig import load_rig

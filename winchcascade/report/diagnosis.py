@@ -13,7 +13,6 @@ from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report import diagnosis_figures as figures
 from winchcascade.report import diagnosis_tables as tables
 from winchcascade.report import diagnosis_words as words
-from winchcascade.report import line_tables
 from winchcascade.report.cause_costs import cost_section, cost_words
 from winchcascade.report.cause_words import check_words, stability_words
 from winchcascade.report.cycle_histories import (
@@ -48,8 +47,8 @@ from winchcascade.report.gap_words import (
     baseline_words,
     own_simulation_words,
     simulated_words,
-    upper,
 )
+from winchcascade.report.line_report import line_how_far, line_logs_table, line_where, line_which
 from winchcascade.report.line_words import cycles_of, flipped_words, small_words
 from winchcascade.report.publish import publish
 from winchcascade.report.report_model import (
@@ -135,9 +134,9 @@ def _sections(found: ModelDiagnosis, shown: Sequence[CycleHistory]) -> tuple[Sec
 
 def _line_sections(found: LineDiagnosis) -> tuple[Section, ...]:
     return (
-        _line_where(found),
-        _line_which(found),
-        _line_how_far(found),
+        line_where(found),
+        line_which(found),
+        line_how_far(found),
         _next(
             found,
             "The sharpest next motion.",
@@ -440,7 +439,7 @@ def _method(texts: Sequence[str]) -> Section:
 def _provenance(found: ModelDiagnosis | LineDiagnosis, command: str) -> Section:
     rig, sets = found.rig, len(found.sets)
     if isinstance(found, LineDiagnosis):
-        logs, judged, source = line_tables.line_logs_table(found), "Judged", "Source of the logs and the rig"
+        logs, judged, source = line_logs_table(found), "Judged", "Source of the logs and the rig"
         fits = f"{sets} sets of suspects, {found.moments.folds} times each"
     else:
         logs, judged, source = tables.logs_table(found), "Withheld", "Source of the rig's numbers"
@@ -457,55 +456,3 @@ def _provenance(found: ModelDiagnosis | LineDiagnosis, command: str) -> Section:
         ("Seed of the resampled cycles", str(found.seed)),
     ]
     return section("provenance", "Provenance", logs, provenance_table(rows, command))
-
-
-# --------------------------------------------------------------------------------------------- of a winch without a model
-def _line_where(found: LineDiagnosis) -> Section:
-    word, causes, role = words.word_of(found), "", ""
-    if found.closure is not None:
-        causes = " and with the causes"
-        role = (
-            " Each by a fit without it." if found.closure.left_out_in_turn else " These cycles took no part in the fit."
-        )
-    return section(
-        "where", "Where a gap was looked for" if found.verdict == "no_gap" else "Where the gap lies",
-        picture(
-            figures.power_history(found, word), "history",
-            f"Power of the winch: {word}, line tension times speed{causes}; below, the residual.{role}",
-            "Lines over time; root mean squares are in the table.",
-        ),
-        line_tables.line_places_table(found),
-    )  # fmt: skip
-
-
-def _line_which(found: LineDiagnosis) -> Section:
-    return section(
-        "which", "Which causes, and how sure" if found.causes else "What was tried",
-        tables.causes_table(found),
-        picture(
-            figures.closed_bars(found), "closed",
-            "Squared error with each cause alone and together (green: chosen), on held-out cycles.",
-            "Bars of the squared error; the values are in the table of sets.",
-        ),
-        line_tables.line_suspects_table(found),
-        line_tables.sets_table(found),
-        tables.rivals_table(found),
-    )  # fmt: skip
-
-
-def _line_how_far(found: LineDiagnosis) -> Section:
-    word = words.word_of(found)
-    return section(
-        "how-far", "How far the gap closes",
-        line_tables.line_closure_table(found),
-        picture(
-            figures.power_scatter(found, word), "scatter",
-            f"{upper(word)} over predicted power, samples spread over the judged cycles; on the line both "
-            "agree.",
-            "Clouds of marks about a diagonal, wide before and narrow after.",
-        ),
-        picture(
-            figures.power_by_cycle(found, word), "cycles", "Error of the power in every judged cycle.",
-            "Pairs of marks for each cycle, before and after.",
-        ),
-    )  # fmt: skip

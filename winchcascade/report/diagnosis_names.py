@@ -10,7 +10,7 @@ import msgspec
 from winchcascade.diagnosis.diagnosis_result import Reported
 from winchcascade.diagnosis.entries import effect_name
 from winchcascade.diagnosis.nuisances import Nuisance
-from winchcascade.report.digits import number, places
+from winchcascade.report.digits import MINUS, number, places
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.effect import Display
 
@@ -53,6 +53,17 @@ def load_words(load: float | None, unit: str = "Ω") -> str:
 def phase_words(phase: str) -> str:
     """A phase as a text writes it."""
     return phase.replace("_", "-")
+
+
+def signed(z: float) -> str:
+    """A number of standard uncertainties, with one decimal below ten and no more than three digits.
+
+    >>> signed(3.14), signed(-41.7), signed(1.0e4), signed(-0.04)
+    ('+3.1', '−42', '> 999', '0.0')
+    """
+    if abs(z) > 999.0:
+        return "> 999" if z > 0 else f"< {MINUS}999"
+    return ("0.0" if abs(z) < 0.05 else f"{z:+.1f}" if abs(z) < 9.95 else f"{z:+.0f}").replace("-", MINUS)
 
 
 def share_words(share: float) -> str:

@@ -16,13 +16,14 @@ from winchcascade.diagnosis.nuisances import Nuisance
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.report import diagnosis_words as words
 from winchcascade.report.diagnosis_causes import threshold_words, thresholds
-from winchcascade.report.diagnosis_figures import signed, worst_first
+from winchcascade.report.diagnosis_figures import worst_first
 from winchcascade.report.diagnosis_names import (
     load_words,
     nuisance_words,
     phase_words,
     probability_words,
     share_words,
+    signed,
 )
 from winchcascade.report.digits import number, significant, uncertain
 from winchcascade.report.gap_words import NAMES, about_words, alarm_meaning, baseline_words, differs_words
