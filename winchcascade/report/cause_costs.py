@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TypeVar
 
+import msgspec
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from winchcascade.diagnosis.contributions import EFFICIENCIES, leading_metric, loaded_part
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import ContributionKind, ContributionPart
+from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
 from winchcascade.report.diagnosis_names import load_words
 from winchcascade.report.diagnosis_words import named, word_of
 from winchcascade.report.digits import number
@@ -29,6 +30,8 @@ from winchcascade.report.report_model import (
 from winchcascade.report.style import COLOURS, Room, panel_figure
 from winchcascade.report.text_table import table_lines
 
+T = TypeVar("T", Contribution, ContributionPart)
+
 PERCENT = 100.0
 
 NAMES = {"tolerances": "tolerances", "model_form": "model form", "residual": "residual"}
@@ -41,50 +44,27 @@ NO_ENERGY = {
 """What is said of a cause that does not cost energy, by its kind."""
 
 
-class LoadCosts(NamedTuple):
-    """An efficiency at one load, a mean of its runs: by the model of the rig file, as measured, and its parts. [%, points]"""
+def load_costs(found: ModelDiagnosis, metric: str | None) -> list[Contribution]:
+    """The split of an efficiency at every load, from the largest resistance to the smallest: means of its runs [%, points].
 
-    load: float
-    as_given: float
-    measured: float
-    parts: tuple[LoadPart, ...]
-
-
-class LoadPart(NamedTuple):
-    """A part of a difference of efficiency: its effect, None for what is no cause, and its value with 95 % bounds. [points]"""
-
-    effect: str | None
-    kind: ContributionKind
-    value: float
-    low: float
-    high: float
-
-
-def load_costs(found: ModelDiagnosis, metric: str | None) -> list[LoadCosts]:
-    """The split of an efficiency at every load, from the largest resistance to the smallest."""
+    The errors of runs of one load are mostly the same, so the bounds of a part are means too.
+    """
     runs = loaded_part(found.contributions, metric)
     table = []
     for load in sorted({run.load for run in runs if run.load is not None}, reverse=True):
         own = [run for run in runs if run.load == load]
-        parts = [_mean_part(alike) for alike in zip(*(run.parts for run in own), strict=True)]
-        table.append(
-            LoadCosts(load, _mean([run.as_given for run in own]), _mean([run.measured for run in own]), tuple(parts))
-        )
+        parts = tuple(_mean(alike, "value", "low", "high") for alike in zip(*(run.parts for run in own), strict=True))
+        table.append(msgspec.structs.replace(_mean(own, "as_given", "measured"), parts=parts))
     return table
 
 
-def _mean(values: Sequence[float]) -> float:
-    """Mean of efficiencies, in percent."""
-    return PERCENT * sum(values) / len(values)
+def _mean(alike: Sequence[T], *fields: str) -> T:
+    """The first of some contributions or parts with the means of some fields, in percent."""
+    means = {name: PERCENT * sum(getattr(one, name) for one in alike) / len(alike) for name in fields}
+    return msgspec.structs.replace(alike[0], **means)
 
 
-def _mean_part(parts: Sequence[ContributionPart]) -> LoadPart:
-    """Mean of the same part of several runs: their errors are mostly the same, so the bounds are means too."""
-    value, low, high = (_mean([getattr(part, name) for part in parts]) for name in ("value", "low", "high"))
-    return LoadPart(parts[0].effect, parts[0].kind, value, low, high)
-
-
-def part_name(found: ModelDiagnosis, part: LoadPart) -> str:
+def part_name(found: ModelDiagnosis, part: ContributionPart) -> str:
     """Plain name of a part."""
     return NAMES[part.kind] if part.effect is None else found.suspects[part.effect].label
 
@@ -164,7 +144,7 @@ def cost_lines(found: ModelDiagnosis, width: int) -> list[str]:
     return lines
 
 
-def _cost_table(found: ModelDiagnosis, table: Sequence[LoadCosts], shown: int) -> list[str]:
+def _cost_table(found: ModelDiagnosis, table: Sequence[Contribution], shown: int) -> list[str]:
     """Rows of loads, with columns for so many of the causes."""
     count = len(found.causes)
     heads = [found.suspects[cause.effect].label for cause in found.causes[:shown]]
@@ -239,7 +219,7 @@ ABOUT = (
 )
 
 
-def _beside(part: LoadPart) -> str:
+def _beside(part: ContributionPart) -> str:
     """A part with half its interval."""
     return f"{points_words(part.value)} ± {number(0.5 * (part.high - part.low), 2)}"
 
@@ -264,7 +244,7 @@ def waterfall_figure(found: ModelDiagnosis) -> Figure | None:
     height = lines * (bars * BAR + 0.5) + 0.25
     gaps = {"wspace": 0.08, "hspace": 0.5 / (bars * BAR)}
     figure, panels = panel_figure(height, lines, COLUMNS, room=Room(left=0.2, head=0.24), gaps=gaps, share="y")
-    span = max(_reach(costs)[1] - _reach(costs)[0] for costs in table)
+    span = max(_extent(costs)[1] - _extent(costs)[0] for costs in table)
     for k, ax in enumerate(panels):
         if k >= len(table):
             ax.set_visible(False)
@@ -278,7 +258,7 @@ def waterfall_figure(found: ModelDiagnosis) -> Figure | None:
     return figure
 
 
-def _reach(costs: LoadCosts) -> tuple[float, float]:
+def _extent(costs: Contribution) -> tuple[float, float]:
     """Smallest and largest efficiency that a waterfall passes. [%]"""
     level, levels = costs.as_given, [costs.as_given, costs.measured]
     for part in costs.parts:
@@ -287,14 +267,14 @@ def _reach(costs: LoadCosts) -> tuple[float, float]:
     return min(levels), max(levels)
 
 
-def _waterfall(ax: Axes, costs: LoadCosts, span: float) -> None:
+def _waterfall(ax: Axes, costs: Contribution, span: float) -> None:
     """Draw the waterfall of one load, from above; all panels have the same scale.
 
     Parameters
     ----------
     span : of the widest waterfall [points]
     """
-    low, high = _reach(costs)
+    low, high = _extent(costs)
     middle, half = 0.5 * (low + high), max(0.85 * span, 0.5)
     left = middle - half
     level, end = costs.as_given, len(costs.parts) + 1
@@ -317,7 +297,7 @@ def _waterfall(ax: Axes, costs: LoadCosts, span: float) -> None:
     ax.grid(False, axis="y")
 
 
-def _colour(part: LoadPart) -> str:
+def _colour(part: ContributionPart) -> str:
     """Colour of a part by its kind and, of one that costs energy, its sign."""
     if part.kind == "physical":
         return "mech" if part.value < 0.0 else "gen"

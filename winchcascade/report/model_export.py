@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -30,57 +30,36 @@ CURRENT_STEP = 0.25
 RPM_PER_RAD_S = 30.0 / math.pi
 
 
-class ExportedNumber(NamedTuple):
-    """A number of the model: its path, the unit that is written, section and name in the rig file, empty for a law that has
-    none, and the factor from the unit of the model.
-    """
+UNITS = {
+    "winch": {
+        "r_drum": "m", "inertia": "kg.m2", "friction": "N.m", "drag": "N.m.s/rad", "layering": "1/m", "stribeck": "N.m",
+        "stribeck_speed": "m/s",
+    },
+    "restoring": {
+        "lead": "m/rad", "lead_angle": "rad", "half_angle": "rad", "mu": "1", "eta_forward": "1", "eta_reverse": "1",
+        "area": "m2", "pressure": "Pa", "volume": "m3", "exponent": "1", "cooling": "s", "seal_friction": "N",
+        "stribeck": "N.m",
+    },
+    "drivetrain": {
+        "gear": "1", "eta_mesh": "1", "b_rotor": "N.m.s/rad", "k_shaft": "N.m/rad", "c_shaft": "N.m.s/rad",
+        "inertia_rotor": "kg.m2", "windage": "N.m.s2/rad2", "friction": "N.m", "clutch_drag": "N.m",
+    },
+    "generator": {"pole_pairs": "1", "k_e": "V.s/rad", "r_s": "ohm", "l_s": "H", "v_diode": "V"},
+    "dc_link": {"c_dc": "F", "r_bleed": "ohm", "load_change": "1"},
+}  # fmt: skip
+"""Units in which the numbers of the model are written, in the order of its parts; those of the sensors are apart."""
 
-    path: str
-    unit: str
-    entry: str = ""
-    factor: float = 1.0
+ENTRIES = {
+    "restoring.mu": "mu_screw",
+    "restoring.area": "area_piston",
+    "restoring.pressure": "p_precharge",
+    "restoring.volume": "volume_gas",
+    "drivetrain.gear": "gear_ratio",
+}
+"""Names in the rig file of numbers that have another name there."""
 
-
-NUMBERS = (
-    ExportedNumber("winch.r_drum", "m", "winch.r_drum"),
-    ExportedNumber("winch.inertia", "kg.m2", "winch.inertia"),
-    ExportedNumber("winch.friction", "N.m"),
-    ExportedNumber("winch.drag", "N.m.s/rad"),
-    ExportedNumber("winch.layering", "1/m"),
-    ExportedNumber("winch.stribeck", "N.m"),
-    ExportedNumber("winch.stribeck_speed", "m/s"),
-    ExportedNumber("restoring.lead", "m/rad", "restoring.lead"),
-    ExportedNumber("restoring.lead_angle", "rad", "restoring.lead_angle"),
-    ExportedNumber("restoring.half_angle", "rad", "restoring.half_angle"),
-    ExportedNumber("restoring.mu", "1", "restoring.mu_screw"),
-    ExportedNumber("restoring.eta_forward", "1"),
-    ExportedNumber("restoring.eta_reverse", "1"),
-    ExportedNumber("restoring.area", "m2", "restoring.area_piston"),
-    ExportedNumber("restoring.pressure", "Pa", "restoring.p_precharge"),
-    ExportedNumber("restoring.volume", "m3", "restoring.volume_gas"),
-    ExportedNumber("restoring.exponent", "1"),
-    ExportedNumber("restoring.cooling", "s"),
-    ExportedNumber("restoring.seal_friction", "N"),
-    ExportedNumber("restoring.stribeck", "N.m"),
-    ExportedNumber("drivetrain.gear", "1", "drivetrain.gear_ratio"),
-    ExportedNumber("drivetrain.eta_mesh", "1", "drivetrain.eta_mesh"),
-    ExportedNumber("drivetrain.b_rotor", "N.m.s/rad", "drivetrain.b_rotor"),
-    ExportedNumber("drivetrain.k_shaft", "N.m/rad", "drivetrain.k_shaft"),
-    ExportedNumber("drivetrain.c_shaft", "N.m.s/rad", "drivetrain.c_shaft"),
-    ExportedNumber("drivetrain.inertia_rotor", "kg.m2", "drivetrain.inertia_rotor"),
-    ExportedNumber("drivetrain.windage", "N.m.s2/rad2"),
-    ExportedNumber("drivetrain.friction", "N.m"),
-    ExportedNumber("drivetrain.clutch_drag", "N.m"),
-    ExportedNumber("generator.pole_pairs", "1", "generator.pole_pairs"),
-    ExportedNumber("generator.k_e", "V.s/rad", "generator.k_e", RPM_PER_RAD_S),
-    ExportedNumber("generator.r_s", "ohm", "generator.r_s"),
-    ExportedNumber("generator.l_s", "H", "generator.l_s"),
-    ExportedNumber("generator.v_diode", "V", "generator.v_diode"),
-    ExportedNumber("dc_link.c_dc", "F", "dc_link.c_dc"),
-    ExportedNumber("dc_link.r_bleed", "ohm", "dc_link.r_bleed"),
-    ExportedNumber("dc_link.load_change", "1"),
-)
-"""Numbers of the model in the order of its parts; those of the sensors are apart."""
+FACTORS = {"generator.k_e": RPM_PER_RAD_S}
+"""Factors from the unit of the model to the unit that is written, where they differ."""
 
 
 def check_export(path: Path | None) -> None:
@@ -108,15 +87,19 @@ def model_record(found: ModelDiagnosis) -> dict[str, Any]:
     """The corrected model: every number with its unit, source and nominal value; tables and errors of the sensors apart."""
     rig = corrected_rig(found)
     model, given = baseline(rig), found.data.nominal
-    parts: dict[str, dict[str, Any]] = {}
-    for number in NUMBERS:
-        part, name = number.path.split(".")
-        parts.setdefault(part, {})[name] = {
-            "value": number.factor * number_of(model, number.path),
-            "unit": number.unit,
-            "as_given": number.factor * number_of(given, number.path),
-            "source": _source(rig, number),
+    parts = {
+        part: {
+            name: {
+                "value": FACTORS.get(path, 1.0) * number_of(model, path),
+                "unit": unit,
+                "as_given": FACTORS.get(path, 1.0) * number_of(given, path),
+                "source": _source(rig, path),
+            }
+            for name, unit in units.items()
+            for path in (f"{part}.{name}",)
         }
+        for part, units in UNITS.items()
+    }
     return {
         "schema": MODEL_SCHEMA,
         "written_by": f"winchcascade/{__version__}",
@@ -139,14 +122,14 @@ def model_record(found: ModelDiagnosis) -> dict[str, Any]:
     }
 
 
-def _source(rig: Rig, number: ExportedNumber) -> str:
+def _source(rig: Rig, path: str) -> str:
     """Source of a number in the rig file, and the effects that change it; "absent" where there is neither."""
-    section, _, name = number.entry.partition(".")
-    entry = getattr(getattr(rig, section), name) if name else None
+    section, _, name = path.partition(".")
+    entry = getattr(getattr(rig, section), ENTRIES.get(path, name), None)
     said = [] if entry is None else [entry.source or "rig file"]
     plain = baseline(msgspec.structs.replace(rig, effects={}))
     for effect in stated_effects(rig):
-        if number_of(effect.apply(plain), number.path) != number_of(plain, number.path):
+        if number_of(effect.apply(plain), path) != number_of(plain, path):
             fields = rig.effects[effect.effect.name].fields.values()
             sources = ", ".join(dict.fromkeys(field.source for field in fields if field.source))
             said.append(f"{effect.effect.name}{f' ({sources})' if sources else ''}")
