@@ -24,50 +24,56 @@ from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import one_thread_each, processes, set_threads
 from winchcascade.core.store import make_one
 
+WithholdOption = Annotated[
+    list[float] | None,
+    typer.Option("--withhold", metavar="LOAD", help="Keep the logs of this load (ohm, or inf) from choice and fit."),
+]
+SimulatedOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--simulated", metavar="FOLDER", help="Compare your own simulation: files with the names of the logs."
+    ),
+]
+SuspectOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--suspect",
+        metavar="EFFECT",
+        help="Suspect this effect alone; repeat it. By default the catalogue.",
+        autocompletion=effect_names,
+    ),
+]
+PredictionsOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--predictions", metavar="FOLDER", help="Write what is predicted of the withheld logs, before and after."
+    ),
+]
+WriteOption = Annotated[
+    Path | None,
+    typer.Option("--write", metavar="RIG.toml", help="Write the rig file with the named causes as its effects."),
+]
+ExportOption = Annotated[
+    Path | None,
+    typer.Option("--export", metavar="FILE", help="Write the numbers of the corrected model, as .json or .mat."),
+]
+SeedOption = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Of the resampling of cycles.")]
+
 
 def diagnose_command(
     campaign: CampaignArgument,
     rig: RigOption = None,
-    withhold: Annotated[
-        list[float] | None,
-        typer.Option(
-            "--withhold", metavar="LOAD", help="Keep the logs of this load (ohm, or inf) from choice and fit."
-        ),
-    ] = None,
-    simulated: Annotated[
-        Path | None,
-        typer.Option(
-            "--simulated", metavar="FOLDER", help="Compare your own simulation: files with the names of the logs."
-        ),
-    ] = None,
+    withhold: WithholdOption = None,
+    simulated: SimulatedOption = None,
     json: JsonOption = None,
     html: HtmlOption = None,
     pdf: PdfOption = None,
-    suspect: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--suspect",
-            metavar="EFFECT",
-            help="Suspect this effect alone; repeat it. By default the catalogue.",
-            autocompletion=effect_names,
-        ),
-    ] = None,
-    predictions: Annotated[
-        Path | None,
-        typer.Option(
-            "--predictions", metavar="FOLDER", help="Write what is predicted of the withheld logs, before and after."
-        ),
-    ] = None,
-    write: Annotated[
-        Path | None,
-        typer.Option("--write", metavar="RIG.toml", help="Write the rig file with the named causes as its effects."),
-    ] = None,
-    export: Annotated[
-        Path | None,
-        typer.Option("--export", metavar="FILE", help="Write the numbers of the corrected model, as .json or .mat."),
-    ] = None,
+    suspect: SuspectOption = None,
+    predictions: PredictionsOption = None,
+    write: WriteOption = None,
+    export: ExportOption = None,
     jobs: ThreadsOption = None,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Of the resampling of cycles.")] = 0,
+    seed: SeedOption = 0,
     force: ForceOption = False,
 ) -> None:
     """Find out why logs and model differ: where, which effects, how sure, how far they close the gap, what to test next.
@@ -114,14 +120,20 @@ def diagnose_command(
         if html is not None or pdf is not None:
             on_progress("writing reports")
             write_diagnosis_reports(found, html=html, pdf=pdf, command=given_command(), force=force)
-    files: list[Path | str] = [
-        path for option, path in results.items() if path is not None and (corrected or option != "--write")
-    ]
+    files = _files(results, predictions, written=bool(written), corrected=corrected)
+    deliver(json, lambda: as_json(diagnosis_record(found)), lambda: diagnosis_text(found, files), force=force)
+
+
+def _files(
+    results: dict[str, Path | None], predictions: Path | None, *, written: bool, corrected: bool
+) -> list[Path | str]:
+    """What was written, and what was not, with the reason."""
+    files: list[Path | str] = [path for option, path in results.items() if path and (corrected or option != "--write")]
     if not corrected:
         files.append("no corrected rig file, as no named cause belongs in it")
     if predictions is not None:
         files.append(predictions if written else "no predictions, as no effect was fitted")
-    deliver(json, lambda: as_json(diagnosis_record(found)), lambda: diagnosis_text(found, files), force=force)
+    return files
 
 
 def _simulations(listed: Campaign) -> list[Path]:
