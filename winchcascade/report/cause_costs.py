@@ -95,7 +95,7 @@ def cost_title(found: ModelDiagnosis) -> str:
     """What the table of the terminal shows."""
     metric = leading_metric(found.contributions)
     value = "as measured" if word_of(found) == "measured" else "of the log"
-    return f"{metric} by {given_words(found)} and {value} in %, parts of the difference in points"
+    return f"{metric} by {given_words(found)} and {value} in %, the difference in points"
 
 
 def given_words(found: ModelDiagnosis) -> str:
