@@ -32,7 +32,7 @@ from winchcascade.report.diagnosis_causes import (
     thresholds,
 )
 from winchcascade.report.diagnosis_data import Sides, most_telling, sides
-from winchcascade.report.diagnosis_method import METHOD, line_method
+from winchcascade.report.diagnosis_method import METHOD, STAGE_BY_STAGE, YARDSTICKS, line_method
 from winchcascade.report.diagnosis_names import (
     apart_words,
     load_words,
@@ -291,20 +291,6 @@ def _where(found: ModelDiagnosis) -> Section:
         ),
         tables.stages_table(found),
     )  # fmt: skip
-
-
-STAGE_BY_STAGE = (
-    "The map reads end to end: the motion of the line alone drives the model. A deviation of one stage therefore shows in "
-    "those behind it, and upstream through torque and line tension. Stage by stage each stage has its own inputs from the log "
-    "instead, which shows where the gap arises. A deviating sensor shows in every stage that it feeds or ends."
-)
-
-YARDSTICKS = (
-    "A difference counts only against what could make it by chance. Three yardsticks make up its standard uncertainty: "
-    "the noise of the sensors and the zero of each log's sensor; how the cycles of a log repeat; and how well the "
-    "numbers of the rig file, the loads and the gains of the sensors are known, carried through the simulation. Line "
-    "tension and torque are compared only while the line moves: at rest friction just bounds them."
-)
 
 
 def _which(found: ModelDiagnosis) -> Section:

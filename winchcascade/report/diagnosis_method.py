@@ -50,6 +50,22 @@ METHOD = (
 """Paragraphs: what is done, by which formula, and what that leaves open."""
 
 
+STAGE_BY_STAGE = (
+    "The map reads end to end: the motion of the line alone drives the model. A deviation of one stage therefore shows in "
+    "those behind it, and upstream through torque and line tension. Stage by stage each stage has its own inputs from the log "
+    "instead, which shows where the gap arises. A deviating sensor shows in every stage that it feeds or ends."
+)
+"""What the two maps of the gap show."""
+
+YARDSTICKS = (
+    "A difference counts only against what could make it by chance. Three yardsticks make up its standard uncertainty: "
+    "the noise of the sensors and the zero of each log's sensor; how the cycles of a log repeat; and how well the "
+    "numbers of the rig file, the loads and the gains of the sensors are known, carried through the simulation. Line "
+    "tension and torque are compared only while the line moves: at rest friction just bounds them."
+)
+"""What the standard uncertainty of a place of the gap is made of."""
+
+
 def line_method(found: LineDiagnosis) -> tuple[str, ...]:
     """Paragraphs on the method without a model."""
     return (

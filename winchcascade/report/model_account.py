@@ -32,24 +32,40 @@ SPEED = "Generator speed (rpm)"
 
 
 class Shown(NamedTuple):
-    """How a quantity is shown: its title, its unit, the label of what it is drawn over, and a symbol for a bare axis."""
+    """How a quantity is shown: its title, its unit, what a caption states of its panel, the label of what it is drawn over, and
+    a symbol for a bare axis.
+    """
 
     title: str
     unit: str
+    what: str
     over: str = SPEED
     symbol: str = ""
 
 
 SHOWN = {
-    "pressure_kgcm2": Shown("Gas pressure, gauge", "kg/cm²", "Line displacement (m)"),
-    "force_n": Shown("Line tension", "N", "Line velocity (m/s)"),
-    "power_gen_w": Shown("Power at the DC link", "W"),
-    "torque_nm": Shown("Torque of the PTO shaft", "N·m"),
-    "vdc_v": Shown("Voltage of the DC link", "V"),
-    "idc_a": Shown("Current of the DC link", "A"),
-    "resistance_ohm": Shown("Apparent resistance", "Ω"),
-    "loss_w": Shown("Electrical-side loss", "W"),
-    "eta_gen": Shown("Electrical-stage efficiency", "1", symbol=r"$\eta_\mathrm{gen}$"),
+    "pressure_kgcm2": Shown(
+        "Gas pressure, gauge", "kg/cm²", "gas pressure over displacement (haul-ins dashed)", "Line displacement (m)"
+    ),
+    "force_n": Shown(
+        "Line tension", "N", "line tension over line velocity (haul-ins left of zero)", "Line velocity (m/s)"
+    ),
+    "power_gen_w": Shown("Power at the DC link", "W", "power at the DC link over generator speed"),
+    "torque_nm": Shown("Torque of the PTO shaft", "N·m", "torque of the PTO shaft over generator speed"),
+    "vdc_v": Shown("Voltage of the DC link", "V", "voltage of the DC link over generator speed"),
+    "idc_a": Shown("Current of the DC link", "A", "current of the DC link over generator speed"),
+    "resistance_ohm": Shown("Apparent resistance", "Ω", "apparent resistance Vdc / Idc over generator speed"),
+    "loss_w": Shown(
+        "Electrical-side loss",
+        "W",
+        "electrical-side loss P_mech − P_gen over generator speed (Eq. 11 of Hsu et al. 2026)",
+    ),
+    "eta_gen": Shown(
+        "Electrical-stage efficiency",
+        "1",
+        "efficiency of the electrical stage over generator speed, mean P_gen over mean P_mech of each bin (Eq. 6)",
+        symbol=r"$\eta_\mathrm{gen}$",
+    ),
 }
 """Curves by their name in written files, in the order of the paper's Figs 13 to 17."""
 
@@ -221,32 +237,36 @@ def differences_of(comparison: ModelComparison) -> dict[str, Difference]:
 
 # ---------------------------------------------------------------------------------------------------------- the budget
 class Group(NamedTuple):
-    """Entries of `rig.simulate.LEDGER` that are shown together: `behind` the torque sensor, seen from the line, or before."""
+    """Entries of `rig.simulate.LEDGER` that are shown together: `behind` the torque sensor, seen from the line, or before.
+
+    `about` is what a note states of the group, where its name is not enough.
+    """
 
     name: str
     behind: tuple[str, ...] = ()
     before: tuple[str, ...] = ()
+    about: str = ""
 
 
 GROUPS = {
-    "dc": Group("DC link", ("dc",)),
-    "diodes": Group("diodes", ("diodes",)),
-    "copper": Group("copper", ("copper",)),
-    "damper": Group("damper", ("damper",)),
+    "dc": Group("DC link", ("dc",), about="delivered"),
+    "diodes": Group("diodes", ("diodes",), about="drop of the bridge"),
+    "copper": Group("copper", ("copper",), about="resistance of the stator"),
+    "damper": Group("damper", ("damper",), about="viscous drag of the fast shaft"),
     "windage": Group("windage", ("windage",)),
     "friction": Group("friction", ("friction",)),
-    "mesh": Group("mesh", ("mesh",)),
+    "mesh": Group("mesh", ("mesh",), about="gear teeth"),
     "clutch": Group("clutch", ("clutch",)),
-    "shaft": Group("shaft", ("shaft", "shaft_loss")),
-    "capacitor": Group("capacitor", ("capacitor",)),
-    "inertia": Group("inertia", ("rotor",), ("drum",)),
-    "line": Group("line losses", (), ("line_loss",)),
+    "shaft": Group("shaft", ("shaft", "shaft_loss"), about="its spring and damping"),
+    "capacitor": Group("capacitor", ("capacitor",), about="charge of the DC link"),
+    "inertia": Group("inertia", ("rotor",), ("drum",), "rotor and drum still turning"),
+    "line": Group("line losses", (), ("line_loss",), "between line and torque sensor"),
     "seal": Group("seal", (), ("seal",)),
-    "screw": Group("screw", (), ("screw",)),
-    "stored": Group("stored gas", (), ("gas",)),
+    "screw": Group("screw", (), ("screw",), "friction of the ball screw"),
+    "stored": Group("stored gas", (), ("gas",), "held by the accumulator when the window ends"),
 }
-"""Where the line's energy goes, from the DC link back to the line. Inertia is of rotor and drum, shaft of spring and damping,
-line losses arise between line and torque sensor."""
+"""Where the energy of the line goes, from the DC link back to the line. Inertia is of rotor and drum, shaft of spring and
+damping, line losses arise between line and torque sensor."""
 
 ALWAYS = ("stored", "screw", "line", "inertia", "mesh", "damper", "copper", "diodes", "dc")
 """Groups that a table shows in any case, from the line to the DC link; others only where there is something in them."""

@@ -20,6 +20,7 @@ from winchcascade.report.model_account import (
     COMPARED,
     GROUPS,
     NOTHING,
+    SHOWN,
     Account,
     Difference,
     LossBudget,
@@ -262,19 +263,6 @@ _UNKNOWN = Difference(math.nan, math.nan)
 _FINE = 2000.0
 """With less energy of the line than this a budget has a decimal. [J]"""
 
-_WORDS = {
-    "pressure_kgcm2": "gas pressure over displacement (haul-ins dashed)",
-    "force_n": "line tension over line velocity (haul-ins left of zero)",
-    "power_gen_w": "power at the DC link over generator speed",
-    "torque_nm": "torque of the PTO shaft over generator speed",
-    "vdc_v": "voltage of the DC link over generator speed",
-    "idc_a": "current of the DC link over generator speed",
-    "resistance_ohm": "apparent resistance Vdc / Idc over generator speed",
-    "loss_w": "electrical-side loss P_mech − P_gen over generator speed (Eq. 11 of Hsu et al. 2026)",
-    "eta_gen": "efficiency of the electrical stage over generator speed, mean P_gen over mean P_mech of each bin (Eq. 6)",
-}
-"""What each panel shows, by the name of its curve."""
-
 _OPEN_CIRCUIT = (
     "In open circuit only the bleed carries a current: torque, Idc and what follows from them mean nothing there and are left "
     "out."
@@ -306,7 +294,7 @@ def shown_words(names: Sequence[str]) -> str:
     'Voltage of the DC link (a), torque of the PTO shaft (b) over generator speed.'
     """
     over = " over generator speed"
-    words = [_WORDS[name] for name in names]
+    words = [SHOWN[name].what for name in names]
     if all(w.endswith(over) for w in words):
         words = [w.removesuffix(over) for w in words]
     else:
@@ -412,24 +400,8 @@ def _named(budgets: Sequence[LossBudget]) -> list[str]:
     return [g for g in reversed(GROUPS) if g in ALWAYS or any(abs(b.shares[g]) >= NOTHING for b in budgets)]
 
 
-_PARTS = {
-    "stored": "stored gas: held by the accumulator when the window ends",
-    "screw": "screw: friction of the ball screw",
-    "line": "line losses: between line and torque sensor",
-    "inertia": "inertia: rotor and drum still turning",
-    "capacitor": "capacitor: charge of the DC link",
-    "shaft": "shaft: its spring and damping",
-    "mesh": "mesh: gear teeth",
-    "damper": "damper: viscous drag of the fast shaft",
-    "copper": "copper: resistance of the stator",
-    "diodes": "diodes: drop of the bridge",
-    "dc": "DC link: delivered",
-}
-"""What the parts of a budget are."""
-
-
 def _parts_note(groups: Sequence[str]) -> str:
-    text = "; ".join(_PARTS[g] for g in groups if g in _PARTS)
+    text = "; ".join(f"{GROUPS[g].name}: {GROUPS[g].about}" for g in groups if GROUPS[g].about)
     return f"{text[:1].upper()}{text[1:]}."
 
 
