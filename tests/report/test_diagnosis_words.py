@@ -10,12 +10,12 @@ from winchcascade.core.campaign_file import Origin
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Alarm, Alternative, Experiment, Remainder, Reported, Spot
 from winchcascade.diagnosis.nuisances import Nuisance
+from winchcascade.report.cause_words import cause_words
 from winchcascade.report.diagnosis_names import display_of, number_words
 from winchcascade.report.diagnosis_record import as_json
 from winchcascade.report.diagnosis_text import diagnosis_lines, diagnosis_text
 from winchcascade.report.diagnosis_words import (
     arises_words,
-    cause_words,
     checked_words,
     closure_words,
     experiment_words,

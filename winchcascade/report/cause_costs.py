@@ -14,8 +14,9 @@ from matplotlib.ticker import MaxNLocator
 from winchcascade.diagnosis.contributions import EFFICIENCIES, leading_metric, loaded_part
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
+from winchcascade.report.cause_words import named
 from winchcascade.report.diagnosis_names import load_words
-from winchcascade.report.diagnosis_words import named, word_of
+from winchcascade.report.diagnosis_words import word_of
 from winchcascade.report.digits import number
 from winchcascade.report.gap_words import has_own_simulation
 from winchcascade.report.report_model import (

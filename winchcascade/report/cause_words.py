@@ -1,19 +1,126 @@
-"""Sentences about single causes: wrong entries, and numbers run by run."""
+"""Sentences about single causes: their numbers, wrong entries, and numbers run by run."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from winchcascade.core.quantity import Unit, find_unit
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.causes import COVERED
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, NamedCause, Reported, Trend
+from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.stability import FEWEST
-from winchcascade.report.diagnosis_names import display_of, load_words, number_words
+from winchcascade.report.diagnosis_names import display_of, load_words, number_words, phase_words, probability_words
 from winchcascade.report.digits import significant
-from winchcascade.report.gap_words import upper
+from winchcascade.report.gap_words import NAMES, upper
+from winchcascade.report.line_words import LINE_MEANINGS, LINE_NUMBERS
 from winchcascade.rig.effects.effect import Display, WrongEntry
+
+
+class CauseNumber(NamedTuple):
+    """A number of a cause as the tables show it: what it is, its value with its unit, its 95 % interval with and without it.
+
+    The texts about the cause itself are empty for all but its first number.
+    """
+
+    effect: str
+    label: str
+    stage: str
+    what: str
+    value: str
+    interval: str
+    beside: str
+    probability: str
+    alternatives: str
+
+    @property
+    def named(self) -> str:
+        """Plain name of the effect with its identifier beside it."""
+        return f"{self.label} ({self.effect})" if self.effect else ""
+
+
+def numbers_of(found: DiagnosisResult, cause: NamedCause, *, again: bool = False) -> list[CauseNumber]:
+    """Every number of a cause.
+
+    Parameters
+    ----------
+    again : the numbers of a winch without a model as the withheld cycles alone give them
+    """
+    numbers = []
+    label = found.suspects[cause.effect].label
+    about = (
+        cause.effect,
+        label,
+        cause.stage,
+        probability_words(cause.probability),
+        alternatives_words(cause, ", ") or "none",
+    )
+    for name, value in cause.parameters.items():
+        if isinstance(found, LineDiagnosis):
+            how, value = LINE_NUMBERS[cause.effect], found.again[cause.effect] if again else value
+            text, interval = number_words(how, value, 3)
+            interval = interval if value.high > value.low else "at the end of what is plausible"
+        else:
+            how = display_of(cause.effect, name, value.unit)
+            text, interval = number_words(how, value)
+        numbers.append(
+            CauseNumber(
+                *about[:3],
+                how.what,
+                text,
+                interval + range_words(value),
+                interval.removesuffix(how.unit).rstrip() + range_words(value),
+                *about[3:],
+            )
+        )
+        about = ("",) * 5
+    return numbers
+
+
+def minor_words(found: DiagnosisResult) -> str:
+    """Effects that are significant but too small to matter, each with its number and what it changes most."""
+    texts = []
+    for one in found.minor:
+        (name, value), effect, largest = next(iter(one.parameters.items())), found.suspects[one.effect], one.largest
+        text, _ = number_words(display_of(one.effect, name, value.unit), value)
+        what = largest.name
+        if largest.phase is not None:
+            what = f"the mean of {NAMES[largest.name]} in {phase_words(largest.phase)}"
+        size = f"{abs(largest.change):.2g}" if largest.phase is None else f"{100.0 * abs(largest.change):.2g} %"
+        texts.append(f"{effect.label} ({one.effect}), {text}, changes {what} by {size} at most")
+    return f"Significant but too small to matter: {'; '.join(texts)}." if texts else ""
+
+
+def range_words(value: Reported) -> str:
+    """Where a number lies at the end of its range or beyond what is plausible."""
+    if value.at_limit:
+        return f"; one-sided, at the {'upper' if value.at_limit == 'high' else 'lower'} limit of its range"
+    return "; beyond its plausible range" if value.beyond_range else ""
+
+
+def cause_words(found: DiagnosisResult, cause: NamedCause, *, again: bool = False) -> str:
+    """Every number of a cause, with its interval; `again` as for `numbers_of`."""
+    return "; ".join(
+        f"{n.what} {n.value} ({'' if again else '95 %: '}{n.interval})" for n in numbers_of(found, cause, again=again)
+    )
+
+
+def named(found: DiagnosisResult, effect: str) -> str:
+    """Plain name of a suspect with its identifier beside it."""
+    return f"{found.suspects[effect].label} ({effect})"
+
+
+def meaning_words(found: DiagnosisResult, effect: str) -> str:
+    """What a suspect is."""
+    return LINE_MEANINGS[effect] if isinstance(found, LineDiagnosis) else found.suspects[effect].summary
+
+
+def alternatives_words(cause: NamedCause, conjunction: str) -> str:
+    """Names of the alternatives to a cause."""
+    return conjunction.join(rival.effect for rival in cause.rivals)
+
 
 CHECK = "Check this entry before other causes."
 

@@ -14,7 +14,15 @@ from winchcascade.report import diagnosis_figures as figures
 from winchcascade.report import diagnosis_tables as tables
 from winchcascade.report import diagnosis_words as words
 from winchcascade.report.cause_costs import cost_section, cost_words
-from winchcascade.report.cause_words import check_words, stability_words
+from winchcascade.report.cause_words import (
+    alternatives_words,
+    cause_words,
+    check_words,
+    meaning_words,
+    minor_words,
+    named,
+    stability_words,
+)
 from winchcascade.report.cycle_histories import (
     CycleHistory,
     cycle_histories,
@@ -158,7 +166,7 @@ def _tiles(found: ModelDiagnosis | LineDiagnosis) -> tuple[Tile, ...]:
     tiles = [Tile("Verdict", "", words.VERDICTS[found.verdict], named)]
     for lead in found.causes[:1]:
         label, likely = found.suspects[lead.effect].label, f"probability {probability_words(lead.probability)}"
-        tiles.append(Tile("Leading cause", likely, label, f"{lead.effect}: {words.cause_words(found, lead)}"))
+        tiles.append(Tile("Leading cause", likely, label, f"{lead.effect}: {cause_words(found, lead)}"))
     if found.closure is not None:
         share, interval = share_words(found.closure.share), f"95 %: {words.interval_words(found.closure)}"
         tiles.append(Tile("Gap closed", f"on held-out {words.phrases_of(found).item}s", share, interval))
@@ -209,7 +217,7 @@ def _points(found: ModelDiagnosis | LineDiagnosis) -> tuple[Point, ...]:
             *_cause_points(found),
             Point("What it costs", "" if isinstance(found, LineDiagnosis) else cost_words(found)),
             Point("How sure", words.sure_words(found)),
-            Point("Minor", words.minor_words(found)),
+            Point("Minor", minor_words(found)),
             Point("How far", words.closure_words(found)),
             Point(
                 "How steady",
@@ -240,8 +248,8 @@ def _cause_points(found: DiagnosisResult) -> list[Point]:
     """What each cause is, and its numbers."""
     points = []
     for k, cause in enumerate(found.causes, start=1):
-        what, others = words.meaning_words(found, cause.effect), words.alternatives_words(cause, " or ")
-        name, numbers = words.named(found, cause.effect), words.cause_words(found, cause)
+        what, others = meaning_words(found, cause.effect), alternatives_words(cause, " or ")
+        name, numbers = named(found, cause.effect), cause_words(found, cause)
         text = (
             f"{name}: {what[:1].lower()}{what[1:].rstrip('.')}. Found: {numbers}. {check_words(found, cause)}".rstrip()
         )

@@ -15,6 +15,7 @@ from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.nuisances import Nuisance
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.report import diagnosis_words as words
+from winchcascade.report.cause_words import meaning_words, named, numbers_of
 from winchcascade.report.diagnosis_causes import threshold_words, thresholds
 from winchcascade.report.diagnosis_figures import worst_first
 from winchcascade.report.diagnosis_names import (
@@ -54,12 +55,12 @@ LEAST_PULL = 1.0
 # ------------------------------------------------------------------------------------------------------------ the causes
 def causes_table(found: ModelDiagnosis | LineDiagnosis) -> Table | None:
     """Every cause with its numbers, probability and alternatives; without a model with the numbers of the withheld cycles."""
-    numbers = [n for cause in found.causes for n in words.numbers_of(found, cause)]
+    numbers = [n for cause in found.causes for n in numbers_of(found, cause)]
     if isinstance(found, LineDiagnosis):
         again = [
             f"{n.value} ({n.beside})" if found.again else "–"
             for cause in found.causes
-            for n in words.numbers_of(found, cause, again=bool(found.again))
+            for n in numbers_of(found, cause, again=bool(found.again))
         ]
         return formatted_table(
             "causes",
@@ -98,7 +99,7 @@ def meanings_table(found: ModelDiagnosis) -> Table | None:
         "meanings",
         "What these effects are.",
         (text_column("Effect"), text_column("Stage"), text_column("What the rig file leaves out")),
-        [(words.named(found, name), found.suspects[name].stage, words.meaning_words(found, name)) for name in names],
+        [(named(found, name), found.suspects[name].stage, meaning_words(found, name)) for name in names],
     )
 
 
@@ -116,8 +117,8 @@ def rivals_table(found: ModelDiagnosis | LineDiagnosis) -> Table | None:
         ),
         [
             (
-                words.named(found, cause.effect),
-                words.named(found, rival.effect),
+                named(found, cause.effect),
+                named(found, rival.effect),
                 probability_words(rival.probability),
                 differs_words(rival.differs),
             )
@@ -315,7 +316,7 @@ def suspects_table(found: ModelDiagnosis) -> Table | None:
         ),
         [
             (
-                name, found.suspects[name].stage, words.meaning_words(found, name),
+                name, found.suspects[name].stage, meaning_words(found, name),
                 "in the fit" if name in best else _odds_words(gained[name]),
             )
             for name in sorted(gained, key=lambda name: -gained[name])

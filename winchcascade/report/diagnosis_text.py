@@ -14,7 +14,7 @@ from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report import diagnosis_words as words
 from winchcascade.report.cause_costs import cost_lines, cost_title, no_energy_words
-from winchcascade.report.cause_words import check_words, trend_words
+from winchcascade.report.cause_words import CauseNumber, check_words, minor_words, numbers_of, trend_words
 from winchcascade.report.diagnosis_names import probability_words, share_words
 from winchcascade.report.digits import significant
 from winchcascade.report.gap_words import NAMES, alarm_words, differs_words, own_simulation_words
@@ -87,7 +87,7 @@ def diagnosis_text(found: ModelDiagnosis | LineDiagnosis, files: Sequence[Path |
         *_causes(found),
         *([] if isinstance(found, LineDiagnosis) else _costs(found)),
         *entry("how sure", words.sure_words(found)),
-        *entry("minor", words.minor_words(found)),
+        *entry("minor", minor_words(found)),
         *_how_far(found, means),
         *entry("steady", steady),
         *entry("what next", words.experiment_words(found)),
@@ -116,7 +116,7 @@ def _causes(found: DiagnosisResult) -> list[str]:
     """A table of the causes, one below the other where it would be too wide, then their alternatives."""
     if not found.causes:
         return []
-    numbers = [n for cause in found.causes for n in words.numbers_of(found, cause)]
+    numbers = [n for cause in found.causes for n in numbers_of(found, cause)]
     wide = _fitting([("cause", "effect", *_HEAD), *((n.label, n.effect, *_values(n)) for n in numbers)])
     lines = wide or _fitting([("effect", *_HEAD), *(row for n in numbers for row in _stacked(n))])
     for n in () if lines else numbers:
@@ -146,12 +146,12 @@ _HEAD = ("what changes", "found", "95 %", "prob.")
 """Columns of the table of causes beside their names."""
 
 
-def _values(n: words.CauseNumber) -> tuple[str, ...]:
+def _values(n: CauseNumber) -> tuple[str, ...]:
     """Entries of a number of a cause below `_HEAD`."""
     return n.what, n.value, n.beside, n.probability
 
 
-def _stacked(n: words.CauseNumber) -> list[tuple[str, ...]]:
+def _stacked(n: CauseNumber) -> list[tuple[str, ...]]:
     """A row with the plain name of the effect, then one with its identifier."""
     return [(n.label, *_values(n)), *([(f"  {n.effect}", *[""] * len(_HEAD))] if n.effect else [])]
 
