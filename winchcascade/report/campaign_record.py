@@ -19,6 +19,7 @@ from winchcascade.report.digits import stated, uncertain
 from winchcascade.report.records import FindingRecord, Interval95, Numbers, RunRecord
 from winchcascade.report.report_model import TableColumn
 from winchcascade.report.text_table import at_most, listing, wrapped
+from winchcascade.report.wording import load_words
 
 CAMPAIGN_SCHEMA = "winchcascade/campaign/1"
 
@@ -168,7 +169,7 @@ def campaign_from(record: Mapping[str, Any]) -> CampaignRecord:
 
 def load_text(run: LogSummary) -> str:
     """Load of a log as a text."""
-    return "–" if run.load is None else "open circuit" if math.isinf(run.load) else f"{run.load:g}"
+    return load_words(run.load, "", unknown="–").rstrip()
 
 
 def by_load(runs: Sequence[LogSummary]) -> list[LogSummary]:

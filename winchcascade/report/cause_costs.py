@@ -15,7 +15,6 @@ from winchcascade.diagnosis.contributions import EFFICIENCIES, leading_metric, l
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
 from winchcascade.report.cause_words import named
-from winchcascade.report.diagnosis_names import load_words
 from winchcascade.report.diagnosis_words import word_of
 from winchcascade.report.digits import number
 from winchcascade.report.gap_words import has_own_simulation
@@ -30,6 +29,7 @@ from winchcascade.report.report_model import (
 )
 from winchcascade.report.style import COLOURS, Room, panel_figure
 from winchcascade.report.text_table import table_lines
+from winchcascade.report.wording import load_words
 
 T = TypeVar("T", Contribution, ContributionPart)
 

@@ -17,12 +17,12 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.report.diagnosis_data import HAUL_IN, OUT, by_load, most_telling, seen_channels
 from winchcascade.report.diagnosis_figures import AFTER, DASHES
-from winchcascade.report.diagnosis_names import load_words
 from winchcascade.report.digits import significant
 from winchcascade.report.gap_words import NAMES, baseline_words
 from winchcascade.report.model_figures import legend_above, line_entry, patch_entry
 from winchcascade.report.style import COLOURS, wide_figure
 from winchcascade.report.traces import PANELS
+from winchcascade.report.wording import load_words
 
 MOST_CYCLES = 24
 """Maximum number of cycles of all runs that a page holds."""

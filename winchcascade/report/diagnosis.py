@@ -41,13 +41,7 @@ from winchcascade.report.diagnosis_causes import (
 )
 from winchcascade.report.diagnosis_data import Sides, most_telling, sides
 from winchcascade.report.diagnosis_method import METHOD, STAGE_BY_STAGE, YARDSTICKS, line_method
-from winchcascade.report.diagnosis_names import (
-    apart_words,
-    load_words,
-    phase_words,
-    probability_words,
-    share_words,
-)
+from winchcascade.report.diagnosis_names import apart_words, phase_words, probability_words, share_words
 from winchcascade.report.digits import significant
 from winchcascade.report.gap_words import (
     NAMES,
@@ -73,6 +67,7 @@ from winchcascade.report.report_model import (
     section,
 )
 from winchcascade.report.style import house_style
+from winchcascade.report.wording import load_words
 
 
 def write_diagnosis_reports(

@@ -11,6 +11,7 @@ from winchcascade.diagnosis.diagnosis_result import Reported
 from winchcascade.diagnosis.entries import effect_name
 from winchcascade.diagnosis.nuisances import Nuisance
 from winchcascade.report.digits import MINUS, number, places
+from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.effect import Display
 
@@ -43,11 +44,6 @@ def probability_words(p: float) -> str:
     ('0.87', '> 0.99', '< 0.01')
     """
     return "> 0.99" if p > 0.995 else "< 0.01" if p < 0.005 else f"{p:.2f}"
-
-
-def load_words(load: float | None, unit: str = "Ω") -> str:
-    """Load of a log."""
-    return "no load" if load is None else "open circuit" if math.isinf(load) else f"{load:g} {unit}"
 
 
 def phase_words(phase: str) -> str:

@@ -18,14 +18,7 @@ from winchcascade.report import diagnosis_words as words
 from winchcascade.report.cause_words import meaning_words, named, numbers_of
 from winchcascade.report.diagnosis_causes import threshold_words, thresholds
 from winchcascade.report.diagnosis_figures import worst_first
-from winchcascade.report.diagnosis_names import (
-    load_words,
-    nuisance_words,
-    phase_words,
-    probability_words,
-    share_words,
-    signed,
-)
+from winchcascade.report.diagnosis_names import nuisance_words, phase_words, probability_words, share_words, signed
 from winchcascade.report.digits import number, significant, uncertain
 from winchcascade.report.gap_words import NAMES, about_words, alarm_meaning, baseline_words, differs_words
 from winchcascade.report.model_account import COMPARED
@@ -36,6 +29,7 @@ from winchcascade.report.report_model import (
     number_column,
     text_column,
 )
+from winchcascade.report.wording import load_words
 
 MOST_PLACES, MOST_NUISANCES = 12, 10
 """Rows of the places with the largest gap, and of the nuisances that the fit moves most."""

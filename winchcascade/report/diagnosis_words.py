@@ -21,13 +21,7 @@ from winchcascade.diagnosis.line.line_closure import BURST
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.line.line_selection import DRAWS
 from winchcascade.report.cause_words import alternatives_words, cause_words
-from winchcascade.report.diagnosis_names import (
-    apart_words,
-    load_words,
-    phase_words,
-    probability_words,
-    share_words,
-)
+from winchcascade.report.diagnosis_names import apart_words, phase_words, probability_words, share_words
 from winchcascade.report.digits import number
 from winchcascade.report.gap_words import (
     alarm_meaning,
@@ -38,6 +32,7 @@ from winchcascade.report.gap_words import (
     where_sentence,
 )
 from winchcascade.report.line_words import cycles_of, part_words
+from winchcascade.report.wording import load_words
 
 VERDICTS = {
     "no_gap": "No gap",

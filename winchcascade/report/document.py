@@ -32,7 +32,15 @@ from winchcascade.report.report_model import (
 )
 from winchcascade.report.style import house_style
 from winchcascade.report.traces import readout
-from winchcascade.report.wording import SYMBOL, decisive, net_reasons, not_known, subscripts_of, window_words
+from winchcascade.report.wording import (
+    SYMBOL,
+    decisive,
+    load_words,
+    net_reasons,
+    not_known,
+    subscripts_of,
+    window_words,
+)
 
 _NAMES = {
     "eta_trans": "line to shaft",
@@ -95,7 +103,7 @@ def make_report(
 
 def _about(reduction: Reduction) -> str:
     run, rig = reduction.run, reduction.rig
-    load = "" if run.load is None else "open circuit" if math.isinf(run.load) else f"load {run.load:g} Ω"
+    load = load_words(run.load, before="load ", unknown="")
     return " · ".join(part for part in (load, f"rig {rig.name}", rig.title) if part)
 
 
@@ -355,7 +363,7 @@ _NOT_SHADED = "Phases are not shaded: they would be too narrow to see."
 def _provenance(reduction: Reduction, found: Uncertainty, command: str) -> Table:
     """Where every number comes from, so that it can be made again."""
     run, rig = reduction.run, reduction.rig
-    load = "unknown" if run.load is None else "open circuit" if math.isinf(run.load) else f"{run.load:g} Ω"
+    load = load_words(run.load, unknown="unknown")
     rows = [
         ("Log", run.path or run.name),
         ("Table in the log", run.table or ""),

@@ -20,15 +20,9 @@ from winchcascade.diagnosis.diagnosis_result import (
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_data import POWER
 from winchcascade.diagnosis.nuisances import Nuisance
-from winchcascade.report.diagnosis_names import (
-    apart_words,
-    display_of,
-    load_words,
-    nuisance_words,
-    number_words,
-    phase_words,
-)
+from winchcascade.report.diagnosis_names import apart_words, display_of, nuisance_words, number_words, phase_words
 from winchcascade.report.digits import number
+from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.simplifications import SIMPLIFICATIONS
 
 NAMES = {
@@ -150,11 +144,15 @@ def arises_sentence(own: Arises | None) -> str:
 
 def _deviates(worst: Place | StagePlace, bias: float, region: str = "") -> str:
     """In which direction a channel deviates, by the sign of measured minus simulated, and at which load it does so most."""
-    load = "" if worst.load is None else " in open circuit" if math.isinf(worst.load) else f" at {worst.load:g} ohm"
     return (
         f"{NAMES[worst.channel]} is {'over' if bias < 0.0 else 'under'}-predicted during {phase_words(worst.phase)}{region}, "
-        f"most clearly{load}, "
+        f"most clearly{_at(worst.load)}, "
     )
+
+
+def _at(load: float | None) -> str:
+    """At which load something is so, as the JSON has it; empty for no load."""
+    return "" if load is None else " in open circuit" if math.isinf(load) else f" at {load:g} ohm"
 
 
 def size_text(channel: str, size: float) -> str:
@@ -236,10 +234,9 @@ def _form_words(form: ModelForm, own: OwnSimulation, *, named: bool) -> str:
     ----------
     named : the logs have the same effect, as a cause
     """
-    load = "" if form.load is None else " in open circuit" if math.isinf(form.load) else f" at {form.load:g} ohm"
     place = (
         f"its {NAMES[form.channel]} is {size_text(form.channel, form.bias)} {'higher' if form.bias > 0.0 else 'lower'} during "
-        f"{phase_words(form.phase)}{load}"
+        f"{phase_words(form.phase)}{_at(form.load)}"
     )
     differs = f"Your simulation differs from the rig's model in the {form.stage} stage"
     if form.likely is None:

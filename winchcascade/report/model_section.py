@@ -42,6 +42,7 @@ from winchcascade.report.report_model import (
     section,
 )
 from winchcascade.report.style import cut_apart
+from winchcascade.report.wording import load_words
 
 TETHER = ("pressure_kgcm2", "force_n", "power_gen_w")
 GENERATOR = ("torque_nm", "vdc_v", "idc_a", "resistance_ohm")
@@ -77,7 +78,6 @@ def run_section(found: Modelled) -> Section:
     if comparison is None:
         return section("model", words.heading, Note(f"Left out: {account.why}"))
     first = f" Of the {account.total} complete cycles the first {account.cycles} are simulated and compared."
-    load = "open circuit" if math.isinf(comparison.run.load or math.inf) else f"{comparison.run.load:g} Ω"
     return section(
         "model",
         words.heading,
@@ -85,7 +85,9 @@ def run_section(found: Modelled) -> Section:
         *_run_pictures(comparison, account),
         _differences_table([account], [()], ()),
         *_open_circuit(account),
-        None if account.budget is None else _budget_picture([load], [account.budget], [account]),
+        None
+        if account.budget is None
+        else _budget_picture([load_words(comparison.run.load)], [account.budget], [account]),
         None if account.budget is None else _one_budget_table(account.budget),
     )
 

@@ -13,7 +13,7 @@ from winchcascade.core.plain_text import one_line
 from winchcascade.reduction.montecarlo import stated_uncertainty
 from winchcascade.report.report_model import TableColumn
 from winchcascade.report.text_table import at_most, listing, plain_cell, wrapped
-from winchcascade.report.wording import decisive, label, net_reasons, not_known, of_phase, window_words
+from winchcascade.report.wording import decisive, label, load_words, net_reasons, not_known, of_phase, window_words
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -175,7 +175,7 @@ def _load(reduction: Reduction) -> str:
     run = reduction.run
     if run.load is None:
         return "load unknown" if "vdc" in run.channels else ""
-    return f"{'open circuit' if math.isinf(run.load) else f'load {run.load:g} ohm'} ({one_line(run.load_source)})"
+    return f"{load_words(run.load, 'ohm', before='load ')} ({one_line(run.load_source)})"
 
 
 def _duration(run: Run) -> str:
@@ -207,7 +207,7 @@ def simulation_text(simulation: Simulation, out: Path) -> str:
     run, energy = simulation.run, simulation.energy
     most = int(energy["line"].argmax())
     line = float(energy["line"][most])
-    load = "open circuit" if run.open_circuit else f"load {run.load:g} ohm"
+    load = load_words(run.load, "ohm", before="load ")
     shares = {name: float(joule[most]) for name, joule in energy.items() if abs(joule[most]) >= 5e-4 * abs(line)}
     rows = [("energy", "J", "share"), *((n, f"{e:.0f}", f"{e / line:.1%}" if line else "-") for n, e in shares.items())]
     lines = [f"{one_line(run.name)}: simulated at {load}, {run.samples} samples, {_duration(run)}", ""]

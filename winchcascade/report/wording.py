@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from msgspec.structs import asdict
@@ -94,6 +95,22 @@ def decisive(known: Budget) -> list[tuple[str, float, str]]:
     """Which sensor decides the uncertainty of each efficiency: the metric, the share of its variance, and the sensor."""
     parts = [(m, by_sensor(known, m)) for m in known.mean if m.startswith("eta") and m != "eta_net"]
     return [(metric, max(found.values()), max(found, key=found.__getitem__)) for metric, found in parts if found]
+
+
+def load_words(load: float | None, unit: str = "Ω", *, before: str = "", unknown: str = "no load") -> str:
+    """Load of a log.
+
+    Parameters
+    ----------
+    before : what is written before a resistance
+    unknown : what is written where there is no load, or none is known
+
+    Examples
+    --------
+    >>> load_words(9.0), load_words(math.inf), load_words(9.0, "ohm", before="load ")
+    ('9 Ω', 'open circuit', 'load 9 ohm')
+    """
+    return unknown if load is None else "open circuit" if math.isinf(load) else f"{before}{load:g} {unit}"
 
 
 def window_words(window: WindowRule) -> str:
