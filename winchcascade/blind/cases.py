@@ -19,6 +19,7 @@ import numpy as np
 from winchcascade.blind.injected import OUTSIDERS, PARTS, Hidden, draw_hidden
 from winchcascade.blind.twin_numbers import LOADS
 from winchcascade.core.errors import OptionError
+from winchcascade.core.files import json_bytes
 from winchcascade.core.run import Signal
 from winchcascade.core.store import digest_of, inside
 from winchcascade.core.version import __version__
@@ -193,7 +194,7 @@ def seal(envelope: Envelope) -> tuple[bytes, Trial]:
 
 def trial_bytes(record: Trial | Envelope) -> bytes:
     """Content of the file of the record of a trial, or of its answers."""
-    return msgspec.json.format(msgspec.json.encode(record), indent=1) + b"\n"
+    return json_bytes(record)
 
 
 def read_trial(folder: Path) -> Trial:

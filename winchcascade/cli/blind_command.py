@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from winchcascade.cli.options import ForceOption, HtmlOption, JobsOption, JsonOption, PdfOption, SchedulerOption
-from winchcascade.cli.outputs import as_json, check_outputs, deliver, given_command, show
+from winchcascade.cli.outputs import check_outputs, deliver, given_command, show
+from winchcascade.core.files import json_bytes
 from winchcascade.core.jobs import Workers, one_thread_each, processes
 
 blind_command = typer.Typer(
@@ -80,4 +81,4 @@ def blind_score_command(
         from winchcascade.report.trial_report import write_trial_reports
 
         write_trial_reports(found, html=html, pdf=pdf, command=given_command(), force=force)
-    deliver(json, lambda: as_json(score_record(found)), lambda: trial_text(found, trial), force=force)
+    deliver(json, lambda: json_bytes(score_record(found)), lambda: trial_text(found, trial), force=force)

@@ -18,9 +18,10 @@ from winchcascade.cli.options import (
     ThreadsOption,
     effect_names,
 )
-from winchcascade.cli.outputs import as_json, check_outputs, deliver, given_command
+from winchcascade.cli.outputs import check_outputs, deliver, given_command
 from winchcascade.core.campaign_file import Campaign, load_campaign
 from winchcascade.core.errors import OptionError
+from winchcascade.core.files import json_bytes
 from winchcascade.core.jobs import one_thread_each, processes, set_threads
 from winchcascade.core.store import make_one
 
@@ -121,7 +122,7 @@ def diagnose_command(
             on_progress("writing reports")
             write_diagnosis_reports(found, html=html, pdf=pdf, command=given_command(), force=force)
     files = _files(results, predictions, written=bool(written), corrected=corrected)
-    deliver(json, lambda: as_json(diagnosis_record(found)), lambda: diagnosis_text(found, files), force=force)
+    deliver(json, lambda: json_bytes(diagnosis_record(found)), lambda: diagnosis_text(found, files), force=force)
 
 
 def _files(

@@ -21,8 +21,9 @@ from winchcascade.cli.options import (
     named_number,
     rig_names,
 )
-from winchcascade.cli.outputs import as_json, check_outputs, deliver, show
+from winchcascade.cli.outputs import check_outputs, deliver, show
 from winchcascade.core.errors import LogError, OptionError
+from winchcascade.core.files import json_bytes
 from winchcascade.core.jobs import one_thread_each
 
 
@@ -125,7 +126,7 @@ def calibrate_command(
         write_content(write, calibrated_text(calibration), force=force)
     deliver(
         json,
-        lambda: as_json(calibration_record(calibration)),
+        lambda: json_bytes(calibration_record(calibration)),
         lambda: calibration_text(calibration, write),
         force=force,
     )

@@ -6,7 +6,7 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TextIO
 
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import check_replaceable, write_content
@@ -21,13 +21,6 @@ def show(text: str, *, file: TextIO | None = None, flush: bool = False) -> None:
 def show_commands(text: str, *, file: TextIO) -> None:
     """Print commands to a runner of GitHub; what they quote is escaped already."""
     print(printable(text), end="", file=file)
-
-
-def as_json(record: dict[str, Any]) -> bytes:
-    """A record as the text of a JSON file."""
-    import msgspec
-
-    return msgspec.json.format(msgspec.json.encode(record), indent=1) + b"\n"
 
 
 def deliver(json: str | None, content: Callable[[], bytes], text: Callable[[], str], *, force: bool) -> None:

@@ -10,8 +10,9 @@ from typing import Annotated, NoReturn
 import typer
 
 from winchcascade.cli.options import ForceOption, JobsOption, JsonOption, RigOption, named_number, table_names
-from winchcascade.cli.outputs import as_json, check_outputs, deliver, show, show_commands
+from winchcascade.cli.outputs import check_outputs, deliver, show, show_commands
 from winchcascade.core.errors import OptionError
+from winchcascade.core.files import json_bytes
 
 
 def check_command(
@@ -67,7 +68,7 @@ def check_command(
     outcome = check_results(found, table, factors)
     if junit is not None:
         write_content(junit, junit_xml(outcome), force=force)
-    deliver(json, lambda: as_json(check_record(outcome)), lambda: check_text(outcome), force=force)
+    deliver(json, lambda: json_bytes(check_record(outcome)), lambda: check_text(outcome), force=force)
     if github:
         show_commands(github_annotations(outcome, table.path), file=sys.stderr if json == "-" else sys.stdout)
     raise typer.Exit(0 if outcome.ok else 1)
@@ -139,7 +140,7 @@ def audit_command(
             text + attainable_text(found),
             ok and found.ok,
         )
-    deliver(json, lambda: as_json(record), lambda: text, force=force)
+    deliver(json, lambda: json_bytes(record), lambda: text, force=force)
     raise typer.Exit(0 if ok else 1)
 
 

@@ -160,6 +160,13 @@ def write_content(path: Path, content: bytes | str, *, force: bool = False) -> N
     write_whole(path, lambda p: p.write_bytes(content.encode() if isinstance(content, str) else content), force=force)
 
 
+def json_bytes(record: object) -> bytes:
+    """A record as the content of a JSON file, indented."""
+    import msgspec
+
+    return msgspec.json.format(msgspec.json.encode(record), indent=1) + b"\n"
+
+
 def check_replaceable(path: Path, *, force: bool) -> None:
     """Reject to replace what this tool did not write, and a folder; called before long work begins."""
     if path.is_dir():

@@ -13,8 +13,8 @@ from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, NamedCause,
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.stability import FEWEST
 from winchcascade.report.diagnosis_names import display_of, number_words, phase_words, probability_words
-from winchcascade.report.digits import significant
-from winchcascade.report.gap_words import NAMES, upper
+from winchcascade.report.digits import significant, upper
+from winchcascade.report.gap_words import NAMES
 from winchcascade.report.line_words import LINE_MEANINGS, LINE_NUMBERS
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.effect import Display, WrongEntry

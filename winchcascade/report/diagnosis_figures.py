@@ -30,7 +30,8 @@ from winchcascade.report.diagnosis_data import (
     stretches,
 )
 from winchcascade.report.diagnosis_names import phase_words, signed
-from winchcascade.report.gap_words import NAMES, baseline_words, upper
+from winchcascade.report.digits import upper
+from winchcascade.report.gap_words import NAMES, baseline_words
 from winchcascade.report.model_account import COMPARED
 from winchcascade.report.model_figures import Entry, legend_above, line_entry, patch_entry, shade_over_speed
 from winchcascade.report.style import COLOURS, LOAD_COLOURS, Room, label_panel, panel_figure

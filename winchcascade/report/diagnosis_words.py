@@ -22,13 +22,12 @@ from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.line.line_selection import DRAWS
 from winchcascade.report.cause_words import alternatives_words, cause_words
 from winchcascade.report.diagnosis_names import apart_words, phase_words, probability_words, share_words
-from winchcascade.report.digits import number
+from winchcascade.report.digits import number, upper
 from winchcascade.report.gap_words import (
     alarm_meaning,
     alarm_words,
     arises_sentence,
     has_own_simulation,
-    upper,
     where_sentence,
 )
 from winchcascade.report.line_words import cycles_of, part_words

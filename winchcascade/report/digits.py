@@ -1,4 +1,4 @@
-"""Numbers with as many digits as their uncertainty allows."""
+"""Numbers with as many digits as their uncertainty allows, and sentences that begin with a capital."""
 
 from __future__ import annotations
 
@@ -100,6 +100,11 @@ def significant(value: float | None, digits: int = 3) -> str:
         return "0"
     rounded = float(f"{value:.{digits - 1}e}")  # 0.9996 has its first digit before the point once rounded
     return number(rounded, digits - 1 - math.floor(math.log10(abs(rounded))))
+
+
+def upper(text: str) -> str:
+    """A text that begins with a capital letter."""
+    return text[:1].upper() + text[1:]
 
 
 def percent(share: float | None, decimals: int = 0) -> str:

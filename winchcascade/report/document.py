@@ -14,7 +14,7 @@ from winchcascade.reduction.efficiency import NOTHING
 from winchcascade.reduction.montecarlo import Uncertainty
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.report import figures, tables
-from winchcascade.report.digits import interval_text, number, percent, places, uncertain
+from winchcascade.report.digits import interval_text, number, percent, places, uncertain, upper
 from winchcascade.report.model_section import Modelled, modelled, run_section
 from winchcascade.report.publish import publish
 from winchcascade.report.report_model import (
@@ -223,7 +223,7 @@ def lost_share(reduction: Reduction) -> float:
 
 def _uncertainty_points(found: Uncertainty) -> list[Point]:
     parts = ", ".join(f"{SYMBOL[m]}: {100.0 * share:.0f} % {name}" for m, share, name in decisive(found.budget))
-    rest = ". ".join(sentence[0].upper() + sentence[1:] for sentence in not_known(found.budget))
+    rest = ". ".join(upper(sentence) for sentence in not_known(found.budget))
     texts = [f"What makes most of the variance: {parts}." if parts else "", f"{rest}." if rest else ""]
     text = " ".join(text for text in texts if text)
     return [Point("Uncertainty", text, "warn" if found.budget.unknown else "plain")] if text else []

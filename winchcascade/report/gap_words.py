@@ -21,7 +21,7 @@ from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_data import POWER
 from winchcascade.diagnosis.nuisances import Nuisance
 from winchcascade.report.diagnosis_names import apart_words, display_of, nuisance_words, number_words, phase_words
-from winchcascade.report.digits import number
+from winchcascade.report.digits import number, upper
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.simplifications import SIMPLIFICATIONS
 
@@ -35,11 +35,6 @@ SENSORS = {
     "pressure": "pressure sensor", "force": "force cell", "torque": "torque sensor", "vdc": "sensor of Vdc",
     "idc": "sensor of Idc",
 }  # fmt: skip
-
-
-def upper(text: str) -> str:
-    """A text that begins with a capital letter."""
-    return text[:1].upper() + text[1:]
 
 
 def spot_words(spot: Spot, names: Mapping[str, str] = NAMES) -> str:

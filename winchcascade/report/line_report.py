@@ -18,10 +18,7 @@ from winchcascade.report.diagnosis_names import (
     share_words,
     signed,
 )
-from winchcascade.report.digits import number, significant
-from winchcascade.report.gap_words import (
-    upper,
-)
+from winchcascade.report.digits import number, significant, upper
 from winchcascade.report.line_words import LINE_MEANINGS, set_words
 from winchcascade.report.model_figures import legend_above, line_entry
 from winchcascade.report.report_model import (

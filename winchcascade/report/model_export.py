@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.errors import OptionError
-from winchcascade.core.files import write_content
+from winchcascade.core.files import json_bytes, write_content
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.version import __version__
 from winchcascade.diagnosis.corrected_rig import corrected_rig
@@ -79,7 +79,7 @@ def write_export(found: ModelDiagnosis | LineDiagnosis, path: Path, *, force: bo
     if not isinstance(found, ModelDiagnosis):
         raise OptionError(f"--export {path}: no model can be made of rig {found.rig.name}; leave --export out.")
     record = model_record(found)
-    content = matlab_bytes("model", record) if path.suffix.casefold() == ".mat" else _json(record)
+    content = matlab_bytes("model", record) if path.suffix.casefold() == ".mat" else json_bytes(record)
     write_content(path, content, force=force)
 
 
@@ -148,7 +148,3 @@ def _back_emf(model: Model) -> dict[str, Any]:
         "share": share.tolist(),
         "k_e_v_s_per_rad": (k_e * share).tolist(),
     }
-
-
-def _json(record: dict[str, Any]) -> bytes:
-    return msgspec.json.format(msgspec.json.encode(record), indent=1) + b"\n"

@@ -14,7 +14,7 @@ from msgspec.structs import astuple, replace
 from winchcascade.core.rig_file import Rig
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report import model_figures as figures
-from winchcascade.report.digits import number
+from winchcascade.report.digits import number, upper
 from winchcascade.report.model_account import (
     ALWAYS,
     COMPARED,
@@ -304,7 +304,7 @@ def shown_words(names: Sequence[str]) -> str:
     if len(names) > 1:
         words = [f"{w} ({letter})" for letter, w in zip("abcdefgh", words, strict=False)]
     text = ", ".join(words) + over
-    return f"{text[0].upper()}{text[1:]}."
+    return f"{upper(text)}."
 
 
 def _simulated_with(accounts: Sequence[Account]) -> str:
@@ -404,7 +404,7 @@ def _named(budgets: Sequence[LossBudget]) -> list[str]:
 
 def _parts_note(groups: Sequence[str]) -> str:
     text = "; ".join(f"{GROUPS[g].name}: {GROUPS[g].about}" for g in groups if GROUPS[g].about)
-    return f"{text[:1].upper()}{text[1:]}."
+    return f"{upper(text)}."
 
 
 def _joules(budget: LossBudget, groups: Sequence[str]) -> list[str]:

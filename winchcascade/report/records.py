@@ -11,6 +11,7 @@ from msgspec import UNSET, UnsetType
 
 from winchcascade.core.campaign_file import origin_record
 from winchcascade.core.cascade import PAPER, Cascade, field_of
+from winchcascade.core.files import json_bytes
 from winchcascade.core.quantity import KGF, si_unit
 from winchcascade.core.version import __version__
 from winchcascade.reduction.efficiency import ALL_METRICS, FIELDS, Metrics
@@ -223,7 +224,7 @@ class RunRecord(msgspec.Struct, frozen=True):
 
 def reduction_json(reduction: Reduction, found: Uncertainty | None = None) -> bytes:
     """The reduction of one log as JSON, schema `winchcascade/reduction/1`, with its uncertainty, made here if not given."""
-    return msgspec.json.format(msgspec.json.encode(reduction_record(reduction, found)), indent=1) + b"\n"
+    return json_bytes(reduction_record(reduction, found))
 
 
 def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> RunRecord:

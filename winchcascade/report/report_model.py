@@ -12,7 +12,7 @@ import msgspec
 
 from winchcascade.core.campaign_file import Origin, origin_words
 from winchcascade.core.version import __version__
-from winchcascade.report.digits import number
+from winchcascade.report.digits import number, upper
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -232,7 +232,7 @@ def data_point(origins: Sequence[Origin]) -> Point:
     words = origin_words(origins)
     text = words if words.endswith(".") else f"{words}."
     made = any(origin.measured is False for origin in origins)
-    return Point("Data", text[0].upper() + text[1:], "warn" if made else "plain")
+    return Point("Data", upper(text), "warn" if made else "plain")
 
 
 SUBSCRIPTS = (
