@@ -14,18 +14,21 @@ from matplotlib.ticker import FixedLocator, NullLocator
 from winchcascade.core.cascade import field_of
 from winchcascade.core.run import Signal
 from winchcascade.report.campaign_record import LogSummary, cascade_of, load_text, rule_of
-from winchcascade.report.figures import readable, stage_of
-from winchcascade.report.model_figures import LINE, MARK_SIZE, load_style
+from winchcascade.report.figures import stage_of
 from winchcascade.report.style import (
     COLOURS,
+    LINE,
     LOAD_COLOURS,
+    MARK_SIZE,
     Room,
     columns_within,
     cut_apart,
     label_panel,
     lines_within,
+    load_style,
     look_of,
     panel_figure,
+    readable,
     text_width,
 )
 from winchcascade.report.wording import tex

@@ -19,8 +19,7 @@ from winchcascade.report.diagnosis_data import HAUL_IN, OUT, by_load, most_telli
 from winchcascade.report.diagnosis_figures import AFTER, DASHES
 from winchcascade.report.digits import significant
 from winchcascade.report.gap_words import NAMES, baseline_words
-from winchcascade.report.model_figures import legend_above, line_entry, patch_entry
-from winchcascade.report.style import COLOURS, wide_figure
+from winchcascade.report.style import COLOURS, legend_above, line_entry, patch_entry, wide_figure
 from winchcascade.report.traces import PANELS
 from winchcascade.report.wording import load_words
 

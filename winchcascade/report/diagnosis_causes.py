@@ -22,8 +22,16 @@ from winchcascade.report.cause_words import runs_with_number, shown_as
 from winchcascade.report.diagnosis_data import stator_current
 from winchcascade.report.diagnosis_names import display_of, number_words, probability_words
 from winchcascade.report.digits import MINUS, number
-from winchcascade.report.model_figures import legend_above, line_entry, patch_entry
-from winchcascade.report.style import COLOURS, Room, label_panel, panel_figure, wide_figure
+from winchcascade.report.style import (
+    COLOURS,
+    Room,
+    label_panel,
+    legend_above,
+    line_entry,
+    panel_figure,
+    patch_entry,
+    wide_figure,
+)
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.effect import Change, Display, Effect
 from winchcascade.rig.effects.generator import share_of_k_e

@@ -33,8 +33,18 @@ from winchcascade.report.diagnosis_names import phase_words, signed
 from winchcascade.report.digits import upper
 from winchcascade.report.gap_words import NAMES, baseline_words
 from winchcascade.report.model_account import COMPARED
-from winchcascade.report.model_figures import Entry, legend_above, line_entry, patch_entry, shade_over_speed
-from winchcascade.report.style import COLOURS, LOAD_COLOURS, Room, label_panel, panel_figure
+from winchcascade.report.style import (
+    COLOURS,
+    LOAD_COLOURS,
+    Entry,
+    Room,
+    label_panel,
+    legend_above,
+    line_entry,
+    panel_figure,
+    patch_entry,
+    shade_over_speed,
+)
 from winchcascade.report.wording import load_words
 from winchcascade.rig.stages import STAGES
 

@@ -19,7 +19,7 @@ from winchcascade.reduction.bins import engaged, generator_speed
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.reduction.uncertainty import Budget
 from winchcascade.report.digits import significant
-from winchcascade.report.style import COLOURS, Room, label_panel, look_of, panel_figure, wide_figure
+from winchcascade.report.style import COLOURS, Room, dots, label_panel, look_of, panel_figure, readable, wide_figure
 from winchcascade.report.tables import budgeted
 from winchcascade.report.traces import clock_zero, end_of, envelope, panels_of, time_label
 from winchcascade.report.wording import by_sensor, tex
@@ -60,14 +60,6 @@ _TURN, _DROP = 0.38, -0.3
 
 _ROOM = Room(left=0.095)
 """Room of the figures over time."""
-
-
-def readable(unit: str, *signals: Signal) -> tuple[float, str]:
-    """Factor and unit that keep the numbers of an axis short: thousands from 10 000 on, smaller units below 0.01."""
-    peak = max((float(np.max(np.abs(x))) for x in signals if x.size), default=0.0)
-    if unit not in ("N", "W", "J", "N·m") or 0.01 <= peak < 1e4 or peak == 0.0:
-        return 1.0, unit
-    return (1e-3, f"k{unit}") if peak >= 1e4 else (1e3, f"m{unit}") if peak >= 1e-5 else (1e6, f"µ{unit}")
 
 
 def powers_of(reduction: Reduction) -> dict[str, Signal]:
@@ -194,13 +186,6 @@ def _over_speed(ax: Axes, reduction: Reduction, powers: dict[str, Signal]) -> No
     title = f"Payouts; lines: means in bins of {rig.thresholds.rpm_bin:g} rpm"
     label_panel(ax, "b", title, x="Generator speed (rpm)", y=f"Power ({unit})")
     ax.legend(loc="upper left")
-
-
-def dots(ax: Axes, x: Signal, y: Signal, colour: str) -> None:
-    """Draw points as one path of very short strokes: a marker each would make the file ten times as large."""
-    gap, short = np.full(x.size, np.nan), 1e-3 * float(np.ptp(x, axis=None)) if x.size else 0.0
-    across, up = np.column_stack((x, x + short, gap)).ravel(), np.column_stack((y, y, gap)).ravel()
-    ax.plot(across, up, color=colour, lw=1.7, alpha=0.45, solid_capstyle="round")
 
 
 def representative(reduction: Reduction) -> CycleResult:

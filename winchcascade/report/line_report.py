@@ -20,7 +20,6 @@ from winchcascade.report.diagnosis_names import (
 )
 from winchcascade.report.digits import number, significant, upper
 from winchcascade.report.line_words import LINE_MEANINGS, set_words
-from winchcascade.report.model_figures import legend_above, line_entry
 from winchcascade.report.report_model import (
     Section,
     Table,
@@ -30,7 +29,7 @@ from winchcascade.report.report_model import (
     section,
     text_column,
 )
-from winchcascade.report.style import COLOURS, Room, label_panel, panel_figure, wide_figure
+from winchcascade.report.style import COLOURS, Room, label_panel, legend_above, line_entry, panel_figure, wide_figure
 
 
 def line_where(found: LineDiagnosis) -> Section:

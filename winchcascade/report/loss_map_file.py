@@ -116,7 +116,7 @@ def _mat(record: dict[str, Any]) -> bytes:
 
 
 def _json(record: dict[str, Any]) -> bytes:
-    return msgspec.json.format(msgspec.json.encode(_plain(record)), indent=1) + b"\n"
+    return json_bytes(_plain(record))
 
 
 def _plain(value: Any) -> Any:

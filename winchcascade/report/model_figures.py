@@ -11,12 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Rectangle
 
 from winchcascade.core.run import Signal
 from winchcascade.report.digits import significant
-from winchcascade.report.figures import dots, readable
 from winchcascade.report.model_account import (
     GROUPS,
     HAUL_IN,
@@ -30,26 +27,30 @@ from winchcascade.report.model_account import (
 )
 from winchcascade.report.style import (
     COLOURS,
+    LINE,
     LOAD_COLOURS,
+    MARK_SIZE,
+    MARKS,
     WIDTH,
+    Entry,
     Room,
-    columns_within,
+    dots,
     label_panel,
+    legend_above,
+    line_entry,
     lines_within,
+    load_style,
     panel_figure,
+    patch_entry,
+    readable,
+    samples_entry,
+    shade_over_speed,
     text_width,
 )
-
-MARKS: tuple[Any, ...] = ("o", "s", "^", "D", "v", "P", "X")
-"""Markers of the logs in the order of their loads."""
 
 MOST_MARKS = 330
 """Markers in a row of panels, about at most: of several logs with many bins each has its turn."""
 
-MARK_SIZE = 3.0
-
-LINE = 0.17
-"""Height of a line of a legend. [in]"""
 
 _LETTERS = "abcdefgh"
 _BACK: Any = (0, (2.5, 1.2))
@@ -69,19 +70,11 @@ class Drawn(NamedTuple):
 Clouds = dict[str, tuple["Signal", "Signal"]]
 """Samples of a log that are drawn behind its curve, x and y, by the curve's name."""
 
-Entry = tuple[Any, str]
-"""What a legend shows, and its text."""
-
 
 def by_load(names: Sequence[str], curves: Sequence[Mapping[str, ComparedCurve]]) -> list[Drawn]:
     """Give each of several loads a colour and a marker of its own; logs of one load share its name and look alike."""
     found = {name: load_style(k) for k, name in enumerate(dict.fromkeys(names))}
     return [Drawn(name, c, found[name][0], *found[name]) for name, c in zip(names, curves, strict=True)]
-
-
-def load_style(k: int) -> tuple[str, Any]:
-    """Colour and marker of the load at place k; where colours come again, the markers are others."""
-    return LOAD_COLOURS[k % len(LOAD_COLOURS)], MARKS[(k + k // len(LOAD_COLOURS)) % len(MARKS)]
 
 
 def given_names(drawn: Sequence[Drawn], names: Sequence[str]) -> list[str]:
@@ -160,16 +153,6 @@ def _panel(
         ax.set_ylim(max(low, 0.0), min(max(high, 0.9), 1.0))
 
 
-def shade_over_speed(ax: Axes, rated: float | None) -> bool:
-    """Shade what lies over the rated speed of the generator, if the axis extends that far; True if it does."""
-    low, high = ax.get_xlim()
-    if rated is None or rated >= high:
-        return False
-    ax.axvspan(max(rated, low), high, color=COLOURS["over"], lw=0, zorder=0.1)
-    ax.set_xlim(low, high)
-    return True
-
-
 # ---------------------------------------------------------------------------------------------------------- the legends
 def _legend(figure: Figure, drawn: Sequence[Drawn], *, word: str, shaded: bool, sampled: bool) -> None:
     """Add the legend of lines, markers and shades above the panels; of several logs name each."""
@@ -194,30 +177,6 @@ def _loads(drawn: Sequence[Drawn]) -> list[Entry]:
 def _mark(mark: Any) -> dict[str, Any]:
     """Style of a marker of the simulation."""
     return {"marker": mark, "ms": MARK_SIZE, "mew": 0.7, "mfc": COLOURS["paper"]}
-
-
-def line_entry(text: str, colour: str = "ink", **style: Any) -> Entry:
-    """Entry of a legend for a line or, with a marker in its style, for points."""
-    return Line2D([], [], **{"color": COLOURS[colour], **style}), text
-
-
-def samples_entry(text: str, colour: str) -> Entry:
-    """Entry of a legend for dots."""
-    return line_entry(text, colour, ls="none", marker=".", ms=4, mew=0, alpha=0.6)
-
-
-def patch_entry(text: str, colour: str, **style: Any) -> Entry:
-    """Entry of a legend for a shade."""
-    return Rectangle((0, 0), 1, 1, **{"fc": COLOURS[colour], "ec": COLOURS["soft"], "lw": 0.4, **style}), text
-
-
-def legend_above(figure: Figure, entries: Sequence[Entry], *, line: int = 0) -> None:
-    """Set a legend in one of the lines above the panels, as many entries in a line as there is room for."""
-    handles, texts = zip(*entries, strict=True)
-    figure.legend(
-        handles, texts, loc="upper left", ncols=columns_within(texts), columnspacing=1.1, handlelength=2.0,
-        bbox_to_anchor=(0.01, 1.0 - LINE * line / float(figure.get_figheight())), borderaxespad=0.1,
-    )  # fmt: skip
 
 
 # --------------------------------------------------------------------------------------------------- an open circuit

@@ -1,4 +1,4 @@
-"""Style of all figures: named colours that a page may turn dark, sizes of texts and legends, and figures as SVG text."""
+"""Style of all figures: named colours that a page may turn dark, panels, marks and legends, and figures as SVG text."""
 
 from __future__ import annotations
 
@@ -8,18 +8,22 @@ import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
+from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
 from matplotlib.textpath import text_to_path
 
 logging.getLogger("matplotlib").setLevel(logging.ERROR)  # what it says of its own caches and settings is not our user's
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from winchcascade.core.run import Signal
 
 WIDTH = 6.7
 """Width of a figure: that of a page of A4 between its margins. [in]"""
@@ -247,3 +251,70 @@ def cut_apart(names: Sequence[str], most: int = SHORT) -> list[str]:
             return cut
     number = {name: k for k, name in enumerate(dict.fromkeys(names), 1)}
     return [name if len(name) <= most else f"{name[: room - 5]}… ({number[name]})" for name in names]
+
+
+# --------------------------------------------------------------------------- what figures share
+MARKS: tuple[Any, ...] = ("o", "s", "^", "D", "v", "P", "X")
+"""Markers of the logs in the order of their loads."""
+
+MARK_SIZE = 3.0
+
+LINE = 0.17
+"""Height of a line of a legend. [in]"""
+
+Entry = tuple[Any, str]
+"""What a legend shows, and its text."""
+
+
+def load_style(k: int) -> tuple[str, Any]:
+    """Colour and marker of the load at place k; where colours come again, the markers are others."""
+    return LOAD_COLOURS[k % len(LOAD_COLOURS)], MARKS[(k + k // len(LOAD_COLOURS)) % len(MARKS)]
+
+
+def shade_over_speed(ax: Axes, rated: float | None) -> bool:
+    """Shade what lies over the rated speed of the generator, if the axis extends that far; True if it does."""
+    low, high = ax.get_xlim()
+    if rated is None or rated >= high:
+        return False
+    ax.axvspan(max(rated, low), high, color=COLOURS["over"], lw=0, zorder=0.1)
+    ax.set_xlim(low, high)
+    return True
+
+
+def line_entry(text: str, colour: str = "ink", **style: Any) -> Entry:
+    """Entry of a legend for a line or, with a marker in its style, for points."""
+    return Line2D([], [], **{"color": COLOURS[colour], **style}), text
+
+
+def samples_entry(text: str, colour: str) -> Entry:
+    """Entry of a legend for dots."""
+    return line_entry(text, colour, ls="none", marker=".", ms=4, mew=0, alpha=0.6)
+
+
+def patch_entry(text: str, colour: str, **style: Any) -> Entry:
+    """Entry of a legend for a shade."""
+    return Rectangle((0, 0), 1, 1, **{"fc": COLOURS[colour], "ec": COLOURS["soft"], "lw": 0.4, **style}), text
+
+
+def legend_above(figure: Figure, entries: Sequence[Entry], *, line: int = 0) -> None:
+    """Set a legend in one of the lines above the panels, as many entries in a line as there is room for."""
+    handles, texts = zip(*entries, strict=True)
+    figure.legend(
+        handles, texts, loc="upper left", ncols=columns_within(texts), columnspacing=1.1, handlelength=2.0,
+        bbox_to_anchor=(0.01, 1.0 - LINE * line / float(figure.get_figheight())), borderaxespad=0.1,
+    )  # fmt: skip
+
+
+def readable(unit: str, *signals: Signal) -> tuple[float, str]:
+    """Factor and unit that keep the numbers of an axis short: thousands from 10 000 on, smaller units below 0.01."""
+    peak = max((float(np.max(np.abs(x))) for x in signals if x.size), default=0.0)
+    if unit not in ("N", "W", "J", "N·m") or 0.01 <= peak < 1e4 or peak == 0.0:
+        return 1.0, unit
+    return (1e-3, f"k{unit}") if peak >= 1e4 else (1e3, f"m{unit}") if peak >= 1e-5 else (1e6, f"µ{unit}")
+
+
+def dots(ax: Axes, x: Signal, y: Signal, colour: str) -> None:
+    """Draw points as one path of very short strokes: a marker each would make the file ten times as large."""
+    gap, short = np.full(x.size, np.nan), 1e-3 * float(np.ptp(x, axis=None)) if x.size else 0.0
+    across, up = np.column_stack((x, x + short, gap)).ravel(), np.column_stack((y, y, gap)).ravel()
+    ax.plot(across, up, color=colour, lw=1.7, alpha=0.45, solid_capstyle="round")

@@ -24,7 +24,6 @@ from winchcascade.blind.score import (
 from winchcascade.core.campaign_file import Origin, banner
 from winchcascade.report.diagnosis_names import display_of
 from winchcascade.report.digits import MINUS, number, places, significant
-from winchcascade.report.model_figures import legend_above
 from winchcascade.report.publish import publish
 from winchcascade.report.report_model import (
     Note,
@@ -39,7 +38,7 @@ from winchcascade.report.report_model import (
     rows_of,
     section,
 )
-from winchcascade.report.style import COLOURS, Room, house_style, panel_figure
+from winchcascade.report.style import COLOURS, Room, house_style, legend_above, panel_figure
 from winchcascade.report.trial_text import (
     HIDDEN,
     closure_sentence,
