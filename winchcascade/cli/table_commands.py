@@ -155,5 +155,5 @@ def _audit_points(table: Path, *, physics: bool, json: str | None, force: bool) 
             f"--physics: {table} is a table of operating points; expected one of loads; leave --physics out."
         )
     found = audit_points(load_points(table))
-    deliver(json, lambda: as_json(point_audit_record(found)), lambda: point_audit_text(found), force=force)
+    deliver(json, lambda: json_bytes(point_audit_record(found)), lambda: point_audit_text(found), force=force)
     raise typer.Exit(0 if found.ok else 1)
