@@ -9,11 +9,10 @@ import math
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from winchcascade.core.errors import OptionError
-from winchcascade.core.files import write_content
+from winchcascade.core.files import json_bytes, write_content
 from winchcascade.core.version import __version__
 from winchcascade.reduction.loss_map import LossMap
 from winchcascade.report.matlab_file import matlab_bytes
