@@ -114,10 +114,18 @@ def make_table(
 
 
 def items_table(
-    name: str, caption: str, columns: Sequence[TableColumn[T]], items: Sequence[T], *, note: str = ""
+    name: str,
+    caption: str,
+    columns: Sequence[TableColumn[T]],
+    items: Sequence[T],
+    *,
+    most: int | None = None,
+    more: str = "more",
+    note: str = "",
 ) -> Table | None:
-    """A table with a row for each item; None without items."""
-    return make_table(name, caption, columns, rows_of(columns, items), note=note) if items else None
+    """A table with a row for each item, of more than `most` for the first and the last half of that; None without items."""
+    rows = rows_of(columns, items, most=most, more=more)
+    return make_table(name, caption, columns, rows, note=note) if items else None
 
 
 def text_column(name: str, unit: str = "") -> TableColumn[object]:
