@@ -105,7 +105,6 @@ def reduce(
         quality=(*run.findings, *findings),
         bridged=energy.bridged,
         sampled=sampling.changes,
-        both_ways={} if by_motion else _both_ways(run, rig, results),
     )
 
 
@@ -150,19 +149,6 @@ def require_payouts(reduction: Reduction) -> None:
         from winchcascade.reduction.phase_proposal import no_cycles
 
         raise LogError(no_cycles(reduction.run, reduction.rig))
-
-
-def _both_ways(run: Run, rig: Rig, results: Sequence[CycleResult]) -> dict[str, tuple[float, float]]:
-    """Energy that flows with the cascade and against it, by stage: a reciprocating machine returns a part. [J]"""
-    windows = np.array([(r.window.onset, r.window.cutoff) for r in results if r.complete]).reshape(-1, 2)
-    found = {}
-    for stage in rig.cascade.stages:
-        watts = stage.watts(run.channels, rig.r_drum)
-        if watts is not None:
-            parts = (np.maximum(watts, 0.0), np.minimum(watts, 0.0))
-            forth, back = (float(integrals(run.t, part.__getitem__, windows).sum()) for part in parts)
-            found[stage.name] = (forth, back)
-    return found
 
 
 def _too_few(chosen: tuple[int, int] | None, phased: PhasedRun) -> list[Finding]:

@@ -42,8 +42,7 @@ class Reduction(msgspec.Struct, frozen=True):
     net energies of whole cycles are over those complete cycles that have them.
     `quality` holds the findings of the log and of the reduction. `bridged` is, for each stage that has gaps, what bridging
     them could have changed of each cycle's energy [J]; `sampled`, where the sampling is not clearly fine, is what every second
-    or third sample alone changes of it [J]. `both_ways`, where cycles come from no motion of the line, is what flows in the
-    direction of the cascade and, negative, against it, by stage, all complete cycles together [J].
+    or third sample alone changes of it [J].
     """
 
     run: Run
@@ -57,7 +56,6 @@ class Reduction(msgspec.Struct, frozen=True):
     quality: tuple[Finding, ...]
     bridged: Mapping[str, tuple[float, ...]] = msgspec.field(default_factory=dict)
     sampled: Mapping[str, tuple[float, ...]] = msgspec.field(default_factory=dict)
-    both_ways: Mapping[str, tuple[float, float]] = msgspec.field(default_factory=dict)
 
     def __repr__(self) -> str:
         """One line instead of every number."""
@@ -68,6 +66,19 @@ class Reduction(msgspec.Struct, frozen=True):
         from winchcascade.report.frames import reduction_frame
 
         return reduction_frame(self, table, units)
+
+    @property
+    def both_ways(self) -> dict[str, tuple[float, float]]:
+        """What flows with the cascade and, negative, against it, by stage, in all complete cycles together; nothing where
+        cycles are found in a motion. [J]
+        """
+        found = dict.fromkeys(self.rig.cascade.names, (0.0, 0.0))
+        sides = [c.summary.both_ways for c in self.complete if c.summary.both_ways is not msgspec.UNSET]
+        for cycle in sides:
+            for name, side in cycle.items():
+                forth, back = found[name]
+                found[name] = (forth + side.positive, back + side.negative)
+        return {name: both for name, both in found.items() if any(both)}
 
     @property
     def complete(self) -> tuple[CycleResult, ...]:

@@ -291,7 +291,7 @@ def _stages(reduction: Reduction, found: Uncertainty) -> StagesRecord | UnsetTyp
         standard_uncertainty=found.standard.fields(cascade.metrics),
         interval_95=_intervals(found.interval_95, cascade.metrics),
         total=reduction.total.fields(cascade.metrics),
-        both_ways_j=dict(reduction.both_ways),
+        both_ways_j=reduction.both_ways,
     )
 
 
