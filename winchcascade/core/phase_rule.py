@@ -72,8 +72,8 @@ class PhaseRule(
 
     @property
     def repeats(self) -> bool:
-        """Whether cycles repeat one motion, so that they show a repeatability; steps are different operating points."""
-        return self.source not in ("steps", "rows")
+        """Whether cycles repeat one motion, so that they show a repeatability; steps and stretches do not."""
+        return self.source not in ("steps", "rows", "whole")
 
 
 def phase_rule(raw: dict[str, Any], where: str) -> PhaseRule:
