@@ -27,7 +27,7 @@ TOGETHER = {
         "test_diagnosis_figures",
         "test_diagnosis_report",
         "test_declared_effect",
-        "test_frames",
+        *("test_frames", "test_plots"),
     )
 }
 """Files that use results of one another: one worker takes them all, and makes each result once."""

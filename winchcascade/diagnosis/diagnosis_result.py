@@ -13,7 +13,10 @@ from winchcascade.core.errors import CampaignError
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    import numpy as np
     import pandas as pd
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
 
     from winchcascade.core.campaign_file import Cycles
     from winchcascade.core.rig_file import Rig
@@ -24,6 +27,9 @@ if TYPE_CHECKING:
 Verdict = Literal["no_gap", "explained", "partly_explained", "unexplained"]
 DiagnosisTable = Literal["causes", "contributions", "map", "stability"]
 """Tables of a diagnosis as frames."""
+
+DiagnosisPlot = Literal["map", "waterfall"]
+"""Plots of a diagnosis."""
 
 Names = tuple[str, ...]
 """A set of suspects."""
@@ -372,6 +378,21 @@ class DiagnosisResult(msgspec.Struct, frozen=True, kw_only=True):
         from winchcascade.report.frames import diagnosis_frame
 
         return diagnosis_frame(self, table, units)
+
+    def plot(self, what: DiagnosisPlot, ax: Axes | None = None) -> Axes | NDArray[np.object_]:
+        """Plot the map of the gap, or what each cause costs of an efficiency, as a waterfall for each load.
+
+        Gives the Axes; of the waterfalls an array of them, or, on a given `ax`, that of the largest difference alone.
+        """
+        from winchcascade.report.plots import plot_diagnosis
+
+        return plot_diagnosis(self, what, ax)
+
+    def _repr_html_(self) -> str:
+        """Verdict and causes as a table, for notebooks."""
+        from winchcascade.report.notebook_html import summary_html
+
+        return summary_html(self)
 
     @property
     def unnamed(self) -> list[str]:

@@ -17,10 +17,16 @@ from winchcascade.reduction.phased_run import Window
 from winchcascade.reduction.phases import Cycle
 
 if TYPE_CHECKING:
+    import numpy as np
     import pandas as pd
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
 
 ReductionTable = Literal["cycles", "bins", "findings", "channels"]
 """Tables of a reduction as frames."""
+
+ReductionPlot = Literal["power", "history", "speed", "efficiency"]
+"""Plots of a reduction."""
 
 
 class CycleResult(msgspec.Struct, frozen=True):
@@ -66,6 +72,21 @@ class Reduction(msgspec.Struct, frozen=True):
         from winchcascade.report.frames import reduction_frame
 
         return reduction_frame(self, table, units)
+
+    def plot(self, what: ReductionPlot, ax: Axes | None = None) -> Axes | NDArray[np.object_]:
+        """Plot powers of a cycle, histories of the log, powers over generator speed, or efficiencies of the cycles.
+
+        Gives the Axes; of the histories an array of them, or, on a given `ax`, the powers alone.
+        """
+        from winchcascade.report.plots import plot_reduction
+
+        return plot_reduction(self, what, ax)
+
+    def _repr_html_(self) -> str:
+        """Energies and efficiencies of the cycles as a table, for notebooks."""
+        from winchcascade.report.notebook_html import summary_html
+
+        return summary_html(self)
 
     @property
     def both_ways(self) -> dict[str, tuple[float, float]]:

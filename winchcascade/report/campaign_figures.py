@@ -61,12 +61,20 @@ def over_load(runs: Sequence[LogSummary]) -> Figure | None:
         return None
     room = Room(left=0.095, head=0.435, foot=0.493)
     figure, (left, right) = panel_figure(2.9, 1, 2, room=room, gaps={"wspace": 0.26})
-    cascade = cascade_of(runs)
-    unit = _points(left, runs, [f"power_{name}" for name in cascade.names], "W")
-    label_panel(left, "a", "Mean power in the window", y=f"Power ({unit})")
-    _points(right, runs, [*cascade.ratios], "1")
-    label_panel(right, "b", "Efficiency", y="Efficiency (1)")
+    draw_over_load(left, runs, "power")
+    draw_over_load(right, runs, "efficiency")
     return figure
+
+
+def draw_over_load(ax: Axes, runs: Sequence[LogSummary], what: str) -> None:
+    """Draw mean powers, for `power`, or efficiencies of the runs over the load."""
+    cascade = cascade_of(runs)
+    if what == "power":
+        unit = _points(ax, runs, [f"power_{name}" for name in cascade.names], "W")
+        label_panel(ax, "a", "Mean power in the window", y=f"Power ({unit})")
+    else:
+        _points(ax, runs, [*cascade.ratios], "1")
+        label_panel(ax, "b", "Efficiency", y="Efficiency (1)")
 
 
 def over_what(runs: Sequence[LogSummary]) -> str:
@@ -177,18 +185,36 @@ def over_speed(runs: Sequence[LogSummary], bins: Bins) -> Figure | None:
     room = Room(left=0.085, head=head, foot=0.46)
     figure, axes = panel_figure(head + 2.42, 1, len(fields), room=room, gaps={"wspace": 0.34})
     for k, (ax, (field, title, unit)) in enumerate(zip(axes, fields, strict=True)):
-        curves = [_curve(found, field) for found in shown.values()]
-        short, unit = readable(unit, *(y for _, y in curves))
-        for n, (name, (x, y)) in enumerate(zip(names, curves, strict=True)):
-            colour, mark = load_style(place[name])
-            dashes = _DASHES[place[name] // len(LOAD_COLOURS) % len(_DASHES)]
-            marks: Any = {"marker": mark, "ms": MARK_SIZE, "mfc": COLOURS["paper"], "mew": 0.7}
-            ax.plot(x, y * short, color=COLOURS[colour], ls=dashes, **marks, markevery=(n % 3, max(1, x.size // 6)))
+        unit = _curves(ax, names, [_curve(found, field) for found in shown.values()], unit)
         label_panel(ax, "abc"[k], title, x="Generator speed (rpm)", y=unit)
     first = dict(zip(reversed(names), reversed(axes[0].lines), strict=True))
     columns, gap = columns_within(list(place), **_LEGEND), _LEGEND["gap"]
     figure.legend([first[name] for name in place], list(place), loc="upper right", ncols=columns, columnspacing=gap)
     return figure
+
+
+def draw_power_over_speed(ax: Axes, runs: Sequence[LogSummary], bins: Bins) -> None:
+    """Draw the power of the last stage that any run has over the speed of the generator, one curve a run."""
+    drawn = [(run, name) for run, name in zip(drawn_runs(runs), _entries(runs), strict=True) if bins.get(run.name)]
+    fields = [row for row in _FIELDS if any(row[0] in b for run, _ in drawn for b in bins[run.name])]
+    field, title, unit = fields[-1]
+    names = [name for _, name in drawn]
+    unit = _curves(ax, names, [_curve(bins[run.name], field) for run, _ in drawn], unit)
+    label_panel(ax, "a", title, x="Generator speed (rpm)", y=f"Power ({unit})")
+    first = dict(zip(reversed(names), reversed(ax.lines), strict=True))
+    ax.legend([first[name] for name in dict.fromkeys(names)], list(dict.fromkeys(names)))
+
+
+def _curves(ax: Axes, names: Sequence[str], curves: Sequence[Signal], unit: str) -> str:
+    """Draw a curve for each run, those of one name alike; gives the unit of the axis."""
+    place = {name: k for k, name in enumerate(dict.fromkeys(names))}
+    short, unit = readable(unit, *(y for _, y in curves))
+    for n, (name, (x, y)) in enumerate(zip(names, curves, strict=True)):
+        colour, mark = load_style(place[name])
+        dashes = _DASHES[place[name] // len(LOAD_COLOURS) % len(_DASHES)]
+        marks: Any = {"marker": mark, "ms": MARK_SIZE, "mfc": COLOURS["paper"], "mew": 0.7}
+        ax.plot(x, y * short, color=COLOURS[colour], ls=dashes, **marks, markevery=(n % 3, max(1, x.size // 6)))
+    return unit
 
 
 def look_alike(runs: Sequence[LogSummary]) -> bool:

@@ -13,10 +13,16 @@ from winchcascade.report.campaign_record import CampaignRecord
 from winchcascade.report.records import RunRecord
 
 if TYPE_CHECKING:
+    import numpy as np
     import pandas as pd
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
 
 CampaignTable = Literal["runs", "cycles", "bins", "findings"]
 """Tables of a campaign as frames."""
+
+CampaignPlot = Literal["power", "efficiency", "speed"]
+"""Plots of a campaign."""
 
 
 class CampaignReduction(msgspec.Struct, frozen=True):
@@ -60,3 +66,15 @@ class CampaignReduction(msgspec.Struct, frozen=True):
         from winchcascade.report.frames import campaign_frame
 
         return campaign_frame(self.records, table, units, self.cascades)
+
+    def plot(self, what: CampaignPlot, ax: Axes | None = None) -> Axes | NDArray[np.object_]:
+        """Plot mean powers or efficiencies of the runs over their loads, or the power over generator speed; gives the Axes."""
+        from winchcascade.report.plots import plot_campaign
+
+        return plot_campaign(self, what, ax)
+
+    def _repr_html_(self) -> str:
+        """Efficiencies of the runs as a table, for notebooks."""
+        from winchcascade.report.notebook_html import summary_html
+
+        return summary_html(self)

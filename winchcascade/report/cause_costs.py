@@ -237,26 +237,36 @@ BAR = 0.165
 
 def waterfall_figure(found: ModelDiagnosis) -> Figure | None:
     """Draw an efficiency from the model of the rig file to that of the runs, cause by cause, a panel for each load."""
-    metric = leading_metric(found.contributions)
-    table = load_costs(found, metric)[:MOST_LOADS]
+    table = waterfall_costs(found)
     if not table:
         return None
     bars, lines = len(table[0].parts) + 2, -(-len(table) // COLUMNS)
     height = lines * (bars * BAR + 0.5) + 0.25
     gaps = {"wspace": 0.08, "hspace": 0.5 / (bars * BAR)}
     figure, panels = panel_figure(height, lines, COLUMNS, room=Room(left=0.2, head=0.24), gaps=gaps, share="y")
-    span = max(_extent(costs)[1] - _extent(costs)[0] for costs in table)
+    draw_waterfalls(panels, found, table)
     for k, ax in enumerate(panels):
-        if k >= len(table):
-            ax.set_visible(False)
-            continue
-        _waterfall(ax, table[k], span)
-        ax.set_title(load_words(table[k].load), loc="left", pad=3)
-        if k + COLUMNS >= len(table):
-            ax.set_xlabel(f"{metric} (%)")
+        ax.set_visible(k < len(table))
+        if k + COLUMNS < len(table):
+            ax.set_xlabel("")
+    return figure
+
+
+def waterfall_costs(found: ModelDiagnosis) -> list[Contribution]:
+    """The split of the leading efficiency at the loads that are drawn."""
+    return load_costs(found, leading_metric(found.contributions))[:MOST_LOADS]
+
+
+def draw_waterfalls(panels: Sequence[Axes], found: ModelDiagnosis, table: Sequence[Contribution]) -> None:
+    """Draw one waterfall for each load, with the names of the bars at the first."""
+    bars = len(table[0].parts) + 2
+    span = max(_extent(costs)[1] - _extent(costs)[0] for costs in table)
+    for ax, costs in zip(panels, table, strict=False):
+        _waterfall(ax, costs, span)
+        ax.set_title(load_words(costs.load), loc="left", pad=3)
+        ax.set_xlabel(f"{leading_metric(found.contributions)} (%)")
     names = [given_head(found), *(part_name(found, part) for part in table[0].parts), word_of(found)]
     panels[0].set(yticks=range(bars), yticklabels=names, ylim=(bars - 0.45, -0.55))
-    return figure
 
 
 def _extent(costs: Contribution) -> tuple[float, float]:

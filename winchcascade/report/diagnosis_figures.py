@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -71,8 +71,19 @@ DASHES: Any = (0, (4, 1.2))
 
 def gap_map(found: ModelDiagnosis) -> Figure | None:
     """Draw the bias of each channel and phase (rows) at each load (columns) over its standard uncertainty."""
+    return _matrix(found, *_gaps(found), left=0.19)
+
+
+def draw_gap_map(ax: Axes, found: ModelDiagnosis) -> None:
+    """Draw the map of `gap_map` on given axes."""
+    names, cells = _gaps(found)
+    _draw_matrix(ax, found, [row for row in names if any(key[:2] == row for key in cells)], names, cells)
+
+
+def _gaps(found: ModelDiagnosis) -> tuple[dict[tuple[str, str], str], dict[tuple[str, str, int], float]]:
+    """Names of the rows of the map of the gap, by channel and phase, and its cells, by channel, phase and log."""
     rows = {(c, p): f"{NAMES[c]}, {phase_words(p)}" for c in CHANNELS for p in PHASES}
-    return _matrix(found, rows, {(p.channel, p.phase, p.log): p.z for p in found.places}, left=0.19)
+    return rows, {(p.channel, p.phase, p.log): p.z for p in found.places}
 
 
 def stage_map(found: ModelDiagnosis) -> Figure | None:
@@ -98,10 +109,22 @@ def _matrix(
     left : share of the width for the names
     """
     rows = [row for row in names if any(key[:2] == row for key in cells)]
-    logs = by_load(found)
     if not rows:
         return None
     figure, (ax,) = panel_figure(0.3 + 0.235 * len(rows), room=Room(left=left, head=0.24, foot=0.04))
+    _draw_matrix(ax, found, rows, names, cells)
+    return figure
+
+
+def _draw_matrix(
+    ax: Axes,
+    found: ModelDiagnosis,
+    rows: Sequence[tuple[str, str]],
+    names: Mapping[tuple[str, str], str],
+    cells: Mapping[tuple[str, str, int], float],
+) -> None:
+    """Draw the rows of a matrix on given axes, a column for each log."""
+    logs = by_load(found)
     for i, (kind, phase) in enumerate(rows):
         for j, log in enumerate(logs):
             if (kind, phase, log) in cells:
@@ -118,7 +141,6 @@ def _matrix(
     ax.tick_params(length=0)
     ax.grid(False)
     ax.spines[:].set_visible(False)
-    return figure
 
 
 def _cell(ax: Axes, i: int, j: int, z: float) -> None:

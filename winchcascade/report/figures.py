@@ -83,11 +83,23 @@ def _stage_style(stage: str) -> dict[str, Any]:
 
 def time_histories(reduction: Reduction, powers: dict[str, Signal]) -> Figure:
     """Draw every channel and the powers over the whole log, phases shaded, windows marked (the paper's Fig. 5)."""
-    run, zero = reduction.run, clock_zero(reduction.run)
-    t = run.t - zero
-    panels = panels_of(run, reduction.rig)
-    rows = len(panels) + bool(powers)
+    rows = history_rows(reduction, powers)
     figure, axes = panel_figure(0.75 + 0.98 * rows, rows, room=_ROOM, gaps={"hspace": 0.42}, share="x")
+    draw_histories(axes, reduction, powers)
+    figure.align_ylabels(axes)
+    return figure
+
+
+def history_rows(reduction: Reduction, powers: Mapping[str, Signal]) -> int:
+    """Number of panels of the histories: a channel each, and one for the powers."""
+    return len(panels_of(reduction.run, reduction.rig)) + bool(powers)
+
+
+def draw_histories(axes: Sequence[Axes], reduction: Reduction, powers: Mapping[str, Signal]) -> None:
+    """Draw the histories on as many panels as there are, the powers on the last; with a single panel the powers alone."""
+    run, zero = reduction.run, clock_zero(reduction.run)
+    t, rows = run.t - zero, len(axes)
+    panels = panels_of(run, reduction.rig)[: rows - bool(powers)]
     for k, (ax, (name, title, unit, factor)) in enumerate(zip(axes, panels, strict=False)):
         x = run.channels[name]
         short, unit = readable(unit, x)
@@ -105,10 +117,8 @@ def time_histories(reduction: Reduction, powers: dict[str, Signal]) -> Figure:
         ax.xaxis.set_gid(f"xaxis-{k}")
         if len(reduction.cycles) <= SHADED_CYCLES:
             _shade_phases(ax, k, reduction.cycles, zero)
-    if len(reduction.cycles) <= SHADED_CYCLES:
+    if len(reduction.cycles) <= SHADED_CYCLES and rows > 1:
         _phase_key(axes[0], reduction.cycles)
-    figure.align_ylabels(axes)
-    return figure
 
 
 def _shade_phases(ax: Axes, panel: int, cycles: Sequence[CycleResult], zero: float) -> None:
@@ -143,13 +153,14 @@ def power_streams(reduction: Reduction, powers: dict[str, Signal]) -> Figure | N
     with_bins = bool(reduction.bins)
     room = _ROOM._replace(head=0.275, foot=0.44)
     figure, axes = panel_figure(2.75, 1, 1 + with_bins, room=room, gaps={"wspace": 0.27})
-    _one_cycle(axes[0], reduction, powers)
+    one_cycle(axes[0], reduction, powers)
     if with_bins:
-        _over_speed(axes[1], reduction, powers)
+        over_speed(axes[1], reduction, powers)
     return figure
 
 
-def _one_cycle(ax: Axes, reduction: Reduction, powers: dict[str, Signal]) -> None:
+def one_cycle(ax: Axes, reduction: Reduction, powers: dict[str, Signal]) -> None:
+    """Draw the powers of the representative cycle over time, its window bounded by dashed lines."""
     run, cycle, zero = reduction.run, representative(reduction), clock_zero(reduction.run)
     end = cycle.phases.haul_in[1] if cycle.phases.haul_in is not None else float(run.t[-1])
     part = slice(*np.searchsorted(run.t, (cycle.phases.onset - 1.0, end + 0.5)).tolist())
@@ -164,7 +175,8 @@ def _one_cycle(ax: Axes, reduction: Reduction, powers: dict[str, Signal]) -> Non
     )
 
 
-def _over_speed(ax: Axes, reduction: Reduction, powers: dict[str, Signal]) -> None:
+def over_speed(ax: Axes, reduction: Reduction, powers: dict[str, Signal]) -> None:
+    """Draw the powers of the payouts over generator speed, with their means in bins."""
     run, rig, bins, counted = reduction.run, reduction.rig, reduction.bins, reduction.complete
     rows = np.flatnonzero(engaged(run, [c.phases for c in counted], [c.summary.payout.plateau for c in counted], rig))
     rows = rows[:: max(1, -(-rows.size // DOTS))]
@@ -400,10 +412,12 @@ def _overlaid_style(c: CycleResult, best: int | None, worst: int | None) -> dict
 
 
 def stage_of(cascade: Cascade, metric: str) -> str:
-    """Stage whose colour a metric has: that of an energy, the first one for the whole cascade, else the one that delivers."""
+    """Stage whose colour a metric has: that of an energy or a power, the first one for the whole cascade, else the one that
+    delivers.
+    """
     if metric == cascade.overall and len(cascade.stages) > 2:
         return cascade.names[0]
-    return cascade.between(metric)[1] if metric in cascade.ratios else metric.removeprefix("energy_")
+    return cascade.between(metric)[1] if metric in cascade.ratios else metric.partition("_")[2]
 
 
 def trend(reduction: Reduction) -> Figure | None:
@@ -411,29 +425,40 @@ def trend(reduction: Reduction) -> Figure | None:
     complete = reduction.complete
     if len(complete) < TREND_FROM:
         return None
-    known = [m for m, value in reduction.mean.items() if value is not None]
-    cascade = reduction.rig.cascade
-    etas, energies = ([m for m in names if m in known] for names in (cascade.ratios, cascade.energies))
+    energies = [m for m in reduction.rig.cascade.energies if reduction.mean[m] is not None]
+    etas = known_ratios(reduction)
     groups = [row for row in (("Efficiencies", "1", etas), ("Energies", "J", energies)) if row[2]]
     if not groups:
         return None
     room = _ROOM._replace(head=0.25)
     figure, axes = panel_figure(0.55 + 1.5 * len(groups), len(groups), room=room, gaps={"hspace": 0.3}, share="x")
-    number = np.array([c.cycle for c in complete], dtype=float)
     for k, (ax, (title, unit, names)) in enumerate(zip(axes, groups, strict=True)):
-        columns = {name: np.array([c.metrics[name] for c in complete], dtype=float) for name in names}
-        short, unit = readable(unit, *columns.values())
-        for name, values in columns.items():
-            rows = envelope(values, DRAWN // 2)
-            x, y, few = number[rows], values[rows] * short, len(rows) <= 200
-            look = look_of(stage_of(cascade, name))
-            colour = COLOURS[look.colour]
-            ax.plot(x, y, color=colour, lw=0.5, alpha=0.5)
-            mark: Any = {"ls": "none", "marker": look.mark, "ms": 2.2, "mew": 0, "color": colour}
-            ax.plot(x if few else [], y if few else [], label=tex(name), **mark)
-            if not few:
-                dots(ax, x, y, colour)
+        unit = trend_panel(ax, reduction, names, unit)
         label_panel(ax, "ab"[k], title, y=unit)
-        ax.legend(loc="lower right", ncols=3, bbox_to_anchor=(1.0, 0.98), borderaxespad=0.0, markerscale=1.8)
     axes[-1].set_xlabel("Cycle")
     return figure
+
+
+def known_ratios(reduction: Reduction) -> list[str]:
+    """Efficiencies that the log gives."""
+    return [m for m in reduction.rig.cascade.ratios if reduction.mean[m] is not None]
+
+
+def trend_panel(ax: Axes, reduction: Reduction, names: Sequence[str], unit: str) -> str:
+    """Draw metrics of one unit over the number of the complete cycle; gives the unit of the axis."""
+    complete, cascade = reduction.complete, reduction.rig.cascade
+    number = np.array([c.cycle for c in complete], dtype=float)
+    columns = {name: np.array([c.metrics[name] for c in complete], dtype=float) for name in names}
+    short, unit = readable(unit, *columns.values())
+    for name, values in columns.items():
+        rows = envelope(values, DRAWN // 2)
+        x, y, few = number[rows], values[rows] * short, len(rows) <= 200
+        look = look_of(stage_of(cascade, name))
+        colour = COLOURS[look.colour]
+        ax.plot(x, y, color=colour, lw=0.5, alpha=0.5)
+        mark: Any = {"ls": "none", "marker": look.mark, "ms": 2.2, "mew": 0, "color": colour}
+        ax.plot(x if few else [], y if few else [], label=tex(name), **mark)
+        if not few:
+            dots(ax, x, y, colour)
+    ax.legend(loc="lower right", ncols=3, bbox_to_anchor=(1.0, 0.98), borderaxespad=0.0, markerscale=1.8)
+    return unit

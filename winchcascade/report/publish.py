@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from winchcascade.core.files import write_content
-from winchcascade.report.report_model import Report, made_at
+from winchcascade.report.report_model import SUBSCRIPTS, Report, Table, made_at
 from winchcascade.report.style import COLOURS
 
 if TYPE_CHECKING:
-    from winchcascade.report.report_model import Table
+    import jinja2
 
 FEW = 4
 """A table of numbers with no more columns than this is not stretched over the page."""
@@ -34,17 +35,39 @@ def publish(report: Report, *, html: Path | None = None, pdf: Path | None = None
 
 def html_text(report: Report) -> str:
     """A report as one self-contained page; every text is escaped, colours follow the reader's theme."""
+    from markupsafe import Markup
+
+    folder, report = template_folder(), cleaned(report)
+    return (
+        _environment(report.subscripts)
+        .get_template("report.html.j2")
+        .render(
+            report=report,
+            style=Markup((folder / "style.css").read_text(encoding="utf-8")),
+            script=Markup((folder / "report.js").read_text(encoding="utf-8")),
+            traces=Markup(report.traces.replace("<", "\\u003c")),
+        )
+    )
+
+
+def table_html(heading: str, table: Table | None) -> str:
+    """A heading and a table of a report as HTML for a notebook, without scripts and links; every text is escaped."""
+    block = None if table is None else msgspec.convert(_clean(msgspec.to_builtins(table) | {"links": ()}), Table)
+    return _environment(SUBSCRIPTS).get_template("summary.html.j2").render(heading=shown(heading), block=block)
+
+
+def _environment(subscripts: Sequence[str]) -> jinja2.Environment:
+    """The templates, with what they need to set texts and figures."""
     import jinja2
     from markupsafe import Markup, escape
 
-    symbol = re.compile(rf"\b([EPFvpητ])_({'|'.join(report.subscripts)})\b")
+    symbol = re.compile(rf"\b([EPFvpητ])_({'|'.join(subscripts)})\b")
 
     def symbols(text: str) -> Markup:
         return Markup(symbol.sub(r"\1<sub>\2</sub>", str(escape(text))).replace(" %", "\u00a0%"))
 
-    folder = template_folder()
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(folder), autoescape=True, trim_blocks=True, lstrip_blocks=True,
+        loader=jinja2.FileSystemLoader(template_folder()), autoescape=True, trim_blocks=True, lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )  # fmt: skip
     environment.filters |= {
@@ -54,13 +77,7 @@ def html_text(report: Report) -> str:
         "width": width,
         "kind": lambda block: type(block).__name__,
     }
-    report = cleaned(report)
-    return environment.get_template("report.html.j2").render(
-        report=report,
-        style=Markup((folder / "style.css").read_text(encoding="utf-8")),
-        script=Markup((folder / "report.js").read_text(encoding="utf-8")),
-        traces=Markup(report.traces.replace("<", "\\u003c")),
-    )
+    return environment
 
 
 def width(table: Table) -> str:

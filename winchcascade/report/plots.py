@@ -1,0 +1,147 @@
+"""Plots of results on axes of one's own, or on new ones that a notebook shows; drawn by the functions of the reports."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from winchcascade.core.errors import OptionError
+from winchcascade.report.style import COLOURS, WIDTH, house_style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+    from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
+    from winchcascade.reduction.reduction_result import Reduction
+    from winchcascade.report.campaign_reduction import CampaignReduction
+
+Plot = Callable[[Any], None]
+"""What draws on one Axes, or on an array of them."""
+
+
+def plot_reduction(reduction: Reduction, what: str, ax: Axes | None = None) -> Axes | NDArray[np.object_]:
+    """Plot powers of one cycle, histories of the log, powers over generator speed, or efficiencies of the cycles.
+
+    Returns
+    -------
+    the Axes; of the histories an array of them, (n,), if none was given: with one given, the powers alone are drawn
+    """
+    from winchcascade.report import figures
+
+    _check(what, ("power", "history", "speed", "efficiency"))
+    powers = figures.powers_of(reduction)
+    if what == "history":
+        rows = 1 if ax is not None else figures.history_rows(reduction, powers)
+        draw: Plot = lambda axes: figures.draw_histories(np.ravel(axes).tolist(), reduction, powers)  # noqa: E731
+        return _drawn(draw, ax, rows=rows, height=2.9 if rows == 1 else 1.2, share={"sharex": "col"})
+    lacking = {
+        "power": "" if powers and reduction.cycles else "a cycle and a power",
+        "speed": "" if reduction.bins else "the speed of the generator in a complete cycle",
+        "efficiency": ""
+        if figures.known_ratios(reduction) and reduction.complete
+        else "an efficiency of a complete cycle",
+    }[what]
+    _require(what, lacking)
+    plots: dict[str, Plot] = {
+        "power": lambda one: figures.one_cycle(one, reduction, powers),
+        "speed": lambda one: figures.over_speed(one, reduction, powers),
+        "efficiency": lambda one: _efficiencies(one, reduction),
+    }
+    return _drawn(plots[what], ax)
+
+
+def _efficiencies(ax: Axes, reduction: Reduction) -> None:
+    """Draw the efficiencies of the complete cycles."""
+    from matplotlib.ticker import MaxNLocator
+
+    from winchcascade.report import figures
+
+    figures.trend_panel(ax, reduction, figures.known_ratios(reduction), "1")
+    ax.set(xlabel="Cycle", ylabel="Efficiency (1)")
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+
+
+def plot_campaign(campaign: CampaignReduction, what: str, ax: Axes | None = None) -> Axes | NDArray[np.object_]:
+    """Plot mean powers or efficiencies of the runs over their loads, or the power at the DC link over generator speed."""
+    from winchcascade.report import campaign_figures as figures
+    from winchcascade.report.campaign_record import by_load
+
+    _check(what, ("power", "efficiency", "speed"))
+    runs = [run for run in by_load(campaign.summary.reduced) if not run.open_circuit] or campaign.summary.reduced
+    _require(what, "" if runs else "a run that could be reduced")
+    if what == "speed":
+        bins = {name: found for name, found in campaign.bins.items() if found}
+        _require(what, "" if bins else "the speed of the generator in a run")
+        return _drawn(lambda one: figures.draw_power_over_speed(one, runs, bins), ax)
+    return _drawn(lambda one: figures.draw_over_load(one, runs, what), ax)
+
+
+def plot_diagnosis(found: DiagnosisResult, what: str, ax: Axes | None = None) -> Axes | NDArray[np.object_]:
+    """Plot the map of the gap, or what each cause costs of an efficiency.
+
+    Returns
+    -------
+    the Axes; of the costs an array with one for each load, (n,), if none was given: with one given, the load with the largest
+    difference alone is drawn
+    """
+    from winchcascade.diagnosis.diagnose import ModelDiagnosis
+    from winchcascade.report import cause_costs
+    from winchcascade.report.diagnosis_figures import draw_gap_map
+
+    _check(what, ("map", "waterfall"))
+    if not isinstance(found, ModelDiagnosis):
+        raise OptionError(f"plot({what!r}): this diagnosis has no model; its map is the table to_pandas('map').")
+    if what == "map":
+        _require(what, "" if found.places else "a place with a gap that can be weighed")
+        rows = len({(place.channel, place.phase) for place in found.places})
+        return _drawn(lambda one: draw_gap_map(one, found), ax, height=0.6 + 0.235 * rows)
+    costs = cause_costs.waterfall_costs(found)
+    _require(what, "" if costs else "a split of an efficiency at a load")
+    if ax is not None:
+        costs = [max(costs, key=lambda one: abs(one.measured - one.as_given))]
+    height = 0.6 + cause_costs.BAR * (len(costs[0].parts) + 2)
+    draw: Plot = lambda axes: cause_costs.draw_waterfalls(np.ravel(axes).tolist(), found, costs)  # noqa: E731
+    return _drawn(draw, ax, rows=len(costs), height=height, share={"sharey": "col"})
+
+
+def _check(what: str, known: Sequence[str]) -> None:
+    if what not in known:
+        raise OptionError(
+            f"plot({what!r}): no such plot of this result; expected one of {', '.join(map(repr, known))}."
+        )
+
+
+def _require(what: str, lacking: str) -> None:
+    if lacking:
+        raise OptionError(f"plot({what!r}): the result has nothing to draw; expected {lacking}.")
+
+
+def _drawn(
+    draw: Plot, ax: Axes | None, *, rows: int = 1, height: float = 2.9, share: Mapping[str, Any] | None = None
+) -> Axes | NDArray[np.object_]:
+    """Draw on the given Axes, or on new ones of a figure of pyplot, which notebooks show.
+
+    Parameters
+    ----------
+    height : of each row [in]
+    share : axes that the rows have in common
+    """
+    with house_style():
+        if ax is None:
+            import matplotlib.pyplot as plt
+
+            _, axes = plt.subplots(
+                rows, 1, figsize=(WIDTH, height * rows), squeeze=False, layout="constrained",
+                facecolor=COLOURS["paper"], **(share or {}),
+            )  # fmt: skip
+            found = axes[:, 0]
+        else:
+            found = np.array([ax], dtype=object)
+        draw(found[0] if rows == 1 else found)
+        title = found[0].get_title(loc="left")
+        if rows == 1 and title.startswith("("):  # the letter of a panel among others
+            found[0].set_title(title.partition(") ")[2], loc="left", pad=3)
+    return found[0] if rows == 1 else found  # type: ignore[no-any-return]
