@@ -437,15 +437,15 @@ UNITS_OF_PINT = {
     ("m * s**-1", "velocity"): 1.0, ("m s⁻¹", "velocity"): 1.0, ("km/hour", "velocity"): 1 / 3.6, ("1/s * m", "velocity"): 1.0,
     ("meters per second", "velocity"): 1.0, ("knot", "velocity"): 1852 / 3600, ("N/(mm^2)", "pressure"): 1e6,
     ("N m⁻²", "pressure"): 1.0, ("torr", "pressure"): 101325 / 760, ("foot pound_force", "torque"): 1.3558179483314,
-    ("pound_force per square inch", "pressure"): 6894.757293168, ("kΩ A", "vdc"): 1e3,
+    ("pound_force per square inch", "pressure"): 6894.757293168, ("kΩ A", "voltage"): 1e3,
 }  # fmt: skip
 
 
 def test_units_that_the_table_lacks_are_still_read(monkeypatch: pytest.MonkeyPatch) -> None:
-    def check(unit: str, channel: str) -> None:
-        found = _unit_by_pint(unit, channel)
+    def check(unit: str, dimension: str) -> None:
+        found = _unit_by_pint(unit, dimension)
         assert found is not None
-        assert found.factor == pytest.approx(UNITS_OF_PINT[unit, channel], rel=1e-9)
+        assert found.factor == pytest.approx(UNITS_OF_PINT[unit, dimension], rel=1e-9)
 
     registry: pint.UnitRegistry[float] = pint.UnitRegistry()  # one for all: it takes long to make
     monkeypatch.setattr(pint, "UnitRegistry", lambda: registry)

@@ -160,11 +160,11 @@ def attainable_text(ranges: AttainableRanges) -> str:
     for item in ranges.not_judged:
         lines += wrapped(f"not judged: {load_text(item.load)}: {item.reason}")
     if ranges.rows:
-        head = ["ohm", "m/s", *(text for metric in metrics for text in (f" {metric}", "range", "beyond"))]
+        head = ["ohm", "m/s", *(text for metric in metrics for text in (f" {metric}", "range", "past"))]
         points = _range([100.0 * cell.allowed for cell in cells], ".1f")
         lines += ["", *_columns([head, *(_row(row, metrics) for row in ranges.rows)])]
         lines += indented(
-            "beyond: percentage points beyond the nearer end of the range; in brackets where rounding and repeatability "
+            "past: percentage points beyond the nearer end of the range; in brackets where rounding and repeatability "
             f"({points} points) bridge it"
         )
     for metric in metrics:
