@@ -21,6 +21,7 @@ CHECK = {"CAMPAIGN": "fixtures/campaign", "TABLE": "hsu2026-table2"}
 LOGS = {"LOGS": "fixtures/campaign/r9*.csv\nfixtures/damaged_logs/dropouts.csv\n"}
 
 
+@pytest.mark.slow
 def test_the_page_can_be_followed(tmp_path: Path) -> None:
     place = with_fixtures(tmp_path)
     assert follow(PAGE, place) == shown(PAGE)

@@ -109,6 +109,7 @@ def same(one: Files, other: Files) -> None:
     assert [name for name in one if one[name] != other[name]] == []
 
 
+@pytest.mark.slow
 @each(list(COMMANDS))
 def test_a_second_call_gives_the_same_bytes(files: Callable[[Call], Files], name: str) -> None:
     first = files(Call(name))

@@ -82,6 +82,7 @@ def test_the_steps_of_the_model_are_as_exact_as_its_page_says() -> None:
         assert sum(joule.values()) - joule["line"] == pytest.approx(joule["line"], rel=2e-7)
 
 
+@pytest.mark.slow
 def test_the_page_of_the_model_can_be_followed(tmp_path: Path) -> None:
     assert follow("model.md", with_fixtures(tmp_path)) == shown("model.md")
     assert (tmp_path / "planned.csv").is_file()

@@ -114,6 +114,7 @@ def test_one_of_the_columns_of_simulate_marks_no_log_and_its_clock_is_checked(tm
     assert {f.kind for f in run.findings} == {read_as, "clock_mismatch"}
 
 
+@pytest.mark.slow
 def test_a_log_takes_its_origin_from_the_campaign_beside_it_into_record_and_page(fixtures: Path) -> None:
     log = fixtures / "campaign" / LOG
     settings = settings_of(log, rig=None, load_ohm=None, window=None)

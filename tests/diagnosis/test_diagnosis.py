@@ -54,6 +54,7 @@ def test_a_planted_effect_is_named_with_its_size(name: str) -> None:
     assert found.closure.low <= found.closure.share <= found.closure.high
 
 
+@pytest.mark.slow
 def test_two_effects_are_named_together() -> None:
     found = diagnosed("copper_heating", "line_drag")
     assert {cause.effect for cause in found.causes} == {"copper_heating", "line_drag"}
@@ -163,6 +164,7 @@ def test_a_further_cause_is_priced_as_one_of_the_whole_catalogue() -> None:
     assert price(("ke_shift", "diode_drop")) == pytest.approx(2.0 * math.log(len(OF_THE_RIG)))
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_answer_to_the_digit() -> None:
     few = {name: EFFECTS[name] for name in PLANTED}
     one, again = (diagnose(campaign({"torque_gain": PLANTED["torque_gain"]}), built_in(), few) for _ in range(2))

@@ -72,6 +72,7 @@ def test_the_wrong_load_of_one_run_is_named_with_its_run() -> None:
     assert {part["effect"] for part in parts if part["kind"] == "entry"} == {"load_entry"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "value", "other"),
     [("sync_inductance", 0.2, "pole_pairs"), ("piston_area", -0.07, "screw_lead"), ("force_gain", 0.04, "drum_radius")],
@@ -84,6 +85,7 @@ def test_an_effect_of_the_rig_is_named_and_the_entry_that_looks_the_same_is_its_
     assert other in [rival["effect"] for rival in cause["rivals"]]
 
 
+@pytest.mark.slow
 def test_a_usual_multiple_of_the_pole_pairs_is_named_before_the_inductance() -> None:
     (cause,) = as_json(found("pole_pairs", 1.0))["causes"]
     assert cause["effect"] in ("pole_pairs", "l_s_convention")

@@ -184,6 +184,7 @@ def _raise(*_: object) -> None:
     raise KeyboardInterrupt
 
 
+@pytest.mark.slow
 @LINUX
 def test_an_interrupt_ends_the_reader_at_work(tmp_path: Path) -> None:
     path = tmp_path / "a.mat"

@@ -157,6 +157,7 @@ def test_classes_and_record_add_up_to_the_waves(tmp_path: Path) -> None:
     assert "of all waves together" in "\n".join(wave_lines(found))
 
 
+@pytest.mark.slow
 def test_the_command_shows_waves_where_the_rig_file_says_so_and_nothing_else(tmp_path: Path, fixtures: Path) -> None:
     log, rig = reciprocating(tmp_path, 12)
     json_file, page, pdf = (tmp_path / f"sines.{ending}" for ending in ("json", "html", "pdf"))

@@ -39,6 +39,7 @@ def page(name: str) -> dict[str, Any]:
     return text
 
 
+@pytest.mark.slow
 def test_every_cycle_of_every_run_can_be_chosen() -> None:
     items, first = cycle_histories(diagnosed("copper"))
     assert {(item.log, item.cycle) for item in items} == set(cycle_gaps(diagnosed("copper")))

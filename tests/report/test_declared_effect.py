@@ -27,6 +27,7 @@ PRESSURE_ZERO = Effect(
 )
 
 
+@pytest.mark.slow
 def test_an_effect_that_is_only_declared_is_described_diagnosed_and_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(EFFECTS, "pressure_zero", PRESSURE_ZERO)
     assert "pressure_zero    sensor       Zero error of the pressure sensor.   offset (Pa)" in describe().splitlines()

@@ -83,6 +83,7 @@ def test_json_on_standard_output_stands_alone(corrected: Corrected) -> None:
     assert json.loads(corrected.json)["closure"]["withheld"] == [18.0, 4.5]
 
 
+@pytest.mark.slow
 def test_the_corrected_rig_leaves_no_gap_and_is_accepted_by_other_commands(
     campaign: Path, corrected: Corrected, tmp_path: Path
 ) -> None:
@@ -188,6 +189,7 @@ def test_an_input_is_never_replaced(campaign: Path) -> None:
     assert (campaign / "campaign.toml").read_bytes() == before
 
 
+@pytest.mark.slow
 def test_an_effect_that_alone_is_suspected_is_the_only_one_that_is_named(
     campaign: Path, corrected: Corrected, tmp_path: Path
 ) -> None:

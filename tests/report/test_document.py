@@ -352,6 +352,7 @@ def test_a_rejected_pdf_leaves_no_page_behind(log: Path) -> None:
     assert not (log.parent / "new.html").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="needs file names of any bytes")
 def test_a_log_whose_name_is_no_utf_8_has_a_report(log: Path) -> None:
     odd = log.rename(log.parent / os.fsdecode(b"run \xff.csv"))

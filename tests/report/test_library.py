@@ -95,6 +95,7 @@ def test_a_table_is_audited_by_its_name() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_reports_are_written_by_the_ending_of_their_names(campaign: Path, tmp_path: Path) -> None:
     reduction = reduce(read_run(campaign / "r36ohm.csv", load=36.0))
     page = write_report(reduction, tmp_path / "x.html").read_text(encoding="utf-8")

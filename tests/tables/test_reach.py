@@ -143,6 +143,7 @@ def test_two_planted_effects_need_a_pair() -> None:
     assert best.fields["screw_friction"]["mu_change"] == pytest.approx(-0.03, abs=SIZE)
 
 
+@pytest.mark.slow
 def test_the_papers_generator_efficiencies_are_seven_points_below_anything_its_constants_allow() -> None:
     gaps = [100.0 * cell.gap for cell in cells_of(paper(), "eta_gen")]
     assert len(gaps) == 6
