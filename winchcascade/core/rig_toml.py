@@ -12,8 +12,7 @@ from typing import Any
 
 import msgspec
 
-from winchcascade.core.cascade import Cascade
-from winchcascade.core.cascade_toml import CascadeTable, StageTable, read_cascade
+from winchcascade.core.cascade import PAPER, Cascade
 from winchcascade.core.errors import RigError
 from winchcascade.core.phase_rule import phase_rule
 from winchcascade.core.quantity import Quantity, find_unit, read_as
@@ -221,7 +220,11 @@ def _rig(raw: dict[str, Any], where: str) -> Rig:
 
 
 def _cascade(raw: dict[str, Any], known: Mapping[str, Channel], where: str) -> Cascade:
-    """Stages and their order, `[cascade]` and `[stage.NAME]`."""
+    """Stages and their order, `[cascade]` and `[stage.NAME]`; those of the paper where the file states none."""
+    if not raw.keys() & {"cascade", "stage"}:
+        return PAPER
+    from winchcascade.core.cascade_toml import CascadeTable, StageTable, read_cascade
+
     table = _convert(raw["cascade"], CascadeTable, where, "[cascade]") if "cascade" in raw else None
     stages = _table(raw, "stage", where)
     own = {name: _convert(stage, StageTable, where, f"[stage.{name}]") for name, stage in stages.items()}

@@ -30,7 +30,6 @@ from winchcascade.ingest.checks.quality import check
 from winchcascade.ingest.clock import Clock, clock_of_digits, even_clock, read_clock, require_rising
 from winchcascade.ingest.dialects import nameless
 from winchcascade.ingest.open_log import open_log
-from winchcascade.ingest.phase_labels import label_column, phase_labels
 from winchcascade.ingest.source import FEWEST_ROWS, LogSource, LogTable
 
 if TYPE_CHECKING:
@@ -250,6 +249,8 @@ def _loaded(source: LogSource, rig: Rig, where: str) -> tuple[Assignment, LogTab
     wanted = [match.index for match in found.channels.values()]
     wanted += [match.index for matches in found.candidates.values() for match in matches]
     if rig.phases.source == "column":
+        from winchcascade.ingest.phase_labels import label_column
+
         wanted = list(dict.fromkeys([*wanted, label_column(source.headers, rig.phases, where)]))
     table = None
     if found.time is None and source.time_step is None:
@@ -270,6 +271,8 @@ def _labels(source: LogSource, table: LogTable, rig: Rig, where: str) -> Signal 
     """Phase of each row where the rig names a column of them, (n,)."""
     if rig.phases.source != "column":
         return None
+    from winchcascade.ingest.phase_labels import label_column, phase_labels
+
     return phase_labels(source, table, label_column(source.headers, rig.phases, where), rig.phases, where)
 
 
