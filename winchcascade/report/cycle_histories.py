@@ -19,7 +19,7 @@ from winchcascade.report.diagnosis_data import HAUL_IN, OUT, by_load, most_telli
 from winchcascade.report.diagnosis_figures import AFTER, DASHES
 from winchcascade.report.digits import significant
 from winchcascade.report.gap_words import NAMES, baseline_words
-from winchcascade.report.style import COLOURS, legend_above, line_entry, patch_entry, wide_figure
+from winchcascade.report.style import COLOURS, Room, legend_above, line_entry, patch_entry, wide_figure
 from winchcascade.report.traces import PANELS
 from winchcascade.report.wording import load_words
 
@@ -249,14 +249,14 @@ def histories_figure(found: ModelDiagnosis, item: CycleHistory, word: str) -> Fi
     """Draw one cycle; the parts that a page exchanges have names: `trace-PANEL-LINE`, `span-PANEL`, `xaxis-`, `yaxis-`."""
     channels = panel_channels(found)
     height = HEAD + FOOT + (TITLE + ABOVE + APART + BELOW) * len(channels)
-    figure, top = wide_figure(height), height - HEAD
+    figure, top, (left, right) = wide_figure(height), height - HEAD, Room(left=0.1).edges
     for n, name in enumerate(channels):
         title, unit, factor = AXES[name]
         k = CHANNELS.index(name)
         top -= TITLE + ABOVE
-        above = figure.add_axes((0.1, top / height, 0.885, ABOVE / height))
+        above = figure.add_axes((left, top / height, right - left, ABOVE / height))
         top -= APART + BELOW
-        below = figure.add_axes((0.1, top / height, 0.885, BELOW / height), sharex=above)
+        below = figure.add_axes((left, top / height, right - left, BELOW / height), sharex=above)
         curves = [x[:, k] * factor for x in item.sides]
         _panel(above, 2 * n, item, list(zip(curves, LINES, range(3), strict=False)))
         residuals = [curves[0] - simulated for simulated in curves[1:]]

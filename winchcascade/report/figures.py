@@ -308,7 +308,7 @@ def _draw_flow(ax: Axes, flow: Sequence[_Flow]) -> None:
         begin, end, after = x + bar, at[k + 1], heights[k + 1]
         ax.add_patch(Rectangle((begin, top - after), end - begin, after, fc=COLOURS[item.colour], alpha=0.28, lw=0))
         ax.add_patch(_leaving(begin, begin + _TURN * (end - begin), top - h, top - after))
-        ax.text((begin + end) / 2, top - after / 2, item.goes_on, ha="center", va="center", fontsize=9.5)
+        ax.text((begin + end) / 2, top - after / 2, item.goes_on, ha="center", va="center", fontsize=9)
         turn = begin + _TURN * (end - begin) + (h - after) / 2
         ax.text(turn, _DROP - 0.04, item.leaves, ha="center", va="top", fontsize=8)
     ax.set_xlim(-0.9, 11.2)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from winchcascade.core.errors import OptionError
-from winchcascade.report.style import COLOURS, WIDTH, house_style
+from winchcascade.report.style import COLOURS, figure_width, house_style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -134,7 +134,7 @@ def _drawn(
             import matplotlib.pyplot as plt
 
             _, axes = plt.subplots(
-                rows, 1, figsize=(WIDTH, height * rows), squeeze=False, layout="constrained",
+                rows, 1, figsize=(figure_width(), height * rows), squeeze=False, layout="constrained",
                 facecolor=COLOURS["paper"], **(share or {}),
             )  # fmt: skip
             found = axes[:, 0]

@@ -196,10 +196,15 @@ class Note(msgspec.Struct, frozen=True, tag="note"):
 
 
 def picture(figure: Figure | None, name: str, caption: str, alt: str, *, interactive: bool = False) -> Picture | None:
-    """A figure as a block of a report; None for none."""
-    from winchcascade.report.style import svg_text
+    """A figure as a block of a report; None for none. In a format that takes figures it is taken, and the block is empty."""
+    from winchcascade.report.style import present_format, svg_text
 
-    return None if figure is None else Picture(name, caption, alt, svg_text(figure, name), interactive)
+    if figure is None:
+        return None
+    take = present_format().take
+    if take is not None:
+        take(name, figure)
+    return Picture(name, caption, alt, "" if take is not None else svg_text(figure, name), interactive)
 
 
 Block = Table | Picture | Note

@@ -6,8 +6,9 @@ import io
 import logging
 import re
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import matplotlib
@@ -26,7 +27,46 @@ if TYPE_CHECKING:
     from winchcascade.core.run import Signal
 
 WIDTH = 6.7
-"""Width of a figure: that of a page of A4 between its margins. [in]"""
+"""Width of a figure of a report: that of a page of A4 between its margins. [in]"""
+
+NARROW = 4.5
+"""Figures that are narrower have one panel in a row. [in]"""
+
+
+class Format(NamedTuple):
+    """What figures are drawn for: their width [in], and what takes each with its name in place of the page of a report."""
+
+    width: float = WIDTH
+    take: Callable[[str, Figure], None] | None = None
+
+
+_FORMAT: ContextVar[Format] = ContextVar("figure_format", default=Format())  # noqa: B039  # a named tuple does not change
+
+
+@contextmanager
+def figure_format(wanted: Format) -> Iterator[None]:
+    """Draw every figure that is made within this context in another format; a thread begins with that of reports."""
+    token = _FORMAT.set(wanted)
+    try:
+        yield
+    finally:
+        _FORMAT.reset(token)
+
+
+def present_format() -> Format:
+    """The format in which figures are drawn now: that of reports if no other was set."""
+    return _FORMAT.get()
+
+
+def figure_width() -> float:
+    """Width of the figures that are drawn now. [in]"""
+    return _FORMAT.get().width
+
+
+def is_narrow() -> bool:
+    """Whether figures are so narrow now that their panels stand one below the other."""
+    return figure_width() < NARROW
+
 
 COLOURS = {
     "ink": "#1b1e23",
@@ -115,10 +155,15 @@ _RC = {
     "figure.facecolor": "none",
     "axes.facecolor": "none",
     "svg.fonttype": "path",
+    "pdf.fonttype": 42,
     "svg.hashsalt": "winchcascade",
     "path.simplify": True,
     "figure.constrained_layout.use": False,
 }
+
+_NARROW_RC = {"font.size": 7.5, "axes.titlesize": 7.5, "axes.labelsize": 7.5, "legend.fontsize": 7.0} | dict.fromkeys(
+    ("xtick.labelsize", "ytick.labelsize"), 7.0
+)
 
 
 @contextmanager
@@ -127,22 +172,31 @@ def house_style() -> Iterator[None]:
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(_RC)  # type: ignore[arg-type]  # its keys are typed as literals
+        if is_narrow():
+            matplotlib.rcParams.update(_NARROW_RC)  # type: ignore[arg-type]
         yield
 
 
 class Room(NamedTuple):
-    """Edges of the panels of a figure, as shares of its width, and the room above and below them [in]."""
+    """Edges of the panels of a figure, as shares of the width of a report, and the room above and below them [in]."""
 
     left: float = 0.09
     right: float = 0.985
     head: float = 0.3
     foot: float = 0.42
 
+    @property
+    def edges(self) -> tuple[float, float]:
+        """Left and right edge as shares of the width of the figures that are drawn now; the margins stay as wide in inches."""
+        scale = WIDTH / figure_width()
+        return self.left * scale, 1.0 - (1.0 - self.right) * scale
+
 
 def wide_figure(height: float, room: Room = Room()) -> Figure:  # noqa: B008  # a named tuple does not change
-    """An empty figure as wide as a page and of some height [in]."""
-    figure = Figure((WIDTH, height))
-    figure.subplots_adjust(room.left, room.foot / height, room.right, 1 - room.head / height)
+    """An empty figure as wide as figures are drawn now and of some height [in]."""
+    figure = Figure((figure_width(), height))
+    left, right = room.edges
+    figure.subplots_adjust(left, room.foot / height, max(right, left + 0.1), 1 - room.head / height)
     return figure
 
 
@@ -155,7 +209,7 @@ def panel_figure(
     gaps: Mapping[str, float] | None = None,
     share: Literal["", "x", "y", "xy"] = "",
 ) -> tuple[Figure, list[Axes]]:
-    """A figure as wide as a page with its panels, row by row.
+    """A figure with its panels, row by row; a narrow one has as many panels as high, one below the other.
 
     Parameters
     ----------
@@ -163,6 +217,10 @@ def panel_figure(
     gaps : `wspace` and `hspace` between the panels, as shares of a panel
     share : axes that all panels have in common
     """
+    if is_narrow() and columns > 1:
+        panel = (height - room.head - room.foot) / (rows + (rows - 1) * (gaps or {}).get("hspace", 0.2))
+        rows, columns, gaps = rows * columns, 1, {"hspace": 0.5}
+        height = room.head + room.foot + panel * (rows + 0.5 * (rows - 1))
     figure = wide_figure(height, room)
     grid = figure.subplots(
         rows, columns, sharex="x" in share, sharey="y" in share, squeeze=False, gridspec_kw=dict(gaps or {})
@@ -214,14 +272,14 @@ def text_width(text: str) -> float:
     return float(width) * _POINT
 
 
-def columns_within(texts: Sequence[str], *, handle: float = 2.0, gap: float = 1.1, width: float = 0.98 * WIDTH) -> int:
-    """Give the columns of a legend that stay within a width.
+def columns_within(texts: Sequence[str], *, handle: float = 2.0, gap: float = 1.1) -> int:
+    """Give the columns of a legend that stay within the width of the figures that are drawn now.
 
     Parameters
     ----------
     handle, gap : length of a key, and room between two columns, in sizes of the font
-    width : [in]
     """
+    width = 0.98 * figure_width()
     size = float(matplotlib.rcParams["legend.fontsize"]) * _POINT
     key = (handle + float(matplotlib.rcParams["legend.handletextpad"])) * size
     edge = 2.0 * float(matplotlib.rcParams["legend.borderpad"]) * size
