@@ -40,7 +40,7 @@ def test_a_log_that_no_campaign_lists_stands_alone(tmp_path: Path) -> None:
         ("run = 3\n", "no runs"),
         ("colour = 1\n[[run]]\nfile = 'a'\n", "colour is no entry of a campaign"),
         ("rig = 3\n[[run]]\nfile = 'a'\n", "title and rig are texts"),
-        ("[[run]]\nload_ohm = 3.0\n", "run 1: file is None"),
+        ("[[run]]\nload_ohm = 3.0\n", "run 1: file is missing"),
         ('[[run]]\nfile = "a\\u0000.csv"\n', "run 1: file is 'a"),
         ("[[run]]\nfile = 'a'\nload = 3.0\n", "run 1: load is no entry of a run"),
         ("[[run]]\nfile = 'a'\nload_ohm = -3.0\n", "run 1: load_ohm is -3.0; expected a number of ohms above 0"),

@@ -134,7 +134,7 @@ def says(text: str) -> str:
     ("old", "new", "sentence"),
     [
         ("[columns]", "[columns", "not a valid TOML file"),
-        ('title = "A table"', "", "title is None; expected a text"),
+        ('title = "A table"', "", "title is missing; expected a text"),
         (
             'title = "A table"',
             'title = "A table"\ncolour = 1',
@@ -168,7 +168,7 @@ def says(text: str) -> str:
         ("11.74", "1e17", "row 1: energy_line is 1e+17; expected less than"),
         ("11.74", "11.738", "row 1: energy_line is 11.738, but 2 decimals are said to be printed"),
         ("1970", "1969", "row 1: power_line is 1969, but -1 decimals are said to be printed"),
-        ("load_ohm = 18.0", "", "row 1: load_ohm is None; expected ohms above 0, or inf"),
+        ("load_ohm = 18.0", "", "row 1: load_ohm is missing; expected ohms above 0, or inf"),
         ("load_ohm = 18.0", "load_ohm = 0", "row 1: load_ohm is 0; expected ohms above 0"),
         ("load_ohm = 18.0", "load_ohm = nan", "row 1: load_ohm is nan; expected ohms above 0"),
         ("eta_trans = 94.4", "eta = 94.4", "row 1: eta is no entry here; expected energy_gen"),
@@ -192,7 +192,7 @@ def test_a_wrong_entry_is_one_sentence_with_its_place(old: str, new: str, senten
         (HEAD + ROW + "[[row]]\ntotal = true\nenergy_line = 1.0\neta_trans = 1.0\n", "row 2: eta_trans in a row of sums"),
         (HEAD + ROW + "[[row]]\ntotal = true\nenergy_line = 1.0\n" * 2, "row 3: a second row has total = true"),
         (HEAD + ROW + CLAIM, "claim 1: nothing claimed; expected one of part, value"),
-        (HEAD + ROW + CLAIM + "value = 1\n", "claim 1: metric is None; expected one of energy_line"),
+        (HEAD + ROW + CLAIM + "value = 1\n", "claim 1: metric is missing; expected one of energy_line"),
         (HEAD + ROW + CLAIM + 'value = 1\nmetric = "eta_pto"\ncolour = 1\n', "claim 1: colour is no entry here"),
         (HEAD + ROW + CLAIM + 'value = 1\nmetric = "eta_pto"\nunit = "W"\n', "claim 1: the unit 'W' is none of number"),
         (HEAD + ROW + CLAIM + 'part = "energy_line"\nof = "energy_gen"\n', "claim 1: part is energy_line and of is energy_gen"),

@@ -215,12 +215,12 @@ def test_a_reduction_without_uncertainty_says_so(record: dict[str, Any]) -> None
     ("change", "sentence"),
     [
         ({"schema": "winchcascade/check/1"}, "its schema is 'winchcascade/check/1'; expected winchcascade/reduction/1"),
-        ({"log": None}, "log is None; expected an object"),
+        ({"log": None}, "log is missing; expected an object"),
         ({"log": {"load_ohm": "36"}}, "load_ohm is '36'; expected ohms above 0 or null"),
         ({"log": {"load_ohm": True}}, "load_ohm is True; expected ohms above 0 or null"),
         ({"mean": []}, "mean is []; expected an object"),
         ({"quality": [1]}, "quality is [1]; expected a list of findings"),
-        ({"uncertainty": {}}, "repeatability is None; expected an object"),
+        ({"uncertainty": {}}, "repeatability is missing; expected an object"),
         ({"mean": {"energy_line_j": "7"}}, "mean energy_line_j is '7'; expected a number or null"),
         ({"mean": {"energy_line_j": math.nan}}, "mean energy_line_j is nan; expected a number or null"),
         (

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Literal
+from typing import Annotated, Literal
 
 import msgspec
 
@@ -15,6 +15,38 @@ from winchcascade.core.cascade import PAPER, Cascade
 from winchcascade.core.phase_rule import PhaseRule
 from winchcascade.core.quantity import Quantity
 from winchcascade.core.run import CHANNELS, Channel
+from winchcascade.core.toml_text import Expected
+
+_Text = Annotated[str, Expected("a text")]
+_Bound = Annotated[float | None, Expected("a finite number", lambda number: abs(number) < float("inf"))]
+_Size = Annotated[float | None, Expected("a number that is not negative", lambda size: 0.0 <= size <= 1e12)]
+_Share = Annotated[float | None, Expected("a share, such as 0.002 for 0.2 %", lambda share: 0.0 <= share <= 1.0)]
+_Coverage = Annotated[float | None, Expected("a coverage factor from 1 to 10, such as 2", lambda k: 1.0 <= k <= 10.0)]
+
+
+class Measure(msgspec.Struct, frozen=True):
+    """What a number of a rig file measures, as an annotation of its field, and which values are possible, in SI units.
+
+    `dimension` is None for a number without unit. Values lie from `low` to `high`, and above 0 if `positive`: beyond them no
+    rig is known, and the unit or the number is wrong.
+    """
+
+    dimension: str | None
+    low: float = 0.0
+    high: float = math.inf
+    positive: bool = False
+
+    def holds(self, value: float) -> bool:
+        """Whether a value in SI units is possible."""
+        return self.low <= value <= self.high and (value > 0.0 or not self.positive)
+
+    @property
+    def words(self) -> str:
+        """Possible values, for the sentence of a fault."""
+        if self.low > 0.0 or (self.high > 1.0 and math.isfinite(self.high)):
+            return f"between {self.low:g} and {self.high:g}{' in SI units' if self.dimension else ''}"
+        zero = "above 0" if self.positive else "from 0 on"
+        return "a share between 0 and 1" if self.high == 1.0 else f"a number {zero}"
 
 
 class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -26,21 +58,21 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     zero and gain of a sensor that was calibrated in place.
     """
 
-    unit: str
-    instrument: str = ""
-    low: float | None = None
-    high: float | None = None
-    resolution: float | None = None
-    accuracy: float | None = None
-    accuracy_full_scale: float | None = None
-    accuracy_reading: float | None = None
-    coverage: float | None = None
-    daq_full_scale: float | None = None
-    daq_reading: float | None = None
-    daq_coverage: float | None = None
-    u_zero: float | None = None
-    u_gain: float | None = None
-    source: str = ""
+    unit: Annotated[str, Expected('the unit of the numbers, such as "N"')]
+    instrument: _Text = ""
+    low: _Bound = None
+    high: _Bound = None
+    resolution: _Size = None
+    accuracy: _Size = None
+    accuracy_full_scale: _Share = None
+    accuracy_reading: _Share = None
+    coverage: _Coverage = None
+    daq_full_scale: _Share = None
+    daq_reading: _Share = None
+    daq_coverage: _Coverage = None
+    u_zero: _Size = None
+    u_gain: _Share = None
+    source: _Text = ""
 
 
 Side = Literal["drum", "shaft", "generator"]
@@ -64,20 +96,20 @@ class Column(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Winch(msgspec.Struct, frozen=True):
     """The drum that the tether turns."""
 
-    r_drum: Quantity | None = None
-    inertia: Quantity | None = None
+    r_drum: Annotated[Quantity | None, Measure("length", 1e-3, 100.0)] = None
+    inertia: Annotated[Quantity | None, Measure("inertia")] = None
 
 
 class Restoring(msgspec.Struct, frozen=True):
     """Screw, piston and gas-charged accumulator that keep the tether taut."""
 
-    lead: Quantity | None = None
-    lead_angle: Quantity | None = None
-    half_angle: Quantity | None = None
-    mu_screw: Quantity | None = None
-    area_piston: Quantity | None = None
-    p_precharge: Quantity | None = None
-    volume_gas: Quantity | None = None
+    lead: Annotated[Quantity | None, Measure("lead", positive=True)] = None
+    lead_angle: Annotated[Quantity | None, Measure("angle")] = None
+    half_angle: Annotated[Quantity | None, Measure("angle")] = None
+    mu_screw: Annotated[Quantity | None, Measure("number")] = None
+    area_piston: Annotated[Quantity | None, Measure("area", positive=True)] = None
+    p_precharge: Annotated[Quantity | None, Measure("pressure")] = None
+    volume_gas: Annotated[Quantity | None, Measure("volume", positive=True)] = None
 
 
 class Drivetrain(msgspec.Struct, frozen=True):
@@ -86,66 +118,69 @@ class Drivetrain(msgspec.Struct, frozen=True):
     `one_way_clutch` is None where the file does not state it: the model then has one, and bins hold whole payouts.
     """
 
-    gear_ratio: Quantity | None = None
-    eta_mesh: Quantity | None = None
-    b_rotor: Quantity | None = None
-    k_shaft: Quantity | None = None
-    c_shaft: Quantity | None = None
-    inertia_rotor: Quantity | None = None
-    one_way_clutch: bool | None = None
+    gear_ratio: Annotated[Quantity | None, Measure("number", 1e-3, 1e5)] = None
+    eta_mesh: Annotated[Quantity | None, Measure("number", high=1.0, positive=True)] = None
+    b_rotor: Annotated[Quantity | None, Measure("damping")] = None
+    k_shaft: Annotated[Quantity | None, Measure("stiffness")] = None
+    c_shaft: Annotated[Quantity | None, Measure("damping")] = None
+    inertia_rotor: Annotated[Quantity | None, Measure("inertia")] = None
+    one_way_clutch: Annotated[bool | None, Expected("true or false")] = None
 
 
 class Generator(msgspec.Struct, frozen=True):
     """Permanent-magnet machine and its diode bridge."""
 
-    pole_pairs: Quantity | None = None
-    k_e: Quantity | None = None
-    r_s: Quantity | None = None
-    l_s: Quantity | None = None
-    v_diode: Quantity | None = None
-    speed_rated: Quantity | None = None
-    i_rated: Quantity | None = None
+    pole_pairs: Annotated[Quantity | None, Measure("number")] = None
+    k_e: Annotated[Quantity | None, Measure("back_emf", positive=True)] = None
+    r_s: Annotated[Quantity | None, Measure("resistance")] = None
+    l_s: Annotated[Quantity | None, Measure("inductance")] = None
+    v_diode: Annotated[Quantity | None, Measure("voltage")] = None
+    speed_rated: Annotated[Quantity | None, Measure("rotation")] = None
+    i_rated: Annotated[Quantity | None, Measure("current")] = None
 
 
 class DcLink(msgspec.Struct, frozen=True):
     """Capacitor, bleed resistance and load behind the bridge."""
 
-    c_dc: Quantity | None = None
-    r_bleed: Quantity | None = None
-    load_tolerance_percent: float = 0.0
+    c_dc: Annotated[Quantity | None, Measure("capacitance")] = None
+    r_bleed: Annotated[Quantity | None, Measure("resistance")] = None
+    load_tolerance_percent: Annotated[float, Expected("percent of the load, from 0 on", lambda p: 0.0 <= p < 1e9)] = 0.0
 
 
 class Thresholds(msgspec.Struct, frozen=True):
     """What decides where a phase, a window and a finding begins. SI units; defaults are the published rules."""
 
     window: str = "auto"
-    v_onset: float = 0.03
+    v_onset: Annotated[float, Measure("velocity", 1e-6, 100.0)] = 0.03
     """Payout begins where the smoothed line velocity first exceeds this (Sec. 3.2). [m/s]"""
-    smoothing: float = 0.6
+    smoothing: Annotated[float, Measure("time", 1e-3, 10.0)] = 0.6
     """Width of the local quadratic that smooths the line velocity for detection. [s]"""
-    stroke_min: float = 0.2
+    stroke_min: Annotated[float, Measure("length", 1e-6, 1e4)] = 0.2
     """Motions that travel less are no payout. [m]"""
-    reversal_max: float = 0.5
+    reversal_max: Annotated[float, Measure(None, high=1.0, positive=True)] = 0.5
     """A reversal inside a payout takes back less than this share of it; a haul-in takes back more. [1]"""
-    creep_max: float = 0.1
+    creep_max: Annotated[float, Measure(None, high=1.0)] = 0.1
     """A motion apart that stays below this share of the payout's top speed is crane creep. [1]"""
-    aborted_below: float = 0.5
+    aborted_below: Annotated[float, Measure(None, high=1.0)] = 0.5
     """A payout that travels less than this share of the median is an aborted one (not with window `payout`). [1]"""
-    plateau_quantile: float = 0.99
-    plateau_band: float = 0.90
-    plateau_level: float = 0.98
-    plateau_hold: float = 0.2
+    plateau_quantile: Annotated[float, Measure(None, high=1.0)] = 0.99
+    plateau_band: Annotated[float, Measure(None, high=1.0)] = 0.90
+    plateau_level: Annotated[float, Measure(None, high=1.0)] = 0.98
+    plateau_hold: Annotated[float, Measure("time", 1e-3, 1e3)] = 0.2
     """The plateau begins where the velocity stays above its level for this long. [s]"""
-    settle: float = 0.5
+    settle: Annotated[float, Measure("time", 0.0, 1e6)] = 0.5
     """The window `auto` ends this long after the plateau begins. [s]"""
-    tau_engaged: float = 2.0
+    tau_engaged: Annotated[float, Measure("torque")] = 2.0
     """With less torque on the PTO shaft than this the shaft runs free: zero and noise of the torque sensor. [N m]"""
-    rpm_bin: float = 100.0
+    rpm_bin: Annotated[float, Measure(None, 1.0, 1e5)] = 100.0
     """Width of a bin of generator speed (Sec. 3.2). [rpm]"""
-    gap_max: float = 1.0
+    gap_max: Annotated[float, Measure("time", 0.0, 1e6)] = 1.0
     """A longer gap inside a window makes its cycle incomplete. [s]"""
-    gap_energy_max: float = 0.005
+    gap_energy_max: Annotated[float, Measure(None)] = 0.005
     """So does a gap whose bridging could change an energy by more than this share. [1]"""
+
+
+_ModelShare = Annotated[float, Expected("a share from 0 to 0.5", lambda share: 0.0 <= share <= 0.5)]
 
 
 class ModelAccuracy(msgspec.Struct, frozen=True):
@@ -155,11 +190,11 @@ class ModelAccuracy(msgspec.Struct, frozen=True):
     scatter by 0.1 to 0.4 %.
     """
 
-    discrepancy: float = 0.002
+    discrepancy: _ModelShare = 0.002
     """Standard deviation of a channel from the model, as a share of its plateau in the log; more data do not average it. [1]"""
-    relevant_efficiency: float = 0.001
+    relevant_efficiency: _ModelShare = 0.001
     """A cause that changes no efficiency by so much, [1]"""
-    relevant_share: float = 0.003
+    relevant_share: _ModelShare = 0.003
     """and the mean of no channel in a phase by this share of its plateau, is listed as minor. [1]"""
 
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from os.path import isfile  # unlike that of Path no error for a name that no file can have
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, get_args
 
 import msgspec
 
@@ -22,6 +22,7 @@ from winchcascade.core.rig_file import (
     Drivetrain,
     EffectNumber,
     Generator,
+    Measure,
     ModelAccuracy,
     Restoring,
     Rig,
@@ -31,7 +32,16 @@ from winchcascade.core.rig_file import (
     Winch,
 )
 from winchcascade.core.run import CHANNELS, Channel
-from winchcascade.core.toml_text import check_keys, read_toml, toml_values
+from winchcascade.core.toml_text import (
+    Entries,
+    Expected,
+    check_keys,
+    entries,
+    entry,
+    read_toml,
+    struct_fields,
+    toml_values,
+)
 
 BUILT_IN = ("hsu2026", "kitepower")
 DEFAULT_RIG = "hsu2026"
@@ -107,7 +117,7 @@ def _merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-_SECTIONS: dict[str, type[Any]] = {
+_SECTIONS: Mapping[str, type[Any]] = {
     "winch": Winch,
     "restoring": Restoring,
     "drivetrain": Drivetrain,
@@ -115,39 +125,23 @@ _SECTIONS: dict[str, type[Any]] = {
     "dc_link": DcLink,
 }
 
-_DIMENSIONS = {
-    "r_drum": "length", "inertia": "inertia", "lead": "lead", "lead_angle": "angle", "half_angle": "angle",
-    "mu_screw": "number", "area_piston": "area", "p_precharge": "pressure", "volume_gas": "volume",
-    "gear_ratio": "number", "eta_mesh": "number", "b_rotor": "damping", "k_shaft": "stiffness",
-    "c_shaft": "damping", "inertia_rotor": "inertia", "pole_pairs": "number", "k_e": "back_emf",
-    "r_s": "resistance", "l_s": "inductance", "v_diode": "voltage", "speed_rated": "rotation", "i_rated": "current",
-    "c_dc": "capacitance", "r_bleed": "resistance", "v_onset": "velocity", "smoothing": "time",
-    "stroke_min": "length", "plateau_hold": "time", "settle": "time", "tau_engaged": "torque", "gap_max": "time",
-}  # fmt: skip
-"""What each number of a rig file measures; `rpm_bin` stays in rpm, as the field has it."""
+_TABLES = sorted({*Rig.__struct_fields__, "stage", "log"} - {"sample_rate", "path"})
+"""Entries of a rig file, tables and texts."""
 
-_POSITIVE = {
-    "r_drum", "gear_ratio", "eta_mesh", "smoothing", "stroke_min", "v_onset", "rpm_bin", "plateau_hold", "area_piston",
-    "volume_gas", "k_e", "lead", "reversal_max",
-}  # fmt: skip
-_SHARES = {
-    "reversal_max",
-    "creep_max",
-    "aborted_below",
-    "plateau_quantile",
-    "plateau_band",
-    "plateau_level",
-    "eta_mesh",
-}
-_LIMITS = {
-    "r_drum": (1e-3, 100.0), "gear_ratio": (1e-3, 1e5), "rpm_bin": (1.0, 1e5), "smoothing": (1e-3, 10.0),
-    "v_onset": (1e-6, 100.0), "stroke_min": (1e-6, 1e4), "plateau_hold": (1e-3, 1e3), "settle": (0.0, 1e6),
-    "gap_max": (0.0, 1e6),
-}  # fmt: skip
-"""What no rig goes beyond: a number outside is a wrong unit or a slip. SI units, bins in rpm."""
+_Window = Annotated[
+    str | float,
+    Expected(
+        '"auto", "payout" or a length in seconds',
+        lambda rule: rule in ("auto", "payout") if isinstance(rule, str) else 0 < rule < 1e9,
+    ),
+]
 
-_PLAIN = {"one_way_clutch": bool, "load_tolerance_percent": float}
-"""Entries of the sections that have no unit."""
+
+class _Log(msgspec.Struct, frozen=True):
+    """Table [log]: what holds for every log of the rig."""
+
+    sample_rate_hz: Annotated[float | None, Expected("a number above 0", lambda rate: 0.0 < rate < float("inf"))] = None
+
 
 _MOST_COLUMNS = 100_000
 """No log has more columns."""
@@ -157,49 +151,10 @@ HUGE = 1e12
 
 
 def _rig(raw: dict[str, Any], where: str) -> Rig:
-    _check_keys(
-        raw,
-        sorted(
-            {
-                "name",
-                "title",
-                "source",
-                "note",
-                "sensors",
-                "stage",
-                "columns",
-                "cascade",
-                "channels",
-                "effects",
-                "log",
-                "thresholds",
-                "model",
-                "phases",
-                *_SECTIONS,
-            }
-        ),
-        f"{where}: ",
-    )
+    _check_keys(raw, _TABLES, f"{where}: ")
     if not isinstance(raw.get("name"), str) or not raw["name"]:
         raise RigError(f'{where}: the entry name is missing; add name = "my rig".')
-    texts = {key: _convert(raw.get(key, ""), str, where, key) for key in ("title", "source", "note")}
-    sections = {}
-    for key, cls in _SECTIONS.items():
-        values = _table(raw, key, where)
-        _check_keys(values, cls.__struct_fields__, f"{where}: [{key}] ")
-        sections[key] = cls(
-            **{
-                name: _finite(_convert(value, _PLAIN[name], where, f"[{key}] {name}"), where, f"[{key}] {name}")
-                if name in _PLAIN
-                else _quantity(value, where, f"[{key}] {name}", name)
-                for name, value in values.items()
-            }
-        )
-    log = _table(raw, "log", where)
-    _check_keys(log, ("sample_rate_hz",), f"{where}: [log] ")
-    rate = _number(log["sample_rate_hz"], where, "[log] sample_rate_hz") if log else None
-    if rate is not None and rate <= 0:
-        raise RigError(f"{where}: [log] sample_rate_hz is {rate:g}; expected a number above 0.")
+    texts = {key: _convert(raw.get(key, ""), str, f"{where}: {key}") for key in ("title", "source", "note")}
     own = _channels(_table(raw, "channels", where), where)
     known = {**CHANNELS, **own}
     return Rig(
@@ -210,13 +165,44 @@ def _rig(raw: dict[str, Any], where: str) -> Rig:
         channels=own,
         cascade=_cascade(raw, known, where),
         effects=_effects(_table(raw, "effects", where), where),
-        sample_rate=rate,
-        thresholds=_thresholds(_table(raw, "thresholds", where), where),
-        model=_model_accuracy(_table(raw, "model", where), where),
+        sample_rate=_section(raw, "log", _Log, where).sample_rate_hz,
+        thresholds=_thresholds(raw, where),
+        model=_section(raw, "model", ModelAccuracy, where),
         phases=phase_rule(_table(raw, "phases", where), where),
         path=where,
-        **sections,
+        **{key: _section(raw, key, kind, where) for key, kind in _SECTIONS.items()},
     )
+
+
+def _section(raw: dict[str, Any], key: str, kind: type[Entries], where: str) -> Entries:
+    """Read a table of a rig file by the struct that declares its entries."""
+    declared = {field.name: field.type for field in struct_fields(kind)}
+    values = _table(raw, key, where)
+    place = f"{where}: [{key}]"
+    _check_keys(values, list(declared), f"{place} ")
+    return kind(**{name: _declared(value, name, declared[name], place) for name, value in values.items()})
+
+
+def _declared(value: object, name: str, kind: Any, place: str) -> Any:
+    """Read an entry by its declaration: a number with a unit or, if it is declared as a plain one, also without."""
+    python_type, *notes = get_args(kind)
+    measure = next((note for note in notes if isinstance(note, Measure)), None)
+    if measure is None:
+        return entry(value, name, kind, place, RigError)
+    place = f"{place} {name}"
+    if python_type is not float:
+        return _quantity(value, place, measure)
+    if measure.dimension is not None and isinstance(value, dict):
+        return _quantity(value, place, measure).value
+    return _possible(_number(value, place), place, measure)
+
+
+def _thresholds(raw: dict[str, Any], where: str) -> Thresholds:
+    values = _table(raw, "thresholds", where)
+    window = values.pop("window", Thresholds().window)
+    entry(window, "window", _Window, f"{where}: [thresholds]", RigError)
+    others = _section({"thresholds": values}, "thresholds", Thresholds, where)
+    return msgspec.structs.replace(others, window=str(window))
 
 
 def _cascade(raw: dict[str, Any], known: Mapping[str, Channel], where: str) -> Cascade:
@@ -225,9 +211,9 @@ def _cascade(raw: dict[str, Any], known: Mapping[str, Channel], where: str) -> C
         return PAPER
     from winchcascade.core.cascade_toml import CascadeTable, StageTable, read_cascade
 
-    table = _convert(raw["cascade"], CascadeTable, where, "[cascade]") if "cascade" in raw else None
+    table = _convert(raw["cascade"], CascadeTable, f"{where}: [cascade]") if "cascade" in raw else None
     stages = _table(raw, "stage", where)
-    own = {name: _convert(stage, StageTable, where, f"[stage.{name}]") for name, stage in stages.items()}
+    own = {name: _convert(stage, StageTable, f"{where}: [stage.{name}]") for name, stage in stages.items()}
     return read_cascade(table, own, known, where)
 
 
@@ -238,57 +224,50 @@ def _table(raw: dict[str, Any], key: str, where: str) -> dict[str, Any]:
     return dict(value)
 
 
-def _convert(value: object, kind: Any, where: str, place: str) -> Any:
+def _convert(value: object, kind: Any, place: str) -> Any:
     """Check a value against a type; msgspec's finding becomes one sentence with the place in the file."""
     try:
         return msgspec.convert(value, kind)
     except msgspec.ValidationError as fault:
         what, _, deeper = str(fault).partition(" - at `$")
         inner = re.sub(r"^\.", " ", deeper.rstrip("`"))
-        raise RigError(f"{where}: {place}{inner}: {what[:1].lower()}{what[1:]}.") from None
+        raise RigError(f"{place}{inner}: {what[:1].lower()}{what[1:]}.") from None
 
 
 def _check_keys(raw: Mapping[str, object], known: Sequence[str], place: str) -> None:
     check_keys(raw, known, place, f"no entry of a rig file; expected {', '.join(known)}", RigError)
 
 
-def _number(value: object, where: str, place: str) -> float:
-    return _finite(_convert(value, float, where, place), where, place)
+def _number(value: object, place: str) -> float:
+    return _finite(_convert(value, float, place), place)
 
 
-def _finite(value: float, where: str, place: str) -> float:
+def _finite(value: float, place: str) -> float:
     if not math.isfinite(value):
-        raise RigError(f"{where}: {place} is {value}; expected a finite number.")
+        raise RigError(f"{place} is {value}; expected a finite number.")
     return value
 
 
-def _quantity(value: object, where: str, place: str, name: str) -> Quantity:
+def _quantity(value: object, place: str, measure: Measure) -> Quantity:
     if not isinstance(value, dict):
-        raise RigError(f'{where}: {place} is {value!r}; expected {{ value = ..., unit = "...", source = "..." }}.')
-    number: _Number = _convert(value, _Number, where, place)
+        raise RigError(f'{place} is {value!r}; expected {{ value = ..., unit = "...", source = "..." }}.')
+    number: _Number = _convert(value, _Number, place)
     unit = find_unit(number.unit)
-    dimension = _DIMENSIONS[name]
-    if unit is None or unit.dimension != dimension:
-        raise RigError(f"{where}: {place}: the unit {number.unit!r} is none of {dimension.replace('_', ' ')}.")
-    _finite(number.value, where, place)
-    in_si = number.value * unit.factor + unit.offset
-    _check_sign(in_si, where, place, name)
+    if unit is None or unit.dimension != measure.dimension:
+        raise RigError(f"{place}: the unit {number.unit!r} is none of {str(measure.dimension).replace('_', ' ')}.")
+    in_si = _possible(_finite(number.value, place) * unit.factor + unit.offset, place, measure)
     tolerance = None if number.tolerance is None else number.tolerance * unit.factor
     if number.tolerance_percent is not None:
         tolerance = abs(in_si) * number.tolerance_percent / 100.0
     if tolerance is not None and not 0 <= tolerance <= HUGE:
-        raise RigError(f"{where}: {place}: the tolerance is {tolerance:g}; expected a number that is not negative.")
+        raise RigError(f"{place}: the tolerance is {tolerance:g}; expected a number that is not negative.")
     return Quantity(in_si, number.unit, number.source, tolerance)
 
 
-def _check_sign(value: float, where: str, place: str, name: str) -> None:
-    if (name in _POSITIVE and value <= 0) or value < 0:
-        raise RigError(f"{where}: {place} is {value:g}; expected a number above 0.")
-    low, high = _LIMITS.get(name, (-math.inf, math.inf))
-    if not low <= value <= high:
-        raise RigError(f"{where}: {place} is {value:g} in SI units; expected between {low:g} and {high:g}.")
-    if name in _SHARES and value > 1:
-        raise RigError(f"{where}: {place} is {value:g}; expected a share between 0 and 1.")
+def _possible(value: float, place: str, measure: Measure) -> float:
+    if not measure.holds(value):
+        raise RigError(f"{place} is {value:g}; expected {measure.words}.")
+    return value
 
 
 _OWN_NAME = re.compile(r"[A-Za-z]\w*")
@@ -298,76 +277,67 @@ _OWN_NAME = re.compile(r"[A-Za-z]\w*")
 def _channels(raw: dict[str, Any], where: str) -> dict[str, Channel]:
     """Channels of the rig's own, `[channels.NAME] unit = "..."`; the unit decides what is measured."""
     channels = {}
-    for name, entry in raw.items():
-        place = f"[channels.{name}]"
+    for name, stated in raw.items():
+        place = f"{where}: [channels.{name}]"
         if name in CHANNELS or name == "time" or _OWN_NAME.fullmatch(name) is None:
             raise RigError(
-                f"{where}: {place}: expected a name of letters, digits and underscores that no built-in channel has; those "
+                f"{place}: expected a name of letters, digits and underscores that no built-in channel has; those "
                 f"are time, {', '.join(CHANNELS)}."
             )
-        if not isinstance(entry, dict):
-            raise RigError(f'{where}: [channels] {name} is {entry!r}; expected a table {place} with unit = "...".')
-        _check_keys(entry, ("unit",), f"{where}: {place} ")
-        text = _convert(entry.get("unit", ""), str, where, f"{place} unit")
+        if not isinstance(stated, dict):
+            raise RigError(
+                f'{where}: [channels] {name} is {stated!r}; expected a table [channels.{name}] with unit = "...".'
+            )
+        _check_keys(stated, ("unit",), f"{place} ")
+        text = _convert(stated.get("unit", ""), str, f"{place} unit")
         unit = find_unit(text)
         if unit is None:
-            raise RigError(
-                f'{where}: {place}: the unit {text!r} is unknown; expected one such as "W", "bar", "L/min" or "1".'
-            )
+            raise RigError(f'{place}: the unit {text!r} is unknown; expected one such as "W", "bar", "L/min" or "1".')
         channels[name] = Channel(name, name, unit.dimension, text, f"{name} ({text})")
     return channels
 
 
 def _sensors(raw: dict[str, Any], where: str, known: Mapping[str, Channel]) -> dict[str, Sensor]:
     sensors = {}
-    for name, entry in raw.items():
-        place = f"[sensors.{name}]"
+    for name, table in raw.items():
+        place = f"{where}: [sensors.{name}]"
         if name not in known:
-            raise RigError(f"{where}: {place} is no channel; expected one of {', '.join(known)}.")
-        sensor: Sensor = _convert(entry, Sensor, where, place)
+            raise RigError(f"{place} is no channel; expected one of {', '.join(known)}.")
+        if not isinstance(table, dict):
+            raise RigError(f"{where}: [sensors] {name} is {table!r}; expected a table [sensors.{name}].")
+        _check_keys(table, Sensor.__struct_fields__, f"{place} ")
+        sensor = entries(table, Sensor, place, RigError)
         unit = read_as(find_unit(sensor.unit), known[name].dimension)
         if unit is None:
-            raise RigError(f"{where}: {place} unit {sensor.unit!r} is none of {known[name].dimension}.")
+            raise RigError(f"{place} unit {sensor.unit!r} is none of {known[name].dimension}.")
         if unit.offset and (sensor.low is not None or sensor.high is not None):
             raise RigError(
-                f"{where}: {place} unit {sensor.unit!r} does not count from the zero of the channel, as gauge pressure does; "
+                f"{place} unit {sensor.unit!r} does not count from the zero of the channel, as gauge pressure does; "
                 'give the range as gauge pressure, such as low = 0, high = 20, unit = "bar".'
             )
         if sensor.low is not None and sensor.high is not None and sensor.low >= sensor.high:
-            raise RigError(f"{where}: {place} low {sensor.low:g} is not below high {sensor.high:g}.")
-        _check_accuracy(sensor, where, place)
+            raise RigError(f"{place} low {sensor.low:g} is not below high {sensor.high:g}.")
+        _check_accuracy(sensor, place)
         in_si = {
-            key: _finite(value, where, f"{place} {key}") * unit.factor
+            key: value * unit.factor
             for key in ("low", "high", "resolution", "accuracy", "u_zero")
             if (value := getattr(sensor, key)) is not None
         }
         if any(abs(value) > HUGE for value in in_si.values()):
-            raise RigError(f"{where}: {place} has a number beyond {HUGE:g} in SI units; check it and its unit.")
+            raise RigError(f"{place} has a number beyond {HUGE:g} in SI units; check it and its unit.")
         sensors[name] = msgspec.structs.replace(sensor, **in_si)
     return sensors
 
 
-_SHARES_OF_SENSOR = ("accuracy_full_scale", "accuracy_reading", "daq_full_scale", "daq_reading", "u_gain")
-
-_LARGEST_COVERAGE = 10.0
-"""No statement of a maker has a larger coverage factor: k = 2 and 3 are usual."""
-
-
-def _check_accuracy(sensor: Sensor, where: str, place: str) -> None:
-    """Reject accuracies of a sensor that are no size or no share, and coverage factors that are none."""
-    for key in ("resolution", "accuracy", "u_zero", *_SHARES_OF_SENSOR):
-        size = getattr(sensor, key) or 0.0
-        if not 0 <= size <= HUGE:
-            raise RigError(f"{where}: {place} {key} is {size:g}; expected a number that is not negative.")
-        if size > 1 and key in _SHARES_OF_SENSOR:
-            raise RigError(f"{where}: {place} {key} is {size:g}; expected a share, such as 0.002 for 0.2 %.")
+def _check_accuracy(sensor: Sensor, place: str) -> None:
+    """Reject shares of a full scale that is not stated, and shares and coverage factors of an accuracy that is not stated."""
     for key in ("accuracy_full_scale", "daq_full_scale"):
         if getattr(sensor, key) is not None and not (sensor.high or sensor.low):
-            raise RigError(f"{where}: {place} {key} has no full scale; give the range as high = ... too.")
+            raise RigError(f"{place} {key} has no full scale; give the range as high = ... too.")
     known = (sensor.accuracy, sensor.accuracy_full_scale, sensor.accuracy_reading, sensor.u_zero, sensor.u_gain)
     if any((sensor.daq_full_scale, sensor.daq_reading)) and not any(known):
         raise RigError(
-            f"{where}: {place} has the share of the acquisition system and no accuracy of the sensor; add the one of the "
+            f"{place} has the share of the acquisition system and no accuracy of the sensor; add the one of the "
             "sensor, such as accuracy_reading = ..."
         )
     stated = {
@@ -375,45 +345,38 @@ def _check_accuracy(sensor: Sensor, where: str, place: str) -> None:
         "daq_coverage": (sensor.daq_full_scale, sensor.daq_reading),
     }
     for key, accuracies in stated.items():
-        factor = getattr(sensor, key)
-        if factor is not None and not 1.0 <= factor <= _LARGEST_COVERAGE:
-            raise RigError(f"{where}: {place} {key} is {factor:g}; expected a coverage factor from 1 to 10, such as 2.")
-        if factor is not None and not any(accuracies):
-            raise RigError(
-                f"{where}: {place} {key} belongs to an accuracy, and none is stated; add it or leave {key} out."
-            )
+        if getattr(sensor, key) is not None and not any(accuracies):
+            raise RigError(f"{place} {key} belongs to an accuracy, and none is stated; add it or leave {key} out.")
 
 
 def _columns(raw: dict[str, Any], where: str, known: Mapping[str, Channel], *, geared: bool) -> dict[str, Column]:
     """Columns by channel; `geared`: the file states a gear ratio, which a speed of the generator is divided by."""
     columns: dict[str, Column] = {}
-    for name, entry in raw.items():
-        place = f"[columns] {name}"
+    for name, stated in raw.items():
+        place = f"{where}: [columns] {name}"
         if name not in known and name != "time":
-            raise RigError(f"{where}: {place} is no channel; expected time or one of {', '.join(known)}.")
-        column = Column(entry) if isinstance(entry, str) else _convert(entry, Column, where, place)
+            raise RigError(f"{place} is no channel; expected time or one of {', '.join(known)}.")
+        column = Column(stated) if isinstance(stated, str) else _convert(stated, Column, place)
         if bool(column.name.strip()) == (column.number is not None):
-            raise RigError(f'{where}: {place}: expected either name = "..." or number = ..., the column from 1 on.')
+            raise RigError(f'{place}: expected either name = "..." or number = ..., the column from 1 on.')
         if column.number is not None and not 1 <= column.number <= _MOST_COLUMNS:
-            raise RigError(f"{where}: {place}: number is {column.number}; expected the column's place, from 1 on.")
+            raise RigError(f"{place}: number is {column.number}; expected the column's place, from 1 on.")
         if column.override and column.unit is None:
-            raise RigError(
-                f'{where}: {place}: override = true without a unit; add unit = "...", or leave override out.'
-            )
+            raise RigError(f'{place}: override = true without a unit; add unit = "...", or leave override out.')
         if column.side is not None and name != "speed":
-            raise RigError(f"{where}: {place}: only the speed of rotation has a side; leave it out.")
+            raise RigError(f"{place}: only the speed of rotation has a side; leave it out.")
         if column.side == "generator" and not geared:
             raise RigError(
-                f'{where}: {place}: side = "generator" needs the gear ratio; add gear_ratio under [drivetrain], with the '
+                f'{place}: side = "generator" needs the gear ratio; add gear_ratio under [drivetrain], with the '
                 'value 1 for a direct drive, or side = "shaft".'
             )
         dimension, unit = "time" if name == "time" else known[name].dimension, find_unit(column.unit or "")
         if unit is not None and read_as(unit, dimension) is None:
-            raise RigError(f"{where}: {place}: the unit {column.unit!r} is none of {dimension}.")
+            raise RigError(f"{place}: the unit {column.unit!r} is none of {dimension}.")
         for other, taken in columns.items():
             if (taken.name, taken.number) == (column.name, column.number):
                 called = repr(column.name) if column.number is None else str(column.number)
-                raise RigError(f"{where}: {place} and {other} both name the column {called}; expected one each.")
+                raise RigError(f"{place} and {other} both name the column {called}; expected one each.")
         columns[name] = column
     return columns
 
@@ -421,60 +384,29 @@ def _columns(raw: dict[str, Any], where: str, known: Mapping[str, Channel], *, g
 def _effects(raw: dict[str, Any], where: str) -> dict[str, StatedEffect]:
     """Effects with their fields, each a number or a table; `logs` lists the logs that they come from."""
     effects = {}
-    for name, entries in raw.items():
-        place = f"[effects.{name}]"
-        if not isinstance(entries, dict):
-            raise RigError(f"{where}: [effects] {name} is {entries!r}; expected a table {place}.")
-        logs = _convert(entries.get("logs", ()), tuple[str, ...], where, f"{place} logs")
-        fields = {
-            key: _effect_number(value, where, f"{place} {key}") for key, value in entries.items() if key != "logs"
-        }
+    for name, stated in raw.items():
+        place = f"{where}: [effects.{name}]"
+        if not isinstance(stated, dict):
+            raise RigError(f"{where}: [effects] {name} is {stated!r}; expected a table [effects.{name}].")
+        logs = _convert(stated.get("logs", ()), tuple[str, ...], f"{place} logs")
+        fields = {key: _effect_number(value, f"{place} {key}") for key, value in stated.items() if key != "logs"}
         effects[name] = StatedEffect(fields, logs)
     return effects
 
 
-def _effect_number(value: object, where: str, place: str) -> EffectNumber:
+def _effect_number(value: object, place: str) -> EffectNumber:
     if not isinstance(value, dict):
-        return EffectNumber(_number(value, where, place))
-    number: EffectNumber = _convert(value, EffectNumber, where, place)
+        return EffectNumber(_number(value, place))
+    number: EffectNumber = _convert(value, EffectNumber, place)
     unit = find_unit(number.unit) if number.unit else None
     if unit is None and number.unit:
-        raise RigError(f"{where}: {place}: the unit {number.unit!r} is unknown.")
+        raise RigError(f"{place}: the unit {number.unit!r} is unknown.")
     factor = 1.0 if unit is None else unit.factor
     in_si = {
-        key: _finite(given, where, f"{place} {key}") * factor
+        key: _finite(given, f"{place} {key}") * factor
         for key in ("value", "low", "high")
         if (given := getattr(number, key)) is not None
     }
     if not in_si.get("low", -math.inf) <= in_si["value"] <= in_si.get("high", math.inf):
-        raise RigError(
-            f"{where}: {place}: the value {number.value:g} is not between low and high; correct the interval."
-        )
+        raise RigError(f"{place}: the value {number.value:g} is not between low and high; correct the interval.")
     return msgspec.structs.replace(number, **in_si)
-
-
-def _thresholds(raw: dict[str, Any], where: str) -> Thresholds:
-    values: dict[str, Any] = {}
-    _check_keys(raw, Thresholds.__struct_fields__, f"{where}: [thresholds] ")
-    for name, value in raw.items():
-        place = f"[thresholds] {name}"
-        if name == "window":
-            seconds = isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < 1e9
-            if value not in ("auto", "payout") and not seconds:
-                raise RigError(f'{where}: {place} is {value!r}; expected "auto", "payout" or a length in seconds.')
-            values[name] = str(value)
-        elif name in _DIMENSIONS and isinstance(value, dict):
-            values[name] = _quantity(value, where, place, name).value
-        else:
-            values[name] = _number(value, where, place)
-            _check_sign(values[name], where, place, name)
-    return Thresholds(**values)
-
-
-def _model_accuracy(raw: dict[str, Any], where: str) -> ModelAccuracy:
-    _check_keys(raw, ModelAccuracy.__struct_fields__, f"{where}: [model] ")
-    values = {name: _number(value, where, f"[model] {name}") for name, value in raw.items()}
-    for name, value in values.items():
-        if not 0.0 <= value <= 0.5:
-            raise RigError(f"{where}: [model] {name} is {value:g}; expected a share from 0 to 0.5.")
-    return ModelAccuracy(**values)

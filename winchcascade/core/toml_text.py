@@ -85,8 +85,15 @@ def entry(value: object, key: str, kind: Any, place: str, fault: type[Winchcasca
     except msgspec.ValidationError:
         broken = conditions
     if broken:
-        raise fault(f"{place}: {key} is {value!r:.200}; expected {broken[0].words}.")
+        given = "missing" if value is None else f"{value!r:.200}"
+        raise fault(f"{place}: {key} is {given}; expected {broken[0].words}.")
     return found
+
+
+@cache
+def struct_fields(kind: type[msgspec.Struct]) -> tuple[msgspec.structs.FieldInfo, ...]:
+    """Fields of a struct; their types are evaluated once."""
+    return msgspec.structs.fields(kind)
 
 
 def entries(
@@ -99,14 +106,10 @@ def entries(
     """Read the entries of a table that a struct names, other than the `given` fields, each by its type as `entry` does."""
     read = {
         f.name: entry(raw.get(f.encode_name, None if f.required else f.default), f.encode_name, f.type, place, fault)
-        for f in _fields(kind)
+        for f in struct_fields(kind)
         if f.name not in given
     }
     return kind(**given, **read)
-
-
-_fields = cache(msgspec.structs.fields)
-"""Fields of a struct; their types are evaluated once."""
 
 
 def _whole_numbers(value: object, place: str) -> Iterator[tuple[str, int]]:
