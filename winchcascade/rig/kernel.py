@@ -108,7 +108,7 @@ def constants(model: Model, load: float) -> Constants:
 @lru_cache(maxsize=256)
 def rolloff_slopes(rolloff: tuple[float, ...]) -> tuple[float, ...]:
     """Slopes of `rolloff_curve` at `ROLLOFF_KNOTS`. [1/A]"""
-    return tuple(rolloff_curve(rolloff).derivative()(ROLLOFF_KNOTS).tolist())
+    return tuple(rolloff_curve(rolloff).slope(ROLLOFF_KNOTS).tolist())
 
 
 @njit(cache=True, error_model="numpy")

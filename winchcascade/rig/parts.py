@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Literal
 import msgspec
 import numpy as np
 
-if TYPE_CHECKING:
-    from scipy.interpolate import PchipInterpolator
+from winchcascade.core.monotone_cubic import MonotoneCubic, monotone_cubic
 
+if TYPE_CHECKING:
     from winchcascade.core.run import Signal
 
 
@@ -110,13 +110,11 @@ NO_ROLLOFF = (1.0,) * (len(ROLLOFF_KNOTS) - 1)
 
 
 @lru_cache(maxsize=256)
-def rolloff_curve(rolloff: tuple[float, ...]) -> PchipInterpolator:
+def rolloff_curve(rolloff: tuple[float, ...]) -> MonotoneCubic:
     """Share of the back-EMF constant over the stator current up to the last of `ROLLOFF_KNOTS`, by a monotone cubic [1]
     (Fritsch and Butland 1984). `rolloff` is as in `GeneratorModel`.
     """
-    from scipy.interpolate import PchipInterpolator
-
-    return PchipInterpolator(ROLLOFF_KNOTS, (1.0, *rolloff))
+    return monotone_cubic(ROLLOFF_KNOTS, (1.0, *rolloff))
 
 
 class GeneratorModel(msgspec.Struct, frozen=True):

@@ -15,6 +15,7 @@ import numpy as np
 from winchcascade.core.campaign_file import SIMULATED
 from winchcascade.core.errors import LogError, RigError
 from winchcascade.core.files import write_whole
+from winchcascade.core.monotone_cubic import monotone_cubic
 from winchcascade.core.quantity import UNITS
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import CHANNELS, SIMULATED_HEADERS, Run, Signal
@@ -67,12 +68,10 @@ def even_motion(t: Signal, v: Signal, step: float) -> LineMotion:
     ----------
     t, v : (k,) stamps that rise [s], velocities [m/s]
     """
-    from scipy.interpolate import PchipInterpolator
-
     even = t[0] + step * np.arange(int((t[-1] - t[0]) / step) + 1)
-    curve = PchipInterpolator(t, v)
+    curve = monotone_cubic(t, v)
     speed = curve(even)
-    return LineMotion(even, _integral(speed, step), speed, curve.derivative()(even), step)
+    return LineMotion(even, _integral(speed, step), speed, curve.slope(even), step)
 
 
 def _integral(y: Signal, step: float) -> Signal:

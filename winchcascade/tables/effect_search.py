@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.jobs import all_at_once
+from winchcascade.core.monotone_cubic import monotone_cubic
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.suspects import Freedom, Suspects, freedom, with_values
 from winchcascade.reduction.efficiency import RATIOS
@@ -171,11 +172,9 @@ def _curve(simulator: TableSimulator, kind: Effect, free: Freedom, k: int) -> Ef
             nodes |= _side(simulator, kind, free, k, float(end))
     if len(nodes) == 1 or max(float(np.nanmax(np.abs(ratio))) for ratio in nodes.values()) < SILENT:
         return None
-    from scipy.interpolate import PchipInterpolator
-
     at = np.array(sorted(nodes))
     x = np.linspace(at[0], at[-1], GRID + 1)
-    ratio = PchipInterpolator(at, np.array([nodes[value] for value in at.tolist()]))(x)
+    ratio = monotone_cubic(at, np.array([nodes[value] for value in at.tolist()]))(x)
     return EffectCurve(x, ratio, float(free.absent[k]))
 
 
