@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
     from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
     from winchcascade.tables.check import Check, Factors
+    from winchcascade.tables.point_table import PointTable
 
 
 def open_campaign(
@@ -108,7 +109,9 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
         chosen = {name: find_effect(name) for name in suspects} if suspects else EFFECTS
         return diagnose_listed(listed, chosen, rig=self.rig, loads=withhold, seed=seed)
 
-    def check(self, table: PublishedTable | str | Path, *, factors: Factors | None = None, jobs: int = 1) -> Check:
+    def check(
+        self, table: PublishedTable | PointTable | str | Path, *, factors: Factors | None = None, jobs: int = 1
+    ) -> Check:
         """Reduce every log and compare the results with a published table, cell by cell.
 
         Parameters

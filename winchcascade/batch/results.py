@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from os.path import isfile  # unlike that of Path no error for a name that no file can have
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,8 @@ from winchcascade.core.table_toml import load_table
 from winchcascade.report.campaign_record import CAMPAIGN_SCHEMA
 from winchcascade.report.records import RunRecord
 from winchcascade.tables.check import Check, Factors, check, measured_from_record
+from winchcascade.tables.point_check import check_points
+from winchcascade.tables.point_table import PointTable, is_point_table, load_points
 
 _EXPECTED = "expected a campaign, the folder of a batch or a reduction's JSON."
 
@@ -121,9 +124,21 @@ def campaign_results(plan: Plan, jobs: int) -> Results:
     return Results(_together({plan.work[k].name: found[k] for k in sorted(found)}), whole=True)
 
 
-def check_results(results: Results, table: PublishedTable | str | Path, factors: Factors | None = None) -> Check:
-    """Compare results with a published table, a table file or a built-in table. Raises as `tables.check.check`."""
-    table = table if isinstance(table, PublishedTable) else load_table(table)
+def open_table(table: str | Path) -> PublishedTable | PointTable:
+    """Read a table file, by load or of operating points, or a built-in table; TableError names what is wrong."""
+    return load_points(Path(table)) if isfile(table) and is_point_table(Path(table)) else load_table(table)
+
+
+def check_results(
+    results: Results, table: PublishedTable | PointTable | str | Path, factors: Factors | None = None
+) -> Check:
+    """Compare results with a published table: a table by load or of operating points, its file, or a built-in table.
+
+    Raises as `tables.check.check` and `tables.point_check.check_points`.
+    """
+    table = open_table(table) if isinstance(table, str | Path) else table
+    if isinstance(table, PointTable):
+        return check_points(results.records, table, factors, whole_campaign=results.whole)
     measured = [measured_from_record(record, name) for name, record in results.records]
     return check(measured, table, factors, whole_campaign=results.whole)
 

@@ -48,17 +48,16 @@ def check_command(
 
     A cell agrees within rounding, the largest deviation of the cycles and twice the standard uncertainty together.
     """
-    from winchcascade.batch.results import check_results, load_results
+    from winchcascade.batch.results import check_results, load_results, open_table
     from winchcascade.core.files import write_content
     from winchcascade.core.jobs import processes
-    from winchcascade.core.table_toml import load_table
     from winchcascade.report.check_text import check_record, check_text, github_annotations, junit_xml
     from winchcascade.tables.check import Factors
 
     around = results if results.is_dir() else results.parent
     inputs: list[str | Path] = [results, against, *around.glob("*"), *around.glob("runs/*")]
     check_outputs({"--junit": junit, "--json": json}, inputs, force=force)
-    factors, table = Factors(**_factors(tolerance or [])), load_table(against)
+    factors, table = Factors(**_factors(tolerance or [])), open_table(against)
     found = load_results(results, jobs=jobs or processes())
     if not found.verified:
         show(

@@ -14,17 +14,18 @@ from winchcascade.tables.attainable import Ability, AttainableRanges, SuspectRes
 from winchcascade.tables.attainable_row import RAMPS, STARTED, AttainableRow, Cell
 from winchcascade.tables.audit import Audit, Contradiction, percent
 from winchcascade.tables.effect_search import Values
+from winchcascade.tables.point_table import PointTable
 
 AUDIT_SCHEMA = "winchcascade/audit/1"
 _VERDICTS = {"contradicted": "CONTRADICTED", "not_checkable": "cannot be verified"}
 
 
-def title_lines(table: PublishedTable) -> list[str]:
+def title_lines(table: PublishedTable | PointTable) -> list[str]:
     """Name, title and source of a table."""
     return wrapped(f"{table.name}: {table.title}") + wrapped(f"source: {table.source}")
 
 
-def table_record(table: PublishedTable) -> dict[str, str]:
+def table_record(table: PublishedTable | PointTable) -> dict[str, str]:
     """Which table it is, as records have it."""
     return {"name": table.name, "title": table.title, "source": table.source, "path": table.path}
 

@@ -11,38 +11,41 @@ import msgspec
 
 from winchcascade.core.campaign_file import joint_origin, origin_record, origin_words
 from winchcascade.core.plain_text import one_line
-from winchcascade.core.published_table import load_text
+from winchcascade.core.published_table import PublishedTable
 from winchcascade.core.version import __version__
 from winchcascade.report.audit_text import load_record, table_record, title_lines
 from winchcascade.report.text_table import at_most, indented, table_lines, wrapped
-from winchcascade.tables.check import CellCheck, Check
+from winchcascade.tables.check import CellCheck, Check, RowKey
+from winchcascade.tables.point_table import PointTable
 
 CHECK_SCHEMA = "winchcascade/check/1"
 MOST_FINDINGS = 5
 """Findings of a log that are printed beside its cells; of more the number."""
 
-_HEAD = ("metric", "printed", "found", "differs", "allowed", "= rounding", "+ deviation", "+ 2 u", "")
+_PARTS = {"rounding": "= rounding", "deviation": "+ deviation", "uncertainty": "+ 2 u", "means": "+ means"}
+"""Parts of a tolerance, and how they are headed; `means` in tables of operating points that allow it."""
 
 
 def check_text(check: Check) -> str:
     """Every cell with printed and found value, difference, tolerance and its parts; 100 columns at most."""
     lines = [*title_lines(check.table), *wrapped(f"tolerance: {_recipe(check)}")]
     lines += [*wrapped(f"data: {one_line(origin_words(check.origins))}"), ""]
-    for load in dict.fromkeys(cell.load for cell in check.cells):
-        cells = [cell for cell in check.cells if cell.load == load]
-        log = next((cell.log for cell in cells if cell.log is not None), None)
-        rows = [] if log is None else [_HEAD, *(_cell_row(cell) for cell in cells)]
-        lines += wrapped(f"{load_text(load)}: {'no run' if log is None else log}")
-        lines += table_lines(rows, left=(0, len(_HEAD) - 1), close=(6, 7), indent="  ")
-        lines += [*(line for text in _findings(check, load) for line in indented(text)), ""]
+    for row, log in dict.fromkeys((cell.row, cell.log) for cell in check.cells):
+        cells = [cell for cell in check.cells if (cell.row, cell.log) == (row, log)]
+        rows = [] if log is None else [_head(check), *(_cell_row(check, cell) for cell in cells)]
+        lines += wrapped(f"{row.text}: {'no run' if log is None else log}")
+        lines += table_lines(
+            rows, left=(0, len(_head(check)) - 1), close=(6, 7, 8)[: len(_parts(check)) - 1], indent="  "
+        )
+        lines += [*(line for text in _findings(check, row) for line in indented(text)), ""]
     for note in check.notes:
         lines += wrapped(f"note: {note}")
     return "\n".join([*lines, _summary(check)]) + "\n"
 
 
-def _findings(check: Check, load: float) -> list[str]:
+def _findings(check: Check, row: RowKey) -> list[str]:
     """What is wrong with the log of a row: nothing, or the number of its findings and the first of them."""
-    found = [[f"! {one_line(text)}"] for text in check.findings.get(load, ())]
+    found = [[f"! {one_line(text)}"] for text in check.findings.get(row, ())]
     return (
         [f"findings in this log: {len(found)}", *at_most(found, MOST_FINDINGS, "more, all in --json")] if found else []
     )
@@ -63,12 +66,12 @@ def junit_xml(check: Check) -> str:
     for name, value in (("generator", f"winchcascade/{__version__}"), ("data", data)):
         ElementTree.SubElement(properties, "property", {"name": name, "value": value})
     for cell in check.cells:
-        place = f"{one_line(check.table.name)}.{load_text(cell.load).replace(' ', '_').replace('.', 'p')}"
+        place = f"{one_line(check.table.name)}.{cell.row.text.replace(' ', '_').replace('.', 'p')}"
         case = ElementTree.SubElement(suite, "testcase", {"classname": place, "name": cell.metric, "time": "0"})
         if not cell.ok:
             failure = ElementTree.SubElement(case, "failure", {"message": miss_sentence(cell), "type": cell.outcome})
-            failure.text = " ".join(text for text in _cell_row(cell) if text)
-        if found := _findings(check, cell.load):
+            failure.text = " ".join(text for text in _cell_row(check, cell) if text)
+        if found := _findings(check, cell.row):
             ElementTree.SubElement(case, "system-out").text = "\n".join(found)
     if check.notes:
         ElementTree.SubElement(suite, "system-out").text = "\n".join(one_line(note) for note in check.notes)
@@ -85,13 +88,8 @@ def github_annotations(check: Check, table_path: str | Path) -> str:
     """One workflow command a line: an error at the cell in the table file for every miss, a warning at its row for each log
     with findings, a notice for every note.
     """
-    found = [
-        ("error", cell.line, f"{load_text(cell.load)} {cell.metric}", miss_sentence(cell)) for cell in check.misses
-    ]
-    for load in check.findings:
-        row = check.table.row(load)
-        text = "\n".join(_findings(check, load))
-        found.append(("warning", row.lines.get("") if row else None, f"{load_text(load)} findings", text))
+    found = [("error", cell.line, f"{cell.row.text} {cell.metric}", miss_sentence(cell)) for cell in check.misses]
+    found += [("warning", row.line, f"{row.text} findings", "\n".join(_findings(check, row))) for row in check.findings]
     file = f"file={_property(str(table_path))}"
     lines = [
         f"::{kind} {file}{'' if line is None else f',line={line}'},title={_property(title)}::{_message(text)}"
@@ -113,7 +111,7 @@ def check_record(check: Check) -> dict[str, Any]:
         "misses": len(check.misses),
         "cells": [
             {
-                **load_record(cell.load),
+                **_row_record(cell.row),
                 "metric": cell.metric,
                 "unit": cell.column.unit,
                 "decimals": cell.column.decimals,
@@ -127,22 +125,28 @@ def check_record(check: Check) -> dict[str, Any]:
                     "rounding": cell.rounding,
                     "deviation": cell.deviation,
                     "uncertainty": cell.uncertainty,
+                    **({} if cell.row.number is None else {"means": cell.means}),
                 },
                 "missed_by": cell.missed_by,
                 "line": cell.line,
             }
             for cell in check.cells
         ],
-        "findings": [{**load_record(load), "findings": list(found)} for load, found in check.findings.items()],
+        "findings": [{**_row_record(row), "findings": list(found)} for row, found in check.findings.items()],
         "notes": check.notes,
     }
 
 
+def _row_record(row: RowKey) -> dict[str, Any]:
+    """A row as records have it: by its load, or by its number and its key cells as printed."""
+    return {"row": row.number, "key": dict(row.cells)} if row.load is None else load_record(row.load)
+
+
 def miss_sentence(cell: CellCheck) -> str:
     """Say of a cell that does not agree where it stands, what is printed, what was found and by how much it misses."""
-    place = f"{load_text(cell.load)}, {cell.metric}: {_printed(cell)} is printed"
+    place = f"{cell.row.text}, {cell.metric}: {_printed(cell)} is printed"
     if cell.outcome == "no_run":
-        return f"{place}, and no run of this load was given."
+        return f"{place}, and no run of this {'load' if cell.load is not None else 'row'} was given."
     if cell.measured is None or cell.difference is None or cell.missed_by is None:
         return f"{place}, and {one_line(cell.log or 'the log')} has no measured value."
     return (
@@ -152,28 +156,40 @@ def miss_sentence(cell: CellCheck) -> str:
 
 
 def _recipe(check: Check) -> str:
-    factors, capped = check.factors, " (at most the table's)" if check.table.deviations else ""
+    factors, table = check.factors, check.table
+    capped = " (at most the table's)" if isinstance(table, PublishedTable) and table.deviations else ""
     parts = (
         (factors.rounding, "half a unit of the last decimal"),
         (factors.deviation, f"largest deviation of the cycles{capped}"),
         (factors.uncertainty, "2 standard uncertainties u of the mean"),
     )
-    return " + ".join(part if factor == 1 else f"{factor:g} x {part}" for factor, part in parts)
+    texts = [part if factor == 1 else f"{factor:g} x {part}" for factor, part in parts]
+    if isinstance(table, PointTable) and table.tolerance:
+        texts.append(f"{100.0 * table.tolerance:g} % that means may differ by")
+    return " + ".join(texts)
 
 
-def _cell_row(cell: CellCheck) -> tuple[str, ...]:
+def _parts(check: Check) -> list[str]:
+    """Parts of the tolerances of a check."""
+    return [part for part in _PARTS if part != "means" or any(cell.means for cell in check.cells)]
+
+
+def _head(check: Check) -> tuple[str, ...]:
+    return ("metric", "printed", "found", "differs", "allowed", *(_PARTS[part] for part in _parts(check)), "")
+
+
+def _cell_row(check: Check, cell: CellCheck) -> tuple[str, ...]:
     """One line of the table of cells; without a measured value there is none to compare."""
+    parts = _parts(check)
     if cell.measured is None or cell.difference is None or cell.missed_by is None:
-        return (cell.metric, _printed(cell), "none", "", "", "", "", "", "MISS")
+        return (cell.metric, _printed(cell), "none", "", "", *[""] * len(parts), "MISS")
     return (
         cell.metric,
         _printed(cell),
         _fine(cell.measured, cell),
         _fine(cell.difference, cell, sign=True),
         _fine(cell.tolerance, cell),
-        f"= {_fine(cell.rounding, cell, more=2)}",
-        f"+ {_fine(cell.deviation, cell, more=2)}",
-        f"+ {_fine(cell.uncertainty, cell, more=2)}",
+        *(f"{_PARTS[part][0]} {_fine(getattr(cell, part), cell, more=2)}" for part in parts),
         "ok" if cell.ok else f"MISS by {_by(cell.missed_by, cell)}",
     )
 

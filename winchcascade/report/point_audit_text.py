@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from winchcascade.core.version import __version__
+from winchcascade.report.audit_text import table_record, title_lines
 from winchcascade.report.text_table import indented, wrapped
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ _MOST_SHOWN = 12
 def point_audit_text(audit: PointAudit) -> str:
     """What a table of operating points contradicts in itself; 100 columns at most."""
     table, broken = audit.table, audit.broken
-    lines = wrapped(f"{table.name}: {table.title}") + wrapped(f"source: {table.source}")
+    lines = title_lines(table)
     laws = [f"{name} = {column.law.text}" for name, column in table.columns.items() if column.law]
     bounds = [name for name, column in table.columns.items() if column.at_most == 1.0]
     lines += wrapped(f"laws: {', '.join(laws)}") if laws else []
@@ -42,7 +43,7 @@ def point_audit_record(audit: PointAudit) -> dict[str, Any]:
     return {
         "schema": POINT_AUDIT_SCHEMA,
         "version": __version__,
-        "table": {"name": table.name, "title": table.title, "source": table.source, "path": table.path},
+        "table": table_record(table),
         "ok": audit.ok,
         "rows": len(table.rows),
         "cells_compared": audit.laws,

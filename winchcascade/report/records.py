@@ -201,7 +201,10 @@ class StagesRecord(msgspec.Struct, frozen=True):
 
 
 class RunRecord(msgspec.Struct, frozen=True):
-    """The reduction of one log, schema `winchcascade/reduction/1`; numbers that do not exist are null."""
+    """The reduction of one log, schema `winchcascade/reduction/1`; numbers that do not exist are null.
+
+    `cycles_from` is the source of cycles of the rig file, unset for the line velocity.
+    """
 
     schema: str
     version: str
@@ -219,6 +222,7 @@ class RunRecord(msgspec.Struct, frozen=True):
     total: Numbers
     bins: tuple[BinRecord, ...]
     stages: StagesRecord | UnsetType = UNSET
+    cycles_from: str | UnsetType = UNSET
     waves: dict[str, Any] | UnsetType = UNSET
 
 
@@ -262,6 +266,7 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
         total=reduction.total.fields(),
         bins=tuple(bin_record(b, reduction.rig.cascade) for b in reduction.bins),
         stages=_stages(reduction, found),
+        cycles_from=UNSET if reduction.rig.phases.source == "velocity" else reduction.rig.phases.source,
         waves=_waves(reduction),
     )
 
@@ -365,7 +370,8 @@ def cycle_record(cycle: CycleResult, standard_uncertainty: Metrics, cascade: Cas
         window=WindowRecord(window.onset, window.cutoff, round(window.cutoff - window.onset, 9)),
         net_span=cycle.net,
         **cycle.metrics.fields(),
-        standard_uncertainty=standard_uncertainty.fields(),
+        standard_uncertainty=standard_uncertainty.fields()
+        | (standard_uncertainty.fields(cascade.metrics) if cascade.configured else {}),
         stages=cycle.metrics.fields(cascade.metrics) if cascade.configured else UNSET,
     )
 

@@ -19,6 +19,7 @@ from winchcascade.core.errors import OptionError, WinchcascadeError
 from winchcascade.core.published_table import PrintedColumn, PublishedTable, TableRow, load_text, same_load
 from winchcascade.core.toml_text import Expected, entry
 from winchcascade.reduction.efficiency import FIELDS, METRICS
+from winchcascade.tables.point_table import PointTable
 
 REDUCTION_SCHEMA = "winchcascade/reduction/1"
 
@@ -36,11 +37,12 @@ class CheckError(WinchcascadeError):
 
 
 class Measured(msgspec.Struct, frozen=True):
-    """What a log gives, in SI units by metric, None for what it cannot give.
+    """What a log, or a cycle of it, gives in SI units by metric, None for what it cannot give.
 
-    `load` is in ohms, inf for an open circuit, None where it is not known; `deviation` is the largest one of a cycle from
-    the mean [%], `uncertainty` the standard uncertainty of the mean and `repeatability` the part of it that the scatter of
-    the cycles contributes. `findings` are the sentences on what is wrong with the log.
+    `at` and `log` are of a check of operating points: what the result is at besides its metrics, and the file. `load` is
+    in ohms, inf for an open circuit, None where it is not known; `deviation` is the largest one of a cycle from the mean
+    [%], `uncertainty` the standard uncertainty of the mean and `repeatability` the part of it that the scatter of the
+    cycles contributes. `findings` are the sentences on what is wrong with the log.
     """
 
     name: str
@@ -51,6 +53,8 @@ class Measured(msgspec.Struct, frozen=True):
     repeatability: Mapping[str, float | None] = msgspec.field(default_factory=dict)
     findings: tuple[str, ...] = ()
     origin: Origin = Origin()
+    at: Mapping[str, float | None] = msgspec.field(default_factory=dict)
+    log: str = ""
 
 
 class Factors(msgspec.Struct, frozen=True):
@@ -69,13 +73,27 @@ class Factors(msgspec.Struct, frozen=True):
                 )
 
 
+class RowKey(msgspec.Struct, frozen=True):
+    """What names a row in messages and files: its load [ohm], or its number from 1 on and its key cells as printed.
+
+    `line` is that of the row in the table's file.
+    """
+
+    text: str
+    load: float | None = None
+    number: int | None = None
+    cells: tuple[tuple[str, str], ...] = ()
+    line: int | None = None
+
+
 class CellCheck(msgspec.Struct, frozen=True):
     """One cell of the table beside its measured value, all in the unit of its column.
 
-    `log` names the run, None where there is none; `line` is that of the cell in the table's file.
+    `log` names the run, None where there is none; `line` is that of the cell in the table's file. `means` is what the table
+    allows a mean of products to differ from the product of means.
     """
 
-    load: float
+    row: RowKey
     metric: str
     column: PrintedColumn
     printed: float
@@ -84,12 +102,18 @@ class CellCheck(msgspec.Struct, frozen=True):
     rounding: float = 0.0
     deviation: float = 0.0
     uncertainty: float = 0.0
+    means: float = 0.0
     line: int | None = None
+
+    @property
+    def load(self) -> float | None:
+        """Load of the row, None in a table of operating points. [ohm]"""
+        return self.row.load
 
     @property
     def tolerance(self) -> float:
         """What the measured value may differ by."""
-        return self.rounding + self.deviation + self.uncertainty
+        return self.rounding + self.deviation + self.uncertainty + self.means
 
     @property
     def difference(self) -> float | None:
@@ -106,7 +130,7 @@ class CellCheck(msgspec.Struct, frozen=True):
         """Whether the measured value agrees with the printed one, or why there is none."""
         if self.missed_by is None:
             return "no_run" if self.log is None else "not_measured"
-        return "ok" if self.missed_by <= _DUST * self.printed else "miss"
+        return "ok" if self.missed_by <= _DUST * abs(self.printed) else "miss"
 
     @property
     def ok(self) -> bool:
@@ -117,15 +141,15 @@ class CellCheck(msgspec.Struct, frozen=True):
 class Check(msgspec.Struct, frozen=True):
     """All cells of a table against measured results.
 
-    `notes` describes in sentences what was left out, capped or not known; `findings` holds, by load, those of each log;
+    `notes` describes in sentences what was left out, capped or not known; `findings` holds, by row, those of its log;
     `origins` where the data of each log come from.
     """
 
-    table: PublishedTable
+    table: PublishedTable | PointTable
     factors: Factors
     cells: tuple[CellCheck, ...]
     notes: tuple[str, ...]
-    findings: Mapping[float, tuple[str, ...]] = msgspec.field(default_factory=dict)
+    findings: Mapping[RowKey, tuple[str, ...]] = msgspec.field(default_factory=dict)
     origins: tuple[Origin, ...] = ()
 
     @property
@@ -146,6 +170,16 @@ _Number = Annotated[float | None, Expected("a number or null", math.isfinite)]
 _NotNegative = Annotated[_Number, Expected("a number that is not negative", lambda value: value >= 0)]
 
 
+def reduction_object(record: object, where: str) -> dict[str, Any]:
+    """The JSON of a reduction; CheckError for anything else."""
+    found = record.get("schema") if isinstance(record, dict) else None
+    if not isinstance(record, dict) or found != REDUCTION_SCHEMA:
+        raise CheckError(
+            f"{where}: its schema is {found!r}; expected {REDUCTION_SCHEMA}, as `winchcascade reduce LOG --json FILE` writes."
+        )
+    return record
+
+
 def measured_from_record(record: object, where: str) -> Measured:
     """Take what a reduction's JSON contains (schema `winchcascade/reduction/1`); CheckError names what is wrong in it.
 
@@ -153,11 +187,7 @@ def measured_from_record(record: object, where: str) -> Measured:
     ----------
     where : the file, for the sentence
     """
-    found = record.get("schema") if isinstance(record, dict) else None
-    if not isinstance(record, dict) or found != REDUCTION_SCHEMA:
-        raise CheckError(
-            f"{where}: its schema is {found!r}; expected {REDUCTION_SCHEMA}, as `winchcascade reduce LOG --json FILE` writes."
-        )
+    record = reduction_object(record, where)
 
     def metrics(within: Mapping[str, Any], key: str, kind: Any = _NotNegative) -> dict[str, float | None]:
         part = entry(within.get(key), key, _Object, where, CheckError)
@@ -207,7 +237,7 @@ def check(
             continue
         cells += [_cell(table, row, metric, run, factors) for metric in row.cells]
         notes += [] if run is None else _not_known(run, row) + _capped(table, run, row)
-    found = {table.rows[k].load: run.findings for k, run in sorted(runs.items()) if run.findings}
+    found = {_row_key(table.rows[k]): run.findings for k, run in sorted(runs.items()) if run.findings}
     return Check(table, factors, tuple(cells), tuple(notes), found, tuple(runs[k].origin for k in sorted(runs)))
 
 
@@ -240,11 +270,13 @@ def _by_row(results: Sequence[Measured], table: PublishedTable) -> tuple[dict[in
     return runs, notes
 
 
+def _row_key(row: TableRow) -> RowKey:
+    return RowKey(load_text(row.load), load=row.load, line=row.lines.get(""))
+
+
 def _cell(table: PublishedTable, row: TableRow, metric: str, run: Measured | None, factors: Factors) -> CellCheck:
-    column = table.columns[metric]
-    bare = CellCheck(
-        row.load, metric, column, row.cells[metric], None if run is None else run.name, line=row.lines.get(metric)
-    )
+    column, log = table.columns[metric], None if run is None else run.name
+    bare = CellCheck(_row_key(row), metric, column, row.cells[metric], log, line=row.lines.get(metric))
     mean = None if run is None else run.mean.get(metric)
     if run is None or mean is None:
         return bare

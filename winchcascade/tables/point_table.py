@@ -14,7 +14,7 @@ from typing import Annotated, Any
 import msgspec
 
 from winchcascade.core.published_table import ENERGY_UNITS, Span, TableError, unit_suffix
-from winchcascade.core.quantity import find_unit
+from winchcascade.core.quantity import find_unit, read_as
 from winchcascade.core.toml_text import Expected, check_keys, entry, read_toml, toml_values
 from winchcascade.ingest.cells import looks_like_a_number, numbers, split_row
 from winchcascade.ingest.layout import decimal_sign, find_encoding
@@ -26,6 +26,14 @@ _POWER, _TORQUE_AND_SPEED = ("power_mech", "power_shaft"), "torque * speed"
 """Columns of shaft power, and what they are in a table that has both torque and speed (P = T omega)."""
 
 
+AT = {
+    "file": "text", "cycle": "number", "load": "resistance",
+    "speed": "rotation", "torque": "torque", "velocity": "velocity", "travel": "length",
+}  # fmt: skip
+"""What a result is at, beside its metrics: its log, its cycle, its load, speed and torque of its shaft, plateau speed and
+travel of its payouts; each with its dimension."""
+
+
 class Law(msgspec.Struct, frozen=True):
     """What a column is of others: the product of some, divided by others."""
 
@@ -35,11 +43,16 @@ class Law(msgspec.Struct, frozen=True):
 
 
 class PointColumn(msgspec.Struct, frozen=True):
-    """One column: its head in the CSV, its unit with the factor to SI, how it is rounded, and what it is of others."""
+    """One column: its head in the CSV, its unit with the factor to SI, how it is rounded, and what it is of others.
+
+    `measured` is the name of what is measured of it: a metric of the results, or an entry of `AT`.
+    """
 
     head: str
     unit: str
     factor: float
+    dimension: str = "number"
+    measured: str = ""
     decimals: int | None = None
     digits: int | None = None
     law: Law | None = None
@@ -59,7 +72,10 @@ class PointCell(msgspec.Struct, frozen=True):
 
 
 class PointTable(msgspec.Struct, frozen=True):
-    """A table of operating points; `tolerance` is the share by which means of products may differ from products of means."""
+    """A table of operating points; `tolerance` is the share by which means of products may differ from products of means.
+
+    `key_share` is what a measured key may differ by from a printed one, as a share of the largest printed one.
+    """
 
     name: str
     title: str
@@ -68,6 +84,7 @@ class PointTable(msgspec.Struct, frozen=True):
     columns: Mapping[str, PointColumn]
     rows: tuple[Mapping[str, PointCell], ...]
     tolerance: float = 0.0
+    key_share: float = 0.02
     path: str = ""
 
     def row_name(self, k: int) -> str:
@@ -97,7 +114,7 @@ def load_points(path: Path) -> PointTable:
     """Read a table of operating points; TableError names what is wrong."""
     where = str(path)
     raw = toml_values(read_toml(path, "a table that can be read", TableError), where, TableError)
-    known = ("title", "source", "csv", "key", "columns", "point", "tolerance_percent")
+    known = ("title", "source", "csv", "key", "columns", "point", "tolerance_percent", "key_percent")
     _known(raw, known, where)
     columns = _columns(raw.get("columns"), where)
     key = entry(raw.get("key", []), "key", _Key, where, TableError)
@@ -119,6 +136,7 @@ def load_points(path: Path) -> PointTable:
         columns=columns,
         rows=rows,
         tolerance=entry(raw.get("tolerance_percent", 0.0), "tolerance_percent", _Percent, where, TableError) / 100.0,
+        key_share=entry(raw.get("key_percent", 2.0), "key_percent", _Percent, where, TableError) / 100.0,
         path=where,
     )
 
@@ -135,9 +153,14 @@ def _columns(raw: object, where: str) -> dict[str, PointColumn]:
         place = f"{where}: [columns] {name}"
         if not isinstance(given, dict):
             raise TableError(f'{place} is {given!r}; expected {{ name = "...", unit = "..." }}.')
-        _known(given, ("name", "unit", "decimals", "digits", "is"), place)
+        _known(given, ("name", "unit", "decimals", "digits", "is", "measured"), place)
         unit = entry(given.get("unit", "1"), "unit", _Text, place, TableError)
+        measured = entry(
+            given.get("measured", "load" if name == "load_ohm" else name), "measured", _Text, place, TableError
+        )
         found = find_unit(unit)
+        if AT.get(measured) == "rotation":
+            found = read_as(found, "rotation") or found
         factor = ENERGY_UNITS.get(unit) or (found.factor if found else None)
         if factor is None:
             raise TableError(f"{place}: the unit {unit!r} is unknown; expected one such as W, kW, N.m, rpm or 1.")
@@ -146,6 +169,14 @@ def _columns(raw: object, where: str) -> dict[str, PointColumn]:
             head=entry(given.get("name", name), "name", _Text, place, TableError),
             unit=unit,
             factor=factor,
+            dimension="energy"
+            if unit in ENERGY_UNITS
+            else "text"
+            if measured == "file"
+            else found.dimension
+            if found
+            else "",
+            measured=measured,
             decimals=entry(given.get("decimals"), "decimals", _Decimals, place, TableError),
             digits=entry(given.get("digits"), "digits", _Digits, place, TableError),
             law=None if law is None else _law(law, raw, place),
@@ -213,7 +244,11 @@ def _point_rows(
 
 
 def _cell(text: str, decimal: str, column: PointColumn) -> PointCell | None:
-    """A printed number with its rounding; None for a cell without a number."""
+    """A printed number with its rounding; None for a cell without a number, a text in a column of files."""
+    if column.dimension == "text":
+        return PointCell(math.nan, 0.0, text.strip()) if text.strip() else None
+    if text.strip().casefold() == "inf" and column.dimension == "resistance":
+        return PointCell(math.inf, 0.0, text.strip())
     if not looks_like_a_number(text):
         return None
     value = float(numbers([text], decimal)[0][0])
