@@ -42,6 +42,7 @@ from winchcascade.report.report_model import (
     make_table,
     picture,
     provenance_table,
+    row_limit,
     rows_of,
     section,
 )
@@ -422,7 +423,7 @@ def between_table(found: Sequence[tuple[str, FindingRecord]]) -> Table | None:
         TableColumn("What to do", text=True, of=lambda one: one[1].action),
     ]
     caption = "Logs that lie apart from the others. The data are kept; the operator decides."
-    return make_table("between", caption, columns, rows_of(columns, found[:MOST_RUNS])) if found else None
+    return make_table("between", caption, columns, rows_of(columns, found[: row_limit(MOST_RUNS)])) if found else None
 
 
 def faults_table(failed: Sequence[FailedLog]) -> Table | None:
@@ -431,5 +432,5 @@ def faults_table(failed: Sequence[FailedLog]) -> Table | None:
         TableColumn("Log", text=True, of=lambda run: run.name),
         TableColumn("Why", text=True, of=lambda run: run.fault),
     ]
-    rows = rows_of(columns, failed[:MOST_RUNS])
+    rows = rows_of(columns, failed[: row_limit(MOST_RUNS)])
     return make_table("faults", "Logs that could not be used.", columns, rows) if failed else None

@@ -16,7 +16,7 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
 from winchcascade.report.cause_words import named
 from winchcascade.report.diagnosis_words import word_of
-from winchcascade.report.digits import number
+from winchcascade.report.digits import NumberText, number
 from winchcascade.report.gap_words import has_own_simulation
 from winchcascade.report.report_model import (
     Section,
@@ -73,7 +73,7 @@ def part_name(found: ModelDiagnosis, part: ContributionPart) -> str:
 def points_words(value: float, decimals: int = 2) -> str:
     """A part in points of efficiency, with its sign."""
     text = number(value, decimals)
-    return f"+{text}" if value > 0.0 and float(text) else text
+    return NumberText(f"+{text}", value) if value > 0.0 and float(text) else text
 
 
 # ------------------------------------------------------------------------------------------------------------- sentences
@@ -222,7 +222,8 @@ ABOUT = (
 
 def _beside(part: ContributionPart) -> str:
     """A part with half its interval."""
-    return f"{points_words(part.value)} ± {number(0.5 * (part.high - part.low), 2)}"
+    text = f"{points_words(part.value)} ± {number(0.5 * (part.high - part.low), 2)}"
+    return NumberText(text, part.value, part.low, part.high)
 
 
 COLUMNS = 3

@@ -58,13 +58,14 @@ from winchcascade.report.report_model import (
     Point,
     Report,
     Section,
-    Table,
     Tile,
     data_point,
     file_digest,
+    make_table,
     picture,
     provenance_table,
     section,
+    text_column,
 )
 from winchcascade.report.style import house_style
 from winchcascade.report.wording import load_words
@@ -415,9 +416,8 @@ def _next(found: DiagnosisResult, caption: str, how: str) -> Section:
         ("Distinguishes", " from ".join(plan.separates)),
         ("They would differ by", f"{apart_words(plan.expected_z)} standard deviations"),
     )
-    return section(
-        "next", "What to test next", Table("experiment", caption, ("Item", "Value"), ("", ""), rows, (0, 1)), Note(how)
-    )
+    plan_table = make_table("experiment", caption, (text_column("Item"), text_column("Value")), rows)
+    return section("next", "What to test next", plan_table, Note(how))
 
 
 def _method(texts: Sequence[str]) -> Section:

@@ -10,7 +10,7 @@ import msgspec
 from winchcascade.diagnosis.diagnosis_result import Reported
 from winchcascade.diagnosis.entries import effect_name
 from winchcascade.diagnosis.nuisances import Nuisance
-from winchcascade.report.digits import MINUS, number, places
+from winchcascade.report.digits import MINUS, NumberText, number, places
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.catalogue import EFFECTS
 from winchcascade.rig.effects.effect import Display
@@ -32,9 +32,11 @@ def number_words(how: Display, found: Reported, otherwise: int = 5) -> tuple[str
     size = max(abs(found.value * how.factor), 1e-12)
     decimals = places(u) if u > 0.0 else otherwise - 1 - math.floor(math.log10(size))
     low, value, high = (number(x * how.factor, decimals) for x in (found.low, found.value, found.high))
-    if how.signed and found.value > 0.0:
-        value = f"+{value}"
-    return f"{value} {how.unit}".rstrip(), f"{low} to {high} {how.unit}".rstrip()
+    sign, factor, unit = "+" if how.signed and found.value > 0.0 else "", how.factor, how.unit
+    return (
+        NumberText(f"{sign}{value} {unit}".rstrip(), found.value * factor, unit=unit),
+        NumberText(f"{low} to {high} {unit}".rstrip(), found.low * factor, found.high * factor, unit=unit),
+    )
 
 
 def probability_words(p: float) -> str:
@@ -43,7 +45,7 @@ def probability_words(p: float) -> str:
     >>> probability_words(0.873), probability_words(0.9999), probability_words(0.0003)
     ('0.87', '> 0.99', '< 0.01')
     """
-    return "> 0.99" if p > 0.995 else "< 0.01" if p < 0.005 else f"{p:.2f}"
+    return NumberText("> 0.99" if p > 0.995 else "< 0.01" if p < 0.005 else f"{p:.2f}", p)
 
 
 def phase_words(phase: str) -> str:
@@ -58,8 +60,9 @@ def signed(z: float) -> str:
     ('+3.1', '−42', '> 999', '0.0')
     """
     if abs(z) > 999.0:
-        return "> 999" if z > 0 else f"< {MINUS}999"
-    return ("0.0" if abs(z) < 0.05 else f"{z:+.1f}" if abs(z) < 9.95 else f"{z:+.0f}").replace("-", MINUS)
+        return NumberText("> 999" if z > 0 else f"< {MINUS}999", z)
+    text = "0.0" if abs(z) < 0.05 else f"{z:+.1f}" if abs(z) < 9.95 else f"{z:+.0f}"
+    return NumberText(text.replace("-", MINUS), z)
 
 
 def share_words(share: float) -> str:
@@ -68,7 +71,8 @@ def share_words(share: float) -> str:
     >>> share_words(0.943), share_words(0.9996), share_words(-0.2)
     ('94 %', '> 99 %', '−20 %')
     """
-    return "> 99 %" if share >= 0.995 else f"{number(100.0 * share, 0)} %"
+    text = "> 99 %" if share >= 0.995 else f"{number(100.0 * share, 0)} %"
+    return NumberText(text, 100.0 * share, unit="%")
 
 
 def apart_words(z: float) -> str:

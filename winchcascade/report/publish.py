@@ -52,7 +52,7 @@ def html_text(report: Report) -> str:
 
 def table_html(heading: str, table: Table | None) -> str:
     """A heading and a table of a report as HTML for a notebook, without scripts and links; every text is escaped."""
-    block = None if table is None else msgspec.convert(_clean(msgspec.to_builtins(table) | {"links": ()}), Table)
+    block = None if table is None else msgspec.convert(_clean(_plain(table) | {"links": ()}), Table)
     return _environment(SUBSCRIPTS).get_template("summary.html.j2").render(heading=shown(heading), block=block)
 
 
@@ -187,14 +187,19 @@ def shown(text: str) -> str:
 
 def cleaned(report: Report) -> Report:
     """A report all of whose texts can be shown."""
-    return msgspec.convert(_clean(msgspec.to_builtins(report)), Report)
+    return msgspec.convert(_clean(_plain(report)), Report)
+
+
+def _plain(block: msgspec.Struct) -> Any:
+    """Plain values of a report or a table; a number that keeps what was rounded is a text."""
+    return msgspec.to_builtins(block, enc_hook=str)
 
 
 def _clean(value: Any) -> Any:
     if isinstance(value, str):
         return shown(value)
     if isinstance(value, dict):
-        return {key: inner if key in _KEPT else _clean(inner) for key, inner in value.items()}
+        return {k: inner if k in _KEPT else _clean(inner) for k, inner in value.items() if k != "values"}
     if isinstance(value, list | tuple):
         return [_clean(inner) for inner in value]
     return value

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Generic, Literal, TypeVar
@@ -32,7 +34,8 @@ class Table(msgspec.Struct, frozen=True, tag="table"):
     """Rows of texts under a head of names and units; `summary` rows at the end stand apart.
 
     `text_columns` are set to the left, all others are numbers. `note` follows the table. `links` are addresses that the
-    first cell of each row leads to, none or one for every row.
+    first cell of each row leads to, none or one for every row. `values` are the cells before they are rounded, for tables
+    in files of their own.
     """
 
     id: str
@@ -44,6 +47,7 @@ class Table(msgspec.Struct, frozen=True, tag="table"):
     summary: int = 0
     note: str = ""
     links: tuple[str, ...] = ()
+    values: tuple[tuple[Cell, ...], ...] = ()
 
     def is_long(self, column: int) -> bool:
         """Whether a column holds sentences, which may be broken into lines."""
@@ -63,6 +67,24 @@ class TableColumn(msgspec.Struct, Generic[T], frozen=True):
     of: Callable[[T], Cell] | None = None
 
 
+_EVERY_ROW: ContextVar[bool] = ContextVar("every_row", default=False)
+
+
+@contextmanager
+def every_row() -> Iterator[None]:
+    """Make tables with all their rows within this context: a file has no page that a long one would fill."""
+    token = _EVERY_ROW.set(True)
+    try:
+        yield
+    finally:
+        _EVERY_ROW.reset(token)
+
+
+def row_limit(most: int | None) -> int | None:
+    """Rows that a table lists at most: what is given, or no limit where every row is wanted."""
+    return None if _EVERY_ROW.get() else most
+
+
 def rows_of(
     columns: Sequence[TableColumn[T]], items: Sequence[T], *, most: int | None = None, more: str = "more"
 ) -> list[tuple[Cell, ...]]:
@@ -71,6 +93,7 @@ def rows_of(
     >>> rows_of([TableColumn("k", of=int), TableColumn("text", of=str)], range(9), most=2)
     [(0, '0'), ('… 7 more', ''), (8, '8')]
     """
+    most = row_limit(most)
     rows = [
         tuple(column.of(item) for column in columns if column.of is not None)
         for item in (items if most is None or len(items) <= most else [*items[: most // 2], *items[-(most // 2) :]])
@@ -95,6 +118,7 @@ def make_table(
     ----------
     below : rows that summarise the others
     """
+    values = tuple(tuple(row) for row in (*rows, *below))
     return Table(
         id=name,
         caption=caption,
@@ -102,11 +126,12 @@ def make_table(
         units=tuple(column.unit for column in columns),
         rows=tuple(
             tuple(
-                cell if isinstance(cell, str) else number(cell, column.decimals)
+                str(cell if isinstance(cell, str) else number(cell, column.decimals))
                 for cell, column in zip(row, columns, strict=True)
             )
-            for row in (*rows, *below)
+            for row in values
         ),
+        values=values,
         text_columns=tuple(k for k, column in enumerate(columns) if column.text),
         summary=len(below),
         note=note,

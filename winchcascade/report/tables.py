@@ -29,7 +29,15 @@ from winchcascade.report.digits import (
     stated,
     uncertain,
 )
-from winchcascade.report.report_model import Table, TableColumn, formatted_table, items_table, make_table, rows_of
+from winchcascade.report.report_model import (
+    Table,
+    TableColumn,
+    formatted_table,
+    items_table,
+    make_table,
+    row_limit,
+    rows_of,
+)
 from winchcascade.report.traces import clock_zero
 from winchcascade.report.wording import SYMBOL, label, net_reasons, not_known, of_phase, source_name
 
@@ -269,7 +277,7 @@ def bins_table(reduction: Reduction) -> Table | None:
     ]
     for stage in (s for s in reduction.rig.cascade.names if any(b.power.get(s) is not None for b in reduction.bins)):
         columns += _power_columns(stage)
-    shown = reduction.bins[:: max(1, -(-len(reduction.bins) // MOST_BINS))]
+    shown = reduction.bins[:: max(1, -(-len(reduction.bins) // (row_limit(MOST_BINS) or len(reduction.bins) or 1)))]
     return items_table(
         "bins",
         "Mean powers of the payouts in bins of generator speed, with the standard error of their samples.",
@@ -306,12 +314,13 @@ def findings_table(reduction: Reduction) -> Table | None:
         TableColumn("What was found", text=True, of=lambda f: f.message),
         TableColumn("What was done", text=True, of=lambda f: f.action),
     ]
-    more = [(f"… {len(quality) - MOST_FINDINGS} more", *[""] * 6)] if len(quality) > MOST_FINDINGS else []
+    rest = len(quality[row_limit(MOST_FINDINGS) or len(quality) :])
+    more = [(f"… {rest} more", *[""] * 6)] if rest else []
     return make_table(
         "findings",
         "Findings: what is wrong with the log, and what was done about it.",
         columns,
-        [*rows_of(columns, quality[:MOST_FINDINGS]), *more],
+        [*rows_of(columns, quality[: row_limit(MOST_FINDINGS)]), *more],
         note=f"Times are{_since(zero).lstrip(',')}." if zero else "",
     )
 
