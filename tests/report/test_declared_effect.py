@@ -20,8 +20,6 @@ PRESSURE_ZERO = Effect(
     taken_for="another precharge (precharge), which force shows too.",
     source="Plausible range.",
     fields=(Field("offset", "Pa", -1e5, 1e5, (-1e7, 1e7), "plausible range"),),
-    parameter="offset",
-    unit="Pa",
     display=Display("zero of the pressure sensor", 1e-3, "kPa"),
     law=Change("sensors.zero.pressure", "add"),
 )

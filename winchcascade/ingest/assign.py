@@ -63,12 +63,45 @@ def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None
     """
     named = _named_in_rig(headers, rig, where)
     taken: dict[str, int] = dict(named) if clock is None else {"time": clock} | named
+    columns = _columns_by_name(headers, rig, taken)
+    taken |= {channel: alike[0] for channel, alike in columns.by_channel.items()}
+    if not gives_result(taken, rig):
+        raise LogError(
+            f"{where}: no column for a motion (line velocity, displacement or speed of rotation) and none for a power; the log "
+            f"has {listed(_names_with_units(headers))}. Name the columns in a rig file under [columns]."
+        )
+    several = {channel: alike for channel, alike in columns.by_channel.items() if len(alike) > 1}
+    matches, findings = _matches({k: v for k, v in taken.items() if k not in several}, headers, rig, where)
+    candidates = {
+        channel: tuple(_matches({channel: k}, headers, rig, where)[0][channel] for k in alike)
+        for channel, alike in several.items()
+    }
+    if columns.unknown:
+        count = len(columns.unknown)
+        what = f"{count} columns that are no channel" if count > 1 else "1 column that is no channel"
+        message = f"{what}: {listed([headers[k].name.strip() for k in columns.unknown])}"
+        findings.append(Finding("unknown_column", message, "not read", count=count))
+    findings += _missing(headers, rig, named, taken)
+    time = matches.pop("time", None)
+    return Assignment(matches, time, tuple(findings), columns.simulated, clock is None, candidates)
+
+
+class _Columns(msgspec.Struct, frozen=True):
+    """Columns by the channel that their name means, the best ones of each, and those that are no channel."""
+
+    by_channel: Mapping[str, list[int]]
+    unknown: Sequence[int]
+    simulated: bool
+
+
+def _columns_by_name(headers: Sequence[Header], rig: Rig, taken: Mapping[str, int]) -> _Columns:
+    """Find the channels that are not taken yet by the names of the columns; a column of dates is the time where no other is."""
     alike: dict[str, list[int]] = {}
     dates: list[int] = []
     unknown: list[int] = []
     simulated = {header.name.strip() for header in headers}.issuperset(SIMULATED_HEADERS)
     for index, header in enumerate(headers):
-        if index == clock or index in named.values() or (simulated and header.name.strip() in SIMULATED_HEADERS):
+        if index in taken.values() or (simulated and header.name.strip() in SIMULATED_HEADERS):
             continue
         channel = _own_channel(header, rig) or recognise(header)
         letters = letters_of(header.name)
@@ -76,34 +109,20 @@ def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None
             dates.append(index)
         elif channel is None and (not header.name.strip() or letters in COUNTS or set(header.name) <= set("# ")):
             continue
-        elif channel is None or channel in named:
+        elif channel is None or channel in taken:
             unknown.append(index)
-        elif channel not in taken:
+        else:
             alike.setdefault(channel, []).append(index)
-    several: dict[str, list[int]] = {}
-    for channel, columns in alike.items():
-        best = _best(headers, columns, channel)
-        taken[channel] = best[0]
-        if channel != "time":
-            unknown += [k for k in columns if k not in best]
-            several |= {channel: best} if len(best) > 1 else {}
-    if dates:
-        taken.setdefault("time", dates[0])
-    if not gives_result(taken, rig):
-        raise LogError(
-            f"{where}: no column for a motion (line velocity, displacement or speed of rotation) and none for a power; the log "
-            f"has {listed(_names_with_units(headers))}. Name the columns in a rig file under [columns]."
-        )
-    matches, findings = _matches({k: v for k, v in taken.items() if k not in several}, headers, rig, where)
-    candidates = {
-        channel: tuple(_matches({channel: k}, headers, rig, where)[0][channel] for k in columns)
-        for channel, columns in several.items()
-    }
-    if unknown:
-        what = f"{len(unknown)} columns that are no channel" if len(unknown) > 1 else "1 column that is no channel"
-        message = f"{what}: {listed([headers[k].name.strip() for k in sorted(unknown)])}"
-        findings.append(Finding("unknown_column", message, "not read", count=len(unknown)))
-    findings += [
+    best = {channel: _best(headers, columns, channel) for channel, columns in alike.items()}
+    unknown += [k for channel, columns in alike.items() if channel != "time" for k in columns if k not in best[channel]]
+    if dates and "time" not in taken:
+        best.setdefault("time", dates[:1])
+    return _Columns(best, sorted(unknown), simulated)
+
+
+def _missing(headers: Sequence[Header], rig: Rig, named: Collection[str], taken: Mapping[str, int]) -> list[Finding]:
+    """Columns that the rig file names and the log lacks, and channels of the rig's own that the log lacks."""
+    read_instead = [
         Finding(
             "missing_channel",
             f"no column {column.name!r}, which the rig names for {channel}",
@@ -113,13 +132,12 @@ def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None
         for channel, column in rig.columns.items()
         if channel not in named and channel in taken
     ]
-    findings += [
+    absent = [
         Finding("missing_channel", f"the log has no {name} channel", "metrics that need it are null", name)
         for name in rig.channels
         if name not in taken and name not in rig.sensors
     ]
-    time = matches.pop("time", None)
-    return Assignment(matches, time, tuple(findings), simulated, clock is None, candidates)
+    return read_instead + absent
 
 
 MOTIONS = ("velocity", "displacement", "speed")

@@ -95,9 +95,10 @@ class Effect(msgspec.Struct, frozen=True):
     taken_for : similar effects, and what distinguishes them
     source : publication, or that its range is plausible only
     fields : what a fit may find
-    parameter, unit : what a diagnosis reports; `relative` and `absolute` are changes of the number of the rig file
-    display : how reports show this parameter
+    display : how reports show the parameter that a diagnosis reports
     law : change of one number by the first field, or a function where several numbers follow from the fields
+    parameter, unit : what a diagnosis reports, by default the first field; `relative` and `absolute` are changes of the number
+        of the rig file
     reported_from : the reported parameter of the values; the first field by default
     together : values that act as one after the other do; where the law is a change of one number, they follow from it
     unlisted : what is not in the catalogue and looks the same
@@ -112,14 +113,22 @@ class Effect(msgspec.Struct, frozen=True):
     taken_for: str
     source: str
     fields: tuple[Field, ...]
-    parameter: str
-    unit: str
     display: Display
     law: Change | Callable[[Model, Values], Model]
+    parameter: str = ""
+    unit: str = ""
     reported_from: Callable[[Values], float] | None = None
     together: Callable[[Values, Values], Values] | None = None
     unlisted: str = ""
     entry: WrongEntry | None = None
+
+    def __post_init__(self) -> None:
+        """Report the first field where the declaration names no other parameter or unit."""
+        first, how = self.fields[0], self.law.operation if isinstance(self.law, Change) else None
+        absolute = "absolute" if how == "add" and first.unit == "1" else first.unit
+        unit = absolute if how in (None, "add") else "relative"
+        msgspec.structs.force_setattr(self, "parameter", self.parameter or first.name)
+        msgspec.structs.force_setattr(self, "unit", self.unit or unit)
 
 
 class ActiveEffect(msgspec.Struct, frozen=True):

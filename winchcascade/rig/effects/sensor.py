@@ -2,6 +2,8 @@
 
 from winchcascade.rig.effects.effect import Change, Display, Effect, Field
 
+_GAIN_ERROR = (Field("gain_error", "1", -0.1, 0.1, (-0.9, 9.0), "plausible range"),)
+
 SENSOR = (
     Effect(
         name="torque_gain",
@@ -11,9 +13,7 @@ SENSOR = (
         shows_as="torque alone, by the same share at every speed and load.",
         taken_for="another mesh efficiency (gear_mesh_loss), which the force shows too.",
         source="Hsu et al. 2026, Table 1: 0.2 % of full scale; plausible range of a sensor not calibrated in place.",
-        fields=(Field("gain_error", "1", -0.1, 0.1, (-0.9, 9.0), "plausible range"),),
-        parameter="gain_error",
-        unit="relative",
+        fields=_GAIN_ERROR,
         display=Display("gain of the torque sensor", 100.0, "%"),
         law=Change("sensors.gain.torque", "compound"),
     ),
@@ -27,8 +27,6 @@ SENSOR = (
         "with the motion.",
         source="Hsu et al. 2026, Table 1: 0.2 % of 2000 kg are 39 N.",
         fields=(Field("offset", "N", -150.0, 150.0, (-100000.0, 100000.0), "Table 1, four times over"),),
-        parameter="offset",
-        unit="N",
         display=Display("zero of the force cell", 1.0, "N"),
         law=Change("sensors.zero.force", "add"),
     ),
@@ -41,9 +39,7 @@ SENSOR = (
         taken_for="layers of rope (drum_layering), whose share grows with displacement; drag (line_drag), which turns "
         "round with the motion.",
         source="Hsu et al. 2026, Table 1: 0.2 % of full scale; plausible range of a cell not calibrated in place.",
-        fields=(Field("gain_error", "1", -0.1, 0.1, (-0.9, 9.0), "plausible range"),),
-        parameter="gain_error",
-        unit="relative",
+        fields=_GAIN_ERROR,
         display=Display("gain of the force cell", 100.0, "%"),
         law=Change("sensors.gain.force", "compound"),
         unlisted="a loss in proportion to the force, as over a sheave,",
@@ -57,9 +53,7 @@ SENSOR = (
         taken_for="another back-EMF constant (ke_shift), which torque and idc show; another load (load_drift), which "
         "idc shows.",
         source="Not published; Hsu et al. 2026 name no accuracy for Vdc. Plausible range.",
-        fields=(Field("gain_error", "1", -0.1, 0.1, (-0.9, 9.0), "plausible range"),),
-        parameter="gain_error",
-        unit="relative",
+        fields=_GAIN_ERROR,
         display=Display("gain of Vdc", 100.0, "%"),
         law=Change("sensors.gain.vdc", "compound"),
     ),
@@ -71,9 +65,7 @@ SENSOR = (
         shows_as="idc alone, by the same share at every speed and load, and with it the apparent load resistance.",
         taken_for="another load (load_drift), which vdc and torque show.",
         source="Not published; Hsu et al. 2026 name no accuracy for Idc. Plausible range.",
-        fields=(Field("gain_error", "1", -0.1, 0.1, (-0.9, 9.0), "plausible range"),),
-        parameter="gain_error",
-        unit="relative",
+        fields=_GAIN_ERROR,
         display=Display("gain of Idc", 100.0, "%"),
         law=Change("sensors.gain.idc", "compound"),
     ),
@@ -87,9 +79,7 @@ SENSOR = (
         "gas_volume) are smaller by the same share.",
         source="Hsu et al. 2026, Table 1: 0.1 % of full scale, 20 MPa; plausible range of a sensor not calibrated in "
         "place.",
-        fields=(Field("gain_error", "1", -0.1, 0.1, (-0.9, 9.0), "plausible range"),),
-        parameter="gain_error",
-        unit="relative",
+        fields=_GAIN_ERROR,
         display=Display("gain of the pressure sensor", 100.0, "%"),
         law=Change("sensors.gain.pressure", "compound"),
     ),
@@ -103,8 +93,6 @@ SENSOR = (
         "which torque shows.",
         source="Hsu et al. 2026, Sec. 2.2: all channels at 25 Hz; plausible range of several samples.",
         fields=(Field("lag", "s", 0.0, 0.4, (0.0, 60.0), "plausible range: ten samples of 25 Hz"),),
-        parameter="lag",
-        unit="s",
         display=Display("delay of Vdc and Idc", 1000.0, "ms", signed=False),
         law=Change("sensors.electrical_lag", "add"),
     ),

@@ -54,7 +54,6 @@ TRANSMISSION = (
                 "torque", "N.m", 0.0, 20.0, (0.0, 1000.0), "plausible range: haul-in leaves about 14 N m at the drum"
             ),
         ),
-        parameter="torque",
         unit="N.m, at the drum",
         display=Display("friction of line and drum", 1.0, "N·m", signed=False),
         law=Change("winch.friction", "add"),
@@ -70,7 +69,6 @@ TRANSMISSION = (
         "(line_friction).",
         source="Hsu et al. 2026, Sec. 4.3.2 (drag of the drivetrain that grows with speed); plausible range.",
         fields=(Field("b", "N.m.s/rad", 0.0, 3.0, (0.0, 1000.0), "plausible range: 20 N m at 0.9 m/s"),),
-        parameter="b",
         unit="N.m.s/rad, at the drum",
         display=Display("drag of line and drum", 1.0, "N·m·s/rad", signed=False),
         law=Change("winch.drag", "add"),
@@ -117,8 +115,6 @@ TRANSMISSION = (
         taken_for="inertia of the fast shaft (rotor_inertia), which torque shows and haul-in does not.",
         source="Hsu et al. 2026, Table 4: 0.3 kg m2.",
         fields=(Field("j_extra", "kg.m2", -0.2, 1.0, (-0.29, 100.0), "plausible range around Table 4"),),
-        parameter="j_extra",
-        unit="kg.m2",
         display=Display("inertia at the drum", 1.0, "kg·m²"),
         law=Change("winch.inertia", "add"),
     ),
@@ -136,7 +132,6 @@ TRANSMISSION = (
                 "radius_change_per_10_m", "1", -0.2, 0.2, (-0.8, 0.8), "plausible range: one layer of 24 mm within 10 m"
             ),
         ),
-        parameter="radius_change_per_10_m",
         unit="relative",
         display=Display("rope radius per 10 m", 100.0, "%"),
         law=Change("winch.layering", "add", per=SPAN),
