@@ -18,9 +18,9 @@ from trial_plans import FAMILIES, Plan, WrongEntry
 from trial_simulators import noise_free, simulated_log
 
 from winchcascade import read_run, reduce
-from winchcascade.blind.cases import STATED_LOADS, campaign_text, log_text
+from winchcascade.blind.cases import STATED_LOADS, campaign_toml, log_text
 from winchcascade.blind.injected import Hidden, draw_hidden
-from winchcascade.blind.twin import FIXED, Solved, Twin, draw_motion, draw_twin, read_log, solve
+from winchcascade.blind.twin import FIXED, Solved, Twin, draw_motion, draw_twin, read_log, solve_twin
 from winchcascade.blind.twin_numbers import Numbers
 from winchcascade.core.run import Signal
 from winchcascade.core.scratch import scratch_folder
@@ -148,14 +148,14 @@ def write_campaign(plan: Plan, folder: Path) -> None:
         for log, load in stated.items():
             name = log if plan.repeats == 1 else f"{log}_{repeat:02d}"
             x, v, resting = draw_motion(log, rng)
-            columns = read_log(twin, solve(twin, log, x, v, resting), rng, plan.logger)
+            columns = read_log(twin, solve_twin(twin, log, x, v, resting), rng, plan.logger)
             if entry is not None and entry.shared:
                 columns |= {key: np.round(columns[key] * entry.factor, 4) for key in ("displacement", "velocity")}
             _write_log(folder / f"{name}.csv", columns)
             if plan.simulator is not None:
                 _write_log(folder / SIMULATED / f"{name}.csv", simulated_log(plan.simulator, log, x, v))
             loads[name] = load
-    text = campaign_text(f"{plan.family} {plan.number}", loads)
+    text = campaign_toml(f"{plan.family} {plan.number}", loads)
     if plan.simulator is not None:
         text = re.sub(r'(?m)^file = "(.*)"$', rf'file = "\1"\nsimulated = "{SIMULATED}/\1"', text)
     if entry is not None and entry.log is None:
@@ -182,13 +182,16 @@ def true_shares(plan: Plan, folder: Path) -> dict[str, float]:
     shares = {}
     for log, load in STATED_LOADS.items():
         motion = draw_motion(log, rng)
-        solved = solve(twin, log, *motion)
+        solved = solve_twin(twin, log, *motion)
         read_log(
             twin, solved, rng, plan.logger
         )  # draws the noise of the campaign, after which the next motion is drawn
         if math.isfinite(load):
             plain = msgspec.structs.replace(twin, hidden=Hidden())
-            etas = (_eta_pto(twin, solved, load, folder), _eta_pto(plain, solve(plain, log, *motion), load, folder))
+            etas = (
+                _eta_pto(twin, solved, load, folder),
+                _eta_pto(plain, solve_twin(plain, log, *motion), load, folder),
+            )
             shares[repr(load)] = etas[0] - etas[1]
     return shares
 

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from winchcascade.blind.injected import Hidden
-from winchcascade.blind.twin import FIXED, Solved, Twin, noiseless, solve, stamps_of
+from winchcascade.blind.twin import FIXED, Solved, Twin, noiseless, solve_twin, stamps_of
 from winchcascade.blind.twin_numbers import CRANE_LOGGER, LOADS, SENSORS, Logger, Numbers
 from winchcascade.core.run import Signal
 
@@ -49,7 +49,7 @@ def simulated_log(simulator: str, log: str, x: Signal, v: Signal) -> dict[str, S
     x, v : motion on the grid of the twin [m, m/s]
     """
     twin = nominal_twin()
-    solved = solve(twin, log, x, v, 0.0)
+    solved = solve_twin(twin, log, x, v, 0.0)
     return noise_free(twin, solved if simulator == "same" else _averaged(solved, LOADS[log], COMMUTATION[simulator]))
 
 

@@ -9,7 +9,7 @@ from winchcascade.batch.log_settings import settings_of
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.results import load_results
 from winchcascade.batch.run_batch import run_batch
-from winchcascade.blind.cases import ORIGIN, campaign_text
+from winchcascade.blind.cases import ORIGIN, campaign_toml
 from winchcascade.core.campaign_file import (
     BANNER,
     SIMULATED,
@@ -77,7 +77,7 @@ def test_the_shipped_campaign_and_the_cases_of_a_trial_state_that_they_are_not_m
     for run in load_campaign(fixtures / "campaign").runs:
         assert run.origin.measured is False
         assert run.origin.sentence.startswith("Rebuilt from Table 2")
-    (tmp_path / "campaign.toml").write_text(campaign_text("case-0001"), encoding="utf-8")
+    (tmp_path / "campaign.toml").write_text(campaign_toml("case-0001"), encoding="utf-8")
     assert {run.origin for run in load_campaign(tmp_path).runs} == {Origin(False, ORIGIN)}
 
 

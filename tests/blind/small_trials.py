@@ -17,7 +17,7 @@ from winchcascade.blind.cases import (
     Case,
     Envelope,
     Kind,
-    campaign_text,
+    campaign_toml,
     make_campaign,
     seal,
     trial_bytes,
@@ -92,7 +92,7 @@ def _made(case: bytes) -> dict[str, bytes]:
 def shipped(case: Case) -> dict[str, bytes]:
     """Logs of the shipped campaign, the same for each case."""
     logs = sorted((Path(__file__).parents[2] / "fixtures" / "campaign").glob("*.csv"))
-    return {"campaign.toml": campaign_text(case.name).encode(), **{log.name: log.read_bytes() for log in logs}}
+    return {"campaign.toml": campaign_toml(case.name).encode(), **{log.name: log.read_bytes() for log in logs}}
 
 
 def guess(campaign_toml: Path, *, suspects: Suspects, seed: int, predictions: Path | None) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from winchcascade import read_run
 from winchcascade.blind.cases import ORIGIN, Case, answer_of, make_campaign
 from winchcascade.blind.drive import FINE, LEDGER, weakened
 from winchcascade.blind.injected import INJECTED, OUTSIDERS, Hidden, draw_hidden
-from winchcascade.blind.twin import Twin, gas_pressure, line_motion, make_log, noiseless, solve, stamps_of
+from winchcascade.blind.twin import Twin, gas_pressure, line_motion, make_log, noiseless, solve_twin, stamps_of
 from winchcascade.blind.twin_numbers import LOADS, SENSORS, Numbers
 from winchcascade.rig.effects.catalogue import EFFECTS, OF_THE_RIG
 from winchcascade.rig.simulate import motion_of, simulate
@@ -61,7 +61,7 @@ BALANCED = 1e-4
 @pytest.mark.parametrize("log", ["open_circuit", "r18ohm", "r4p5ohm"])
 def test_the_drives_energy_is_lost_delivered_or_stored(log: str) -> None:
     x, v = line_motion(log, np.random.default_rng(5))
-    energy = solve(plain_twin(), log, x, v, 0.0).energy
+    energy = solve_twin(plain_twin(), log, x, v, 0.0).energy
     assert tuple(energy) == LEDGER
     assert sum(energy[name] for name in LEDGER[1:]) == pytest.approx(energy["shaft"], rel=BALANCED)
     assert all(energy[name] >= 0.0 for name in LEDGER)
@@ -74,7 +74,7 @@ HALVED = 5e-4
 @pytest.mark.parametrize("log", [pytest.param("open_circuit", marks=pytest.mark.slow), "r4p5ohm"])
 def test_half_the_twins_step_changes_nothing(log: str) -> None:
     x, v = line_motion(log, np.random.default_rng(6))
-    coarse, fine = (solve(plain_twin(), log, x, v, 0.0, fine=n).channels for n in (FINE, 2 * FINE))
+    coarse, fine = (solve_twin(plain_twin(), log, x, v, 0.0, fine=n).channels for n in (FINE, 2 * FINE))
     for name in ("torque", "vdc", "idc", "force"):
         assert np.max(np.abs(coarse[name] - fine[name])) < HALVED * np.max(np.abs(fine[name])), name
 
@@ -118,7 +118,7 @@ def test_each_effect_and_each_outsider_shows_in_some_channel(every: int) -> None
 
 def _readings(twin: Twin, x: np.ndarray, v: np.ndarray) -> dict[str, np.ndarray]:
     """Channels in units of their sensors' noise, without any."""
-    solved = solve(twin, "r18ohm", x, v, 0.0)
+    solved = solve_twin(twin, "r18ohm", x, v, 0.0)
     read = noiseless(twin, solved, stamps_of(solved))
     return {name: value / SENSORS[name].noise for name, value in read.items()}
 

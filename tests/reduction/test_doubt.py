@@ -10,7 +10,14 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import CLOCK, Run
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.reduction.energies import gap_faults
-from winchcascade.reduction.gap_error import _weight, bridging_error, energy_error, gaps_of, instant_error, windows_of
+from winchcascade.reduction.gap_error import (
+    _weight,
+    bridging_error,
+    energy_error,
+    gaps_of,
+    instant_error,
+    overlapped_windows,
+)
 
 Signal = NDArray[np.float64]
 
@@ -78,14 +85,14 @@ def test_a_log_without_gaps_has_none() -> None:
 def test_a_window_that_ends_where_a_gap_begins_touches_it() -> None:
     gaps = gaps_of(run(T, velocity=[(5.0, 9.0)]), ("velocity",))
     windows = np.array([[1.0, 4.9], [4.95, 5.0], [12.0, 15.0]])
-    assert [which.tolist() for which in windows_of(gaps, windows)] == [[1], [-1]]
-    assert [which.tolist() for which in windows_of(gaps, windows[[0, 2]])] == [[-1], [-1]]
+    assert [which.tolist() for which in overlapped_windows(gaps, windows)] == [[1], [-1]]
+    assert [which.tolist() for which in overlapped_windows(gaps, windows[[0, 2]])] == [[-1], [-1]]
 
 
 def test_a_gap_across_the_border_of_two_cycles_touches_both() -> None:
     gaps = np.array([[4.8, 5.2], [6.0, 6.4], [13.0, 14.0]])
     cycles = np.array([[1.0, 5.0], [5.0, 12.0]])
-    assert [which.tolist() for which in windows_of(gaps, cycles)] == [[0, 1, -1], [1, -1, -1]]
+    assert [which.tolist() for which in overlapped_windows(gaps, cycles)] == [[0, 1, -1], [1, -1, -1]]
 
 
 @pytest.mark.parametrize("samples", [2, 6, 12])

@@ -11,7 +11,7 @@ import pytest
 
 from winchcascade import baseline, load_rig, read_run, reduce, simulate
 from winchcascade.blind.injected import Hidden
-from winchcascade.blind.twin import Solved, Twin, read_log, solve
+from winchcascade.blind.twin import Solved, Twin, read_log, solve_twin
 from winchcascade.blind.twin_numbers import CRANE_LOGGER, LOADS, SENSORS, Numbers
 from winchcascade.core.integrate import integrals
 from winchcascade.core.rig_file import Rig
@@ -103,7 +103,7 @@ def twin_log(seed: int, path: Path) -> Solved:
     assert t.size == x.size
     twin = Twin(Numbers(), dict(LOADS), dict.fromkeys(SENSORS, 1.0), Hidden())
     (log,) = [name for name in LOADS if "36" in name]
-    solved = solve(twin, log, x, v, 0.0)
+    solved = solve_twin(twin, log, x, v, 0.0)
     columns = read_log(twin, solved, np.random.default_rng(seed), CRANE_LOGGER)
     rows = np.column_stack([columns[name] for name in HEADERS])
     np.savetxt(path, rows, delimiter=",", header=",".join(HEADERS.values()), comments="")

@@ -27,9 +27,9 @@ from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 from winchcascade.rig.parts import Model
 from winchcascade.rig.simulate import simulate
 from winchcascade.tables.attainable import AttainableRanges, attainable_ranges
-from winchcascade.tables.attainable_row import Cell, repeatability, windows_of
+from winchcascade.tables.attainable_row import Cell, row_windows, standard_error
 from winchcascade.tables.effect_search import TableSimulator
-from winchcascade.tables.feasible import repeatability as known_of
+from winchcascade.tables.feasible import repeatability
 
 RIG = built_in()
 SOME = ("copper_heating", "gear_mesh_loss", "screw_friction", "torque_gain", "clutch_drag")
@@ -94,7 +94,7 @@ def own_table(*left_out: str) -> PublishedTable:
 @cache
 def paper() -> AttainableRanges:
     table = load_table("hsu2026-table2")
-    return judged(table, "ke_rolloff", *SOME, scatter=known_of(table).eta)
+    return judged(table, "ke_rolloff", *SOME, scatter=repeatability(table).eta)
 
 
 def cells_of(found: AttainableRanges, metric: str) -> list[Cell]:
@@ -268,15 +268,15 @@ def test_tolerances_of_the_rig_widen_what_can_be_reached() -> None:
 
 
 def test_more_cycles_tell_a_mean_better() -> None:
-    assert repeatability(0.02, None) == repeatability(0.02, 1) == 0.01
-    assert repeatability(0.02, 4) == 0.005
+    assert standard_error(0.02, None) == standard_error(0.02, 1) == 0.01
+    assert standard_error(0.02, 4) == 0.005
 
 
 def test_a_row_without_a_window_takes_that_of_the_others() -> None:
     rows = [dict(row) for row in own_rows()]
     for metric in ("energy_line", "energy_mech", "energy_gen"):
         del rows[1][metric]
-    windows, notes = windows_of(as_table(rows))
+    windows, notes = row_windows(as_table(rows))
     assert windows[18.0] == pytest.approx(5.5, rel=1e-3)
     assert notes == (f"no window follows for 18 ohm: {windows[18.0]:.4g} s is taken, as in the other rows",)
 

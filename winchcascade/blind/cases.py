@@ -128,7 +128,7 @@ def make_campaign(case: Case) -> dict[str, bytes]:
 
     _, twin, rng = _draw(case)
     texts = {f"{log}.csv": log_text(make_log(twin, log, rng)) for log in LOADS} | {
-        "campaign.toml": campaign_text(case.name)
+        "campaign.toml": campaign_toml(case.name)
     }
     return {name: text.encode() for name, text in texts.items()}
 
@@ -149,7 +149,7 @@ def log_text(columns: dict[str, Signal]) -> str:
     return "\n".join([HEADER, *(",".join(map(repr, row)) for row in rows)]) + "\n"
 
 
-def campaign_text(title: str, loads: Mapping[str, float] = STATED_LOADS) -> str:
+def campaign_toml(title: str, loads: Mapping[str, float] = STATED_LOADS) -> str:
     """Make the campaign.toml of a case.
 
     Parameters

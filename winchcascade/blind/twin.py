@@ -298,7 +298,7 @@ def efficiencies(mu: float) -> tuple[float, float]:
     return (flank - mu * rise) / (flank + mu / rise), (flank - mu / rise) / (flank + mu * rise)
 
 
-def solve(twin: Twin, log: str, x: Signal, v: Signal, resting: float, *, fine: int = FINE) -> Solved:
+def solve_twin(twin: Twin, log: str, x: Signal, v: Signal, resting: float, *, fine: int = FINE) -> Solved:
     """Solve a twin along a motion of the line.
 
     Parameters
@@ -385,12 +385,12 @@ def _braking(twin: Twin, t: Signal, turned: Signal) -> Signal:
 
 
 def draw_motion(log: str, rng: np.random.Generator) -> tuple[Signal, Signal, float]:
-    """Draw the motion of one log, and where friction holds at rest; see `solve`."""
+    """Draw the motion of one log, and where friction holds at rest; see `solve_twin`."""
     x, v = line_motion(log, rng)
     return x, v, float(np.clip(rng.normal(RESTING_MEAN, RESTING), -0.9, 0.9))
 
 
 def make_log(twin: Twin, log: str, rng: np.random.Generator, logger: Logger = CRANE_LOGGER) -> dict[str, Signal]:
     """Move the crane, follow it, and read the sensors: one log of a campaign."""
-    solved = solve(twin, log, *draw_motion(log, rng))
+    solved = solve_twin(twin, log, *draw_motion(log, rng))
     return read_log(twin, solved, rng, logger)

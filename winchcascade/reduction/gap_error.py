@@ -54,7 +54,7 @@ def gaps_of(run: Run, channels: Sequence[str]) -> Signal:
     return np.clip(gaps, run.t[0], run.t[-1])
 
 
-def windows_of(gaps: Signal, windows: Signal) -> tuple[Index, Index]:
+def overlapped_windows(gaps: Signal, windows: Signal) -> tuple[Index, Index]:
     """Index of the first window that each gap overlaps, and of the last if that is another; -1 for none.
 
     The windows are in order and do not overlap.
@@ -93,7 +93,7 @@ def energy_error(t: Signal, watts: Signal, gaps: Signal, spans: Signal, moved: S
     """
     square = (moved * np.interp(spans[:, 1], t, watts)) ** 2  # gaps err independently of each other
     error = bridging_error(t, watts, gaps)
-    for which in windows_of(gaps, spans):
+    for which in overlapped_windows(gaps, spans):
         np.add.at(square, which[which >= 0], error[which >= 0] ** 2)
     return np.sqrt(square)
 

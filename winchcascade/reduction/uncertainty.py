@@ -39,7 +39,7 @@ GAIN_REACH = 0.9
 """Smallest error of a gain, as a share of one, with which a reading is no measurement."""
 
 
-class Contribution(msgspec.Struct, frozen=True):
+class BudgetRow(msgspec.Struct, frozen=True):
     """One row of the budget: what a source contributes to the standard uncertainty of each mean, in its unit.
 
     The row without a source is what straight lines over gaps may have missed, by the intact data beside them.
@@ -60,7 +60,7 @@ class Budget(msgspec.Struct, frozen=True):
     the errors together could change.
     """
 
-    rows: tuple[Contribution, ...]
+    rows: tuple[BudgetRow, ...]
     sensors: Metrics
     repeatability: Metrics
     mean: Metrics
@@ -182,7 +182,7 @@ def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
     for source, joules in _energy_errors(model):
         changed = _of_metrics(joules, model, stated, independent=source is None)
         of = {m: _of_mean(x[rows_of[m]], shared=source is not None) for m, x in changed.items() if m in given}
-        rows.append(Contribution(source, Metrics(of)))
+        rows.append(BudgetRow(source, Metrics(of)))
         for m, x in changed.items():
             square[m] += x**2
             mean_square[m] += of.get(m, 0.0) ** 2

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from winchcascade.reduction.bins import Bin
     from winchcascade.reduction.montecarlo import Interval, Uncertainty
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
-    from winchcascade.reduction.uncertainty import Contribution
+    from winchcascade.reduction.uncertainty import BudgetRow
 
 SCHEMA = "winchcascade/reduction/1"
 _KGCM2 = KGF * 1e4
@@ -324,7 +324,7 @@ def _uncertainty(found: Uncertainty, channels: Mapping[str, Channel]) -> Uncerta
     )
 
 
-def _budget_row(row: Contribution, mean: Metrics, channels: Mapping[str, Channel]) -> BudgetRecord:
+def _budget_row(row: BudgetRow, mean: Metrics, channels: Mapping[str, Channel]) -> BudgetRecord:
     source, contribution, share = row.source, row.of.fields(), shares(row.of, mean).fields()
     if source is None:
         return BudgetRecord(source="bridged gaps", contribution=contribution, share=share)

@@ -17,7 +17,7 @@ from winchcascade.reduction.bins import Bin
 from winchcascade.reduction.efficiency import NET_METRICS, Metrics
 from winchcascade.reduction.montecarlo import Interval, Uncertainty
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
-from winchcascade.reduction.uncertainty import R_DRUM, Contribution, shares
+from winchcascade.reduction.uncertainty import R_DRUM, BudgetRow, shares
 from winchcascade.report.digits import (
     MINUS,
     interval_text,
@@ -439,7 +439,7 @@ def _from(source: str) -> str:
     return f" From: the rig file's words; its source is {source}." if source else ""
 
 
-def _about(row: Contribution, channels: Mapping[str, Channel]) -> tuple[str, str, str, str, str]:
+def _about(row: BudgetRow, channels: Mapping[str, Channel]) -> tuple[str, str, str, str, str]:
     source = row.source
     if source is None:
         return source_name(None), "", "rectangular", "", "data beside the gaps"

@@ -16,7 +16,7 @@ from winchcascade.core.run import Signal
 from winchcascade.diagnosis.suspects import Suspects
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.effect import Effect, Field
-from winchcascade.tables.attainable_row import AttainableRow, Cell, NotJudged, Reduce, bounds_of_row, windows_of
+from winchcascade.tables.attainable_row import AttainableRow, Cell, NotJudged, Reduce, bounds_of_row, row_windows
 from winchcascade.tables.effect_search import ETAS, Curves, EffectCurve, Search, TableSimulator, Values, field_curves
 
 Verdict = Literal["explains", "beyond_plausible", "no"]
@@ -223,7 +223,7 @@ def attainable_ranges(
     RigError : the rig file lacks numbers that a model needs
     """
     model = baseline(rig)
-    windows, notes = windows_of(table)
+    windows, notes = row_windows(table)
     watch = watch or Nobody()
     watch.begin(0, len(table.rows) + len(suspects))
     found: list[AttainableRow | NotJudged] = []

@@ -283,7 +283,7 @@ def bounds_of_row(
     cells = []
     for eta, (span, derived) in wanted.items():
         printed_eta, found = 0.5 * (span.low + span.high), [v for p in whole if (v := p.metrics[eta]) is not None]
-        by_scatter = COVERAGE * printed_eta * repeatability(scatter, table.cycles)
+        by_scatter = COVERAGE * printed_eta * standard_error(scatter, table.cycles)
         cells.append(
             Cell(
                 metric=eta,
@@ -301,10 +301,10 @@ def bounds_of_row(
     )
 
 
-def repeatability(scatter: float, cycles: int | None) -> float:
+def standard_error(scatter: float, cycles: int | None) -> float:
     """Standard uncertainty of the mean of some cycles, as a share: their largest deviation counts as two of a cycle. [1]
 
-    >>> round(repeatability(0.025, 3), 4)
+    >>> round(standard_error(0.025, 3), 4)
     0.0072
     """
     return 0.5 * scatter / math.sqrt(cycles or 1)
@@ -328,7 +328,7 @@ def printed_efficiencies(table: PublishedTable, row: TableRow) -> dict[str, tupl
     return found
 
 
-def windows_of(table: PublishedTable) -> tuple[dict[float, float | None], tuple[str, ...]]:
+def row_windows(table: PublishedTable) -> tuple[dict[float, float | None], tuple[str, ...]]:
     """Window of each row [s], from its energies and powers; a row without one takes that of the others, with a note."""
     known = {row.load: _window(table.spans(row)) for row in table.rows}
     lengths = [seconds for seconds in known.values() if seconds is not None]

@@ -3,7 +3,7 @@
 What a table prints of its cycles bounds how far a mean of ratios can lie from a ratio of means (`Repeatability`).
 
 For every stage ``E = P t`` with one window t; for every efficiency ``E_out / E_in = eta (1 + x)`` with ``|x| <= ratio``,
-and ``eta_pto = eta_trans eta_gen (1 + y)`` with ``|y| <= product`` (see `Bounds`); no stage gives out more than it takes
+and ``eta_pto = eta_trans eta_gen (1 + y)`` with ``|y| <= product`` (see `RatioBounds`); no stage gives out more than it takes
 in. A printed cell confines its value to what rounds to it. In logarithms all of this is linear, so that the programme finds a
 set of values exactly if there is one.
 """
@@ -35,7 +35,7 @@ _DUST = 1e-9
 _VARIABLES = (*METRICS, "window")
 
 
-class Bounds(msgspec.Struct, frozen=True):
+class RatioBounds(msgspec.Struct, frozen=True):
     """How far means of ratios can lie from ratios of means. [1]
 
     `ratio` holds between an efficiency and the ratio of its mean energies, `product` between eta_pto and
@@ -80,9 +80,9 @@ class Repeatability(msgspec.Struct, frozen=True):
     assumed: tuple[str, ...]
 
     @property
-    def bounds(self) -> Bounds:
+    def bounds(self) -> RatioBounds:
         """How far efficiencies can lie from the ratio of mean energies, and eta_pto from eta_trans eta_gen."""
-        return Bounds(
+        return RatioBounds(
             ratio=mean_of_products(self.energy, self.eta, self.cycles),
             product=mean_of_products(self.eta, self.eta, self.cycles),
         )
@@ -112,12 +112,14 @@ def repeatability(table: PublishedTable) -> Repeatability:
     )
 
 
-def is_feasible(cells: Mapping[str, Span], bounds: Bounds) -> bool:
+def is_feasible(cells: Mapping[str, Span], bounds: RatioBounds) -> bool:
     """Whether there are values in all the cells that agree with each other."""
     return _solve(cells, bounds, {}) is not None
 
 
-def allowed(cells: Mapping[str, Span], bounds: Bounds, numerator: str, denominator: str | None = None) -> Span | None:
+def allowed(
+    cells: Mapping[str, Span], bounds: RatioBounds, numerator: str, denominator: str | None = None
+) -> Span | None:
     """What the cells allow of one value, or of the quotient of two; None if the cells contradict each other.
 
     The value may be a metric or `window`, whether it has a cell or not; an end that nothing confines is 0 or inf.
@@ -146,7 +148,7 @@ def window(spans: Mapping[str, Span]) -> Span | None:
     return Span(low, high) if low <= high * (1.0 + 1e-9) and math.isfinite(high) else None
 
 
-def contradictions(cells: Mapping[str, Span], bounds: Bounds) -> Iterator[tuple[str, ...]]:
+def contradictions(cells: Mapping[str, Span], bounds: RatioBounds) -> Iterator[tuple[str, ...]]:
     """Smallest sets of cells that cannot all be true, one after the other, no cell in two of them."""
     rest = dict(cells)
     while not is_feasible(rest, bounds):
@@ -155,7 +157,7 @@ def contradictions(cells: Mapping[str, Span], bounds: Bounds) -> Iterator[tuple[
         rest = {name: span for name, span in rest.items() if name not in found}
 
 
-def repairs(cells: Mapping[str, Span], bounds: Bounds) -> dict[str, Span]:
+def repairs(cells: Mapping[str, Span], bounds: RatioBounds) -> dict[str, Span]:
     """Cells of which a change of that one alone makes the row consistent, with the values that do."""
     found = {
         name: allowed({other: span for other, span in cells.items() if other != name}, bounds, name) for name in cells
@@ -163,7 +165,7 @@ def repairs(cells: Mapping[str, Span], bounds: Bounds) -> dict[str, Span]:
     return {name: span for name, span in found.items() if span is not None}
 
 
-def _smallest(cells: Mapping[str, Span], bounds: Bounds) -> tuple[str, ...]:
+def _smallest(cells: Mapping[str, Span], bounds: RatioBounds) -> tuple[str, ...]:
     """A contradictory set of the fewest cells: one that cannot be thinned out, unless a smaller one exists."""
     thin = dict(cells)
     for name in reversed(list(cells)):
@@ -173,7 +175,7 @@ def _smallest(cells: Mapping[str, Span], bounds: Bounds) -> tuple[str, ...]:
     return next((n for n in smaller if not is_feasible({name: cells[name] for name in n}, bounds)), tuple(thin))
 
 
-def _solve(cells: Mapping[str, Span], bounds: Bounds, aim: Mapping[str, float]) -> Signal | None:
+def _solve(cells: Mapping[str, Span], bounds: RatioBounds, aim: Mapping[str, float]) -> Signal | None:
     """Logarithms of values in all cells that make the aim smallest; None if there are none."""
     from scipy.optimize import linprog
 

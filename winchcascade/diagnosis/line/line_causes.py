@@ -46,7 +46,7 @@ NEARLY = 0.7
 """Share of the largest significance from which a motion is planned; they are tried in order of effort."""
 
 
-def causes_of(lines: Lines, m: Moments, choice: Choice, suspects: Suspects) -> tuple[NamedCause, ...]:
+def line_causes(lines: Lines, m: Moments, choice: Choice, suspects: Suspects) -> tuple[NamedCause, ...]:
     """Every cause of the chosen set, the one that closes most first."""
     numbers = reported(lines, m, choice.chosen)
     causes = [
@@ -72,7 +72,7 @@ def again_alone(lines: Lines, names: Names) -> dict[str, Reported]:
 def reported(lines: Lines, m: Moments, names: Names) -> dict[str, Reported]:
     """The number of each suspect of a set with its 95 % interval; Student's t for few folds."""
     x = coefficients(m, lines, names)
-    u = np.sqrt(np.diag(covariance_of(lines, m, names))) * float(stdtrit(m.folds - 1, 0.975))
+    u = np.sqrt(np.diag(line_covariance(lines, m, names))) * float(stdtrit(m.folds - 1, 0.975))
     ends = np.array([x, np.maximum(x - u, lines.low), np.minimum(x + u, lines.high)])
     found = dict(zip(lines.names, ends.T.tolist(), strict=True))
     gain = found.get("force_gain", [0.0])[0]
@@ -85,7 +85,7 @@ def reported(lines: Lines, m: Moments, names: Names) -> dict[str, Reported]:
     return {name: Reported(value, low, high, NUMBERS[name][1]) for name, value, low, high in numbers}
 
 
-def covariance_of(lines: Lines, m: Moments, names: Names) -> Signal:
+def line_covariance(lines: Lines, m: Moments, names: Names) -> Signal:
     """Covariance of the coefficients of a set, (suspects, suspects), 0 for those outside it or at a bound.
 
     Samples of one fold are no independent numbers: the sum of its scores varies (Liang and Zeger 1986), with G / (G - 1) for G
@@ -218,6 +218,6 @@ def _score(lines: Lines, m: Moments, sets: tuple[Names, Names], motion: PlannedM
     columns = columns[np.isfinite(columns).all(axis=1)]
     own = np.flatnonzero([name in other for name in lines.names])
     z, j = columns @ (coefficients(m, lines, one) - coefficients(m, lines, other)), columns[:, own]
-    precision = np.linalg.pinv(covariance_of(lines, m, other)[np.ix_(own, own)], hermitian=True)
+    precision = np.linalg.pinv(line_covariance(lines, m, other)[np.ix_(own, own)], hermitian=True)
     pull = j.T @ z
     return math.sqrt(max(float(z @ z - pull @ np.linalg.pinv(j.T @ j + precision, hermitian=True) @ pull), 0.0))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from winchcascade.diagnosis.diagnosis_result import HALF, MOSTLY, NAMED, DiagnosisResult, Entries, Where
-from winchcascade.diagnosis.line.line_causes import again_alone, causes_of, plan
+from winchcascade.diagnosis.line.line_causes import again_alone, line_causes, plan
 from winchcascade.diagnosis.line.line_closure import LineClosure, LineRemainder, judge, left_in, map_of
 from winchcascade.diagnosis.line.line_data import Lines, lines_of
 from winchcascade.diagnosis.line.line_selection import Choice, Moments, choose, moments_of, with_best_span
@@ -64,7 +64,7 @@ def diagnose_line(
     choice = choose(lines, moments, seed)
     closure = judge(lines, moments, choice.chosen, seed) if choice.chosen else None
     on_progress("looking for alternative explanations")
-    causes = causes_of(lines, moments, choice, suspects)
+    causes = line_causes(lines, moments, choice, suspects)
     if closure is None:
         remainder = left_in(lines.parts, [part.gap for part in lines.parts], 1.0)
     else:

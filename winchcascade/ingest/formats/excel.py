@@ -108,12 +108,12 @@ def number(cell: Cell) -> float:
     return float(text.replace(",", ".")) if _NUMBER.fullmatch(text) else float("nan")
 
 
-def numbers(cells: Sequence[Cell]) -> Signal:
+def cell_numbers(cells: Sequence[Cell]) -> Signal:
     """Read a column as numbers, NaN where there is none; whether 1,234 is a decimal or a group of thousands is decided over it.
 
     Cells of one reading alone decide: of two numbers, the one that continues them is meant. Without any it is a decimal.
 
-    >>> numbers(["987", "998.5", "1,004"]).tolist(), numbers(["0,987", "0,998", "1,004"]).tolist()
+    >>> cell_numbers(["987", "998.5", "1,004"]).tolist(), cell_numbers(["0,987", "0,998", "1,004"]).tolist()
     ([987.0, 998.5, 1004.0], [0.987, 0.998, 1.004])
     """
     if {*map(type, cells)} <= {float, int}:
@@ -136,7 +136,7 @@ def numbers(cells: Sequence[Cell]) -> Signal:
     return np.where(np.isfinite(read), read, grouped)
 
 
-def seconds(cell: Cell) -> float:
+def cell_seconds(cell: Cell) -> float:
     """Read a cell as seconds on the calendar of spreadsheets; NaN for one that is no time. [s]"""
     if isinstance(cell, dt.time):
         cell = dt.datetime.combine(dt.date.min, cell) - dt.datetime.min
@@ -260,14 +260,14 @@ def _read_sheet(book: CalamineWorkbook, name: str) -> _Sheet | None:
 
 def _load(rows: Sequence[Row], wanted: Sequence[int], time: int | None) -> LogTable:
     """Hand over the wanted columns as numbers and the time column as what it holds."""
-    values = {i: numbers([row[i] for row in rows]) for i in wanted}
+    values = {i: cell_numbers([row[i] for row in rows]) for i in wanted}
     if time is None:
         return LogTable(values)
     cells = [row[time] for row in rows]
     if any(isinstance(cell, dt.date | dt.time | dt.timedelta) for cell in cells):
-        t = np.array(list(map(seconds, cells)))
+        t = np.array(list(map(cell_seconds, cells)))
         return without_notes(LogTable(values, stamps=t - t[np.isfinite(t)][0], stamped=True))
     texts = [str(cell) for cell in cells]
     names = [text for text, cell in zip(texts, cells, strict=True) if is_name(cell)]  # stamps, or notes among numbers
     stamped = any(map(is_stamp, names)) or 0 < len(names) == len(cells)
-    return without_notes(LogTable(values, stamps=texts if stamped else numbers(cells)))
+    return without_notes(LogTable(values, stamps=texts if stamped else cell_numbers(cells)))
