@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import logging
 import re
-import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -14,10 +13,11 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
-from matplotlib.textpath import text_to_path
+
+from winchcascade.report.axis_drawing import quicken
+from winchcascade.report.text_size import FONT, text_size
 
 logging.getLogger("matplotlib").setLevel(logging.ERROR)  # what it says of its own caches and settings is not our user's
 
@@ -122,7 +122,7 @@ def look_of(stage: str) -> Look:
 
 
 _RC = {
-    "font.family": "DejaVu Sans",
+    "font.family": FONT,
     "font.size": 8.0,
     "axes.titlesize": 8.5,
     "axes.titley": 1.0,
@@ -237,6 +237,8 @@ def label_panel(axes: Axes, letter: str, title: str, *, x: str = "", y: str = ""
 def svg_text(figure: Figure, name: str) -> str:
     """A figure as one SVG element whose ids begin with its name, so that several may stand in one page."""
     out = io.StringIO()
+    figure.set_dpi(72)
+    quicken(figure)
     figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
     text = out.getvalue()
     text = text[text.index("<svg") :]
@@ -266,10 +268,7 @@ _POINT = 1.0 / 72.0
 def text_width(text: str) -> float:
     """Width of a text in a legend. [in]"""
     size = float(matplotlib.rcParams["legend.fontsize"])
-    with warnings.catch_warnings():  # a letter that the font lacks is drawn as a box, and is as wide
-        warnings.simplefilter("ignore")
-        width, _, _ = text_to_path.get_text_width_height_descent(text, FontProperties(size=size), False)
-    return float(width) * _POINT
+    return text_size(text, size).width * _POINT
 
 
 def columns_within(texts: Sequence[str], *, handle: float = 2.0, gap: float = 1.1) -> int:
