@@ -16,7 +16,8 @@ from winchcascade.blind.twin_numbers import CRANE_LOGGER, LOADS, SENSORS, Number
 from winchcascade.core.integrate import integrals
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Run
-from winchcascade.reduction.wave_energies import DRAWS, WaveEnergies, block_length, ratio_of_sums, wave_energies
+from winchcascade.reduction.wave_bootstrap import DRAWS, block_length, ratio_of_sums
+from winchcascade.reduction.wave_energies import WaveEnergies, wave_energies
 from winchcascade.report.wave_text import wave_lines, wave_record
 from winchcascade.rig.kernel import COLUMNS
 
@@ -204,3 +205,71 @@ def test_blocks_are_longer_for_waves_that_come_in_groups_and_intervals_hold_the_
     assert inside >= 51
     assert ratio_of_sums(into, out) == ratio_of_sums(into, out)
     assert DRAWS >= 1000
+
+
+def test_sensors_widen_the_interval_by_their_budget_and_an_unknown_accuracy_is_named(tmp_path: Path) -> None:
+    log, _ = reciprocating(tmp_path, 40)
+    text = (tmp_path / "waves.toml").read_text(encoding="utf-8")
+    sensors = text[: text.index("[sensors.")] + '[phases]\nfrom = "waves"\n'
+
+    def found(more: str) -> WaveEnergies:
+        (tmp_path / "own.toml").write_text(sensors + more, encoding="utf-8")
+        rig = load_rig(tmp_path / "own.toml")
+        return wave_energies(reduce(read_run(log, rig=rig, load=36.0), rig=rig))
+
+    names = {"torque": ("N.m", 0.004), "vdc": ("V", 0.003), "idc": ("A", 0.006)}
+    tables = {
+        name: f'[sensors.{name}]\nunit = "{unit}"\naccuracy_reading = {share}\ncoverage = 2.0\n'
+        for name, (unit, share) in names.items()
+    }
+    bare = found("".join(tables[name] for name in ("torque", "vdc")))
+    assert bare.efficiency["eta_gen"].u_sensors is None
+    assert "without sensors, as the accuracy of idc is unknown" in " ".join(" ".join(wave_lines(bare)).split())
+    known = found("".join(tables.values())).efficiency["eta_gen"]
+    relative = np.hypot(np.hypot(0.002, 0.0015), 0.003)  # gains of torque, Vdc and Idc, of normal distributions
+    assert known.u_sensors == pytest.approx(0.8 * relative, rel=1e-3)
+    low, high = known.interval or (0.0, 0.0)
+    assert known.u_waves is not None
+    assert high - low == pytest.approx(2 * 1.96 * np.hypot(known.u_sensors or 0.0, known.u_waves), rel=0.08)
+
+
+def test_a_campaign_combines_the_waves_of_its_logs(tmp_path: Path) -> None:
+    logs = {}
+    for name, waves in (("a", 14), ("b", 25)):
+        folder = tmp_path / name
+        folder.mkdir()
+        logs[name], rig = reciprocating(folder, waves)
+    rig.rename(tmp_path / "waves.toml")
+    runs = "".join(f'[[run]]\nfile = "{name}/sines.csv"\nload_ohm = 36\n' for name in logs)
+    (tmp_path / "campaign.toml").write_text(
+        f'title = "sea"\nrig = "waves.toml"\n{runs}[[run]]\nfile = "a/sines.csv"\nload_ohm = inf\n', encoding="utf-8"
+    )
+    printed = command("batch", tmp_path / "campaign.toml", "--out", tmp_path / "out", "--reports", "html")
+    record = json.loads((tmp_path / "out" / "campaign.json").read_text(encoding="utf-8"))
+    together, single = (
+        record["waves"],
+        {
+            run["result"]: json.loads((tmp_path / "out" / run["result"]).read_text(encoding="utf-8"))["waves"]
+            for run in record["runs"]
+            if not run["open_circuit"]
+        },
+    )
+    for key in ("energy_line_j", "energy_gen_j", "duration_s"):
+        assert together["record"][key] == pytest.approx(sum(of["record"][key] for of in single.values()))
+    line, gen = (
+        sum(wave[f"energy_{stage}_j"] for of in single.values() for wave in of["each"]) for stage in ("line", "gen")
+    )
+    eta = together["efficiency"]["eta_pto"]
+    assert eta["value"] == pytest.approx(gen / line)
+    assert eta["interval_95"][0] < eta["value"] < eta["interval_95"][1]
+    assert eta["standard_uncertainty_sensors"] == pytest.approx(
+        float(np.mean([of["efficiency"]["eta_pto"]["standard_uncertainty_sensors"] for of in single.values()])),
+        rel=0.05,
+    )  # the same sensors: their errors do not average out
+    assert sum(of["count"] for of in together["classes"]) == together["waves"] == sum(together["waves_of_logs"])
+    assert len(together["logs"]) == 3
+    assert "open circuit" in together["left_out"][0]
+    assert f"waves: {together['waves']} of 2 logs" in printed
+    page = (tmp_path / "out" / "campaign.html").read_text(encoding="utf-8")
+    assert "Waves by payout" in page
+    assert "is not among the waves together" in page

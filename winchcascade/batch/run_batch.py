@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
-from msgspec import UNSET
+from msgspec import UNSET, UnsetType
 from msgspec.structs import asdict, replace
 
 from winchcascade.batch.campaign_findings import findings_between, log_efficiency
@@ -45,7 +45,7 @@ from winchcascade.report.campaign_record import (
     campaign_json,
     log_summary,
 )
-from winchcascade.report.records import RunRecord, reduction_record
+from winchcascade.report.records import RunRecord, read_results, reduction_record
 
 if TYPE_CHECKING:
     from winchcascade.batch.plan import Plan
@@ -313,12 +313,14 @@ def _state(plan: Plan, batch: Batch, digests: Mapping[str, str]) -> str:
 def campaign_record(plan: Plan, batch: Batch, state: str) -> CampaignRecord:
     """Put the results of a batch into the record of its campaign, with findings of single logs beside the others."""
     logs: dict[str, LogSummary] = {}
+    with_waves = False
     efficiencies = []
     for work in plan.work:
         if work.name in batch.results:
             record = msgspec.json.decode(batch.results[work.name].read_bytes(), type=RunRecord)
             logs[work.name] = log_summary(work.name, one_line(work.address), record)
             efficiencies.append(log_efficiency(work.name, record))
+            with_waves = with_waves or record.waves is not UNSET
     between = tuple(findings_between(efficiencies))
     for name, finding in between:
         run = logs[name]
@@ -328,4 +330,13 @@ def campaign_record(plan: Plan, batch: Batch, state: str) -> CampaignRecord:
         logs.get(work.name) or FailedLog(work.name, one_line(work.address), one_line(batch.faults[work.name]))
         for work in plan.work
     )
-    return CampaignRecord(one_line(plan.title), state, runs, between)
+    waves = _waves(batch.results) if with_waves else UNSET
+    return CampaignRecord(one_line(plan.title), state, runs, between, waves)
+
+
+def _waves(results: Mapping[str, Path]) -> dict[str, Any] | UnsetType:
+    """The waves of all logs together."""
+    from winchcascade.report.campaign_waves import campaign_waves, campaign_waves_record
+
+    found = campaign_waves(read_results(results))
+    return UNSET if found is None else campaign_waves_record(found)

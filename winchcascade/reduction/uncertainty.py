@@ -168,7 +168,7 @@ def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
     model = model or error_model(reduction)
     stages, rows_of = model.stages, model.rows
     channels, with_accuracy = _channels(stages), {s.channel for s in model.sources}
-    unknown = channels - with_accuracy - set(TAKEN_AS_EXACT)
+    unknown = {channel for of_stage in without_accuracy(model).values() for channel in of_stage}
     measured = {name for name, stage in stages.items() if not stage.channels & unknown}
     cascade = model.cascade
     given = [m for m in cascade.all_metrics if reduction.mean[m] is not None]
@@ -179,7 +179,7 @@ def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
     rows = []
     square = {m: np.zeros(len(reduction.cycles)) for m in stated}
     mean_square = dict.fromkeys(stated, 0.0)
-    for source, joules in _energy_errors(model):
+    for source, joules in energy_errors(model):
         changed = _of_metrics(joules, model, stated, independent=source is None)
         of = {m: _of_mean(x[rows_of[m]], shared=source is not None) for m, x in changed.items() if m in given}
         rows.append(BudgetRow(source, Metrics(of)))
@@ -227,6 +227,12 @@ def _is_undetermined(cascade: Cascade, metric: str, reach: Mapping[str, float], 
     return divided or any(gains[s] >= GAIN_REACH for s in _stages_of(cascade, metric))
 
 
+def without_accuracy(model: ErrorModel) -> dict[str, tuple[str, ...]]:
+    """Channels of each stage for which the rig file states no accuracy, without those that count as exact."""
+    stated = {s.channel for s in model.sources}.union(TAKEN_AS_EXACT)
+    return {name: tuple(sorted(stage.channels - stated)) for name, stage in model.stages.items()}
+
+
 def shares(part: Metrics, whole: Metrics) -> Metrics:
     """Share of the variance of each metric that one contribution makes. [1]
 
@@ -271,7 +277,7 @@ def _of_mean(changed: Signal, *, shared: bool) -> float:
     return abs(float(np.mean(changed))) if shared else math.sqrt(float(np.sum(changed**2))) / changed.size
 
 
-def _energy_errors(model: ErrorModel) -> list[tuple[ErrorSource | None, dict[str, Signal]]]:
+def energy_errors(model: ErrorModel) -> list[tuple[ErrorSource | None, dict[str, Signal]]]:
     """Change of the energy of each stage in each cycle with one standard uncertainty of a source, (k,) each [J].
 
     The last row, without a source, is what bridged gaps may have changed, as a standard uncertainty.

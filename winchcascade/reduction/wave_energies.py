@@ -1,36 +1,26 @@
-"""Energies of irregular waves: of each, of the whole record, and by classes of payout and period.
-
-Waves that follow each other are not independent: a group of high waves lasts for several. The interval of an efficiency, a
-ratio of sums, therefore comes from a circular block bootstrap (Politis and Romano 1992), whose blocks are as long as the data
-require (Politis and White 2004, with the correction of Patton, Politis and White 2009).
-"""
+"""Energies of irregular waves: of each, of the whole record, and by classes of payout and period; of one log or of several."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import integrals, quantile
-from winchcascade.core.run import Index, Mask, Signal
-from winchcascade.reduction.efficiency import is_efficiency, ratio
+from winchcascade.core.integrate import integrals
+from winchcascade.core.run import Index, Signal
+from winchcascade.reduction.efficiency import NOTHING
 from winchcascade.reduction.gap_error import all_gaps
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
-
-DRAWS = 4000
-SEED = 20260101
-"""Draws of the bootstrap and the seed of its random numbers: the same data give the same interval."""
-
-FEWEST = 8
-"""Fewer waves give no interval: their blocks would be the sample itself."""
+from winchcascade.reduction.uncertainty import energy_errors, error_model, without_accuracy
+from winchcascade.reduction.wave_bootstrap import EnergyError, RatioOfSums, efficiency_or_none, ratio_of_sums
 
 MOST_CLASSES = 6
 """Classes of payout, and of period, at most."""
 
-SIGNIFICANT = 2.0
-"""Autocorrelations below so many standard deviations count as none (Politis and White 2004, Sec. 3.2: about 2)."""
+Pairs = Mapping[str, tuple[str, str]]
+"""Stages that each efficiency leads from and to, by its name."""
 
 
 class WaveClass(msgspec.Struct, frozen=True):
@@ -46,16 +36,8 @@ class WaveClass(msgspec.Struct, frozen=True):
     efficiency: Mapping[str, float | None]
 
 
-class RatioOfSums(msgspec.Struct, frozen=True):
-    """An efficiency of all waves together with its 95 % interval, and the length of the blocks that gave it. [1], [waves]"""
-
-    value: float | None
-    interval: tuple[float, float] | None = None
-    block: int | None = None
-
-
 class WaveEnergies(msgspec.Struct, frozen=True):
-    """Energies of the complete waves of a log and of its whole record.
+    """Energies of the complete waves of a log, or of several, and of the whole records.
 
     Parameters
     ----------
@@ -63,9 +45,14 @@ class WaveEnergies(msgspec.Struct, frozen=True):
     payout, payout_unit : travel of the positive half, (k,), in m, or rad for a shaft without a line
     period : (k,) [s]
     energy : of each wave, (k,), by stage [J]
-    efficiency : of all waves together, by name
-    record_duration : of the record without long gaps [s]
+    counts : number of waves of each log
+    pairs : stages of each efficiency
+    record_duration : of the records without long gaps [s]
     record_energy : over that, by stage [J]
+    efficiency : of all waves together, by name
+    classes : of payout and period
+    errors : what the sources of uncertainty of the sensors change of the energies of all waves
+    unknown : channels of a stage without a stated accuracy, by stage
     """
 
     cycle: Index
@@ -73,10 +60,14 @@ class WaveEnergies(msgspec.Struct, frozen=True):
     payout_unit: str
     period: Signal
     energy: Mapping[str, Signal]
-    efficiency: Mapping[str, RatioOfSums]
-    classes: tuple[WaveClass, ...]
+    counts: tuple[int, ...]
+    pairs: Pairs
     record_duration: float
     record_energy: Mapping[str, float]
+    efficiency: Mapping[str, RatioOfSums] = msgspec.field(default_factory=dict)
+    classes: tuple[WaveClass, ...] = ()
+    errors: tuple[EnergyError, ...] = ()
+    unknown: Mapping[str, tuple[str, ...]] = msgspec.field(default_factory=dict)
 
     @property
     def record_power(self) -> dict[str, float]:
@@ -93,23 +84,95 @@ def wave_energies(reduction: Reduction) -> WaveEnergies:
         if all(c.metrics[f"energy_{stage}"] is not None for c in waves)
     }
     payout, unit = _payouts(reduction, waves)
-    period = np.array([_period(reduction, c) for c in waves])
     duration, record = _record(reduction)
-    return WaveEnergies(
-        cycle=np.array([c.cycle for c in waves], dtype=np.intp),
-        payout=payout,
-        payout_unit=unit,
-        period=period,
-        energy=energy,
-        efficiency={
-            name: ratio_of_sums(energy[into], energy[out])
-            for name, (into, out) in _pairs(reduction).items()
-            if into in energy and out in energy
-        },
-        classes=_classes(reduction, payout, period, energy),
-        record_duration=duration,
-        record_energy=record,
+    errors, unknown = _sensor_errors(reduction, energy)
+    return _with_sums(
+        WaveEnergies(
+            cycle=np.array([c.cycle for c in waves], dtype=np.intp),
+            payout=payout,
+            payout_unit=unit,
+            period=np.array([_period(reduction, c) for c in waves]),
+            energy=energy,
+            counts=(len(waves),),
+            pairs=_pairs(reduction),
+            record_duration=duration,
+            record_energy=record,
+            errors=errors,
+            unknown=unknown,
+        )
     )
+
+
+def joined_waves(logs: Sequence[WaveEnergies]) -> WaveEnergies:
+    """Energies of the waves of several logs together, of the same stages and with a payout in the same unit.
+
+    A source of uncertainty of a sensor is the same in all logs: the same instrument took them.
+    """
+    first = logs[0]
+    return _with_sums(
+        WaveEnergies(
+            cycle=np.arange(1, sum(log.cycle.size for log in logs) + 1),
+            payout=np.concatenate([log.payout for log in logs]),
+            payout_unit=first.payout_unit,
+            period=np.concatenate([log.period for log in logs]),
+            energy={stage: np.concatenate([log.energy[stage] for log in logs]) for stage in first.energy},
+            counts=tuple(n for log in logs for n in log.counts),
+            pairs=first.pairs,
+            record_duration=sum(log.record_duration for log in logs),
+            record_energy={stage: sum(log.record_energy[stage] for log in logs) for stage in first.record_energy},
+            errors=_joined_errors(error for log in logs for error in log.errors),
+            unknown={
+                stage: tuple(sorted({name for log in logs for name in log.unknown.get(stage, ())}))
+                for stage in first.energy
+            },
+        )
+    )
+
+
+def _joined_errors(errors: Iterable[EnergyError]) -> tuple[EnergyError, ...]:
+    """Errors of the same source in several logs: sums of what is shared, else the root of the sum of squares."""
+    found: dict[tuple[str, str], EnergyError] = {}
+    for error in errors:
+        key = (error.source, error.part)
+        if key not in found:
+            found[key] = error
+            continue
+        known = found[key].energy
+        both = {stage: (known.get(stage, 0.0), error.energy.get(stage, 0.0)) for stage in {*known, *error.energy}}
+        energy = {stage: a + b if error.shared else math.hypot(a, b) for stage, (a, b) in both.items()}
+        found[key] = msgspec.structs.replace(error, energy=energy)
+    return tuple(found.values())
+
+
+def _with_sums(waves: WaveEnergies) -> WaveEnergies:
+    """The same with efficiencies of all waves together, and classes."""
+    efficiency = {}
+    for name, (into, out) in waves.pairs.items():
+        if into in waves.energy and out in waves.energy:
+            x, y = waves.energy[into], waves.energy[out]
+            sums = (into, float(x.sum())), (out, float(y.sum()))
+            known = not (waves.unknown.get(into) or waves.unknown.get(out)) and sums[0][1] > NOTHING
+            errors = [(e.of_ratio(*sums), e.shape) for e in waves.errors] if known else None
+            efficiency[name] = ratio_of_sums(x, y, counts=waves.counts, errors=errors)
+    return msgspec.structs.replace(waves, efficiency=efficiency, classes=_classes(waves))
+
+
+def _sensor_errors(
+    reduction: Reduction, stages: Collection[str]
+) -> tuple[tuple[EnergyError, ...], dict[str, tuple[str, ...]]]:
+    """What the sources of uncertainty change of the energies of all waves of a log, and the channels without an accuracy."""
+    model = error_model(reduction)
+    of = [c.complete for c in reduction.cycles]
+    found = []
+    for source, joules in energy_errors(model):
+        changed = {stage: x[of] for stage, x in joules.items() if stage in stages}
+        if source is None:
+            own = {stage: float(np.sqrt(np.sum(x**2))) for stage, x in changed.items()}
+            found.append(EnergyError("bridged gaps", "", "normal", shared=False, energy=own))
+        else:
+            both = {stage: float(x.sum()) for stage, x in changed.items()}
+            found.append(EnergyError(source.channel, source.part, source.shape, shared=True, energy=both))
+    return tuple(found), {stage: channels for stage, channels in without_accuracy(model).items() if stage in stages}
 
 
 def _pairs(reduction: Reduction) -> dict[str, tuple[str, str]]:
@@ -117,66 +180,6 @@ def _pairs(reduction: Reduction) -> dict[str, tuple[str, str]]:
     cascade = reduction.rig.cascade
     names = [m for m in cascade.ratios if not (reduction.run.open_circuit and cascade.undelivered(m))]
     return {name: cascade.between(name) for name in names}
-
-
-def ratio_of_sums(into: Signal, out: Signal) -> RatioOfSums:
-    """Efficiency of many waves together, with the 95 % interval of a circular block bootstrap.
-
-    Parameters
-    ----------
-    into, out : (k,) energies of the waves in order of time [J]
-    """
-    value = _efficiency(float(out.sum()), float(into.sum()))
-    if value is None or into.size < FEWEST:
-        return RatioOfSums(value)
-    block = block_length(out - value * into)
-    rng, n = np.random.default_rng(SEED), into.size
-    starts = rng.integers(0, n, (DRAWS, -(-n // block)))
-    rows = ((starts[:, :, None] + np.arange(block)) % n).reshape(DRAWS, -1)[:, :n]
-    drawn = out[rows].sum(axis=1) / into[rows].sum(axis=1)
-    return RatioOfSums(value, (quantile(drawn, 0.025), quantile(drawn, 0.975)), block)
-
-
-def _efficiency(out: float | None, into: float | None) -> float | None:
-    """A ratio of sums, None where it is no efficiency."""
-    value = ratio(out, into)
-    return value if value is None or is_efficiency(value) else None
-
-
-def block_length(x: Signal) -> int:
-    """Length of the blocks of a circular block bootstrap of the mean of a series, from its autocorrelation; at most a third.
-
-    >>> block_length(np.random.default_rng(0).normal(size=400))
-    1
-    """
-    n = x.size
-    y = x - x.mean()
-    most = max(1, n // 3)
-    lags = min(n - 1, math.ceil(math.sqrt(n)) + 10)
-    covariance = np.array([float(y[: n - k] @ y[k:]) / n for k in range(lags + 1)])
-    if covariance[0] <= 0.0:
-        return 1
-    below = np.abs(covariance[1:] / covariance[0]) < SIGNIFICANT * math.sqrt(math.log10(n) / n)
-    last = _last_correlated(below, max(5, math.ceil(math.sqrt(math.log10(n)))))
-    if last == 0:
-        return 1
-    reach = min(2 * last, lags)
-    k = np.arange(-reach, reach + 1)
-    weight = np.minimum(1.0, 2.0 * (1.0 - np.abs(k) / reach))  # flat top of Politis and Romano 1995
-    r = covariance[np.abs(k)] * weight
-    spread, slope = float(r.sum()), float(np.abs(k) @ r)
-    if spread <= 0.0:
-        return most
-    length = (2.0 * slope**2 / (4.0 / 3.0 * spread**2)) ** (1.0 / 3.0) * n ** (1.0 / 3.0)
-    return int(min(max(1, math.ceil(length)), most))
-
-
-def _last_correlated(below: Mask, run: int) -> int:
-    """Lag after which a run of autocorrelations counts as none; the largest lag where there is no such run."""
-    for lag in range(below.size - run + 1):
-        if below[lag : lag + run].all():
-            return lag
-    return int(np.flatnonzero(~below)[-1]) + 1 if not below.all() else 0
 
 
 def _payouts(reduction: Reduction, waves: Sequence[CycleResult]) -> tuple[Signal, str]:
@@ -223,10 +226,9 @@ def _united(gaps: Signal) -> Signal:
     return np.array(found).reshape(-1, 2)
 
 
-def _classes(
-    reduction: Reduction, payout: Signal, period: Signal, energy: Mapping[str, Signal]
-) -> tuple[WaveClass, ...]:
+def _classes(waves: WaveEnergies) -> tuple[WaveClass, ...]:
     """Classes of payout and period that have a wave, in rising order."""
+    payout, period = waves.payout, waves.period
     if not payout.size or not np.isfinite(payout).all():
         return ()
     across, along = class_width(payout), class_width(period)
@@ -234,20 +236,27 @@ def _classes(
     found = []
     for a, b in np.unique(places, axis=0).tolist():
         of = (places == (a, b)).all(axis=1)
-        joule = {stage: float(x[of].sum()) for stage, x in energy.items()}
-        found.append(
-            WaveClass(
-                payout=(a * across, (a + 1) * across),
-                period=(b * along, (b + 1) * along),
-                count=int(of.sum()),
-                energy=dict(joule),
-                efficiency={
-                    name: _efficiency(joule.get(out), joule.get(into))
-                    for name, (into, out) in _pairs(reduction).items()
-                },
-            )
-        )
+        joule = {stage: float(x[of].sum()) for stage, x in waves.energy.items()}
+        ends = (a * across, (a + 1) * across), (b * along, (b + 1) * along)
+        found.append(WaveClass(*ends, int(of.sum()), joule, _ratios(joule, waves.pairs)))
     return tuple(found)
+
+
+def classes_of_payout(waves: WaveEnergies) -> list[WaveClass]:
+    """Classes of payout alone: those of all periods together."""
+    found: dict[tuple[float, float], list[WaveClass]] = {}
+    for one in waves.classes:
+        found.setdefault(one.payout, []).append(one)
+    together = []
+    for payout, of in found.items():
+        joule = {stage: sum(one.energy[stage] or 0.0 for one in of) for stage in waves.energy}
+        period = min(one.period[0] for one in of), max(one.period[1] for one in of)
+        together.append(WaveClass(payout, period, sum(one.count for one in of), joule, _ratios(joule, waves.pairs)))
+    return together
+
+
+def _ratios(joule: Mapping[str, float], pairs: Pairs) -> dict[str, float | None]:
+    return {name: efficiency_or_none(joule.get(out), joule.get(into)) for name, (into, out) in pairs.items()}
 
 
 def class_width(x: Signal) -> float:

@@ -11,6 +11,7 @@ from urllib.parse import quote
 
 import msgspec
 import numpy as np
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from winchcascade.core.campaign_file import KINDS, banner, joint_origin, origin_words
@@ -26,10 +27,11 @@ from winchcascade.report.campaign_record import (
     mixed_windows,
     window_text,
 )
+from winchcascade.report.campaign_waves import CampaignWaves, campaign_waves, campaign_waves_section
 from winchcascade.report.digits import interval_text, percent, stated, uncertain
 from winchcascade.report.model_account import Account
 from winchcascade.report.model_section import Named, campaign_section
-from winchcascade.report.records import FindingRecord
+from winchcascade.report.records import FindingRecord, read_results
 from winchcascade.report.report_model import (
     Note,
     Point,
@@ -71,10 +73,13 @@ def make_campaign_report(
     ----------
     results : folder by which the record names the results of single logs, if it is another one
     """
-    runs = by_load(campaign.reduced)
+    runs, folder = by_load(campaign.reduced), results or out
+    waves = None
+    if campaign.waves is not UNSET:
+        waves = campaign_waves(read_results({run.name: folder / run.result for run in campaign.reduced}))
     with house_style():
-        model = _model(runs, results or out)
-    return campaign_report(campaign, _bins(out, runs), model, command=command)
+        model = _model(runs, folder)
+    return campaign_report(campaign, _bins(out, runs), model, command=command, waves=waves)
 
 
 def campaign_report(
@@ -84,6 +89,7 @@ def campaign_report(
     *,
     command: str = "",
     linked: bool = True,
+    waves: CampaignWaves | None = None,
 ) -> Report:
     """Make the rows and figures of the report of a campaign.
 
@@ -92,6 +98,7 @@ def campaign_report(
     bins : of generator speed, by the names of the runs
     model : sections on the logs beside their simulations
     linked : whether the reports of single logs stand beside that of the campaign
+    waves : of the logs whose cycles are waves
     """
     runs, failed = by_load(campaign.reduced), campaign.failed
     loaded = [run for run in runs if not run.open_circuit] or runs
@@ -112,6 +119,7 @@ def campaign_report(
                 efficiencies_table(runs) if runs else None,
                 net_table(runs),
             ),
+            *([] if waves is None else [campaign_waves_section(waves)]),
             section(
                 "speed", "Over generator speed",
                 picture(

@@ -80,13 +80,14 @@ class FailedLog(msgspec.Struct, frozen=True):
 class CampaignRecord(msgspec.Struct, frozen=True):
     """A campaign: its logs in their order, and findings of single logs beside the others, each with the name of its log.
 
-    `state` is a digest of all that the files of the campaign depend on.
+    `state` is a digest of all that the files of the campaign depend on; `waves` are those of all logs together.
     """
 
     title: str
     state: str
     runs: tuple[LogSummary | FailedLog, ...]
     between: tuple[tuple[str, FindingRecord], ...] = ()
+    waves: dict[str, Any] | UnsetType = UNSET
 
     @property
     def reduced(self) -> list[LogSummary]:
@@ -150,6 +151,7 @@ def campaign_json(campaign: CampaignRecord) -> dict[str, Any]:
         "windows": {"rules": rules, "mixed": len(rules) > 1},
         "state": campaign.state,
         "runs": campaign.runs,
+        **({} if campaign.waves is UNSET else {"waves": campaign.waves}),
         "between_logs": [{"run": name, **msgspec.structs.asdict(finding)} for name, finding in campaign.between],
     }
 
@@ -164,6 +166,7 @@ def campaign_from(record: Mapping[str, Any]) -> CampaignRecord:
             for run in record["runs"]
         ),
         between=tuple((one["run"], msgspec.convert(one, FindingRecord)) for one in record["between_logs"]),
+        waves=record.get("waves", UNSET),
     )
 
 
@@ -221,6 +224,10 @@ def campaign_text(campaign: CampaignRecord, out: Path, *, kept: int, altered: Se
     lines += wrapped(f"data: {one_line(origin_words([run.origin for run in runs]))}") if runs else []
     lines += ["", *_table(runs), *_marked(runs), *_between(campaign), ""] if runs else [""]
     lines += [*wrapped(f"note: windows of {mixed}"), ""] if mixed else []
+    if campaign.waves is not UNSET:
+        from winchcascade.report.campaign_waves import campaign_waves_lines
+
+        lines += [*campaign_waves_lines(campaign.waves), ""]
     lines += altered_lines(altered)
     lines += at_most(
         [[_fault(run)] for run in campaign.failed], MOST_FAULTS, f"more failed, all in {out / 'campaign.json'}"

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -224,6 +225,12 @@ class RunRecord(msgspec.Struct, frozen=True):
     stages: StagesRecord | UnsetType = UNSET
     cycles_from: str | UnsetType = UNSET
     waves: dict[str, Any] | UnsetType = UNSET
+
+
+def read_results(results: Mapping[str, Path]) -> Iterator[tuple[str, RunRecord]]:
+    """Results of logs, JSON files, one after the other, with the names of the logs."""
+    for name, path in results.items():
+        yield name, msgspec.json.decode(path.read_bytes(), type=RunRecord)
 
 
 def reduction_json(reduction: Reduction, found: Uncertainty | None = None) -> bytes:

@@ -7,8 +7,9 @@ from matplotlib.figure import Figure
 
 from winchcascade.core.cascade import Cascade
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.reduction.wave_energies import WaveEnergies, wave_energies
-from winchcascade.report.report_model import Section, picture, section
+from winchcascade.reduction.wave_energies import WaveEnergies, classes_of_payout, wave_energies
+from winchcascade.report.figures import stage_of
+from winchcascade.report.report_model import Picture, Section, Table, picture, section
 from winchcascade.report.style import COLOURS, label_panel, look_of, panel_figure
 from winchcascade.report.wave_text import classes_table, efficiencies_table, record_table
 from winchcascade.report.wording import tex
@@ -19,13 +20,16 @@ DOTS = 1500
 
 def wave_section(reduction: Reduction) -> Section:
     """Energies and efficiencies of waves over their payout, the whole record, and classes of payout and period."""
-    found = wave_energies(reduction)
-    return section(
-        "waves", "Waves",
+    return section("waves", "Waves", *wave_blocks(wave_energies(reduction), reduction.rig.cascade))
+
+
+def wave_blocks(found: WaveEnergies, cascade: Cascade) -> tuple[Picture | Table | None, ...]:
+    """Figure and tables of waves, of one log or of several."""
+    return (
         picture(
-            wave_figure(found, reduction.rig.cascade), "wave-energies",
-            "Energy of each wave, and efficiency of each wave, over its payout, the travel of its positive half. A single wave "
-            "may take energy from the gas, or leave energy in it: efficiencies of single waves scatter, ratios of sums count.",
+            wave_figure(found, cascade), "wave-energies",
+            "Energy and efficiency of each wave over its payout, the travel of its positive half. Lines are the ratios of sums "
+            "of classes of payout. A single wave may take energy from the gas, or leave energy in it: its efficiency scatters.",
             "Dots of energies and efficiencies over payout; sums by class are in the table.",
         ),
         record_table(found),
@@ -47,11 +51,16 @@ def wave_figure(found: WaveEnergies, cascade: Cascade) -> Figure | None:
         )
     for name in found.efficiency:
         into, out = cascade.between(name)
-        look = look_of(out if out == cascade.names[-1] and into != cascade.names[0] else into)
+        look = look_of(stage_of(cascade, name))
         x, y = found.energy[into][rows], found.energy[out][rows]
         eta = np.divide(y, x, out=np.full(x.size, np.nan), where=x > 0.0)
         eta[(eta < 0.0) | (eta > 1.0)] = np.nan
-        right.plot(found.payout[rows], eta, look.mark, ms=2.6, color=COLOURS[look.colour], label=tex(name))
+        colour = COLOURS[look.colour]
+        right.plot(found.payout[rows], eta, look.mark, ms=2.6, color=colour, alpha=0.5)
+        steps = [(*of.payout, of.efficiency[name]) for of in classes_of_payout(found)]
+        ends = np.array([(low, high, np.nan) for low, high, _ in steps]).ravel()
+        levels = np.array([3 * [np.nan if value is None else value] for *_, value in steps], dtype=float).ravel()
+        right.plot(ends, levels, color=colour, lw=1.6, ls=look.dashes, label=tex(name))
     payout = f"Payout ({found.payout_unit})"
     label_panel(left, "a", "Energy of each wave", x=payout, y="J")
     label_panel(right, "b", "Efficiency of each wave", x=payout)

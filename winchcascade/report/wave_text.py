@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
+import msgspec
+import numpy as np
+
 from winchcascade.core.cascade import field_of
-from winchcascade.reduction.wave_energies import DRAWS, SEED, RatioOfSums, WaveClass, WaveEnergies
+from winchcascade.reduction.wave_bootstrap import DRAWS, FEWEST, SEED, EnergyError, RatioOfSums
+from winchcascade.reduction.wave_energies import WaveClass, WaveEnergies
 from winchcascade.report.digits import significant
 from winchcascade.report.report_model import Table, TableColumn, items_table
-from winchcascade.report.text_table import listing, plain_cell
+from winchcascade.report.text_table import indented, listing, plain_cell, wrapped
 from winchcascade.report.wording import SYMBOL
 
 MOST_CLASSES = 40
@@ -19,8 +24,10 @@ def wave_lines(found: WaveEnergies) -> list[str]:
     """Energies of the waves in the terminal: the record, efficiencies of all waves together, and the classes."""
     unit = found.payout_unit
     powers = ", ".join(f"P_{stage} {significant(watt, 4)} W" for stage, watt in found.record_power.items())
-    lines = [f"waves: {found.cycle.size}; record of {found.record_duration:.1f} s with mean {powers}"]
-    lines += [f"  {name} {_ratio(eta)}" for name, eta in found.efficiency.items()]
+    logs = f" of {len(found.counts)} logs" if len(found.counts) > 1 else ""
+    record = f"record{'s' * bool(logs)} of {found.record_duration:.1f} s with mean {powers}"
+    lines = wrapped(f"waves: {sum(found.counts)}{logs}; {record}")
+    lines += [line for name, eta in found.efficiency.items() for line in indented(f"{name} {_ratio(found, name, eta)}")]
     columns: list[TableColumn[WaveClass]] = [
         TableColumn("payout", unit, text=True, of=lambda c: _range(c.payout)),
         TableColumn("period", "s", text=True, of=lambda c: _range(c.period)),
@@ -35,12 +42,22 @@ def wave_lines(found: WaveEnergies) -> list[str]:
     ]
 
 
-def _ratio(eta: RatioOfSums) -> str:
+def _ratio(found: WaveEnergies, name: str, eta: RatioOfSums) -> str:
+    value = f"{plain_cell(eta.value, 3)} of all waves together"
+    if eta.value is None:
+        return f"{value}: the ratio lies outside 0 to 1"
     if eta.interval is None or eta.block is None:
-        return f"{plain_cell(eta.value, 3)} of all waves together (no interval: too few waves)"
+        return f"{value} (no interval: fewer than {FEWEST} waves)"
     low, high = eta.interval
-    blocks = f"blocks of {eta.block} wave{'s' * (eta.block > 1)}"
-    return f"{plain_cell(eta.value, 3)} of all waves together, 95 %: {low:.3f} to {high:.3f} ({blocks})"
+    blocks = f"waves in blocks of {eta.block}"
+    unknown = _unknown(found, name)
+    sensors = f"without sensors, as the accuracy of {', '.join(unknown)} is unknown" if unknown else "and sensors"
+    return f"{value}, 95 %: {low:.3f} to {high:.3f} ({blocks}, {sensors})"
+
+
+def _unknown(found: WaveEnergies, name: str) -> list[str]:
+    """Channels of an efficiency without a stated accuracy."""
+    return sorted({channel for stage in found.pairs[name] for channel in found.unknown.get(stage, ())})
 
 
 def _range(ends: tuple[float, float]) -> str:
@@ -89,7 +106,9 @@ def record_table(found: WaveEnergies) -> Table | None:
     ]  # fmt: skip
     return items_table(
         "wave-record",
-        f"The whole record of {found.record_duration:.1f} s, and its {found.cycle.size} complete waves.",
+        f"The whole record of {found.record_duration:.1f} s, and its {found.cycle.size} complete waves."
+        if len(found.counts) == 1
+        else f"The records of {len(found.counts)} logs, {found.record_duration:.1f} s, and their {found.cycle.size} waves.",
         columns,
         list(found.record_energy),
     )
@@ -102,16 +121,26 @@ def efficiencies_table(found: WaveEnergies) -> Table | None:
         TableColumn("Ratio of sums", "", 3, of=lambda e: e[1].value),
         TableColumn("95 %, from", "", 3, of=lambda e: None if e[1].interval is None else e[1].interval[0]),
         TableColumn("to", "", 3, of=lambda e: None if e[1].interval is None else e[1].interval[1]),
+        TableColumn("u of waves", "", 4, of=lambda e: e[1].u_waves),
+        TableColumn("u of sensors", "", 4, of=lambda e: e[1].u_sensors),
         TableColumn("Block", "waves", 0, of=lambda e: e[1].block),
     ]
     return items_table(
         "wave-efficiencies",
-        "Efficiencies of all waves together.",
+        "Efficiencies of all waves together, with standard uncertainties u.",
         columns,
         list(found.efficiency.items()),
-        note=f"Intervals are those of a circular block bootstrap with {DRAWS} draws and seed {SEED}, as waves that follow each "
-        "other are not independent; the length of the blocks follows from the autocorrelation. They contain how waves differ, "
-        "not the errors of the sensors.",
+        note=f"How waves differ is resampled by a circular block bootstrap with {DRAWS} draws and seed {SEED}, as waves that "
+        "follow each other are not independent; the length of the blocks follows from the autocorrelation. The errors of the "
+        f"sensors are drawn from their budget and added.{_not_in(found)}",
+    )
+
+
+def _not_in(found: WaveEnergies) -> str:
+    """Which sensors the intervals do not contain."""
+    unknown = sorted({channel for channels in found.unknown.values() for channel in channels})
+    return f" The accuracy of {', '.join(unknown)} is unknown: its efficiencies contain the waves alone." * bool(
+        unknown
     )
 
 
@@ -125,10 +154,23 @@ def wave_record(found: WaveEnergies) -> dict[str, Any]:
             **{field_of(f"power_{stage}"): watt for stage, watt in found.record_power.items()},
         },
         "efficiency": {
-            name: {"value": eta.value, "interval_95": eta.interval, "block_waves": eta.block}
+            name: {
+                "value": eta.value,
+                "interval_95": eta.interval,
+                "block_waves": eta.block,
+                "standard_uncertainty_waves": eta.u_waves,
+                "standard_uncertainty_sensors": eta.u_sensors,
+                "between": found.pairs[name],
+            }
             for name, eta in found.efficiency.items()
         },
         "bootstrap": {"draws": DRAWS, "seed": SEED},
+        "waves": int(found.cycle.size),
+        "waves_of_logs": found.counts,
+        "payout_unit": found.payout_unit,
+        "stages": list(found.energy),
+        "sensors": [msgspec.structs.asdict(error) for error in found.errors],
+        "without_accuracy": found.unknown,
         "each": [
             {
                 "cycle": int(found.cycle[k]),
@@ -149,3 +191,44 @@ def wave_record(found: WaveEnergies) -> dict[str, Any]:
             for c in found.classes
         ],
     }
+
+
+def waves_from_record(record: Mapping[str, Any]) -> WaveEnergies:
+    """The energies of waves of a written record; of some waves alone where it holds these alone."""
+    unit, each, of_record = record["payout_unit"], record["each"], record["record"]
+    pairs = {name: (of["between"][0], of["between"][1]) for name, of in record["efficiency"].items()}
+    stages = [key[len("energy_") : -len("_j")] for key in of_record if key.startswith("energy_")]
+    whole = record["stages"]
+    return WaveEnergies(
+        cycle=np.array([wave["cycle"] for wave in each], dtype=np.intp),
+        payout=np.array([wave[f"payout_{unit}"] for wave in each], dtype=np.float64),
+        payout_unit=unit,
+        period=np.array([wave["period_s"] for wave in each], dtype=np.float64),
+        energy={stage: np.array([wave[f"energy_{stage}_j"] for wave in each], dtype=np.float64) for stage in whole},
+        counts=tuple(record["waves_of_logs"]),
+        pairs=pairs,
+        record_duration=of_record["duration_s"],
+        record_energy={stage: of_record[f"energy_{stage}_j"] for stage in stages},
+        efficiency={
+            name: RatioOfSums(
+                of["value"],
+                None if of["interval_95"] is None else (of["interval_95"][0], of["interval_95"][1]),
+                of["block_waves"],
+                of["standard_uncertainty_waves"],
+                of["standard_uncertainty_sensors"],
+            )
+            for name, of in record["efficiency"].items()
+        },
+        classes=tuple(
+            WaveClass(
+                payout=(of[f"payout_{unit}"][0], of[f"payout_{unit}"][1]),
+                period=(of["period_s"][0], of["period_s"][1]),
+                count=of["count"],
+                energy={stage: of[f"energy_{stage}_j"] for stage in whole},
+                efficiency={name: of.get(name) for name in pairs},
+            )
+            for of in record["classes"]
+        ),
+        errors=tuple(msgspec.convert(error, EnergyError) for error in record["sensors"]),
+        unknown={stage: tuple(names) for stage, names in record["without_accuracy"].items()},
+    )

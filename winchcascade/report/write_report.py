@@ -61,8 +61,9 @@ def _(result: Reduction) -> Report:
 @_report_of.register(CampaignReduction)
 def _(result: CampaignReduction) -> Report:
     from winchcascade.report.campaign import campaign_report
+    from winchcascade.report.campaign_waves import campaign_waves
 
-    return campaign_report(result.summary, result.bins, linked=False)
+    return campaign_report(result.summary, result.bins, linked=False, waves=campaign_waves(result.records.items()))
 
 
 @_report_of.register(DiagnosisResult)

@@ -1,0 +1,161 @@
+"""Efficiency of many waves together, a ratio of sums, with an interval of the waves and of the sensors.
+
+Waves that follow each other are not independent: a group of high waves lasts for several. What the waves contribute to the
+interval therefore comes from a circular block bootstrap (Politis and Romano 1992), whose blocks are as long as the data require
+(Politis and White 2004, with the correction of Patton, Politis and White 2009). What the sensors contribute is drawn from their
+budget, linearly, and added: a zero or a gain is the same in all waves, so that it does not average out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import msgspec
+import numpy as np
+
+from winchcascade.core.accuracy import Shape
+from winchcascade.core.integrate import quantile
+from winchcascade.core.run import Mask, Signal
+from winchcascade.reduction.efficiency import is_efficiency, ratio
+
+DRAWS = 4000
+SEED = 20260101
+"""Draws of the bootstrap and the seed of its random numbers: the same data give the same interval."""
+
+FEWEST = 8
+"""Fewer waves give no interval: their blocks would be the sample itself."""
+
+SIGNIFICANT = 2.0
+"""Autocorrelations below so many standard deviations count as none (Politis and White 2004, Sec. 3.2: about 2)."""
+
+_AT_ONCE = 2_000_000
+"""Blocks that are drawn at a time: memory does not grow with the number of waves."""
+
+
+class EnergyError(msgspec.Struct, frozen=True):
+    """What one standard uncertainty of a source changes of the energies of all waves together, by stage. [J]
+
+    `shared`: of a sensor, and so the same in all stages; else each stage has its own, as of bridged gaps.
+    """
+
+    source: str
+    part: str
+    shape: Shape
+    shared: bool
+    energy: Mapping[str, float]
+
+    def of_ratio(self, into: tuple[str, float], out: tuple[str, float]) -> float:
+        """Change of an efficiency with it; the stages by name and energy [J]. [1]"""
+        up = self.energy.get(out[0], 0.0) / into[1]
+        down = out[1] / into[1] * self.energy.get(into[0], 0.0) / into[1]
+        return up - down if self.shared else math.hypot(up, down)
+
+
+class RatioOfSums(msgspec.Struct, frozen=True):
+    """An efficiency of all waves together. [1]
+
+    `interval` holds 95 % by the waves, and by the sensors where `u_sensors`, their standard uncertainty, is known; `u_waves` is
+    that of the waves, `block` the length of the blocks that gave it, of several logs the longest [waves].
+    """
+
+    value: float | None
+    interval: tuple[float, float] | None = None
+    block: int | None = None
+    u_waves: float | None = None
+    u_sensors: float | None = None
+
+
+def ratio_of_sums(
+    into: Signal, out: Signal, *, counts: Sequence[int] = (), errors: Sequence[tuple[float, Shape]] | None = None
+) -> RatioOfSums:
+    """Efficiency of many waves together, with its 95 % interval.
+
+    Parameters
+    ----------
+    into, out : (k,) energies of the waves in order of time [J]
+    counts : waves of each log, in order, where they are of several: no block leads from one log into another
+    errors : change of the efficiency with one standard uncertainty of each source of the sensors, and its shape; None where an
+        accuracy is unknown
+    """
+    value = efficiency_or_none(float(out.sum()), float(into.sum()))
+    u_sensors = None if errors is None else math.hypot(*(size for size, _ in errors))
+    if value is None or into.size < FEWEST:
+        return RatioOfSums(value, u_sensors=u_sensors)
+    rng = np.random.default_rng(SEED)
+    ends = np.cumsum(counts or [into.size])
+    sums, blocks = np.zeros((2, DRAWS)), []
+    for x, y in zip(np.split(into, ends[:-1]), np.split(out, ends[:-1]), strict=True):
+        if x.size:
+            blocks.append(block_length(y - value * x))
+            sums += _resampled(np.array((x, y)), blocks[-1], rng)
+    waves = sums[1] / sums[0]
+    u_waves = float(np.std(waves))
+    drawn = waves + sum(
+        (size * _standard(shape, rng) for size, shape in errors or ()), start=np.zeros(DRAWS)
+    )  # the errors of the sensors are independent of which waves came
+    return RatioOfSums(value, (quantile(drawn, 0.025), quantile(drawn, 0.975)), max(blocks), u_waves, u_sensors)
+
+
+def _resampled(x: Signal, block: int, rng: np.random.Generator) -> Signal:
+    """Sums of resampled blocks of the columns of some rows, (rows, DRAWS)."""
+    n = x.shape[1]
+    number, rest = -(-n // block), n % block or block
+    summed = np.concatenate((np.zeros((x.shape[0], 1)), np.cumsum(np.tile(x, 2), axis=1)), axis=1)
+    found = np.empty((x.shape[0], DRAWS))
+    step = max(1, _AT_ONCE // number)
+    for begin in range(0, DRAWS, step):
+        starts = rng.integers(0, n, (min(step, DRAWS - begin), number))
+        lengths = np.full(number, block)
+        lengths[-1] = rest
+        found[:, begin : begin + step] = (summed[:, starts + lengths] - summed[:, starts]).sum(axis=2)
+    return found
+
+
+def _standard(shape: Shape, rng: np.random.Generator) -> Signal:
+    """Errors of standard deviation 1, (DRAWS,)."""
+    if shape == "normal":
+        return rng.standard_normal(DRAWS)
+    return rng.uniform(-math.sqrt(3.0), math.sqrt(3.0), DRAWS)
+
+
+def efficiency_or_none(out: float | None, into: float | None) -> float | None:
+    """A ratio of sums, None where it is no efficiency."""
+    value = ratio(out, into)
+    return value if value is None or is_efficiency(value) else None
+
+
+def block_length(x: Signal) -> int:
+    """Length of the blocks of a circular block bootstrap of the mean of a series, from its autocorrelation; at most a third.
+
+    >>> block_length(np.random.default_rng(0).normal(size=400))
+    1
+    """
+    n = x.size
+    y = x - x.mean()
+    most = max(1, n // 3)
+    lags = min(n - 1, math.ceil(math.sqrt(n)) + 10)
+    covariance = np.array([float(y[: n - k] @ y[k:]) / n for k in range(lags + 1)])
+    if covariance[0] <= 0.0:
+        return 1
+    below = np.abs(covariance[1:] / covariance[0]) < SIGNIFICANT * math.sqrt(math.log10(n) / n)
+    last = _last_correlated(below, max(5, math.ceil(math.sqrt(math.log10(n)))))
+    if last == 0:
+        return 1
+    reach = min(2 * last, lags)
+    k = np.arange(-reach, reach + 1)
+    weight = np.minimum(1.0, 2.0 * (1.0 - np.abs(k) / reach))  # flat top of Politis and Romano 1995
+    r = covariance[np.abs(k)] * weight
+    spread, slope = float(r.sum()), float(np.abs(k) @ r)
+    if spread <= 0.0:
+        return most
+    length = (2.0 * slope**2 / (4.0 / 3.0 * spread**2)) ** (1.0 / 3.0) * n ** (1.0 / 3.0)
+    return int(min(max(1, math.ceil(length)), most))
+
+
+def _last_correlated(below: Mask, run: int) -> int:
+    """Lag after which a run of autocorrelations counts as none; the largest lag where there is no such run."""
+    for lag in range(below.size - run + 1):
+        if below[lag : lag + run].all():
+            return lag
+    return int(np.flatnonzero(~below)[-1]) + 1 if not below.all() else 0
