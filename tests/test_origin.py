@@ -119,7 +119,7 @@ def test_a_log_takes_its_origin_from_the_campaign_beside_it_into_record_and_page
     log = fixtures / "campaign" / LOG
     settings = settings_of(log, rig=None, load_ohm=None, window=None)
     reduction = reduce(read_run(log, load=4.5, origin=settings.origin), window=settings.window)
-    found = uncertainty(reduction, draws=200)
+    found = uncertainty(reduction)
     data = reduction_record(reduction, found).data
     assert data["measured"] is False
     assert str(data["origin"]).startswith("Rebuilt from Table 2")

@@ -39,7 +39,7 @@ def test_the_papers_stages_are_one_configuration_of_the_cascade(tmp_path: Path) 
     plain = reduce(read_run(LOG), window=5.48)
     assert stated.mean == plain.mean
     assert stated.rig.cascade.stages == PAPER.stages
-    one, other = (json.loads(reduction_json(x, uncertainty(x, draws=200))) for x in (stated, plain))
+    one, other = (json.loads(reduction_json(x, uncertainty(x))) for x in (stated, plain))
     assert one["mean"] == other["mean"]
     assert one["stages"]["mean"].items() <= one["mean"].items()
     assert "stages" not in other
@@ -65,7 +65,7 @@ def test_a_motor_test_runs_the_other_way(tmp_path: Path) -> None:
 def test_stages_that_share_their_channels_share_their_errors(tmp_path: Path) -> None:
     text = '[cascade]\nstages = ["line", "hyd", "mech"]\n[stage.hyd]\npower = "force * velocity"\n'
     result = reduced(rig_with(tmp_path, text))
-    found = uncertainty(result, draws=500)
+    found = uncertainty(result)
     assert result.mean.eta_line_hyd == pytest.approx(1.0)
     assert found.standard.eta_line_hyd == pytest.approx(0.0, abs=1e-9)
     assert found.standard.eta_hyd_mech == pytest.approx(found.standard.value("eta_trans"), rel=1e-6)
@@ -77,7 +77,7 @@ def test_a_power_may_be_counted_the_other_way_in_a_log(tmp_path: Path) -> None:
     opposite = reduced(rig_with(tmp_path, text))
     plain = reduced(rig_with(tmp_path, '[cascade]\nstages = ["mech", "gen"]\n'))
     assert opposite.mean.value("energy_gen") == pytest.approx(-plain.mean.value("energy_gen"))
-    u, expected = uncertainty(opposite, draws=500).standard, uncertainty(plain, draws=500).standard
+    u, expected = uncertainty(opposite).standard, uncertainty(plain).standard
     assert u.energy_gen == pytest.approx(expected.energy_gen)
 
 
@@ -100,7 +100,7 @@ def test_an_own_channel_gives_a_stage_its_power(tmp_path: Path) -> None:
     by_hand = float(np.trapezoid(run.channels["pressure"][rows] * 1e-3, run.t[rows]))
     assert cycle.metrics.energy_oilside == pytest.approx(by_hand, rel=0.02)
     assert "P_oilside" in reduction_text(result)
-    write_reports(result, uncertainty(result, draws=200), html=tmp_path / "a.html", pdf=tmp_path / "a.pdf")
+    write_reports(result, uncertainty(result), html=tmp_path / "a.html", pdf=tmp_path / "a.pdf")
     page = (tmp_path / "a.html").read_text()
     assert "oilside, the oil" in page
     files = write_parquet(result, tmp_path / "tables")
@@ -147,7 +147,7 @@ def test_steps_of_a_dyno_are_no_repeats_of_each_other(tmp_path: Path) -> None:
     log.write_text("\n".join(["Speed (rpm),Torque (N.m)", *rows]))
     bench = read_rig(rig)
     result = reduce(read_run(log, rig=bench), rig=bench)
-    found = uncertainty(result, draws=300)
+    found = uncertainty(result)
     assert [round(c.metrics.value("power_mech"), 1) for c in result.cycles] == [15.7, 31.4, 47.1]
     assert result.max_deviation_percent.energy_mech is None
     assert found.budget.repeatability.energy_mech is None

@@ -207,7 +207,7 @@ def test_the_record_holds_the_net_energies_and_why_they_are_missing() -> None:
     last = WHOLE.cycles[-1].phases
     assert last.hold is not None
     found = reduce(cut(0.5 * sum(last.hold)), window=5.48)
-    record = msgspec.json.decode(reduction_json(found, uncertainty(found, draws=500)))
+    record = msgspec.json.decode(reduction_json(found, uncertainty(found)))
     fields = [FIELDS[name] for name in NET_METRICS]
     assert {"energy_payout_j", "energy_returned_j", "energy_net_j", "eta_net"} < set(fields)
     for part in ("mean", "standard_uncertainty", "interval_95"):

@@ -39,7 +39,7 @@ Result = tuple[Reduction, Uncertainty]
 def reduced(log: Path, window: str | float = 5.48, rig: str | None = None, load: float | None = None) -> Result:
     used = None if rig is None else parse_rig(rig, "rig.toml")
     reduction = reduce(read_run(log, rig=used, load=load), rig=used, window=window)
-    return reduction, uncertainty(reduction, draws=2000)
+    return reduction, uncertainty(reduction)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -77,7 +77,7 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Report:
     reduction = reduce(read_run(log, rig=rig, load=math.inf), rig=rig)
     with pytest.MonkeyPatch.context() as changed:
         changed.setenv("SOURCE_DATE_EPOCH", "1776506400")
-        return make_report(reduction, uncertainty(reduction, draws=200))
+        return make_report(reduction, uncertainty(reduction))
 
 
 KINDS = ("clean", "aborted", "no accuracies", "none complete")
@@ -170,7 +170,7 @@ def test_one_cycle_is_neither_best_nor_worst(clean: Result, reports: dict[str, R
 
 def test_one_cycle_is_reported_as_one(clean: Result) -> None:
     one = msgspec.structs.replace(clean[0], cycles=clean[0].cycles[:1])
-    report = make_report(one, uncertainty(one, draws=200))
+    report = make_report(one, uncertainty(one))
     assert "repeatability not known, as one cycle does not show it" in point(report, "Uncertainty").text.lower()
     pictures = {b.id: b.caption for s in report.sections for b in s.blocks if isinstance(b, Picture)}
     assert pictures["overlaid"] == "The cycle on a clock that starts at its onset. Dashed: end of the window."

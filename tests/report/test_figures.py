@@ -46,7 +46,7 @@ def results() -> dict[str, Result]:
         name: reduce(read_run(FIXTURES / log, load=float("inf") if name == "open circuit" else None))
         for name, log in LOGS.items()
     }
-    return {name: (reduction, uncertainty(reduction, draws=2000)) for name, reduction in reductions.items()}
+    return {name: (reduction, uncertainty(reduction)) for name, reduction in reductions.items()}
 
 
 @pytest.fixture(scope="module")

@@ -112,7 +112,7 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Made:
     rig = load_rig(rig_file)
     run = read_run(log, rig=rig, load=36.0, load_source=f"given {WORDS}", about=f"about {WORDS}")
     reduction = reduce(run, rig=rig)
-    return made(reduction, uncertainty(reduction, draws=200), command=f"command {WORDS}")
+    return made(reduction, uncertainty(reduction), command=f"command {WORDS}")
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +122,7 @@ def long(tmp_path_factory: pytest.TempPathFactory) -> Made:
     script = ROOT / "benchmarks" / "make_long_log.py"
     subprocess.run([sys.executable, script, log, "--rows", "268000"], check=True, capture_output=True)
     reduction = reduce(read_run(log))
-    return made(reduction, uncertainty(reduction, draws=200))
+    return made(reduction, uncertainty(reduction))
 
 
 @pytest.fixture(params=["hostile", "long"])

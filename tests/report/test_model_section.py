@@ -191,7 +191,7 @@ def test_a_model_with_an_effect_says_so_in_every_caption() -> None:
 def test_the_section_stands_in_the_report_of_a_log() -> None:
     reduction = reduced("18 ohm")
     with undrawn():
-        report = make_report(reduction, uncertainty(reduction, draws=200))
+        report = make_report(reduction, uncertainty(reduction))
     assert [s.heading for s in report.sections if s.id == "model"] == ["Measured and simulated"]
 
 

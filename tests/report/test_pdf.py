@@ -57,7 +57,7 @@ def made(report: Report) -> Made:
 @pytest.fixture(scope="module")
 def clean() -> Made:
     reduction = reduce(read_run(CLEAN, load=36.0), window=5.48)
-    return made(make_report(reduction, uncertainty(reduction, draws=2000), command="winchcascade reduce r36ohm.csv"))
+    return made(make_report(reduction, uncertainty(reduction), command="winchcascade reduce r36ohm.csv"))
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +76,7 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Made:
     )  # fmt: skip
     reduction = reduce(read_run(log, rig=rig, about=f"about {MARKUP}"), rig=rig)
     with undrawn():
-        report = make_report(reduction, uncertainty(reduction, draws=200), command=f"command {MARKUP}")
+        report = make_report(reduction, uncertainty(reduction), command=f"command {MARKUP}")
     sections = [
         Section(s.id, s.heading, tuple(b for b in s.blocks if not isinstance(b, Picture))) for s in report.sections
     ]

@@ -63,7 +63,7 @@ def many(clean: Result) -> Result:
     reduction, _ = clean
     cycles = tuple(msgspec.structs.replace(reduction.cycles[k % 3], cycle=k + 1) for k in range(73))
     longer = msgspec.structs.replace(reduction, cycles=cycles)
-    return longer, uncertainty(longer, draws=2000)
+    return longer, uncertainty(longer)
 
 
 def read(text: str) -> float:
@@ -267,7 +267,7 @@ def test_the_table_of_whole_cycles_states_net_energies_and_why_they_are_missing(
 def test_a_single_complete_cycle_has_no_repeatability(clean: Result) -> None:
     reduction, _ = clean
     one = msgspec.structs.replace(reduction, cycles=reduction.cycles[:1])
-    assert tables.repeatability_table(one, uncertainty(one, draws=200)) is None
+    assert tables.repeatability_table(one, uncertainty(one)) is None
 
 
 def test_the_uncertainty_table_states_both_parts_and_both_intervals(clean: Result) -> None:
@@ -292,7 +292,7 @@ def test_the_uncertainty_table_states_both_parts_and_both_intervals(clean: Resul
 def test_without_accuracies_only_the_repeatability_is_stated() -> None:
     rig = parse_rig('name = "bare"\n[winch]\nr_drum = { value = 0.13, unit = "m" }\n', "bare.toml")
     reduction = reduce(read_run(FIXTURES / "campaign" / "r36ohm.csv", rig=rig), rig=rig, window=5.48)
-    found = uncertainty(reduction, draws=200)
+    found = uncertainty(reduction)
     assert tables.uncertainty_table(reduction, found) is None
     table = tables.repeatability_table(reduction, found)
     assert table is not None

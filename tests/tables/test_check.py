@@ -188,7 +188,7 @@ def record() -> dict[str, Any]:
     """Reduction of the shipped 36 ohm log, as it is written."""
     log = Path(__file__).parents[2] / "fixtures" / "campaign" / "r36ohm.csv"
     reduction = reduce(read_run(log, load=36.0), window=5.48)
-    record: dict[str, Any] = json.loads(reduction_json(reduction, uncertainty(reduction, draws=500)))
+    record: dict[str, Any] = json.loads(reduction_json(reduction, uncertainty(reduction)))
     return record
 
 
