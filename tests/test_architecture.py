@@ -37,7 +37,8 @@ ENTRY_POINTS = {"__init__.py", "__main__.py"}
 
 PATTERNS = {
     "check_text": "characters that XML forbids",
-    "style": "SVG of Matplotlib",
+    "svg_drawing": "SVG of Matplotlib",
+    "text_runs": "mathematics of Matplotlib",
     "publish": "symbols of physics, names of fonts, and characters that no report shows",
 }
 """Modules of `report` that may search texts by a pattern, and which texts."""

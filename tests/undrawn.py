@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import pytest
 
@@ -11,11 +10,7 @@ EMPTY = '<svg xmlns="http://www.w3.org/2000/svg" width="10pt" height="10pt" view
 
 @contextmanager
 def undrawn() -> Iterator[None]:
-    """Within this context every figure that is saved in this process is an empty drawing."""
+    """Within this context every figure of a report that is made in this process is an empty drawing."""
     with pytest.MonkeyPatch.context() as changed:
-        changed.setattr("matplotlib.figure.Figure.savefig", _save_nothing)
+        changed.setattr("winchcascade.report.svg_drawing.svg_text", lambda _figure, _name: EMPTY)
         yield
-
-
-def _save_nothing(_figure: object, out: Any, **_options: object) -> None:
-    out.write(EMPTY)

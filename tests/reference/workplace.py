@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import numpy
 from calls import call
@@ -114,19 +113,22 @@ class Workplace:
         """Collect the arrays behind every figure that is drawn within."""
         from matplotlib.figure import Figure
 
-        self.figures = []
-        usual = Figure.savefig
+        from winchcascade.report import svg_drawing
 
-        def savefig(figure: Figure, *arguments: Any, **options: Any) -> None:
-            usual(figure, *arguments, **options)
+        self.figures = []
+        usual = svg_drawing.svg_text
+
+        def svg_text(figure: Figure, name: str) -> str:
+            text = usual(figure, name)
             lines = figure_text(len(self.figures) + 1, figure)
             self.figures.append(self.plain("".join(f"{line}\n" for line in lines)))
+            return text
 
-        Figure.savefig = savefig  # type: ignore[method-assign, assignment]
+        svg_drawing.svg_text = svg_text
         try:
             yield
         finally:
-            Figure.savefig = usual  # type: ignore[method-assign]
+            svg_drawing.svg_text = usual
 
     def short_campaign(self) -> str:
         """Make a campaign of two short logs, of one cycle each, and give its folder."""

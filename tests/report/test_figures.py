@@ -18,7 +18,8 @@ from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report import figures
-from winchcascade.report.style import COLOURS, house_style, svg_text
+from winchcascade.report.style import COLOURS, house_style
+from winchcascade.report.svg_drawing import svg_text
 from winchcascade.report.traces import PANELS
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from matplotlib.path import Path as Outline
 from matplotlib.ticker import NullLocator
 from matplotlib.transforms import IdentityTransform, blended_transform_factory
 
-from winchcascade.report.text_size import ASCENT, DESCENT, Size, text_size
+from winchcascade.report.text_runs import ASCENT, DESCENT, Size, text_size
 
 if TYPE_CHECKING:
     from matplotlib.axis import Axis
@@ -98,7 +98,7 @@ class AxisDrawing(Artist):
         inside = (at >= low - NEAR) & (at <= high + NEAR)
         self._at = at[inside]
         seen = self._style.label1.get_visible()
-        self._labels = [
+        self.labels = [
             self._placed(text, place)
             for text, place, shown in zip(texts, at, inside, strict=True)
             if seen and shown and text
@@ -121,10 +121,10 @@ class AxisDrawing(Artist):
         """How far ticks and their labels extend to the left or below. [pt]"""
         box, length = self.axis.axes.bbox, self._length
         if self._k == 1:
-            return min(label.x for label in self._labels) if self._labels else box.x0 - length
+            return min(label.x for label in self.labels) if self.labels else box.x0 - length
         return (
-            min(label.y - max(label.size.descent, DESCENT * self._font) for label in self._labels)
-            if self._labels
+            min(label.y - max(label.size.descent, DESCENT * self._font) for label in self.labels)
+            if self.labels
             else box.y0 - length
         )
 
@@ -164,7 +164,7 @@ class AxisDrawing(Artist):
             self._stroke(renderer, gc, low - self._length, low)
         pen, font = _pen(renderer, tick.label1.get_color(), 0.0), tick.label1.get_fontproperties()
         height = renderer.get_canvas_width_height()[1] if renderer.flipy() else 0.0
-        for label in self._labels:
+        for label in self.labels:
             y = height - label.y if renderer.flipy() else label.y
             renderer.draw_text(pen, label.x, y, label.text, font, 0.0, ismath=label.is_math)
         renderer.close_group("ticks")

@@ -222,7 +222,8 @@ class Note(msgspec.Struct, frozen=True, tag="note"):
 
 def picture(figure: Figure | None, name: str, caption: str, alt: str, *, interactive: bool = False) -> Picture | None:
     """A figure as a block of a report; None for none. In a format that takes figures it is taken, and the block is empty."""
-    from winchcascade.report.style import present_format, svg_text
+    from winchcascade.report.style import present_format
+    from winchcascade.report.svg_drawing import svg_text
 
     if figure is None:
         return None

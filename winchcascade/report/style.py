@@ -1,10 +1,8 @@
-"""Style of all figures: named colours that a page may turn dark, panels, marks and legends, and figures as SVG text."""
+"""Style of all figures: named colours that a page may turn dark, panels, marks and legends."""
 
 from __future__ import annotations
 
-import io
 import logging
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -16,8 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-from winchcascade.report.axis_drawing import quicken
-from winchcascade.report.text_size import FONT, text_size
+from winchcascade.report.text_runs import FONT, text_size
 
 logging.getLogger("matplotlib").setLevel(logging.ERROR)  # what it says of its own caches and settings is not our user's
 
@@ -232,27 +229,6 @@ def label_panel(axes: Axes, letter: str, title: str, *, x: str = "", y: str = ""
     """Write a panel's letter and title above it, to the left, and the labels of its axes that are given."""
     axes.set_title(f"({letter}) {title}", loc="left", pad=3)
     axes.set(**{"xlabel": x} if x else {}, **{"ylabel": y} if y else {})
-
-
-def svg_text(figure: Figure, name: str) -> str:
-    """A figure as one SVG element whose ids begin with its name, so that several may stand in one page."""
-    out = io.StringIO()
-    figure.set_dpi(72)
-    quicken(figure)
-    figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
-    text = out.getvalue()
-    text = text[text.index("<svg") :]
-    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    text = re.sub(r'\bid="', f'id="{name}-', text)
-    text = re.sub(r'href="#', f'href="#{name}-', text)
-    text = text.replace("url(#", f"url(#{name}-")
-    text = re.sub(r' d="[^"]*"', lambda found: _shorter(found[0]), text)
-    return re.sub(r"\s*\n\s*", "\n", text).strip()
-
-
-def _shorter(outline: str) -> str:
-    """An outline with hundredths of a point, which no screen shows, and without line breaks."""
-    return re.sub(r"\s+", " ", re.sub(r"(\.\d\d)\d+", r"\1", outline))
 
 
 MOST_COLUMNS = 7
