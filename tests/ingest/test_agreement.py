@@ -1,44 +1,34 @@
 """Channels that measure one thing are compared: each difference is reported, and nothing that agrees is."""
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from synthetic import KGCM2, SENSORS
+from shipped_log import Signal, channels, table
 
 from winchcascade import Finding, load_rig
 from winchcascade.ingest.checks.agreement import disagreements, mean_speeds, power_disagrees, without_sign
 from winchcascade.ingest.checks.quality import Checked, check
 
-Signal = NDArray[np.float64]
 Change = Callable[[Signal], Signal]
 
 RIG = load_rig("hsu2026")
 V_ONSET, STROKE = RIG.thresholds.v_onset, RIG.thresholds.stroke_min
-TABLE = np.loadtxt(
-    Path(__file__).parents[2] / "fixtures" / "campaign" / "r36ohm.csv", delimiter=",", skiprows=1, dtype=np.float64
-)
-T = TABLE[:, 0]
+T = table()[:, 0]
 SEEN_GAIN = 0.002
 """A gain is found within this: sensor noise over three cycles."""
 SIGN_SHARE = 0.999
 """A speed without a sign is given the right one in this share of what the line travels."""
 
 
-def channels() -> dict[str, Signal]:
-    return {name: TABLE[:, k + 1] * (KGCM2 if name == "pressure" else 1.0) for k, name in enumerate(SENSORS)}
-
-
 def changed(name: str, change: Change) -> Checked:
-    signals = channels()
+    signals = channels(table())
     signals[name] = change(signals[name])
     return check(T, signals, RIG, simulated=False, open_circuit=False)
 
 
 def findings(velocity: Change = lambda v: v, displacement: Change = lambda x: x) -> list[Finding]:
-    signals = channels()
+    signals = channels(table())
     return disagreements(T, velocity(signals["velocity"]), displacement(signals["displacement"]), V_ONSET)
 
 
@@ -57,7 +47,7 @@ def test_a_velocity_of_another_gain_is_reported_and_kept(gain: float) -> None:
     assert float(words[3]) == pytest.approx(gain, rel=SEEN_GAIN)
     assert "times the travel of the displacement" in finding.message
     assert "check unit and gain of both" in finding.message
-    assert np.array_equal(found.channels["velocity"], gain * channels()["velocity"])
+    assert np.array_equal(found.channels["velocity"], gain * channels(table())["velocity"])
 
 
 @pytest.mark.parametrize("zero", [-0.02, -0.007, 0.007, 0.02])
@@ -67,7 +57,7 @@ def test_a_velocity_with_another_zero_is_reported_and_kept(zero: float) -> None:
     assert (finding.kind, finding.channel, finding.action) == ("out_of_range", "velocity", "reported and kept")
     assert finding.message.startswith(f"velocity reads {zero:+.3f} m/s while the displacement rests; onsets")
     assert finding.message.endswith("check its zero")
-    assert np.array_equal(found.channels["velocity"], channels()["velocity"] + zero)
+    assert np.array_equal(found.channels["velocity"], channels(table())["velocity"] + zero)
 
 
 def test_a_zero_above_the_onset_speed_is_named_as_why_a_log_seems_to_begin_in_a_payout() -> None:
@@ -112,7 +102,7 @@ def test_what_says_nothing_of_gain_and_zero_gives_no_finding(name: str) -> None:
 
 
 def test_a_velocity_made_of_the_displacement_is_not_held_against_it() -> None:
-    signals = {name: x for name, x in channels().items() if name != "velocity"}
+    signals = {name: x for name, x in channels(table()).items() if name != "velocity"}
     found = check(T, signals, RIG, simulated=False, open_circuit=False)
     assert {f.kind for f in found.findings} == {"missing_channel"}
 
@@ -138,13 +128,13 @@ def test_a_speed_without_a_sign_is_given_the_direction_of_the_displacement(sign:
         "velocity has one sign whichever way the displacement goes: it is a speed without direction"
     )
     assert finding.action == "given the direction of the displacement"
-    v = channels()["velocity"]
+    v = channels(table())["velocity"]
     right = np.sign(found.channels["velocity"]) == np.sign(v)
     assert np.abs(v[right]).sum() > SIGN_SHARE * np.abs(v).sum()
 
 
 def test_a_speed_without_a_sign_and_a_displacement_upside_down_are_both_turned() -> None:
-    signals = channels()
+    signals = channels(table())
     v, x = signals["velocity"], signals["displacement"]
     signals |= {"velocity": np.abs(v), "displacement": -x}
     found = check(T, signals, RIG, simulated=False, open_circuit=False)
@@ -166,13 +156,13 @@ def test_a_speed_without_a_sign_and_a_displacement_upside_down_are_both_turned()
     ids=["signed", "held", "counts both ways", "at rest", "payout alone"],
 )
 def test_no_other_velocity_passes_for_a_speed_without_a_sign(velocity: Change, displacement: Change) -> None:
-    signals = channels()
+    signals = channels(table())
     assert not without_sign(T, velocity(signals["velocity"]), displacement(signals["displacement"]), V_ONSET, STROKE)
 
 
 # ---------------------------------------------------------------------------------------------------- mechanical power
 def with_power(factor: float) -> dict[str, Signal]:
-    signals = channels()
+    signals = channels(table())
     assert RIG.r_drum is not None
     return signals | {"power_mech": factor * signals["torque"] * signals["velocity"] / RIG.r_drum}
 
@@ -192,6 +182,6 @@ def test_a_logged_power_that_torque_contradicts_is_reported_and_kept(factor: flo
 def test_a_logged_power_that_agrees_or_cannot_be_compared_gives_no_finding() -> None:
     assert power_disagrees(with_power(1.01), RIG.r_drum) == []
     assert power_disagrees(with_power(0.5), None) == []
-    assert power_disagrees(channels(), RIG.r_drum) == []
+    assert power_disagrees(channels(table()), RIG.r_drum) == []
     still = {name: np.zeros(T.size) for name in ("power_mech", "torque", "velocity")}
     assert power_disagrees(still, RIG.r_drum) == []

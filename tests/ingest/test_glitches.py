@@ -1,25 +1,19 @@
 """A few samples that jump away and back are bridged; what the machine does, and what lasts, is kept as logged."""
 
 from collections.abc import Mapping
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 from loops import all_pairs, failures
-from numpy.typing import NDArray
+from shipped_log import WINDOW, Signal, clean, column, row_after_onset, table, written
 from synthetic import SCENARIOS, SENSORS, Scenario, make_log
 
-from winchcascade import Finding, Reduction, Run, load_rig, read_run, reduce
+from winchcascade import Finding, Run, load_rig, reduce
 from winchcascade.ingest.checks.quality import check
 
-Signal = NDArray[np.float64]
-
-SOURCE = Path(__file__).parents[2] / "fixtures" / "campaign" / "r36ohm.csv"
 RIG = load_rig("hsu2026")
-WINDOW = 5.48
-"""Of the 36 ohm runs. [s]"""
-
 BRIDGED = 0.003
 """Straight lines over five samples of a plateau change an energy by less than this share."""
 
@@ -30,30 +24,9 @@ INSIDE = 90
 """Samples from an onset to a place well inside its window, at 25 Hz."""
 
 
-@cache
-def table() -> Signal:
-    return np.loadtxt(SOURCE, delimiter=",", skiprows=1)
-
-
-@cache
-def clean() -> Reduction:
-    return reduce(read_run(SOURCE), window=WINDOW)
-
-
-def column(name: str) -> int:
-    return 1 + list(SENSORS).index(name)
-
-
 def inside(cycle: int) -> int:
     """A sample well inside the window of a cycle, counted from 0."""
-    return int(np.searchsorted(table()[:, 0], clean().cycles[cycle].window.onset)) + INSIDE
-
-
-def written(folder: Path, rows: Signal) -> Run:
-    path = folder / "log.csv"
-    headers = ",".join(["Time (s)", *(sensor.header for sensor in SENSORS.values())])
-    np.savetxt(path, rows, "%.9g", ",", header=headers, comments="")
-    return read_run(path)
+    return row_after_onset(0.0, cycle=cycle) + INSIDE
 
 
 def spoilt(values: Signal, word: str) -> Signal:
@@ -99,7 +72,7 @@ def is_bridged(folder: Path, name: str, word: str, samples: int) -> None:
     assert (finding.start, finding.end) == pytest.approx((rows[k, 0], rows[k + samples - 1, 0]), abs=1e-6)
     assert "samples jump" in finding.message
     assert "in 1 place" in finding.message
-    result = reduce(run, window=WINDOW)
+    result = reduce(run, window=WINDOW["r36ohm"])
     for spoilt_cycle, cycle in zip(result.cycles, clean().cycles, strict=True):
         assert spoilt_cycle.complete
         assert spoilt_cycle.window.onset == pytest.approx(cycle.window.onset, abs=1e-6)
@@ -111,11 +84,11 @@ def is_bridged(folder: Path, name: str, word: str, samples: int) -> None:
 @pytest.mark.parametrize("value", [-9999.0, -5.0, 5.0, 32.767])
 def test_a_glitch_of_the_velocity_at_rest_starts_no_payout(tmp_path: Path, value: float, samples: int) -> None:
     rows = table().copy()
-    k = int(np.searchsorted(rows[:, 0], clean().cycles[1].window.onset)) - 50
+    k = row_after_onset(0.0) - 50
     rows[k : k + samples, column("velocity")] = value
     run = written(tmp_path, rows)
     assert spikes(run) == [("velocity", samples)]
-    onsets = [c.window.onset for c in reduce(run, window=WINDOW).cycles]
+    onsets = [c.window.onset for c in reduce(run, window=WINDOW["r36ohm"]).cycles]
     assert onsets == pytest.approx([c.window.onset for c in clean().cycles], abs=0.01)
 
 

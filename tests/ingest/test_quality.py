@@ -2,56 +2,38 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cache
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
 from loops import all_pairs, failures
-from numpy.typing import NDArray
-from synthetic import KGCM2, SCENARIOS, SENSORS, make_log
+from shipped_log import (
+    CAMPAIGN,
+    ENERGY,
+    NAMES,
+    WINDOW,
+    Signal,
+    channels,
+    clean,
+    column,
+    row_after_onset,
+    table,
+    written,
+)
+from synthetic import KGCM2, SCENARIOS, make_log
 
 from winchcascade import Finding, Reduction, Run, load_rig, read_run, reduce
 from winchcascade.core.campaign_file import campaign_beside
 from winchcascade.ingest.checks.quality import Checked, check
 
-Signal = NDArray[np.float64]
-
-CAMPAIGN = sorted((Path(__file__).parents[2] / "fixtures" / "campaign").glob("*.csv"))
-SOURCE = next(path for path in CAMPAIGN if path.stem == "r36ohm")
 RIG = load_rig("hsu2026")
-NAMES = tuple(SENSORS)
 POWERS = ("force", "velocity", "torque", "vdc", "idc")
-WINDOW = 5.48
-"""Of the 36 ohm runs. [s]"""
-
-ENERGY = 0.005
-"""A complete cycle's energy is within this share of the clean log's: the rule by which bridging makes it incomplete."""
-
 EFFICIENCY = 0.005
 """A velocity from the displacement is smoothed, which moves an efficiency by less than the paper's last digit."""
 
 STATED = 0.01
 """The measured campaign's energies as its owners sum them."""
-
-
-@cache
-def table(path: Path = SOURCE) -> Signal:
-    return np.loadtxt(path, delimiter=",", skiprows=1)
-
-
-def channels(rows: Signal) -> dict[str, Signal]:
-    return {name: rows[:, k + 1] * (KGCM2 if name == "pressure" else 1.0) for k, name in enumerate(NAMES)}
-
-
-def written(folder: Path, rows: Signal, without: str | None = None) -> Run:
-    """Write rows as a log, perhaps without a column, and read it."""
-    keep = [0] + [k + 1 for k, name in enumerate(NAMES) if name != without]
-    headers = ["Time (s)", *(sensor.header for sensor in SENSORS.values())]
-    path = folder / "log.csv"
-    np.savetxt(path, rows[:, keep], "%.9g", ",", header=",".join(headers[k] for k in keep), comments="")
-    return read_run(path)
 
 
 def checked(t: Signal, signals: Mapping[str, Signal], *, open_circuit: bool = False) -> Checked:
@@ -70,26 +52,13 @@ def only(run: Run, kind: str) -> Finding:
     return finding
 
 
-@cache
-def clean() -> Reduction:
-    return reduce(read_run(SOURCE), window=WINDOW)
-
-
 def energies(result: Reduction, cycle: int) -> list[float]:
     m = result.cycles[cycle].metrics
     return [e for e in (m.energy_line, m.energy_mech, m.energy_gen) if e is not None]
 
 
-def row_at(t: float) -> int:
-    return int(np.searchsorted(table()[:, 0], t))
-
-
-def second_cycle(after_onset: float) -> int:
-    return row_at(clean().cycles[1].window.onset + after_onset)
-
-
 # ----------------------------------------------------------------------------------------------------- clean logs
-@pytest.mark.parametrize("path", CAMPAIGN, ids=lambda p: p.stem)
+@pytest.mark.parametrize("path", sorted(CAMPAIGN.glob("*.csv")), ids=lambda p: p.stem)
 def test_a_log_of_the_campaign_gives_no_finding(path: Path) -> None:
     _, entry = campaign_beside(path) or (None, None)
     assert entry is not None
@@ -152,8 +121,8 @@ def test_coarse_resolution_is_neither_stuck_nor_spiky() -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_empty_cells_are_counted_placed_and_bridged(tmp_path: Path, name: str) -> None:
     rows = table().copy()
-    k = second_cycle(8.0)
-    rows[k : k + 5, 1 + NAMES.index(name)] = np.nan
+    k = row_after_onset(8.0)
+    rows[k : k + 5, column(name)] = np.nan
     run = written(tmp_path, rows)
     finding = only(run, "not_a_number")
     assert (finding.channel, finding.count, finding.removed) == (name, 5, 5)
@@ -164,7 +133,7 @@ def test_empty_cells_are_counted_placed_and_bridged(tmp_path: Path, name: str) -
 
 @pytest.mark.parametrize("name", [n for n in NAMES if n != "velocity"])
 def test_metrics_that_need_a_missing_channel_are_null_and_cycles_stay_complete(tmp_path: Path, name: str) -> None:
-    result = reduce(written(tmp_path, table(), without=name), window=WINDOW)
+    result = reduce(written(tmp_path, table(), without=name), window=WINDOW["r36ohm"])
     assert [(f.kind, f.channel) for f in result.quality] == [("missing_channel", name)]
     assert [c.complete for c in result.cycles] == [True, True, True]
     lost = {"force": ("energy_line", "eta_trans", "eta_pto"), "torque": ("energy_mech", "eta_trans", "eta_gen")}
@@ -182,21 +151,21 @@ def test_a_velocity_that_is_missing_empty_or_dead_is_derived_from_the_displaceme
     tmp_path: Path, without: str | None, value: float, kind: str
 ) -> None:
     rows = table().copy()
-    rows[:, 1 + NAMES.index("velocity")] = value
+    rows[:, column("velocity")] = value
     run = written(tmp_path, rows, without=without)
     finding = only(run, kind)
     assert finding.channel == "velocity"
     assert "derived from the displacement" in finding.action
-    mean = reduce(run, window=WINDOW).mean
+    mean = reduce(run, window=WINDOW["r36ohm"]).mean
     for eta in ("eta_trans", "eta_gen", "eta_pto"):
         assert getattr(mean, eta) == pytest.approx(getattr(clean().mean, eta), abs=EFFICIENCY)
 
 
 def test_a_hole_of_the_displacement_is_one_of_the_velocity_that_is_derived_from_it(tmp_path: Path) -> None:
     rows = table().copy()
-    k = second_cycle(2.0)
+    k = row_after_onset(2.0)
     rows[k : k + 40, 1] = np.nan
-    result = reduce(written(tmp_path, rows, without="velocity"), window=WINDOW)
+    result = reduce(written(tmp_path, rows, without="velocity"), window=WINDOW["r36ohm"])
     assert [c.complete for c in result.cycles] == [True, False, True]
 
 
@@ -204,8 +173,8 @@ def test_a_hole_of_the_displacement_is_one_of_the_velocity_that_is_derived_from_
 def test_wild_values_outside_the_range_are_both_bridged_and_out_of_range(tmp_path: Path) -> None:
     def check(after_onset: float, value: float, samples: int) -> None:
         rows = table().copy()
-        k = second_cycle(after_onset)
-        rows[k : k + samples, 1 + NAMES.index("torque")] = value
+        k = row_after_onset(after_onset)
+        rows[k : k + samples, column("torque")] = value
         run = written(tmp_path, rows)
         assert {(f.kind, f.count) for f in run.findings} == {("spike", samples), ("out_of_range", samples)}
         action = next(f.action for f in run.findings if f.kind == "out_of_range")
@@ -217,8 +186,8 @@ def test_wild_values_outside_the_range_are_both_bridged_and_out_of_range(tmp_pat
 
 def test_a_line_force_below_zero_is_a_slack_line(tmp_path: Path) -> None:
     rows = table().copy()
-    k = second_cycle(20.0)
-    rows[k : k + 20, 1 + NAMES.index("force")] -= 400.0
+    k = row_after_onset(20.0)
+    rows[k : k + 20, column("force")] -= 400.0
     run = written(tmp_path, rows)
     finding = only(run, "slack_line")
     assert finding.removed == 0
@@ -229,12 +198,12 @@ def test_a_line_force_below_zero_is_a_slack_line(tmp_path: Path) -> None:
 def with_gap(folder: Path, name: str, after_onset: float, samples: int) -> Reduction:
     """The log without some cells of a channel, or without some rows, in its second cycle."""
     rows = table().copy()
-    k = second_cycle(after_onset)
+    k = row_after_onset(after_onset)
     if name == "row":
         rows = np.delete(rows, slice(k, k + samples), axis=0)
     else:
-        rows[k : k + samples, 1 + NAMES.index(name)] = np.nan
-    return reduce(written(folder, rows), window=WINDOW)
+        rows[k : k + samples, column(name)] = np.nan
+    return reduce(written(folder, rows), window=WINDOW["r36ohm"])
 
 
 def test_a_cycle_that_counts_has_the_energies_of_the_clean_log(tmp_path: Path) -> None:
@@ -279,7 +248,7 @@ def test_losses_all_over_the_log_never_falsify_a_cycle_that_counts(
             rows[:, 1:][rng.random((len(rows), 7)) < share] = np.nan
         run = written(tmp_path, rows)
         assert {f.kind for f in run.findings} == {"dropped_samples" if rows_lost else "not_a_number"}
-        result = reduce(run, window=WINDOW)
+        result = reduce(run, window=WINDOW["r36ohm"])
         assert len(result.cycles) == 3
         assert share > 0.01 or any(c.complete for c in result.cycles)
         for k, cycle in enumerate(result.cycles):
@@ -304,9 +273,9 @@ def test_a_channel_that_is_cut_at_a_value_inside_its_range_is_saturated(
     tmp_path: Path, name: str, share: float
 ) -> None:
     rows = table().copy()
-    column = rows[:, NAMES.index(name) + 1]
-    top = round(share * float(column.max()), 2)
-    np.minimum(column, top, out=column)
+    cut = rows[:, column(name)]
+    top = round(share * float(cut.max()), 2)
+    np.minimum(cut, top, out=cut)
     found = [f for f in written(tmp_path, rows).findings if f.kind == "out_of_range"]
-    assert [(f.channel, f.count) for f in found] == [(name, int(np.count_nonzero(column == top)))]
+    assert [(f.channel, f.count) for f in found] == [(name, int(np.count_nonzero(cut == top)))]
     assert f"largest value, {top:.5g} " in found[0].message

@@ -1,33 +1,17 @@
 """Whatever signs a log is written with, payout comes out positive, and every inverted channel is reported."""
 
 from collections.abc import Sequence
-from functools import cache
 from itertools import combinations, product
-from pathlib import Path
 
 import numpy as np
 import pytest
 from loops import failures
-from numpy.typing import NDArray
-from synthetic import KGCM2, SENSORS
+from shipped_log import NAMES, Signal, channels, table
 
 from winchcascade.ingest.checks.agreement import correct_signs
 
-Signal = NDArray[np.float64]
-FOLDER = Path(__file__).parents[2] / "fixtures" / "campaign"
-NAMES = tuple(SENSORS)
 PAYOUT = slice(0, 500)
 """The first 20 s of each log: rest, one payout and a part of the hold."""
-
-
-@cache
-def columns(load: str) -> Signal:
-    return np.loadtxt(FOLDER / f"{load}.csv", delimiter=",", skiprows=1)
-
-
-def channels(load: str, rows: slice = slice(None)) -> dict[str, Signal]:
-    table = columns(load)[rows]
-    return {name: table[:, k + 1] * (KGCM2 if name == "pressure" else 1.0) for k, name in enumerate(NAMES)}
 
 
 def turned(signals: dict[str, Signal], flipped: Sequence[str]) -> set[str | None]:
@@ -42,7 +26,7 @@ def turned(signals: dict[str, Signal], flipped: Sequence[str]) -> set[str | None
 
 def test_every_inverted_channel_is_found_and_corrected_and_no_other() -> None:
     def check(load: str, flipped: tuple[str, ...]) -> None:
-        assert turned(channels(load), flipped) == set(flipped)
+        assert turned(channels(table(load)), flipped) == set(flipped)
 
     flips = [(), *combinations(NAMES, 1), *combinations(NAMES, 2), NAMES]
     assert failures(check, product(["r36ohm", "r4p5ohm", "open_circuit"], flips)) == []
@@ -50,7 +34,7 @@ def test_every_inverted_channel_is_found_and_corrected_and_no_other() -> None:
 
 def test_a_log_of_one_payout_is_enough() -> None:
     def check(load: str, flipped: tuple[str, ...]) -> None:
-        assert turned(channels(load, PAYOUT), flipped) == set(flipped)
+        assert turned(channels(table(load)[PAYOUT]), flipped) == set(flipped)
 
     flips = [(), *combinations(NAMES, 1), ("velocity", "displacement"), NAMES]
     assert failures(check, product(["r36ohm", "r9ohm"], flips)) == []
@@ -58,7 +42,7 @@ def test_a_log_of_one_payout_is_enough() -> None:
 
 @pytest.mark.parametrize("flipped", [(), ("velocity",), ("displacement",), ("velocity", "displacement"), ("force",)])
 def test_a_haul_in_alone_is_recognised_by_the_falling_pressure(flipped: tuple[str, ...]) -> None:
-    signals = channels("r36ohm")
+    signals = channels(table())
     back = np.flatnonzero(signals["velocity"] < -0.1)
     end = int(back[np.flatnonzero(np.diff(back) > 50)[0]])
     rows = slice(int(back[0]) - 25, end + 25)
@@ -67,14 +51,14 @@ def test_a_haul_in_alone_is_recognised_by_the_falling_pressure(flipped: tuple[st
 
 
 def test_pressure_noise_alone_never_turns_the_velocity() -> None:
-    v = channels("r36ohm")["velocity"]
+    v = channels(table())["velocity"]
     for seed in range(200):
         noise = 2e6 + 1e3 * np.random.default_rng(seed).standard_normal(v.size)
         assert correct_signs({"velocity": v.copy(), "pressure": noise}) == []
 
 
 def test_holes_do_not_hide_a_flip() -> None:
-    signals = channels("r36ohm")
+    signals = channels(table())
     rng = np.random.default_rng(1)
     written = {n: np.where(rng.random(x.size) < 0.2, np.nan, -x if n == "velocity" else x) for n, x in signals.items()}
     assert [f.channel for f in correct_signs(written)] == ["velocity"]

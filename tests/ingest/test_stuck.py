@@ -7,25 +7,21 @@ from itertools import product
 import numpy as np
 import pytest
 from loops import all_pairs, failures
-from numpy.typing import NDArray
-from synthetic import KGCM2, SCENARIOS, SENSORS, make_log, truth
+from shipped_log import NAMES, Signal, channels
+from synthetic import SCENARIOS, make_log, truth
 
 from winchcascade import load_rig
 from winchcascade.ingest.checks.quality import Checked, check
 from winchcascade.ingest.checks.stuck import motion
 
-Signal = NDArray[np.float64]
 RIG = load_rig("hsu2026")
-NAMES = tuple(SENSORS)
 NOISY = tuple(name for name in NAMES if name != "displacement")
 
 
 @cache
 def log(name: str) -> tuple[Signal, dict[str, Signal]]:
     made = make_log(SCENARIOS[name], np.random.default_rng(3))
-    return made.t, {
-        n: x * (KGCM2 if n == "pressure" else 1.0) for n, x in zip(NAMES, made.columns.values(), strict=True)
-    }
+    return made.t, channels(np.column_stack((made.t, *made.columns.values())))
 
 
 @cache

@@ -1,41 +1,16 @@
 """Velocity and displacement show a clock in another unit, rows that are missing from it, and a counter that was set back."""
 
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from synthetic import SENSORS
+from shipped_log import CAMPAIGN, ENERGY, WINDOW, clean, column, row_after_onset, table, written
 
-from winchcascade import Finding, Reduction, Run, read_run, reduce
+from winchcascade import Finding, Run, read_run, reduce
 
-Signal = NDArray[np.float64]
-
-SOURCE = Path(__file__).parents[2] / "fixtures" / "campaign" / "r18ohm.csv"
-WINDOW = 5.96
-HEADERS = ["Time (s)", *(sensor.header for sensor in SENSORS.values())]
-DISPLACEMENT, VELOCITY = 1, 2
+LOG = "r18ohm"
 LOST = 0.02
 """A lost time is found within this: half a sampling interval. [s]"""
-ENERGY = 0.005
-
-
-@cache
-def table() -> Signal:
-    return np.loadtxt(SOURCE, delimiter=",", skiprows=1)
-
-
-@cache
-def clean() -> Reduction:
-    return reduce(read_run(SOURCE), window=WINDOW)
-
-
-def written(folder: Path, rows: Signal, without: int | None = None, headers: list[str] = HEADERS) -> Run:
-    path = folder / "log.csv"
-    keep = [k for k in range(8) if k != without]
-    np.savetxt(path, rows[:, keep], "%.9g", ",", header=",".join(headers[k] for k in keep), comments="")
-    return read_run(path, load=18.0)
 
 
 def only(run: Run) -> Finding:
@@ -44,16 +19,12 @@ def only(run: Run) -> Finding:
     return finding
 
 
-def second_payout(seconds: float) -> int:
-    return int(np.searchsorted(table()[:, 0], clean().cycles[1].window.onset + seconds))
-
-
 @pytest.mark.parametrize(
     ("factor", "words"), [(1000.0, "1000. times"), (60.0, "60.00 times"), (1e-3, "0.001000 times")]
 )
 def test_a_clock_in_another_unit_is_reported_with_every_reading(tmp_path: Path, factor: float, words: str) -> None:
-    rows = table() * ([factor] + 7 * [1.0])
-    finding = only(written(tmp_path, rows))
+    rows = table(LOG) * ([factor] + 7 * [1.0])
+    finding = only(written(tmp_path, rows, load=18.0))
     assert words in finding.message
     assert (
         f"the true interval may be {rows[1, 0] / factor:.4g} s, or one of velocity and displacement" in finding.message
@@ -62,71 +33,71 @@ def test_a_clock_in_another_unit_is_reported_with_every_reading(tmp_path: Path, 
 
 
 def test_a_clock_that_counts_rows_is_reported(tmp_path: Path) -> None:
-    rows = table().copy()
+    rows = table(LOG).copy()
     rows[:, 0] = np.arange(len(rows))
-    assert "stamps may count rows" in only(written(tmp_path, rows)).message
+    assert "stamps may count rows" in only(written(tmp_path, rows, load=18.0)).message
 
 
 @pytest.mark.parametrize("factor", [25.0, 1000.0])
 def test_long_intervals_without_a_displacement_are_reported(tmp_path: Path, factor: float) -> None:
-    finding = only(written(tmp_path, table() * ([factor] + 7 * [1.0]), without=DISPLACEMENT))
+    finding = only(written(tmp_path, table(LOG) * ([factor] + 7 * [1.0]), without="displacement", load=18.0))
     assert "no other channel confirms the clock" in finding.message
 
 
-@pytest.mark.parametrize("without", [None, VELOCITY])
+@pytest.mark.parametrize("without", [None, "velocity"])
 @pytest.mark.parametrize(("seconds", "rows"), [(1.5, 5), (2.5, 20), (4.5, 3), (4.5, 60)])
 def test_rows_lost_from_a_renumbered_clock_are_put_back_as_a_gap(
-    tmp_path: Path, seconds: float, rows: int, without: int | None
+    tmp_path: Path, seconds: float, rows: int, without: str | None
 ) -> None:
-    k = second_payout(seconds)
-    left = np.delete(table(), slice(k, k + rows), axis=0)
-    left[:, 0] = table()[: len(left), 0]
-    run = written(tmp_path, left, without)
+    k = row_after_onset(seconds, LOG)
+    left = np.delete(table(LOG), slice(k, k + rows), axis=0)
+    left[:, 0] = table(LOG)[: len(left), 0]
+    run = written(tmp_path, left, without=without, load=18.0)
     finding = only(run)
     assert finding.action == "treated as a gap of that length"
-    assert finding.start == pytest.approx(table()[k - 1, 0])
-    assert finding.end == pytest.approx(table()[k + rows, 0], abs=LOST if seconds > 4 else 4 * LOST)
+    assert finding.start == pytest.approx(table(LOG)[k - 1, 0])
+    assert finding.end == pytest.approx(table(LOG)[k + rows, 0], abs=LOST if seconds > 4 else 4 * LOST)
     if without is None:
-        cycle, true = (result.cycles[1] for result in (reduce(run, window=WINDOW), clean()))
+        cycle, true = (result.cycles[1] for result in (reduce(run, window=WINDOW[LOG]), clean(LOG)))
         assert cycle.complete == (rows < 20)
         if cycle.complete:
             assert cycle.metrics.energy_gen == pytest.approx(true.metrics.energy_gen, rel=ENERGY)
 
 
-@pytest.mark.parametrize("without", [None, VELOCITY])
+@pytest.mark.parametrize("without", [None, "velocity"])
 @pytest.mark.parametrize("step", ["zero", "counts"])
-def test_a_counter_that_is_set_back_within_a_payout_is_mended(tmp_path: Path, step: str, without: int | None) -> None:
-    rows, k = table().copy(), second_payout(3.0)
-    rows[k:, DISPLACEMENT] -= rows[k, DISPLACEMENT] if step == "zero" else 6.5536
-    run = written(tmp_path, rows, without)
+def test_a_counter_that_is_set_back_within_a_payout_is_mended(tmp_path: Path, step: str, without: str | None) -> None:
+    rows, k = table(LOG).copy(), row_after_onset(3.0, LOG)
+    rows[k:, column("displacement")] -= rows[k, column("displacement")] if step == "zero" else 6.5536
+    run = written(tmp_path, rows, without=without, load=18.0)
     finding = only(run)
     assert "the counter was set back" in finding.message
     assert finding.action == "step removed from the displacement"
-    assert run.channels["displacement"] == pytest.approx(table()[:, DISPLACEMENT], abs=0.003)
+    assert run.channels["displacement"] == pytest.approx(table(LOG)[:, column("displacement")], abs=0.003)
 
 
 def test_rows_that_were_written_twice_are_reported(tmp_path: Path) -> None:
-    k = second_payout(3.0)
-    rows = np.insert(table(), k, table()[k - 40 : k], axis=0)
+    k = row_after_onset(3.0, LOG)
+    rows = np.insert(table(LOG), k, table(LOG)[k - 40 : k], axis=0)
     rows[:, 0] = 0.04 * np.arange(len(rows))
-    assert "or 40 rows were written twice" in only(written(tmp_path, rows)).message
+    assert "or 40 rows were written twice" in only(written(tmp_path, rows, load=18.0)).message
 
 
 def test_a_counter_set_at_rest_by_less_than_a_stroke_gives_no_finding(tmp_path: Path) -> None:
-    rows = table().copy()
-    rows[second_payout(-2.0) :, DISPLACEMENT] += 0.1
-    assert written(tmp_path, rows).findings == ()
+    rows = table(LOG).copy()
+    rows[row_after_onset(-2.0, LOG) :, column("displacement")] += 0.1
+    assert written(tmp_path, rows, load=18.0).findings == ()
 
 
 @pytest.mark.parametrize("every", [2, 5, 10, 30])
 def test_a_displacement_that_is_updated_rarely_has_no_jump(tmp_path: Path, every: int) -> None:
-    rows = table().copy()
-    rows[:, DISPLACEMENT] = rows[np.arange(len(rows)) // every * every, DISPLACEMENT]
-    assert [f for f in written(tmp_path, rows).findings if f.kind == "clock_mismatch"] == []
+    rows = table(LOG).copy()
+    rows[:, column("displacement")] = rows[np.arange(len(rows)) // every * every, column("displacement")]
+    assert [f for f in written(tmp_path, rows, load=18.0).findings if f.kind == "clock_mismatch"] == []
 
 
 @pytest.mark.parametrize("window", [0.01, 0.079])
 def test_a_window_shorter_than_two_samples_makes_its_cycle_incomplete(window: float) -> None:
-    result = reduce(read_run(SOURCE), window=window)
+    result = reduce(read_run(CAMPAIGN / f"{LOG}.csv"), window=window)
     assert not result.complete
     assert "is shorter than two samples, which are 0.04 s apart" in result.quality[0].message
