@@ -2,12 +2,14 @@
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 
+from winchcascade.core.quantity import KGF
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.rig.baseline import baseline
@@ -48,6 +50,25 @@ def stage_outputs(run: Run, model: Model) -> tuple[StageOutput, ...]:
     motion = motion_of(run, STEP)
     clutch = solve(model, motion, math.inf if run.load is None else run.load)[:, COLUMNS.index("clutch")]
     return outputs_along(run, model, along(run, motion, clutch))
+
+
+SENSORS = ("pressure", "force", "torque", "vdc", "idc")
+
+PLATEAU_SHARE = {"torque": 0.015, "vdc": 0.01, "idc": 0.01}
+ABSOLUTE = {"pressure": 0.1 * KGF * 1e4, "force": 20.0}
+"""Largest rms difference during payout: shares of the plateau; 0.1 kg/cm2; 20 N, which the tether's ringing sets."""
+
+
+def assert_followed(run: Run, simulated: Run, gains: Mapping[str, float]) -> None:
+    """A simulation follows the sensors of a log, whose gains are known, in payout."""
+    motion = motion_of(run, 1e-3)
+    speed = np.interp(run.t, motion.t, motion.v)
+    payout, plateau = speed > 0.03, speed > 0.95 * speed.max()
+    for name in ("pressure", "force", "vdc") if run.open_circuit else SENSORS:
+        measured = run.channels[name] / gains[name]
+        rms = float(np.sqrt(np.mean((simulated.channels[name] - measured)[payout] ** 2)))
+        most = ABSOLUTE.get(name) or PLATEAU_SHARE[name] * float(np.mean(measured[plateau]))
+        assert rms < most, (run.path, name)
 
 
 def logs_of(folder: Path) -> Iterator[tuple[Path, float]]:

@@ -218,24 +218,15 @@ def test_a_result_never_replaces_an_input_of_a_check(out: Path, table: Path, tmp
         assert target.read_bytes() == before
 
 
-@pytest.mark.parametrize("name", ["campaign.json", "runs/r36ohm.csv.json"])
-def test_a_result_never_replaces_a_file_of_the_batch_it_is_made_from(
-    out: Path, table: Path, tmp_path: Path, name: str
+@pytest.mark.parametrize("name", ["campaign.json", "runs/r36ohm.csv.json", "campaign.toml", "r36ohm.csv"])
+def test_a_result_never_replaces_a_file_of_the_batch_or_campaign_it_is_made_from(
+    campaign: Path, out: Path, table: Path, tmp_path: Path, name: str
 ) -> None:
-    shutil.copytree(out, tmp_path / "out")
-    target = tmp_path / "out" / name
-    winchcascade("check", tmp_path / "out", "--against", table, "--json", target)
-    assert target.read_bytes() == (out / name).read_bytes()
-
-
-@pytest.mark.parametrize("name", ["campaign.toml", "r36ohm.csv"])
-def test_a_result_never_replaces_a_file_of_the_campaign_it_is_made_from(
-    campaign: Path, table: Path, tmp_path: Path, name: str
-) -> None:
-    shutil.copytree(campaign, tmp_path / "trial")
-    target = tmp_path / "trial" / name
-    winchcascade("check", tmp_path / "trial", "--against", table, "--json", target, "--force")
-    assert target.read_bytes() == (campaign / name).read_bytes()
+    source, options = (out, ()) if name.endswith(".json") else (campaign, ("--force",))
+    shutil.copytree(source, tmp_path / "copy")
+    target = tmp_path / "copy" / name
+    winchcascade("check", tmp_path / "copy", "--against", table, "--json", target, *options)
+    assert target.read_bytes() == (source / name).read_bytes()
 
 
 def test_two_results_of_one_name_are_rejected(out: Path, table: Path, tmp_path: Path) -> None:

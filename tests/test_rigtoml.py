@@ -1,6 +1,7 @@
 import tomllib
 
 import pytest
+from loops import failures
 
 from winchcascade.core.errors import RigError
 from winchcascade.core.rig_file import Thresholds
@@ -99,19 +100,27 @@ def test_a_sensor_of_a_rig_based_on_another_keeps_nothing_of_the_old_one() -> No
     assert rig.sensors["force"].resolution is None
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
+SPEED = '[sensors.speed]\nunit = "rpm"\n'
+COLUMNS, PHASES = "[columns]\n", "[phases]\n"
+
+
+def test_a_wrong_entry_is_one_sentence_with_its_place() -> None:
+    def check(text: str, says: str) -> None:
+        with pytest.raises(RigError) as fault:
+            parse_rig(text, "mine.toml")
+        message = str(fault.value)
+        assert message.startswith("mine.toml: ")
+        assert says in message
+        assert "\n" not in message
+
+    cases = [
         ("name = ", "not a valid TOML file"),
         ('title = "x"\n', "the entry name is missing"),
         (MINIMAL + "colour = 1\n", "colour is no entry of a rig file"),
         (MINIMAL + "winch = 3\n", "winch is 3; expected a table"),
         (MINIMAL + "[winch]\nr_drumm = 0.13\n", "[winch] r_drumm is no entry"),
         (MINIMAL + "[winch]\nr_drum = 0.13\n", "expected { value = ..., unit ="),
-        (
-            MINIMAL + '[winch]\nr_drum = { value = "a", unit = "m" }\n',
-            "[winch] r_drum value: expected `float`, got `str`",
-        ),
+        (MINIMAL + '[winch]\nr_drum = { value = "a", unit = "m" }\n', "r_drum value: expected `float`, got `str`"),
         (MINIMAL + '[winch]\nr_drum = { value = 1, unit = "kg" }\n', "the unit 'kg' is none of length"),
         (MINIMAL + '[winch]\nr_drum = { value = -1, unit = "m" }\n', "expected between 0.001 and 100 in SI units"),
         (MINIMAL + '[winch]\nr_drum = { value = nan, unit = "m" }\n', "expected a finite number"),
@@ -148,15 +157,41 @@ def test_a_sensor_of_a_rig_based_on_another_keeps_nothing_of_the_old_one() -> No
         (MINIMAL + '[sensors.force]\nunit = "N"\nlow = inf\n', "low is inf; expected a finite number"),
         (MINIMAL + "[log]\nrate = 25\n", "[log] rate is no entry"),
         ('based_on = "other"\n', "based_on = 'other' is no built-in rig"),
-    ],
-)
-def test_a_wrong_entry_is_one_sentence_with_its_place(text: str, says: str) -> None:
-    with pytest.raises(RigError) as fault:
-        parse_rig(text, "mine.toml")
-    message = str(fault.value)
-    assert message.startswith("mine.toml: ")
-    assert says in message
-    assert "\n" not in message
+        (MINIMAL + '[channels.torque]\nunit = "N.m"\n', "that no built-in channel has"),
+        (MINIMAL + '[channels."a b"]\nunit = "W"\n', "letters, digits and underscores"),
+        (MINIMAL + '[channels.pump]\nunit = "furlong"\n', "the unit 'furlong' is unknown"),
+        (MINIMAL + "[channels.pump]\n", "the unit '' is unknown"),
+        (MINIMAL + "[channels]\npump = 3\n", "expected a table [channels.pump]"),
+        (MINIMAL + '[columns]\nspeed = { name = "n", side = "generator" }\n', "needs the gear ratio"),
+        (MINIMAL + '[columns]\nforce = { name = "n", side = "drum" }\n', "only the speed of rotation has a side"),
+        (MINIMAL + '[columns]\nspeed = { name = "n", side = "left" }\n', "left"),
+        (MINIMAL + '[columns]\npump = "n"\n', "is no channel"),
+        (
+            MINIMAL + SPEED + "accuracy_reading = 0.01\ncoverage = 0.5\n",
+            "coverage is 0.5; expected a coverage factor from 1 to 10",
+        ),
+        (MINIMAL + SPEED + "coverage = 2\n", "coverage belongs to an accuracy, and none is stated"),
+        (
+            MINIMAL + SPEED + "daq_reading = 0.001\n",
+            "has the share of the acquisition system and no accuracy of the sensor",
+        ),
+        (MINIMAL + SPEED + "accuracy_reading = 0.01\ndaq_full_scale = 0.1\n", "daq_full_scale has no full scale"),
+        (MINIMAL + SPEED + "accuracy_reading = 0.01\ndaq_reading = 3\n", "daq_reading is 3; expected a share"),
+        (MINIMAL + COLUMNS + "force = { number = 0 }", "number is 0; expected the column's place, from 1 on"),
+        (MINIMAL + COLUMNS + 'force = { number = 2, name = "F" }', "expected either name"),
+        (MINIMAL + COLUMNS + 'force = { unit = "N" }', "expected either name"),
+        (
+            MINIMAL + COLUMNS + "force = { number = 2 }\ntorque = { number = 2 }",
+            "both name the column 2; expected one each",
+        ),
+        (MINIMAL + PHASES + 'from = "tides"', "from is 'tides'; expected velocity, displacement, speed, column,"),
+        (MINIMAL + PHASES + 'from = "column"', "needs the column and its values in payout"),
+        (MINIMAL + PHASES + "step_min_s = 0", "step_min_s is 0; expected a number above 0"),
+        (MINIMAL + PHASES + "speed_band = 2", "speed_band is 2; expected a share above 0"),
+        (MINIMAL + PHASES + "ranges_s = [[3, 2]]", "expected pairs of begin and end in seconds"),
+        (MINIMAL + PHASES + "step = 1", "[phases] step is no entry of a rig file"),
+    ]
+    assert failures(check, cases) == []
 
 
 def test_a_name_that_is_no_rig_is_reported_with_those_there_are() -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from likeness import likeness
 from rigs import LOADS as NOMINAL
-from rigs import own_model
+from rigs import assert_followed, own_model
 
 from winchcascade import read_run
 from winchcascade.blind.cases import ORIGIN, Case, answer_of, make_campaign
@@ -20,7 +20,7 @@ from winchcascade.blind.injected import INJECTED, OUTSIDERS, Hidden, draw_hidden
 from winchcascade.blind.twin import Twin, gas_pressure, line_motion, make_log, noiseless, solve_twin, stamps_of
 from winchcascade.blind.twin_numbers import LOADS, SENSORS, Numbers
 from winchcascade.rig.effects.catalogue import EFFECTS, OF_THE_RIG
-from winchcascade.rig.simulate import motion_of, simulate
+from winchcascade.rig.simulate import simulate
 
 STRANGERS = ("rig", "reduction", "diagnosis", "tables", "report", "batch")
 
@@ -140,10 +140,6 @@ def _log(case: Case) -> bytes:
 ALIKE = {"noise": 0.15, "force at rest": 0.4, "wobble": 0.2, "plateau": 0.05}
 """Largest differences from the labelled campaigns, as shares; ramps, holds and travel may differ by 0.25."""
 
-PLATEAU_SHARE = {"torque": 0.015, "vdc": 0.01, "idc": 0.01}
-ABSOLUTE = {"pressure": 0.1 * 98066.5, "force": 20.0}
-"""As `tests/rig/test_simulate.py` has it for the labelled campaigns."""
-
 
 @pytest.mark.slow
 def test_a_campaign_of_the_twin_looks_like_the_labelled_ones_and_is_followed_by_the_rig_as_well(
@@ -182,13 +178,4 @@ def _is_followed(folder: Path, case: Case) -> None:
         found = simulate(
             run, msgspec.structs.replace(model, dc_link=msgspec.structs.replace(model.dc_link, load_change=change))
         )
-        motion = motion_of(run, 1e-3)
-        speed = np.interp(run.t, motion.t, motion.v)
-        payout, plateau = speed > 0.03, speed > 0.95 * speed.max()
-        for name in SENSORS:
-            if math.isinf(load) and name in ("torque", "idc"):
-                continue
-            measured = run.channels[name] / truth.gains[name]
-            rms = float(np.sqrt(np.mean((found.run.channels[name] - measured)[payout] ** 2)))
-            most = ABSOLUTE.get(name) or PLATEAU_SHARE[name] * float(np.mean(measured[plateau]))
-            assert rms < most, (log, name)
+        assert_followed(run, found.run, truth.gains)

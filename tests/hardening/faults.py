@@ -270,9 +270,7 @@ def kills(kind: Kind, folder: Path, number: int, rng: random.Random) -> Counts:
     kind.prepare(folder / "before")
     before = content(folder / "before" / kind.out)
     counts = Counts(f"{kind.name}: SIGINT, SIGTERM, SIGKILL")
-    for k in range(number):
-        place = folder / f"kill {k}"
-        kind.prepare(place)
+    for k, place in _places(kind, folder, range(number)):
         jobs, by, to_all = 1 + k % 2, SIGNALS[k % len(SIGNALS)], k // 2 % 2 == 0
         one = call(kind, place, jobs=jobs)
         with suppress(subprocess.TimeoutExpired):
@@ -288,7 +286,6 @@ def kills(kind: Kind, folder: Path, number: int, rng: random.Random) -> Counts:
         kept, fault = complete(kind, place, whole, jobs=jobs)
         fault = wrong or fault
         counts = counts.and_then(hit=hit, kept=kept, fault=fault and f"{place.name} by {by.name}: {fault}", early=early)
-        shutil.rmtree(place)
     return counts
 
 
@@ -315,9 +312,7 @@ def both_at_once(kind: Kind, folder: Path, number: int, rng: random.Random) -> C
     """Have two calls work on one folder, the second one begun a little later."""
     whole, seconds = undisturbed(kind, folder / "undisturbed")
     counts = Counts(f"{kind.name}: two calls on one folder")
-    for k in range(number):
-        place = folder / f"two {k}"
-        kind.prepare(place)
+    for k, place in _places(kind, folder, range(number)):
         one = call(kind, place)
         with suppress(subprocess.TimeoutExpired):
             one.wait(rng.uniform(0.0, 0.5 * seconds))
@@ -327,24 +322,29 @@ def both_at_once(kind: Kind, folder: Path, number: int, rng: random.Random) -> C
         failed = [f"a call ended with {code}: {printed[-300:]}" for printed, code in ended if code]
         kept, fault = complete(kind, place, whole)
         counts = counts.and_then(hit=hit, kept=kept, fault=next(iter(failed), fault))
-        shutil.rmtree(place)
     return counts
+
+
+def _places(kind: Kind, folder: Path, numbers: Sequence[int]) -> Iterator[tuple[int, Path]]:
+    """Prepare a folder for each number, and remove it after its use."""
+    for number in numbers:
+        place = folder / f"place {number}"
+        kind.prepare(place)
+        yield number, place
+        shutil.rmtree(place)
 
 
 def too_large(kind: Kind, folder: Path, sizes: Sequence[int]) -> Counts:
     """Let no file grow beyond a size, as on a full disk, then complete."""
     whole, _ = undisturbed(kind, folder / "undisturbed")
     counts = Counts(f"{kind.name}: no room for a file")
-    for size in sizes:
-        place = folder / f"limit {size}"
-        kind.prepare(place)
+    for size, place in _places(kind, folder, sizes):
         one = call(kind, place, limit=size)
         printed, err = one.communicate(timeout=PATIENCE)
         kept, fault = complete(kind, place, whole)
         counts = counts.and_then(
             hit=one.returncode != 0, kept=kept, fault=_badly_reported(err, printed, one.returncode) or fault
         )
-        shutil.rmtree(place)
     return counts
 
 
@@ -373,9 +373,7 @@ def full_disk(kind: Kind, folder: Path, sizes: Sequence[int]) -> Counts:
     """Write to a file system that is too small, then complete after it has grown."""
     whole, _ = undisturbed(kind, folder / "undisturbed")
     counts = Counts(f"{kind.name}: a full disk")
-    for size in sizes:
-        place = folder / f"disk {size}"
-        kind.prepare(place)
+    for size, place in _places(kind, folder, sizes):
         kept_apart = place / kind.out
         before = content(kept_apart)
         shutil.rmtree(kept_apart, ignore_errors=True)
@@ -391,7 +389,6 @@ def full_disk(kind: Kind, folder: Path, sizes: Sequence[int]) -> Counts:
             subprocess.run(["mount", "-o", "remount,size=1G", str(disk)], check=True)
             kept, fault = complete(kind, place, whole)
             counts = counts.and_then(hit=one.returncode != 0, kept=kept, fault=wrong or fault)
-        shutil.rmtree(place)
     return counts
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from campaign_log import HEAD, ROWS, SAME, clean, efficiencies, kinds, read, text
 
-from winchcascade.core.errors import LogError, RigError
+from winchcascade.core.errors import LogError
 from winchcascade.core.rig_toml import parse_rig
 
 CHANNELS = ["time", "displacement", "velocity", "pressure", "force", "torque", "vdc", "idc"]
@@ -46,18 +46,3 @@ def test_without_numbers_the_message_shows_how_to_give_them(tmp_path: Path) -> N
 def test_a_number_beyond_the_columns_is_reported(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="no column 9, which the rig numbered names for idc; the log has 8 columns"):
         read(tmp_path, BARE, rig=parse_rig(rig(NUMBERED.replace("number = 8", "number = 9")), "rig.toml"))
-
-
-@pytest.mark.parametrize(
-    ("columns", "words"),
-    [
-        ("force = { number = 0 }", "number is 0; expected the column's place, from 1 on"),
-        ('force = { number = 2, name = "F" }', "expected either name"),
-        ('force = { unit = "N" }', "expected either name"),
-        ("force = { number = 2 }\ntorque = { number = 2 }", "both name the column 2; expected one each"),
-    ],
-)
-def test_a_wrong_number_is_one_sentence(columns: str, words: str) -> None:
-    with pytest.raises(RigError) as caught:
-        parse_rig(rig(columns), "rig.toml")
-    assert words in str(caught.value)

@@ -10,7 +10,7 @@ import pytest
 from campaign_log import HEAD, ROWS, kinds, read, text
 
 from winchcascade import read_run
-from winchcascade.core.errors import LogError, RigError
+from winchcascade.core.errors import LogError
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import built_in, parse_rig
 from winchcascade.ingest.dialects import Header, recognise
@@ -129,42 +129,6 @@ def test_channels_of_a_rig_of_its_own_are_read_by_name_or_column(tmp_path: Path)
     assert run.channels["pump"][30] == pytest.approx(0.3)
     assert {f.message for f in run.findings} == {"1 column that is no channel: x5", "the log has no valve channel"}
     assert list(rig.known_channels)[-3:] == ["p_main", "pump", "valve"]
-
-
-@pytest.mark.parametrize(
-    ("more", "words"),
-    [
-        ('[channels.torque]\nunit = "N.m"\n', "that no built-in channel has"),
-        ('[channels."a b"]\nunit = "W"\n', "letters, digits and underscores"),
-        ('[channels.pump]\nunit = "furlong"\n', "the unit 'furlong' is unknown"),
-        ("[channels.pump]\n", "the unit '' is unknown"),
-        ("[channels]\npump = 3\n", "expected a table [channels.pump]"),
-        ('[columns]\nspeed = { name = "n", side = "generator" }\n', "needs the gear ratio"),
-        ('[columns]\nforce = { name = "n", side = "drum" }\n', "only the speed of rotation has a side"),
-        ('[columns]\nspeed = { name = "n", side = "left" }\n', "left"),
-        ('[columns]\npump = "n"\n', "is no channel"),
-    ],
-)
-def test_a_wrong_entry_of_channels_is_one_sentence(more: str, words: str) -> None:
-    with pytest.raises(RigError, match=r"^bench\.toml: ") as caught:
-        rig_of(more)
-    assert words in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("entry", "words"),
-    [
-        ("accuracy_reading = 0.01\ncoverage = 0.5", "coverage is 0.5; expected a coverage factor from 1 to 10"),
-        ("coverage = 2", "coverage belongs to an accuracy, and none is stated"),
-        ("daq_reading = 0.001", "has the share of the acquisition system and no accuracy of the sensor"),
-        ("accuracy_reading = 0.01\ndaq_full_scale = 0.1", "daq_full_scale has no full scale"),
-        ("accuracy_reading = 0.01\ndaq_reading = 3", "daq_reading is 3; expected a share"),
-    ],
-)
-def test_a_wrong_accuracy_of_an_instrument_is_one_sentence(entry: str, words: str) -> None:
-    with pytest.raises(RigError, match=r"\[sensors\.speed\]") as caught:
-        rig_of(f'[sensors.speed]\nunit = "rpm"\n{entry}\n')
-    assert words in str(caught.value)
 
 
 def test_a_power_that_contradicts_torque_and_speed_is_reported(tmp_path: Path) -> None:

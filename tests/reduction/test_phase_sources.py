@@ -11,7 +11,7 @@ import pytest
 
 from winchcascade import read_run, reduce
 from winchcascade.cli.entry import main
-from winchcascade.core.errors import LogError, OptionError, RigError
+from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import parse_rig
 from winchcascade.core.run import Signal
@@ -278,23 +278,6 @@ def test_rows_out_of_order_or_without_clock_are_proposed_as_step_means(tmp_path:
     assert 'step means, set from = "rows"' in message(tmp_path, "", {"t (s)": t, **rows})
     with pytest.raises(LogError, match=r"no time column .* For rows that are step means, set from"):
         reduced(tmp_path, "", rows)
-
-
-@pytest.mark.parametrize(
-    ("more", "words"),
-    [
-        ('from = "tides"', "from is 'tides'; expected velocity, displacement, speed, column,"),
-        ('from = "column"', "needs the column and its values in payout"),
-        ("step_min_s = 0", "step_min_s is 0; expected a number above 0"),
-        ("speed_band = 2", "speed_band is 2; expected a share above 0"),
-        ("ranges_s = [[3, 2]]", "expected pairs of begin and end in seconds"),
-        ("step = 1", "[phases] step is no entry of a rig file"),
-    ],
-)
-def test_a_wrong_entry_of_phases_is_one_sentence(more: str, words: str) -> None:
-    with pytest.raises(RigError) as caught:
-        rig_of(f"[phases]\n{more}\n")
-    assert words in str(caught.value)
 
 
 @pytest.mark.parametrize("source", ["speed", "displacement", "waves", "steps"])

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from winchcascade.core.rig_file import Thresholds
+from winchcascade.core.run import Signal
 from winchcascade.reduction.phased_run import find_window
 from winchcascade.reduction.phases import Cycle, Plateau, find_plateau
 
@@ -20,9 +21,14 @@ def trapezoid(speed: float = 0.9) -> np.ndarray:
     return v
 
 
-def test_the_plateau_is_where_the_speed_stays_above_98_percent() -> None:
-    plateau = find_plateau(T, trapezoid(), cycle(), RULES)
+def plateau_of(v: Signal) -> Plateau:
+    plateau = find_plateau(T, v, cycle(), RULES)
     assert plateau is not None
+    return plateau
+
+
+def test_the_plateau_is_where_the_speed_stays_above_98_percent() -> None:
+    plateau = plateau_of(trapezoid())
     assert plateau.speed == pytest.approx(0.9)
     assert plateau.begin == pytest.approx(5.0 + 0.98 * 2.0, abs=ONE_SAMPLE)
     assert plateau.braking == pytest.approx(16.0 + 0.02, abs=ONE_SAMPLE)
@@ -31,16 +37,14 @@ def test_the_plateau_is_where_the_speed_stays_above_98_percent() -> None:
 def test_a_single_overshoot_is_no_plateau() -> None:
     v = trapezoid()
     v[(T > 5.7) & (T < 5.85)] = 0.9
-    plateau = find_plateau(T, v, cycle(), RULES)
-    assert plateau is not None
+    plateau = plateau_of(v)
     assert plateau.begin > 6.5
 
 
 def test_braking_begins_after_the_last_sample_at_the_level_even_if_the_plateau_dips() -> None:
     v = trapezoid()
     v[(T > 10.0) & (T < 11.0)] = 0.8
-    plateau = find_plateau(T, v, cycle(), RULES)
-    assert plateau is not None
+    plateau = plateau_of(v)
     assert plateau.braking > 15.9
 
 
@@ -111,8 +115,7 @@ def test_a_payout_cut_late_on_its_plateau_has_a_whole_window() -> None:
 def test_plateau_and_braking_lie_between_the_samples() -> None:
     """On straight lines the instants are exact: 98 % of the ramp that begins at 5.01 s and 2 % down from 16 s."""
     v = np.interp(T, [5.01, 7.01, 16.0, 17.0], [0.0, 0.9, 0.9, 0.0])
-    plateau = find_plateau(T, v, cycle(), RULES)
-    assert plateau is not None
+    plateau = plateau_of(v)
     assert plateau.begin == pytest.approx(5.01 + 0.98 * 2.0, abs=1e-9)
     assert plateau.braking == pytest.approx(16.0 + 0.02, abs=1e-9)
 

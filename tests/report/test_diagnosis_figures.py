@@ -134,24 +134,17 @@ def test_the_rated_current_of_the_stator_is_a_larger_one_of_the_dc_link() -> Non
 
 # ------------------------------------------------------------------------------------------------------------- the map
 @pytest.mark.parametrize("name", ALL)
-def test_the_map_has_a_number_for_every_place(name: str) -> None:
+def test_the_maps_have_a_number_for_every_place(name: str) -> None:
     found = diagnosed(name)
-    figure = gap_map(found)
-    assert figure is not None
-    texts = [text.get_text() for text in figure.axes[0].texts]
-    assert sorted(texts) == sorted(signed(place.z) for place in found.places)
-    bold = sum(text.get_fontweight() == "bold" for text in figure.axes[0].texts)
+    places, stages = gap_map(found), stage_map(found)
+    assert places is not None
+    assert stages is not None
+    for figure, shown in ((places, found.places), (stages, found.stages)):
+        texts = [text.get_text() for text in figure.axes[0].texts]
+        assert sorted(texts) == sorted(signed(place.z) for place in shown)
+    bold = sum(text.get_fontweight() == "bold" for text in places.axes[0].texts)
     assert bold == sum(abs(place.z) > STANDS_OUT for place in found.places)
-
-
-@pytest.mark.parametrize("name", ALL)
-def test_the_stages_have_a_number_for_every_place(name: str) -> None:
-    found = diagnosed(name)
-    figure = stage_map(found)
-    assert figure is not None
-    texts = [text.get_text() for text in figure.axes[0].texts]
-    assert sorted(texts) == sorted(signed(place.z) for place in found.stages)
-    names = [text.get_text() for text in figure.axes[0].get_yticklabels()]
+    names = [text.get_text() for text in stages.axes[0].get_yticklabels()]
     assert names[0] == "restoring: pressure, payout"
     assert len(names) == len({(place.stage, place.phase) for place in found.stages})
 

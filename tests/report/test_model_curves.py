@@ -1,12 +1,14 @@
 """What is kept of a comparison: its numbers against ones made sample by sample, and its size."""
 
 import math
+from collections.abc import Callable
 
 import msgspec
 import numpy as np
 import pytest
 from compared import KGCM2, LOGS, before_braking, binned, compared, reduced
 
+from winchcascade.core.run import Signal
 from winchcascade.report.model_account import DAMPERS, GROUPS, HAUL_IN, LEAST, SHOWN, Account, account_of
 from winchcascade.report.model_data import ModelComparison
 from winchcascade.rig.simulate import LEDGER
@@ -34,13 +36,18 @@ def accounts(comparisons: dict[str, ModelComparison]) -> dict[str, Account]:
     return {name: account_of(c) for name, c in comparisons.items()}
 
 
+def means_over_speed(c: ModelComparison) -> Callable[[Signal], dict[float, float]]:
+    """Means of a channel by bins of generator speed, of the samples before braking."""
+    rpm = c.run.channels["velocity"] / 0.13 * 50.0 * 30.0 / math.pi
+    return lambda y: binned(before_braking(c), rpm, y, 100.0, LEAST)
+
+
 # ----------------------------------------------------------------------------------------------------------- the curves
 def test_curves_over_speed_are_means_of_the_samples_before_braking(
     comparisons: dict[str, ModelComparison], accounts: dict[str, Account]
 ) -> None:
     c, curves = comparisons["18 ohm"], accounts["18 ohm"].curves
-    rows = before_braking(c)
-    rpm = c.run.channels["velocity"] / 0.13 * 50.0 * 30.0 / math.pi
+    over_speed = means_over_speed(c)
     for k, run in enumerate((c.run, c.simulation.run)):
         x = run.channels
         p_mech, p_gen = x["torque"] * x["velocity"] / 0.13, x["vdc"] * x["idc"]
@@ -48,7 +55,7 @@ def test_curves_over_speed_are_means_of_the_samples_before_braking(
             "torque_nm": x["torque"], "vdc_v": x["vdc"], "idc_a": x["idc"], "power_gen_w": p_gen, "loss_w": p_mech - p_gen,
         }  # fmt: skip
         for name, y in expected.items():
-            means = binned(rows, rpm, y, 100.0, LEAST)
+            means = over_speed(y)
             found = (curves[name].log, curves[name].simulated)[k]
             assert curves[name].x == pytest.approx(list(means))
             assert found == pytest.approx(list(means.values()), rel=KEPT), name
@@ -58,12 +65,10 @@ def test_efficiency_and_apparent_resistance_are_ratios_of_the_means_of_a_bin(
     comparisons: dict[str, ModelComparison], accounts: dict[str, Account]
 ) -> None:
     c, curves = comparisons["18 ohm"], accounts["18 ohm"].curves
-    rows = before_braking(c)
-    rpm = c.run.channels["velocity"] / 0.13 * 50.0 * 30.0 / math.pi
-    x = c.run.channels
-    mech = binned(rows, rpm, x["torque"] * x["velocity"] / 0.13, 100.0, LEAST)
-    gen = binned(rows, rpm, x["vdc"] * x["idc"], 100.0, LEAST)
-    vdc, idc = (binned(rows, rpm, x[name], 100.0, LEAST) for name in ("vdc", "idc"))
+    x, over_speed = c.run.channels, means_over_speed(c)
+    mech = over_speed(x["torque"] * x["velocity"] / 0.13)
+    gen = over_speed(x["vdc"] * x["idc"])
+    vdc, idc = (over_speed(x[name]) for name in ("vdc", "idc"))
     eta = dict(zip(curves["eta_gen"].x, curves["eta_gen"].log, strict=True))
     ohm = dict(zip(curves["resistance_ohm"].x, curves["resistance_ohm"].log, strict=True))
     assert set(eta) == {k for k, watt in mech.items() if watt > 0.02 * max(mech.values())}

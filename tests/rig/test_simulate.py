@@ -6,7 +6,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from rigs import logs_of, own_model, truth_of
+from rigs import SENSORS, assert_followed, logs_of, own_model, truth_of
 
 from winchcascade import read_run, reduce
 from winchcascade.core.errors import LogError, RigError
@@ -17,32 +17,15 @@ from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import COLUMNS
 from winchcascade.rig.simulate import LEDGER, motion_of, simulate, solve, write_log
 
-KGCM2 = 98066.5
-GAINS = ("pressure", "force", "torque", "vdc", "idc")
-
-PLATEAU_SHARE = {"torque": 0.015, "vdc": 0.01, "idc": 0.01}
-ABSOLUTE = {"pressure": 0.1 * KGCM2, "force": 20.0}
-"""Largest rms difference during payout: shares of the plateau; 0.1 kg/cm2; 20 N, which the tether's ringing sets."""
-
 
 @pytest.mark.parametrize("case", ["none", "none_2"])
 def test_a_campaign_without_an_effect_is_followed_with_the_rigs_own_numbers(shared: Path, case: str) -> None:
     folder = shared / "labelled" / case
     truth = truth_of(folder)
-    gain = dict(zip(GAINS, truth["sensor_gains"], strict=True))
+    gains = dict(zip(SENSORS, truth["sensor_gains"], strict=True))
     for log, load in logs_of(folder):
         run = read_run(log, load=load)
-        found = simulate(run, own_model(truth)).run
-        v = motion_of(run, 1e-3)
-        speed = np.interp(run.t, v.t, v.v)
-        payout, plateau = speed > 0.03, speed > 0.95 * speed.max()
-        for name in GAINS:
-            if math.isinf(load) and name in ("torque", "idc"):
-                continue
-            measured = run.channels[name] / gain[name]
-            rms = float(np.sqrt(np.mean((found.channels[name] - measured)[payout] ** 2)))
-            most = ABSOLUTE.get(name) or PLATEAU_SHARE[name] * float(np.mean(measured[plateau]))
-            assert rms < most, (log.name, name)
+        assert_followed(run, simulate(run, own_model(truth)).run, gains)
 
 
 BLURRED = 0.03
@@ -67,7 +50,7 @@ def test_half_the_step_changes_nothing(fixtures: Path, load: float) -> None:
     run = read_run(fixtures / "campaign" / "r18ohm.csv", load=load)
     model = baseline(built_in())
     coarse, fine = (simulate(run, model, step=step).run.channels for step in (5e-4, 2.5e-4))
-    for name in GAINS:
+    for name in SENSORS:
         plateau = float(np.quantile(np.abs(coarse[name]), 0.95))
         assert np.max(np.abs(coarse[name] - fine[name])) < HALVED * plateau, name
 
@@ -103,7 +86,7 @@ def test_a_simulation_never_looks_at_the_channels_it_predicts(fixtures: Path) ->
     blind = msgspec.structs.replace(run, channels={n: run.channels[n] for n in ("displacement", "velocity")})
     model = baseline(built_in())
     seen, unseen = simulate(run, model).run.channels, simulate(blind, model).run.channels
-    assert all(np.array_equal(seen[name], unseen[name]) for name in GAINS)
+    assert all(np.array_equal(seen[name], unseen[name]) for name in SENSORS)
 
 
 def test_a_simulated_log_is_read_without_a_finding_and_known_as_simulated(fixtures: Path, tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 from openlog import made_log, motion_run
-from rigs import LOADS, own_model, stage_outputs, truth_of
+from rigs import LOADS, SENSORS, own_model, stage_outputs, truth_of
 
 from winchcascade import load_rig, read_run, reduce, simulate
 from winchcascade.core.errors import LogError
@@ -18,8 +18,6 @@ from winchcascade.rig.parts import Model
 from winchcascade.rig.stages import MOVING, StageOutput, acceleration, line_power
 
 MODEL = baseline(built_in())
-GAINS = ("pressure", "force", "torque", "vdc", "idc")
-
 SHARE = {
     ("restoring", "pressure"): 0.0025,
     ("transmission", "torque"): 0.005,
@@ -60,7 +58,7 @@ def test_stages_follow_a_campaign_without_an_effect(shared: Path, case: str, log
     folder = shared / "labelled" / case
     truth = truth_of(folder)
     run = read_run(folder / f"{log}.csv", load=LOADS[log])
-    for name, gain in zip(GAINS, truth["sensor_gains"], strict=True):
+    for name, gain in zip(SENSORS, truth["sensor_gains"], strict=True):
         run = with_gain(run, name, 1.0 / gain)
     on = plateaus(run)
     outputs = stage_outputs(run, own_model(truth))
