@@ -57,3 +57,12 @@ def test_a_case_is_done_once_and_kept(tmp_path: Path) -> None:
     assert json.loads(line)["found"]["verdict"] in ("no_gap", "explained", "partly_explained", "unexplained")
     trials(*part)
     assert (tmp_path / "nothing.jsonl").read_bytes() == line
+
+
+@pytest.mark.slow
+def test_a_quick_fit_that_stops_short_does_not_end_the_search(tmp_path: Path) -> None:
+    # Here the quick fit of the true effect ends with less evidence than the fit without any cause.
+    table = trials("--family", "contributions", "--cases", "1", "--first", "23", "--jobs", "1", "--out", tmp_path)
+    assert "of those whose cause is named alone" in table
+    found = json.loads((tmp_path / "contributions.jsonl").read_bytes())["found"]
+    assert [cause["effect"] for cause in found["causes"]] == ["gear_mesh_loss"]

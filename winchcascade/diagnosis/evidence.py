@@ -342,10 +342,17 @@ def search(data: Fitted, suspects: Suspects, on_progress: Callable[[str], None] 
     visited: dict[Names, Linear] = {(): linear}
     for _ in range(ROUNDS):
         on_progress(f"{len(fits)} sets fitted, best so far: {', '.join(best.names) or 'none'}")
-        for names in _promising(linear, scale, best.names):
+        promising = _promising(linear, scale, best.names)
+        for names in promising:
             _refit(data, suspects, fits, names, start)
-        scale = min(scale_of(fit) for fit in fits.values())
-        top = max(fits.values(), key=lambda fit: fit.evidence(scale) - CLEARLY * len(fit.names))
+        top, scale = _top(fits)
+        if (
+            top.names in visited
+        ):  # before the search ends: a quick fit may have stopped short of what the closed form expects
+            for names in promising:
+                if linear.evidence(names, scale) - fits[names].evidence(scale) > DOUBTFUL:
+                    _refit(data, suspects, fits, names, fits[names], quick=False)
+            top, scale = _top(fits)
         if top.names in visited or (len(best.names) >= MANY and scale_of(best) > HOPELESS):
             break
         linear, start = linearise(data, suspects, top)
@@ -354,6 +361,12 @@ def search(data: Fitted, suspects: Suspects, on_progress: Callable[[str], None] 
     best = max((fits[names] for names in visited), key=lambda fit: fit.evidence(scale) - CLEARLY * len(fit.names))
     best, linear = _smallest(data, suspects, fits, best, visited[best.names], scale)
     return Found(best, null, fits, linear, scale)
+
+
+def _top(fits: Mapping[Names, Fit]) -> tuple[Fit, float]:
+    """The fit with the most evidence, each cause paid for, and the scale of the best residuals."""
+    scale = min(scale_of(fit) for fit in fits.values())
+    return max(fits.values(), key=lambda fit: fit.evidence(scale) - CLEARLY * len(fit.names)), scale
 
 
 def _usual_starts(data: Fitted, suspects: Suspects, as_given: Fit) -> list[tuple[str, Fit]]:
