@@ -13,13 +13,17 @@ from hypothesis.extra.numpy import arrays
 from planted import LOGS, campaign, driven
 
 from winchcascade.core.rig_toml import built_in
+from winchcascade.diagnosis.causes import LAW
 from winchcascade.diagnosis.contributions import (
+    OF_DISCREPANCY,
     QUANTITIES,
+    Split,
     by_cost,
     contributions_of,
     leading_metric,
     shapley,
     windowed,
+    with_uncertain_laws,
 )
 from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
@@ -162,3 +166,22 @@ def test_without_a_cause_tolerances_and_residual_remain() -> None:
     assert nothing.causes == ()
     kinds = {tuple(p.kind for p in one.parts) for one in nothing.contributions}
     assert kinds == {("tolerances", "residual"), ()}
+
+
+def test_a_law_errs_also_where_a_contribution_passes_zero() -> None:
+    def split(share: float, u: float) -> Split:
+        values = np.full(len(QUANTITIES), share), np.full(len(QUANTITIES), u)
+        nothing = np.zeros(len(QUANTITIES)), np.zeros(len(QUANTITIES))
+        return Split(nothing[0], np.full(len(QUANTITIES), 0.5), {"sync_inductance": values}, nothing, nothing)
+
+    of_law, of_model = LAW * 0.03, OF_DISCREPANCY * 0.002 * 0.5
+    splits = [split(0.0, 0.0), split(-0.03, 4e-4), split(0.2, 0.0)]
+    both = with_uncertain_laws(splits, [True, True, False], 0.002)[:2]
+    for one, u in zip(both, (0.0, 4e-4), strict=True):
+        assert one.causes["sync_inductance"][1] == pytest.approx(np.full(14, math.sqrt(u**2 + of_law**2 + of_model**2)))
+
+
+def test_what_changes_nothing_has_no_uncertain_law() -> None:
+    nothing = np.zeros(len(QUANTITIES))
+    split = Split(nothing, nothing + 0.5, {"torque_gain": (nothing, nothing)}, (nothing, nothing), (nothing, nothing))
+    assert not np.any(with_uncertain_laws([split], [True], 0.002)[0].causes["torque_gain"][1])

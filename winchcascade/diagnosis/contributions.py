@@ -45,6 +45,10 @@ QUANTITIES = (*METRICS, *CHANNELS)
 MOVED = 0.02
 """Share of the plausible range of a field by which its derivative is taken."""
 
+OF_DISCREPANCY = 0.1
+"""Share of the discrepancy of the model that may belong to the law of one effect, as a standard uncertainty of its contribution
+to any metric. Assumed; a twin with laws of its own scatters about as much. [1]"""
+
 SHAFT_STAGES = ("generator", "gearbox", "entry")
 """Stages whose effects need another solution of the shaft. Subsets that differ in the others alone follow one another."""
 
@@ -238,7 +242,6 @@ def split_of(data: Fitted, one: WindowedLog, variants: Variants, covariance: Sig
     missing = np.isnan(measured + fitted[0])
     parts = np.vstack([shares, fitted[0] - subsets[-1], measured - fitted[0]])
     parts[:, missing], u[:, missing] = math.nan, math.nan
-    u[:-2] = np.hypot(u[:-2], LAW * np.abs(shares))
     *causes, tolerances, residual = zip(parts, u, strict=True)
     absent = np.where(missing, math.nan, 0.0)
     return Split(measured + absent, subsets[0] + absent, dict(zip(names, causes, strict=True)), tolerances, residual)
@@ -295,12 +298,48 @@ def contributions_of(
     nothing = [None] * len(data.logs)
     settings = enumerate(zip(windows or nothing, cycles or nothing, strict=True))
 
-    def account(number: int, window: float | None, span: tuple[int, int] | None) -> list[Contribution]:
+    def account(number: int, window: float | None, span: tuple[int, int] | None) -> tuple[WindowedLog, Split]:
         one = windowed(data, number, window, span)
-        return _recorded(one, split_of(data, one, variants, covariance), names, suspects)
+        return one, split_of(data, one, variants, covariance)
 
-    jobs = [partial(account, number, *setting) for number, setting in settings]
-    return tuple(contribution for each in all_at_once(jobs) for contribution in each)
+    accounts = [*all_at_once([partial(account, number, *setting) for number, setting in settings])]
+    loaded = [math.isfinite(one.log.run.load or math.inf) for one, _ in accounts]
+    with_laws = with_uncertain_laws([split for _, split in accounts], loaded, data.rig.model.discrepancy)
+    return tuple(
+        contribution
+        for (one, _), split in zip(accounts, with_laws, strict=True)
+        for contribution in _recorded(one, split, names, suspects)
+    )
+
+
+def with_uncertain_laws(splits: Sequence[Split], loaded: Sequence[bool], discrepancy: float) -> list[Split]:
+    """Splits whose causes have the uncertainty of their laws, too.
+
+    It is a share of the largest contribution of the cause, relative to the quantity, in any run with a load; for a run
+    without one, in any of these. A law errs also where the contribution passes zero. A share of the
+    discrepancy of the model is added.
+
+    Parameters
+    ----------
+    splits : of every run, whose causes have the uncertainty of the fit alone
+    loaded : whether the run has a load
+    discrepancy : standard deviation of the model, as a share of the level [1]
+    """
+    levels = [np.abs(split.as_given) for split in splits]
+    found = []
+    for split, level, own in zip(splits, levels, loaded, strict=True):
+        alike = [(one, size) for one, size, other in zip(splits, levels, loaded, strict=True) if other == own]
+        causes = {}
+        for name, (value, u) in split.causes.items():
+            relative = [
+                np.divide(np.abs(one.causes[name][0]), size, where=size > 0.0, out=np.zeros_like(size))
+                for one, size in alike
+            ]
+            largest = np.maximum(np.fmax.reduce(relative) * level, np.abs(value))
+            of_model = np.where(largest > 0.0, OF_DISCREPANCY * discrepancy * level, 0.0)
+            causes[name] = (value, np.sqrt(u**2 + (LAW * largest) ** 2 + of_model**2))
+        found.append(split._replace(causes=causes))
+    return found
 
 
 def _recorded(one: WindowedLog, split: Split, names: Names, suspects: Suspects) -> list[Contribution]:
