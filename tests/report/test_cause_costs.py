@@ -16,8 +16,9 @@ from winchcascade.report.cause_costs import (
     waterfall_figure,
 )
 from winchcascade.report.diagnosis_record import as_json
-from winchcascade.report.diagnosis_text import WIDTH, diagnosis_text
+from winchcascade.report.diagnosis_text import diagnosis_text
 from winchcascade.report.digits import MINUS
+from winchcascade.report.screen import PIPED
 from winchcascade.report.style import house_style
 
 ROUNDED = 0.03
@@ -38,7 +39,7 @@ def test_parts_in_the_json_add_up_to_the_difference() -> None:
 
 
 def test_the_terminal_shows_eta_pto_by_load_in_points() -> None:
-    lines = cost_lines(diagnosed("copper"), WIDTH)
+    lines = cost_lines(diagnosed("copper"), PIPED)
     assert lines[-1].startswith("4.5 ohm")
     *_, given, copper, tolerances, residual, logged = lines[-1].replace(MINUS, "-").split()
     assert float(given) + float(copper) + float(tolerances) + float(residual) == pytest.approx(
@@ -52,7 +53,7 @@ def test_a_narrow_terminal_sums_the_smallest_causes() -> None:
     found = diagnosed("rolloff")
     few = cost_lines(found, 0)
     assert "other" in " ".join(few)
-    assert max(map(len, few)) < max(map(len, cost_lines(found, WIDTH)))
+    assert max(map(len, few)) < max(map(len, cost_lines(found, PIPED)))
 
 
 def test_runs_of_one_load_are_averaged() -> None:
@@ -99,5 +100,5 @@ def test_without_an_efficiency_there_is_no_section() -> None:
     bare = msgspec.structs.replace(found, contributions=none)
     with house_style():
         assert cost_section(bare).blocks == ()
-    assert cost_lines(bare, WIDTH) == []
+    assert cost_lines(bare, PIPED) == []
     assert "costs " not in diagnosis_text(bare)

@@ -81,4 +81,4 @@ def write_campaign_loss_map(
         origins = [item.settings.origin for item in work.values()]
         report = campaign_loss_map_report(found, plan.title, origins, products.command)
         lines += [f"loss map: {file}" for file in publish_campaign_loss_map(report, batch.folder, products.reports)]
-    return "\n".join([*lines, f"loss map: {path}"])
+    return "\n".join([*lines, f"loss map: {path}"]) + "\n"

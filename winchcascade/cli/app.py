@@ -6,11 +6,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer.core import TyperGroup, TyperOption
 
+from winchcascade.cli.command_list import CommandList
 from winchcascade.cli.outputs import show
+from winchcascade.report.screen import QUIET, line_width
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from typer._click import Command
 
 _COMMANDS = {
     "reduce": "reduce_command",
@@ -28,16 +33,24 @@ _COMMANDS = {
 """Each command's module, where its name ends in `_command`, in the order in which the help lists them."""
 
 
-def command_line(first: str | None) -> typer.Typer:
+SUMMARY = "Turn test logs of a winch-driven power take-off into energies and efficiencies, and find why model and logs differ."
+
+HELP = 80
+"""Columns of a help text in a pipe. [characters]"""
+
+
+def command_line(first: str | None) -> Command:
     """The command line with the command that `first` names, or with all where it names none.
 
     Typer evaluates the annotations of every command that it is given, which takes longer than the reduction of a short log.
     """
     app = typer.Typer(
-        help="Energies and efficiencies from the log of a winch-driven power take-off.",
+        cls=CommandList,
+        help=SUMMARY,
         no_args_is_help=True,
         pretty_exceptions_enable=False,
-        context_settings={"help_option_names": ["-h", "--help"]},
+        rich_markup_mode=None,  # markup would take [ohm] out of a text
+        context_settings={"help_option_names": ["-h", "--help"], "terminal_width": line_width(HELP)},
     )
     app.callback()(winchcascade)
     for name in [first] if first in _COMMANDS else _COMMANDS:
@@ -47,7 +60,23 @@ def command_line(first: str | None) -> typer.Typer:
             app.add_typer(command, name=name)
         else:
             app.command(name)(command)
-    return app
+    whole = typer.main.get_command(app)
+    _add_quiet(whole)
+    return whole
+
+
+def _add_quiet(command: Command) -> None:
+    """Give a command, or those below it, the option that every command has."""
+    if isinstance(command, TyperGroup):
+        for below in command.commands.values():
+            _add_quiet(below)
+    else:
+        command.params.append(
+            TyperOption(
+                param_decls=["--quiet"], is_flag=True, expose_value=False, help="Print only what fails.",
+                callback=lambda _context, _option, wanted: QUIET.set(wanted),
+            )
+        )  # fmt: skip
 
 
 MATTERING = ("numpy", "scipy", "numba", "pyarrow", "matplotlib", "typst")
@@ -79,7 +108,13 @@ def _version(wanted: bool) -> None:
 
 def winchcascade(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+        bool,
+        typer.Option(
+            "--version",
+            callback=_version,
+            is_eager=True,
+            help="Print the versions of winchcascade, Python and the packages that may change a result.",
+        ),
     ] = False,
 ) -> None:
-    """Energies and efficiencies from the log of a winch-driven power take-off."""
+    """Parse the options that stand before a command."""

@@ -26,12 +26,17 @@ def batch_command(
         list[str],
         typer.Argument(
             metavar="TARGET...",
-            help="A campaign.toml, a folder, a pattern, logs, or addresses such as s3://...",
+            help="The logs: a campaign.toml, a folder, a pattern, single logs, or addresses such as s3://...",
             show_default=False,
         ),
     ],
     out: Annotated[
-        Path, typer.Option("--out", metavar="FOLDER", help="Folder of the results; used again, it keeps what is done.")
+        Path,
+        typer.Option(
+            "--out",
+            metavar="FOLDER",
+            help="Write the results into this folder. A second call keeps the results that are still valid.",
+        ),
     ],
     jobs: JobsOption = None,
     scheduler: SchedulerOption = None,
@@ -40,24 +45,25 @@ def batch_command(
         typer.Option(
             "--reports",
             metavar="none|html|all",
-            help="Reports of each log and of the campaign; all: PDF too.",
+            help="Write reports of each log and of the campaign: none, html (pages), or all (pages and PDF).",
             autocompletion=report_choices,
         ),
     ] = "html",
-    excel: Annotated[bool, typer.Option("--excel", help="Write the tables as an Excel workbook too.")] = False,
+    excel: Annotated[bool, typer.Option("--excel", help="Also write the tables as an Excel workbook.")] = False,
     rig: RigOption = None,
     window: WindowOption = None,
     loss_map: LossMapOption = None,
     force: ForceOption = False,
 ) -> None:
-    """Reduce a whole campaign: every log, the tables of all, and a report.
+    """Reduce a whole campaign: every log, the tables of all logs, and a report.
 
-    What is done already is kept as long as log, options and version are the same. Exit code 1 if a log failed.
+    A second call reduces only logs of which the content, the options or the version changed. The exit code is 1 if a log
+    failed.
     """
     from winchcascade.batch.plan import make_plan
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
     from winchcascade.reduction.reduce import window_rule
-    from winchcascade.report.campaign_record import campaign_text
+    from winchcascade.report.campaign_record import campaign_text, fault_text
     from winchcascade.report.progress import Progress
 
     if reports not in REPORTS:
@@ -71,7 +77,8 @@ def batch_command(
     products, workers = Products(REPORTS[reports], excel, given_command()), Workers(jobs or processes(), scheduler)
     with Progress(plan.title) as watch:
         batch = run_batch(plan, out, products, workers=workers, force=force, watch=watch)
-    show(campaign_text(batch.summary, out, kept=batch.kept, altered=batch.altered))
+    text = campaign_text(batch.summary, out, kept=batch.kept, altered=batch.altered)
+    show(text, failures=fault_text(batch.summary, out))
     if loss_map is not None:
         from winchcascade.batch.campaign_loss_map import write_campaign_loss_map
 
@@ -80,18 +87,18 @@ def batch_command(
 
 
 def demo_command(
-    out: Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Folder that is made.")] = Path(
-        "winchcascade-demo"
-    ),
+    out: Annotated[
+        Path, typer.Option("--out", metavar="FOLDER", help="Write campaign and results into this folder.")
+    ] = Path("winchcascade-demo"),
     jobs: JobsOption = None,
     force: ForceOption = False,
 ) -> None:
-    """Reduce and diagnose the packaged campaign, simulated crane trials at seven loads, with all reports."""
+    """Reduce and diagnose the packaged campaign, simulated crane trials at seven loads, and write all reports."""
     one_thread_each()
     from winchcascade.batch.demo import copy_campaign, diagnose_copy
     from winchcascade.batch.plan import make_plan
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
-    from winchcascade.report.campaign_record import campaign_text
+    from winchcascade.report.campaign_record import campaign_text, fault_text
     from winchcascade.report.diagnosis_text import diagnosis_lines
     from winchcascade.report.progress import Progress, status_line
     from winchcascade.rig.effects.catalogue import EFFECTS
@@ -101,7 +108,8 @@ def demo_command(
     products, workers = Products(REPORTS["all"], workbook=True, command=given_command()), Workers(jobs or processes())
     with Progress(plan.title) as watch:
         batch = run_batch(plan, out / "results", products, workers=workers, force=force, watch=watch)
-    show(campaign_text(batch.summary, batch.folder, kept=batch.kept, altered=batch.altered), flush=True)
+    text = campaign_text(batch.summary, batch.folder, kept=batch.kept, altered=batch.altered)
+    show(text, failures=fault_text(batch.summary, batch.folder), flush=True)
     set_threads(jobs or processes())
     with status_line(f"diagnosing {plan.title}") as on_progress:
         found, files = diagnose_copy(

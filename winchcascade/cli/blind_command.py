@@ -7,39 +7,53 @@ from typing import Annotated
 
 import typer
 
+from winchcascade.cli.command_list import CommandList
 from winchcascade.cli.options import ForceOption, HtmlOption, JobsOption, JsonOption, PdfOption, SchedulerOption
 from winchcascade.cli.outputs import check_outputs, deliver, given_command, show
 from winchcascade.core.files import json_bytes
 from winchcascade.core.jobs import Workers, one_thread_each, processes
 
 blind_command = typer.Typer(
-    help="Try the diagnosis on campaigns of an independent twin whose answers are sealed.", no_args_is_help=True
+    cls=CommandList,
+    help="Test the diagnosis on campaigns of an independent twin of the rig, whose answers are sealed.",
+    no_args_is_help=True,
 )
 
 TrialArgument = Annotated[
-    Path, typer.Argument(metavar="DIR", help="Folder of a trial, as blind deal makes it.", show_default=False)
+    Path, typer.Argument(metavar="DIR", help="The folder of a trial that `blind deal` has made.", show_default=False)
 ]
 
 
 @blind_command.command("deal")
 def blind_deal_command(
-    cases: Annotated[int, typer.Option("--cases", metavar="N", min=1, help="Campaigns to deal.", show_default=False)],
-    seed: Annotated[int, typer.Option("--seed", metavar="S", min=0, help="Deals the same again.", show_default=False)],
+    cases: Annotated[
+        int, typer.Option("--cases", metavar="N", min=1, help="Generate this number of campaigns.", show_default=False)
+    ],
+    seed: Annotated[
+        int,
+        typer.Option(
+            "--seed",
+            metavar="S",
+            min=0,
+            help="Set the seed; the same seed generates the same campaigns.",
+            show_default=False,
+        ),
+    ],
     out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder of the trial; used again, it is completed.")
+        Path, typer.Option("--out", metavar="DIR", help="Write the trial into this folder. A second call completes it.")
     ],
     jobs: JobsOption = None,
     scheduler: SchedulerOption = None,
     force: ForceOption = False,
 ) -> None:
-    """Deal campaigns that hide something, and seal what it is. Exit code 1 if a case failed."""
+    """Generate campaigns with injected effects, and seal the answers. The exit code is 1 if a case failed."""
     from winchcascade.blind.trial import deal
     from winchcascade.report.progress import Progress
-    from winchcascade.report.trial_text import dealt_text
+    from winchcascade.report.trial_text import dealt_text, faults_text
 
     with Progress(f"dealing {cases} cases") as watch:
         done = deal(out, cases, seed, workers=Workers(jobs or processes(), scheduler), force=force, watch=watch)
-    show(dealt_text(done, out))
+    show(dealt_text(done, out), failures=faults_text(done))
     raise typer.Exit(1 if done.faults else 0)
 
 
@@ -47,18 +61,21 @@ def blind_deal_command(
 def blind_diagnose_command(
     trial: TrialArgument, jobs: JobsOption = None, scheduler: SchedulerOption = None, force: ForceOption = False
 ) -> None:
-    """Diagnose every case of a trial from its logs alone; what is done is kept. Exit code 1 if a case failed."""
+    """Diagnose every case of a trial from its logs alone.
+
+    A second call keeps what is done. The exit code is 1 if a case failed.
+    """
     one_thread_each()
     from winchcascade.batch.campaign_diagnosis import diagnose_campaign
     from winchcascade.blind.trial import DiagnosisMethod, diagnose
     from winchcascade.report.progress import Progress
-    from winchcascade.report.trial_text import diagnosed_text
+    from winchcascade.report.trial_text import diagnosed_text, faults_text
     from winchcascade.rig.effects.catalogue import EFFECTS
 
     method, workers = DiagnosisMethod(diagnose_campaign, EFFECTS), Workers(jobs or processes(), scheduler)
     with Progress(f"diagnosing {trial.name}") as watch:
         done = diagnose(trial, method, workers=workers, force=force, watch=watch)
-    show(diagnosed_text(done, trial))
+    show(diagnosed_text(done, trial), failures=faults_text(done))
     raise typer.Exit(1 if done.faults else 0)
 
 
@@ -70,15 +87,18 @@ def blind_score_command(
     pdf: PdfOption = None,
     force: ForceOption = False,
 ) -> None:
-    """Open the answers of a trial and count correct and wrong diagnoses; changed answers are rejected."""
+    """Open the answers of a trial, and count correct and wrong diagnoses. Changed answers are rejected."""
     from winchcascade.blind.score import score, score_record
     from winchcascade.report.trial_text import trial_text
 
     inputs = [*trial.glob("*.json"), *trial.glob("diagnoses/*.json")]
-    check_outputs({"--json": json, "--html": html, "--pdf": pdf}, inputs, force=force)
+    outputs = {"--json": json, "--html": html, "--pdf": pdf}
+    check_outputs(outputs, inputs, force=force)
     found = score(trial)
     if html is not None or pdf is not None:
         from winchcascade.report.trial_report import write_trial_reports
 
         write_trial_reports(found, html=html, pdf=pdf, command=given_command(), force=force)
-    deliver(json, lambda: json_bytes(score_record(found)), lambda: trial_text(found, trial), force=force)
+    deliver(
+        json, lambda: json_bytes(score_record(found)), lambda: trial_text(found, trial), force=force, results=outputs
+    )

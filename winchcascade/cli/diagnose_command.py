@@ -27,12 +27,18 @@ from winchcascade.core.store import make_one
 
 WithholdOption = Annotated[
     list[float] | None,
-    typer.Option("--withhold", metavar="LOAD", help="Keep the logs of this load (ohm, or inf) from choice and fit."),
+    typer.Option(
+        "--withhold",
+        metavar="LOAD",
+        help="Hold the logs of this load [ohm, or inf] out of choice and fit; repeat it for several.",
+    ),
 ]
 SimulatedOption = Annotated[
     Path | None,
     typer.Option(
-        "--simulated", metavar="FOLDER", help="Compare your own simulation: files with the names of the logs."
+        "--simulated",
+        metavar="FOLDER",
+        help="Compare the logs with your own simulation: files of the same names in this folder.",
     ),
 ]
 SuspectOption = Annotated[
@@ -40,25 +46,29 @@ SuspectOption = Annotated[
     typer.Option(
         "--suspect",
         metavar="EFFECT",
-        help="Suspect this effect alone; repeat it. By default the catalogue.",
+        help="Suspect only this effect; repeat it for several. By default the whole catalogue is suspected.",
         autocompletion=effect_names,
     ),
 ]
 PredictionsOption = Annotated[
     Path | None,
     typer.Option(
-        "--predictions", metavar="FOLDER", help="Write what is predicted of the withheld logs, before and after."
+        "--predictions",
+        metavar="FOLDER",
+        help="Write what the model predicts for the held-out logs, without and with the causes, into this folder.",
     ),
 ]
 WriteOption = Annotated[
     Path | None,
-    typer.Option("--write", metavar="RIG.toml", help="Write the rig file with the named causes as its effects."),
+    typer.Option("--write", metavar="RIG.toml", help="Write a rig file that contains the named causes as effects."),
 ]
 ExportOption = Annotated[
     Path | None,
-    typer.Option("--export", metavar="FILE", help="Write the numbers of the corrected model, as .json or .mat."),
+    typer.Option("--export", metavar="FILE", help="Write the numbers of the corrected model as .json or .mat."),
 ]
-SeedOption = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Of the resampling of cycles.")]
+SeedOption = Annotated[
+    int, typer.Option("--seed", metavar="N", min=0, help="Set the seed by which cycles are resampled.")
+]
 
 
 def diagnose_command(
@@ -77,10 +87,13 @@ def diagnose_command(
     seed: SeedOption = 0,
     force: ForceOption = False,
 ) -> None:
-    """Find out why logs and model differ: where, which effects, how sure, how far they close the gap, what to test next.
+    """Find which unmodelled effects separate the logs from the model of the rig.
 
-    The numbers of the rig file enter unchanged. Without --withhold and without withheld runs, each load is left out once.
-    A winch without a model is diagnosed from line tension, speed and mechanical power; its cycles are left out in turn.
+    The result states where they differ, which effects explain it, how certain that is, what share of the gap they close, and
+    which run to make next.
+
+    The numbers of the rig file enter unchanged. Without --withhold and without withheld runs, each load is held out once. A
+    winch without a model is diagnosed from line tension, speed and mechanical power; its cycles are held out in turn.
     """
     one_thread_each()
     from winchcascade.batch.campaign_diagnosis import (

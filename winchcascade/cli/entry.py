@@ -25,6 +25,9 @@ def main() -> None:
         ends = {signal.SIGINT: f"winchcascade: interrupted; {_KEPT}", signal.SIGTERM: f"winchcascade: ended; {_KEPT}"}
         end_on_signals(ends)
         _ready_streams()
+        from winchcascade.report.screen import screen_of, use_screen
+
+        use_screen(screen_of(sys.stdout))
         from winchcascade.cli.app import command_line  # here, as it takes most of the start, which may be interrupted
 
         code = command_line(sys.argv[1] if len(sys.argv) > 1 else None)(standalone_mode=False)
@@ -58,9 +61,15 @@ def _ready_streams() -> None:
 
 
 def _exit_with(sentence: str, *, code: int = 2) -> NoReturn:
-    from winchcascade.core.plain_text import lines
+    from winchcascade.core.plain_text import lines, one_line
+    from winchcascade.report.screen import screen_of
 
-    print(lines(f"winchcascade: {' '.join(sentence.split())}"), file=sys.stderr)
+    text = one_line(f"winchcascade: {' '.join(sentence.split())}")
+    if sys.stderr.isatty():
+        import textwrap
+
+        text = textwrap.fill(text, screen_of(sys.stderr).width or len(text), break_on_hyphens=False)
+    print(lines(text), file=sys.stderr)
     sys.exit(code)
 
 

@@ -21,7 +21,7 @@ from winchcascade.cli.options import (
     named_number,
     rig_names,
 )
-from winchcascade.cli.outputs import check_outputs, deliver, show
+from winchcascade.cli.outputs import check_outputs, deliver, show, written
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.files import json_bytes
 from winchcascade.core.jobs import one_thread_each
@@ -29,24 +29,39 @@ from winchcascade.core.jobs import one_thread_each
 
 def simulate_command(
     log: Annotated[
-        Path | None, typer.Argument(metavar="[LOG]", help="A log whose line motion drives the rig.", show_default=False)
+        Path | None,
+        typer.Argument(metavar="[LOG]", help="The log whose line motion drives the rig.", show_default=False),
     ] = None,
     profile: Annotated[
-        Path | None, typer.Option("--profile", metavar="FILE", help="A profile instead, with time_s and velocity_mps.")
+        Path | None,
+        typer.Option(
+            "--profile",
+            metavar="FILE",
+            help="Take the line motion from this CSV file with the columns time_s and velocity_mps instead of a log.",
+        ),
     ] = None,
     load_ohm: LoadOption = None,
     rig: RigOption = None,
     sheet: SheetOption = None,
     effects: Annotated[
         list[str] | None,
-        typer.Option("--with", metavar="EFFECT.FIELD=VALUE", help="Switch an effect on; `effects` lists them."),
+        typer.Option(
+            "--with",
+            metavar="EFFECT.FIELD=VALUE",
+            help="Apply an effect to the model; repeat it for several. `winchcascade effects` lists them.",
+        ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="The simulated log.", show_default=False)
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="Write the simulated log into this file.", show_default=False),
     ] = None,
     force: ForceOption = False,
 ) -> None:
-    """Simulate the rig along a line motion, and write the log that its sensors would have written."""
+    """Simulate the rig along a line motion, and write what its sensors would have logged.
+
+    The printed energies are those of the whole motion, up to the instant at which the energy of the line is largest. The
+    simulated log keeps the load.
+    """
     from winchcascade.report.terminal import simulation_text
     from winchcascade.rig.baseline import baseline
     from winchcascade.rig.effects.catalogue import make_effect
@@ -68,7 +83,7 @@ def simulate_command(
         model = make_effect(name, fields).apply(model)
     simulation = simulate(run, model)
     write_log(simulation, out, force=force)
-    show(simulation_text(simulation, out))
+    show(simulation_text(simulation) + written({"--out": out}))
 
 
 def _fields(options: Sequence[str]) -> dict[str, dict[str, float]]:
@@ -86,17 +101,19 @@ def _fields(options: Sequence[str]) -> dict[str, dict[str, float]]:
 
 
 def calibrate_command(
-    log: Annotated[Path, typer.Argument(metavar="OPEN_CIRCUIT_LOG", help="A log without a load.", show_default=False)],
+    log: Annotated[
+        Path, typer.Argument(metavar="OPEN_CIRCUIT_LOG", help="The log of a run in open circuit.", show_default=False)
+    ],
     rig: RigOption = None,
     load_ohm: LoadOption = None,
     sheet: SheetOption = None,
     write: Annotated[
-        Path | None, typer.Option("--write", metavar="RIG.toml", help="Write the rig file with the calibrated numbers.")
+        Path | None, typer.Option("--write", metavar="RIG.toml", help="Write a rig file with the calibrated numbers.")
     ] = None,
     json: JsonOption = None,
     force: ForceOption = False,
 ) -> None:
-    """Calibrate a rig from an open circuit: back-EMF constant, damper and screw friction, with their uncertainty."""
+    """Calibrate a rig by a run in open circuit: back-EMF constant, damper and screw friction, with their uncertainty."""
     one_thread_each()
     from winchcascade.core.files import write_content
     from winchcascade.diagnosis.calibrate import calibrate
@@ -129,28 +146,39 @@ def calibrate_command(
         lambda: json_bytes(calibration_record(calibration)),
         lambda: calibration_text(calibration, write),
         force=force,
+        results={"--json": json},
     )
 
 
 def effects_command(
     name: Annotated[
         str | None,
-        typer.Argument(metavar="[NAME]", help="An effect.", show_default=False, autocompletion=effect_names),
+        typer.Argument(
+            metavar="[NAME]",
+            help="The effect to describe; without it all are listed.",
+            show_default=False,
+            autocompletion=effect_names,
+        ),
     ] = None,
 ) -> None:
-    """List the effects that a rig may have beyond its model, or describe one in full."""
-    from winchcascade.rig.effects.catalogue import describe
+    """List the effects that the model of a rig leaves out, or describe one of them in full."""
+    from winchcascade.report.effects_text import effects_text
 
-    show(describe(name).rstrip("\n") + "\n")
+    show(effects_text(name))
 
 
 def rig_command(
     name: Annotated[
         str | None,
-        typer.Argument(metavar="[NAME]", help="A built-in rig.", show_default=False, autocompletion=rig_names),
+        typer.Argument(
+            metavar="[NAME]",
+            help="The built-in rig: hsu2026 (the default) or kitepower.",
+            show_default=False,
+            autocompletion=rig_names,
+        ),
     ] = None,
 ) -> None:
-    """Print a built-in rig file, as a start for your own; without a name that of the paper."""
+    """Print a built-in rig file, as a start for your own."""
     from winchcascade.core.rig_toml import DEFAULT_RIG, built_in_text
 
     show(built_in_text(name or DEFAULT_RIG))

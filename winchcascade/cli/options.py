@@ -44,25 +44,33 @@ RigOption = Annotated[
     typer.Option(
         "--rig",
         metavar="RIG",
-        help="Rig file, or a built-in rig: hsu2026 (default), kitepower.",
+        help="Use this rig file, or the built-in rig hsu2026 (the default) or kitepower.",
         autocompletion=rig_names,
     ),
 ]
 WindowOption = Annotated[
     str | None,
-    typer.Option("--window", metavar="RULE", help="auto, payout, or a length in seconds; the rig's rule by default."),
+    typer.Option(
+        "--window",
+        metavar="RULE",
+        help="Integrate over this window: auto, payout, or a length in seconds. By default the rule of the rig file applies.",
+    ),
 ]
 LoadOption = Annotated[
-    float | None, typer.Option("--load-ohm", metavar="OHM", help="Load resistance; inf is an open circuit.")
+    float | None,
+    typer.Option("--load-ohm", metavar="OHM", help="Set the load resistance in ohms; inf means an open circuit."),
 ]
 SheetOption = Annotated[
     str | None,
     typer.Option(
-        "--sheet", metavar="NAME|NUMBER", help="Sheet of a workbook, run in a MATLAB file or TDMS group to read."
+        "--sheet",
+        metavar="NAME|NUMBER",
+        help="Read this sheet of a workbook, this run of a MATLAB file, or this TDMS group.",
     ),
 ]
 JsonOption = Annotated[
-    str | None, typer.Option("--json", metavar="FILE", help="Write the result as JSON; - prints it alone.")
+    str | None,
+    typer.Option("--json", metavar="FILE", help="Write the result as JSON; - prints the JSON and nothing else."),
 ]
 HtmlOption = Annotated[
     Path | None, typer.Option("--html", metavar="FILE", help="Write the report as one self-contained page.")
@@ -73,24 +81,31 @@ LossMapOption = Annotated[
     typer.Option(
         "--loss-map",
         metavar="FILE",
-        help="Write the loss from shaft to DC link over torque and speed: .csv, .mat or .json.",
+        help="Write the loss from shaft to DC link as a map over torque and speed, as .csv, .mat or .json.",
     ),
 ]
 JobsOption = Annotated[
-    int | None, typer.Option("--jobs", metavar="N", min=1, help="Processes; by default one for each processor.")
+    int | None,
+    typer.Option("--jobs", metavar="N", min=1, help="Work with N processes; by default with one for each processor."),
 ]
 SchedulerOption = Annotated[
     str | None,
-    typer.Option("--scheduler", metavar="ADDRESS", help="Work on this Dask scheduler, such as tcp://host:8786."),
+    typer.Option(
+        "--scheduler", metavar="ADDRESS", help="Send the work to this Dask scheduler, such as tcp://host:8786."
+    ),
 ]
 ForceOption = Annotated[
     bool, typer.Option("--force", help="Replace existing files, also those that another program wrote.")
 ]
 ThreadsOption = Annotated[
-    int | None, typer.Option("--jobs", metavar="N", min=1, help="Threads; by default one for each processor.")
+    int | None,
+    typer.Option("--jobs", metavar="N", min=1, help="Work with N threads; by default with one for each processor."),
 ]
 CampaignArgument = Annotated[
-    Path, typer.Argument(metavar="CAMPAIGN", help="A campaign.toml, or the folder that holds one.", show_default=False)
+    Path,
+    typer.Argument(
+        metavar="CAMPAIGN", help="The campaign: a campaign.toml, or the folder that holds one.", show_default=False
+    ),
 ]
 
 

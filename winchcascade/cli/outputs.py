@@ -11,11 +11,21 @@ from typing import TextIO
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import check_replaceable, write_content
 from winchcascade.core.plain_text import json_without_commands, lines, printable
+from winchcascade.report.screen import QUIET, painted
+from winchcascade.report.text_table import file_lines
+
+Results = Mapping[str, str | Path | None]
+"""Files and folders that a command writes, by the option that names each."""
 
 
-def show(text: str, *, file: TextIO | None = None, flush: bool = False) -> None:
-    """Print lines without control characters and commands to a runner of GitHub: names from files may hold any text."""
-    print(lines(text), end="", file=file, flush=flush)
+def show(text: str, *, failures: str = "", file: TextIO | None = None, flush: bool = False) -> None:
+    """Print lines without control characters and commands to a runner of GitHub: names from files may hold any text.
+
+    Parameters
+    ----------
+    failures : what is printed instead with --quiet
+    """
+    print(painted(failures if QUIET.get() else text, lines), end="", file=file, flush=flush)
 
 
 def show_commands(text: str, *, file: TextIO) -> None:
@@ -23,14 +33,36 @@ def show_commands(text: str, *, file: TextIO) -> None:
     print(printable(text), end="", file=file)
 
 
-def deliver(json: str | None, content: Callable[[], bytes], text: Callable[[], str], *, force: bool) -> None:
-    """Write the content of a JSON file if that is wanted, and print the text unless standard output holds the JSON."""
+def deliver(
+    json: str | None,
+    content: Callable[[], bytes],
+    text: Callable[[], str],
+    *,
+    force: bool,
+    results: Results | None = None,
+    failures: Callable[[], str] = str,
+) -> None:
+    """Write the content of a JSON file if that is wanted, and print the text unless standard output holds the JSON.
+
+    Parameters
+    ----------
+    results : by the option that names them, listed below the text; what is not wanted is None
+    failures : what is printed instead with --quiet
+    """
     if json == "-":
         sys.stdout.buffer.write(json_without_commands(content()))
         return
     if json is not None:
         write_content(Path(json), content(), force=force)
-    show(text())
+    if QUIET.get():
+        show("", failures=failures())
+    else:
+        show(text() + written(results or {}))
+
+
+def written(results: Results) -> str:
+    """The lines that list what was written; none for nothing."""
+    return file_lines("files:", [result for result in results.values() if result])
 
 
 def given_command() -> str:
@@ -40,9 +72,7 @@ def given_command() -> str:
     return shlex.join(["winchcascade", *sys.argv[1:]])
 
 
-def check_outputs(
-    results: Mapping[str, str | Path | None], inputs: Iterable[str | Path | None], *, force: bool
-) -> None:
+def check_outputs(results: Results, inputs: Iterable[str | Path | None], *, force: bool) -> None:
     """Reject, before any work, a file that a result must not replace, and two results of one name.
 
     Parameters

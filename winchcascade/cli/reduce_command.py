@@ -21,6 +21,7 @@ from winchcascade.cli.options import (
     check_load,
 )
 from winchcascade.cli.outputs import check_outputs, deliver, given_command
+from winchcascade.core.errors import OptionError
 
 if TYPE_CHECKING:
     from winchcascade.reduction.loss_map import LossMap
@@ -29,7 +30,8 @@ if TYPE_CHECKING:
 
 def reduce_command(
     log: Annotated[
-        Path, typer.Argument(metavar="LOG", help="CSV, .lvm, TDMS, MATLAB, Parquet or Excel.", show_default=False)
+        Path,
+        typer.Argument(metavar="LOG", help="The log: CSV, .lvm, TDMS, MATLAB, Parquet or Excel.", show_default=False),
     ],
     rig: RigOption = None,
     load_ohm: LoadOption = None,
@@ -37,20 +39,30 @@ def reduce_command(
     sheet: SheetOption = None,
     json: JsonOption = None,
     parquet: Annotated[
-        Path | None, typer.Option("--parquet", metavar="FOLDER", help="Write cycles, bins and findings as Parquet.")
+        Path | None,
+        typer.Option(
+            "--parquet", metavar="FOLDER", help="Write cycles, bins and findings as Parquet files into this folder."
+        ),
     ] = None,
     html: HtmlOption = None,
     pdf: PdfOption = None,
     loss_map: LossMapOption = None,
     force: ForceOption = False,
 ) -> None:
-    """Reduce one log: its cycles, their energies and efficiencies, and what is wrong with it.
+    """Reduce one log to its cycles with their energies and efficiencies, and list the faults of the log.
 
-    What the options leave open is taken from a campaign.toml in the log's folder, if it lists the log.
+    If a campaign.toml in the folder of the log lists it, that file gives what the options leave open.
     """
     from winchcascade.reduction.reduce import reduce, require_payouts, window_rule
     from winchcascade.report.terminal import reduction_text
 
+    if log.is_dir():
+        import shlex
+
+        raise OptionError(
+            f"{log}: is not a file but a folder; expected one log. To reduce all logs of a folder, run `winchcascade batch "
+            f"{shlex.quote(str(log))} --out results`."
+        )
     check_load(load_ohm)
     if window is not None:
         window_rule(window)
@@ -94,9 +106,9 @@ def reduce_command(
             return reduction_text(reduction)
         from winchcascade.report.loss_map_text import loss_map_lines
 
-        return "\n".join([reduction_text(reduction), "", *loss_map_lines(mapped)])
+        return "\n".join([reduction_text(reduction), *loss_map_lines(mapped)]) + "\n"
 
-    deliver(json, content, text, force=force)
+    deliver(json, content, text, force=force, results=results)
 
 
 def _write_loss_map(reduction: Reduction, path: Path, *, force: bool) -> LossMap:

@@ -20,7 +20,7 @@ def check_command(
         Path,
         typer.Argument(
             metavar="RESULTS|CAMPAIGN",
-            help="A campaign, the folder of a batch, or a reduction's JSON.",
+            help="The results: a campaign, the folder of a batch, or the JSON of a reduction.",
             show_default=False,
         ),
     ],
@@ -29,34 +29,42 @@ def check_command(
         typer.Option(
             "--against",
             metavar="TABLE",
-            help="Table file, or the built-in hsu2026-table2.",
+            help="The published table: a table file, or the built-in hsu2026-table2.",
             show_default=False,
             autocompletion=table_names,
         ),
     ],
     tolerance: Annotated[
         list[str] | None,
-        typer.Option("--tolerance", metavar="PART=FACTOR", help="Widen or narrow rounding, deviation or uncertainty."),
+        typer.Option(
+            "--tolerance",
+            metavar="PART=FACTOR",
+            help="Multiply a part of the tolerance, which is rounding, deviation or uncertainty, by a factor.",
+        ),
     ] = None,
-    junit: Annotated[Path | None, typer.Option("--junit", metavar="FILE", help="Write a JUnit file.")] = None,
-    github: Annotated[bool, typer.Option("--github", help="Print annotations for GitHub, too.")] = False,
+    junit: Annotated[
+        Path | None, typer.Option("--junit", metavar="FILE", help="Write the result as JUnit XML for a test server.")
+    ] = None,
+    github: Annotated[bool, typer.Option("--github", help="Also print annotations for GitHub.")] = False,
     json: JsonOption = None,
     jobs: JobsOption = None,
     force: ForceOption = False,
 ) -> None:
-    """Compare results with a published table, cell by cell. Exit code 1 if any cell misses.
+    """Compare results with a published table, cell by cell. The exit code is 1 if a cell does not agree.
 
-    A cell agrees within rounding, the largest deviation of the cycles and twice the standard uncertainty together.
+    A cell agrees if the difference is within the sum of rounding, largest deviation of the cycles and two standard
+    uncertainties.
     """
     from winchcascade.batch.results import check_results, load_results, open_table
     from winchcascade.core.files import write_content
     from winchcascade.core.jobs import processes
-    from winchcascade.report.check_text import check_record, check_text, github_annotations, junit_xml
+    from winchcascade.report.check_text import check_record, check_text, github_annotations, junit_xml, missed_text
     from winchcascade.tables.check import Factors
 
     around = results if results.is_dir() else results.parent
     inputs: list[str | Path] = [results, against, *around.glob("*"), *around.glob("runs/*")]
-    check_outputs({"--junit": junit, "--json": json}, inputs, force=force)
+    outputs = {"--junit": junit, "--json": json}
+    check_outputs(outputs, inputs, force=force)
     factors, table = Factors(**_factors(tolerance or [])), open_table(against)
     found = load_results(results, jobs=jobs or processes())
     if not found.verified:
@@ -67,7 +75,14 @@ def check_command(
     outcome = check_results(found, table, factors)
     if junit is not None:
         write_content(junit, junit_xml(outcome), force=force)
-    deliver(json, lambda: json_bytes(check_record(outcome)), lambda: check_text(outcome), force=force)
+    deliver(
+        json,
+        lambda: json_bytes(check_record(outcome)),
+        lambda: check_text(outcome),
+        force=force,
+        results=outputs,
+        failures=lambda: missed_text(outcome),
+    )
     if github:
         show_commands(github_annotations(outcome, table.path), file=sys.stderr if json == "-" else sys.stdout)
     raise typer.Exit(0 if outcome.ok else 1)
@@ -91,38 +106,39 @@ def audit_command(
         str,
         typer.Argument(
             metavar="TABLE",
-            help="Table file, or the built-in hsu2026-table2.",
+            help="The published table: a table file, or the built-in hsu2026-table2.",
             show_default=False,
             autocompletion=table_names,
         ),
     ],
     physics: Annotated[
-        bool, typer.Option("--physics", help="Hold it against the rig's constants too; takes some seconds.")
+        bool, typer.Option("--physics", help="Also compare the table with the model of a rig; this takes some seconds.")
     ] = False,
     rig: RigOption = None,
     json: JsonOption = None,
     force: ForceOption = False,
 ) -> None:
-    """Hold a published table against itself and the text around it, without any log. Exit code 1 on a contradiction.
+    """Check a published table and its text for contradictions, without any log. The exit code is 1 if there is one.
 
-    With --physics, the table is also compared with the model of a rig.
-    The result lists the efficiencies that a plausible payout can reach, and the effects that could explain a difference.
+    With --physics, the result lists the efficiencies that the model of the rig can reach, and the effects that could explain a
+    difference.
     """
-    from winchcascade.report.audit_text import audit_record, audit_text
+    from winchcascade.report.audit_text import audit_record, audit_text, contradictions_text
     from winchcascade.tables.audit import audit
     from winchcascade.tables.point_table import is_point_table
 
     if rig is not None and not physics:
         raise OptionError(f"--rig {rig}: is of use with --physics alone; add that, or leave the rig out.")
-    check_outputs({"--json": json}, [table, rig], force=force)
+    outputs = {"--json": json}
+    check_outputs(outputs, [table, rig], force=force)
     if Path(table).is_file() and is_point_table(Path(table)):
         _audit_points(Path(table), physics=physics, json=json, force=force)
     outcome = audit(table)
-    record, text, ok = audit_record(outcome), audit_text(outcome), outcome.ok
+    record, text, ok, failures = audit_record(outcome), audit_text(outcome), outcome.ok, contradictions_text(outcome)
     if physics:
         from winchcascade.core.rig_toml import DEFAULT_RIG
         from winchcascade.reduction.reduce import first_metrics
-        from winchcascade.report.audit_text import attainable_record, attainable_text
+        from winchcascade.report.audit_text import attainable_record, attainable_text, unreachable_text
         from winchcascade.report.progress import Progress
         from winchcascade.rig.effects.catalogue import OF_THE_RIG
         from winchcascade.rig.open_rig import load_rig
@@ -134,18 +150,19 @@ def audit_command(
                 outcome.table, of, OF_THE_RIG, lambda run, window: first_metrics(run, of, window),
                 scatter=outcome.known.eta, watch=watch,
             )  # fmt: skip
-        record, text, ok = (
+        record, text, ok, failures = (
             record | {"physics": attainable_record(found)},
             text + attainable_text(found),
             ok and found.ok,
+            failures + unreachable_text(found),
         )
-    deliver(json, lambda: json_bytes(record), lambda: text, force=force)
+    deliver(json, lambda: json_bytes(record), lambda: text, force=force, results=outputs, failures=lambda: failures)
     raise typer.Exit(0 if ok else 1)
 
 
 def _audit_points(table: Path, *, physics: bool, json: str | None, force: bool) -> NoReturn:
     """Audit a table of operating points and end the command."""
-    from winchcascade.report.point_audit_text import point_audit_record, point_audit_text
+    from winchcascade.report.point_audit_text import broken_laws_text, point_audit_record, point_audit_text
     from winchcascade.tables.point_audit import audit_points
     from winchcascade.tables.point_table import load_points
 
@@ -154,5 +171,12 @@ def _audit_points(table: Path, *, physics: bool, json: str | None, force: bool) 
             f"--physics: {table} is a table of operating points; expected one of loads; leave --physics out."
         )
     found = audit_points(load_points(table))
-    deliver(json, lambda: json_bytes(point_audit_record(found)), lambda: point_audit_text(found), force=force)
+    deliver(
+        json,
+        lambda: json_bytes(point_audit_record(found)),
+        lambda: point_audit_text(found),
+        force=force,
+        results={"--json": json},
+        failures=lambda: broken_laws_text(found),
+    )
     raise typer.Exit(0 if found.ok else 1)

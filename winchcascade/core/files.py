@@ -28,7 +28,8 @@ _HEADS = (
     + rb'"|<\?xml version="1\.0" encoding="utf-8"\?>\s*<testsuites name="winchcascade check"[^<>]*>\s*<testsuite [^<>]*>\s*'
     rb'<properties>\s*<property name="generator" value="' + _VERSION
     + rb'"|# (?:Calibrated|Corrected|Loss map) by ' + _VERSION
-    + rb" from |Time \(s\),[^\n\"'#;]*Generator speed \(rpm\),Stator current \(A rms\),Air-gap torque \(N\.m\)\r?\n"
+    + rb" from |Time \(s\),[^\n\"'#;]*Generator speed \(rpm\),Stator current \(A rms\),Air-gap torque \(N\.m\)"
+    rb"(?:,Load \(ohm\))?\r?\n"
     rb"|MATLAB 5\.0 MAT-file, written by " + _VERSION
     + rb"|Time \(s\),Cycle,Predicted mechanical power \(W\)\r?\n)"
 )  # fmt: skip

@@ -37,6 +37,9 @@ CHANNELS: dict[str, Channel] = {
     )
 }
 
+LOAD_HEADER = "Load (ohm)"
+"""Last column of a simulated log: the load of its run in every row, inf for an open circuit."""
+
 SIMULATED_HEADERS = ("Generator speed (rpm)", "Stator current (A rms)", "Air-gap torque (N.m)")
 """Columns that all together mark a log as simulated: a rig may measure one of them, as the speed of its generator."""
 

@@ -10,7 +10,7 @@ import msgspec
 from winchcascade.core.errors import LogError
 from winchcascade.core.quantity import Unit, find_unit, read_as, si_unit
 from winchcascade.core.rig_file import Rig, Side
-from winchcascade.core.run import SIMULATED_HEADERS, Finding
+from winchcascade.core.run import LOAD_HEADER, SIMULATED_HEADERS, Finding
 from winchcascade.ingest.dialects import (
     CHANNELS_BY_NAME,
     COUNTS,
@@ -47,6 +47,16 @@ class Assignment(msgspec.Struct, frozen=True):
     simulated: bool
     time_named: bool
     candidates: Mapping[str, tuple[Match, ...]] = msgspec.field(default_factory=dict)
+
+
+_OF_SIMULATE = (*SIMULATED_HEADERS, LOAD_HEADER)
+"""Columns of a simulated log that are no channel."""
+
+
+def load_column(headers: Sequence[Header]) -> int | None:
+    """Index of the column in which `simulate` writes the load; None for another log."""
+    names = [header.name.strip() for header in headers]
+    return names.index(LOAD_HEADER) if set(names).issuperset(_OF_SIMULATE) else None
 
 
 def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None = None) -> Assignment:
@@ -101,7 +111,7 @@ def _columns_by_name(headers: Sequence[Header], rig: Rig, taken: Mapping[str, in
     unknown: list[int] = []
     simulated = {header.name.strip() for header in headers}.issuperset(SIMULATED_HEADERS)
     for index, header in enumerate(headers):
-        if index in taken.values() or (simulated and header.name.strip() in SIMULATED_HEADERS):
+        if index in taken.values() or (simulated and header.name.strip() in _OF_SIMULATE):
             continue
         channel = _own_channel(header, rig) or recognise(header)
         letters = letters_of(header.name)

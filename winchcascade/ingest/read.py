@@ -21,10 +21,11 @@ from winchcascade.core.campaign_file import SIMULATED, Origin, joint_origin
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.integrate import median
 from winchcascade.core.plain_text import one_line
+from winchcascade.core.quantity import is_load
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import built_in
-from winchcascade.core.run import CLOCK, Finding, Run, Signal
-from winchcascade.ingest.assign import Assignment, assign, listed
+from winchcascade.core.run import CLOCK, LOAD_HEADER, Finding, Run, Signal
+from winchcascade.ingest.assign import Assignment, assign, listed, load_column
 from winchcascade.ingest.cells import looks_like_a_stamp, seconds
 from winchcascade.ingest.checks.quality import check
 from winchcascade.ingest.clock import Clock, clock_of_digits, even_clock, read_clock, require_rising
@@ -193,7 +194,7 @@ def _run_of(opened: _Opened, rig: Rig, load: float | None, *, where: str, simula
     clock, time_findings = _clock(source, table, found, rig, samples, where)
     load_source = ""
     if load is None:
-        load, load_source, load_faults = _load(source)
+        load, load_source, load_faults = _load(source, table)
         time_findings += load_faults
     channels, simulated = _channels(table, found, clock), found.simulated or simulated
     if rig.phases.source == "rows":
@@ -252,6 +253,8 @@ def _loaded(source: LogSource, rig: Rig, where: str) -> tuple[Assignment, LogTab
         from winchcascade.ingest.phase_labels import label_column
 
         wanted = list(dict.fromkeys([*wanted, label_column(source.headers, rig.phases, where)]))
+    written = load_column(source.headers)
+    wanted += [] if written is None else [written]
     table = None
     if found.time is None and source.time_step is None:
         columns = [k for k, header in enumerate(source.headers) if nameless(header) and k not in wanted]
@@ -398,9 +401,26 @@ def _channels(table: LogTable, found: Assignment, clock: Clock) -> dict[str, Sig
     return channels
 
 
-def _load(source: LogSource) -> tuple[float | None, str, list[Finding]]:
-    """The load by a property of the file, never from Vdc over Idc [ohm]; a property that gives none is a finding."""
+def _load(source: LogSource, table: LogTable) -> tuple[float | None, str, list[Finding]]:
+    """The load by a property of the file, or by the column of a simulated log, never from Vdc over Idc [ohm].
+
+    A property that gives none is a finding.
+    """
     findings = []
+    written = load_column(source.headers)
+    if written is not None:
+        loads = np.unique(table.values[written]).tolist()
+        if np.isnan(loads).all() and source.texts is not None:  # readers of columns take inf for no number
+            loads = [_ohm(text, "ohm") for text in set(source.texts(written, []))]
+        if len(loads) == 1 and loads[0] is not None and is_load(loads[0]):
+            return loads[0], f"column {LOAD_HEADER} of the log", []
+        findings.append(
+            Finding(
+                "load_mismatch",
+                f"column {LOAD_HEADER} does not hold one load in all rows",
+                "not used: the load counts as unknown; give it by --load-ohm or a campaign.toml",
+            )
+        )
     for key, value in source.properties.items():
         letters = "".join(c for c in unicodedata.normalize("NFKC", key) if c.isalpha())
         named = _RESISTANCE_UNIT.search(letters)

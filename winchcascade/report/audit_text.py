@@ -8,11 +8,13 @@ from typing import Any
 
 from winchcascade.core.published_table import PublishedTable, Span, load_text, unit_suffix
 from winchcascade.core.version import __version__
-from winchcascade.report.text_table import indented, table_lines, wrapped
+from winchcascade.report.screen import toned
+from winchcascade.report.text_table import headed, indented, table_lines, wrapped
 from winchcascade.rig.effects.effect import Field
 from winchcascade.tables.attainable import Ability, AttainableRanges, SuspectResult
 from winchcascade.tables.attainable_row import RAMPS, STARTED, AttainableRow, Cell
 from winchcascade.tables.audit import Audit, Contradiction, percent
+from winchcascade.tables.claims import ClaimVerdict
 from winchcascade.tables.effect_search import Values
 from winchcascade.tables.point_table import PointTable
 
@@ -36,27 +38,41 @@ def load_record(load: float) -> dict[str, float | bool]:
 
 
 def audit_text(audit: Audit) -> str:
-    """What a table says against itself, the verdicts on its claims and the windows it does not print; 100 columns at most."""
+    """What a table says against itself, the verdicts on its claims and the windows it does not print."""
     known, cells, claims = audit.known, len(audit.contradictions), len(audit.contradicted)
     lines = title_lines(audit.table) + wrapped(
         f"bounds: means over {known.basis}: an efficiency can differ from the ratio of mean energies by "
         f"{percent(known.bounds.ratio)}, eta_pto from eta_trans eta_gen by {percent(known.bounds.product)}"
     )
     lines += wrapped(f"assumed, as the table does not say: {', '.join(known.assumed)}") if known.assumed else []
-    lines += ["", f"cells that contradict each other: {cells or 'none'}"]
+    lines += ["", *wrapped(f"cells that contradict each other: {cells or 'none'}")]
     for item in audit.contradictions:
         lines += indented(item.sentence)
         lines += wrapped(_remedy(item), indent="    ") if item.kind == "row" else []
     if audit.claims:
-        lines += ["", f"claims of the text: {len(audit.claims)}, contradicted: {claims or 'none'}"]
+        lines += ["", *wrapped(f"claims of the text: {len(audit.claims)}, contradicted: {claims or 'none'}")]
     for claim in sorted(audit.claims, key=lambda claim: claim.verdict != "contradicted"):
         if claim.verdict in _VERDICTS:
-            lines += indented(f"{_VERDICTS[claim.verdict]}: {claim.sentence} [{claim.claim.where}]")
+            lines += headed(_claim_lines(claim), _VERDICTS["contradicted"], "contradiction")
     confirmed = sum(claim.verdict == "confirmed" for claim in audit.claims)
     lines += indented(f"confirmed: {confirmed}, each in the JSON") if confirmed else []
     lines += ["", "windows recovered from energy over power:", *_windows(audit)] if audit.windows else []
     found = f"found: {cells} contradiction{'s'[: cells != 1]} between cells, {claims} contradicted claim{'s'[: claims != 1]}"
-    return "\n".join([*lines, "", "nothing contradicts itself" if audit.ok else found]) + "\n"
+    return "\n".join([*lines, "", _summary("nothing contradicts itself" if audit.ok else found, audit.ok)]) + "\n"
+
+
+def _summary(text: str, ok: bool) -> str:
+    return toned(text, "good" if ok else "contradiction")
+
+
+def _claim_lines(claim: ClaimVerdict) -> list[str]:
+    return indented(f"{_VERDICTS[claim.verdict]}: {claim.sentence} [{claim.claim.where}]")
+
+
+def contradictions_text(audit: Audit) -> str:
+    """What contradicts itself alone: cells, then claims."""
+    lines = [line for item in audit.contradictions for line in indented(item.sentence)]
+    return "".join(f"{line}\n" for line in [*lines, *(x for claim in audit.contradicted for x in _claim_lines(claim))])
 
 
 def audit_record(audit: Audit) -> dict[str, Any]:
@@ -154,7 +170,7 @@ _SIZES = {1: "one effect", 2: "pairs", 3: "sets of three"}
 
 
 def attainable_text(ranges: AttainableRanges) -> str:
-    """What can be reached row by row, how far the table lies outside, and which effects could be why; 100 columns at most."""
+    """What can be reached row by row, how far the table lies outside, and which effects could be why."""
     cells = [cell for row in ranges.rows for cell in row.cells]
     metrics = list(dict.fromkeys(cell.metric for cell in cells))
     lines = ["", *wrapped(_basis(ranges)), *(line for note in ranges.notes for line in wrapped(f"note: {note}"))]
@@ -163,7 +179,8 @@ def attainable_text(ranges: AttainableRanges) -> str:
     if ranges.rows:
         head = ["ohm", "m/s", *(text for metric in metrics for text in (f" {metric}", "range", "past"))]
         points = _range([100.0 * cell.allowed for cell in cells], ".1f")
-        lines += ["", *_columns([head, *(_row(row, metrics) for row in ranges.rows)])]
+        omit = ("m/s", "range", *metrics[:1])
+        lines += ["", *_columns([head, *(_row(row, metrics) for row in ranges.rows)], omit)]
         lines += indented(
             "past: percentage points beyond the nearer end of the range; in brackets where rounding and repeatability "
             f"({points} points) bridge it"
@@ -176,7 +193,13 @@ def attainable_text(ranges: AttainableRanges) -> str:
     summary = f"{outside} of {judged} efficiencies cannot be reached"
     if not judged or ranges.ok:
         summary = f"all {judged} efficiencies can be reached" if judged else "no row could be judged"
-    return "\n".join([*lines, "", f"physics: {summary}"]) + "\n"
+    return "\n".join([*lines, "", _summary(f"physics: {summary}", ranges.ok)]) + "\n"
+
+
+def unreachable_text(ranges: AttainableRanges) -> str:
+    """The efficiencies that the rig cannot reach alone."""
+    metrics = list(dict.fromkeys(cell.metric for _, cell in ranges.outside))
+    return "".join(f"{line}\n" for metric in metrics for line in _verdict(ranges, metric))
 
 
 def _basis(ranges: AttainableRanges) -> str:
@@ -188,8 +211,8 @@ def _basis(ranges: AttainableRanges) -> str:
     )
 
 
-def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
-    return table_lines(rows, close=range(len(rows[0])), indent="  ")
+def _columns(rows: Sequence[Sequence[str]], omit: Sequence[str]) -> list[str]:
+    return table_lines(rows, close=range(len(rows[0])), indent="  ", omit=omit)
 
 
 def _row(row: AttainableRow, metrics: Sequence[str]) -> list[str]:
@@ -276,7 +299,7 @@ def _details(ranges: AttainableRanges) -> list[str]:
             needs = [text for one in found for text in (_needs(ranges, one), f"{one.closed:.0%}")]
             rows.append([mover.effect, f"{len(mover.fields)} fields" if others else span, *needs])
     note = indented("needs: from the row that needs least to the one that needs most; * in some rows no value does")
-    return ["", *_columns(rows), *note] if len(rows) > 1 else []
+    return ["", *_columns(rows, ("plausible", "closes")), *note] if len(rows) > 1 else []
 
 
 def _needs(ranges: AttainableRanges, ability: Ability) -> str:

@@ -7,13 +7,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from winchcascade.core.campaign_file import origin_record, origin_words
+from winchcascade.core.campaign_file import origin_record
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.quantity import Quantity
 from winchcascade.core.version import __version__
 from winchcascade.diagnosis.calibrate import Calibration, Number
 from winchcascade.report.digits import number, places, significant
-from winchcascade.report.text_table import indented, table_lines, wrapped
+from winchcascade.report.screen import toned
+from winchcascade.report.text_table import data_lines, headed, indented, table_lines, wrapped
 from winchcascade.rig.backemf import BackEmf
 
 CALIBRATION_SCHEMA = "winchcascade/calibration/1"
@@ -34,7 +35,7 @@ _HEAD = ("number", "before", "found", "95 % interval", "unit", "how")
 
 
 def calibration_text(calibration: Calibration, written: Path | None = None) -> str:
-    """What an open circuit says of a rig: its numbers, the regression of the back-EMF, findings; 100 columns at most.
+    """What an open circuit says of a rig: its numbers, the regression of the back-EMF, findings.
 
     Parameters
     ----------
@@ -47,16 +48,16 @@ def calibration_text(calibration: Calibration, written: Path | None = None) -> s
             f"{one_line(run.name)}: open circuit ({one_line(run.load_source)}), {run.samples} samples at {run.fs:.6g} Hz; "
             f"rig {rig}"
         ),
-        *wrapped(f"data: {one_line(origin_words([run.origin]))}"),
+        *data_lines([run.origin]),
         "",
-        *table_lines([_HEAD, *(_row(n) for n in calibration.numbers)], left=(0, 4, 5)),
+        *table_lines([_HEAD, *(_row(n) for n in calibration.numbers)], left=(0, 4, 5), omit=("how", "before")),
         "",
         *wrapped(_regression(calibration.regression)),
         *wrapped(_eq8(calibration.regression, calibration)),
         *wrapped(f"cannot be distinguished here: {'; '.join(calibration.together) or 'nothing'}"),
         *wrapped(f"against rig {rig}: {_comparison(calibration)}"),
-        f"findings: {len(findings) or 'none'}",
-        *(line for finding in findings for line in indented(finding)),
+        f"findings: {toned(f'{len(findings)}', 'warning') if findings else toned('none', 'good')}",
+        *(line for text in findings for line in headed(indented(text), text.split(":")[0], "warning")),
     ]
     if run.findings:
         lines += wrapped(f"the log itself has {len(run.findings)}: `winchcascade reduce` lists what is wrong with it")

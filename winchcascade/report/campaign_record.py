@@ -11,14 +11,15 @@ from typing import Any
 import msgspec
 from msgspec import UNSET, UnsetType
 
-from winchcascade.core.campaign_file import Origin, joint_origin, origin_from, origin_record, origin_words
+from winchcascade.core.campaign_file import Origin, joint_origin, origin_from, origin_record
 from winchcascade.core.cascade import BUILT_IN, PAPER, Cascade, Stage, field_of
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.version import __version__
 from winchcascade.report.digits import stated, uncertain
 from winchcascade.report.records import FindingRecord, Interval95, Numbers, RunRecord
 from winchcascade.report.report_model import TableColumn
-from winchcascade.report.text_table import at_most, listing, wrapped
+from winchcascade.report.screen import toned
+from winchcascade.report.text_table import at_most, data_lines, headed, listing, metric_steps, wrapped
 from winchcascade.report.wording import load_words
 
 CAMPAIGN_SCHEMA = "winchcascade/campaign/1"
@@ -220,24 +221,34 @@ def campaign_text(campaign: CampaignRecord, out: Path, *, kept: int, altered: Se
     runs = by_load(campaign.reduced)
     mixed = mixed_windows(runs)
     earlier = f", {kept} of them by an earlier call" if kept else ""
-    lines = [f"{one_line(campaign.title)}: {len(runs)} of {len(campaign.runs)} logs reduced{earlier}"]
-    lines += wrapped(f"data: {one_line(origin_words([run.origin for run in runs]))}") if runs else []
+    lines = wrapped(f"{campaign.title}: {len(runs)} of {len(campaign.runs)} logs reduced{earlier}", piped=None)
+    lines += data_lines([run.origin for run in runs]) if runs else []
     lines += ["", *_table(runs), *_marked(runs), *_between(campaign), ""] if runs else [""]
-    lines += [*wrapped(f"note: windows of {mixed}"), ""] if mixed else []
+    lines += [*headed(wrapped(f"note: windows of {mixed}"), "note", "warning"), ""] if mixed else []
     if campaign.waves is not UNSET:
         from winchcascade.report.campaign_waves import campaign_waves_lines
 
         lines += [*campaign_waves_lines(campaign.waves), ""]
     lines += altered_lines(altered)
-    lines += at_most(
-        [[_fault(run)] for run in campaign.failed], MOST_FAULTS, f"more failed, all in {out / 'campaign.json'}"
-    )
+    lines += _fault_lines(campaign, out)
     named = [
         ("report", out / "campaign.html"), ("", out / "campaign.pdf"), ("workbook", out / "campaign.xlsx"),
-        ("tables", out / "dataset"), ("each log", out / "runs"),
+        ("record", out / "campaign.json"), ("tables", out / "dataset"), ("each log", out / "runs"),
     ]  # fmt: skip
     lines += [f"{name + ':' if name else '':<10}{path}" for name, path in named if path.exists()]
     return "\n".join(lines) + "\n"
+
+
+def fault_text(campaign: CampaignRecord, out: Path) -> str:
+    """Logs that could not be reduced, and why."""
+    return "".join(f"{line}\n" for line in _fault_lines(campaign, out))
+
+
+def _fault_lines(campaign: CampaignRecord, out: Path) -> list[str]:
+    return at_most(
+        [headed(wrapped(_fault(run), piped=None), "failed", "contradiction") for run in campaign.failed],
+        MOST_FAULTS, f"more failed, all in {out / 'campaign.json'}",
+    )  # fmt: skip
 
 
 def altered_lines(altered: Sequence[str]) -> list[str]:
@@ -245,7 +256,7 @@ def altered_lines(altered: Sequence[str]) -> list[str]:
     more = f" and {len(altered) - MOST_ALTERED} more" if len(altered) > MOST_ALTERED else ""
     names = ", ".join(map(one_line, altered[:MOST_ALTERED]))
     text = f"made again, as the content did not match the digest of the earlier call: {names}{more}"
-    return [text] if altered else []
+    return wrapped(text, piped=None) if altered else []
 
 
 def _fault(run: FailedLog) -> str:
@@ -266,6 +277,7 @@ def _table(runs: Sequence[LogSummary]) -> list[str]:
         runs,
         most=LISTED_RUNS,
         more="more, in the dataset",
+        omit=["window", "cycles", *metric_steps(cascade.energies, cascade.ratios), f"E_{cascade.names[-1]}", "±"],
     )
 
 
@@ -295,7 +307,7 @@ _LOG: tuple[TableColumn[LogSummary], ...] = (
     ),
 )
 _FINDINGS: tuple[TableColumn[LogSummary], ...] = (
-    TableColumn("findings", of=lambda run: f"! {run.finding_count}" if run.findings else "-"),
+    TableColumn("findings", of=lambda run: toned(f"! {run.finding_count}", "warning") if run.findings else "-"),
 )
 
 
@@ -304,7 +316,7 @@ def _marked(runs: Sequence[LogSummary]) -> list[str]:
     found = [run for run in runs if run.findings]
     kinds = ", ".join(sorted({kind for run in found for kind in run.findings}))
     text = f"! findings in {len(found)} of {len(runs)} logs, listed in each log's report and JSON: {kinds}"
-    return wrapped(text) if found else []
+    return headed(wrapped(text), "!", "warning") if found else []
 
 
 def _between(campaign: CampaignRecord) -> list[str]:

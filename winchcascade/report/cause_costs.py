@@ -28,7 +28,7 @@ from winchcascade.report.report_model import (
     text_column,
 )
 from winchcascade.report.style import COLOURS, Room, panel_figure
-from winchcascade.report.text_table import table_lines
+from winchcascade.report.text_table import aligned_lines, table_lines
 from winchcascade.report.wording import load_words
 
 T = TypeVar("T", Contribution, ContributionPart)
@@ -139,14 +139,17 @@ def cost_lines(found: ModelDiagnosis, width: int) -> list[str]:
     if not table:
         return []
     for shown in range(len(found.causes), -1, -1):
-        lines = _cost_table(found, table, shown)
+        heads, rows = _cost_rows(found, table, shown)
+        lines = aligned_lines(rows)
         if max(map(len, lines)) <= width:
-            break
-    return lines
+            return lines
+    return table_lines(rows, heads=heads, omit=("tolerances", "model form"))
 
 
-def _cost_table(found: ModelDiagnosis, table: Sequence[Contribution], shown: int) -> list[str]:
-    """Rows of loads, with columns for so many of the causes."""
+def _cost_rows(
+    found: ModelDiagnosis, table: Sequence[Contribution], shown: int
+) -> tuple[list[str], list[Sequence[str]]]:
+    """Heads, and rows of loads below broken heads, with columns for so many of the causes."""
     count = len(found.causes)
     heads = [found.suspects[cause.effect].label for cause in found.causes[:shown]]
     heads += ["other causes"] if shown < count else []
@@ -166,7 +169,7 @@ def _cost_table(found: ModelDiagnosis, table: Sequence[Contribution], shown: int
     broken = [textwrap.wrap(head, HEAD, break_long_words=False, break_on_hyphens=False) for head in heads]
     depth = max(map(len, broken))
     above = [["" if k < depth - len(head) else head[k - depth + len(head)] for head in broken] for k in range(depth)]
-    return table_lines([*above, *rows])
+    return heads, [*above, *rows]
 
 
 def cost_section(found: ModelDiagnosis) -> Section:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,8 @@ from winchcascade.core.plain_text import one_line
 from winchcascade.core.published_table import PublishedTable
 from winchcascade.core.version import __version__
 from winchcascade.report.audit_text import load_record, table_record, title_lines
-from winchcascade.report.text_table import at_most, indented, table_lines, wrapped
+from winchcascade.report.screen import toned
+from winchcascade.report.text_table import at_most, data_lines, headed, indented, table_lines, wrapped
 from winchcascade.tables.check import CellCheck, Check, RowKey
 from winchcascade.tables.point_table import PointTable
 
@@ -25,22 +27,38 @@ MOST_FINDINGS = 5
 _PARTS = {"rounding": "= rounding", "deviation": "+ deviation", "uncertainty": "+ 2 u", "means": "+ means"}
 """Parts of a tolerance, and how they are headed; `means` in tables of operating points that allow it."""
 
+_LESS = (", ".join(_PARTS.values()), "allowed")
+"""Columns of the table of cells that are left out first: all parts of the tolerance, then the tolerance."""
+
 
 def check_text(check: Check) -> str:
-    """Every cell with printed and found value, difference, tolerance and its parts; 100 columns at most."""
+    """Every cell with printed and found value, difference, tolerance and its parts."""
     lines = [*title_lines(check.table), *wrapped(f"tolerance: {_recipe(check)}")]
-    lines += [*wrapped(f"data: {one_line(origin_words(check.origins))}"), ""]
+    lines += [*data_lines(check.origins), ""]
     for row, log in dict.fromkeys((cell.row, cell.log) for cell in check.cells):
         cells = [cell for cell in check.cells if (cell.row, cell.log) == (row, log)]
-        rows = [] if log is None else [_head(check), *(_cell_row(check, cell) for cell in cells)]
         lines += wrapped(f"{row.text}: {'no run' if log is None else log}")
-        lines += table_lines(
-            rows, left=(0, len(_head(check)) - 1), close=(6, 7, 8)[: len(_parts(check)) - 1], indent="  "
-        )
-        lines += [*(line for text in _findings(check, row) for line in indented(text)), ""]
+        if log is not None:
+            head = _head(check)
+            lines += table_lines(
+                [head, *(_toned(_cell_row(check, cell), cell.ok) for cell in cells)],
+                left=(0, len(head) - 1), close=(6, 7, 8)[: len(_parts(check)) - 1], indent="  ", omit=_LESS,
+            )  # fmt: skip
+        found = _findings(check, row)
+        lines += [*(line for text in found for line in headed(indented(text), "!", "warning")), ""]
     for note in check.notes:
-        lines += wrapped(f"note: {note}")
-    return "\n".join([*lines, _summary(check)]) + "\n"
+        lines += headed(wrapped(f"note: {note}"), "note", "warning")
+    return "\n".join([*lines, toned(_summary(check), "good" if check.ok else "contradiction")]) + "\n"
+
+
+def missed_text(check: Check) -> str:
+    """The cells that do not agree, one sentence each."""
+    return "".join(f"{line}\n" for cell in check.misses for line in wrapped(miss_sentence(cell), piped=None))
+
+
+def _toned(row: Sequence[str], ok: bool) -> list[str]:
+    """A row whose last cell, the outcome, is in colour."""
+    return [*row[:-1], toned(row[-1], "good" if ok else "contradiction")]
 
 
 def _findings(check: Check, row: RowKey) -> list[str]:

@@ -20,10 +20,19 @@ from winchcascade.report.digits import significant
 from winchcascade.report.gap_words import NAMES, alarm_words, differs_words, own_simulation_words
 from winchcascade.report.line_words import flipped_words, slope_words, small_words
 from winchcascade.report.model_account import COMPARED
-from winchcascade.report.text_table import table_lines
+from winchcascade.report.screen import Tone, length, line_width, table_width, toned
+from winchcascade.report.text_table import aligned_lines, file_lines, headed, table_lines
 
-WIDTH, INDENT = 100, 11
-"""Columns of a line, and of the margin that holds the names."""
+INDENT = 11
+"""Columns of the margin that holds the names."""
+
+TONES: dict[str, Tone] = {
+    "no_gap": "good",
+    "explained": "good",
+    "partly_explained": "warning",
+    "unexplained": "contradiction",
+}
+"""Colours of the verdicts."""
 
 MOST_ALARMS = 4
 """Signs of something unexplained that are listed; all are in the JSON."""
@@ -38,7 +47,7 @@ def entry(name: str, text: str) -> list[str]:
         line
         for part in plain(text).split("\n")
         if part
-        for line in textwrap.wrap(one_line(part), WIDTH - INDENT, break_on_hyphens=False)
+        for line in textwrap.wrap(one_line(part), line_width() - INDENT, break_on_hyphens=False)
     ]
     return _beside(name, lines)
 
@@ -48,18 +57,13 @@ def _beside(name: str, lines: Sequence[str]) -> list[str]:
     return [f"{'' if k else name:<{INDENT}}{line}" for k, line in enumerate(lines)]
 
 
-def file_lines(name: str, files: Sequence[Path | str]) -> str:
-    """What was written, one a line; a path is never broken."""
-    return "".join(f"{line}\n" for line in _beside(name, [one_line(str(path)) for path in files]))
-
-
 def plain(text: str) -> str:
     """A text with signs that every terminal shows."""
     return text.replace("−", "-").replace("–", "-").replace("Ω", "ohm").replace("N·s/m", "N s/m")
 
 
 def diagnosis_text(found: ModelDiagnosis | LineDiagnosis, files: Sequence[Path | str] = ()) -> str:
-    """What a project manager must know of a diagnosis; 100 columns at most.
+    """What a project manager must know of a diagnosis.
 
     Parameters
     ----------
@@ -76,10 +80,10 @@ def diagnosis_text(found: ModelDiagnosis | LineDiagnosis, files: Sequence[Path |
         rest = entry("checked", words.checked_words(found) if found.verdict == "no_gap" else "")
         rest += entry("not needed", words.not_needed_words(found))
     lines = [
-        f"{one_line(found.title)}: {words.VERDICTS[found.verdict].lower()}",
+        *_verdict(found),
         "",
         *entry("verdict", words.verdict_words(found)),
-        *entry("data", origin_words(words.origins_of(found))),
+        *headed(entry("data", origin_words(words.origins_of(found))), "not measured", "warning"),
         *entry("note", note),
         *(line for k, text in enumerate(own_simulation_words(found)) for line in entry("" if k else "yours", text)),
         *entry("where", words.where_words(found)),
@@ -94,7 +98,14 @@ def diagnosis_text(found: ModelDiagnosis | LineDiagnosis, files: Sequence[Path |
         *_residual(found),
         *rest,
     ]
-    return plain("\n".join(lines)) + "\n" + file_lines("files", files)
+    return plain("\n".join(lines)) + "\n" + file_lines("files", files, INDENT)
+
+
+def _verdict(found: DiagnosisResult) -> list[str]:
+    """Title and verdict."""
+    verdict = words.VERDICTS[found.verdict].lower()
+    whole = textwrap.wrap(f"{one_line(found.title)}: {verdict}", line_width(10**6), break_on_hyphens=False)
+    return [*whole[:-1], toned(verdict, TONES[found.verdict]).join(whole[-1].rsplit(verdict, 1))]
 
 
 def diagnosis_lines(record: Mapping[str, Any], files: Sequence[Path]) -> str:
@@ -109,7 +120,7 @@ def diagnosis_lines(record: Mapping[str, Any], files: Sequence[Path]) -> str:
     if record["closure"] is not None:
         share = share_words(record["closure"]["share_closed"]).replace(">", "more than")
         text += f"; {share} of the gap closed on held-out logs"
-    return plain("\n".join(entry("diagnosis:", text))) + "\n" + file_lines("", files)
+    return plain("\n".join(entry("diagnosis:", text))) + "\n" + file_lines("", files, INDENT)
 
 
 def _causes(found: DiagnosisResult) -> list[str]:
@@ -118,7 +129,12 @@ def _causes(found: DiagnosisResult) -> list[str]:
         return []
     numbers = [n for cause in found.causes for n in numbers_of(found, cause)]
     wide = _fitting([("cause", "effect", *_HEAD), *((n.label, n.effect, *_values(n)) for n in numbers)])
-    lines = wide or _fitting([("effect", *_HEAD), *(row for n in numbers for row in _stacked(n))])
+    stacked = [("effect", *_HEAD), *(row for n in numbers for row in _stacked(n))]
+    lines = (
+        wide
+        or _fitting(stacked)
+        or (["which", *table_lines(stacked, left=range(1 + len(_HEAD)), omit=_LESS)] if table_width() else [])
+    )
     for n in () if lines else numbers:
         head = f"{n.label} ({n.effect}, {n.stage}, probability {n.probability}): " if n.effect else ""
         lines += entry("" if lines else "which", f"{head}{n.what} {n.value} (95 %: {n.beside})")
@@ -134,16 +150,19 @@ def _causes(found: DiagnosisResult) -> list[str]:
 
 def _costs(found: ModelDiagnosis) -> list[str]:
     """The leading efficiency by load, and which causes cost no energy."""
-    table = cost_lines(found, WIDTH)
+    table = cost_lines(found, line_width())
     if not table:
         return []
     lines = entry("costs", cost_title(found))
-    margin = " " * INDENT if max(map(len, table)) <= WIDTH - INDENT else ""
+    margin = " " * INDENT if max(map(len, table)) <= line_width() - INDENT else ""
     return [*lines, *(margin + plain(line) for line in table), *entry("", no_energy_words(found))]
 
 
 _HEAD = ("what changes", "found", "95 %", "prob.")
 """Columns of the table of causes beside their names."""
+
+_LESS = ("what changes", "prob.")
+"""Those of them that are left out first."""
 
 
 def _values(n: CauseNumber) -> tuple[str, ...]:
@@ -158,9 +177,9 @@ def _stacked(n: CauseNumber) -> list[tuple[str, ...]]:
 
 def _fitting(rows: Sequence[Sequence[str]]) -> list[str]:
     """A table beside the margin, or below its name where it is wider; no line where it is too wide for that too."""
-    lines = table_lines(rows, left=range(len(rows[0])))
-    widest = max(len(line) for line in lines)
-    return _beside("which", lines) if widest <= WIDTH - INDENT else ["which", *lines] if widest <= WIDTH else []
+    limit, lines = line_width(), aligned_lines(rows, left=range(len(rows[0])))
+    widest = max(map(length, lines))
+    return _beside("which", lines) if widest <= limit - INDENT else ["which", *lines] if widest <= limit else []
 
 
 def _how_far(found: ModelDiagnosis | LineDiagnosis, means: str) -> list[str]:

@@ -40,11 +40,11 @@ def loss_map_lines(found: LossMap) -> list[str]:
         for c in found.surface.coefficients
     ]
     return [
-        *wrapped(f"loss map {points_words(found)}", width=80),
+        *wrapped(f"loss map {points_words(found)}", piped=80),
         "",
-        *table_lines([head, *rows], left=(0, 3, 4)),
+        *table_lines([head, *rows], left=(0, 3, 4), omit=("such as", "95 % interval")),
         "",
-        *(line for sentence in quality_words(found) for line in wrapped(sentence, width=80)),
+        *(line for sentence in quality_words(found) for line in wrapped(sentence, piped=80)),
     ]
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from winchcascade.core.version import __version__
 from winchcascade.report.audit_text import table_record, title_lines
+from winchcascade.report.screen import toned
 from winchcascade.report.text_table import indented, wrapped
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ _MOST_SHOWN = 12
 
 
 def point_audit_text(audit: PointAudit) -> str:
-    """What a table of operating points contradicts in itself; 100 columns at most."""
+    """What a table of operating points contradicts in itself."""
     table, broken = audit.table, audit.broken
     lines = title_lines(table)
     laws = [f"{name} = {column.law.text}" for name, column in table.columns.items() if column.law]
@@ -34,7 +35,14 @@ def point_audit_text(audit: PointAudit) -> str:
     lines += indented(f"and {len(broken) - _MOST_SHOWN} more") if len(broken) > _MOST_SHOWN else []
     found = [f"{len(audit.faults)} column fault{'s'[: len(audit.faults) != 1]}"] if audit.faults else []
     found += [f"{len(broken)} cell{'s'[: len(broken) != 1]} that contradict others"] if broken or not found else []
-    return "\n".join([*lines, "", "nothing contradicts itself" if audit.ok else f"found: {', '.join(found)}"]) + "\n"
+    summary = "nothing contradicts itself" if audit.ok else f"found: {', '.join(found)}"
+    return "\n".join([*lines, "", toned(summary, "good" if audit.ok else "contradiction")]) + "\n"
+
+
+def broken_laws_text(audit: PointAudit) -> str:
+    """Column faults and contradictions alone."""
+    found = [*(fault.sentence for fault in audit.faults), *(item.sentence for item in audit.broken)]
+    return "".join(f"{line}\n" for sentence in found for line in indented(sentence))
 
 
 def point_audit_record(audit: PointAudit) -> dict[str, Any]:

@@ -10,12 +10,13 @@ from types import TracebackType
 from typing import Any
 
 from winchcascade.core.plain_text import lines, one_line
+from winchcascade.report.screen import QUIET
 
 
 @contextmanager
 def status_line(title: str) -> Iterator[Callable[[str], None]]:
     """Show in one changing line of a terminal what is being done; elsewhere show nothing."""
-    if not sys.stderr.isatty():
+    if QUIET.get() or not sys.stderr.isatty():
         yield lambda _: None
         return
     from rich.console import Console
@@ -45,7 +46,7 @@ class Progress:
 
     def begin(self, kept: int, todo: int) -> None:
         """Show the bar in a terminal, if there is something to do."""
-        if not todo or not sys.stderr.isatty():
+        if not todo or QUIET.get() or not sys.stderr.isatty():
             return
         from rich.console import Console
         from rich.markup import escape
@@ -61,6 +62,8 @@ class Progress:
 
     def waiting(self, folder: Path) -> None:
         """Report that another call works in the folder of the results, so that the wait does not look like a fault."""
+        if QUIET.get():
+            return
         sys.stderr.write(lines(f"waiting for another call that works in {one_line(str(folder))}\n"))
         sys.stderr.flush()
 
@@ -68,7 +71,7 @@ class Progress:
         """Count one more as done; of one that failed show the name at once, the reason comes with the others at the end."""
         if self._bar is not None:
             self._bar.advance(self._bar.task_ids[0])
-        if fault is None:
+        if fault is None or QUIET.get():
             return
         line = lines(one_line(f"failed: {name}"))
         if self._bar is not None:

@@ -8,22 +8,32 @@ from functools import partial
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
-from winchcascade.core.campaign_file import origin_words
 from winchcascade.core.plain_text import one_line
 from winchcascade.reduction.montecarlo import stated_uncertainty
 from winchcascade.report.report_model import TableColumn
-from winchcascade.report.text_table import at_most, listing, plain_cell, wrapped
+from winchcascade.report.screen import toned
+from winchcascade.report.text_table import (
+    at_most,
+    data_lines,
+    headed,
+    listing,
+    metric_steps,
+    plain_cell,
+    table_lines,
+    wrapped,
+)
 from winchcascade.report.wording import decisive, label, load_words, net_reasons, not_known, of_phase, window_words
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from winchcascade.core.run import Finding, Run
     from winchcascade.reduction.efficiency import Metrics
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
+    from winchcascade.report.screen import Tone
     from winchcascade.rig.simulate import Simulation
 
-_WIDTH = 80
+_PIPED = 80
+"""Columns of a sentence in a pipe. [characters]"""
+
 _MOST_CYCLES = 20
 _MOST_FINDINGS = 12
 _MOST_REASONS = 3
@@ -34,7 +44,7 @@ def reduction_text(reduction: Reduction) -> str:
     """Energies and efficiencies of the cycles, their mean, largest deviation and uncertainty, the phases and the findings.
 
     First those of the windows, then those of whole cycles. Mean powers are those of the window; a cycle in brackets is
-    incomplete and not in the mean. At most 80 columns wide for a crane trial.
+    incomplete and not in the mean. In a pipe at most 80 columns wide for a crane trial.
     """
     known, uncertainties = stated_uncertainty(reduction)
     lines = [*_title(reduction), "", *_results(reduction, uncertainties), "", *_net(reduction, uncertainties), ""]
@@ -43,15 +53,21 @@ def reduction_text(reduction: Reduction) -> str:
         TableColumn(f"P_{stage}", "W", watts, of=attrgetter(f"metrics.power_{stage}"))
         for stage in reduction.rig.cascade.names
     ]
-    lines += listing([*_PHASES, *powers], reduction.cycles, most=_MOST_CYCLES, more=_MORE, used=True)
+    inner = [column.name for column in powers[:-1]]
+    lines += listing(
+        [*_PHASES, *powers], reduction.cycles, most=_MOST_CYCLES, more=_MORE, used=True, omit=[*_LESS, *inner]
+    )
     if reduction.rig.phases.source == "waves":
         lines += ["", *_waves(reduction)]
     parts = ", ".join(f"{metric} {share:.0%} {name}" for metric, share, name in decisive(known))
     sentences = [*([f"most of the variance: {parts}"] if parts else []), *not_known(known)]
-    lines += ["", *(wrapped(f"uncertainty: {'; '.join(sentences)}", width=_WIDTH) if sentences else [])]
-    quality = [_finding(finding, reduction.run.samples) for finding in reduction.quality]
-    lines.append(f"findings: {len(quality) or 'none'}")
-    blocks = [wrapped(text, "  ", width=_WIDTH) for text in quality]
+    lines += ["", *(wrapped(f"uncertainty: {'; '.join(sentences)}", piped=_PIPED) if sentences else [])]
+    quality = reduction.quality
+    lines.append(f"findings: {toned(f'{len(quality)}', 'warning') if quality else toned('none', 'good')}")
+    blocks = [
+        headed(wrapped(_finding(finding, reduction.run.samples), "  ", _PIPED), finding.kind, tone_of(finding.kind))
+        for finding in quality
+    ]
     return "\n".join([*lines, *at_most(blocks, _MOST_FINDINGS, "more, all in --json", "  ")]) + "\n"
 
 
@@ -75,7 +91,8 @@ def _results(reduction: Reduction, uncertainties: Metrics) -> list[str]:
     if n > 1 and reduction.window in ("payout", "whole"):  # windows differ in length, so sums show what a mean does not
         below.append(["all together", "", *_texts(reduction.total, names, _decimals(reduction), 3)])
     columns = [_CYCLE, window, *_columns(reduction, names)]
-    lines = listing(columns, reduction.cycles, most=_MOST_CYCLES, more=_MORE, below=below, used=True)
+    omit = ["window", *metric_steps(cascade.energies, cascade.ratios)]
+    lines = listing(columns, reduction.cycles, most=_MOST_CYCLES, more=_MORE, below=below, used=True, omit=omit)
     return [*lines, *_both_ways(reduction)]
 
 
@@ -99,8 +116,10 @@ def _net(reduction: Reduction, uncertainties: Metrics) -> list[str]:
         n = sum(c.metrics.energy_net is not None for c in reduction.complete)
         below = _means(reduction, uncertainties, names, n, [])
         columns = [_CYCLE, *_columns(reduction, names)]
-        lines += listing(columns, reduction.cycles, most=_MOST_CYCLES, more=_MORE, below=below, used=True)
-    reasons = [wrapped(f"no net energy, {sentence}", width=_WIDTH) for sentence in net_reasons(reduction.cycles)]
+        lines += listing(
+            columns, reduction.cycles, most=_MOST_CYCLES, more=_MORE, below=below, used=True, omit=_LESS_NET
+        )
+    reasons = [wrapped(f"no net energy, {sentence}", piped=_PIPED) for sentence in net_reasons(reduction.cycles)]
     return lines + at_most(reasons, _MOST_REASONS, "more reasons, all in --json", "  ")
 
 
@@ -157,17 +176,32 @@ _PHASES: tuple[TableColumn[CycleResult], ...] = (
 )
 
 
+_LESS = ("hold", "haul-in", "onset", "payout")
+"""Columns of the phases that are left out first, before powers of inner stages."""
+
+_LESS_NET = ("E_returned", "E_payout", "E_gen_cycle")
+"""Columns of whole cycles that are left out first."""
+
+_CONTRADICTIONS = {"load_mismatch", "unit_conflict", "speed_mismatch", "clock_mismatch", "origin_conflict"}
+"""Findings of which two statements contradict each other."""
+
+
+def tone_of(kind: str) -> Tone:
+    """Colour of a finding."""
+    return "contradiction" if kind in _CONTRADICTIONS else "warning"
+
+
 def _title(reduction: Reduction) -> list[str]:
     run, rig = reduction.run, reduction.rig
     table = "" if run.table is None else f", table {one_line(run.table)!r}"
     drum = "" if rig.r_drum is None else f" (drum radius {rig.r_drum:g} m)"
     parts = [_load(reduction), f"rig {one_line(rig.name)}{drum}", f"window {window_words(reduction.window)}"]
     return [
-        f"{one_line(run.name)}{table}: {run.samples} samples at {run.fs:.6g} Hz, {_duration(run)}",
-        "; ".join(part for part in parts if part),
-        *([f"campaign: {one_line(run.about)}"] if run.about else []),
-        *wrapped(f"data: {origin_words([run.origin])}", width=_WIDTH),
-        *([f"rig note: {one_line(rig.note)}"] if rig.note else []),
+        *wrapped(f"{run.name}{table}: {run.samples} samples at {run.fs:.6g} Hz, {_duration(run)}", piped=None),
+        *wrapped("; ".join(part for part in parts if part), piped=None),
+        *(wrapped(f"campaign: {run.about}", piped=None) if run.about else []),
+        *data_lines([run.origin], _PIPED),
+        *(wrapped(f"rig note: {rig.note}", piped=None) if rig.note else []),
     ]
 
 
@@ -202,14 +236,51 @@ def _finding(finding: Finding, samples: int) -> str:
     return one_line(f"{finding.kind}: {finding.message}{where}; {finding.action}{cost}")
 
 
-def simulation_text(simulation: Simulation, out: Path) -> str:
-    """Where the line's energy went in a simulation, until its largest, and where the log is."""
+def simulation_text(simulation: Simulation) -> str:
+    """Where the energy of the line went in a simulation, until that energy has its maximum."""
     run, energy = simulation.run, simulation.energy
     most = int(energy["line"].argmax())
     line = float(energy["line"][most])
     load = load_words(run.load, "ohm", before="load ")
     shares = {name: float(joule[most]) for name, joule in energy.items() if abs(joule[most]) >= 5e-4 * abs(line)}
-    rows = [("energy", "J", "share"), *((n, f"{e:.0f}", f"{e / line:.1%}" if line else "-") for n, e in shares.items())]
-    lines = [f"{one_line(run.name)}: simulated at {load}, {run.samples} samples, {_duration(run)}", ""]
-    lines += [f"{name:<12}{joule:>9}{share:>9}" for name, joule, share in rows]
-    return "\n".join([*lines, "", f"log: {out}"]) + "\n"
+    rows = [
+        ("energy", "J", "share", "what it is"),
+        *((n, f"{e:.0f}", f"{e / line:.1%}" if line else "-", LEDGER_WORDS[n]) for n, e in shares.items()),
+    ]
+    span = (
+        f"from the start of the log, {run.t[0]:.2f} s, to {run.t[most]:.2f} s, when the energy of the line is largest"
+    )
+    return (
+        "\n".join(
+            [
+                *wrapped(f"{run.name}: simulated at {load}, {run.samples} samples, {_duration(run)}", piped=None),
+                *wrapped(f"energies: {span}; share: of the energy of the line"),
+                "",
+                *table_lines(rows, left=(0, 3), omit=("what it is",)),
+            ]
+        )
+        + "\n"
+    )
+
+
+LEDGER_WORDS = {
+    "line": "delivered by the line",
+    "gas": "stored in the gas",
+    "drum": "stored in the drum",
+    "shaft": "stored in the torsion of the shaft",
+    "rotor": "stored in the rotor",
+    "capacitor": "stored in the capacitor of the DC link",
+    "screw": "lost to friction of the screw",
+    "seal": "lost to friction of the seals",
+    "line_loss": "lost between line and torque sensor",
+    "clutch": "lost in the clutch",
+    "shaft_loss": "lost in the shaft",
+    "mesh": "lost in the gear mesh",
+    "damper": "lost in the damper of the fast shaft",
+    "windage": "lost to windage of the fast shaft",
+    "friction": "lost to friction of the fast shaft",
+    "copper": "lost in the copper of the generator",
+    "diodes": "lost in the diodes",
+    "dc": "delivered by the DC link",
+}
+"""Entries of the ledger of a simulation in words."""

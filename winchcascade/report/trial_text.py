@@ -10,9 +10,10 @@ from winchcascade.blind.cases import ORIGIN, SEALED
 from winchcascade.blind.injected import INJECTED, OUTSIDERS
 from winchcascade.blind.score import NOTHING, CaseScore, Count, Score, hidden_name
 from winchcascade.blind.trial import TrialProgress
-from winchcascade.core.campaign_file import Origin, origin_words
+from winchcascade.core.campaign_file import Origin
 from winchcascade.report.campaign_record import altered_lines
-from winchcascade.report.text_table import indented, table_lines
+from winchcascade.report.screen import toned
+from winchcascade.report.text_table import data_lines, file_lines, headed, indented, table_lines, wrapped
 
 HIDDEN = ("single", "pair")
 """Kinds of cases that hide effects of the catalogue."""
@@ -112,19 +113,21 @@ def taken_rows(score: Score) -> list[tuple[str, str, str, str]]:
 
 # -------------------------------------------------------------------------------------------------------- the terminal
 def trial_text(score: Score, place: Path) -> str:
-    """The counts of a trial, by strength too, and each case that was not named; 128 columns at most."""
+    """The counts of a trial, by strength too, and each case that was not named."""
     wrong = [case for case in score.cases if not case.went_well and case.outcome != "missing"]
     cases = [(f"  {c.case}", hidden_words(c), c.outcome.replace("_", " "), said_words(c)) for c in wrong]
     head = ("  hidden", "cases", "named", "otherwise taken for (cases)")
     lines = [
-        f"trial {place}: {len(score.cases)} cases, seed {score.seed}",
-        f"answers: SHA-256 {score.sealed_sha256}",
-        f"data: {origin_words([Origin(False, ORIGIN)])}",
+        *wrapped(f"trial {place}: {len(score.cases)} cases, seed {score.seed}", piped=None),
+        *wrapped(f"answers: SHA-256 {score.sealed_sha256}", piped=None),
+        *data_lines([Origin(False, ORIGIN)], None),
         "",
-        *_aligned([(name, *count_cells(count)) for name, count in totals(score) if count.of]),
+        *_aligned([(name, *count_cells(count)) for name, count in totals(score) if count.of], _COUNTS, _LESS),
         "",
         "single effects named, by strength:",
-        *_aligned([(f"  {strength:g}", *count_cells(count)) for strength, count in score.strengths.items()]),
+        *_aligned(
+            [(f"  {strength:g}", *count_cells(count)) for strength, count in score.strengths.items()], _COUNTS, _LESS
+        ),
         "",
         "closure, computed again from the predictions:",
         *indented(closure_sentence(score)),
@@ -132,11 +135,15 @@ def trial_text(score: Score, place: Path) -> str:
         "what each was taken for:",
         *_aligned([head, *((f"  {hidden}", *cells) for hidden, *cells in taken_rows(score))]),
         "",
-        "cases that were not named, misnamed or reported without a cause:" if wrong else _ALL_WELL,
-        *(_aligned(cases) if wrong else []),
+        *(wrapped("cases that were not named, misnamed or reported without a cause:") if wrong else []),
+        *(_aligned(cases, ("case", "hidden", "outcome", "diagnosis"), ("hidden",)) if wrong else []),
+        *([] if wrong else [toned(_ALL_WELL, "good")]),
     ]
     return "\n".join(lines) + "\n"
 
+
+_COUNTS, _LESS = ("counted", "cases", "share", "95 %"), ("95 %", "share")
+"""Columns of counts, and those that are left out first."""
 
 _ALL_WELL = "every diagnosis that was made is correct"
 
@@ -144,21 +151,28 @@ _ALL_WELL = "every diagnosis that was made is correct"
 def dealt_text(done: TrialProgress, place: Path) -> str:
     """What a call of deal came to."""
     lines = [
-        f"{place}: {done.made} cases dealt, {done.kept} were there already",
-        f"answers sealed in {SEALED}: SHA-256 {done.sha256}",
+        *wrapped(f"{place}: {done.made} cases dealt, {done.kept} were there already", piped=None),
+        *wrapped(f"answers sealed in {SEALED}: SHA-256 {done.sha256}", piped=None),
     ]
     return "\n".join(lines + _faults(done)) + "\n"
 
 
 def diagnosed_text(done: TrialProgress, place: Path) -> str:
     """What a call of diagnose came to; nothing of the answers."""
-    lines = [f"{place}: {done.made} cases diagnosed, {done.kept} were already", *altered_lines(done.altered)]
-    return "\n".join(lines + _faults(done)) + "\n"
+    lines = wrapped(f"{place}: {done.made} cases diagnosed, {done.kept} were already", piped=None)
+    lines += [*altered_lines(done.altered), *_faults(done)]
+    return "\n".join(lines) + "\n" + file_lines("files:", [place / "diagnoses", place / "predictions"])
+
+
+def faults_text(done: TrialProgress) -> str:
+    """Cases that failed, and why."""
+    return "".join(f"{line}\n" for line in _faults(done))
 
 
 def _faults(done: TrialProgress) -> list[str]:
-    return [f"failed: {name}: {fault}" for name, fault in done.faults.items()]
+    found = (wrapped(f"failed: {name}: {fault}", piped=None) for name, fault in done.faults.items())
+    return [line for lines in found for line in headed(lines, "failed", "contradiction")]
 
 
-def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    return table_lines(rows, left=range(len(rows[0]))) if rows else ["  none"]
+def _aligned(rows: Sequence[Sequence[str]], heads: Sequence[str] = (), omit: Sequence[str] = ()) -> list[str]:
+    return table_lines(rows, left=range(len(rows[0])), heads=heads, omit=omit) if rows else ["  none"]

@@ -13,7 +13,7 @@ from winchcascade.reduction.wave_bootstrap import DRAWS, FEWEST, SEED, EnergyErr
 from winchcascade.reduction.wave_energies import WaveClass, WaveEnergies
 from winchcascade.report.digits import significant
 from winchcascade.report.report_model import Table, TableColumn, items_table
-from winchcascade.report.text_table import indented, listing, plain_cell, wrapped
+from winchcascade.report.text_table import indented, listing, metric_steps, plain_cell, wrapped
 from winchcascade.report.wording import SYMBOL
 
 MOST_CLASSES = 40
@@ -38,7 +38,14 @@ def wave_lines(found: WaveEnergies) -> list[str]:
     return [
         *lines,
         "",
-        *listing(columns, found.classes, most=MOST_CLASSES, more="classes more, all in --json", used=True),
+        *listing(
+            columns,
+            found.classes,
+            most=MOST_CLASSES,
+            more="classes more, all in --json",
+            used=True,
+            omit=metric_steps([f"E_{stage}" for stage in found.energy], found.efficiency),
+        ),
     ]
 
 

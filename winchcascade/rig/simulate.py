@@ -18,7 +18,7 @@ from winchcascade.core.files import write_whole
 from winchcascade.core.monotone_cubic import monotone_cubic
 from winchcascade.core.quantity import UNITS
 from winchcascade.core.rig_toml import built_in
-from winchcascade.core.run import CHANNELS, SIMULATED_HEADERS, Run, Signal
+from winchcascade.core.run import CHANNELS, LOAD_HEADER, SIMULATED_HEADERS, Run, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import COLUMNS, REST, SHAFT, TURN, constants, run_line, solve_shaft
@@ -267,7 +267,7 @@ LOGGED = ("displacement", "velocity", *READ)
 
 
 def write_log(simulation: Simulation, path: Path, *, force: bool = False) -> None:
-    """Write a simulation as CSV, whole or not at all: the headers of a measured log, then those that mark it as simulated.
+    """Write a simulation as CSV, whole or not at all: the headers of a measured log, those that mark it as simulated, the load.
 
     Raises
     ------
@@ -291,8 +291,10 @@ def write_simulated(run: Run, path: Path, unlogged: Signal | None = None, *, for
     shown = [CHANNELS[name] for name in LOGGED if name in run.channels]
     columns = [run.t, *(run.channels[channel.name] / UNITS[channel.unit].factor for channel in shown)]
     unknown = np.full((run.t.size, len(SIMULATED_HEADERS)), math.nan)
-    table = np.column_stack([*columns, unknown if unlogged is None else unlogged])
-    header = ",".join(["Time (s)", *(channel.header for channel in shown), *SIMULATED_HEADERS])
+    load = [] if run.load is None else [np.full(run.t.size, run.load)]
+    table = np.column_stack([*columns, unknown if unlogged is None else unlogged, *load])
+    headers = ["Time (s)", *(channel.header for channel in shown), *SIMULATED_HEADERS]
+    header = ",".join([*headers, LOAD_HEADER] if load else headers)
     formats = ["%.6f" if run.t[-1] < 1e6 else "%.3f"] + ["%.9g"] * (table.shape[1] - 1)
     write_whole(
         path,

@@ -2,7 +2,6 @@
 
 import difflib
 import math
-import textwrap
 from collections.abc import Mapping
 
 from winchcascade.core.errors import OptionError
@@ -56,40 +55,3 @@ def make_effect(name: str, values: Mapping[str, float]) -> ActiveEffect:
                 f"effect {name}: {key} is {value:g}, but must lie between {low:g} and {high:g} [{fields[key].unit}]."
             )
     return ActiveEffect(effect, tuple(values.get(key, field.absent) for key, field in fields.items()))
-
-
-def describe(name: str | None = None) -> str:
-    """Describe one effect, or all of them in a table.
-
-    Raises
-    ------
-    OptionError : no effect has that name
-    """
-    return _table() if name is None else _sheet(find_effect(name))
-
-
-_WHAT = 36
-"""Width of the column of what is unmodelled."""
-
-
-def _table() -> str:
-    rows = [("name", "stage", "what is unmodelled", "parameter (unit)")]
-    rows += [(e.name, e.stage, e.summary, f"{e.parameter} ({e.unit})") for e in EFFECTS.values()]
-    lines = []
-    for name, stage, what, parameter in rows:
-        first, *more = textwrap.wrap(what, _WHAT, break_on_hyphens=False)
-        lines.append(f"{name:<16} {stage:<12} {first:<{_WHAT}} {parameter}")
-        lines += [f"{'':<29} {line}".rstrip() for line in more]
-    return "\n".join(lines)
-
-
-def _sheet(effect: Effect) -> str:
-    paragraphs = [
-        f"{effect.name} ({effect.stage}): {effect.summary}",
-        f"Shows as: {effect.shows_as}",
-        f"Easily taken for: {effect.taken_for}",
-        f"Source: {effect.source}",
-        f"Reports: {effect.parameter} ({effect.unit})",
-        *(f"{f.name} [{f.unit}]: {f.low:g} to {f.high:g}, absent {f.absent:g}; {f.source}." for f in effect.fields),
-    ]
-    return "\n".join(textwrap.fill(text, 100, subsequent_indent="    ", break_on_hyphens=False) for text in paragraphs)
