@@ -172,7 +172,9 @@ def test_a_log_that_is_not_there_is_reported(tmp_path: Path) -> None:
 
 
 def test_a_folder_is_no_log(tmp_path: Path) -> None:
-    assert "is not a file" in one_sentence("reduce", tmp_path)
+    sentence = one_sentence("reduce", tmp_path)
+    assert "is not a file" in sentence
+    assert f"`winchcascade batch {tmp_path} --out results`" in sentence
 
 
 def test_an_empty_file_is_reported(tmp_path: Path) -> None:

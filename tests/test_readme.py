@@ -40,7 +40,7 @@ def output(command: str, place: Path) -> str:
     """What a command prints, rejections included, called in a folder that holds the fixtures."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(place)
-        patch.setenv("COLUMNS", "80")
+        patch.delenv("COLUMNS", raising=False)
         called = call(*shlex.split(command + WITHOUT_REPORTS.get(command, ""))[1:], patience=LONGEST)
     return called.err + called.out
 

@@ -28,9 +28,17 @@ class Called(NamedTuple):
     err: str
 
 
-def call(*arguments: str | Path, encoding: str = "utf-8", patience: int = PATIENCE) -> Called:
-    """Call the command line on a terminal of an encoding; a command that never ends is a fault of the test."""
-    streams = [io.TextIOWrapper(io.BytesIO(), encoding=encoding) for _ in range(2)]
+class Terminal(io.TextIOWrapper):
+    """A stream that is a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def call(*arguments: str | Path, encoding: str = "utf-8", patience: int = PATIENCE, terminal: bool = False) -> Called:
+    """Call the command line with streams of an encoding; a command that never ends is a fault of the test."""
+    kind = Terminal if terminal else io.TextIOWrapper
+    streams = [kind(io.BytesIO(), encoding=encoding) for _ in range(2)]
     kept = sys.argv, sys.stdout, sys.stderr
     handlers = {number: signal.getsignal(number) for number in ENDING}
     sys.argv = ["winchcascade", *map(str, arguments)]

@@ -473,11 +473,63 @@ def jobs(place: Workplace) -> Recorded:
         yield name, text
 
 
+WIDTHS = (60, 80, 120, 200)
+"""Columns of the terminals for which the main commands are recorded."""
+
+NARROW_ERRORS = (
+    "reduce fixtures",
+    f"reduce {CAMPAIGN}/r36ohm.csv --window 0",
+    f"check {CAMPAIGN} --against nothing",
+    "audit",
+)
+"""Commands that cannot be done, one of them without its argument."""
+
+
+def terminal(place: Workplace) -> Recorded:
+    """Print what the main commands print in terminals of several widths, and what they print with --quiet."""
+    Path("wrong.toml").write_text(WRONG_TABLE, encoding="utf-8")
+    unpack(max(KEPT.iterdir()) / "trial.tar.xz")
+    folder = _campaign("pair", {f"{CAMPAIGN}/r{ohm:g}ohm.csv": ohm for ohm in (36.0, 9.0)}, window=5.48)
+    batch = ("--jobs", "1", "--reports", "none", "--out")
+    suspects = ("--suspect", "ke_rolloff", "--suspect", "torque_gain")
+    missed = ("--tolerance", "deviation=0", "--tolerance", "uncertainty=0.1")
+    done = (
+        ("reduce", f"{CAMPAIGN}/r36ohm.csv", "--json", "r.json"), ("reduce", f"{DAMAGED}/dropouts.csv", *WINDOW),
+        ("batch", CAMPAIGN, *batch, "out"), ("batch", DAMAGED, *batch, "damaged"),
+        ("check", CAMPAIGN, "--against", TABLE, "--jobs", "1"),
+        ("check", CAMPAIGN, "--against", TABLE, *missed, "--junit", "c.xml"),
+        ("audit", TABLE), ("audit", "wrong.toml"), ("calibrate", f"{CAMPAIGN}/open_circuit.csv", "--write", "rig.toml"),
+        ("simulate", f"{CAMPAIGN}/r36ohm.csv", "--out", "s.csv"), ("diagnose", folder, *suspects, "--jobs", "1"),
+        ("effects",), ("effects", "stribeck"), ("blind", "score", "trial", "--json", "score.json"),
+    )  # fmt: skip
+    for width in WIDTHS:
+        text = "\n".join(place.run(*words, columns=width) for words in done)
+        helps = "\n".join(place.run(*name.split(), "--help", columns=width) for name in ("", *COMMANDS))
+        wrong = "\n".join(place.run(*words.split(), columns=width, terminal=True) for words in NARROW_ERRORS)
+        yield f"{width}-columns", f"{text}\n{wrong}\n{helps}"
+    yield "quiet", "\n".join(place.run(*words, "--quiet") for words in done) + place.run("reduce", "nowhere", "--quiet")
+
+
 GROUPS: dict[str, Callable[[Workplace], Recorded]] = {
     one.__name__: one
-    for one in (cli, reduce, batch, tables, model, earlier, calibrate, reports, jobs, physics, diagnose, blind, demo)
+    for one in (
+        cli,
+        reduce,
+        batch,
+        tables,
+        model,
+        earlier,
+        calibrate,
+        terminal,
+        reports,
+        jobs,
+        physics,
+        diagnose,
+        blind,
+        demo,
+    )
 }
 """Groups by name, quick ones first."""
 
-SLOW: Sequence[str] = ("calibrate", "reports", "jobs", "physics", "diagnose", "blind", "demo")
+SLOW: Sequence[str] = ("calibrate", "terminal", "reports", "jobs", "physics", "diagnose", "blind", "demo")
 """Groups that take more than ten seconds."""

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
+from unittest import mock
 
 import numpy
 from calls import call
@@ -28,9 +29,9 @@ KEPT = HERE / "versions"
 """Results and trials that earlier versions made, one folder for each version."""
 
 EPOCH = "1767225600"
-ENVIRONMENT = {"SOURCE_DATE_EPOCH": EPOCH, "COLUMNS": "100", "TERM": "dumb", "NO_COLOR": "1", "LANG": "C.UTF-8"}
-UNWANTED = ("TERMINAL_WIDTH", "FORCE_COLOR", "GITHUB_ACTIONS", "PY_COLORS", "_TYPER_FORCE_DISABLE_TERMINAL")
-"""Variables that change how help is laid out."""
+ENVIRONMENT = {"SOURCE_DATE_EPOCH": EPOCH, "TERM": "dumb", "NO_COLOR": "1", "LANG": "C.UTF-8"}
+UNWANTED = ("COLUMNS", "TERMINAL_WIDTH", "FORCE_COLOR", "GITHUB_ACTIONS", "PY_COLORS", "_TYPER_FORCE_DISABLE_TERMINAL")
+"""Variables that change how lines are laid out."""
 
 LABELLED = ("ke_rolloff", "torque_gain", "copper_heating_and_line_drag", "none")
 """Labelled campaigns: one effect in the generator, one in a sensor, a pair of effects, and none."""
@@ -67,10 +68,15 @@ class Workplace:
             if path.is_file():
                 self._inputs[hashlib.sha256(path.read_bytes()).hexdigest()] = str(path.relative_to(self.folder))
 
-    def run(self, *words: str | Path) -> str:
-        """Call a command in this process; the command, what it prints, and its exit code."""
+    def run(self, *words: str | Path, columns: int | None = None, terminal: bool = False) -> str:
+        """Call a command in this process; the command, what it prints, and its exit code.
+
+        `columns` are those of a line; with `terminal`, both streams are terminals.
+        """
+        width = {} if columns is None else {"COLUMNS": str(columns)}
         try:
-            code, out, err = call(*words, patience=PATIENCE)
+            with mock.patch.dict(os.environ, width):
+                code, out, err = call(*words, patience=PATIENCE, terminal=terminal)
         except Exception as fault:
             code, out, err = 1, "", f"TRACEBACK {type(fault).__name__}: {fault}\n"
         parts = [f"$ winchcascade {' '.join(map(str, words))}\n{out}"]

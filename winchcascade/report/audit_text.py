@@ -131,7 +131,7 @@ def _windows(audit: Audit) -> list[str]:
         if w.span is not None:
             middle, half = 0.5 * (w.span.low + w.span.high), 0.5 * (w.span.high - w.span.low)
             span = f"{w.span.low:.4f} to {w.span.high:.4f} s ({middle:.4f} s +- {percent(half / middle)})"
-        lines.append(f"  {load_text(w.load)}: {span}")
+        lines += indented(f"{load_text(w.load)}: {span}")
     for shared in audit.shared:
         if len(shared.loads) > 1:
             loads = ", ".join(load_text(load) for load in shared.loads)
