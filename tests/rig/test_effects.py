@@ -19,8 +19,9 @@ from winchcascade.core.errors import OptionError
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.ingest.read import read_run
+from winchcascade.report.effects_text import effects_text
 from winchcascade.rig.baseline import baseline
-from winchcascade.rig.effects.catalogue import EFFECTS, describe, find_effect, make_effect
+from winchcascade.rig.effects.catalogue import EFFECTS, find_effect, make_effect
 from winchcascade.rig.effects.effect import ActiveEffect, Effect
 from winchcascade.rig.parts import ROLLOFF_KNOTS, Model
 from winchcascade.rig.simulate import READ, STEP, Simulation, simulate
@@ -326,7 +327,7 @@ def test_an_effect_is_found_by_its_name() -> None:
 
 
 def test_the_table_names_every_effect_in_a_hundred_columns() -> None:
-    lines = describe().splitlines()
+    lines = effects_text().splitlines()
     assert max(map(len, lines)) <= 100
     named = [line.split()[0] for line in lines[1:] if not line.startswith(" ")]
     assert named == list(EFFECTS)
@@ -334,7 +335,7 @@ def test_the_table_names_every_effect_in_a_hundred_columns() -> None:
 
 @every_effect
 def test_the_sheet_of_an_effect_has_all_of_its_declaration(name: str) -> None:
-    text, effect = " ".join(describe(name).split()), EFFECTS[name]
+    text, effect = " ".join(effects_text(name).split()), EFFECTS[name]
     assert all(part in text for part in (effect.summary, effect.shows_as, effect.taken_for, effect.source))
     for field in effect.fields:
         assert f"{field.name} [{field.unit}]: {field.low:g} to {field.high:g}, absent {field.absent:g}; " in text

@@ -1,0 +1,259 @@
+"""What commands print in a terminal: its width, its colours, --quiet and the list of files, by a terminal of the system."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from calls import call
+
+from winchcascade.report.screen import PIPE, Screen, use_screen
+from winchcascade.report.text_table import aligned_lines, table_lines, wrapped
+
+if sys.platform == "win32":
+    pytest.skip("terminals of this kind are those of other systems", allow_module_level=True)
+
+import fcntl
+import pty
+import struct
+import termios
+
+DOCS = Path(__file__).parent.parent / "docs" / "terminal.md"
+COLOUR = re.compile(r"\x1b\[[\d;]*m")
+TABLE = "hsu2026-table2"
+LOG = "fixtures/campaign/r36ohm.csv"
+
+COMMANDS = {
+    "reduce": ("reduce", LOG),
+    "reduce with findings": ("reduce", "fixtures/damaged_logs/dropouts.csv", "--load-ohm", "36"),
+    "batch": ("batch", "fixtures/damaged_logs", "--out", "out", "--reports", "none", "--jobs", "1"),
+    "check": ("check", "fixtures/campaign", "--against", TABLE, "--tolerance", "deviation=0", "--jobs", "1"),
+    "audit": ("audit", TABLE),
+    "simulate": ("simulate", LOG, "--out", "s.csv"),
+    "effects": ("effects",),
+    "help": ("reduce", "--help"),
+    "commands": ("--help",),
+    "error": ("reduce", "fixtures"),
+}
+"""Commands whose output fits into a terminal."""
+
+
+def shown(*words: str, columns: int, **environment: str) -> str:
+    """What a command shows in a terminal of some columns, on both streams."""
+    ours, its = pty.openpty()
+    fcntl.ioctl(its, termios.TIOCSWINSZ, struct.pack("HHHH", 40, columns, 0, 0))
+    present = {name: text for name, text in os.environ.items() if name not in ("COLUMNS", "NO_COLOR")}
+    process = subprocess.Popen(
+        [sys.executable, "-m", "winchcascade", *words],
+        stdin=its, stdout=its, stderr=its, env=present | {"TERM": "xterm-256color"} | environment,
+    )  # fmt: skip
+    os.close(its)
+    parts = []
+    while True:
+        try:
+            part = os.read(ours, 65536)
+        except OSError:  # the other side is closed
+            break
+        if not part:
+            break
+        parts.append(part)
+    process.wait()
+    os.close(ours)
+    return b"".join(parts).decode().replace("\r\n", "\n")
+
+
+@pytest.fixture
+def place(tmp_path: Path, fixtures: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    (tmp_path / "fixtures").symlink_to(fixtures)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("COLUMNS", raising=False)
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", ["reduce", "check", "error", "help"])
+def test_a_terminal_of_sixty_columns_is_never_exceeded(place: Path, name: str) -> None:
+    text = COLOUR.sub("", shown(*COMMANDS[name], columns=60))
+    assert max(map(len, text.splitlines())) <= 60
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("width", [60, 80, 120])
+def test_lines_follow_the_width_that_is_stated(place: Path, name: str, width: int) -> None:
+    done = _with_columns(width, *COMMANDS[name])
+    assert max(len(line) for line in done.splitlines()) <= width
+
+
+def _with_columns(width: int, *words: str) -> str:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("COLUMNS", str(width))
+        patch.setenv("NO_COLOR", "1")
+        called = call(*words, terminal=words[:2] == COMMANDS["error"])
+    return called.out + called.err
+
+
+@pytest.mark.parametrize("name", ["reduce", "effects", "commands"])
+def test_lines_stop_growing_at_a_hundred_and_twenty_columns(place: Path, name: str) -> None:
+    assert _with_columns(200, *COMMANDS[name]) == _with_columns(120, *COMMANDS[name])
+
+
+def test_a_terminal_shows_colours_and_the_same_text_without_them(place: Path) -> None:
+    words = COMMANDS["reduce with findings"]
+    coloured = shown(*words, columns=100)
+    plain = shown(*words, columns=100, NO_COLOR="1")
+    assert COLOUR.search(coloured)
+    assert not COLOUR.search(plain)
+    assert COLOUR.sub("", coloured) == plain
+    assert set(COLOUR.findall(coloured)) <= {"\x1b[32m", "\x1b[33m", "\x1b[31m", "\x1b[0m"}
+
+
+def test_a_pipe_gets_neither_colours_nor_omitted_columns(place: Path) -> None:
+    out = call(*COMMANDS["reduce"]).out
+    assert "\x1b" not in out
+    assert "omitted" not in out
+
+
+def test_a_name_from_a_file_cannot_colour_the_terminal(place: Path) -> None:
+    log = place / "\ufdd2evil\x1b[31m.csv"
+    log.write_bytes(Path(LOG).read_bytes())
+    text = shown("reduce", str(log), "--load-ohm", "36", columns=100)
+    assert "\x1b[31m" not in text
+
+
+def documented(command: str, table: str) -> list[str]:
+    """Columns of a table in the order in which the page states that they are omitted."""
+    row = next(
+        line for line in DOCS.read_text(encoding="utf-8").splitlines() if line.startswith(f"| `{command}` | {table} |")
+    )
+    return re.findall(r"`([^`]+)`", row.split("|")[3])
+
+
+@pytest.mark.parametrize(
+    ("words", "table", "line"),
+    [
+        (COMMANDS["reduce"], "windows", 0),
+        (COMMANDS["reduce"], "whole cycles", 1),
+        (COMMANDS["reduce"], "phases", 2),
+        (("batch", "fixtures/campaign", "--out", "out", "--reports", "none", "--jobs", "1"), "logs", 0),
+        (("calibrate", "fixtures/campaign/open_circuit.csv"), "numbers", 0),
+        (COMMANDS["simulate"], "energies", 0),
+    ],
+)
+def test_columns_are_omitted_in_the_order_of_the_page(
+    place: Path, words: tuple[str, ...], table: str, line: int
+) -> None:
+    order = documented(words[0], table)
+    for width in (60, 80, 100):
+        text = _with_columns(width, *words)
+        blocks = re.split(r"\n\n", text)
+        tables = [block for block in blocks if re.match(r"(cycle|log|number|energy) ", block)]
+        found = re.search(r"\(omitted at \d+ columns: ([^)]*)\)", tables[line])
+        gone = re.split(r",\s+", found[1]) if found else []
+        assert gone == order[: len(gone)]
+
+
+@pytest.mark.parametrize("width", range(12, 60, 6))
+def test_a_table_names_what_it_omits_and_then_cuts_texts(width: int) -> None:
+    rows = [("a name", "first", "second", "third"), ("x" * 30, "1", "2", "3"), ("y", "10", "20", "30")]
+    use_screen(Screen(width))
+    try:
+        lines = table_lines(rows, omit=("second", "first, third"))
+    finally:
+        use_screen(PIPE)
+    whole = aligned_lines(rows)
+    if max(map(len, whole)) <= width:
+        assert lines == whole
+    elif width >= 38:
+        assert any(line.startswith(f"(omitted at {width}") for line in lines[3:])
+    assert all(len(line) <= width for line in lines[:3])
+
+
+def test_sentences_of_a_pipe_may_stay_on_one_line() -> None:
+    assert wrapped("word " * 60, piped=None) == [" ".join(["word"] * 60)]
+    assert max(map(len, wrapped("word " * 60))) <= 100
+
+
+QUIET = {
+    "reduce": (COMMANDS["reduce"], 0, ""),
+    "batch": (COMMANDS["batch"], 1, "failed: header_only.csv"),
+    "check": (COMMANDS["check"], None, ""),
+    "audit": (COMMANDS["audit"], 1, "CONTRADICTED: 36 ohm, power_gen"),
+    "simulate": (COMMANDS["simulate"], 0, ""),
+    "effects": (("effects",), 0, ""),
+    "rig": (("rig",), 0, ""),
+    "calibrate": (("calibrate", "fixtures/campaign/open_circuit.csv"), 0, ""),
+}
+
+
+@pytest.mark.parametrize("name", QUIET)
+def test_quiet_prints_only_what_fails_with_the_same_exit_code(place: Path, name: str) -> None:
+    words, code, part = QUIET[name]
+    loud, quiet = call(*words), call(*words, "--quiet")
+    assert loud.code == quiet.code
+    assert code is None or quiet.code == code
+    assert part in quiet.out
+    assert bool(quiet.out) == bool(quiet.code)
+    assert quiet.err == ""
+    assert len(quiet.out) < len(loud.out)
+
+
+def test_quiet_keeps_json_on_standard_output_and_the_error_of_a_wrong_input(place: Path) -> None:
+    assert json.loads(call("reduce", LOG, "--json", "-", "--quiet").out)["schema"] == "winchcascade/reduction/1"
+    wrong = call("reduce", "nowhere.csv", "--quiet")
+    assert (wrong.code, wrong.out) == (2, "")
+    assert wrong.err.startswith("winchcascade: nowhere.csv")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("reduce", LOG, "--json", "r.json", "--html", "r.html", "--parquet", "tables"),
+        ("check", "fixtures/campaign", "--against", TABLE, "--json", "r.json", "--junit", "r.xml", "--jobs", "1"),
+        ("audit", TABLE, "--json", "r.json"),
+        ("simulate", LOG, "--out", "r.csv"),
+        ("calibrate", "fixtures/campaign/open_circuit.csv", "--json", "r.json", "--write", "rig.toml"),
+        ("batch", "fixtures/campaign", "--out", "out", "--reports", "none", "--jobs", "1"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_command_lists_the_files_that_it_wrote(place: Path, words: tuple[str, ...]) -> None:
+    out = call(*words).out
+    wanted = [word for word in words if word.startswith("r.") or word in ("tables", "rig.toml")] or [
+        "out/campaign.json"
+    ]
+    assert all(re.search(rf"(?m)(^|\s){re.escape(name)}( |$)", out) for name in wanted)
+    assert all((place / name).exists() for name in wanted)
+
+
+def test_a_simulated_log_keeps_its_load(place: Path) -> None:
+    for ohm, load in (("9", 9.0), ("inf", None)):
+        call("simulate", LOG, "--load-ohm", ohm, "--out", "s.csv")
+        log = json.loads(call("reduce", "s.csv", "--json", "-").out)["log"]
+        assert (log["load_ohm"], log["open_circuit"]) == (load, ohm == "inf")
+        assert "load_mismatch" not in call("reduce", "s.csv").out
+    assert "Load (ohm) of the log" in call("reduce", "s.csv").out
+    text = Path("s.csv").read_text().splitlines()
+    Path("two.csv").write_text("\n".join([*text[:-1], text[-1].rsplit(",", 1)[0] + ",8"]) + "\n")
+    assert "does not hold one load in all rows" in " ".join(call("reduce", "two.csv").out.split())
+
+
+def test_every_option_has_a_sentence_for_its_help(place: Path) -> None:
+    from winchcascade.cli.app import command_line
+
+    whole = command_line(None)
+    commands = [("", whole)]
+    while commands:
+        name, command = commands.pop()
+        commands += [(f"{name} {below}".strip(), one) for below, one in getattr(command, "commands", {}).items()]
+        for parameter in command.params:
+            text = getattr(parameter, "help", None)
+            assert text, f"{name}: {parameter.name}"
+            assert text[0].isupper(), f"{name}: {text}"
+            assert text.endswith("."), f"{name}: {text}"
+        printed = call(*name.split(), "--help").out
+        assert "..." not in printed.replace("TARGET...", "").replace("s3://...", "").replace("[ARGS]...", "")
+        if not hasattr(command, "commands"):
+            assert "--quiet" in printed
+    assert "[ohm, or inf]" in " ".join(call("diagnose", "--help").out.split())
