@@ -6,7 +6,6 @@ A command sets them once, before it prints; without that, texts are those of a p
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Callable
 from contextvars import ContextVar
 from typing import Literal, NamedTuple, TextIO
@@ -81,7 +80,7 @@ _END = "\ufdd3"
 _CODES = {"\ufdd0": "\x1b[32m", "\ufdd1": "\x1b[33m", "\ufdd2": "\x1b[31m", _END: "\x1b[0m"}
 """Signs that stand for a colour until the text is printed, no characters of any language: texts from files lose them."""
 
-_MARK = re.compile("([\ufdd0-\ufdd3])")
+_NO_MARKS = str.maketrans(dict.fromkeys(_CODES))
 
 
 def toned(text: str, tone: Tone) -> str:
@@ -91,16 +90,21 @@ def toned(text: str, tone: Tone) -> str:
 
 def without_tones(text: str) -> str:
     """A text without its marks."""
-    return _MARK.sub("", text)
+    return text.translate(_NO_MARKS)
 
 
 def length(text: str) -> int:
     """Columns that a text takes. [characters]"""
-    return len(text) - len(_MARK.findall(text))
+    return len(without_tones(text))
 
 
 def painted(text: str, clean: Callable[[str], str]) -> str:
     """A text with colours instead of marks, cleaned in between; in a pipe the clean text."""
     if not _PRESENT.get().colour:
         return clean(text)
-    return "".join(_CODES.get(part) or clean(part) for part in _MARK.split(text))
+    parts, begin = [], 0
+    for k, sign in enumerate(text):
+        if sign in _CODES:
+            parts += [clean(text[begin:k]), _CODES[sign]]
+            begin = k + 1
+    return "".join([*parts, clean(text[begin:])])
