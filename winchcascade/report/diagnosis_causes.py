@@ -35,7 +35,7 @@ from winchcascade.report.style import (
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.effect import Change, Display, Effect
 from winchcascade.rig.effects.generator import share_of_k_e
-from winchcascade.rig.parts import ROLLOFF_KNOTS, number_of
+from winchcascade.rig.parts import ROLLOFF_KNOTS, number_of, path_in_rig
 
 ROLLOFF = "ke_rolloff"
 DRAWS = 400
@@ -62,7 +62,7 @@ def tolerance_of(found: ModelDiagnosis, effect: Effect) -> float:
     law = effect.law
     if not isinstance(law, Change):
         return 0.0
-    known = max((n.sd for n in found.data.nuisances if n.path == (law.known_as or law.path)), default=0.0)
+    known = max((n.sd for n in found.data.nuisances if n.path == path_in_rig(law.path)), default=0.0)
     share = known / abs(number_of(found.data.nominal, law.path)) if law.operation == "scale" else known
     absent, moved = (with_values(effect, freedom(effect).absent + by).reported for by in (0.0, 1.0))
     return share * abs(moved - absent)

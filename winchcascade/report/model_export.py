@@ -18,7 +18,7 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report.matlab_file import matlab_bytes
 from winchcascade.rig.baseline import baseline, stated_effects
-from winchcascade.rig.parts import ROLLOFF_KNOTS, Model, number_of, rolloff_curve
+from winchcascade.rig.parts import ROLLOFF_KNOTS, Model, number_of, path_in_rig, rolloff_curve
 
 MODEL_SCHEMA = "winchcascade/model/1"
 
@@ -48,15 +48,6 @@ UNITS = {
     "dc_link": {"c_dc": "F", "r_bleed": "ohm", "load_change": "1"},
 }  # fmt: skip
 """Units in which the numbers of the model are written, in the order of its parts; those of the sensors are apart."""
-
-ENTRIES = {
-    "restoring.mu": "mu_screw",
-    "restoring.area": "area_piston",
-    "restoring.pressure": "p_precharge",
-    "restoring.volume": "volume_gas",
-    "drivetrain.gear": "gear_ratio",
-}
-"""Names in the rig file of numbers that have another name there."""
 
 FACTORS = {"generator.k_e": RPM_PER_RAD_S}
 """Factors from the unit of the model to the unit that is written, where they differ."""
@@ -124,8 +115,8 @@ def model_record(found: ModelDiagnosis) -> dict[str, Any]:
 
 def _source(rig: Rig, path: str) -> str:
     """Source of a number in the rig file, and the effects that change it; "absent" where there is neither."""
-    section, _, name = path.partition(".")
-    entry = getattr(getattr(rig, section), ENTRIES.get(path, name), None)
+    section, name = path_in_rig(path).split(".")
+    entry = getattr(getattr(rig, section), name, None)
     said = [] if entry is None else [entry.source or "rig file"]
     plain = baseline(msgspec.structs.replace(rig, effects={}))
     for effect in stated_effects(rig):

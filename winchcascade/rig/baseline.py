@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import msgspec
+from msgspec.structs import replace
 
 from winchcascade.core.errors import OptionError, RigError
 from winchcascade.core.quantity import ATMOSPHERE, Quantity, find_unit
+from winchcascade.core.toml_text import struct_fields
 from winchcascade.rig.effects.catalogue import make_effect
 from winchcascade.rig.parts import (
     DcLinkModel,
@@ -17,11 +19,15 @@ from winchcascade.rig.parts import (
     Model,
     RestoringModel,
     WinchModel,
+    path_in_rig,
 )
 
 if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.rig.effects.effect import ActiveEffect
+
+
+Part = TypeVar("Part", bound=msgspec.Struct)
 
 
 class MissingNumber(msgspec.Struct, frozen=True):
@@ -60,40 +66,24 @@ def model_of(rig: Rig) -> Model | NoModel:
     """Make the model of a rig file, as `baseline` does, or report why that is not possible."""
     missing: list[MissingNumber] = []
 
-    def number(section: str, name: str) -> float:
-        value: Quantity | None = getattr(getattr(rig, section), name)
-        if value is None:
-            missing.append(MissingNumber(section, name))
-            return math.nan
-        return value.value
+    def part(kind: type[Part], section: str) -> Part:
+        """Make a part of the model of the numbers that it requires; those that the rig file lacks are NaN and listed."""
+        numbers = {}
+        for name in (field.name for field in struct_fields(kind) if field.required):
+            _, in_rig = path_in_rig(f"{section}.{name}").split(".")
+            stated: Quantity | None = getattr(getattr(rig, section), in_rig)
+            if stated is None:
+                missing.append(MissingNumber(section, in_rig))
+            numbers[name] = math.nan if stated is None else stated.value
+        return kind(**numbers)
 
+    winch, restoring = part(WinchModel, "winch"), part(RestoringModel, "restoring")
     parts = Model(
-        winch=WinchModel(number("winch", "r_drum"), number("winch", "inertia")),
-        restoring=RestoringModel(
-            lead=number("restoring", "lead") / (2.0 * math.pi),
-            lead_angle=number("restoring", "lead_angle"),
-            half_angle=number("restoring", "half_angle"),
-            mu=number("restoring", "mu_screw"),
-            area=number("restoring", "area_piston"),
-            pressure=number("restoring", "p_precharge") + ATMOSPHERE,
-            volume=number("restoring", "volume_gas"),
-        ),
-        drivetrain=DrivetrainModel(
-            gear=number("drivetrain", "gear_ratio"),
-            eta_mesh=number("drivetrain", "eta_mesh"),
-            b_rotor=number("drivetrain", "b_rotor"),
-            k_shaft=number("drivetrain", "k_shaft"),
-            c_shaft=number("drivetrain", "c_shaft"),
-            inertia_rotor=number("drivetrain", "inertia_rotor"),
-        ),
-        generator=GeneratorModel(
-            pole_pairs=number("generator", "pole_pairs"),
-            k_e=number("generator", "k_e"),
-            r_s=number("generator", "r_s"),
-            l_s=number("generator", "l_s"),
-            v_diode=number("generator", "v_diode"),
-        ),
-        dc_link=DcLinkModel(number("dc_link", "c_dc"), number("dc_link", "r_bleed")),
+        winch=winch,
+        restoring=replace(restoring, lead=restoring.lead / (2.0 * math.pi), pressure=restoring.pressure + ATMOSPHERE),
+        drivetrain=part(DrivetrainModel, "drivetrain"),
+        generator=part(GeneratorModel, "generator"),
+        dc_link=part(DcLinkModel, "dc_link"),
     )
     if missing:
         return NoModel(

@@ -222,6 +222,26 @@ CHANGED_AGAIN: Mapping[Operation, Callable[[float, float], float]] = {
 """The one change that is as two after each other."""
 
 
+NAMES_IN_RIG = {
+    "restoring.mu": "mu_screw",
+    "restoring.area": "area_piston",
+    "restoring.pressure": "p_precharge",
+    "restoring.volume": "volume_gas",
+    "drivetrain.gear": "gear_ratio",
+}
+"""Names that a rig file has for numbers of the model, where they differ; its sections are the parts of the model."""
+
+
+def path_in_rig(path: str) -> str:
+    """Section and name in a rig file for the path of a number of the model.
+
+    >>> path_in_rig("drivetrain.gear"), path_in_rig("generator.r_s")
+    ('drivetrain.gear_ratio', 'generator.r_s')
+    """
+    section, _, name = path.partition(".")
+    return f"{section}.{NAMES_IN_RIG.get(path, name)}"
+
+
 def number_of(model: Model, path: str) -> float:
     """A number of a model by its path: part and name, such as `generator.r_s`, and the channel of a sensor. SI units."""
     part, name, *channel = path.split(".")

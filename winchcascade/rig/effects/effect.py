@@ -73,13 +73,11 @@ class Change(msgspec.Struct, frozen=True):
     path : part and number, `generator.r_s`; for a sensor also the channel, `sensors.gain.torque`
     operation : `add`, `scale` for a relative change, `compound` for a relative deviation that the model holds as such
     per : the number of the model changes by the field divided by this
-    known_as : section and name in the rig file, whose tolerance applies, where they differ from the path
     """
 
     path: str
     operation: Operation
     per: float = 1.0
-    known_as: str = ""
 
 
 class Effect(msgspec.Struct, frozen=True):

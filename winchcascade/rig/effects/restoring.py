@@ -66,7 +66,7 @@ RESTORING = (
         "need about 6 L.",
         fields=(Field("volume_extra", "m3", -0.001, 0.003, (-0.002, 1.0), "Table 3 against Secs. 3.1 and 4.1.2"),),
         display=Display("gas volume", 1000.0, "L"),
-        law=Change("restoring.volume", "add", known_as="restoring.volume_gas"),
+        law=Change("restoring.volume", "add"),
     ),
     Effect(
         name="precharge",
@@ -80,7 +80,7 @@ RESTORING = (
         source="Hsu et al. 2026: 20.5 kg/cm2 in Sec. 3.1, 21 kg/cm2 in Sec. 4.1.2, 21 bar in Table 3.",
         fields=(Field("pressure_change", "1", -0.1, 0.1, (-0.9, 9.0), "Sec. 3.1 against Table 3, twice over"),),
         display=Display("precharge, absolute", 100.0, "%"),
-        law=Change("restoring.pressure", "scale", known_as="restoring.p_precharge"),
+        law=Change("restoring.pressure", "scale"),
         unlisted="a gain of the pressure sensor beyond its tolerance",
     ),
     Effect(
@@ -97,7 +97,7 @@ RESTORING = (
             Field("area_change", "1", -0.3, 0.2, (-0.9, 2.0), "plausible range; Sec. 4.1.2 would need about -0.3"),
         ),
         display=Display("piston area", 100.0, "%"),
-        law=Change("restoring.area", "scale", known_as="restoring.area_piston"),
+        law=Change("restoring.area", "scale"),
     ),
     Effect(
         name="seal_friction",
@@ -126,7 +126,7 @@ RESTORING = (
             Field("mu_change", "1", -0.04, 0.04, (-0.04, 0.045), "plausible range: no friction to nearly self-locking"),
         ),
         display=Display("friction of the screw"),
-        law=Change("restoring.mu", "add", known_as="restoring.mu_screw"),
+        law=Change("restoring.mu", "add"),
     ),
 )
 """Effects of the stage restoring."""

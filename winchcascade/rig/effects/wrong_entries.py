@@ -66,7 +66,7 @@ ENTRY = (
         parameter="gear_ratio",
         unit="1",
         display=Display("gear ratio", signed=False),
-        law=Change("drivetrain.gear", "scale", known_as="drivetrain.gear_ratio"),
+        law=Change("drivetrain.gear", "scale"),
         entry=WrongEntry("drivetrain.gear_ratio", USUAL),
     ),
     Effect(
