@@ -8,15 +8,17 @@ from typing import Annotated
 import typer
 
 from winchcascade.cli.options import (
+    FiguresOption,
     ForceOption,
     JobsOption,
     LossMapOption,
     RigOption,
     SchedulerOption,
+    TablesOption,
     WindowOption,
     report_choices,
 )
-from winchcascade.cli.outputs import check_outputs, given_command, show
+from winchcascade.cli.outputs import check_outputs, given_command, show, written
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import Workers, one_thread_each, processes, set_threads
 
@@ -53,6 +55,8 @@ def batch_command(
     rig: RigOption = None,
     window: WindowOption = None,
     loss_map: LossMapOption = None,
+    figures: FiguresOption = None,
+    tables: TablesOption = None,
     force: ForceOption = False,
 ) -> None:
     """Reduce a whole campaign: every log, the tables of all logs, and a report.
@@ -68,7 +72,7 @@ def batch_command(
 
     if reports not in REPORTS:
         raise OptionError(f"--reports {reports}: expected none, html or all.")
-    check_outputs({"--loss-map": loss_map}, targets, force=force)
+    check_outputs({"--loss-map": loss_map, "--figures": figures, "--tables": tables}, targets, force=force)
     plan = make_plan(targets, rig=rig, window=None if window is None else window_rule(window))
     if loss_map is not None:
         from winchcascade.batch.campaign_loss_map import check_one_map
@@ -77,8 +81,16 @@ def batch_command(
     products, workers = Products(REPORTS[reports], excel, given_command()), Workers(jobs or processes(), scheduler)
     with Progress(plan.title) as watch:
         batch = run_batch(plan, out, products, workers=workers, force=force, watch=watch)
+    if figures is not None or tables is not None:
+        from winchcascade.report.campaign import make_campaign_report
+        from winchcascade.report.exports import ReportFiles, write_report_files
+
+        write_report_files(
+            lambda: make_campaign_report(batch.summary, out, command=products.command),
+            ReportFiles(figures=figures, tables=tables), "campaign", of=f"campaign {plan.title}", force=force,
+        )  # fmt: skip
     text = campaign_text(batch.summary, out, kept=batch.kept, altered=batch.altered)
-    show(text, failures=fault_text(batch.summary, out))
+    show(text + written({"--figures": figures, "--tables": tables}), failures=fault_text(batch.summary, out))
     if loss_map is not None:
         from winchcascade.batch.campaign_loss_map import write_campaign_loss_map
 

@@ -10,11 +10,13 @@ import typer
 
 from winchcascade.cli.options import (
     CampaignArgument,
+    FiguresOption,
     ForceOption,
     HtmlOption,
     JsonOption,
     PdfOption,
     RigOption,
+    TablesOption,
     ThreadsOption,
     effect_names,
 )
@@ -79,6 +81,8 @@ def diagnose_command(
     json: JsonOption = None,
     html: HtmlOption = None,
     pdf: PdfOption = None,
+    figures: FiguresOption = None,
+    tables: TablesOption = None,
     suspect: SuspectOption = None,
     predictions: PredictionsOption = None,
     write: WriteOption = None,
@@ -102,9 +106,10 @@ def diagnose_command(
         write_corrected_rig,
         write_predictions,
     )
-    from winchcascade.report.diagnosis import write_diagnosis_reports
+    from winchcascade.report.diagnosis import make_diagnosis_report
     from winchcascade.report.diagnosis_record import as_json as diagnosis_record
     from winchcascade.report.diagnosis_text import diagnosis_text
+    from winchcascade.report.exports import ReportFiles, write_report_files
     from winchcascade.report.model_export import check_export, write_export
     from winchcascade.report.progress import status_line
     from winchcascade.rig.effects.catalogue import EFFECTS, find_effect
@@ -119,6 +124,8 @@ def diagnose_command(
         "--json": Path(json) if json else None,
         "--html": html,
         "--pdf": pdf,
+        "--figures": figures,
+        "--tables": tables,
         "--write": write,
         "--export": export,
     }
@@ -131,9 +138,12 @@ def diagnose_command(
         corrected = write is None or write_corrected_rig(found, write, force=force)
         if export is not None:
             write_export(found, export, force=force)
-        if html is not None or pdf is not None:
+        reports = ReportFiles(html, pdf, figures, tables)
+        if reports.wanted:
             on_progress("writing reports")
-            write_diagnosis_reports(found, html=html, pdf=pdf, command=given_command(), force=force)
+            command = given_command()
+            make = lambda: make_diagnosis_report(found, command=command)  # noqa: E731
+            write_report_files(make, reports, "diagnosis", of=f"diagnosis of {listed.name}", force=force)
     files = _files(results, predictions, written=bool(written), corrected=corrected)
     deliver(json, lambda: json_bytes(diagnosis_record(found)), lambda: diagnosis_text(found, files), force=force)
 

@@ -11,6 +11,7 @@ from typing import TextIO
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import check_replaceable, write_content
 from winchcascade.core.plain_text import json_without_commands, lines, printable
+from winchcascade.core.store import make_one
 from winchcascade.report.screen import QUIET, painted
 from winchcascade.report.text_table import file_lines
 
@@ -72,6 +73,10 @@ def given_command() -> str:
     return shlex.join(["winchcascade", *sys.argv[1:]])
 
 
+_TOGETHER = {"--figures", "--tables"}
+"""Folders that may be one and the same, and may hold other files: each file is checked as it is written."""
+
+
 def check_outputs(results: Results, inputs: Iterable[str | Path | None], *, force: bool) -> None:
     """Reject, before any work, a file that a result must not replace, and two results of one name.
 
@@ -94,9 +99,11 @@ def check_outputs(results: Results, inputs: Iterable[str | Path | None], *, forc
         if str(result) in ("-", "."):
             raise OptionError(f"{option} {result}: expected the name of a file.")
         other = taken.setdefault(Path(os.path.realpath(result)), option)
-        if other != option:
+        if other != option and not {option, other} <= _TOGETHER:
             raise OptionError(f"{other} and {option} both name {result}; give each a name of its own.")
-        if option != "--parquet":
+        if option in _TOGETHER:
+            make_one(result, "another")
+        elif option != "--parquet":
             if result.exists() and any(source.exists() and source.samefile(result) for source in sources):
                 raise OptionError(f"{option} {result}: is an input of this command; give the result another name.")
             check_replaceable(result, force=force)

@@ -9,6 +9,7 @@ import typer
 
 from winchcascade.batch.log_settings import read_with, settings_of
 from winchcascade.cli.options import (
+    FiguresOption,
     ForceOption,
     HtmlOption,
     JsonOption,
@@ -17,6 +18,7 @@ from winchcascade.cli.options import (
     PdfOption,
     RigOption,
     SheetOption,
+    TablesOption,
     WindowOption,
     check_load,
 )
@@ -46,6 +48,8 @@ def reduce_command(
     ] = None,
     html: HtmlOption = None,
     pdf: PdfOption = None,
+    figures: FiguresOption = None,
+    tables: TablesOption = None,
     loss_map: LossMapOption = None,
     force: ForceOption = False,
 ) -> None:
@@ -66,7 +70,10 @@ def reduce_command(
     check_load(load_ohm)
     if window is not None:
         window_rule(window)
-    results = {"--json": json, "--html": html, "--pdf": pdf, "--parquet": parquet, "--loss-map": loss_map}
+    results = {
+        "--json": json, "--html": html, "--pdf": pdf, "--figures": figures, "--tables": tables, "--parquet": parquet,
+        "--loss-map": loss_map,
+    }  # fmt: skip
     check_outputs(results, [log, log.parent / "campaign.toml", rig], force=force)
     if loss_map is not None:
         from winchcascade.report.loss_map_file import check_ending
@@ -81,20 +88,17 @@ def reduce_command(
 
         write_parquet(reduction, parquet, force=force)
     found = None
-    if json is not None or html is not None or pdf is not None:
+    reported = any(path is not None for path in (html, pdf, figures, tables))
+    if json is not None or reported:
         from winchcascade.reduction.montecarlo import uncertainty
 
         found = uncertainty(reduction)
-    if found is not None and (html is not None or pdf is not None):
-        from winchcascade.report.document import make_report
-        from winchcascade.report.publish import publish
+    if found is not None and reported:
+        from winchcascade.report.document import report_maker
+        from winchcascade.report.exports import ReportFiles, write_report_files
 
-        report = make_report(reduction, found, command=given_command())
-        if mapped is not None:
-            from winchcascade.report.loss_map_section import with_loss_map
-
-            report = with_loss_map(report, mapped)
-        publish(report, html=html, pdf=pdf, force=force)
+        make = report_maker(reduction, found, mapped, command=given_command())
+        write_report_files(make, ReportFiles(html, pdf, figures, tables), Path(reduction.run.name).stem, force=force)
 
     def content() -> bytes:
         from winchcascade.report.records import reduction_json

@@ -278,7 +278,7 @@ def histories_figure(found: ModelDiagnosis, item: CycleHistory, word: str) -> Fi
     ]
     legend_above(figure, entries)
     for ax in figure.axes:
-        ax.yaxis.set_label_coords(-0.07, 0.5)
+        ax.yaxis.set_label_coords(-0.7 * left / (right - left), 0.5)
     return figure
 
 

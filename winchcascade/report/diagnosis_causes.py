@@ -25,6 +25,8 @@ from winchcascade.report.digits import MINUS, number
 from winchcascade.report.style import (
     COLOURS,
     Room,
+    broken,
+    is_narrow,
     label_panel,
     legend_above,
     line_entry,
@@ -82,24 +84,32 @@ def rows_of(found: ModelDiagnosis) -> list[Row]:
     return rows
 
 
+_LINE = 22
+"""Characters in a line below the name of a number in a narrow figure."""
+
+
 def numbers_figure(found: ModelDiagnosis) -> Figure | None:
     """Draw each number of the causes with its interval, beside its absent value, the tolerance there, and what is plausible."""
     rows = rows_of(found)
     if not rows:
         return None
-    height = 0.3 + ROW * len(rows)
+    narrow = is_narrow()
+    pitch, (at, beside, over) = ROW + 0.12 * narrow, (0.38, 0.68, 0.27) if narrow else (0.42, 0.84, 0.4)
+    height = 0.3 + pitch * len(rows) + 0.15 * narrow
     figure = wide_figure(height)
     for k, row in enumerate(rows):
         how = display_of(row.cause.effect, row.name, row.found.unit)
         value, interval = number_words(how, row.found)
-        middle, apart = (height - 0.48 - k * ROW) / height, 0.075 / height
-        _number(figure.add_axes((0.42, middle - 0.12 / height, 0.4, 0.24 / height)), row, how.factor)
+        middle, apart = (height - 0.48 - 0.15 * narrow - k * pitch) / height, 0.075 / height
+        _number(figure.add_axes((at, middle - 0.12 / height, over, 0.24 / height)), row, how.factor)
+        under = "top" if narrow else "center"
         for x, above, below in (
             (0.01, row.cause.effect, f"{how.what}, {how.unit}".removesuffix(", ")),
-            (0.84, value, interval.removesuffix(how.unit).rstrip()),
+            (beside, value, interval.removesuffix(how.unit).rstrip()),
         ):
             figure.text(x, middle + apart, above, va="center", fontsize=8.0, fontweight="bold")
-            figure.text(x, middle - apart, below, va="center", fontsize=6.8, color=COLOURS["soft"])
+            lines = broken(below, _LINE) if narrow else below
+            figure.text(x, middle - (0.0 if narrow else apart), lines, va=under, fontsize=6.8, color=COLOURS["soft"])
     legend_above(
         figure,
         [
@@ -244,18 +254,17 @@ def odds_figure(found: ModelDiagnosis) -> Figure | None:
     if len(sets) < 2:
         return None
     height = 0.75 + 0.2 * max(len(effects), len(sets))
-    figure, named = wide_figure(height), {cause.effect for cause in found.causes}
-    bottom, top = 0.42 / height, 1 - 0.72 / height
+    named = {cause.effect for cause in found.causes}
+    figure, panels = _odds_panels(height, with_effects=bool(effects))
     if effects:
         names, p = zip(*effects, strict=True)
-        ax = figure.add_axes((0.15, bottom, 0.2, top))
+        ax = panels[0]
         _bars(ax, names, p, [name in named for name in names])
         for k, each in enumerate(p):
             ax.text(each + 0.03, k, probability_words(each), va="center", fontsize=6.8)
         ax.set(xlim=(0.0, 1.0), xlabel="Probability (1)")
         label_panel(ax, "a", "Effects")
-    left = 0.715 if effects else 0.4
-    ax = figure.add_axes((left, bottom, 0.985 - left, top))
+    ax = panels[-1]
     texts = [t if len(t) <= LONGEST_LABEL else f"{t[: LONGEST_LABEL - 1].rstrip(' +')} …" for t, _ in sets]
     _bars(ax, texts, [power - HOPELESS + 0.15 for _, power in sets], [not k for k in range(len(sets))], HOPELESS - 0.15)
     ax.xaxis.set_major_locator(FixedLocator([-12, -8, -4, 0]))
@@ -266,6 +275,16 @@ def odds_figure(found: ModelDiagnosis) -> Figure | None:
     if effects:
         label_panel(ax, "b", "Sets of causes")
     return figure
+
+
+def _odds_panels(height: float, *, with_effects: bool) -> tuple[Figure, list[Axes]]:
+    """A figure of some height [in] with a panel for the effects, if there are any, and one for their sets."""
+    if is_narrow():
+        return panel_figure(height, 1, 1 + with_effects)
+    figure, bottom, top = wide_figure(height), 0.42 / height, 1 - 0.72 / height
+    left = 0.715 if with_effects else 0.4
+    places = [(0.15, 0.2)] * with_effects + [(left, 0.985 - left)]
+    return figure, [figure.add_axes((x, bottom, across, top)) for x, across in places]
 
 
 def _bars(ax: Axes, names: Sequence[str], widths: Sequence[float], named: Sequence[bool], left: float = 0.0) -> None:

@@ -38,6 +38,7 @@ from winchcascade.report.style import (
     LOAD_COLOURS,
     Entry,
     Room,
+    is_narrow,
     label_panel,
     legend_above,
     line_entry,
@@ -227,8 +228,11 @@ def history(found: ModelDiagnosis, both: Sides, log: int, word: str) -> Figure |
             ax.plot(one.t[shown], (error * factor)[shown], color=COLOURS[colour], lw=1.0)
         ax.margins(x=0.005)
         ax.ticklabel_format(axis="y", useOffset=False)
-        ax.set_ylabel(f"{NAMES[channel]}\n({unit})", rotation=0, ha="left", va="center")
-        ax.yaxis.set_label_coords(-0.163, 0.5)
+        if is_narrow():
+            ax.set_ylabel(f"{NAMES[channel]}\n({unit})")
+        else:
+            ax.set_ylabel(f"{NAMES[channel]}\n({unit})", rotation=0, ha="left", va="center")
+            ax.yaxis.set_label_coords(-0.163, 0.5)
     axes[-1].set_xlabel("Time (s)")
     entries = [line_entry(baseline_words(found), "mech", lw=1.2), line_entry(AFTER, "gen", lw=1.2)][: len(one.errors)]
     entries += [patch_entry("noise, 95 %", "loss", alpha=0.6, lw=0), patch_entry("payout", "payout", lw=0)]

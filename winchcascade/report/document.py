@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from winchcascade.core.campaign_file import banner, origin_words
 from winchcascade.core.cascade import Cascade
 from winchcascade.core.run import Signal
 from winchcascade.reduction.efficiency import NOTHING
+from winchcascade.reduction.loss_map import LossMap
 from winchcascade.reduction.montecarlo import Uncertainty
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.report import figures, tables
@@ -72,6 +74,28 @@ def write_reports(
     OutputError : a file that cannot be written, or that this tool did not write and `force` does not allow to replace
     """
     publish(make_report(reduction, found, command=command), html=html, pdf=pdf, force=force)
+
+
+def report_maker(
+    reduction: Reduction, found: Uncertainty, mapped: LossMap | None = None, *, command: str = ""
+) -> Callable[[], Report]:
+    """What makes the report of one log as often as it is wanted: the log is simulated once.
+
+    Parameters
+    ----------
+    mapped : loss map that the report shows too
+    """
+    model = modelled(reduction)
+
+    def make() -> Report:
+        report = make_report(reduction, found, model=model, command=command)
+        if mapped is None:
+            return report
+        from winchcascade.report.loss_map_section import with_loss_map
+
+        return with_loss_map(report, mapped)
+
+    return make
 
 
 def make_report(

@@ -19,7 +19,18 @@ from winchcascade.reduction.bins import engaged, generator_speed
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.reduction.uncertainty import Budget
 from winchcascade.report.digits import significant
-from winchcascade.report.style import COLOURS, Room, dots, label_panel, look_of, panel_figure, readable, wide_figure
+from winchcascade.report.style import (
+    COLOURS,
+    Room,
+    broken,
+    dots,
+    is_narrow,
+    label_panel,
+    look_of,
+    panel_figure,
+    readable,
+    wide_figure,
+)
 from winchcascade.report.tables import budgeted
 from winchcascade.report.traces import clock_zero, end_of, envelope, panels_of, time_label
 from winchcascade.report.wording import by_sensor, tex
@@ -57,6 +68,9 @@ _BAR_STYLE = {
 
 _TURN, _DROP = 0.38, -0.3
 """Where a loss turns down between two bars, as a share of the way, and how far it goes."""
+
+_LINE_OF_WORDS = 18
+"""Characters in a line of what leaves an energy flow in a narrow figure."""
 
 _ROOM = Room(left=0.095)
 """Room of the figures over time."""
@@ -258,19 +272,19 @@ def energy_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) ->
     ]
     if not rows:
         return None
-    figure = wide_figure(2.3 * len(rows))
+    most = max(item.leaves.count("\n") for _, flow in rows for item in flow)
+    figure = wide_figure((2.3 + 0.12 * max(most - 1, 0)) * len(rows))
     for k, (title, flow) in enumerate(rows):
         ax = figure.add_axes((0.0, 1.0 - (k + 1) / len(rows), 1.0, 1.0 / len(rows)))
         ax.set_axis_off()
-        _draw_flow(ax, flow)
-        ax.text(0.008, 0.985, f"{'ab'[k]}", transform=ax.transAxes, ha="left", va="top", fontsize=9, fontweight="bold")
-        ax.text(0.03, 0.985, title, transform=ax.transAxes, ha="left", va="top", fontsize=8.5)
+        _draw_flow(ax, flow, lowest=-0.62 - 0.12 * max(most - 1, 0))
+        ax.text(0.008, 0.985, f"({'ab'[k]}) {title}", transform=ax.transAxes, ha="left", va="top", fontsize=8.5)
     return figure
 
 
 def _flow_of(reduction: Reduction, steps: Sequence[_Step], texts: Mapping[str, str]) -> list[_Flow]:
     """Bars of the steps up to the first that has no mean energy; a loss is a share of the first bar."""
-    apart = "\n" if len(steps) > 3 else " "
+    apart = "\n" if len(steps) > 3 or is_narrow() else " "
     ratios = reduction.rig.cascade.all_ratios
     mean = reduction.mean if reduction.rig.phases.repeats else reduction.total
     flow: list[_Flow] = []
@@ -283,7 +297,8 @@ def _flow_of(reduction: Reduction, steps: Sequence[_Step], texts: Mapping[str, s
         if following is not None and after is not None:
             whole = flow[0].joule if flow else joule
             lost = mean.get(step.leaving) or joule - after
-            leaves = f"{step.leaves}:{apart}{significant(lost)} J, {100 * lost / whole:.1f} % of {tex(steps[0].metric)}"
+            words = broken(step.leaves, _LINE_OF_WORDS) if is_narrow() else step.leaves
+            leaves = f"{words}:{apart}{significant(lost)} J, {100 * lost / whole:.1f} % of {tex(steps[0].metric)}"
             eta = next(
                 (n for n, pair in ratios.items() if pair == (following.metric, step.metric)),
                 "",
@@ -294,15 +309,20 @@ def _flow_of(reduction: Reduction, steps: Sequence[_Step], texts: Mapping[str, s
     return flow
 
 
-def _draw_flow(ax: Axes, flow: Sequence[_Flow]) -> None:
-    """Draw bars of energy from left to right, with bands between them and what leaves turning down."""
-    top, bar = 1.0, 0.35
+def _draw_flow(ax: Axes, flow: Sequence[_Flow], lowest: float) -> None:
+    """Draw bars of energy from left to right, with bands between them and what leaves turning down.
+
+    Parameters
+    ----------
+    lowest : lower end of the panel, over the height of the first bar
+    """
+    top, bar, size = 1.0, 0.35, 7.5 if is_narrow() else 8.5
     heights = [item.joule / flow[0].joule for item in flow]
     at = np.linspace(0.0, 10.0, len(flow))
     for k, (x, h, item) in enumerate(zip(at, heights, flow, strict=True)):
         ax.add_patch(Rectangle((x, top - h), bar, h, fc=COLOURS[item.colour], lw=0))
         side = "left" if k == 0 else "right" if k == len(flow) - 1 else "center"
-        ax.text(x + bar / 2, top + 0.05, item.name, ha=side, va="bottom", fontsize=8.5)
+        ax.text(x + bar / 2, top + 0.05, item.name, ha=side, va="bottom", fontsize=size)
         if k + 1 == len(flow):
             continue
         begin, end, after = x + bar, at[k + 1], heights[k + 1]
@@ -310,9 +330,9 @@ def _draw_flow(ax: Axes, flow: Sequence[_Flow]) -> None:
         ax.add_patch(_leaving(begin, begin + _TURN * (end - begin), top - h, top - after))
         ax.text((begin + end) / 2, top - after / 2, item.goes_on, ha="center", va="center", fontsize=9)
         turn = begin + _TURN * (end - begin) + (h - after) / 2
-        ax.text(turn, _DROP - 0.04, item.leaves, ha="center", va="top", fontsize=8)
+        ax.text(turn, _DROP - 0.04, item.leaves, ha="center", va="top", fontsize=size - 0.5)
     ax.set_xlim(-0.9, 11.2)
-    ax.set_ylim(-0.62, 1.62)
+    ax.set_ylim(lowest, 1.62)
 
 
 def _leaving(begin: float, turn: float, low: float, high: float) -> PathPatch:

@@ -35,6 +35,7 @@ from winchcascade.report.style import (
     Entry,
     Room,
     dots,
+    figure_width,
     label_panel,
     legend_above,
     line_entry,
@@ -302,7 +303,9 @@ def _bar(ax: Axes, row: float, budget: LossBudget, present: Sequence[str]) -> No
             ax.barh(row, abs(share), left=at, height=_BAR, fc=COLOURS[colour], hatch=hatch, ec=COLOURS["paper"], lw=0.5)
             right, left = (right + share, left) if share >= 0 else (right, left + share)
         share = right - begin
-        if share >= LABELLED and name != "inertia":  # the stroke of the torque sensor goes through it
+        if (
+            share >= LABELLED * WIDTH / figure_width() and name != "inertia"
+        ):  # the stroke of the torque sensor goes through it
             ax.text(
                 begin + share / 2, row, f"{share:.0f}" if share >= 10 else f"{share:.1f}", ha="center", va="center", fontsize=7,
                 bbox={"boxstyle": "round,pad=0.12", "fc": COLOURS["paper"], "lw": 0},

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -245,6 +246,11 @@ def text_width(text: str) -> float:
     """Width of a text in a legend. [in]"""
     size = float(matplotlib.rcParams["legend.fontsize"])
     return text_size(text, size).width * _POINT
+
+
+def broken(text: str, characters: int) -> str:
+    """A text in lines of so many characters at most, broken at blanks."""
+    return "\n".join(textwrap.wrap(text, characters, break_on_hyphens=False))
 
 
 def columns_within(texts: Sequence[str], *, handle: float = 2.0, gap: float = 1.1) -> int:
