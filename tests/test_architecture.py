@@ -39,6 +39,9 @@ PATTERNS = {
     "check_text": "characters that XML forbids",
     "svg_drawing": "SVG of Matplotlib",
     "text_runs": "mathematics of Matplotlib",
+    "exports": "names of logs, for names of files",
+    "figure_files": "SVG of Matplotlib",
+    "table_files": "symbols of physics and special characters of LaTeX and Markdown",
     "publish": "symbols of physics, names of fonts, and characters that no report shows",
 }
 """Modules of `report` that may search texts by a pattern, and which texts."""
