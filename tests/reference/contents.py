@@ -184,7 +184,8 @@ def figure_text(number: int, figure: Any) -> Iterator[str]:
         if legend is not None:
             yield f"  legend: {' | '.join(text.get_text() for text in legend.get_texts())}"
         for line in axes.lines:
-            yield from _columns(f"line {line.get_gid() or line.get_label()}", line.get_xdata(), line.get_ydata())
+            name = line.get_label() if str(line.get_gid()).startswith("item-") else line.get_gid() or line.get_label()
+            yield from _columns(f"line {name}", line.get_xdata(), line.get_ydata())
         for collection in axes.collections:
             kind = type(collection).__name__
             points = [point for path in collection.get_paths() for point in path.vertices.tolist()]

@@ -1,5 +1,6 @@
 """The page in a real browser: no error, no request, nothing that keeps a reader out; and it does what it offers."""
 
+import json
 import os
 import shutil
 from collections.abc import Iterator
@@ -26,9 +27,9 @@ from axe_playwright_python.sync_playwright import Axe  # noqa: E402
 from playwright.sync_api import sync_playwright  # noqa: E402
 
 SCREENS: dict[str, dict[str, Any]] = {
-    "desktop": {"viewport": {"width": 1200, "height": 900}},
-    "dark": {"viewport": {"width": 1200, "height": 900}, "color_scheme": "dark"},
-    "phone": {"viewport": {"width": 375, "height": 700}, "is_mobile": True, "has_touch": True},
+    "desktop": {"viewport": {"width": 1366, "height": 768}},
+    "dark": {"viewport": {"width": 1366, "height": 768}, "color_scheme": "dark"},
+    "phone": {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True},
 }
 LOGS = {
     "clean": ["campaign/r36ohm.csv"],
@@ -115,40 +116,191 @@ def test_the_warning_stands_on_every_printed_page_and_hides_no_heading(
     assert all("Not measured: Rebuilt from Table 2" in " ".join(text.split()) for text in printed)
 
 
+class Place:
+    """A panel of a figure on the screen: positions of shares of its width and height, from its lower left corner."""
+
+    def __init__(self, tab: Any, figure: str, panel: int = 0) -> None:
+        self.figure, self.tab = tab.locator(f"#figure-{figure}"), tab
+        self.marks = json.loads(self.figure.locator("script.marks").text_content())
+        tab.evaluate("document.documentElement.style.scrollBehavior = 'auto'")
+        svg = self.figure.locator("svg")
+        svg.evaluate("(svg) => { svg.scrollIntoView({ block: 'start' }); scrollBy(0, -140); }")
+        self.box, self.wide = svg.bounding_box(), svg.evaluate("(svg) => svg.viewBox.baseVal.width")
+        self.panel = self.marks["panels"][panel]["box"]
+
+    def at(self, across: float, up: float) -> tuple[float, float]:
+        scale, (x, y, width, height) = self.box["width"] / self.wide, self.panel
+        return self.box["x"] + scale * (x + across * width), self.box["y"] + scale * (y + (1.0 - up) * height)
+
+    def drag(self, begin: tuple[float, float], end: tuple[float, float]) -> None:
+        self.tab.mouse.move(*self.at(*begin))
+        self.tab.mouse.down()
+        self.tab.mouse.move(*self.at(*end), steps=4)
+        self.tab.mouse.up()
+
+    @property
+    def ticks(self) -> list[list[float]]:
+        """Ticks that are drawn for a zoomed figure: those of horizontal axes, and those of vertical ones."""
+        texts = [self.figure.locator(css).all_text_contents() for css in (".tick-text:not(.level)", ".tick-text.level")]
+        return [[float(text.replace("\u2212", "-")) for text in some] for some in texts]
+
+
+def read_out(tab: Any) -> str:
+    """What stands beside the pointer, nothing where that is hidden."""
+    return tab.locator("#readout").inner_text() if tab.locator("#readout").is_visible() else ""
+
+
 def test_the_chosen_cycle_fills_the_time_axis_and_its_values_are_read_out(browser: Any, pages: dict[str, Path]) -> None:
     tab, said, _ = opened(browser, pages["clean"], "desktop")
     tab.select_option("#span", index=2)
-    ticks = [float(text) for text in tab.locator(".tick-text").all_text_contents() if text != "Time (s)"]
-    drawing = tab.locator("figure.interactive .drawing")
-    drawing.focus()
+    place = Place(tab, "histories")
+    seconds, _ = place.ticks
+    tab.locator("figure.interactive .drawing").focus()
     for _ in range(30):
         tab.keyboard.press("ArrowRight")
-    read = tab.inner_text("#readout")
+    read = read_out(tab)
     tab.keyboard.press("Home")
-    left = tab.locator(".tick-text").count()
+    again = place.ticks
     tab.context.close()
     assert said == []
-    assert min(ticks) >= 39.0  # the second cycle begins at 40.07 s
-    assert max(ticks) <= 70.0
+    assert min(seconds) >= 39.0  # the second cycle begins at 40.07 s
+    assert max(seconds) <= 70.0
     assert "Line tension" in read
-    assert " N " in read
-    assert left == 0  # the whole log again, with the axis that was drawn
+    assert "\u00a0N" in read
+    assert again == [[], []]  # the whole log again, with the axes that were drawn
 
 
-def test_dragging_zooms_and_a_double_click_shows_all_again(browser: Any, pages: dict[str, Path]) -> None:
+def test_values_stand_beside_the_pointer_within_the_screen(browser: Any, pages: dict[str, Path]) -> None:
     tab, said, _ = opened(browser, pages["clean"], "desktop")
-    drawing = tab.locator("figure.interactive svg")
-    drawing.scroll_into_view_if_needed()
-    box = drawing.bounding_box()
-    height = max(box["y"], 0.0) + 60.0
-    tab.mouse.move(box["x"] + 0.3 * box["width"], height)
-    tab.mouse.down()
-    tab.mouse.move(box["x"] + 0.5 * box["width"], height, steps=4)
-    tab.mouse.up()
-    zoomed = tab.locator(".tick-text").count()
-    tab.mouse.dblclick(box["x"] + 0.4 * box["width"], height)
-    whole = tab.locator(".tick-text").count()
+    for figure, panel, name, unit in (
+        ("histories", 2, "Line tension", "N"),
+        ("streams", 0, "gen", "W"),
+        ("budget", 0, "", "%"),
+    ):
+        place = Place(tab, figure, panel)
+        point = place.at(0.5, 0.5)
+        tab.mouse.move(*point)
+        box, text = tab.locator("#readout").bounding_box(), read_out(tab)
+        assert name in text, figure
+        assert f"\u00a0{unit}" in text, figure
+        assert 0 <= box["x"] <= 1366 - box["width"]
+        assert 0 <= box["y"] <= 768 - box["height"]
+        assert abs(box["y"] + box["height"] / 2 - point[1]) < 0.5 * box["height"] + 20
+    tab.mouse.move(2, 2)
+    hidden = read_out(tab)
     tab.context.close()
     assert said == []
-    assert zoomed > 3
-    assert whole == 0
+    assert hidden == ""
+
+
+def test_a_dragged_rectangle_zooms_both_axes_and_a_double_click_or_the_button_shows_all_again(
+    browser: Any, pages: dict[str, Path]
+) -> None:
+    tab, said, _ = opened(browser, pages["clean"], "desktop")
+    for figure, panel in (("histories", 1), ("streams", 1), ("model-generator", 1)):
+        place = Place(tab, figure, panel)
+        marks = place.marks["panels"][panel]
+        place.drag((0.25, 0.3), (0.6, 0.8))
+        zoomed = place.ticks
+        for axis, ticks, low, high in zip("xy", zoomed, (0.25, 0.3), (0.6, 0.8), strict=True):
+            a, b = marks[axis]["low"], marks[axis]["high"]
+            slack = 0.02 * (b - a)
+            assert ticks, (figure, axis)
+            assert min(ticks) >= a + low * (b - a) - slack, (figure, axis)
+            assert max(ticks) <= a + high * (b - a) + slack, (figure, axis)
+        if figure == "streams":
+            place.figure.get_by_text("Show all again").click()
+        else:
+            tab.mouse.dblclick(*place.at(0.4, 0.5))
+        assert place.ticks == [[], []], figure
+    tab.context.close()
+    assert said == []
+
+
+def test_the_wheel_zooms_with_a_key_alone(browser: Any, pages: dict[str, Path]) -> None:
+    tab, said, _ = opened(browser, pages["clean"], "desktop")
+    place = Place(tab, "streams")
+    tab.mouse.move(*place.at(0.5, 0.5))
+    counts = []
+    for key in ("", "Shift", "Control"):
+        if key:
+            tab.keyboard.down(key)
+        tab.mouse.wheel(0, -240)
+        if key:
+            tab.keyboard.up(key)
+        tab.wait_for_timeout(100)
+        counts.append([len(ticks) > 0 for ticks in place.ticks])
+        if not key:
+            place = Place(tab, "streams")
+            tab.mouse.move(*place.at(0.5, 0.5))
+    tab.context.close()
+    assert said == []
+    assert counts == [[False, False], [True, False], [True, True]]
+
+
+def test_two_fingers_zoom_and_one_reads(browser: Any, pages: dict[str, Path]) -> None:
+    tab, said, _ = opened(browser, pages["clean"], "phone")
+    place = Place(tab, "streams")
+    tab.touchscreen.tap(*place.at(0.3, 0.5))
+    text = read_out(tab)
+    touch = tab.context.new_cdp_session(tab)
+    for kind, apart in (("Start", 0.05), ("Move", 0.1), ("Move", 0.2), ("End", 0.0)):
+        ends = [place.at(0.4 - apart, 0.5 - apart), place.at(0.4 + apart, 0.5 + apart)] if apart else []
+        points = [{"x": x, "y": y, "id": k} for k, (x, y) in enumerate(ends)]
+        touch.send("Input.dispatchTouchEvent", {"type": f"touch{kind}", "touchPoints": points})
+    across, up = place.ticks
+    tab.context.close()
+    assert said == []
+    assert "W" in text
+    assert across
+    assert up
+
+
+def test_a_legend_switches_its_series_off_and_on(browser: Any, pages: dict[str, Path]) -> None:
+    tab, said, _ = opened(browser, pages["clean"], "desktop")
+    figures = tab.locator("figure:has(script.marks)")
+    switched = 0
+    for k in range(figures.count()):
+        name = figures.nth(k).get_attribute("id").removeprefix("figure-")
+        place = Place(tab, name)
+        for series in place.marks["series"]:
+            parts = [tab.locator(f"[id='{name}-{one}']") for one in series["ids"]]
+            key = tab.locator(f"[id='{name}-{series['keys'][1]}']").bounding_box()
+            if key["y"] < 60 or key["y"] > 740:
+                continue
+            middle = key["x"] + key["width"] / 2, key["y"] + key["height"] / 2
+            tab.mouse.click(*middle)
+            assert [part.evaluate("(e) => e.style.display") for part in parts] == ["none"] * len(parts), (name, series)
+            tab.mouse.click(*middle)
+            assert [part.evaluate("(e) => e.style.display") for part in parts] == [""] * len(parts), (name, series)
+            switched += 1
+    box = tab.locator("#figure-streams .tools")
+    box.locator("summary").click()
+    box.get_by_label("Pgen").uncheck()
+    left = Place(tab, "streams")
+    tab.mouse.move(*left.at(0.5, 0.5))
+    read = read_out(tab)
+    tab.context.close()
+    assert said == []
+    assert switched > 15
+    assert "Pgen" not in read.replace("\n", "")
+    assert "Pline" in read.replace("\n", "")
+
+
+def test_another_cycle_of_a_diagnosis_has_its_own_axes_and_values(browser: Any, pages: dict[str, Path]) -> None:
+    tab, said, _ = opened(browser, pages["rolloff"], "desktop")
+    seen = []
+    for index in (0, tab.locator("#span option").count() - 1):
+        tab.select_option("#span", index=index)
+        place = Place(tab, "histories")
+        tab.mouse.move(*place.at(0.4, 0.6))
+        seen.append((place.ticks[1], read_out(tab), tab.locator("#figure-histories .controls .hint").last.inner_text()))
+        place.drag((0.2, 0.3), (0.5, 0.9))
+        assert max(place.ticks[0]) < 20.0
+        tab.mouse.dblclick(*place.at(0.4, 0.6))
+    tab.context.close()
+    assert said == []
+    assert seen[0][0] != seen[1][0]
+    assert seen[0][1] != seen[1][1]
+    assert all(text.count(" | ") >= 2 for _, text, _ in seen)
+    assert all("Values under the cursor" in note for _, _, note in seen)

@@ -254,7 +254,8 @@ def histories_figure(found: ModelDiagnosis, item: CycleHistory, word: str) -> Fi
         title, unit, factor = AXES[name]
         k = CHANNELS.index(name)
         top -= TITLE + ABOVE
-        above = figure.add_axes((left, top / height, right - left, ABOVE / height))
+        first = figure.axes[0] if figure.axes else None
+        above = figure.add_axes((left, top / height, right - left, ABOVE / height), sharex=first)
         top -= APART + BELOW
         below = figure.add_axes((left, top / height, right - left, BELOW / height), sharex=above)
         curves = [x[:, k] * factor for x in item.sides]

@@ -45,7 +45,6 @@ def html_text(report: Report) -> str:
             report=report,
             style=Markup((folder / "style.css").read_text(encoding="utf-8")),
             script=Markup((folder / "report.js").read_text(encoding="utf-8")),
-            traces=Markup(report.traces.replace("<", "\\u003c")),
         )
     )
 
@@ -74,6 +73,7 @@ def _environment(subscripts: Sequence[str]) -> jinja2.Environment:
         "symbols": symbols,
         "symbol": lambda text: symbols(text) if symbol.fullmatch(text) else escape(text),
         "drawing": lambda svg: Markup(themed(svg)),
+        "json": lambda text: Markup(text.replace("<", "\\u003c")),
         "width": width,
         "kind": lambda block: type(block).__name__,
     }
@@ -169,7 +169,7 @@ MOST_CHARACTERS = 1000
 _UNSHOWN = re.compile("[\x00-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff\ufffe\uffff]")
 """Control characters, marks of writing direction, and bytes of a name that are no text."""
 
-_KEPT = {"svg", "traces"}
+_KEPT = {"svg", "traces", "marks"}
 """Fields that are no texts."""
 
 

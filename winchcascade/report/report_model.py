@@ -204,13 +204,17 @@ def file_digest(path: str) -> str:
 
 
 class Picture(msgspec.Struct, frozen=True, tag="picture"):
-    """A figure as SVG text with named colours in it (`figures.COLOURS`); `alt` says in words what it shows."""
+    """A figure as SVG text with named colours in it (`figures.COLOURS`); `alt` says in words what it shows.
+
+    `marks` is the JSON of its axes and series, with which a page zooms, reads and switches them.
+    """
 
     id: str
     caption: str
     alt: str
     svg: str
     interactive: bool = False
+    marks: str = ""
 
 
 class Note(msgspec.Struct, frozen=True, tag="note"):
@@ -222,6 +226,7 @@ class Note(msgspec.Struct, frozen=True, tag="note"):
 
 def picture(figure: Figure | None, name: str, caption: str, alt: str, *, interactive: bool = False) -> Picture | None:
     """A figure as a block of a report; None for none. In a format that takes figures it is taken, and the block is empty."""
+    from winchcascade.report.interaction import mark
     from winchcascade.report.style import present_format
     from winchcascade.report.svg_drawing import svg_text
 
@@ -230,7 +235,9 @@ def picture(figure: Figure | None, name: str, caption: str, alt: str, *, interac
     take = present_format().take
     if take is not None:
         take(name, figure)
-    return Picture(name, caption, alt, "" if take is not None else svg_text(figure, name), interactive)
+        return Picture(name, caption, alt, "", interactive)
+    marks = mark(figure)
+    return Picture(name, caption, alt, svg_text(figure, name), interactive, marks)
 
 
 Block = Table | Picture | Note
