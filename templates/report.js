@@ -116,10 +116,10 @@
         const [left, top, width, height] = panel.box;
         const axis = (given, upright) => {
           const ends = [to(given, given.low), to(given, given.high)], group = byId(given.id);
-          const ticks = group ? [...group.querySelectorAll(':scope > [id*="tick_"]')] : [];
-          const texts = ticks.find((tick) => tick.querySelector('[id*="text_"]'));
-          const above = !upright && texts && texts.querySelector('[id*="text_"]').getBBox().y < top;
-          return { ...given, upright, ticks, above, texts: given.texts, shows: !!texts, grid: ticks.some((tick) => tick.querySelector("[clip-path]")), base: ends, now: [...ends] };
+          const ticks = group ? [...group.querySelectorAll(':scope > [id*="tick"]')] : [];
+          const text = ticks.map((tick) => tick.querySelector('g[transform*="scale("]')).find(Boolean);
+          const above = !upright && text && text.getBoundingClientRect().bottom <= clientPoint(left, top + 1)[1];
+          return { ...given, upright, ticks, above, shows: !!text, grid: ticks.some((tick) => tick.querySelector("[clip-path]")), base: ends, now: [...ends] };
         };
         return { ...panel, k, left, top, width, height, x: axis(panel.x, false), y: axis(panel.y, true), items: null, points: null };
       });
@@ -203,7 +203,7 @@
       }
       if (panel.second) {
         const second = byId(panel.second.id), share = (panel.second.high - panel.second.low) / (panel.x.base[1] - panel.x.base[0]);
-        if (second) for (const tick of second.querySelectorAll('[id*="tick_"]')) tick.style.display = isWhole(panel.x) ? "" : "none";
+        if (second) for (const tick of second.querySelectorAll('[id*="tick"]')) tick.style.display = isWhole(panel.x) ? "" : "none";
         const now = panel.x.now.map((v) => panel.second.low + (v - panel.x.base[0]) * share);
         if (!isWhole(panel.x)) ticks(panel, { now, shows: true, above: true });
       }
