@@ -36,6 +36,7 @@ ENTRY_POINTS = {"__init__.py", "__main__.py"}
 """Modules of the top level: the public names and `python -m winchcascade`."""
 
 PATTERNS = {
+    "interaction": "symbols in labels of Matplotlib",
     "check_text": "characters that XML forbids",
     "svg_drawing": "SVG of Matplotlib",
     "text_runs": "mathematics of Matplotlib",
