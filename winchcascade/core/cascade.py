@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import msgspec
+from msgspec.structs import replace
 
 if TYPE_CHECKING:
     from winchcascade.core.integrate import Stream
@@ -23,6 +24,11 @@ class Product(msgspec.Struct, frozen=True):
     channels: tuple[str, ...]
     by_radius: bool = False
     sign: float = 1.0
+
+    def as_read(self, turned: Collection[str]) -> Product:
+        """The product for channels of which some have another sign than in the log."""
+        odd = sum(name in turned for name in self.channels) % 2 == 1
+        return replace(self, sign=1.0) if self.sign < 0 and odd else self
 
     @property
     def text(self) -> str:
@@ -177,6 +183,14 @@ class Cascade(msgspec.Struct, frozen=True, dict=True):
     def all_metrics(self) -> tuple[str, ...]:
         """Metrics of windows and of whole cycles."""
         return self.metrics + self.net_metrics
+
+    def as_read(self, turned: Collection[str]) -> Cascade:
+        """The cascade for channels of which some have another sign than in the log.
+
+        A minus sign of a rig file speaks of the log: where a channel of the product was turned, the minus sign is done already.
+        """
+        stages = tuple(replace(stage, powers=tuple(p.as_read(turned) for p in stage.powers)) for stage in self.stages)
+        return self if stages == self.stages else replace(self, stages=stages)
 
     def between(self, efficiency: str) -> tuple[str, str]:
         """Stages that an efficiency leads from and to."""

@@ -125,6 +125,9 @@ _SECTIONS: Mapping[str, type[Any]] = {
     "dc_link": DcLink,
 }
 
+_TABLE_OF = {field: table for table, kind in _SECTIONS.items() for field in kind.__struct_fields__}
+"""Table of each entry with a number of the rig."""
+
 _TABLES = sorted({*Rig.__struct_fields__, "stage", "log"} - {"sample_rate", "path"})
 """Entries of a rig file, tables and texts."""
 
@@ -179,6 +182,10 @@ def _section(raw: dict[str, Any], key: str, kind: type[Entries], where: str) -> 
     declared = {field.name: field.type for field in struct_fields(kind)}
     values = _table(raw, key, where)
     place = f"{where}: [{key}]"
+    for name in values:
+        table = None if name in declared else _TABLE_OF.get(name)
+        if table is not None:
+            raise RigError(f"{place} {name} is an entry of [{table}]; move it there.")
     _check_keys(values, list(declared), f"{place} ")
     return kind(**{name: _declared(value, name, declared[name], place) for name, value in values.items()})
 

@@ -118,6 +118,15 @@ class Finding(msgspec.Struct, frozen=True):
     count: int = 1
     removed: int = 0
 
+    def lost_share(self, samples: int) -> float:
+        """Share of the samples that it took out, of a log of so many rows; rows that were never logged count as samples too.
+
+        >>> Finding("dropped_samples", "", "", removed=30).lost_share(10), Finding("spike", "", "", removed=1).lost_share(10)
+        (0.75, 0.1)
+        """
+        whole = samples + (self.removed if self.kind == "dropped_samples" else 0)
+        return self.removed / whole if whole else 0.0
+
 
 class Run(msgspec.Struct, frozen=True):
     """One log, checked when it was read: stamps rise, every channel is finite, and what was bridged is known.

@@ -86,14 +86,21 @@ def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None
         channel: tuple(_matches({channel: k}, headers, rig, where)[0][channel] for k in alike)
         for channel, alike in several.items()
     }
-    if columns.unknown:
-        count = len(columns.unknown)
+    labels = rig.phases.column.strip() if rig.phases.source == "column" else ""
+    unknown = [k for k in columns.unknown if not labels or labels not in _names(headers[k])]
+    if unknown:
+        count = len(unknown)
         what = f"{count} columns that are no channel" if count > 1 else "1 column that is no channel"
-        message = f"{what}: {listed([headers[k].name.strip() for k in columns.unknown])}"
+        message = f"{what}: {listed([headers[k].name.strip() for k in unknown])}"
         findings.append(Finding("unknown_column", message, "not read", count=count))
     findings += _missing(headers, rig, named, taken)
     time = matches.pop("time", None)
     return Assignment(matches, time, tuple(findings), columns.simulated, clock is None, candidates)
+
+
+def _names(header: Header) -> tuple[str, str]:
+    """Name of a column with and without its unit."""
+    return header.name.strip(), read_header(header).name.strip()
 
 
 class _Columns(msgspec.Struct, frozen=True):

@@ -188,8 +188,9 @@ def _intervals(t: Signal, rows: Index, usual: float, findings: list[Finding]) ->
     if lost.any():
         count, (begin, end) = int(unlogged[lost].sum()), gaps[lost].T
         k = int(np.argmax(end - begin))
+        what = "1 sample was" if count == 1 else f"{count} samples were"
         message = (
-            f"{count} samples were never logged, in {begin.size} gap{'s' if begin.size > 1 else ''}; the longest lasts "
+            f"{what} never logged, in {begin.size} gap{'s' if begin.size > 1 else ''}; the longest lasts "
             f"{end[k] - begin[k]:.2f} s at {begin[k]:.2f} s"
         )
         findings.append(

@@ -24,7 +24,7 @@ NAMES: dict[str, str] = {
         tijd czas čas aika zaman elapsed elapsedtime elapsed_time relative_time reltime time_stamp xvalue x_value 時間 时间
         時刻 時戳 시간 время""",
     "displacement": """displacement disp position pos payout stroke travel delta δ x s length extension excursion
-        verschiebung weg position_line auszug hub déplacement course desplazamiento posición carrera spostamento corsa
+        verschiebung weg seilweg position_line auszug hub déplacement course desplazamiento posición carrera spostamento corsa
         verplaatsing forskyvning forskydning deslocamento läge sträcka przemieszczenie położenie siirtymä posun yer_değiştirme
         位移 線位移 行程 位置 放線長度 変位 ストローク 변위 перемещение""",
     "velocity": """velocity vel speed v vline v_line linevel linespeed reelout_speed reel_out_speed geschwindigkeit
@@ -33,7 +33,7 @@ NAMES: dict[str, str] = {
     "pressure": """pressure press p pacc p_acc accumulator_pressure gas_pressure druck gasdruck speicherdruck pression
         presión pressione druk trykk pressão tryck tryk ciśnienie paine tlak basınç 壓力 压力 蓄壓器壓力 氣壓 圧力 압력
         давление""",
-    "force": """force f fline f_line tension load_cell loadcell linetension pull kraft seilkraft zugkraft effort
+    "force": """force f fline f_line tension load_cell loadcell linetension pull kraft seilkraft seilzug zugkraft effort
         traction fuerza tensión forza tiro kracht spanning trekkracht força siła voima síla kuvvet 力 張力 拉力 张力 荷重
         線張力 장력 힘 сила натяжение""",
     "torque": """torque t tau τ tau_pto taupto m moment drehmoment couple par torsor coppia koppel moment_shaft vridmoment
@@ -45,15 +45,17 @@ NAMES: dict[str, str] = {
         voltaje voltaje_dc voltaje_cc tensione tensione_cc spanning tensão spänning spænding spenning napięcie jännite
         napětí gerilim 直流電壓 直流电压 電壓 电压 直流側電壓 直流電圧 電圧 전압 직류전압 напряжение""",
     "idc": """idc i_dc dc_current current_dc current i dclink_current dc_link_current dcbus_current ibus i_bus strom
-        gleichstrom courant courant_dc courant_cc courant_continu corriente corriente_dc corriente_cc corrente corrente_cc
-        stroom strøm ström prąd virta proud akım 直流電流 直流电流 電流 电流 전류 직류전류 ток""",
+        gleichstrom zwischenkreisstrom courant courant_dc courant_cc courant_continu corriente corriente_dc corriente_cc
+        corrente corrente_cc stroom strøm ström prąd virta proud akım
+        直流電流 直流电流 電流 电流 전류 직류전류 ток""",
     "speed": """speed rotation_speed rotational_speed speed_of_rotation angular_velocity angular_speed velocity vel rpm
         generator_speed gen_speed motor_speed rotor_speed generator_rpm gen_rpm motor_rpm omega ω n n_gen n_mot n_motor
-        n_generator drehzahl motordrehzahl generatordrehzahl wellendrehzahl winkelgeschwindigkeit geschwindigkeit régime
-        régime_moteur régime_de_rotation vitesse vitesse_de_rotation vitesse_rotation vitesse_angulaire giri
-        velocità_di_rotazione velocità_angolare velocità velocidad_de_giro velocidad_de_rotación velocidad_angular velocidad
-        velocidade_de_rotação velocidade_angular rotação toerental hoeksnelheid varvtal rotationshastighet omdrejningstal
-        turtall prędkość_obrotowa prędkość_kątowa obroty pyörimisnopeus kierrosluku otáčky devir devir_sayısı 回転数
+        n_generator drehzahl motordrehzahl generatordrehzahl wellendrehzahl trommeldrehzahl winkelgeschwindigkeit
+        geschwindigkeit régime régime_moteur régime_de_rotation vitesse vitesse_de_rotation vitesse_rotation vitesse_angulaire
+        giri velocità_di_rotazione velocità_angolare velocità velocidad_de_giro velocidad_de_rotación velocidad_angular
+        velocidad velocidade_de_rotação velocidade_angular rotação toerental hoeksnelheid varvtal rotationshastighet
+        omdrejningstal turtall prędkość_obrotowa prędkość_kątowa obroty pyörimisnopeus kierrosluku otáčky devir
+        devir_sayısı 回転数
         回転速度 角速度 转速 轉速 旋转速度 회전수 회전속도 각속도 частота_вращения скорость_вращения обороты""",
     "flow": """flow flow_rate volume_flow volume_flow_rate volumetric_flow volumetric_flow_rate q durchfluss volumenstrom
         débit caudal portata vazão debiet flöde przepływ virtaus průtok debi 流量 유량 расход""",

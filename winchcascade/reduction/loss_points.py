@@ -48,7 +48,8 @@ def columns_at(torque: Signal, speed: Signal) -> Signal:
 
 
 class LossPoints(msgspec.Struct, frozen=True):
-    """Operating points, (k,) each; torque and speed are those of the shaft with the torque sensor.
+    """Operating points, (k,) each; torque and speed are those of the shaft with the torque sensor, the torque with the sign
+    that the rig file gives its power.
 
     Parameters
     ----------
@@ -94,7 +95,8 @@ class LossPoints(msgspec.Struct, frozen=True):
             factor = np.prod([self.means[name] for name in others], axis=0) if others else np.ones(power.size)
             hit = channel in product.channels
             powers.append(power + product.sign * error[channel] * factor / r_drum if hit else power)
-        torque = self.torque + (error[channel] * self._flip if channel == "torque" else 0.0)
+        counted = self._flip * _counted(self.products[0 if self.stages[0] == "mech" else 1])
+        torque = self.torque + (error[channel] * counted if channel == "torque" else 0.0)
         speed = self.speed
         if channel == "speed":
             speed = speed + error[channel] * self._flip
@@ -151,7 +153,8 @@ def loss_points(reduction: Reduction) -> LossPoints:
         lacking = [name for name, power in zip(stages, powers, strict=True) if power is None] or ["speed of the shaft"]
         raise LogError(f"{run.name}: no loss map, as the log lacks {' and '.join(lacking)}; log the channels of it.")
     spans, cycle = _spans(reduction)
-    torque = _torque(run, speed, powers[0] if stages[0] == "mech" else powers[1])
+    stream, product = (powers[0], products[0]) if stages[0] == "mech" else (powers[1], products[1])
+    torque = _torque(run, speed, stream) * _counted(product)
     length = spans[:, 1] - spans[:, 0]
     rate = _stored(run, rig, speed, spans) / length
     t = run.t
@@ -221,6 +224,11 @@ def _torque(run: Run, speed: Signal, mech: Stream) -> Signal:
         return run.channels["torque"]
     turning = np.abs(speed) > TURNING
     return np.where(turning, mech(slice(None)) / np.where(turning, speed, 1.0), 0.0)
+
+
+def _counted(product: Product) -> float:
+    """Sign by which a rig file counts a logged torque: that of the power of the shaft made of it."""
+    return product.sign if "torque" in product.channels else 1.0
 
 
 def _mean_columns(t: Signal, torque: Signal, speed: Signal, spans: Signal) -> Signal:

@@ -6,8 +6,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from msgspec.structs import replace
 
-from winchcascade.core.cascade import Stage
+from winchcascade.core.cascade import Cascade, Stage
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.integrate import integrals
 from winchcascade.core.jobs import side_by_side
@@ -19,7 +20,15 @@ from winchcascade.reduction.checks.lag import lag_findings
 from winchcascade.reduction.checks.load import load_findings
 from winchcascade.reduction.checks.sampling import Sampling, check_sampling, resolution_findings
 from winchcascade.reduction.checks.zeros import zero_findings
-from winchcascade.reduction.efficiency import Metrics, ensemble_mean, largest_deviation, metrics, total
+from winchcascade.reduction.efficiency import (
+    Metrics,
+    ensemble_mean,
+    is_efficiency,
+    largest_deviation,
+    metrics,
+    ratio,
+    total,
+)
 from winchcascade.reduction.efficiency_changes import changes_within
 from winchcascade.reduction.energies import Energies, NetSpan, find_net_spans, integrate_energies, net_metrics
 from winchcascade.reduction.phase_summary import PhaseSummary, summarise
@@ -73,6 +82,8 @@ def reduce(
     3
     """
     rig = rig or built_in()
+    if turned := {f.channel for f in run.findings if f.kind == "sign_flipped" and f.action == "sign corrected"}:
+        rig = replace(rig, cascade=rig.cascade.as_read({name for name in turned if name is not None}))
     if window is not None and not rig.phases.by_motion:
         raise OptionError(
             f'{run.name}: window {window}: cycles come from "{rig.phases.source}" by [phases] of the rig {rig.name}, and their '
@@ -226,8 +237,25 @@ def _results(
                 )
             )
         results.append(CycleResult(number, window.fault is None, cycle, window, summary, values, net))
-    findings += [_no_efficiency(name, places) for name, places in odd.items()]
+    if phased.rig.phases.source == "waves":  # a single wave may take energy from the gas, or leave energy in it
+        findings += _no_ratios_of_sums(results, phased.rig.cascade, open_circuit=phased.run.open_circuit)
+    else:
+        findings += [_no_efficiency(name, places) for name, places in odd.items()]
     return results
+
+
+def _no_ratios_of_sums(results: Sequence[CycleResult], cascade: Cascade, *, open_circuit: bool) -> list[Finding]:
+    """Efficiencies of all complete waves together that are none."""
+    found = []
+    for name, (out, into) in cascade.ratios.items():
+        pairs = [(c.metrics[out], c.metrics[into]) for c in results if c.complete]
+        value = ratio(sum(x or 0.0 for x, _ in pairs), sum(x or 0.0 for _, x in pairs))
+        if value is not None and not is_efficiency(value) and not (open_circuit and cascade.undelivered(name)):
+            what = f"{name} of all waves together lies outside 0 to 1 ({value:.3f})"
+            found.append(
+                Finding("out_of_range", f"{what}; check unit, gain and sign of what it is made of", "not reported")
+            )
+    return found
 
 
 def _no_efficiency(name: str, places: Sequence[tuple[int, float]]) -> Finding:

@@ -29,7 +29,8 @@ def find_steps(run: Run, rule: PhaseRule, gap_max: float) -> list[Cycle]:
     """Find the steady operating points of a run in order of time; its settling is left out of each.
 
     Speed, and torque where it is logged, are averaged over blocks of an eighth of the shortest step. A step is the longest
-    stretch of blocks from its first one on that stay within both bands. It is none where the shaft rests.
+    stretch of blocks from its first one on that stay within both bands; blocks of the settling before it, which still lie
+    within the bands, do not make it shorter. It is none where the shaft rests.
 
     Parameters
     ----------
@@ -49,9 +50,10 @@ def find_steps(run: Run, rule: PhaseRule, gap_max: float) -> list[Cycle]:
     ]
     unusable = _touched(run, at, gap_max) | (np.abs(means[0]) <= rule.rpm_onset * np.pi / 30.0)
     t, ends = run.t, at[1:] - 1
+    settling = math.ceil(rule.settle * run.fs / rows)
     k = 0
     while k < ends.size:
-        stop = _steady_until(means, widths, unusable, k)
+        k, stop = _longest(means, widths, unusable, range(k, min(k + settling + 1, ends.size)))
         first = int(np.searchsorted(t, t[at[k]] + rule.settle))
         last = int(ends[stop - 1])
         if not unusable[k] and first < last and t[last] - t[first] >= rule.step_min:
@@ -84,6 +86,17 @@ def _touched(run: Run, at: Index, gap_max: float) -> Mask:
     touched = np.zeros(at.size - 1, dtype=bool)
     touched[np.clip(np.searchsorted(at, after, side="right") - 1, 0, touched.size - 1)] = True
     return touched
+
+
+def _longest(means: Signal, widths: list[float], unusable: Mask, begins: range) -> tuple[int, int]:
+    """First block of the stretch that ends last, of those that begin within some steady blocks, and the block after it."""
+    first, stop = begins[0], _steady_until(means, widths, unusable, begins[0])
+    for k in begins[1:]:
+        if k >= stop:
+            break
+        if (end := _steady_until(means, widths, unusable, k)) > stop:
+            first, stop = k, end
+    return first, stop
 
 
 def _steady_until(means: Signal, widths: list[float], unusable: Mask, first: int) -> int:

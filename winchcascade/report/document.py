@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -15,8 +15,9 @@ from winchcascade.reduction.efficiency import NOTHING
 from winchcascade.reduction.loss_map import LossMap
 from winchcascade.reduction.montecarlo import Uncertainty
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
+from winchcascade.reduction.wave_energies import wave_energies
 from winchcascade.report import figures, tables
-from winchcascade.report.digits import interval_text, number, percent, places, uncertain, upper
+from winchcascade.report.digits import interval_text, number, percent, places, significant, uncertain, upper
 from winchcascade.report.model_section import Modelled, modelled, run_section
 from winchcascade.report.publish import publish
 from winchcascade.report.report_model import (
@@ -40,6 +41,7 @@ from winchcascade.report.wording import (
     load_words,
     net_reasons,
     not_known,
+    span_word,
     subscripts_of,
     window_words,
 )
@@ -135,6 +137,8 @@ def _tiles(reduction: Reduction, found: Uncertainty) -> tuple[Tile, ...]:
     """The efficiencies with their intervals, and energies where there are fewer than three."""
     cascade = reduction.rig.cascade
     etas = (*cascade.neighbours[:2], cascade.overall) if len(cascade.stages) > 2 else tuple(cascade.ratios)
+    if reduction.rig.phases.source == "waves":
+        return _wave_tiles(reduction, etas)
     given = [m for m in (*etas, *cascade.energies) if reduction.mean[m] is not None][:3]
     if not reduction.rig.phases.repeats:
         return tuple(
@@ -158,6 +162,29 @@ def _tiles(reduction: Reduction, found: Uncertainty) -> tuple[Tile, ...]:
         value = f"{tables.mean_text(reduction, found, m)} {unit}".strip()
         tiles.append(Tile(SYMBOL[m], _name(cascade, m), value, text))
     return tuple(tiles)
+
+
+def _wave_tiles(reduction: Reduction, etas: Sequence[str]) -> tuple[Tile, ...]:
+    """Efficiencies of all waves together, and mean powers of the record where there are fewer than three."""
+    found = wave_energies(reduction)
+    tiles = []
+    for eta in (name for name in etas if name in found.efficiency):
+        ratio = found.efficiency[eta]
+        if ratio.value is not None:
+            text = "too few waves for an interval"
+            if ratio.interval is not None:
+                text = f"95 %: {ratio.interval[0]:.3f} to {ratio.interval[1]:.3f}"
+            tiles.append(Tile(SYMBOL[eta], "all waves together", f"{ratio.value:.3f}", text))
+    powers = [
+        Tile(
+            SYMBOL[f"power_{stage}"],
+            "mean of the record",
+            f"{significant(watt, 4)} W",
+            f"{found.record_duration:.0f} s",
+        )
+        for stage, watt in found.record_power.items()
+    ]
+    return (*tiles, *powers)[:3]
 
 
 def _name(cascade: Cascade, metric: str) -> str:
@@ -262,7 +289,7 @@ def _sections(reduction: Reduction, found: Uncertainty, model: Modelled, command
             picture(
                 figures.time_histories(reduction, powers), "histories",
                 "Channels and powers over the whole log. "
-                + (_NOT_SHADED if len(reduction.cycles) > figures.SHADED_CYCLES else _SHADED),
+                + (_NOT_SHADED if len(reduction.cycles) > figures.SHADED_CYCLES else _shaded(reduction)),
                 "Line plots of every channel over time; the values are in the log, means of the phases in the tables.",
                 interactive=True,
             ),
@@ -319,7 +346,7 @@ def _powers(reduction: Reduction, powers: dict[str, Signal]) -> Section:
     heading, more, alt = "Power over time", "", ""
     if reduction.bins:
         heading += " and over generator speed"
-        more = " Right: powers of the payouts of all complete cycles over generator speed, with means in bins."
+        more = f" Right: powers of all complete {span_word(reduction)}s over generator speed, with means in bins."
         alt = ", and dots with binned means over generator speed; the means are in the table of bins"
     return section(
         "powers", heading,
@@ -380,7 +407,12 @@ def _repeatability(reduction: Reduction, found: Uncertainty) -> Section:
     )  # fmt: skip
 
 
-_SHADED = "Payouts and holds are shaded, the dashed lines bound the integration windows."
+def _shaded(reduction: Reduction) -> str:
+    word = span_word(reduction)
+    what = "Payouts and holds" if word == "payout" else f"{word.capitalize()}s"
+    return f"{what} are shaded, the dashed lines bound the integration windows."
+
+
 _NOT_SHADED = "Phases are not shaded: they would be too narrow to see."
 
 

@@ -33,7 +33,7 @@ from winchcascade.report.style import (
 )
 from winchcascade.report.tables import budgeted
 from winchcascade.report.traces import clock_zero, end_of, envelope, panels_of, time_label
-from winchcascade.report.wording import by_sensor, tex
+from winchcascade.report.wording import by_sensor, span_word, tex
 
 DRAWN = 3000
 """Points of a trace that are drawn at most: two for each pixel of a wide screen."""
@@ -132,7 +132,7 @@ def draw_histories(axes: Sequence[Axes], reduction: Reduction, powers: Mapping[s
         if len(reduction.cycles) <= SHADED_CYCLES:
             _shade_phases(ax, k, reduction.cycles, zero)
     if len(reduction.cycles) <= SHADED_CYCLES and rows > 1:
-        _phase_key(axes[0], reduction.cycles)
+        _phase_key(axes[0], reduction)
 
 
 def _shade_phases(ax: Axes, panel: int, cycles: Sequence[CycleResult], zero: float) -> None:
@@ -147,12 +147,15 @@ def _shade_phases(ax: Axes, panel: int, cycles: Sequence[CycleResult], zero: flo
             ax.axvline(edge - zero, color=COLOURS["soft"], ls=style, lw=0.7, gid=f"edge-{c.cycle}-{name}-{panel}")
 
 
-def _phase_key(ax: Axes, cycles: Sequence[CycleResult]) -> None:
+def _phase_key(ax: Axes, reduction: Reduction) -> None:
     """Name the shades and the dashed lines above the panels."""
+    word = span_word(reduction)
+    shades = {word: "payout"} | ({"hold": "hold"} if word == "payout" else {})
     entries: dict[str, Any] = {
-        phase: Rectangle((0, 0), 1, 1, fc=COLOURS[phase], ec=COLOURS["soft"], lw=0.4) for phase in ("payout", "hold")
+        name: Rectangle((0, 0), 1, 1, fc=COLOURS[colour], ec=COLOURS["soft"], lw=0.4) for name, colour in shades.items()
     }
-    lines = {"integration window": "--"} | ({} if all(c.complete for c in cycles) else {"of an incomplete cycle": ":"})
+    complete = all(c.complete for c in reduction.cycles)
+    lines = {"integration window": "--"} | ({} if complete else {"of an incomplete cycle": ":"})
     entries |= {name: ax.plot([], [], ls=dash, lw=0.8, color=COLOURS["soft"])[0] for name, dash in lines.items()}
     ax.legend(
         entries.values(), entries, loc="lower right", ncols=len(entries), bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1,
@@ -209,7 +212,7 @@ def over_speed(ax: Axes, reduction: Reduction, powers: dict[str, Signal]) -> Non
         means = [(0.5 * (b.rpm_low + b.rpm_high), y * short) for b in bins if (y := b.power.get(stage)) is not None]
         ax.plot(*np.array(means).reshape(-1, 2).T, lw=1.3, **_stage_style(stage))
     ax.set_xlim(min(0.0, bins[0].rpm_low), highest)
-    title = f"Payouts; lines: means in bins of {rig.thresholds.rpm_bin:g} rpm"
+    title = f"{span_word(reduction).capitalize()}s; lines: means in bins of {rig.thresholds.rpm_bin:g} rpm"
     label_panel(ax, "b", title, x="Generator speed (rpm)", y=f"Power ({unit})")
     ax.legend(loc="upper left")
 

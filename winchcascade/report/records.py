@@ -358,7 +358,7 @@ def finding_record(finding: Finding, samples: int) -> FindingRecord:
         count=finding.count,
         action=finding.action,
         message=finding.message,
-        removed_share=finding.removed / samples if samples else 0.0,
+        removed_share=finding.lost_share(samples),
     )
 
 

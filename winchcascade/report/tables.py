@@ -39,7 +39,7 @@ from winchcascade.report.report_model import (
     rows_of,
 )
 from winchcascade.report.traces import clock_zero
-from winchcascade.report.wording import SYMBOL, label, net_reasons, not_known, of_phase, source_name
+from winchcascade.report.wording import SYMBOL, label, net_reasons, not_known, of_phase, source_name, span_word
 
 MOST_CYCLES = 60
 """Cycles that a table lists; of more the first and the last half of that."""
@@ -203,6 +203,12 @@ def payouts_table(reduction: Reduction) -> Table:
     """Payout of every cycle: instants, travel, and time means over its plateau."""
     zero = clock_zero(reduction.run)
     onset: TableColumn[CycleResult] = TableColumn("Onset", "s", 2, of=lambda c: c.phases.onset - zero)
+    word = span_word(reduction)
+    if word != "payout":
+        length = _phase_column("Length", "s", 2, "payout", "duration")
+        caption, note = f"{word.capitalize()}s, with time means.", f"Onset: when the {word} begins{_since(zero)}. "
+        note += "n: speed of the shaft; τ: torque of the shaft, as logged."
+        return _phases_table("payouts", caption, [_CYCLE, onset, length, *_PAYOUT[1:]], reduction, note)
     return _phases_table(
         "payouts",
         "Payouts, with time means over the plateau.",
@@ -280,7 +286,7 @@ def bins_table(reduction: Reduction) -> Table | None:
     shown = reduction.bins[:: max(1, -(-len(reduction.bins) // (row_limit(MOST_BINS) or len(reduction.bins) or 1)))]
     return items_table(
         "bins",
-        "Mean powers of the payouts in bins of generator speed, with the standard error of their samples.",
+        f"Mean powers of the {span_word(reduction)}s in bins of generator speed, with the standard error of their samples.",
         columns,
         shown if len(columns) > 2 else (),
         note=(
@@ -310,7 +316,7 @@ def findings_table(reduction: Reduction) -> Table | None:
         TableColumn("Channel", text=True, of=lambda f: f.channel or ""),
         TableColumn("From", "s", 2, of=lambda f: None if f.start is None else f.start - zero),
         TableColumn("To", "s", 2, of=lambda f: None if f.end is None else f.end - zero),
-        TableColumn("Data lost", "%", of=lambda f: percent(f.removed / samples if samples else 0.0, 2)),
+        TableColumn("Data lost", "%", of=lambda f: percent(f.lost_share(samples), 2)),
         TableColumn("What was found", text=True, of=lambda f: f.message),
         TableColumn("What was done", text=True, of=lambda f: f.action),
     ]

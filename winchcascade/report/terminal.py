@@ -22,7 +22,16 @@ from winchcascade.report.text_table import (
     table_lines,
     wrapped,
 )
-from winchcascade.report.wording import decisive, label, load_words, net_reasons, not_known, of_phase, window_words
+from winchcascade.report.wording import (
+    decisive,
+    label,
+    load_words,
+    net_reasons,
+    not_known,
+    of_phase,
+    span_word,
+    window_words,
+)
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Finding, Run
@@ -47,15 +56,18 @@ def reduction_text(reduction: Reduction) -> str:
     incomplete and not in the mean. In a pipe at most 80 columns wide for a crane trial.
     """
     known, uncertainties = stated_uncertainty(reduction)
-    lines = [*_title(reduction), "", *_results(reduction, uncertainties), "", *_net(reduction, uncertainties), ""]
+    lines = [*_title(reduction), "", *_results(reduction, uncertainties), "", *_net(reduction, uncertainties)]
+    lines += [""] if lines[-1] else []
     watts = _decimals(reduction, "power")
     powers: list[TableColumn[CycleResult]] = [
         TableColumn(f"P_{stage}", "W", watts, of=attrgetter(f"metrics.power_{stage}"))
         for stage in reduction.rig.cascade.names
     ]
     inner = [column.name for column in powers[:-1]]
+    length: TableColumn[CycleResult] = TableColumn("length", "s", 2, of=partial(of_phase, "payout", "duration"))
+    phases = _PHASES if span_word(reduction) == "payout" else (*_PHASES[:2], length, *_PHASES[3:])
     lines += listing(
-        [*_PHASES, *powers], reduction.cycles, most=_MOST_CYCLES, more=_MORE, used=True, omit=[*_LESS, *inner]
+        [*phases, *powers], reduction.cycles, most=_MOST_CYCLES, more=_MORE, used=True, omit=[*_LESS, *inner]
     )
     if reduction.rig.phases.source == "waves":
         lines += ["", *_waves(reduction)]
@@ -102,7 +114,7 @@ def _both_ways(reduction: Reduction) -> list[str]:
     return [
         f"{stage}: {plain_cell(forth, digits)} J with the cascade, {plain_cell(back, digits)} J against it"
         for stage, (forth, back) in reduction.both_ways.items()
-        if forth > 0.0 > back
+        if min(forth, -back) >= 0.5 * 10.0**-digits
     ]
 
 
@@ -231,7 +243,7 @@ def _finding(finding: Finding, samples: int) -> str:
     if finding.start is not None and finding.end is not None and finding.kind != "incomplete_cycle":
         same = finding.end - finding.start < 0.005
         where = f" at {finding.start:.2f} s" if same else f" from {finding.start:.2f} to {finding.end:.2f} s"
-    share = finding.removed / samples if samples else 0.0
+    share = finding.lost_share(samples)
     cost = f", {share:.2%} of the samples" if share >= 0.0001 else ", less than 0.01% of the samples" if share else ""
     return one_line(f"{finding.kind}: {finding.message}{where}; {finding.action}{cost}")
 

@@ -129,7 +129,7 @@ def listing(
     used : leave out columns without any entry
     omit : as for `table_lines`
     """
-    half, rest = most // 2, len(items) - most
+    half, rest = most // 2, len(items) - most if len(items) != most + 1 else 0  # a line for one would save none
     shown = items if rest <= 0 else [*items[:half], *items[-half:]]
     rows = [
         [column.name for column in columns],

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from winchcascade.core.accuracy import ErrorSource
     from winchcascade.core.cascade import Cascade
     from winchcascade.core.rig_file import WindowRule
-    from winchcascade.reduction.reduction_result import CycleResult
+    from winchcascade.reduction.reduction_result import CycleResult, Reduction
     from winchcascade.reduction.uncertainty import Budget
 
 SENSORS = {
@@ -44,6 +44,21 @@ class _Symbols(dict[str, str]):
 
 
 _LETTERS = {"energy": "E", "power": "P", "eta": "η"}
+
+_SPANS = {"steps": "step", "rows": "row", "ranges": "range", "whole": "record"}
+"""What a cycle is called whose whole span counts, by the source of the cycles."""
+
+
+def span_word(reduction: Reduction) -> str:
+    """What the part of a cycle is called that its window lies in: a payout, or the span that a rig file gives.
+
+    >>> from winchcascade.reduction.reduce import reduce
+    >>> from winchcascade.ingest.read import read_run
+    >>> span_word(reduce(read_run("fixtures/campaign/r36ohm.csv")))
+    'payout'
+    """
+    return _SPANS.get(reduction.rig.phases.source, "payout")
+
 
 SYMBOL = _Symbols({
     "energy_line": "E_line", "energy_mech": "E_mech", "energy_gen": "E_gen", "power_line": "P_line", "power_mech": "P_mech",

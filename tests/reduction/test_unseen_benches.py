@@ -1,0 +1,140 @@
+"""Benches with headers, signs and machines of their own, against their noise-free truth; each log is made here."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from calls import call
+from scipy.signal import lfilter
+
+WITHIN = 0.002
+"""Share of the mean energy by which a cycle may miss the truth: noise and rounding of the log. [1]"""
+
+
+def compared(result: Path, t: np.ndarray, powers: dict[str, np.ndarray]) -> int:
+    """Compare the energies of every complete cycle with the integral of the true powers over its window; how many."""
+    cycles = [c for c in json.loads(result.read_text(encoding="utf-8"))["cycles"] if c["complete"]]
+    for stage, watts in powers.items():
+        sums = np.concatenate(([0.0], np.cumsum(0.5 * (watts[1:] + watts[:-1]) * np.diff(t))))
+        spans = np.array([(c["window"]["onset_s"], c["window"]["cutoff_s"]) for c in cycles])
+        true = np.interp(spans[:, 1], t, sums) - np.interp(spans[:, 0], t, sums)
+        found = np.array([c["stages"][f"energy_{stage}_j"] for c in cycles])
+        assert np.abs(found - true).max() < WITHIN * np.abs(true).mean(), stage
+    return len(cycles)
+
+
+def written(path: Path, head: str, rows: np.ndarray, *, digits: int = 4) -> Path:
+    """A log with semicolons and decimal commas."""
+    lines = (";".join(f"{x:.{digits}f}" for x in row).replace(".", ",") for row in rows)
+    path.write_text("\n".join([head, *lines, ""]), encoding="cp1252")
+    return path
+
+
+DYNO = """name = "Bench 3"
+[cascade]
+stages = ["mech", "gen"]
+[phases]
+from = "steps"
+[stage.mech]
+power = "-torque * speed"
+"""
+
+
+def test_steps_behind_a_settling_that_lies_within_the_band_are_whole(tmp_path: Path) -> None:
+    rng, step = np.random.default_rng(5), 0.01
+    points = [(0, 0, 4), *((n, torque, 9) for n in (12, 24, 36, 48) for torque in (150, 400, 700)), (0, 0, 3)]
+    share = step / 0.15
+    rpm, torque = (
+        lfilter([share], [1.0, share - 1.0], np.repeat([p[k] for p in points], [100 * p[2] for p in points]))
+        for k in (0, 1)
+    )
+    t, omega = step * np.arange(rpm.size), rpm * np.pi / 30.0
+    loss = 8.0 * omega + 2e-4 * torque**2 + 0.03 * torque * omega
+    mech = torque * omega
+    gen, volt = np.maximum(mech - loss, 0.0), 40.0 + 6.0 * rpm
+    noise = rng.normal(0.0, (0.03, 1.5, 0.2, 0.02), (t.size, 4))
+    rows = np.column_stack((t, np.column_stack((rpm, -torque, volt, gen / volt)) + noise))
+    head = "Zeit [s];Trommeldrehzahl [U/min];Drehmoment [Nm];Zwischenkreisspannung [V];Zwischenkreisstrom [A]"
+    log, rig = written(tmp_path / "dyno.csv", head, rows), tmp_path / "dyno.toml"
+    rig.write_text(DYNO, encoding="utf-8")
+    code, out, err = call(
+        "reduce", log, "--rig", rig, "--json", tmp_path / "a.json", "--loss-map", tmp_path / "map.json"
+    )
+    assert (code, err) == (0, "")
+    assert compared(tmp_path / "a.json", t, {"mech": mech, "gen": gen}) == 12
+    assert "speed × torque      0.0" in out  # the torque of the map counts as the rig file counts its power
+    surface = json.loads((tmp_path / "map.json").read_text(encoding="utf-8"))
+    assert min(surface["points"]["torque_nm"]) > 100.0
+    page = tmp_path / "a.html"
+    assert call("reduce", log, "--rig", rig, "--html", page).code == 0
+    text = page.read_text(encoding="utf-8")
+    assert "Steps, with time means." in text
+    assert "ayout" not in text[text.index("Cycles and phases") : text.index("Log and simulation")]
+
+
+@pytest.mark.parametrize("source", ["waves", "whole"])
+def test_a_minus_sign_of_a_rig_file_speaks_of_the_log_also_where_a_sign_is_corrected(
+    tmp_path: Path, source: str
+) -> None:
+    rng, t = np.random.default_rng(6), np.arange(0.0, 60.0, 2e-3)
+    x = 0.3 * np.sin(2.0 * np.pi * t / 4.0) + 0.08 * np.sin(2.0 * np.pi * t / 2.7 + 1.0)
+    v = np.gradient(x, t)
+    force = 2500.0 * v + 200.0 * np.tanh(v / 0.05)
+    line, ac = force * v, 0.83 * force * v - 5.0
+    noise = rng.normal(0.0, (0.02, 2.0, 0.004, 3.0), (t.size, 4))
+    rows = np.column_stack((1e3 * t, np.column_stack((1e3 * x, 1e3 * v, -1e-3 * force, ac)) + noise))
+    log, rig = tmp_path / "linear.csv", tmp_path / "linear.toml"
+    np.savetxt(log, rows, delimiter=",", header="t [ms],Position [mm],Speed [mm/s],Damper [kN],Meter [W]", comments="")
+    rig.write_text(
+        f'name = "linear generator"\n[cascade]\nstages = ["line", "ac"]\n[phases]\nfrom = "{source}"\n'
+        '[stage.line]\npower = "-force * velocity"\n[columns]\nforce = "Damper [kN]"\npower_ac = "Meter [W]"\n'
+    )
+    code, out, err = call("reduce", log, "--rig", rig, "--json", tmp_path / "a.json")
+    assert (code, err) == (0, "")
+    assert "sign_flipped: force" in out
+    assert compared(tmp_path / "a.json", t, {"line": line, "ac": ac}) == (14 if source == "waves" else 1)
+    assert ", -0 J" not in out
+
+
+def test_a_column_of_labels_is_no_unknown_column(tmp_path: Path) -> None:
+    rng, t = np.random.default_rng(7), np.arange(0.0, 60.0, 0.02)
+    v = 0.6 * np.sin(2.0 * np.pi * t / 7.0)
+    force = 1200.0 + 1000.0 * np.maximum(v, 0.0)
+    words = np.where(v > 0.03, "ausspulen", np.where(v < -0.03, "einholen", "halt"))
+    lines = ["Zeit (s);Seilgeschwindigkeit (m/min);Seilzug (daN);Phase"]
+    lines += [
+        f"{a:.2f};{-60.0 * b + rng.normal(0.0, 0.2):.3f};{0.1 * c:.3f};{word}"
+        for a, b, c, word in zip(t, v, force, words, strict=True)
+    ]
+    log, rig = tmp_path / "sea.csv", tmp_path / "sea.toml"
+    log.write_text("\n".join([*lines, ""]))
+    rig.write_text(
+        'name = "winch"\n[cascade]\nstages = ["line"]\n[phases]\nfrom = "column"\ncolumn = "Phase"\n'
+        'payout = ["ausspulen"]\nhaul_in = ["einholen"]\n'
+    )
+    code, out, err = call("reduce", log, "--rig", rig, "--json", tmp_path / "a.json")
+    assert (code, err) == (0, "")
+    assert "unknown_column" not in out
+    assert compared(tmp_path / "a.json", t, {"line": force * v}) >= 7
+
+
+def test_an_entry_in_the_wrong_table_is_sent_to_its_own(tmp_path: Path) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text('name = "a"\n[winch]\ngear_ratio = { value = 4.5, unit = "1", source = "plate" }\n')
+    code, _, err = call("reduce", "fixtures/campaign/r36ohm.csv", "--rig", rig)
+    assert code == 2
+    assert "[winch] gear_ratio is an entry of [drivetrain]; move it there." in err
+
+
+def test_the_share_of_lost_rows_cannot_exceed_one(tmp_path: Path) -> None:
+    t = np.concatenate((np.arange(0.0, 40.0, 0.1), np.arange(400.0, 440.0, 0.1)))
+    log, rig = tmp_path / "gap.csv", tmp_path / "rig.toml"
+    rows = np.column_stack((t, np.full(t.size, 300.0), np.full(t.size, 20.0)))
+    np.savetxt(log, rows, delimiter=",", header="Time (s),Speed (rpm),Torque (N.m)", comments="")
+    rig.write_text('name = "a"\n[cascade]\nstages = ["mech"]\n[phases]\nfrom = "whole"\n')
+    code, out, err = call("reduce", log, "--rig", rig)
+    assert (code, err) == (0, "")
+    assert "81.8" in " ".join(out.split()).split("bridged by straight lines, ")[1]
