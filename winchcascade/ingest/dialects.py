@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Iterator
+from functools import lru_cache
 
 import msgspec
 
@@ -132,9 +133,13 @@ _BRACKETS = re.compile(r"[(\[{<]([^()\[\]{}<>]*(?:\([^()]*\))?[^()\[\]{}<>]*)[)\
 _LONGEST_NAME = 120
 """Length up to which a name is read; a longer text is no name. [characters]"""
 
+_HEADERS = 500
+"""Number of headers whose reading is kept: a log needs each several times, and the logs of a campaign have the same ones."""
+
 _BEFORE_UNIT = re.compile(r"(?<=\S)(?:\s+in\s+|\s*[/,;:_.\s]\s*)(?=\S)")
 
 
+@lru_cache(_HEADERS)
 def read_header(header: Header) -> _Read:
     """Read name and unit apart: `Force [kgf]`, `Kraft / N`, `Vdc, V`, `force_kN`, or a row of units below the names."""
     name = unicodedata.normalize("NFKC", header.name[:_LONGEST_NAME]).strip().lstrip("#%").strip().strip("\"'")
@@ -174,6 +179,7 @@ def _spellings(name: str, last: str) -> Iterator[str]:
     yield "".join(w for w in words if w not in QUALIFIERS)
 
 
+@lru_cache(_HEADERS)
 def recognise(header: Header) -> str | None:
     """Channel (or `time`) that a header names, None for a column that is none.
 

@@ -111,7 +111,7 @@ def find_layout(lines: Sequence[str], where: str, *, numbered: bool = False) -> 
     tables = _tables(lines[:_MANY_LINES], ",;\t|") or _tables(lines[:_MANY_LINES], " ")
     if not tables:
         raise LogError(_no_table(lines, where))
-    delimiter, first, rows = max(tables, key=_score)
+    delimiter, first, rows = max(tables, key=_score) if len(tables) > 1 else tables[0]
     width = usual_width(rows)
     headers = _headers(lines[:first], delimiter, rows, where, numbered=numbered)
     return Layout(
@@ -145,22 +145,25 @@ def _first_data(lines: Sequence[str], delimiter: str) -> tuple[int, list[list[st
     """First line of data under a delimiter and the rows from there; None without two such rows in a row."""
     if delimiter != " " and not any(delimiter in line for line in lines):
         return None
-    rows = [split_row(line, delimiter) for line in lines]
 
     @cache  # most logs show their table in the first lines
+    def row(k: int) -> list[str]:
+        return split_row(lines[k], delimiter)
+
+    @cache
     def data(k: int) -> bool:
         """Whether a row holds a number or a stamp in most cells that are not empty, and in more than one."""
-        full = [cell for cell in rows[k] if cell]
+        full = [cell for cell in row(k) if cell]
         return len(full) >= 2 and any(map(looks_like_a_number, full)) and sum(map(is_value, full)) >= 0.6 * len(full)
 
-    for k, row in enumerate(rows):
-        if not data(k) or _channels(row) > 1:
+    for k in range(len(lines)):
+        if not data(k) or _channels(row(k)) > 1:
             continue
-        after = [j for j in range(k + 1, min(k + 6, len(rows))) if rows[j] != [""]]
-        width = usual_width([rows[j] for j in after if data(j)])
-        alike = sum(data(j) and abs(len(rows[j]) - width) <= 1 for j in after) if len(row) >= width - 1 else 0
-        if alike >= max(1, len(after) - 2) and not any(_channels(rows[j]) > 1 for j in after if not data(j)):
-            return k, [rows[j] for j in range(k, min(k + _SAMPLE, len(rows))) if data(j)]
+        after = [j for j in range(k + 1, min(k + 6, len(lines))) if row(j) != [""]]
+        width = usual_width([row(j) for j in after if data(j)])
+        alike = sum(data(j) and abs(len(row(j)) - width) <= 1 for j in after) if len(row(k)) >= width - 1 else 0
+        if alike >= max(1, len(after) - 2) and not any(_channels(row(j)) > 1 for j in after if not data(j)):
+            return k, [row(j) for j in range(k, min(k + _SAMPLE, len(lines))) if data(j)]
     return None
 
 

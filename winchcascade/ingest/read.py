@@ -11,7 +11,6 @@ import unicodedata
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from threading import Thread
 from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
@@ -20,6 +19,7 @@ import numpy as np
 from winchcascade.core.campaign_file import SIMULATED, Origin, joint_origin
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.integrate import median
+from winchcascade.core.jobs import side_by_side
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.quantity import is_load
 from winchcascade.core.rig_file import Rig
@@ -139,14 +139,14 @@ def _read(path: Path, rig: Rig, load: float | None, table_name: str | None, *, s
     finally:
         source.close()
     # Hashing leaves the interpreter free for other work.
-    digests: list[str] = []
-    hashing = Thread(target=lambda: digests.append(_sha256(path)), daemon=True)
-    hashing.start()
-    run = _run_of(loaded, rig, load, where=path.name, simulated=simulated)
-    hashing.join()
-    if not any(digests):
+    run, digest = side_by_side(
+        lambda: _run_of(loaded, rig, load, where=path.name, simulated=simulated),
+        lambda: _sha256(path),
+        samples=len(next(iter(loaded.table.values.values()))),
+    )
+    if not digest:
         raise LogError(f"{path}: could not be read to its end; check that the file is still there.")
-    return msgspec.structs.replace(run, path=one_line(str(path)), sha256=digests[0])
+    return msgspec.structs.replace(run, path=one_line(str(path)), sha256=digest)
 
 
 def _read_frame(

@@ -176,16 +176,23 @@ def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
     reach, gains = _reach(model, np.array([c.complete for c in reduction.cycles], dtype=bool))
     undetermined = [m for m in stated if m in given and _is_undetermined(cascade, m, reach, gains)]
     stated = [m for m in stated if m not in undetermined]
-    rows = []
+    rows: list[BudgetRow] = []
     square = {m: np.zeros(len(reduction.cycles)) for m in stated}
     mean_square = dict.fromkeys(stated, 0.0)
-    for source, joules in energy_errors(model):
-        changed = _of_metrics(joules, model, stated, independent=source is None)
-        of = {m: _of_mean(x[rows_of[m]], shared=source is not None) for m, x in changed.items() if m in given}
-        rows.append(BudgetRow(source, Metrics(of)))
+    errors = energy_errors(model)
+    for shared in (True, False):
+        alike = [(source, of) for source, of in errors if (source is not None) == shared]
+        if not alike:
+            continue
+        joules = {name: np.array([of[name] for _, of in alike]) for name in stages}
+        changed = _of_metrics(joules, model, stated, independent=not shared)
+        of = {m: _of_mean(x[:, rows_of[m]], shared=shared) for m, x in changed.items() if m in given}
+        rows += [
+            BudgetRow(source, Metrics({m: float(u[k]) for m, u in of.items()})) for k, (source, _) in enumerate(alike)
+        ]
         for m, x in changed.items():
-            square[m] += x**2
-            mean_square[m] += of.get(m, 0.0) ** 2
+            square[m] += np.sum(x**2, axis=0)
+            mean_square[m] += float(np.sum(of[m] ** 2)) if m in of else 0.0
     sensors = {m: math.sqrt(mean_square[m]) for m in stated if m in given}
     columns = {m: [reduction.cycles[k].metrics[m] for k in rows_of[m].tolist()] for m in given}
     repeats = reduction.rig.phases.repeats
@@ -210,14 +217,15 @@ def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
 
 def _reach(model: ErrorModel, complete: Mask) -> tuple[dict[str, float], dict[str, float]]:
     """Largest share of the energy of each stage, in any cycle, that all errors together could change, and that gains could."""
-    reach, gains = dict.fromkeys(model.stages, 0.0), dict.fromkeys(model.stages, 0.0)
+    most = np.array([NORMAL_REACH * s.u if s.limit is None else s.limit for s in model.sources])
+    is_gain = np.array([s.part == "gain" for s in model.sources], dtype=bool)
+    reach, gains = {}, {}
     for name, stage in model.stages.items():
         energy = np.maximum(np.abs(stage.energy), NOTHING)
-        for source in model.sources:
-            most = NORMAL_REACH * source.u if source.limit is None else source.limit
-            share = (np.abs(_energy_slope(source, stage)) / energy)[complete & (stage.t > 0)]
-            reach[name] += most * float(np.max(share, initial=0.0))
-            gains[name] += most * float(np.any(share)) if source.part == "gain" else 0.0
+        share = np.max(
+            (np.abs(_energy_slopes(model, stage)) / energy)[:, complete & (stage.t > 0)], axis=1, initial=0.0
+        )
+        reach[name], gains[name] = float(most @ share), float(np.sum(most[is_gain & (share > 0.0)]))
     return reach, gains
 
 
@@ -272,9 +280,11 @@ def _channels(stages: Mapping[str, StageEnergy]) -> set[str]:
     return set().union(*(stage.channels for stage in stages.values()))
 
 
-def _of_mean(changed: Signal, *, shared: bool) -> float:
-    """Change of a mean by those of its cycles: an error that all share moves them together, others average out."""
-    return abs(float(np.mean(changed))) if shared else math.sqrt(float(np.sum(changed**2))) / changed.size
+def _of_mean(changed: Signal, *, shared: bool) -> Signal:
+    """Changes of a mean by those of its cycles, (n,) from (n, k): what all share moves them together, the rest averages out."""
+    return np.asarray(
+        np.abs(np.mean(changed, axis=1)) if shared else np.sqrt(np.sum(changed**2, axis=1)) / changed.shape[1]
+    )
 
 
 def energy_errors(model: ErrorModel) -> list[tuple[ErrorSource | None, dict[str, Signal]]]:
@@ -289,6 +299,11 @@ def energy_errors(model: ErrorModel) -> list[tuple[ErrorSource | None, dict[str,
     if any(stage.bridged.any() for _, stage in stages):
         errors.append((None, {name: stage.bridged / math.sqrt(3.0) for name, stage in stages}))
     return errors
+
+
+def _energy_slopes(model: ErrorModel, stage: StageEnergy) -> Signal:
+    """Change of a stage's energy with each of n sources, (n, k)."""
+    return np.array([_energy_slope(source, stage) for source in model.sources]).reshape(-1, stage.xy.size)
 
 
 def _energy_slope(source: ErrorSource, stage: StageEnergy) -> Signal:
@@ -311,7 +326,7 @@ def _of_metrics(
     *,
     independent: bool,
 ) -> dict[str, Signal]:
-    """Carry changes of the stages' energies over to the metrics; those of two stages cancel unless independent."""
+    """Carry changes of energies, (n, k) each, over to the metrics; those of two stages cancel unless independent."""
     changed, stages, ratios = {}, model.stages, model.cascade.all_ratios
     for metric in metrics:
         if metric in ratios:
