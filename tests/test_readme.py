@@ -136,6 +136,25 @@ def test_the_python_of_a_page_gives_what_is_shown(
     assert result.failed == 0
 
 
+def test_the_rig_file_of_the_readme_states_the_drum_radius() -> None:
+    from winchcascade.core.rig_toml import parse_rig
+
+    text = PAGES["README"].read_text(encoding="utf-8")
+    (rig,) = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
+    assert parse_rig(rig, "README.md").r_drum == 0.25
+    own = text.split("## Your own log and rig\n")[1]
+    assert "drum radius" in own[:100]
+
+
+def test_the_readme_lists_every_command_and_names_three_readers() -> None:
+    text = PAGES["README"].read_text(encoding="utf-8")
+    table = text.split("## All commands\n")[1].split("\n## ")[0]
+    listed = set(re.findall(r"^  ([a-z]+) {2,}", output("winchcascade --help", ROOT), re.MULTILINE))
+    assert listed
+    assert all(re.search(rf"`{name}[ `]", table) for name in listed)
+    assert all(reader in text for reader in ("test engineer", "designer of a PTO", "reviewer of a paper"))
+
+
 def test_the_rig_file_of_the_page_of_commands_can_be_read() -> None:
     from winchcascade.core.rig_toml import parse_rig
 

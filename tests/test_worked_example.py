@@ -37,8 +37,8 @@ def test_the_commands_print_what_is_shown(tmp_path: Path) -> None:
     assert follow(tmp_path / "a reader", shown) == shown
 
 
-def test_the_whole_diagnosis_is_that_of_the_readme_without_its_files() -> None:
-    ((_, _, shown),) = (block for block in blocks("README") if block[1].startswith(f"{DIAGNOSE} --html "))
+def test_the_whole_diagnosis_is_that_of_the_page_of_commands_without_its_files() -> None:
+    ((_, _, shown),) = (block for block in blocks("commands") if block[1].startswith(f"{DIAGNOSE} --html "))
     text, _, files = shown.partition("\nfiles ")
     assert files
     assert dict(BLOCKS)[DIAGNOSE] == f"{text}\n"

@@ -1,0 +1,251 @@
+"""Draw the pictures of the README from the shipped data.
+
+`python docs/pictures.py [NAME ...]` writes docs/pictures/: the cascade, the terminal and the diagnosis as SVG, and a photograph
+of the page of a campaign by Chromium. `sources.json` holds the data behind each picture; a test compares them with the present
+results.
+"""
+
+import json
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parent.parent
+PICTURES = Path(__file__).parent / "pictures"
+SOURCES = PICTURES / "sources.json"
+LOG = "fixtures/campaign/r36ohm.csv"
+CAMPAIGN, TABLE = "fixtures/campaign", "hsu2026-table2"
+
+INK, SOFT, PAPER, FAINT = "#1b1e23", "#5c6470", "#ffffff", "#eef1f5"
+STAGES = {"line": "#12355b", "mech": "#b8432f", "gen": "#2f8f7b"}
+
+Source = Any
+"""Data behind a picture, as JSON holds them."""
+
+
+# --------------------------------------------------------------------------------------------------------------- cascade
+def cascade_source() -> Source:
+    """Mean energies and efficiencies of a log, as they are printed."""
+    from winchcascade import read_run, reduce
+
+    mean = reduce(read_run(ROOT / LOG, load=36.0), window=5.48).mean
+    energies = {stage: f"{mean[f'energy_{stage}']:.0f} J" for stage in STAGES}
+    return energies | {name: f"{mean[name]:.3f}" for name in ("eta_trans", "eta_gen", "eta_pto")}
+
+
+PARTS = (
+    (16, 124, ("Crane or buoy", "pulls the tether")), (228, 134, ("Drum and", "restoring module")),
+    (450, 134, ("Clutch, gear,", "generator")), (672, 112, ("Rectifier,", "DC link, load")),
+)  # fmt: skip
+"""Left edge and width of the boxes of the cascade, with their texts. [px]"""
+
+PLACES = {
+    "line": (184, "Line", "force × velocity"), "mech": (406, "PTO shaft", "torque × speed"),
+    "gen": (628, "DC link", "Vdc × Idc"),
+}  # fmt: skip
+"""Where each energy is measured: centre [px], name, and what its power is the product of."""
+
+RATIOS = (("eta_trans", "line", "mech", 208), ("eta_gen", "mech", "gen", 208), ("eta_pto", "line", "gen", 244))
+"""Efficiencies, the places that they compare, and the height of their brackets. [px]"""
+
+
+def cascade(found: Source) -> str:
+    """The energy cascade with the energies of one log."""
+    lines = [
+        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 800 262" font-family="Helvetica, Arial, sans-serif" '
+        'font-size="14">',
+        "<title>Energy cascade of a winch-driven power take-off, with the energies of one simulated run</title>",
+        f'<rect width="800" height="262" rx="8" fill="{PAPER}"/>',
+        f'<line x1="30" y1="75" x2="720" y2="75" stroke="{SOFT}" stroke-width="3"/>',
+    ]
+    for x, width, texts in PARTS:
+        lines.append(f'<rect x="{x}" y="46" width="{width}" height="58" rx="6" fill="{FAINT}" stroke="{INK}"/>')
+        lines += [_text(x + width / 2, 70 + 19 * k, text, INK) for k, text in enumerate(texts)]
+    for stage, (x, name, product) in PLACES.items():
+        colour = STAGES[stage]
+        lines += [
+            f'<path d="M {x - 8} 67 l 16 8 l -16 8 z" fill="{colour}"/>',
+            f'<line x1="{x}" y1="88" x2="{x}" y2="128" stroke="{colour}" stroke-dasharray="3 3"/>',
+            _text(x, 34, name, colour, bold=True), _text(x, 148, f"E_{stage} = {found[stage]}", colour, bold=True),
+            _text(x, 168, product, SOFT),
+        ]  # fmt: skip
+    for name, first, last, y in RATIOS:
+        begin, end = PLACES[first][0] + 5, PLACES[last][0] - 5
+        lines += [
+            f'<path d="M {begin} {y - 26} v 6 H {end} v -6" fill="none" stroke="{SOFT}"/>',
+            _text((begin + end) / 2, y - 4, f"{name.replace('eta', 'η')} = {found[name]}", INK),
+        ]
+    return "\n".join([*lines, "</svg>"]) + "\n"
+
+
+def _text(x: float, y: float, text: str, colour: str, *, bold: bool = False) -> str:
+    """A centred text; what follows an underscore in its first word is set low."""
+    weight = ' font-weight="bold"' if bold else ""
+    head, _, rest = text.partition(" = ")
+    symbol, _, low = head.partition("_")
+    shown = (
+        f'{symbol}<tspan dy="4" font-size="10">{low}</tspan><tspan dy="-4"> = {rest}</tspan>' if low else escape(text)
+    )
+    return f'<text x="{x:g}" y="{y:g}" text-anchor="middle" fill="{colour}"{weight}>{shown}</text>'
+
+
+# -------------------------------------------------------------------------------------------------------------- terminal
+def terminal_source() -> Source:
+    """What `winchcascade audit` prints in a terminal of 84 columns, with its colours."""
+    from winchcascade.core.plain_text import lines
+    from winchcascade.report.audit_text import audit_text
+    from winchcascade.report.screen import PIPE, Screen, painted, use_screen
+    from winchcascade.tables.audit import audit
+
+    use_screen(Screen(84, colour=True))
+    try:
+        printed = painted(audit_text(audit(TABLE)), lines)
+    finally:
+        use_screen(PIPE)
+    return [f"$ winchcascade audit {TABLE}", *printed.rstrip("\n").split("\n")]
+
+
+COLOURS = {"\x1b[32m": "#4ec96b", "\x1b[33m": "#e0b341", "\x1b[31m": "#f2665c", "\x1b[0m": "#d7dce2"}
+CELL, ROW = 7.83, 17
+"""Width of a character and height of a line. [px]"""
+
+
+def terminal(lines: Source) -> str:
+    """Printed lines as they look in a terminal."""
+    width, height = round(86 * CELL), ROW * len(lines) + 48
+    drawn = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" '
+        'font-family="DejaVu Sans Mono, Menlo, Consolas, monospace" font-size="13">',
+        "<title>What winchcascade audit prints in a terminal</title>",
+        f'<rect width="{width}" height="{height}" rx="8" fill="#15181d"/>',
+        *(f'<circle cx="{18 + 18 * k}" cy="15" r="5" fill="#3b414a"/>' for k in range(3)),
+    ]
+    for k, line in enumerate(lines):
+        parts = _spans(line)
+        if parts:
+            place = f'x="{CELL:g}" y="{44 + ROW * k}" textLength="{len(_bare(line)) * CELL:.5g}" lengthAdjust="spacing"'
+            drawn.append(f'<text {place} fill="{COLOURS[_PLAIN]}" xml:space="preserve">{parts}</text>')
+    return "\n".join([*drawn, "</svg>"]) + "\n"
+
+
+_PLAIN = "\x1b[0m"
+
+
+def _bare(line: str) -> str:
+    for code in COLOURS:
+        line = line.replace(code, "")
+    return line
+
+
+def _spans(line: str) -> str:
+    """A line as escaped text, coloured parts in elements of their own."""
+    text = escape(line, quote=False)
+    for code, colour in COLOURS.items():
+        text = text.replace(code, "</tspan>" if code == _PLAIN else f'<tspan fill="{colour}">')
+    return text
+
+
+# ------------------------------------------------------------------------------------------------------------- diagnosis
+def waterfall_source() -> Source:
+    """What each cause costs in efficiency at each load, and the diagnosis that it comes from."""
+    from winchcascade import open_campaign
+    from winchcascade.diagnosis.diagnose import ModelDiagnosis
+    from winchcascade.report.cause_costs import part_name, waterfall_costs
+
+    found = open_campaign(ROOT / CAMPAIGN).diagnose()
+    assert isinstance(found, ModelDiagnosis)
+    _FOUND["waterfall"] = found
+    return [
+        [f"{costs.load:g} ohm", f"{costs.as_given:.1f}"]
+        + [f"{part_name(found, part)} {part.value:.1f}" for part in costs.parts]
+        + [f"{costs.measured:.1f}"]
+        for costs in waterfall_costs(found)
+    ]
+
+
+_FOUND: dict[str, Any] = {}
+"""Results that a source has computed, for the picture of it."""
+
+
+def waterfall(_: Source) -> str:
+    """The waterfall figure of the report of a diagnosis."""
+    from winchcascade.report.cause_costs import waterfall_figure
+    from winchcascade.report.style import house_style
+    from winchcascade.report.svg_drawing import svg_text
+
+    with house_style():
+        figure = waterfall_figure(_FOUND["waterfall"])
+        assert figure is not None
+        svg = svg_text(figure, "waterfall")
+    begin = svg.index(">") + 1
+    return f'{svg[:begin]}<rect width="100%" height="100%" fill="{PAPER}"/>{svg[begin:]}\n'
+
+
+# -------------------------------------------------------------------------------------------------------------- campaign
+def campaign_source() -> Source:
+    """Tiles, sentences and tables of the report of the campaign."""
+    from winchcascade import open_campaign
+    from winchcascade.report.write_report import write_report
+
+    result = open_campaign(ROOT / CAMPAIGN).reduce()
+    folder = Path(tempfile.mkdtemp())
+    _FOUND["campaign"] = write_report(result, folder / "campaign.html")
+    return [
+        [run.name, run.load_ohm, *(_rounded(run.mean.get(name)) for name in MEANS)] for run in result.summary.reduced
+    ]
+
+
+MEANS = ("energy_line_j", "energy_mech_j", "energy_gen_j", "eta_trans", "eta_gen", "eta_pto")
+
+
+def _rounded(value: float | None) -> str | None:
+    return None if value is None else f"{value:.4g}"
+
+
+def campaign(_: Source) -> bytes:
+    """A photograph of the first screen of the page of a campaign."""
+    browser = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    if browser is None:
+        raise SystemExit("campaign.png: expected Chromium on the path; install it, or name the other pictures.")
+    page: Path = _FOUND["campaign"]
+    photograph = page.with_suffix(".png")
+    subprocess.run(
+        [browser, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--window-size=1180,1200",
+         f"--screenshot={photograph}", page.as_uri()],
+        check=True, capture_output=True, timeout=120,
+    )  # fmt: skip
+    return photograph.read_bytes()
+
+
+Drawing = Callable[[Source], str | bytes]
+
+DRAWN: dict[str, tuple[Callable[[], Source], Drawing]] = {
+    "cascade.svg": (cascade_source, cascade),
+    "terminal.svg": (terminal_source, terminal),
+    "campaign.png": (campaign_source, campaign),
+    "waterfall.svg": (waterfall_source, waterfall),
+}
+"""Each picture: its data, and how it is drawn of them."""
+
+
+def draw(names: Sequence[str]) -> None:
+    """Draw some pictures, and store the data behind them."""
+    PICTURES.mkdir(exist_ok=True)
+    for name in names:
+        source, drawing = DRAWN[name]
+        data = source()
+        content = drawing(data)
+        (PICTURES / name).write_bytes(content.encode() if isinstance(content, str) else content)
+        stored = json.loads(SOURCES.read_text(encoding="utf-8")) if SOURCES.is_file() else {}
+        text = json.dumps(dict(sorted((stored | {name: data}).items())), indent=1, ensure_ascii=False)
+        SOURCES.write_text(f"{text}\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    sys.path.insert(0, str(ROOT))
+    draw(sys.argv[1:] or list(DRAWN))
