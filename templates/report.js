@@ -607,6 +607,20 @@
     if (data.sets) { select.value = data.first; choose(data.first); } else self.refresh();
   }
 
+  // The section that is read is marked in the contents, and stays in sight there.
+  const entries = [...document.querySelectorAll('nav a[href^="#"]')];
+  const seen = new IntersectionObserver((changes) => {
+    for (const { target, isIntersecting } of changes) {
+      const entry = isIntersecting && entries.find((one) => one.hash === "#" + target.id);
+      if (!entry) continue;
+      for (const one of entries) one.removeAttribute("aria-current");
+      entry.setAttribute("aria-current", "true");
+      const list = entry.closest("nav"), box = entry.getBoundingClientRect(), whole = list.getBoundingClientRect();
+      if (box.left < whole.left || box.right > whole.right) list.scrollLeft += box.left - whole.left - 20;
+    }
+  }, { rootMargin: "-25% 0px -70% 0px" });
+  for (const part of document.querySelectorAll("main > section[id]")) seen.observe(part);
+
   const traces = document.getElementById("traces");
   for (const figure of document.querySelectorAll("figure:has(script.marks)")) {
     const self = plot(figure);

@@ -175,6 +175,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def listed(*endings: str) -> set[str]:
     names = {f"{name}.{ending}" for name in ("campaign", "runs/r9ohm.csv") for ending in endings}
+    names |= {"index.html"} if "html" in endings else set()
     return names | {"campaign.json", "runs/r9ohm.csv.json", *(f"dataset/{table}.parquet" for table in TABLES)}
 
 
@@ -199,8 +200,8 @@ def test_links_of_the_page_lead_to_files(tmp_path: Path, out: Path) -> None:
     log = Path(shutil.copy(FIXTURES / "campaign" / "r9ohm.csv", tmp_path / "50 % #2 測é.csv"))
     batch(log, out=out, reports=["html"])
     links = re.findall(r'href="(?!#|data:)([^"]*)"', (out / "campaign.html").read_text(encoding="utf-8"))
-    assert {unquote(link) for link in links} == {"runs/50 % #2 測é.csv.html"}
-    assert (out / unquote(links[0])).is_file()
+    assert {unquote(link) for link in links} == {"runs/50 % #2 測é.csv.html", "index.html"}
+    assert all((out / unquote(link)).is_file() for link in links)
 
 
 def test_any_number_of_processes_gives_the_same_bytes(campaign: Path, done: Path, tmp_path: Path) -> None:

@@ -11,6 +11,9 @@ import pytest
 from diagnosed import diagnosed
 from pypdf import PdfReader
 
+from winchcascade.batch.demo import DIAGNOSIS_FILES
+from winchcascade.batch.plan import make_plan
+from winchcascade.batch.run_batch import Products, run_batch
 from winchcascade.cli.app import command_line
 from winchcascade.report.diagnosis import write_diagnosis_reports
 
@@ -60,6 +63,10 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     shutil.copy(root / "campaign" / "r36ohm.csv", nasty)
     made["nasty"] = folder / "nasty.html"
     command_line("reduce")(["reduce", str(nasty), "--html", str(made["nasty"])], standalone_mode=False)
+    batch = run_batch(
+        make_plan([str(root / "campaign")]), folder / "results", Products(("html",), beside=DIAGNOSIS_FILES)
+    )
+    made |= {name: batch.folder / f"{name}.html" for name in ("campaign", "index")}
     for name in ("rolloff", "outsider"):
         made[name] = folder / f"{name}.html"
         write_diagnosis_reports(diagnosed(name), html=made[name], pdf=None)
@@ -79,7 +86,7 @@ def opened(browser: Any, page: Path, screen: str) -> tuple[Any, list[str], list[
 
 
 @pytest.mark.parametrize("screen", SCREENS)
-@pytest.mark.parametrize("log", [*LOGS, "nasty", "rolloff", "outsider"])
+@pytest.mark.parametrize("log", [*LOGS, "nasty", "rolloff", "outsider", "campaign", "index"])
 def test_a_page_makes_no_error_no_request_and_keeps_nobody_out(
     browser: Any, pages: dict[str, Path], log: str, screen: str
 ) -> None:
@@ -304,3 +311,40 @@ def test_another_cycle_of_a_diagnosis_has_its_own_axes_and_values(browser: Any, 
     assert seen[0][1] != seen[1][1]
     assert all(text.count(" | ") >= 2 for _, text, _ in seen)
     assert all("Values under the cursor" in note for _, _, note in seen)
+
+
+def test_links_lead_from_a_log_to_its_campaign_to_the_diagnosis_and_to_all_results(
+    browser: Any, pages: dict[str, Path]
+) -> None:
+    tab, said, _ = opened(browser, pages["index"], "desktop")
+    tab.get_by_role("link", name="r36ohm.csv").click()
+    headings = [tab.inner_text("h1")]
+    for name in ("Campaign", "All results", "Campaign"):
+        tab.get_by_role("navigation").get_by_role("link", name=name, exact=True).click()
+        headings.append(tab.inner_text(".kind"))
+    diagnosis = tab.get_by_role("navigation").get_by_role("link", name="Diagnosis", exact=True).get_attribute("href")
+    tab.get_by_role("link", name="r9ohm.csv").first.click()
+    headings.append(tab.inner_text("h1"))
+    tab.context.close()
+    assert said == []
+    assert [text.lower() for text in headings] == ["r36ohm.csv", "campaign", "results", "campaign", "r9ohm.csv"]
+    assert diagnosis == "diagnosis.html"
+
+
+@pytest.mark.parametrize("screen", SCREENS)
+def test_the_contents_stay_in_sight_and_mark_the_section_that_is_read(
+    browser: Any, pages: dict[str, Path], screen: str
+) -> None:
+    tab, said, _ = opened(browser, pages["clean"], screen)
+    tab.evaluate("document.documentElement.style.scrollBehavior = 'auto'")
+    for entry in tab.locator("nav a").all():
+        entry.evaluate("(link) => link.click()")
+        tab.wait_for_timeout(150)
+        hidden = tab.evaluate("document.querySelector('.top').getBoundingClientRect().bottom")
+        box = entry.bounding_box()
+        assert 0 <= box["y"] <= hidden - box["height"]
+        assert tab.evaluate("document.querySelector(location.hash + ' h2').getBoundingClientRect().top") > hidden - 2
+    current = tab.locator("nav a[aria-current]").count()
+    tab.context.close()
+    assert said == []
+    assert current == 1

@@ -77,8 +77,10 @@ def write_campaign_loss_map(
     lines = ["", *loss_map_lines(found), *(f"left out: {faults[name]}" for name in work if name in faults)]
     if products.reports:
         from winchcascade.report.loss_map_section import campaign_loss_map_report, publish_campaign_loss_map
+        from winchcascade.report.results_index import INDEX, links_to
 
         origins = [item.settings.origin for item in work.values()]
         report = campaign_loss_map_report(found, plan.title, origins, products.command)
+        report = msgspec.structs.replace(report, links=links_to(["campaign.html", INDEX]))
         lines += [f"loss map: {file}" for file in publish_campaign_loss_map(report, batch.folder, products.reports)]
     return "\n".join([*lines, f"loss map: {path}"]) + "\n"

@@ -45,7 +45,10 @@ def copy_campaign(folder: Path, *, force: bool = False) -> Path:
 
 
 KINDS = ("html", "pdf", "json")
-"""Files of a diagnosis."""
+"""Endings of the files of a diagnosis."""
+
+DIAGNOSIS_FILES = tuple(f"diagnosis.{kind}" for kind in KINDS)
+"""Files of a diagnosis, by their names in the results folder."""
 
 
 class _KeptLog(msgspec.Struct):
@@ -85,14 +88,18 @@ def diagnose_copy(
             return msgspec.json.decode(files[2].read_bytes(), type=dict[str, Any]), files
         from winchcascade.batch.campaign_diagnosis import diagnose_listed
         from winchcascade.core.campaign_file import load_campaign
-        from winchcascade.report.diagnosis import write_diagnosis_reports
+        from winchcascade.report.diagnosis import make_diagnosis_report
         from winchcascade.report.diagnosis_record import as_json
+        from winchcascade.report.publish import publish
+        from winchcascade.report.results_index import INDEX, links_to
 
         for path in files:
             check_replaceable(path, force=force)
         found = diagnose_listed(load_campaign(campaign), suspects, on_progress=on_progress)
         on_progress("writing reports")
-        write_diagnosis_reports(found, html=files[0], pdf=files[1], command=command, force=force)
+        report = make_diagnosis_report(found, command=command)
+        report = msgspec.structs.replace(report, links=links_to(["campaign.html", INDEX]))
+        publish(report, html=files[0], pdf=files[1], force=force)
         record = as_json(found) | {"version": __version__}
         digests = {path.name: digest_of(path.read_bytes()) for path in files[:2]}
         write_content(files[2], with_digest(record, "store", {"files": digests}, indent=1), force=force)

@@ -152,4 +152,10 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
             return [write_report(self.reduce(jobs=jobs), path, force=force)]
         batch = run_batch(self.plan, path, Products(REPORTS["html"]), workers=Workers(jobs), force=force)
         runs = [path / "runs" / f"{name}.{ending}" for name in batch.results for ending in ("html", "json")]
-        return [path / "campaign.html", path / "campaign.json", *runs, *(path / name for name in DATASET)]
+        return [
+            path / "campaign.html",
+            path / "index.html",
+            path / "campaign.json",
+            *runs,
+            *(path / name for name in DATASET),
+        ]

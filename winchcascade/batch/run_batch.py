@@ -57,7 +57,7 @@ ENDINGS = ("html", "pdf", "json")
 REPORTS = {"none": (), "html": ("html",), "all": ("html", "pdf")}
 """Reports that are written, by the word that asks for them."""
 
-CAMPAIGN_FILES = ("campaign.json", "campaign.html", "campaign.pdf", "campaign.xlsx")
+CAMPAIGN_FILES = ("campaign.json", "campaign.html", "campaign.pdf", "campaign.xlsx", "index.html")
 """Files of a whole campaign, beside its dataset."""
 
 DATASET = tuple(f"dataset/{table}.parquet" for table in TABLES)
@@ -97,11 +97,13 @@ def reduce_log(order: Order) -> Made:
         from winchcascade.report.document import make_report
         from winchcascade.report.model_section import modelled
         from winchcascade.report.publish import html_text, pdf_bytes
+        from winchcascade.report.results_index import INDEX, links_to
 
         model = modelled(reduction)
         record["model"] = model.account  # the report of the campaign draws it
         with _DRAWING:
             report = make_report(reduction, found, model=model, command=order.command)
+        report = replace(report, links=links_to(["campaign.html", INDEX], above=True))
         files |= {"html": html_text(report).encode()} if "html" in order.reports else {}
         files |= {"pdf": pdf_bytes(report)} if "pdf" in order.reports else {}
     digests = {ending: digest_of(content) for ending, content in files.items()}
@@ -122,11 +124,15 @@ def write_made(made: Made, folder: Path) -> None:
 
 
 class Products(msgspec.Struct, frozen=True):
-    """What is made of a campaign besides its dataset: "html" or "pdf" reports, a workbook; `command` is what was typed."""
+    """What is made of a campaign besides its dataset: "html" or "pdf" reports, a workbook; `command` is what was typed.
+
+    `beside` are files that the caller will write into the same folder, to which the pages lead too.
+    """
 
     reports: tuple[str, ...] = ()
     workbook: bool = False
     command: str = ""
+    beside: tuple[str, ...] = ()
 
 
 class Batch(msgspec.Struct, frozen=True):
@@ -262,8 +268,9 @@ def _put_together(plan: Plan, batch: Batch, products: Products) -> Batch:
     """
     out, reports = batch.folder, products.reports
     digests = {f"runs/{path.name}": digest_of(path.read_bytes()) for path in batch.results.values()}
-    state = _state(plan, batch, digests)
+    state = _state(plan, batch, digests, products.beside)
     wanted = [*DATASET, *(f"campaign.{e}" for e in reports), *(["campaign.xlsx"] if products.workbook else [])]
+    wanted += ["index.html"] if "html" in reports else []
     kept = marked(out / "campaign.json", _KeptCampaign)
     changed = ["campaign.json"] if kept == "altered" else []
     stay: dict[str, str] = {}
@@ -284,12 +291,7 @@ def _put_together(plan: Plan, batch: Batch, products: Products) -> Batch:
             if products.workbook:
                 write_workbook(made / "dataset", made / "campaign.xlsx")
             if reports:
-                from winchcascade.report.campaign import make_campaign_report
-                from winchcascade.report.publish import publish
-
-                report = make_campaign_report(campaign, made, results=out, command=products.command)
-                html, pdf = (made / f"campaign.{e}" if e in reports else None for e in ("html", "pdf"))
-                publish(report, html=html, pdf=pdf, force=True)
+                _write_pages(campaign, made, out, products, wanted)
             digests |= stay | {name: digest_of((made / name).read_bytes()) for name in wanted}
             content = with_digest(campaign_json(campaign), "store", {"files": digests})
             (made / "campaign.json").write_bytes(content)
@@ -304,10 +306,25 @@ def _put_together(plan: Plan, batch: Batch, products: Products) -> Batch:
     return replace(batch, altered=(*batch.altered, *changed), summary=campaign)
 
 
-def _state(plan: Plan, batch: Batch, digests: Mapping[str, str]) -> str:
+def _write_pages(campaign: CampaignRecord, made: Path, out: Path, products: Products, wanted: Sequence[str]) -> None:
+    """Write the reports of the campaign, and the page that lists what the folder holds, into a scratch folder."""
+    from winchcascade.report.campaign import make_campaign_report
+    from winchcascade.report.publish import publish
+    from winchcascade.report.results_index import INDEX, links_to, results_index
+
+    reports, files = products.reports, [*wanted, "campaign.json", *products.beside]
+    report = make_campaign_report(campaign, made, results=out, command=products.command)
+    report = replace(report, links=links_to([name for name in files if name != "campaign.html"]))
+    html, pdf = (made / f"campaign.{e}" if e in reports else None for e in ("html", "pdf"))
+    publish(report, html=html, pdf=pdf, force=True)
+    if html is not None:
+        publish(results_index(campaign, files, [*reports, "json"]), html=made / INDEX, force=True)
+
+
+def _state(plan: Plan, batch: Batch, digests: Mapping[str, str], beside: Sequence[str]) -> str:
     """Digest of everything that the files of the whole campaign depend on."""
     logs = [(w.name, w.key, batch.faults.get(w.name)) for w in plan.work]
-    return digest_of(repr((plan.title, __version__, logs, sorted(digests.items()))).encode())
+    return digest_of(repr((plan.title, __version__, logs, sorted(digests.items()), beside)).encode())
 
 
 def campaign_record(plan: Plan, batch: Batch, state: str) -> CampaignRecord:

@@ -107,7 +107,7 @@ def demo_command(
 ) -> None:
     """Reduce and diagnose the packaged campaign, simulated crane trials at seven loads, and write all reports."""
     one_thread_each()
-    from winchcascade.batch.demo import copy_campaign, diagnose_copy
+    from winchcascade.batch.demo import DIAGNOSIS_FILES, copy_campaign, diagnose_copy
     from winchcascade.batch.plan import make_plan
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
     from winchcascade.report.campaign_record import campaign_text, fault_text
@@ -117,7 +117,8 @@ def demo_command(
 
     campaign = copy_campaign(out / "campaign", force=force)
     plan = make_plan([str(campaign)])
-    products, workers = Products(REPORTS["all"], workbook=True, command=given_command()), Workers(jobs or processes())
+    products = Products(REPORTS["all"], workbook=True, command=given_command(), beside=DIAGNOSIS_FILES)
+    workers = Workers(jobs or processes())
     with Progress(plan.title) as watch:
         batch = run_batch(plan, out / "results", products, workers=workers, force=force, watch=watch)
     text = campaign_text(batch.summary, batch.folder, kept=batch.kept, altered=batch.altered)

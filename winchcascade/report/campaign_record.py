@@ -232,6 +232,7 @@ def campaign_text(campaign: CampaignRecord, out: Path, *, kept: int, altered: Se
     lines += altered_lines(altered)
     lines += _fault_lines(campaign, out)
     named = [
+        ("index", out / "index.html"),
         ("report", out / "campaign.html"), ("", out / "campaign.pdf"), ("workbook", out / "campaign.xlsx"),
         ("record", out / "campaign.json"), ("tables", out / "dataset"), ("each log", out / "runs"),
     ]  # fmt: skip

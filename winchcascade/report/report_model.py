@@ -287,11 +287,18 @@ SUBSCRIPTS = (
 """Subscripts of the symbols of every report."""
 
 
+class Link(msgspec.Struct, frozen=True):
+    """A page beside a report: what it is, and its address from there."""
+
+    text: str
+    address: str
+
+
 class Report(msgspec.Struct, frozen=True):
     """A whole report, in order.
 
     `traces` is the JSON that the page's time histories read values from. `banner` is a warning on every page. `subscripts` are
-    what may stand low behind a letter and an underscore in a text.
+    what may stand low behind a letter and an underscore in a text. `links` lead to the pages that belong to it.
     """
 
     kind: str
@@ -303,4 +310,5 @@ class Report(msgspec.Struct, frozen=True):
     traces: str = ""
     banner: str = ""
     subscripts: tuple[str, ...] = SUBSCRIPTS
+    links: tuple[Link, ...] = ()
     generator: str = f"winchcascade/{__version__}"

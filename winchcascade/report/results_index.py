@@ -1,0 +1,98 @@
+"""The page of a results folder: what it holds and where, with links to each page and file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from urllib.parse import quote
+
+from msgspec.structs import replace
+
+from winchcascade.core.campaign_file import banner
+from winchcascade.report.campaign_record import CampaignRecord, LogSummary, load_text
+from winchcascade.report.report_model import (
+    Link,
+    Report,
+    Section,
+    Table,
+    data_point,
+    formatted_table,
+    number_column,
+    section,
+    text_column,
+)
+
+INDEX = "index.html"
+"""Name of the page in a results folder."""
+
+MEANINGS = {
+    "campaign.html": "Report of the campaign: all logs together",
+    "campaign.pdf": "The same on paper",
+    "diagnosis.html": "Diagnosis: which effects separate the rig from its simulation",
+    "diagnosis.pdf": "The same on paper",
+    "campaign.xlsx": "Workbook: the tables of all logs",
+    "dataset/runs.parquet": "Dataset: a row for each log",
+    "dataset/cycles.parquet": "Dataset: a row for each cycle",
+    "dataset/bins.parquet": "Dataset: a row for each bin of generator speed",
+    "dataset/findings.parquet": "Dataset: a row for each finding",
+    "campaign.json": "Record of the campaign, for programs",
+    "diagnosis.json": "Record of the diagnosis, for programs",
+}
+"""What the files of a results folder are, in the order of the list."""
+
+_PAGES = {"campaign.html": "Campaign", "diagnosis.html": "Diagnosis", INDEX: "All results"}
+
+
+def links_to(names: Sequence[str], *, above: bool = False) -> tuple[Link, ...]:
+    """Links to those pages of a results folder that are among some files.
+
+    Parameters
+    ----------
+    above : the folder is the one above that of the report
+    """
+    return tuple(Link(text, f"../{name}" if above else name) for name, text in _PAGES.items() if name in names)
+
+
+def results_index(campaign: CampaignRecord, files: Sequence[str], endings: Sequence[str]) -> Report:
+    """Make the page that lists the files of a results folder.
+
+    Parameters
+    ----------
+    files : of the whole campaign, by their names in the folder
+    endings : of the files of each log
+    """
+    listed = [name for name in MEANINGS if name in files]
+    origins = [run.origin for run in campaign.reduced]
+    return Report(
+        kind="Results",
+        title=campaign.title,
+        subtitle=f"{len(campaign.reduced)} logs" + (f", {len(campaign.failed)} not reduced" * bool(campaign.failed)),
+        tiles=(),
+        points=(data_point(origins),) if origins else (),
+        sections=tuple(s for s in (_files(listed), _logs(campaign.reduced, endings)) if s.blocks),
+        banner=banner(origins),
+        links=links_to([name for name in files if name != INDEX]),
+    )
+
+
+def _files(names: Sequence[str]) -> Section:
+    rows = [(name, MEANINGS[name]) for name in names]
+    table = formatted_table(
+        "files",
+        "Reports, workbook, dataset and records of all logs together.",
+        (text_column("File"), text_column("What it holds")),
+        rows,
+    )
+    return section("files", "Files of the campaign", _linked(table, names))
+
+
+def _logs(runs: Sequence[LogSummary], endings: Sequence[str]) -> Section:
+    kinds = ", ".join(ending.upper() for ending in endings)
+    rows = [(run.name, load_text(run), f"{run.complete} of {run.cycles}", kinds) for run in runs]
+    columns = (text_column("Log"), number_column("Load", "Ω"), number_column("Complete cycles"), text_column("Files"))
+    caption = "Report of each log, and its files: runs/LOG with the ending of each kind."
+    addresses = [f"runs/{quote(run.name)}.{endings[0]}" for run in runs]
+    return section("logs", "Logs", _linked(formatted_table("logs", caption, columns, rows), addresses))
+
+
+def _linked(table: Table | None, addresses: Sequence[str]) -> Table | None:
+    return None if table is None else replace(table, links=tuple(addresses))
