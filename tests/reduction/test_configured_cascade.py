@@ -72,6 +72,17 @@ def test_stages_that_share_their_channels_share_their_errors(tmp_path: Path) -> 
     assert result.rig.cascade.ratios.keys() == {"eta_line_hyd", "eta_hyd_mech", "eta_trans"}
 
 
+def test_the_json_splits_the_uncertainty_of_configured_stages_too(tmp_path: Path) -> None:
+    result = reduced(rig_with(tmp_path, '[cascade]\nstages = ["line", "gen"]\n[stage.gen]\npower = "vdc * idc"\n'))
+    rig = rig_with(tmp_path, '[cascade]\nstages = ["line", "ours"]\n[stage.ours]\npower = "vdc * idc"\n')
+    plain, own = (json.loads(reduction_json(r))["uncertainty"] for r in (result, reduced(rig)))
+    for part in ("sensors", "repeatability"):
+        assert own[part]["eta_line_ours"] == pytest.approx(plain[part]["eta_pto"])
+    squares = sum((row["contribution"]["eta_line_ours"] or 0.0) ** 2 for row in own["budget"])
+    assert squares**0.5 == pytest.approx(own["sensors"]["eta_line_ours"])
+    assert own["stated"]["energy_ours_j"] == "gum"
+
+
 def test_a_power_may_be_counted_the_other_way_in_a_log(tmp_path: Path) -> None:
     text = '[cascade]\nstages = ["mech", "gen"]\n[stage.gen]\npower = "-vdc * idc"\n'
     opposite = reduced(rig_with(tmp_path, text))

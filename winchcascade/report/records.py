@@ -15,13 +15,14 @@ from winchcascade.core.cascade import PAPER, Cascade, field_of
 from winchcascade.core.files import json_bytes
 from winchcascade.core.quantity import KGF, si_unit
 from winchcascade.core.version import __version__
-from winchcascade.reduction.efficiency import ALL_METRICS, FIELDS, Metrics
+from winchcascade.reduction.efficiency import ALL_METRICS, Metrics
 from winchcascade.reduction.energies import NetSpan
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.phase_summary import BothWays, HaulInSummary, OperatingPoint, PayoutSummary
 from winchcascade.reduction.uncertainty import shares
 
 if TYPE_CHECKING:
+    from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Channel, Finding
     from winchcascade.reduction.bins import Bin
     from winchcascade.reduction.montecarlo import Interval, Uncertainty
@@ -269,7 +270,7 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
         max_deviation_percent=reduction.max_deviation_percent.fields(),
         standard_uncertainty=found.standard.fields(),
         interval_95=_intervals(found.interval_95),
-        uncertainty=_uncertainty(found, reduction.rig.known_channels),
+        uncertainty=_uncertainty(found, reduction.rig),
         total=reduction.total.fields(),
         bins=tuple(bin_record(b, reduction.rig.cascade) for b in reduction.bins),
         stages=_stages(reduction, found),
@@ -312,27 +313,30 @@ def _intervals(intervals: Mapping[str, Interval], names: Sequence[str] = ALL_MET
     return {field_of(m): None if (ends := intervals.get(m)) is None else (ends.low, ends.high) for m in names}
 
 
-def _uncertainty(found: Uncertainty, channels: Mapping[str, Channel]) -> UncertaintyRecord:
-    known = found.budget
+def _uncertainty(found: Uncertainty, rig: Rig) -> UncertaintyRecord:
+    """The uncertainty of the means, of the paper's metrics and of those of the stages that a rig file configures."""
+    known, names = found.budget, tuple(dict.fromkeys((*ALL_METRICS, *rig.cascade.metrics)))
     freedom = Metrics({m: None if n is None or math.isinf(n) else n for m, n in known.freedom.items()})
     return UncertaintyRecord(
         seed=found.seed,
         draws=found.draws,
-        stated={field: found.method.get(name) for name, field in FIELDS.items()},
-        sensors=known.sensors.fields(),
-        repeatability=known.repeatability.fields(),
-        monte_carlo=found.drawn.fields(),
-        interval_95_sensors=_intervals(found.interval_95_sensors),
-        degrees_of_freedom=freedom.fields(),
-        budget=tuple(_budget_row(row, known.mean, channels) for row in known.rows),
+        stated={field_of(name): found.method.get(name) for name in names},
+        sensors=known.sensors.fields(names),
+        repeatability=known.repeatability.fields(names),
+        monte_carlo=found.drawn.fields(names),
+        interval_95_sensors=_intervals(found.interval_95_sensors, names),
+        degrees_of_freedom=freedom.fields(names),
+        budget=tuple(_budget_row(row, known.mean, rig.known_channels, names) for row in known.rows),
         taken_as_exact=tuple(known.exact),
         without_accuracy=tuple(known.unknown),
-        undetermined=tuple(FIELDS[name] for name in known.undetermined),
+        undetermined=tuple(field_of(name) for name in known.undetermined),
     )
 
 
-def _budget_row(row: BudgetRow, mean: Metrics, channels: Mapping[str, Channel]) -> BudgetRecord:
-    source, contribution, share = row.source, row.of.fields(), shares(row.of, mean).fields()
+def _budget_row(
+    row: BudgetRow, mean: Metrics, channels: Mapping[str, Channel], names: Sequence[str]
+) -> BudgetRecord:
+    source, contribution, share = row.source, row.of.fields(names), shares(row.of, mean).fields(names)
     if source is None:
         return BudgetRecord(source="bridged gaps", contribution=contribution, share=share)
     return BudgetRecord(
