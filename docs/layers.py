@@ -16,6 +16,7 @@ PACKAGES = {
     "batch": "campaigns: plan, store, run, dataset",
     "report": "tables, figures, pages, files",
     "blind": "trials on an independent twin",
+    "comparison": "differences between two sets of results",
     "tables": "published tables: check and audit",
     "diagnosis": "why model and measurement differ",
     "rig": "the rig as a model, and its effects",

@@ -14,7 +14,7 @@ LAYERS = (
     {"ingest"},
     {"reduction", "rig"},
     {"diagnosis"},
-    {"tables", "blind"},
+    {"tables", "comparison", "blind"},
     {"report"},
     {"batch"},
     {"cli"},
@@ -28,6 +28,7 @@ UPWARD = {
     "core/run.py": {"winchcascade.report.frames"},
     "reduction/reduction_result.py": {*PASSED_ON},
     "diagnosis/diagnosis_result.py": {*PASSED_ON},
+    "comparison/comparison_result.py": {*PASSED_ON},
     "report/campaign_reduction.py": {*PASSED_ON},
 }
 """Methods of results that only pass on to `report`, which they import when they are called."""

@@ -13,7 +13,9 @@ TYPE_CHECKING = False  # not from typing, whose import takes longer than all els
 if TYPE_CHECKING:
     from typing import Any
 
+    from winchcascade.batch.compare_results import compare
     from winchcascade.batch.open_campaign import OpenedCampaign, open_campaign
+    from winchcascade.comparison.comparison_result import Comparison
     from winchcascade.core.errors import LogError, OptionError, RigError, WinchcascadeError
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Finding, Run
@@ -36,6 +38,7 @@ __all__ = [
     "Bin",
     "Calibration",
     "CampaignReduction",
+    "Comparison",
     "CycleResult",
     "Finding",
     "LogError",
@@ -54,6 +57,7 @@ __all__ = [
     "audit",
     "baseline",
     "calibrate",
+    "compare",
     "load_rig",
     "open_campaign",
     "read_run",
@@ -67,6 +71,7 @@ _HOME = {
     "Bin": "reduction.bins",
     "Calibration": "diagnosis.calibrate",
     "CampaignReduction": "report.campaign_reduction",
+    "Comparison": "comparison.comparison_result",
     "CycleResult": "reduction.reduction_result",
     "Finding": "core.run",
     "LogError": "core.errors",
@@ -84,6 +89,7 @@ _HOME = {
     "audit": "tables.audit",
     "baseline": "rig.baseline",
     "calibrate": "diagnosis.calibrate",
+    "compare": "batch.compare_results",
     "load_rig": "rig.open_rig",
     "open_campaign": "batch.open_campaign",
     "read_run": "ingest.read",

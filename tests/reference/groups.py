@@ -25,8 +25,8 @@ OTHER_NUMBERS = ("aborted", "dropouts", "no_torque")
 
 TABLE = "hsu2026-table2"
 COMMANDS = (
-    "reduce", "batch", "check", "audit", "demo", "simulate", "calibrate", "diagnose", "effects", "rig", "blind", "blind deal",
-    "blind diagnose", "blind score",
+    "reduce", "batch", "check", "compare", "audit", "demo", "simulate", "calibrate", "diagnose", "effects", "rig", "blind",
+    "blind deal", "blind diagnose", "blind score",
 )  # fmt: skip
 
 WRONG = (
@@ -64,6 +64,14 @@ WRONG = (
     f"check {CAMPAIGN} --against {TABLE} --tolerance width=2",
     f"check {CAMPAIGN}/r36ohm.csv --against {TABLE}",
     f"check {CAMPAIGN} --against {CAMPAIGN}/campaign.toml",
+    "compare",
+    f"compare {CAMPAIGN}",
+    f"compare {CAMPAIGN} nowhere",
+    f"compare {CAMPAIGN}/r36ohm.csv {CAMPAIGN}/r9ohm.csv",
+    f"compare {CAMPAIGN}/r36ohm.csv {DAMAGED}/dropouts.csv",
+    f"compare {CAMPAIGN} {CAMPAIGN} --max-drop 1",
+    f"compare {CAMPAIGN}/open_circuit.csv {CAMPAIGN} --max-drop 0.01",
+    f"compare {CAMPAIGN}/r36ohm.csv {CAMPAIGN} --json {CAMPAIGN}/r36ohm.csv",
     "audit nothing",
     f"audit {TABLE} --rig hsu2026",
     f"audit {CAMPAIGN}/campaign.toml",
@@ -258,6 +266,43 @@ def tables(place: Workplace) -> Recorded:
         found = [place.run("check", f"labelled/{name}", *against) for name in LABELLED]
         place.run("reduce", "kite/20191008_0001.csv", "--rig", "kitepower", "--json", "k.json")
         yield "shared-check", "\n".join([*found, place.run("check", "k.json", *against)])
+
+
+def compare(place: Workplace) -> Recorded:
+    """Compare campaigns, batches and logs: what is printed, JSON, text and structure of the page, text of the PDF."""
+    _worn("worn", 0.98)
+    with place.drawn():
+        words = ("compare", CAMPAIGN, "worn", "--jobs", "1", "--max-drop", "0.0137")
+        text = place.run(*words, "--json", "c.json", "--html", "c.html", "--pdf", "c.pdf")
+    yield "campaigns", text + place.show("c.json")
+    yield "campaigns-page", place.show("c.html")
+    yield "campaigns-figures", "".join(place.figures)
+    yield "campaigns-pdf", place.show("c.pdf")
+    text = place.run("compare", CAMPAIGN, "worn", "--jobs", "1", "--same-sensors", "--max-drop", "0.02")
+    place.run("batch", "worn", "--out", "out", "--jobs", "1", "--reports", "none")
+    place.run("reduce", "worn/r36ohm.csv", "--load-ohm", "36", "--window", "payout", "--json", "w.json")
+    place.run("simulate", f"{CAMPAIGN}/r9ohm.csv", "--out", "s.csv")
+    for a, b in (("out", "w.json"), (f"{CAMPAIGN}/r36ohm.csv", "out/runs/r36ohm.csv.json"), ("out", "s.csv")):
+        text += place.run("compare", a, b, "--jobs", "1", "--max-drop", "0.01")
+    yield "sides", text
+    if place.shared:
+        text = place.run("compare", f"labelled/{LABELLED[0]}", f"labelled/{LABELLED[1]}", "--jobs", "1")
+        kite = ("kite/20191008_0001.csv", "kite/20191008_0004.csv")
+        for k, log in enumerate(kite):
+            place.run("reduce", log, "--rig", "kitepower", "--json", f"k{k}.json")
+        yield "shared", text + place.run("compare", "k0.json", "k1.json")
+
+
+def _worn(folder: str, factor: float) -> None:
+    """Copy the campaign with another current."""
+    shutil.copytree(CAMPAIGN, folder)
+    for log in logs(folder):
+        head, *rows = log.read_text(encoding="utf-8").splitlines()
+        column = head.split(",").index("Idc (A)")
+        cells = [row.split(",") for row in rows]
+        for row in cells:
+            row[column] = f"{factor * float(row[column]):.4f}"
+        log.write_text("\n".join([head, *map(",".join, cells)]) + "\n", encoding="utf-8")
 
 
 def physics(place: Workplace) -> Recorded:
@@ -518,6 +563,7 @@ GROUPS: dict[str, Callable[[Workplace], Recorded]] = {
         batch,
         tables,
         model,
+        compare,
         earlier,
         calibrate,
         terminal,

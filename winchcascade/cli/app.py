@@ -21,6 +21,7 @@ _COMMANDS = {
     "reduce": "reduce_command",
     "batch": "batch_command",
     "check": "table_commands",
+    "compare": "compare_command",
     "audit": "table_commands",
     "demo": "batch_command",
     "simulate": "model_commands",

@@ -16,6 +16,7 @@ from winchcascade.report.rows import RUN_ENDS, arrow_schema, reduction_rows, tab
 if TYPE_CHECKING:
     import pandas as pd
 
+    from winchcascade.comparison.comparison_result import Comparison
     from winchcascade.core.cascade import Cascade
     from winchcascade.core.run import Channel, Run
     from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
@@ -24,6 +25,12 @@ if TYPE_CHECKING:
 
 REDUCTION_TABLES = ("cycles", "bins", "findings", "channels")
 CAMPAIGN_TABLES = ("runs", "cycles", "bins", "findings")
+_COMPARED: dict[str, type] = {
+    **{"run": str, "load_ohm": float, "metric": str, "a": float, "b": float, "difference": float, "relative": float},
+    **dict.fromkeys(("low_95", "high_95", "standard_uncertainty", "degrees_of_freedom"), float),
+    **{"excludes_zero": bool, "repeatability": float, "sensors": float, "unit": str},
+}
+
 DIAGNOSIS_TABLES = ("causes", "contributions", "map", "stability")
 
 _DISPLAY = {
@@ -122,6 +129,19 @@ def diagnosis_frame(found: DiagnosisResult, table: str, units: Units = "si") -> 
     else:
         rows, columns = _contribution_rows(as_json(found).get("contributions", []), units), _CONTRIBUTIONS
     return _frame([row | _load(row) for row in rows], arrow_schema(columns))
+
+
+def comparison_frame(found: Comparison, units: Units = "si") -> pd.DataFrame:
+    """A row for each difference of a comparison; the unit of its numbers is in its column `unit`."""
+    from winchcascade.report.comparison_record import difference_rows_of
+
+    _check_units(units)
+    numbers = ("a", "b", "difference", "low_95", "high_95", "standard_uncertainty", "repeatability", "sensors")
+    rows = []
+    for row in difference_rows_of(found):
+        unit, factor = _metric_unit(row["metric"], units)
+        rows.append({**row, **_scaled(row, numbers, factor), "unit": unit or "1"})
+    return _frame(rows, arrow_schema(_COMPARED))
 
 
 def _check_table(table: str, known: Sequence[str]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import singledispatch
 from typing import TYPE_CHECKING
 
+from winchcascade.comparison.comparison_result import Comparison
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.campaign_reduction import CampaignReduction
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from winchcascade.report.report_model import Table
 
 
-def summary_html(result: Reduction | DiagnosisResult | CampaignReduction) -> str:
+def summary_html(result: Reduction | DiagnosisResult | CampaignReduction | Comparison) -> str:
     """The heading and the main table of a result as HTML without scripts; every text is escaped."""
     return table_html(_heading(result), _table(result))
 
@@ -23,6 +24,11 @@ def summary_html(result: Reduction | DiagnosisResult | CampaignReduction) -> str
 def _heading(result: object) -> str:
     """What the result is of, in one line."""
     return repr(result)
+
+
+@_heading.register(Comparison)
+def _(result: Comparison) -> str:
+    return f"{result.b.name} minus {result.a.name}: {len(result.runs)} runs"
 
 
 @_heading.register(DiagnosisResult)
@@ -51,6 +57,14 @@ def _(result: CampaignReduction) -> Table | None:
 
     runs = by_load(result.summary.reduced)
     return efficiencies_table(runs) if runs else None
+
+
+@_table.register(Comparison)
+def _(result: Comparison) -> Table | None:
+    from winchcascade.report.comparison_report import differences_table
+    from winchcascade.report.comparison_words import headline_metrics
+
+    return differences_table("efficiencies", result, headline_metrics(result))
 
 
 @_table.register(DiagnosisResult)

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
+    from winchcascade.comparison.comparison_result import Comparison
     from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
     from winchcascade.reduction.reduction_result import Reduction
     from winchcascade.report.campaign_reduction import CampaignReduction
@@ -105,6 +106,26 @@ def plot_diagnosis(found: DiagnosisResult, what: str, ax: Axes | None = None) ->
     height = 0.6 + cause_costs.BAR * (len(costs[0].parts) + 2)
     draw: Plot = lambda axes: cause_costs.draw_waterfalls(np.ravel(axes).tolist(), found, costs)  # noqa: E731
     return _drawn(draw, ax, rows=len(costs), height=height, share={"sharey": "col"})
+
+
+def plot_comparison(found: Comparison, what: str, ax: Axes | None = None) -> Axes | NDArray[np.object_]:
+    """Plot the differences of the efficiencies with their 95 % intervals, run by run.
+
+    Returns
+    -------
+    the Axes, an array with one for each efficiency, (n,), if none was given: with one given, that of the whole cascade, or else
+    the first, alone is drawn
+    """
+    from winchcascade.report import comparison_figures as figures
+    from winchcascade.report.comparison_words import headline_metrics
+
+    _check(what, ("efficiency",))
+    metrics = headline_metrics(found)
+    _require(what, "" if metrics else "an efficiency that both sides have")
+    if ax is not None:
+        metrics = [found.overall if found.overall in metrics else metrics[0]]
+    draw: Plot = lambda axes: figures.draw_differences(np.ravel(axes).tolist(), found, metrics)  # noqa: E731
+    return _drawn(draw, ax, rows=len(metrics), height=figures.PANEL, share={"sharex": "col"})
 
 
 def _check(what: str, known: Sequence[str]) -> None:

@@ -333,9 +333,7 @@ def _uncertainty(found: Uncertainty, rig: Rig) -> UncertaintyRecord:
     )
 
 
-def _budget_row(
-    row: BudgetRow, mean: Metrics, channels: Mapping[str, Channel], names: Sequence[str]
-) -> BudgetRecord:
+def _budget_row(row: BudgetRow, mean: Metrics, channels: Mapping[str, Channel], names: Sequence[str]) -> BudgetRecord:
     source, contribution, share = row.source, row.of.fields(names), shares(row.of, mean).fields(names)
     if source is None:
         return BudgetRecord(source="bridged gaps", contribution=contribution, share=share)

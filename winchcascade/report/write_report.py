@@ -6,6 +6,7 @@ from functools import singledispatch
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from winchcascade.comparison.comparison_result import Comparison
 from winchcascade.core.errors import OptionError
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
 from winchcascade.reduction.reduction_result import Reduction
@@ -14,12 +15,12 @@ from winchcascade.report.campaign_reduction import CampaignReduction
 if TYPE_CHECKING:
     from winchcascade.report.report_model import Report
 
-Result = Reduction | DiagnosisResult | CampaignReduction
+Result = Reduction | DiagnosisResult | CampaignReduction | Comparison
 """What has a report."""
 
 
 def write_report(result: Result, path: str | Path, *, force: bool = False) -> Path:
-    """Write the report of a reduction, a campaign or a diagnosis as a page (.html) or a PDF (.pdf).
+    """Write the report of a reduction, a campaign, a diagnosis or a comparison as a page (.html) or a PDF (.pdf).
 
     Parameters
     ----------
@@ -45,8 +46,8 @@ def write_report(result: Result, path: str | Path, *, force: bool = False) -> Pa
 def _report_of(result: object) -> Report:
     """The report of a result."""
     raise OptionError(
-        f"write_report: a {type(result).__name__} has no report; expected the result of reduce, of open_campaign(...).reduce() "
-        "or of open_campaign(...).diagnose()."
+        f"write_report: a {type(result).__name__} has no report; expected the result of reduce, compare, "
+        "open_campaign(...).reduce() or open_campaign(...).diagnose()."
     )
 
 
@@ -64,6 +65,13 @@ def _(result: CampaignReduction) -> Report:
     from winchcascade.report.campaign_waves import campaign_waves
 
     return campaign_report(result.summary, result.bins, linked=False, waves=campaign_waves(result.records.items()))
+
+
+@_report_of.register(Comparison)
+def _(result: Comparison) -> Report:
+    from winchcascade.report.comparison_report import make_comparison_report
+
+    return make_comparison_report(result)
 
 
 @_report_of.register(DiagnosisResult)

@@ -1,0 +1,68 @@
+"""`winchcascade compare`: two campaigns, batches, reductions or logs, run by run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from winchcascade.cli.options import ForceOption, HtmlOption, JobsOption, JsonOption, PdfOption
+from winchcascade.cli.outputs import check_outputs, deliver, given_command
+from winchcascade.core.files import json_bytes
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+def compare_command(
+    a: Annotated[
+        Path,
+        typer.Argument(
+            metavar="A", help="A campaign, the folder of a batch, a reduction's JSON, or a log.", show_default=False
+        ),
+    ],
+    b: Annotated[Path, typer.Argument(metavar="B", help="The same, to be compared with A.", show_default=False)],
+    same_sensors: Annotated[
+        bool, typer.Option("--same-sensors", help="A and B share the gains of their sensors, whose errors then cancel.")
+    ] = False,
+    max_drop: Annotated[
+        float | None,
+        typer.Option("--max-drop", metavar="X", help="Exit code 1 if eta_pto of a run drops by more, such as 0.01."),
+    ] = None,
+    json: JsonOption = None,
+    html: HtmlOption = None,
+    pdf: PdfOption = None,
+    jobs: JobsOption = None,
+    force: ForceOption = False,
+) -> None:
+    """Compare two sets of results, run by run: differences B - A with 95 % intervals.
+
+    Runs are matched by load, without a load by file name. Errors of sensors count as independent.
+    """
+    from winchcascade.batch.compare_results import compare
+    from winchcascade.comparison.gate import check_limit, drop_gate
+    from winchcascade.core.jobs import processes
+    from winchcascade.report.comparison_record import comparison_record
+    from winchcascade.report.comparison_text import comparison_text
+
+    if max_drop is not None:
+        check_limit(max_drop)
+    check_outputs({"--json": json, "--html": html, "--pdf": pdf}, [*_inputs(a), *_inputs(b)], force=force)
+    found = compare(a, b, same_sensors=same_sensors, jobs=jobs or processes())
+    gate = None if max_drop is None else drop_gate(found, max_drop)
+    if html is not None or pdf is not None:
+        from winchcascade.report.comparison_report import make_comparison_report
+        from winchcascade.report.publish import publish
+
+        publish(make_comparison_report(found, gate, command=given_command()), html=html, pdf=pdf, force=force)
+    deliver(json, lambda: json_bytes(comparison_record(found, gate)), lambda: comparison_text(found, gate), force=force)
+    raise typer.Exit(0 if gate is None or gate.ok else 1)
+
+
+def _inputs(side: Path) -> Iterator[Path]:
+    """Files of a side, which no result replaces."""
+    yield side
+    folder = side if side.is_dir() else side.parent
+    yield from folder.glob("*")
+    yield from folder.glob("runs/*")

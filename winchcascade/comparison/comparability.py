@@ -1,0 +1,237 @@
+"""What makes the numbers of two sides unlike: windows, motions, kinds of data, stages, and what is unknown of uncertainties."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from winchcascade.comparison.compared_run import ComparedRun
+from winchcascade.comparison.comparison_result import ComparedSide, ComparisonNote, MatchedRuns, NoteKind
+from winchcascade.core.campaign_file import KINDS
+from winchcascade.core.cascade import Cascade
+from winchcascade.reduction.uncertainty import R_DRUM
+
+LENGTH_SAME = 0.01
+"""Relative difference of mean window lengths that is not reported: a rule such as `auto` follows the motion. [1]"""
+
+SPEED_SAME = 0.02
+"""Relative difference of mean plateau speeds that is not reported: a crane repeats its speed within 1 %. [1]"""
+
+Told = Callable[[MatchedRuns], str | tuple[str, str]]
+"""What is to be noted of matched runs, with what is found in these very runs; empty for nothing."""
+
+
+def comparison_notes(
+    a: ComparedSide, b: ComparedSide, matched: Sequence[MatchedRuns], *, same_sensors: bool, unlike: Sequence[str]
+) -> tuple[ComparisonNote, ...]:
+    """Notes on a comparison, those that question a difference first.
+
+    Parameters
+    ----------
+    matched : runs with their differences
+    unlike : sensors whose gains the rig files of both sides state differently
+    """
+    notes = _stages(a, b)
+    kinds: list[tuple[NoteKind, Told]] = [
+        ("stages", _formulas),
+        ("windows", _windows),
+        ("windows", _lengths),
+        ("motion", _speeds),
+        ("same_log", _same_log),
+        ("data", _data),
+        ("rigs", _rigs),
+        ("cycles", _without_cycles),
+        ("pooled", _pooled),
+        ("repeatability", _repeatability),
+        ("accuracy", _accuracy),
+    ]
+    if same_sensors:
+        kinds.append(("shared_gains", _not_split))
+    for kind, told in kinds:
+        notes += _grouped(kind, told, matched)
+    if same_sensors and unlike:
+        text = (
+            f"the rig files state different accuracies of the gains of {', '.join(unlike)}, so that these are no common gains; "
+            "they count as independent"
+        )
+        notes.append(ComparisonNote("shared_gains", text))
+    return tuple(notes)
+
+
+def _grouped(kind: NoteKind, told: Told, matched: Sequence[MatchedRuns]) -> list[ComparisonNote]:
+    """One note for each text, with all runs that it concerns."""
+    found: dict[str, list[tuple[str, str]]] = {}
+    for runs in matched:
+        note = told(runs)
+        text, detail = (note, "") if isinstance(note, str) else note
+        if text:
+            found.setdefault(text, []).append((runs.label, detail))
+    return [
+        ComparisonNote(kind, text, tuple(label for label, _ in of), tuple(detail for _, detail in of if detail))
+        for text, of in found.items()
+    ]
+
+
+def _each(runs: Sequence[ComparedRun], text: Callable[[ComparedRun], str]) -> str:
+    """Texts of some logs, each once."""
+    return " and ".join(dict.fromkeys(map(text, runs)))
+
+
+def _stages(a: ComparedSide, b: ComparedSide) -> list[ComparisonNote]:
+    """Sides whose stages differ."""
+    ours, theirs = (" and ".join(dict.fromkeys(_named(run.cascade) for run in side.runs)) for side in (a, b))
+    text = f"the stages of A are {ours}, those of B {theirs}; the metrics that both have are compared"
+    return [ComparisonNote("stages", text)] if ours != theirs else []
+
+
+def _named(cascade: Cascade) -> str:
+    return ", ".join(cascade.names)
+
+
+def _formulas(runs: MatchedRuns) -> str:
+    """Energies that are made of unlike channels."""
+    found = []
+    for energy in runs.a[0].cascade.energies:
+        ours, theirs = (_made_of(side, other, energy) for side, other in ((runs.a, runs.b), (runs.b, runs.a)))
+        if ours and theirs and ours != theirs:
+            found.append(f"{energy} of A is made of {_joined(ours)}, of B of {_joined(theirs)}")
+    return f"{'; '.join(found)}; a difference may be one of the sensors" if found else ""
+
+
+def _made_of(side: Sequence[ComparedRun], other: Sequence[ComparedRun], energy: str) -> frozenset[str]:
+    """What the energy of a side is made of: the formula of its rig file, or channels whose accuracies both sides know."""
+    stage, both = energy.removeprefix("energy_"), (*side, *other)
+    if all(run.formulas.get(stage) for run in both):
+        return frozenset(str(run.formulas[stage]) for run in side)
+    unknown = frozenset({R_DRUM}).union(*(run.unknown for run in both))
+    return frozenset().union(*(run.measures.get(energy, frozenset()) for run in side)) - unknown
+
+
+def _joined(names: frozenset[str]) -> str:
+    return " and ".join(sorted(names))
+
+
+def _windows(runs: MatchedRuns) -> str:
+    ours, theirs = (_each(side, window_text) for side in (runs.a, runs.b))
+    if ours == theirs:
+        return ""
+    return (
+        f"the windows of A are {ours}, those of B {theirs}; energies, powers and efficiencies of different windows cannot be "
+        "compared, so reduce both with one window"
+    )
+
+
+def window_text(run: ComparedRun) -> str:
+    """Rule of the windows of a log, or their fixed length."""
+    return run.window if isinstance(run.window, str) else f"{run.window:g} s"
+
+
+def _lengths(runs: MatchedRuns) -> str | tuple[str, str]:
+    """Windows of one rule whose lengths differ, as the motions do."""
+    if _windows(runs) or not all(isinstance(run.window, str) for run in (*runs.a, *runs.b)):
+        return ""
+    ours, theirs = (_mean([run.window_length for run in side]) for side in (runs.a, runs.b))
+    if not ours or not theirs or abs(theirs / ours - 1.0) <= LENGTH_SAME:
+        return ""
+    return (
+        f"the windows of the rule {runs.a[0].window} follow the motion and differ in length; energies grow with the window",
+        f"{ours:.3g} s in A, {theirs:.3g} s in B",
+    )
+
+
+def _speeds(runs: MatchedRuns) -> str | tuple[str, str]:
+    ours, theirs = (_mean([run.speed for run in side]) for side in (runs.a, runs.b))
+    if not ours or not theirs or abs(theirs / ours - 1.0) <= SPEED_SAME:
+        return ""
+    return (
+        "the plateau speeds of the payouts differ; energies, powers and efficiencies depend on the speed",
+        f"{ours:.3g} m/s in A, {theirs:.3g} m/s in B",
+    )
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    given = [value for value in values if value is not None]
+    return sum(given) / len(given) if given else None
+
+
+def _same_log(runs: MatchedRuns) -> str:
+    common = {run.digest for run in runs.a} & {run.digest for run in runs.b} - {""}
+    return "A and B have a log in common; its two reductions share all errors" if common else ""
+
+
+def _data(runs: MatchedRuns) -> str:
+    """Kinds of data that differ, and simulated logs."""
+    ours, theirs = (_each(side, _kind) for side in (runs.a, runs.b))
+    simulated = any(run.simulated for run in (*runs.a, *runs.b))
+    texts = [f"the logs of A are {ours}, those of B {theirs}"] if ours != theirs else []
+    if simulated:
+        texts.append(
+            "a simulated log has no sensors, so that its numbers have no errors of sensors; the errors of its model are in no "
+            "interval"
+        )
+    return "; ".join(texts)
+
+
+def _kind(run: ComparedRun) -> str:
+    return "simulated" if run.simulated else KINDS[run.origin.measured]
+
+
+def _rigs(runs: MatchedRuns) -> str:
+    ours, theirs = (_each(side, lambda run: run.rig) for side in (runs.a, runs.b))
+    return f"A was reduced with the rig {ours}, B with {theirs}" if ours != theirs else ""
+
+
+def _without_cycles(runs: MatchedRuns) -> str:
+    names = [run.name for run in (*runs.a, *runs.b) if not run.complete]
+    return f"no complete cycle in {' and '.join(names)}, so that it has no means" if names else ""
+
+
+def _pooled(runs: MatchedRuns) -> str:
+    if len(runs.a) == len(runs.b) == 1:
+        return ""
+    return f"{_logs(runs.a)} of A and {_logs(runs.b)} of B are pooled: the cycles of each side count together"
+
+
+def _logs(runs: Sequence[ComparedRun]) -> str:
+    return f"{len(runs)} log{'s' * (len(runs) > 1)}"
+
+
+def _repeatability(runs: MatchedRuns) -> str:
+    """Sides of which the scatter of the cycles is unknown."""
+    if not runs.differences:
+        return ""
+    lacking = [name for name, side in (("A", runs.a), ("B", runs.b)) if len(side) == 1 and not side[0].repeats]
+    return (
+        f"the repeatability of {' and '.join(lacking)} is unknown, as one cycle, or cycles that are no repeats, do not show "
+        "it; the interval does not contain it"
+        if lacking
+        else ""
+    )
+
+
+def _accuracy(runs: MatchedRuns) -> str:
+    """Differences without an interval."""
+    without = [one.metric for one in runs.differences if one.interval is None]
+    if not without:
+        return ""
+    channels = sorted(frozenset().union(*(run.unknown for run in (*runs.a, *runs.b))))
+    which = "any metric" if len(without) == len(runs.differences) else ", ".join(without)
+    why = f" ({', '.join(channels)} under [sensors] of the rig file)" if channels else ""
+    return (
+        f"no interval of {which} for lack of an accuracy{why}; the interval of the repeatability alone is in the JSON and in "
+        "the report"
+    )
+
+
+def _not_split(runs: MatchedRuns) -> str:
+    """Logs whose JSON does not split gains from zeros."""
+    names = []
+    for run in (*runs.a, *runs.b):
+        wanted = [one.metric for one in runs.differences if run.sensors.get(one.metric)]
+        if not run.simulated and any(metric not in run.split for metric in wanted):
+            names.append(run.name)
+    return (
+        f"the JSON of {' and '.join(names)} does not split its uncertainty by source, so that its gains are not shared; reduce "
+        "the log again"
+        if names
+        else ""
+    )

@@ -1,0 +1,81 @@
+"""Figure of a comparison: differences of the efficiencies with their 95 % intervals, run by run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from winchcascade.comparison.comparison_result import Comparison, MatchedRuns
+from winchcascade.core.cascade import PAPER
+from winchcascade.report.style import COLOURS, Look, Room, cut_apart, label_panel, look_of, panel_figure
+from winchcascade.report.wording import SYMBOL, load_words, tex
+
+PANEL = 1.45
+"""Height of a panel. [in]"""
+
+MOST_DRAWN = 16
+"""Runs in a panel at most; of more, an even selection."""
+
+UPRIGHT = 9
+"""Runs whose names stand under a panel as they are; those of more are turned."""
+
+_SHORT = 14
+
+
+def difference_figure(found: Comparison, metrics: Sequence[str]) -> Figure | None:
+    """Draw the differences of some efficiencies, each in a panel of its own, as their intervals differ in width."""
+    if not metrics:
+        return None
+    turned = len(drawn(found)) > UPRIGHT
+    foot = 0.75 if turned else 0.5
+    height = 0.32 + foot + PANEL * len(metrics) + 0.38 * (len(metrics) - 1)
+    room = Room(left=0.115, head=0.32, foot=foot)
+    figure, axes = panel_figure(height, len(metrics), 1, room=room, gaps={"hspace": 0.38 / PANEL}, share="x")
+    draw_differences(axes, found, metrics)
+    return figure
+
+
+def drawn(found: Comparison) -> list[MatchedRuns]:
+    """The runs that are drawn, from the heaviest load to the open circuit."""
+    runs = [*reversed(found.runs)]
+    even = np.linspace(0, len(runs) - 1, min(len(runs), MOST_DRAWN)).round().astype(int)
+    return [runs[k] for k in even.tolist()]
+
+
+def draw_differences(axes: Sequence[Axes], found: Comparison, metrics: Sequence[str]) -> None:
+    """Draw one efficiency on each of some Axes; a marker is full where the interval excludes zero."""
+    runs = drawn(found)
+    names = dict(zip((r.label for r in runs), cut_apart([r.label for r in runs], _SHORT), strict=True))
+    texts = [load_words(r.load, unknown=names[r.label]) for r in runs]
+    for k, (ax, metric) in enumerate(zip(axes, metrics, strict=True)):
+        look = _look(metric)
+        ax.axhline(0.0, color=COLOURS["ink"], lw=0.8, zorder=1)
+        for x, one in enumerate(r.of(metric) for r in runs):
+            if one is None:
+                continue
+            low, high = one.interval or (math.nan, math.nan)
+            full = COLOURS[look.colour] if one.excludes_zero else COLOURS["paper"]
+            bars = None if one.interval is None else [[one.value - low], [high - one.value]]
+            ax.errorbar(
+                [x], [one.value], yerr=bars, color=COLOURS[look.colour], marker=look.mark, ms=5, mfc=full, mew=1.0,
+                capsize=3, lw=1.1,
+            )  # fmt: skip
+        ax.set_xlim(-0.6, len(runs) - 0.4)
+        ax.grid(axis="x", visible=False)
+        ax.locator_params(axis="y", nbins=5)
+        label_panel(ax, "abcdefghij"[k % 10], f"{tex(metric)} of B less that of A", y="B − A (1)")
+    turn: Any = {"rotation": 35, "ha": "right", "rotation_mode": "anchor"} if len(runs) > UPRIGHT else {}
+    axes[-1].set_xticks(range(len(runs)), texts, **turn)
+    axes[-1].set_xlabel("" if turn else "Load" if all(r.load is not None for r in runs) else "Run")
+
+
+def _look(metric: str) -> Look:
+    """Look of an efficiency: that of the stage that it leads to, of the whole cascade that of the line."""
+    if metric in PAPER.ratios:
+        return look_of({"eta_trans": "mech", "eta_gen": "gen", "eta_pto": "line"}[metric])
+    return look_of(SYMBOL[metric].rpartition("→")[2])

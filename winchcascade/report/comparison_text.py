@@ -1,0 +1,94 @@
+"""A comparison in the terminal: differences run by run, what limits them, and the outcome of a limit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from winchcascade.comparison.compared_run import ComparedRun
+from winchcascade.comparison.comparison_result import Comparison
+from winchcascade.comparison.gate import Gate
+from winchcascade.core.campaign_file import origin_words
+from winchcascade.core.plain_text import one_line
+from winchcascade.report.comparison_words import (
+    MATCHED,
+    DifferenceRow,
+    difference_rows,
+    drop_words,
+    freedom_cell,
+    gate_words,
+    headline_metrics,
+    interval_cell,
+    mean_cell,
+    method_words,
+    note_words,
+    of_windows,
+    other_metrics,
+    run_words,
+    sensors_words,
+    significance,
+    unit_cell,
+    value_cell,
+    zero_cell,
+)
+from winchcascade.report.report_model import TableColumn
+from winchcascade.report.text_table import listing, wrapped
+
+MOST_ROWS = 60
+"""Differences that a table of the terminal lists."""
+
+_COLUMNS: tuple[TableColumn[DifferenceRow], ...] = (
+    TableColumn("metric", of=lambda row: row.of.metric),
+    TableColumn("run", of=lambda row: one_line(row.runs.label)),
+    TableColumn("unit", of=lambda row: unit_cell(row.of)),
+    TableColumn("A", of=lambda row: mean_cell(row.of, "a")),
+    TableColumn("B", of=lambda row: mean_cell(row.of, "b")),
+    TableColumn("B - A", of=lambda row: value_cell(row.of)),
+    TableColumn("95 % interval", of=lambda row: interval_cell(row.of)),
+    TableColumn("freedom", of=lambda row: freedom_cell(row.of)),
+    TableColumn("excludes 0", of=lambda row: zero_cell(row.of)),
+)
+
+
+def comparison_text(found: Comparison, gate: Gate | None = None) -> str:
+    """Differences of efficiencies, energies and powers with their intervals, notes, and what has no partner."""
+    lines = [
+        *wrapped(f"A: {_side(found.a.name, found.a.runs)}"),
+        *wrapped(f"B: {_side(found.b.name, found.b.runs)}"),
+        *wrapped(f"runs: {len(found.runs)} matched {MATCHED[found.matched_by]}"),
+        *wrapped(f"sensors: {sensors_words(found)}"),
+        *wrapped(f"intervals: 95 %, {method_words()}"),
+    ]
+    lines += [f"alone in {side}: {_names(runs)}" for side, runs in (("A", found.alone_a), ("B", found.alone_b)) if runs]
+    for metrics in (headline_metrics(found), of_windows(found)):
+        lines += ["", *_table(found, metrics)] if metrics else []
+    more = len(of_windows(found)) < len(other_metrics(found))
+    lines += ["energies of whole cycles: in --json and --html"] if more else []
+    lines += [""] + [line for m in headline_metrics(found) for line in wrapped(_plain(significance(found, m), m))]
+    for note in found.notes:
+        mark = "! " if note.is_warning else ""
+        lines += wrapped(f"{mark}note: {note_words(note, len(found.runs))}.")
+    if gate is not None:
+        lines += ["", *(line for drop in gate.drops if drop.fails for line in wrapped(drop_words(drop, gate)))]
+        lines += wrapped(f"--max-drop {gate_words(gate)}")
+    return "\n".join(lines) + "\n"
+
+
+def _plain(text: str, metric: str) -> str:
+    """A sentence with the name of the metric that the table has in place of its symbol."""
+    return metric + text[text.index(":") :] if ":" in text else text
+
+
+def _side(name: str, runs: Sequence[ComparedRun]) -> str:
+    """Name of a side, its logs, and whether they are measured."""
+    logs = f"{len(runs)} log{'s' * (len(runs) != 1)}"
+    return f"{one_line(name)} ({logs}; {one_line(origin_words([run.origin for run in runs]))})"
+
+
+def _names(runs: Sequence[ComparedRun]) -> str:
+    return run_words([run.name for run in runs])
+
+
+def _table(found: Comparison, metrics: Sequence[str]) -> list[str]:
+    rows = difference_rows(found, metrics)
+    columns = _COLUMNS if any(unit_cell(row.of) for row in rows) else [c for c in _COLUMNS if c.name != "unit"]
+    return listing(columns, rows, most=MOST_ROWS, more="more, all in --json")

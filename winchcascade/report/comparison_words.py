@@ -1,0 +1,215 @@
+"""Words and cells of a comparison that terminal and report share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import msgspec
+
+from winchcascade.comparison.comparison_result import Comparison, ComparisonNote, MatchedRuns
+from winchcascade.comparison.differences import Difference
+from winchcascade.comparison.gate import Drop, Gate
+from winchcascade.core.plain_text import one_line
+from winchcascade.report.digits import NumberText, interval_text, number, places, stated
+from winchcascade.report.tables import decimals_of, unit_of
+from winchcascade.report.wording import SYMBOL, load_words
+
+LISTED = 6
+"""Runs that a sentence names."""
+
+
+class DifferenceRow(msgspec.Struct, frozen=True):
+    """One row of a table: a difference, and the runs that it is of."""
+
+    runs: MatchedRuns
+    of: Difference
+
+
+def difference_rows(found: Comparison, metrics: Sequence[str]) -> list[DifferenceRow]:
+    """Rows of some metrics, each over all runs."""
+    return [DifferenceRow(runs, one) for m in metrics for runs in found.runs if (one := runs.of(m)) is not None]
+
+
+def digits_of(one: Difference) -> float | None:
+    """Standard uncertainty that decides the digits of a difference; None where none is known."""
+    return one.uncertainty or one.repeatability or None
+
+
+def mean_cell(one: Difference, side: str) -> NumberText:
+    """Mean of a side, with the digits of the difference."""
+    return stated(one.a if side == "a" else one.b, digits_of(one), decimals_of(one.metric))
+
+
+def value_cell(one: Difference) -> NumberText:
+    """B - A with its sign."""
+    return with_sign(stated(one.value, digits_of(one), decimals_of(one.metric)))
+
+
+def with_sign(text: NumberText) -> NumberText:
+    """A number with a plus where it is above zero.
+
+    >>> with_sign(number(0.02, 2)), with_sign(number(0.001, 2))
+    ('+0.02', '0.00')
+    """
+    positive = text.values[0] > 0 and any(digit in text for digit in "123456789")
+    return NumberText(f"+{text}", *text.values) if positive else text
+
+
+def interval_cell(one: Difference) -> NumberText:
+    """The 95 % interval; a dash without one."""
+    u = digits_of(one)
+    if one.interval is None:
+        return number(None, 0)
+    if not u:
+        return number(one.value, decimals_of(one.metric))
+    nearest = min(map(abs, one.interval))
+    while one.excludes_zero and round(nearest, places(u)) == 0.0:  # an end that only rounding would make zero
+        u /= 10.0
+    return interval_text(*one.interval, u)
+
+
+def zero_cell(one: Difference) -> str:
+    """Whether the interval excludes zero."""
+    return {True: "yes", False: "no", None: "–"}[one.excludes_zero]
+
+
+def freedom_cell(one: Difference) -> str:
+    """Effective degrees of freedom, rounded down as tables of Student's distribution are used."""
+    if one.freedom is None:
+        return "–"
+    return "∞" if math.isinf(one.freedom) or one.freedom > 1e4 else f"{math.floor(one.freedom + 1e-9)}"
+
+
+def relative_cell(one: Difference) -> NumberText:
+    """B - A in percent of A, with the digits of the difference."""
+    share, u = one.relative, digits_of(one)
+    if share is None:
+        return number(None, 0)
+    return with_sign(number(100.0 * share, places(100.0 * u / abs(one.a)) if u else 2))
+
+
+def run_label(runs: MatchedRuns) -> str:
+    """Load of matched runs on a page, or their name where they have none."""
+    return load_words(runs.load, unknown=runs.label)
+
+
+def run_words(runs: Sequence[str]) -> str:
+    """Names of some runs, of many the first.
+
+    >>> run_words(("36 ohm", "18 ohm"))
+    '36 ohm, 18 ohm'
+    """
+    more = f" and {len(runs) - LISTED} more" if len(runs) > LISTED else ""
+    return ", ".join(map(one_line, runs[:LISTED])) + more
+
+
+def note_words(note: ComparisonNote, of: int) -> str:
+    """A note with the runs that it concerns, where these are not all of so many."""
+    if note.details:
+        found = [f"{run}: {detail}" for run, detail in zip(note.runs, note.details, strict=True)]
+        more = f"; {len(found) - LISTED} more" if len(found) > LISTED else ""
+        return f"{note.message} ({one_line('; '.join(found[:LISTED]))}{more})"
+    runs = "" if len(note.runs) in (0, of) and of > 1 else f"{run_words(note.runs)}: " if note.runs else ""
+    return f"{runs}{note.message}"
+
+
+def sensors_words(found: Comparison) -> str:
+    """How the errors of the sensors of both sides count."""
+    if not found.same_sensors:
+        return "independent: errors of the sensors of A and B are unrelated (--same-sensors shares their gains)"
+    if not found.shared:
+        return "the same, but no gain has a stated accuracy that both sides share"
+    return f"the same: A and B share the gains of {', '.join(found.shared)}; zeros are of each log alone"
+
+
+MATCHED = {
+    "load": "by load",
+    "file": "by file name, as the logs have no load",
+    "load_and_file": "by load, and by file name where there is no load",
+    "only_log": "as the only log of each side, as they have no load",
+}
+"""How runs were matched, in words."""
+
+
+def method_words() -> str:
+    """How the intervals come about."""
+    return (
+        "t times the combined standard uncertainty of B - A (GUM, JCGM 100:2008, G.4). The scatter of the "
+        "cycles (type A) counts with its degrees of freedom, errors of sensors (type B) with infinitely many; the effective "
+        "degrees of freedom follow by Welch and Satterthwaite."
+    )
+
+
+def significance(found: Comparison, metric: str) -> str:
+    """Of how many runs the interval of a metric excludes zero; empty where none has the metric."""
+    rows = difference_rows(found, [metric])
+    stated_ = [row for row in rows if row.of.excludes_zero is not None]
+    if not rows:
+        return ""
+    if not stated_:
+        return f"{SYMBOL[metric]}: no interval is known"
+    beyond = [row for row in stated_ if row.of.excludes_zero]
+    named = f" ({run_words([row.runs.label for row in beyond])})" if 0 < len(beyond) < len(stated_) else ""
+    runs = f"{len(stated_)} run{'s' * (len(stated_) > 1)}"
+    return f"{SYMBOL[metric]}: the interval excludes zero in {len(beyond)} of {runs}{named}"
+
+
+def headline_metrics(found: Comparison) -> list[str]:
+    """Efficiencies that both sides have in a matched run, neighbours first."""
+    return [m for m in found.metrics if m.startswith("eta_") and any(runs.of(m) for runs in found.runs)]
+
+
+def other_metrics(found: Comparison) -> list[str]:
+    """Energies and powers that both sides have in a matched run."""
+    return [m for m in found.metrics if not m.startswith("eta_") and any(runs.of(m) for runs in found.runs)]
+
+
+def of_windows(found: Comparison) -> list[str]:
+    """Energies and powers of the integration windows among them."""
+    whole = {metric for run in found.a.runs for metric in run.cascade.net_metrics}
+    return [m for m in other_metrics(found) if m not in whole]
+
+
+def unit_cell(one: Difference) -> str:
+    """Unit of a difference."""
+    return unit_of(one.metric)
+
+
+# ------------------------------------------------------------------------------------------------------------ the gate
+_COMPATIBLE = {
+    "beyond": "all of its interval {} lies beyond the limit",
+    "beyond_uncertain": "its interval {} is compatible with a drop within the limit",
+    "within": "all of its interval {} lies within the limit",
+    "within_uncertain": "its interval {} is compatible with a drop beyond the limit",
+    "no_interval_beyond": "its interval is unknown",
+    "no_interval_within": "its interval is unknown",
+}
+
+
+def drop_words(drop: Drop, gate: Gate, metric: str = "") -> str:
+    """One drop against the limit, and what its interval allows.
+
+    Parameters
+    ----------
+    metric : what the efficiency is called, in place of its name in the JSON
+    """
+    interval = "" if drop.interval is None else f"{_fine(drop.interval[0])} to {_fine(drop.interval[1])}"
+    verdict = "more than" if drop.fails else "not more than"
+    compatible = _COMPATIBLE[drop.verdict].format(interval)
+    drops = f"{metric or gate.metric} drops by {_fine(drop.value)}, {verdict} {gate.limit:g}"
+    return f"{one_line(drop.label)}: {drops}; {compatible}"
+
+
+def _fine(value: float) -> str:
+    return f"{value + 0.0:.4f}"
+
+
+def gate_words(gate: Gate, metric: str = "") -> str:
+    """The outcome of the gate in one sentence; `metric` as `drop_words` has it."""
+    name = metric or gate.metric
+    runs = f"{len(gate.drops)} run{'s' * (len(gate.drops) != 1)}"
+    without = f"; {run_words(gate.without)} without {name}" if gate.without else ""
+    if gate.ok:
+        return f"passed: {name} drops by more than {gate.limit:g} in none of {runs}{without}"
+    return f"failed: {name} drops by more than {gate.limit:g} in {len(gate.failed)} of {runs}{without}"
