@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from winchcascade.cli.options import ForceOption, HtmlOption, JobsOption, JsonOption, PdfOption
+from winchcascade.cli.options import (
+    FiguresOption,
+    ForceOption,
+    HtmlOption,
+    JobsOption,
+    JsonOption,
+    PdfOption,
+    TablesOption,
+)
 from winchcascade.cli.outputs import check_outputs, deliver, given_command
 from winchcascade.core.files import json_bytes
 
@@ -19,20 +27,29 @@ def compare_command(
     a: Annotated[
         Path,
         typer.Argument(
-            metavar="A", help="A campaign, the folder of a batch, a reduction's JSON, or a log.", show_default=False
+            metavar="A",
+            help="The first side: a campaign, the folder of a batch, the JSON of a reduction, or a log.",
+            show_default=False,
         ),
     ],
-    b: Annotated[Path, typer.Argument(metavar="B", help="The same, to be compared with A.", show_default=False)],
+    b: Annotated[Path, typer.Argument(metavar="B", help="The second side, of the same kinds.", show_default=False)],
     same_sensors: Annotated[
-        bool, typer.Option("--same-sensors", help="A and B share the gains of their sensors, whose errors then cancel.")
+        bool,
+        typer.Option(
+            "--same-sensors", help="Share the gains of the sensors between A and B, so that their errors cancel."
+        ),
     ] = False,
     max_drop: Annotated[
         float | None,
-        typer.Option("--max-drop", metavar="X", help="Exit code 1 if eta_pto of a run drops by more, such as 0.01."),
+        typer.Option(
+            "--max-drop", metavar="X", help="Exit with code 1 if eta_pto of a run drops by more than X, such as 0.01."
+        ),
     ] = None,
     json: JsonOption = None,
     html: HtmlOption = None,
     pdf: PdfOption = None,
+    figures: FiguresOption = None,
+    tables: TablesOption = None,
     jobs: JobsOption = None,
     force: ForceOption = False,
 ) -> None:
@@ -44,19 +61,32 @@ def compare_command(
     from winchcascade.comparison.gate import check_limit, drop_gate
     from winchcascade.core.jobs import processes
     from winchcascade.report.comparison_record import comparison_record
-    from winchcascade.report.comparison_text import comparison_text
+    from winchcascade.report.comparison_text import comparison_text, failed_text
+    from winchcascade.report.exports import ReportFiles, write_report_files
 
     if max_drop is not None:
         check_limit(max_drop)
-    check_outputs({"--json": json, "--html": html, "--pdf": pdf}, [*_inputs(a), *_inputs(b)], force=force)
+    outputs = {"--json": json, "--html": html, "--pdf": pdf, "--figures": figures, "--tables": tables}
+    check_outputs(outputs, [*_inputs(a), *_inputs(b)], force=force)
     found = compare(a, b, same_sensors=same_sensors, jobs=jobs or processes())
     gate = None if max_drop is None else drop_gate(found, max_drop)
-    if html is not None or pdf is not None:
+    files = ReportFiles(html, pdf, figures, tables)
+    if files.wanted:
         from winchcascade.report.comparison_report import make_comparison_report
-        from winchcascade.report.publish import publish
 
-        publish(make_comparison_report(found, gate, command=given_command()), html=html, pdf=pdf, force=force)
-    deliver(json, lambda: json_bytes(comparison_record(found, gate)), lambda: comparison_text(found, gate), force=force)
+        command = given_command()
+        write_report_files(
+            lambda: make_comparison_report(found, gate, command=command), files, "comparison",
+            of=f"{a} and {b}", force=force,
+        )  # fmt: skip
+    deliver(
+        json,
+        lambda: json_bytes(comparison_record(found, gate)),
+        lambda: comparison_text(found, gate),
+        force=force,
+        results=outputs,
+        failures=lambda: "" if gate is None else failed_text(gate),
+    )
     raise typer.Exit(0 if gate is None or gate.ok else 1)
 
 

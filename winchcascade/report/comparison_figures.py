@@ -12,7 +12,17 @@ from matplotlib.figure import Figure
 
 from winchcascade.comparison.comparison_result import Comparison, MatchedRuns
 from winchcascade.core.cascade import PAPER
-from winchcascade.report.style import COLOURS, Look, Room, cut_apart, label_panel, look_of, panel_figure
+from winchcascade.report.style import (
+    COLOURS,
+    Look,
+    Room,
+    cut_apart,
+    is_narrow,
+    label_panel,
+    look_of,
+    panel_figure,
+    text_width,
+)
 from winchcascade.report.wording import SYMBOL, load_words, tex
 
 PANEL = 1.45
@@ -21,8 +31,8 @@ PANEL = 1.45
 MOST_DRAWN = 16
 """Runs in a panel at most; of more, an even selection."""
 
-UPRIGHT = 9
-"""Runs whose names stand under a panel as they are; those of more are turned."""
+UPRIGHT, UPRIGHT_NARROW = 9, 4
+"""Runs whose names stand under a panel as they are, in a figure of a page and in a narrow one; those of more are turned."""
 
 _SHORT = 14
 
@@ -31,13 +41,18 @@ def difference_figure(found: Comparison, metrics: Sequence[str]) -> Figure | Non
     """Draw the differences of some efficiencies, each in a panel of its own, as their intervals differ in width."""
     if not metrics:
         return None
-    turned = len(drawn(found)) > UPRIGHT
-    foot = 0.75 if turned else 0.5
+    runs = drawn(found)
+    foot = 0.2 + max(map(text_width, _names(runs))) if _turned(len(runs)) else 0.5
     height = 0.32 + foot + PANEL * len(metrics) + 0.38 * (len(metrics) - 1)
     room = Room(left=0.115, head=0.32, foot=foot)
     figure, axes = panel_figure(height, len(metrics), 1, room=room, gaps={"hspace": 0.38 / PANEL}, share="x")
     draw_differences(axes, found, metrics)
     return figure
+
+
+def _turned(runs: int) -> bool:
+    """Whether names stand under a panel at an angle."""
+    return runs > (UPRIGHT_NARROW if is_narrow() else UPRIGHT)
 
 
 def drawn(found: Comparison) -> list[MatchedRuns]:
@@ -47,11 +62,15 @@ def drawn(found: Comparison) -> list[MatchedRuns]:
     return [runs[k] for k in even.tolist()]
 
 
+def _names(runs: Sequence[MatchedRuns]) -> list[str]:
+    """What runs are called under a panel: their loads, or their names, cut."""
+    cut = cut_apart([run.label for run in runs], _SHORT)
+    return [load_words(run.load, unknown=name) for run, name in zip(runs, cut, strict=True)]
+
+
 def draw_differences(axes: Sequence[Axes], found: Comparison, metrics: Sequence[str]) -> None:
     """Draw one efficiency on each of some Axes; a marker is full where the interval excludes zero."""
     runs = drawn(found)
-    names = dict(zip((r.label for r in runs), cut_apart([r.label for r in runs], _SHORT), strict=True))
-    texts = [load_words(r.load, unknown=names[r.label]) for r in runs]
     for k, (ax, metric) in enumerate(zip(axes, metrics, strict=True)):
         look = _look(metric)
         ax.axhline(0.0, color=COLOURS["ink"], lw=0.8, zorder=1)
@@ -69,8 +88,8 @@ def draw_differences(axes: Sequence[Axes], found: Comparison, metrics: Sequence[
         ax.grid(axis="x", visible=False)
         ax.locator_params(axis="y", nbins=5)
         label_panel(ax, "abcdefghij"[k % 10], f"{tex(metric)} of B less that of A", y="B − A (1)")
-    turn: Any = {"rotation": 35, "ha": "right", "rotation_mode": "anchor"} if len(runs) > UPRIGHT else {}
-    axes[-1].set_xticks(range(len(runs)), texts, **turn)
+    turn: Any = {"rotation": 90} if _turned(len(runs)) else {}
+    axes[-1].set_xticks(range(len(runs)), _names(runs), **turn)
     axes[-1].set_xlabel("" if turn else "Load" if all(r.load is not None for r in runs) else "Run")
 
 

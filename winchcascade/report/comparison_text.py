@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from winchcascade.comparison.compared_run import ComparedRun
-from winchcascade.comparison.comparison_result import Comparison
+from winchcascade.comparison.comparison_result import ComparedSide, Comparison
 from winchcascade.comparison.gate import Gate
 from winchcascade.core.campaign_file import origin_words
 from winchcascade.core.plain_text import one_line
@@ -31,10 +31,14 @@ from winchcascade.report.comparison_words import (
     zero_cell,
 )
 from winchcascade.report.report_model import TableColumn
-from winchcascade.report.text_table import listing, wrapped
+from winchcascade.report.screen import PIPED, toned
+from winchcascade.report.text_table import headed, listing, wrapped
 
 MOST_ROWS = 60
 """Differences that a table of the terminal lists."""
+
+_LESS = ("freedom", "A, B", "unit")
+"""Columns that are left out first: degrees of freedom, then the means."""
 
 _COLUMNS: tuple[TableColumn[DifferenceRow], ...] = (
     TableColumn("metric", of=lambda row: row.of.metric),
@@ -52,25 +56,37 @@ _COLUMNS: tuple[TableColumn[DifferenceRow], ...] = (
 def comparison_text(found: Comparison, gate: Gate | None = None) -> str:
     """Differences of efficiencies, energies and powers with their intervals, notes, and what has no partner."""
     lines = [
-        *wrapped(f"A: {_side(found.a.name, found.a.runs)}"),
-        *wrapped(f"B: {_side(found.b.name, found.b.runs)}"),
+        *(line for side in (found.a, found.b) for line in _side(found, side)),
         *wrapped(f"runs: {len(found.runs)} matched {MATCHED[found.matched_by]}"),
         *wrapped(f"sensors: {sensors_words(found)}"),
         *wrapped(f"intervals: 95 %, {method_words()}"),
     ]
-    lines += [f"alone in {side}: {_names(runs)}" for side, runs in (("A", found.alone_a), ("B", found.alone_b)) if runs]
+    for name, alone in (("A", found.alone_a), ("B", found.alone_b)):
+        lines += wrapped(f"alone in {name}: {_names(alone)}") if alone else []
     for metrics in (headline_metrics(found), of_windows(found)):
         lines += ["", *_table(found, metrics)] if metrics else []
     more = len(of_windows(found)) < len(other_metrics(found))
     lines += ["energies of whole cycles: in --json and --html"] if more else []
     lines += [""] + [line for m in headline_metrics(found) for line in wrapped(_plain(significance(found, m), m))]
     for note in found.notes:
-        mark = "! " if note.is_warning else ""
-        lines += wrapped(f"{mark}note: {note_words(note, len(found.runs))}.")
+        mark = "! note" if note.is_warning else "note"
+        text = wrapped(f"{mark}: {note_words(note, len(found.runs))}.")
+        lines += headed(text, mark, "warning") if note.is_warning else text
     if gate is not None:
-        lines += ["", *(line for drop in gate.drops if drop.fails for line in wrapped(drop_words(drop, gate)))]
-        lines += wrapped(f"--max-drop {gate_words(gate)}")
+        lines += ["", *_failed(gate)]
+        lines += [
+            toned(line, "good" if gate.ok else "contradiction") for line in wrapped(f"--max-drop {gate_words(gate)}")
+        ]
     return "\n".join(lines) + "\n"
+
+
+def failed_text(gate: Gate) -> str:
+    """The drops that are larger than the limit, one sentence each."""
+    return "".join(f"{line}\n" for line in _failed(gate, piped=None))
+
+
+def _failed(gate: Gate, piped: int | None = PIPED) -> list[str]:
+    return [line for drop in gate.failed for line in wrapped(drop_words(drop, gate), piped=piped)]
 
 
 def _plain(text: str, metric: str) -> str:
@@ -78,10 +94,12 @@ def _plain(text: str, metric: str) -> str:
     return metric + text[text.index(":") :] if ":" in text else text
 
 
-def _side(name: str, runs: Sequence[ComparedRun]) -> str:
+def _side(found: Comparison, side: ComparedSide) -> list[str]:
     """Name of a side, its logs, and whether they are measured."""
-    logs = f"{len(runs)} log{'s' * (len(runs) != 1)}"
-    return f"{one_line(name)} ({logs}; {one_line(origin_words([run.origin for run in runs]))})"
+    logs = f"{len(side.runs)} log{'s' * (len(side.runs) != 1)}"
+    data = one_line(origin_words([run.origin for run in side.runs]))
+    text = wrapped(f"{'A' if side is found.a else 'B'}: {one_line(side.name)} ({logs}; {data})")
+    return headed(text, "not measured", "warning")
 
 
 def _names(runs: Sequence[ComparedRun]) -> str:
@@ -91,4 +109,4 @@ def _names(runs: Sequence[ComparedRun]) -> str:
 def _table(found: Comparison, metrics: Sequence[str]) -> list[str]:
     rows = difference_rows(found, metrics)
     columns = _COLUMNS if any(unit_cell(row.of) for row in rows) else [c for c in _COLUMNS if c.name != "unit"]
-    return listing(columns, rows, most=MOST_ROWS, more="more, all in --json")
+    return listing(columns, rows, most=MOST_ROWS, more="more, all in --json", omit=_LESS)
