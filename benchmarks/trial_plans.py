@@ -70,7 +70,7 @@ class Plan(msgspec.Struct, frozen=True):
 
     @property
     def hidden(self) -> str:
-        """What is hidden, in words."""
+        """What is injected, in words."""
         if self.entry is None:
             return " + ".join(self.effects) or "nothing"
         shared = ", shared by the logger" if self.entry.shared else ""
@@ -85,7 +85,7 @@ class Plan(msgspec.Struct, frozen=True):
 
 
 def nothing(family: str, rng: np.random.Generator) -> list[Plan]:
-    """Plan campaigns with nothing hidden, at all rates, noises and repeats."""
+    """Plan campaigns with nothing injected, at all rates, noises and repeats."""
     rates, noises = (np.resize(values, BLOCK)[rng.permutation(BLOCK)].tolist() for values in (RATES, NOISES))
     repeats = [REPEATS[k] for k in rng.permutation(BLOCK)]
     return [
@@ -157,7 +157,7 @@ SIMULATORS = ("same", "averaged", "same", "averaged without commutation")
 
 
 def simulated(family: str, rng: np.random.Generator) -> list[Plan]:
-    """Plan campaigns with the owner's own simulation and one effect; in one of ten nothing is hidden."""
+    """Plan campaigns with the owner's own simulation and one effect; in one of ten nothing is injected."""
     plans = usual_single(family, rng)
     return [
         msgspec.structs.replace(

@@ -175,12 +175,12 @@ def contributions_figures(results: Sequence[Result]) -> list[Figure]:
 
 
 def simulation_well(result: Result) -> bool:
-    """Whether a case with an own simulation has the hidden causes alone, and the model form of its simulator."""
+    """Whether a case with an own simulation has the injected causes alone, and the model form of its simulator."""
     return _causes_right(result) and _has_form(result) == (result.plan.simulator != "same")
 
 
 def _causes_right(result: Result) -> bool:
-    """Whether the hidden causes are named alone, or none where none is hidden."""
+    """Whether the injected causes are named alone, or none where none is injected."""
     if result.plan.effects:
         return named_alone(result)
     return result.found is not None and not result.found.causes
@@ -197,17 +197,17 @@ def simulation_figures(results: Sequence[Result]) -> list[Figure]:
     hidden = [[r for r in group if r.plan.effects] for group in (same, averaged)]
     most, each = Bar("90 %", 0.9, 18), Bar("all", 1.0, 20)
     return [
-        _count("same physics: hidden cause named alone", [named_alone(r) for r in hidden[0]], most),
+        _count("same physics: injected cause named alone", [named_alone(r) for r in hidden[0]], most),
         _count("same physics: no cause named falsely", [_none_false(r) for r in same], each),
         _count("same physics: no model form of the generator", [not _has_form(r) for r in same]),
         _count("averaged bridge: model form in the generator stage", [_has_form(r) for r in averaged], each),
-        _count("averaged bridge: hidden cause named", [names_all(r) for r in hidden[1]], most),
+        _count("averaged bridge: injected cause named", [names_all(r) for r in hidden[1]], most),
         _count("averaged bridge: no cause named falsely", [_none_false(r) for r in averaged]),
     ]
 
 
 def _none_false(result: Result) -> bool:
-    """Whether every cause is a hidden effect or has one as its alternative."""
+    """Whether every cause is an injected effect or has one as its alternative."""
     causes = () if result.found is None else result.found.causes
     return all(set(counted(cause)) & set(result.plan.effects) for cause in causes)
 

@@ -1,4 +1,4 @@
-"""Time and memory of a diagnosis of 7, 70 and 140 logs with nothing hidden."""
+"""Time and memory of a diagnosis of 7, 70 and 140 logs with nothing injected."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def speed_lines(path: Path, *, measure: bool) -> Iterator[str]:
     if not measure and not path.is_file():
         return
     found = measured(path) if measure else msgspec.json.decode(path.read_bytes(), type=Speed)
-    yield f"speed: diagnosis of logs with nothing hidden, checkout {found.commit}"
+    yield f"speed: diagnosis of logs with nothing injected, checkout {found.commit}"
     seven = found.used[LOADS].seconds
     for logs, used in found.used.items():
         yield f"  {logs:>4} logs {used.seconds:>8.1f} s {used.seconds / seven:>6.1f} times seven logs {used.memory:>7.0f} MB"

@@ -16,7 +16,7 @@ def trials(*arguments: str | Path) -> str:
 
 
 def result(number: int, verdict: str, *causes: str) -> str:
-    """A line of the results of a case with nothing hidden."""
+    """A line of the results of a case with nothing injected."""
     found = {"verdict": verdict, "causes": [{"effect": name} for name in causes]}
     plan = {"family": "nothing", "number": number}
     times = {"making": 2.0, "diagnosing": 10.0, "commit": "0000000"}

@@ -120,7 +120,7 @@ def test_the_table_of_names_shows_what_each_effect_was_taken_for(several: Score)
     assert several.taken_for == {
         "ke_shift": {"ke_shift": 2},
         "precharge": {"gas_volume": 1, "no gap": 1},
-        "nothing hidden": {"no gap": 1},
+        "nothing injected": {"no gap": 1},
         "brake_drag": {"unexplained": 1},
     }
     assert taken_as(several.cases[0]) == "ke_shift"

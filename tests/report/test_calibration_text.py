@@ -41,7 +41,7 @@ def test_the_regression_is_reported_with_what_eq_8_would_read() -> None:
     text = " ".join(calibration_text(calibration()).split())
     assert "rpm, R2 = 0.99" in text
     assert "of which the fit 0.0" in text
-    assert "too low: it knows neither what the bleed of 4500 ohm" in text
+    assert "too low: it leaves out the current of the bleed of 4500 ohm" in text
 
 
 def test_what_cannot_be_distinguished_is_reported() -> None:

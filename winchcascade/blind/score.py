@@ -131,7 +131,7 @@ class Score(msgspec.Struct, frozen=True):
         return found
 
 
-NO_GAP, UNEXPLAINED, NOTHING = "no gap", "unexplained", "nothing hidden"
+NO_GAP, UNEXPLAINED, NOTHING = "no gap", "unexplained", "nothing injected"
 """What a diagnosis may report, or a case contain, beside effects."""
 
 

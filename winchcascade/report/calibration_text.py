@@ -131,9 +131,9 @@ def _eq8(r: BackEmf, calibration: Calibration) -> str:
     deviation = r.eq8 / r.k_e - 1.0
     draws = "" if bleed is None else f" of {bleed.value:g} ohm, {1e3 * r.vdc.max() / bleed.value:.0f} mA at most,"
     return (
-        f"Eq. 8 alone would read {number(r.eq8, places((r.high - r.k_e) / BEYOND))} V/rpm, {100.0 * abs(deviation):.1f} % too "
-        f"{'low' if deviation < 0 else 'high'}: it knows neither what the bleed{draws} nor what the charging capacitor draws "
-        "through the bridge"
+        f"Eq. 8 alone would give {number(r.eq8, places((r.high - r.k_e) / BEYOND))} V/rpm, {100.0 * abs(deviation):.1f} % too "
+        f"{'low' if deviation < 0 else 'high'}: it leaves out the current of the bleed{draws} and that of the "
+        "charging capacitor, which both pass the bridge"
     )
 
 

@@ -344,8 +344,8 @@ def repeatability_table(reduction: Reduction, found: Uncertainty) -> Table | Non
     columns: list[TableColumn[str]] = [
         *_METRIC,
         TableColumn("Mean", of=partial(mean_text, reduction, found)),
-        TableColumn("Least", of=lambda m: stated(min(values[m].values()), scatter[m], decimals_of(m))),
-        TableColumn("Largest", of=lambda m: stated(max(values[m].values()), scatter[m], decimals_of(m))),
+        TableColumn("Minimum", of=lambda m: stated(min(values[m].values()), scatter[m], decimals_of(m))),
+        TableColumn("Maximum", of=lambda m: stated(max(values[m].values()), scatter[m], decimals_of(m))),
         TableColumn("Largest deviation", "%", 2, of=reduction.max_deviation_percent.get),
         TableColumn("in cycle", of=lambda m: f"{max(values[m], key=lambda k: abs(values[m][k] - mean.value(m)))}"),
         TableColumn("s", of=lambda m: uncertain(scatter.value(m) * math.sqrt(len(values[m])))),

@@ -68,8 +68,8 @@ def make_trial_report(score: Score, *, command: str = "") -> Report:
                 "taken", "What each effect is taken for",
                 picture(
                     taken_figure(score), "taken",
-                    "How many cases of what was hidden (rows) were taken for what (columns): on the diagonal it was named, in "
-                    "a frame it is wrong. Several: more than one effect was named. Pairs are in the table.",
+                    "How many cases of each injected effect (rows) were taken for what (columns): on the diagonal it was "
+                    "named, in a frame it is wrong. Several: more than one effect was named. Pairs are in the table.",
                     "Matrix of counts; the same numbers are in the table below.",
                 ),
                 taken_table(score),
@@ -101,7 +101,7 @@ def make_trial_report(score: Score, *, command: str = "") -> Report:
 
 def _tiles(score: Score) -> tuple[Tile, ...]:
     shown = (
-        ("named", "hidden effects", score.count("named", *HIDDEN)),
+        ("named", "injected effects", score.count("named", *HIDDEN)),
         ("recognised", "causes outside the catalogue", score.count("recognised", "outsider")),
         ("covered", "true numbers in 95 % intervals", score.coverage),
     )
@@ -118,7 +118,7 @@ def _points(score: Score) -> tuple[Point, ...]:
     points = [
         Point(
             "Wrong names",
-            f"{wrong.part} of {wrong.of} cases with a hidden effect were given another name.",
+            f"{wrong.part} of {wrong.of} cases with an injected effect were given another name.",
             "warn" if wrong.part else "good",
         ),
         Point("Not named", f"{silent.part} were taken for no gap, {abstained.part} were left unexplained."),
@@ -182,15 +182,15 @@ def _text_columns(*names: str) -> list[TableColumn[str]]:
 
 
 def taken_table(score: Score) -> Table:
-    """What each hidden effect was taken for."""
+    """What each injected effect was taken for."""
     columns: list[TableColumn[tuple[str, ...]]] = [
-        TableColumn("Hidden", text=True, of=lambda row: row[0]),
+        TableColumn("Injected", text=True, of=lambda row: row[0]),
         TableColumn("Cases", of=lambda row: row[1]),
         TableColumn("Named", of=lambda row: row[2]),
         TableColumn("Otherwise taken for", "(cases)", text=True, of=lambda row: "–" if row[3] == "-" else row[3]),
     ]
-    caption = "What was hidden, how often, how often it was named, and what it was taken for otherwise."
-    note = f"“{NO_GAP}” is right where nothing is hidden, “{UNEXPLAINED}” where the cause is outside the catalogue."
+    caption = "What was injected, how often, how often it was named, and what it was taken for otherwise."
+    note = f"“{NO_GAP}” is right where nothing is injected, “{UNEXPLAINED}” where the cause is outside the catalogue."
     return make_table("taken", caption, columns, rows_of(columns, taken_rows(score)), note=note)
 
 
@@ -222,7 +222,7 @@ def _parameter(p: ParameterScore) -> tuple[str, ...]:
 
 _CASE: tuple[TableColumn[CaseScore], ...] = (
     TableColumn("Case", text=True, of=lambda case: case.case),
-    TableColumn("Hidden", text=True, of=lambda case: hidden_words(case).replace(" x ", " × ")),
+    TableColumn("Injected", text=True, of=lambda case: hidden_words(case).replace(" x ", " × ")),
 )
 
 
@@ -253,9 +253,9 @@ def cases_table(score: Score) -> Table:
     columns: list[TableColumn[CaseScore]] = [
         *_CASE,
         TableColumn("Outcome", text=True, of=lambda case: case.outcome.replace("_", " ")),
-        TableColumn("Said", text=True, of=said_words),
+        TableColumn("Diagnosis", text=True, of=said_words),
     ]
-    caption = "Every case: what was hidden, what came of it, and what was said."
+    caption = "Every case: what was injected, the outcome, and the diagnosis."
     return make_table("cases", caption, columns, rows_of(columns, score.cases))
 
 
@@ -265,7 +265,7 @@ SEVERAL = "several"
 
 
 def taken_figure(score: Score) -> Figure | None:
-    """Draw a matrix of counts: what was hidden over what it was taken for; pairs are left to the table."""
+    """Draw a matrix of counts: what was injected over what it was taken for; pairs are left to the table."""
     cases = score.of_kind("single", "none", "outsider")
     if not cases:
         return None

@@ -29,7 +29,7 @@ def totals(score: Score) -> list[tuple[str, Count]]:
         ("misnamed", score.count("misnamed", *HIDDEN)),
         ("silent: no gap seen", score.count("silent", *HIDDEN)),
         ("abstained: left unexplained", score.count("abstained", *HIDDEN)),
-        ("false alarms with nothing hidden", score.count("false_alarm", "none")),
+        ("false alarms with nothing injected", score.count("false_alarm", "none")),
         ("outsiders recognised", score.count("recognised", "outsider")),
         ("outsiders not seen", score.count("silent", "outsider")),
         ("outsiders taken for effects", score.count("mistaken", "outsider")),
@@ -95,14 +95,14 @@ def count_cells(count: Count) -> tuple[str, str, str]:
 
 
 def hidden_order(score: Score) -> list[str]:
-    """What is hidden somewhere in a trial, in the order of the catalogue, then pairs, then outsiders."""
+    """What is injected somewhere in a trial, in the order of the catalogue, then pairs, then outsiders."""
     found = score.taken_for
     single = [name for name in (NOTHING, *INJECTED, *OUTSIDERS) if name in found]
     return single + sorted(name for name in found if name not in single)
 
 
 def taken_rows(score: Score) -> list[tuple[str, str, str, str]]:
-    """By what was hidden: how many cases, how many were named, and what the others were taken for."""
+    """By what was injected: how many cases, how many were named, and what the others were taken for."""
     rows = []
     for hidden in hidden_order(score):
         row = score.taken_for[hidden]
@@ -116,7 +116,7 @@ def trial_text(score: Score, place: Path) -> str:
     """The counts of a trial, by strength too, and each case that was not named."""
     wrong = [case for case in score.cases if not case.went_well and case.outcome != "missing"]
     cases = [(f"  {c.case}", hidden_words(c), c.outcome.replace("_", " "), said_words(c)) for c in wrong]
-    head = ("  hidden", "cases", "named", "otherwise taken for (cases)")
+    head = ("  injected", "cases", "named", "otherwise taken for (cases)")
     lines = [
         *wrapped(f"trial {place}: {len(score.cases)} cases, seed {score.seed}", piped=None),
         *wrapped(f"answers: SHA-256 {score.sealed_sha256}", piped=None),
@@ -136,7 +136,7 @@ def trial_text(score: Score, place: Path) -> str:
         *_aligned([head, *((f"  {hidden}", *cells) for hidden, *cells in taken_rows(score))]),
         "",
         *(wrapped("cases that were not named, misnamed or reported without a cause:") if wrong else []),
-        *(_aligned(cases, ("case", "hidden", "outcome", "diagnosis"), ("hidden",)) if wrong else []),
+        *(_aligned(cases, ("case", "injected", "outcome", "diagnosis"), ("injected",)) if wrong else []),
         *([] if wrong else [toned(_ALL_WELL, "good")]),
     ]
     return "\n".join(lines) + "\n"
