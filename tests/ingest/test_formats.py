@@ -168,6 +168,16 @@ def test_tdms_coarser_channel_is_interpolated_onto_the_clock_of_most(tmp_path: P
     assert table.stamps is None
 
 
+def test_tdms_channels_are_taken_at_the_fastest_clock_and_slower_ones_are_reported(tmp_path: Path) -> None:
+    slow = [wave(name, T[::5], wf_increment=5 * H) for name in ("y", "z")]
+    table = open_tdms(write_tdms(tmp_path / "a.tdms", wave("x", T), *slow)).load([0, 1, 2], None)
+    assert len(table.values[0]) == 496
+    np.testing.assert_allclose(table.values[1], T[:496], atol=INTERPOLATED)
+    (finding,) = table.findings
+    assert (finding.kind, finding.action, finding.count) == ("coarse_sampling", "interpolated by straight lines", 2)
+    assert finding.message.startswith("y, z: sampled every")
+
+
 def test_tdms_wanted_channels_off_the_usual_clock_bring_their_stamps(tmp_path: Path) -> None:
     path = write_tdms(tmp_path / "a.tdms", wave("x", T), wave("y", T), wave("z", T[::5], wf_increment=5 * H))
     np.testing.assert_allclose(np.asarray(open_tdms(path).load([2], None).stamps), T[::5])

@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from winchcascade import read_run, reduce
+from winchcascade import load_rig, read_run, reduce
 from winchcascade.cli.entry import main
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.rig_file import Rig
@@ -205,6 +206,45 @@ def test_a_column_of_labels_gives_payout_hold_and_haul_in(number: bool, tmp_path
     assert (first.onset, first.payout_end) == pytest.approx((10.0, 20.0))
     assert first.haul_in == pytest.approx((24.0, 32.0))
     assert (second.onset, second.payout_end, second.haul_in) == pytest.approx((32.0, 38.0, None))
+    assert found.cycles[0].metrics.energy_line == pytest.approx(7000.0 / 3.0, rel=1e-5)
+
+
+@pytest.mark.parametrize("form", ["parquet", "categories", "xlsx", "mat", "tdms", "waveforms"])
+def test_texts_of_phases_are_read_from_every_format(form: str, tmp_path: Path) -> None:
+    import pandas as pd
+    import xlsxwriter
+    from nptdms import ChannelObject, TdmsWriter
+    from scipy.io import savemat
+
+    labels = ["" if label == "rest" else label for label in LABELS]
+    columns = {"t (s)": T, "Velocity (m/s)": T, "Force (N)": T, "phase": labels}
+    log = tmp_path / f"log.{ {'categories': 'parquet', 'waveforms': 'tdms'}.get(form, form) }"
+    frame = pd.DataFrame(columns)
+    if form in ("parquet", "categories"):
+        frame.astype({"phase": "category"} if form == "categories" else {}).to_parquet(log)
+    elif form == "xlsx":
+        with xlsxwriter.Workbook(str(log)) as book:
+            sheet = book.add_worksheet()
+            for k, row in enumerate([list(frame.columns), *frame.itertuples(index=False)]):
+                sheet.write_row(k, 0, row)
+    elif form == "mat":
+        savemat(log, {"time": T, "velocity": T, "force": T, "phase": np.array(labels, dtype=object)})
+    else:
+        step = {"wf_increment": float(T[1] - T[0])} if form == "waveforms" else {}
+        channels: list[tuple[str, Any, dict[str, Any]]] = [("phase", labels, {})]
+        channels += [("velocity", T, {"unit_string": "m/s", **step}), ("force", T, {"unit_string": "N", **step})]
+        channels += [] if step else [("time", T, {"unit_string": "s"})]
+        with TdmsWriter(str(log)) as writer:
+            writer.write_segment([ChannelObject("log", *channel) for channel in channels])
+    (tmp_path / "rig.toml").write_text(
+        'name = "rig"\n[phases]\nfrom = "column"\ncolumn = "phase"\npayout = ["ro"]\nhaul_in = ["ri-1"]\n'
+    )
+    rig = load_rig(tmp_path / "rig.toml")
+    found = reduce(read_run(log, rig=rig), rig=rig)
+    assert [(c.phases.onset, c.phases.payout_end) for c in found.cycles] == [
+        pytest.approx((10.0, 20.0)),
+        pytest.approx((32.0, 38.0)),
+    ]
     assert found.cycles[0].metrics.energy_line == pytest.approx(7000.0 / 3.0, rel=1e-5)
 
 

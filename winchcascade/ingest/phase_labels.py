@@ -30,25 +30,31 @@ def label_column(headers: Sequence[Header], rule: PhaseRule, where: str) -> int:
     return (names if name in names else bare).index(name)
 
 
-def phase_labels(source: LogSource, table: LogTable, column: int, rule: PhaseRule, where: str) -> Signal:
+def phase_labels(
+    source: LogSource, table: LogTable, column: int, rule: PhaseRule, where: str, *, time: int | None = None
+) -> Signal:
     """Phase of each row of a table, (n,): 1 in payout, -1 in haul-in, 0 elsewhere.
 
-    Labels are numbers, or texts where the format keeps them; case and blanks around a text do not matter.
+    Labels are numbers or texts; case and blanks around a text do not matter.
+
+    Parameters
+    ----------
+    time : column of the stamps, where the log has one
 
     Raises
     ------
-    LogError : the column holds no number, and its texts cannot be read from this format; none of its values is one of payout
+    LogError : the column holds neither numbers nor texts; none of its values is one of payout
     """
     numbers = table.values[column]
     if np.isfinite(numbers).any():
         values: Sequence[str] = [f"{x:g}" for x in numbers.tolist()]
-    elif source.texts is not None:
-        values = source.texts(column, [k for k in table.values if k != column])
     else:
-        raise LogError(
-            f"{where}: the column {rule.column!r} holds no numbers, and texts of phases are read from text files alone; save "
-            "the log as CSV, or number the phases."
-        )
+        values = _texts(source, column, [k for k in table.values if k != column], time)
+        if not any(text.strip() for text in values):
+            raise LogError(
+                f"{where}: the column {rule.column!r} holds neither numbers nor texts; expected a label in each row. Correct "
+                "column under [phases] of the rig file."
+            )
     if len(values) != numbers.size:
         raise LogError(
             f"{where}: {len(values)} labels in the column {rule.column!r} for {numbers.size} rows of numbers; expected a label "
@@ -62,6 +68,23 @@ def phase_labels(source: LogSource, table: LogTable, column: int, rule: PhaseRul
             "Correct payout under [phases] of the rig file."
         )
     return np.array([found[value] for value in values], dtype=np.float64)
+
+
+def _texts(source: LogSource, column: int, beside: Sequence[int], time: int | None) -> Sequence[str]:
+    """A column as texts, in the rows of the columns beside it; empty where it holds none.
+
+    Formats other than text hand over texts as they do those of stamps.
+    """
+    if source.texts is not None:
+        return source.texts(column, beside)
+    for others in (
+        [*beside, *([] if time is None else [time])],
+        [],
+    ):  # channels with clocks of their own give stamps instead
+        found = source.load(others, column).stamps
+        if found is not None and not isinstance(found, np.ndarray):
+            return found
+    return ()
 
 
 def _code(value: str, rule: PhaseRule) -> int:

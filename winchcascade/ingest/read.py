@@ -179,7 +179,7 @@ class _Opened(NamedTuple):
 def _opened(source: LogSource, rig: Rig, where: str) -> _Opened:
     """Load the columns that a rig needs."""
     found, table = _loaded(source, rig, where)
-    return _Opened(source, found, table, _labels(source, table, rig, where))
+    return _Opened(source, found, table, _labels(source, found, table, rig, where))
 
 
 def _run_of(opened: _Opened, rig: Rig, load: float | None, *, where: str, simulated: bool) -> Run:
@@ -270,13 +270,14 @@ def _loaded(source: LogSource, rig: Rig, where: str) -> tuple[Assignment, LogTab
     return found, table
 
 
-def _labels(source: LogSource, table: LogTable, rig: Rig, where: str) -> Signal | None:
+def _labels(source: LogSource, found: Assignment, table: LogTable, rig: Rig, where: str) -> Signal | None:
     """Phase of each row where the rig names a column of them, (n,)."""
     if rig.phases.source != "column":
         return None
     from winchcascade.ingest.phase_labels import label_column, phase_labels
 
-    return phase_labels(source, table, label_column(source.headers, rig.phases, where), rig.phases, where)
+    column, time = label_column(source.headers, rig.phases, where), None if found.time is None else found.time.index
+    return phase_labels(source, table, column, rig.phases, where, time=time)
 
 
 def _is_clock(table: LogTable) -> bool:

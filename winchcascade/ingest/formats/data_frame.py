@@ -118,6 +118,8 @@ def _load(columns: Sequence[Any], wanted: Sequence[int], time: int | None) -> Lo
     if pa.types.is_temporal(stamps.type):
         return LogTable(values, stamps=seconds_of([stamps], stamps.type), stamped=True)
     seconds = _numbers(columns[time])
+    if pa.types.is_dictionary(stamps.type) and is_text(stamps.type.value_type):
+        stamps = stamps.cast(stamps.type.value_type)
     dated = is_text(stamps.type) and not np.isfinite(seconds).any()
     return LogTable(values, stamps=texts_of([stamps]) if dated else seconds)
 

@@ -269,5 +269,6 @@ def _load(rows: Sequence[Row], wanted: Sequence[int], time: int | None) -> LogTa
         return without_notes(LogTable(values, stamps=t - t[np.isfinite(t)][0], stamped=True))
     texts = [str(cell) for cell in cells]
     names = [text for text, cell in zip(texts, cells, strict=True) if is_name(cell)]  # stamps, or notes among numbers
-    stamped = any(map(is_stamp, names)) or 0 < len(names) == len(cells)
+    filled = sum(text.strip() != "" for text in texts)
+    stamped = any(map(is_stamp, names)) or 0 < len(names) == filled
     return without_notes(LogTable(values, stamps=texts if stamped else cell_numbers(cells)))

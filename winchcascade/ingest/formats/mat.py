@@ -65,7 +65,7 @@ def _node_72(value: Any) -> Node | None:
     if isinstance(value, dict):
         return _nodes((name, _node_72(item)) for name, item in value.items())
     if isinstance(value, list):
-        return ["" if node is None else node for node in map(_node_72, value)]
+        return ["" if node is None or (isinstance(node, list) and not node) else node for node in map(_node_72, value)]
     array = np.asarray(value)
     if array.dtype.kind in "OU" and array.ndim == 1:
         return _node_72(array.tolist())

@@ -334,7 +334,7 @@ def _load(
             "expected; copy the file again or leave these channels out of the rig file."
         )
     own = [columns[i].clock for i in wanted]
-    reference = shared(own)
+    reference = _reference([clock for clock in own if clock])
     # A column of stamps belongs to every row, unless it is that of one of several clocks.
     apart = all(own) and not alike([clock for clock in own if clock])
     if reference is None or (time is not None and not apart):
@@ -342,9 +342,33 @@ def _load(
     clocks = {i: columns[i].clock or reference for i in wanted}
     t, cut = common_stamps(path, reference, [(clocks[i], len(raw[i])) for i in wanted])
     values = {i: at(t, _numbers(raw[i]), clocks[i], reference.step) for i in wanted}
+    findings += _slower(reference, [columns[i] for i in wanted])
     as_stated = reference == usual and t[0] == reference.start
     # These stamps are seconds, whatever the unit of a column of stamps, as `stamped` states.
     return LogTable(values, stamps=None if as_stated else t, stamped=time is not None, findings=findings + cut)
+
+
+def _reference(clocks: Sequence[Waveform]) -> Waveform | None:
+    """The clock that channels are taken at: that of most of them or, where their rates differ, of most of the fastest."""
+    fastest = min((clock.step for clock in clocks), default=0.0)
+    return shared(clock for clock in clocks if clock.step <= (1.0 + WHOLE) * fastest)
+
+
+def _slower(reference: Waveform, channels: Sequence[TdmsChannel]) -> tuple[Finding, ...]:
+    """Report channels with a slower clock than that which they are taken at."""
+    by_step: dict[float, list[str]] = {}
+    for channel in channels:
+        if channel.clock is not None and channel.clock.step > (1.0 + WHOLE) * reference.step:
+            by_step.setdefault(channel.clock.step, []).append(channel.header.name)
+    return tuple(
+        Finding(
+            "coarse_sampling",
+            f"{', '.join(names)}: sampled every {step:g} s, where the fastest channel has a sample every {reference.step:g} s",
+            "interpolated by straight lines",
+            count=len(names),
+        )
+        for step, names in by_step.items()
+    )
 
 
 def _by_rows(
