@@ -14,15 +14,21 @@ from winchcascade.batch.plan import Plan, make_plan
 from winchcascade.core.campaign_file import CAMPAIGN_FILE
 from winchcascade.core.errors import CampaignError, OptionError
 from winchcascade.core.jobs import Workers
+from winchcascade.core.late_module import LateModule
 from winchcascade.report.campaign_reduction import CampaignReduction
 from winchcascade.report.records import RunRecord
 
 if TYPE_CHECKING:
-    from winchcascade.core.published_table import PublishedTable
-    from winchcascade.diagnosis.diagnose import ModelDiagnosis
-    from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-    from winchcascade.tables.check import Check, Factors
-    from winchcascade.tables.point_table import PointTable
+    from winchcascade.core import published_table
+    from winchcascade.diagnosis import diagnose
+    from winchcascade.diagnosis.line import line_diagnose
+    from winchcascade.tables import check, point_table
+else:
+    published_table = LateModule("winchcascade.core.published_table")
+    diagnose = LateModule("winchcascade.diagnosis.diagnose")
+    line_diagnose = LateModule("winchcascade.diagnosis.line.line_diagnose")
+    check = LateModule("winchcascade.tables.check")
+    point_table = LateModule("winchcascade.tables.point_table")
 
 
 def open_campaign(
@@ -81,7 +87,7 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
         withhold: Sequence[float] = (),
         simulated: str | Path | None = None,
         seed: int = 0,
-    ) -> ModelDiagnosis | LineDiagnosis:
+    ) -> diagnose.ModelDiagnosis | line_diagnose.LineDiagnosis:
         """Find out why logs and model differ.
 
         Parameters
@@ -110,8 +116,12 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
         return diagnose_listed(listed, chosen, rig=self.rig, loads=withhold, seed=seed)
 
     def check(
-        self, table: PublishedTable | PointTable | str | Path, *, factors: Factors | None = None, jobs: int = 1
-    ) -> Check:
+        self,
+        table: published_table.PublishedTable | point_table.PointTable | str | Path,
+        *,
+        factors: check.Factors | None = None,
+        jobs: int = 1,
+    ) -> check.Check:
         """Reduce every log and compare the results with a published table, cell by cell.
 
         Parameters

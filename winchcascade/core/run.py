@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import msgspec
 
 from winchcascade.core.campaign_file import Origin
+from winchcascade.core.late_module import LateModule
 
 
 class Channel(msgspec.Struct, frozen=True):
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
     Index: TypeAlias = NDArray[np.intp]
     Mask: TypeAlias = NDArray[np.bool_]
 else:
+    pd = LateModule("pandas")
 
     class Signal:
         """Array of numbers, numpy.float64; a name alone, so that a module that imports it does not import numpy."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -22,8 +23,6 @@ from winchcascade.rig.backemf import COVERED, RPM_LEAST, BackEmf, back_emf
 from winchcascade.rig.baseline import baseline
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
     from winchcascade.core.run import Signal
 
 

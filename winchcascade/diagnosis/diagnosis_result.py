@@ -6,23 +6,27 @@ import math
 from typing import TYPE_CHECKING, Literal
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from winchcascade.core.campaign_file import check_held_out
 from winchcascade.core.errors import CampaignError
+from winchcascade.core.late_module import LateModule
+from winchcascade.core.run import Units
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    import numpy as np
     import pandas as pd
-    from matplotlib.axes import Axes
-    from numpy.typing import NDArray
+    from matplotlib import axes
 
     from winchcascade.core.campaign_file import Cycles
     from winchcascade.core.rig_file import Rig
-    from winchcascade.core.run import Run, Units
+    from winchcascade.core.run import Run
     from winchcascade.diagnosis.nuisances import Nuisance
     from winchcascade.diagnosis.suspects import Suspects
+else:
+    pd, axes = LateModule("pandas"), LateModule("matplotlib.axes")
 
 Verdict = Literal["no_gap", "explained", "partly_explained", "unexplained"]
 DiagnosisTable = Literal["causes", "contributions", "map", "stability"]
@@ -379,7 +383,7 @@ class DiagnosisResult(msgspec.Struct, frozen=True, kw_only=True):
 
         return diagnosis_frame(self, table, units)
 
-    def plot(self, what: DiagnosisPlot, ax: Axes | None = None) -> Axes | NDArray[np.object_]:
+    def plot(self, what: DiagnosisPlot, ax: axes.Axes | None = None) -> axes.Axes | NDArray[np.object_]:
         """Plot the map of the gap, or what each cause costs of an efficiency, as a waterfall for each load.
 
         Gives the Axes; of the waterfalls an array of them, or, on a given `ax`, that of the largest difference alone.

@@ -20,6 +20,7 @@ from winchcascade.core.campaign_file import SIMULATED, Origin, joint_origin
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.integrate import median
 from winchcascade.core.jobs import side_by_side
+from winchcascade.core.late_module import LateModule
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.quantity import is_load
 from winchcascade.core.rig_file import Rig
@@ -35,6 +36,8 @@ from winchcascade.ingest.source import FEWEST_ROWS, LogSource, LogTable
 
 if TYPE_CHECKING:
     import pandas as pd
+else:
+    pd = LateModule("pandas")
 
 OVERFLOW = 1e30
 """Instruments write 9.9e37 where they have no reading (SCPI); nothing measured comes near."""

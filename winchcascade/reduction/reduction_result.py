@@ -6,7 +6,10 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Literal
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
+from winchcascade.core.late_module import LateModule
 from winchcascade.core.rig_file import Rig, WindowRule
 from winchcascade.core.run import Finding, Run, Units
 from winchcascade.reduction.bins import Bin
@@ -17,10 +20,10 @@ from winchcascade.reduction.phased_run import Window
 from winchcascade.reduction.phases import Cycle
 
 if TYPE_CHECKING:
-    import numpy as np
     import pandas as pd
-    from matplotlib.axes import Axes
-    from numpy.typing import NDArray
+    from matplotlib import axes
+else:
+    pd, axes = LateModule("pandas"), LateModule("matplotlib.axes")
 
 ReductionTable = Literal["cycles", "bins", "findings", "channels"]
 """Tables of a reduction as frames."""
@@ -73,7 +76,7 @@ class Reduction(msgspec.Struct, frozen=True):
 
         return reduction_frame(self, table, units)
 
-    def plot(self, what: ReductionPlot, ax: Axes | None = None) -> Axes | NDArray[np.object_]:
+    def plot(self, what: ReductionPlot, ax: axes.Axes | None = None) -> axes.Axes | NDArray[np.object_]:
         """Plot powers of a cycle, histories of the log, powers over generator speed, or efficiencies of the cycles.
 
         Gives the Axes; of the histories an array of them, or, on a given `ax`, the powers alone.

@@ -6,17 +6,20 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Literal
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from winchcascade.core.cascade import Cascade
+from winchcascade.core.late_module import LateModule
 from winchcascade.core.run import Units
 from winchcascade.report.campaign_record import CampaignRecord
 from winchcascade.report.records import RunRecord
 
 if TYPE_CHECKING:
-    import numpy as np
     import pandas as pd
-    from matplotlib.axes import Axes
-    from numpy.typing import NDArray
+    from matplotlib import axes
+else:
+    pd, axes = LateModule("pandas"), LateModule("matplotlib.axes")
 
 CampaignTable = Literal["runs", "cycles", "bins", "findings"]
 """Tables of a campaign as frames."""
@@ -67,7 +70,7 @@ class CampaignReduction(msgspec.Struct, frozen=True):
 
         return campaign_frame(self.records, table, units, self.cascades)
 
-    def plot(self, what: CampaignPlot, ax: Axes | None = None) -> Axes | NDArray[np.object_]:
+    def plot(self, what: CampaignPlot, ax: axes.Axes | None = None) -> axes.Axes | NDArray[np.object_]:
         """Plot mean powers or efficiencies of the runs over their loads, or the power over generator speed; gives the Axes."""
         from winchcascade.report.plots import plot_campaign
 

@@ -10,6 +10,7 @@ from msgspec.structs import replace
 
 from winchcascade.core.errors import OptionError, RigError
 from winchcascade.core.quantity import ATMOSPHERE, Quantity, find_unit
+from winchcascade.core.rig_file import Rig
 from winchcascade.core.toml_text import struct_fields
 from winchcascade.rig.effects.catalogue import make_effect
 from winchcascade.rig.parts import (
@@ -23,7 +24,6 @@ from winchcascade.rig.parts import (
 )
 
 if TYPE_CHECKING:
-    from winchcascade.core.rig_file import Rig
     from winchcascade.rig.effects.effect import ActiveEffect
 
 

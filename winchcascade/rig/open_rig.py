@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
+from winchcascade.core.rig_file import Rig
 from winchcascade.core.rig_toml import read_rig
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from winchcascade.core.rig_file import Rig
 
 
 def load_rig(rig: str | Path) -> Rig:
