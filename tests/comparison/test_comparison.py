@@ -227,6 +227,13 @@ def test_windows_that_differ_are_noted(place: Path, found: Comparison) -> None:
     assert messages(found, "windows") == ""
 
 
+def test_cycles_of_other_sources_are_noted(place: Path, tmp_path: Path) -> None:
+    path = changed(place, tmp_path / "waves.json", lambda record: record.update(cycles_from="waves"))
+    waves = compare(path, place / "after")
+    assert "the cycles of A come from waves, those of B from velocity" in messages(waves, "windows")
+    assert "high waves follow each other in groups" in messages(waves, "repeatability")
+
+
 def test_kinds_of_data_that_differ_are_noted(found: Comparison) -> None:
     assert "the logs of A are not stated, those of B measured" in messages(found, "data")
 

@@ -29,7 +29,7 @@ def run(
     squares = sum(c**2 for c in (gains or {}).values())
     return ComparedRun(
         name="log.csv", file="log", load=9.0, digest="", rig="rig", origin=Origin(), simulated=False, cascade=PAPER,
-        window="auto", window_length=3.0, speed=0.8, complete=len(values), findings=0,
+        window="auto", cycles_from="velocity", window_length=3.0, speed=0.8, complete=len(values), findings=0,
         mean={ETA: sum(values) / len(values)}, cycles={ETA: tuple(values)}, repeats=len(values) > 1,
         sensors={ETA: None if rest is None else math.sqrt(rest**2 + squares)}, gains=contributions,
         split=frozenset({ETA}), measures={}, unknown=frozenset(), formulas={},

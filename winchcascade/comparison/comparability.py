@@ -33,6 +33,7 @@ def comparison_notes(
     notes = _stages(a, b)
     kinds: list[tuple[NoteKind, Told]] = [
         ("stages", _formulas),
+        ("windows", _sources),
         ("windows", _windows),
         ("windows", _lengths),
         ("motion", _speeds),
@@ -42,6 +43,7 @@ def comparison_notes(
         ("cycles", _without_cycles),
         ("pooled", _pooled),
         ("repeatability", _repeatability),
+        ("repeatability", _waves),
         ("accuracy", _accuracy),
     ]
     if same_sensors:
@@ -108,6 +110,16 @@ def _made_of(side: Sequence[ComparedRun], other: Sequence[ComparedRun], energy: 
 
 def _joined(names: frozenset[str]) -> str:
     return " and ".join(sorted(names))
+
+
+def _sources(runs: MatchedRuns) -> str:
+    ours, theirs = (_each(side, lambda run: run.cycles_from) for side in (runs.a, runs.b))
+    return (
+        f"the cycles of A come from {ours}, those of B from {theirs} ([phases] of the rig file); their energies, powers and "
+        "efficiencies cannot be compared"
+        if ours != theirs
+        else ""
+    )
 
 
 def _windows(runs: MatchedRuns) -> str:
@@ -204,6 +216,15 @@ def _repeatability(runs: MatchedRuns) -> str:
         f"the repeatability of {' and '.join(lacking)} is unknown, as one cycle, or cycles that are no repeats, do not show "
         "it; the interval does not contain it"
         if lacking
+        else ""
+    )
+
+
+def _waves(runs: MatchedRuns) -> str:
+    return (
+        "the cycles are waves, which count as independent although high waves follow each other in groups; the intervals may "
+        "be too narrow"
+        if any(run.cycles_from == "waves" for run in (*runs.a, *runs.b))
         else ""
     )
 

@@ -40,6 +40,7 @@ class ComparedRun(msgspec.Struct, frozen=True):
     load : inf for an open circuit, None where it is not known [ohm]
     simulated : whether `simulate` made the log: no sensor's error acts on it
     window : rule or length of the integration windows [s]
+    cycles_from : source of the cycles by [phases] of the rig file
     window_length, speed : means over the complete cycles: window [s] and plateau of the payout [m/s]
     cycles : values of each metric in the complete cycles that have it
     repeats : whether the cycles repeat each other, so that their scatter shows the repeatability
@@ -60,6 +61,7 @@ class ComparedRun(msgspec.Struct, frozen=True):
     simulated: bool
     cascade: Cascade
     window: str | float
+    cycles_from: str
     window_length: float | None
     speed: float | None
     complete: int
@@ -144,6 +146,7 @@ class _Record(msgspec.Struct):
     max_deviation_percent: Numbers
     standard_uncertainty: Numbers
     uncertainty: _Parts | None = None
+    cycles_from: str = "velocity"
     stages: _Stages | None = None
 
 
@@ -185,6 +188,7 @@ def compared_run(record: object, where: str) -> ComparedRun:
         simulated=simulated,
         cascade=cascade,
         window=read.window,
+        cycles_from=read.cycles_from,
         window_length=_mean([cycle.window.duration_s for cycle in done]),
         speed=_mean([c.phase_summary.payout.plateau.speed_mps for c in done if c.phase_summary.payout.plateau]),
         complete=len(done),
