@@ -106,7 +106,6 @@ def diagnose_command(
         write_corrected_rig,
         write_predictions,
     )
-    from winchcascade.report.diagnosis import make_diagnosis_report
     from winchcascade.report.diagnosis_record import as_json as diagnosis_record
     from winchcascade.report.diagnosis_text import diagnosis_text
     from winchcascade.report.exports import ReportFiles, write_report_files
@@ -140,6 +139,8 @@ def diagnose_command(
             write_export(found, export, force=force)
         reports = ReportFiles(html, pdf, figures, tables)
         if reports.wanted:
+            from winchcascade.report.diagnosis import make_diagnosis_report  # imports matplotlib
+
             on_progress("writing reports")
             command = given_command()
             make = lambda: make_diagnosis_report(found, command=command)  # noqa: E731

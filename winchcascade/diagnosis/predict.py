@@ -122,18 +122,16 @@ class Course:
         numbers = [constants(other, self.load) for other in others]
         near = [there for there in numbers if _of_the_shaft(there) != _of_the_shaft(here) and not _far(here, there)]
         tangent = self.tangent(here, near) if near else None
-        moved = [k for k, late in enumerate(skews) if others[k] != model or not np.array_equal(late, skew)]
-        change = np.empty((*as_here.shape, len(moved)))
-        for column, k in enumerate(moved):
+        for k, late in enumerate(skews):
+            if others[k] == model and np.array_equal(late, skew):
+                continue
             there = numbers[k]
             solved = self.shaft(there) if _far(here, there) else kept
             clutch, vdc = solved.clutch, solved.vdc
             if tangent is not None and there in near:
                 by_clutch, by_vdc = tangent.change(there)
                 clutch, vdc = clutch + by_clutch, vdc + by_vdc
-            change[:, :, column] = self._read(others[k], there, (clutch, vdc), skews[k]) - as_here
-        means = self.block_mean(change.reshape(change.shape[0], len(CHANNELS) * len(moved)))
-        found[:, :, moved] = means.reshape(self.blocks.size, len(CHANNELS), len(moved))
+            found[:, :, k] = self.block_mean(self._read(others[k], there, (clutch, vdc), late) - as_here)
         return found
 
     def predict(self, model: Model, gain: float = 1.0, skew: Signal | None = None) -> Signal:

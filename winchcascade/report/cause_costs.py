@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import msgspec
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from winchcascade.diagnosis.contributions import EFFICIENCIES, leading_metric, loaded_part
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
@@ -27,9 +24,12 @@ from winchcascade.report.report_model import (
     section,
     text_column,
 )
-from winchcascade.report.style import COLOURS, Room, panel_figure
 from winchcascade.report.text_table import aligned_lines, table_lines
 from winchcascade.report.wording import load_words
+
+if TYPE_CHECKING:  # the text of a diagnosis needs no figure
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 T = TypeVar("T", Contribution, ContributionPart)
 
@@ -241,6 +241,8 @@ BAR = 0.165
 
 def waterfall_figure(found: ModelDiagnosis) -> Figure | None:
     """Draw an efficiency from the model of the rig file to that of the runs, cause by cause, a panel for each load."""
+    from winchcascade.report.style import Room, panel_figure
+
     table = waterfall_costs(found)
     if not table:
         return None
@@ -289,6 +291,10 @@ def _waterfall(ax: Axes, costs: Contribution, span: float) -> None:
     ----------
     span : of the widest waterfall [points]
     """
+    from matplotlib.ticker import MaxNLocator
+
+    from winchcascade.report.style import COLOURS
+
     low, high = _extent(costs)
     middle, half = 0.5 * (low + high), max(0.85 * span, 0.5)
     left = middle - half
