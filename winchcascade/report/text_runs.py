@@ -59,13 +59,13 @@ class Size(NamedTuple):
 
 def text_size(text: str, size: float) -> Size:
     """Size of a text of one line in the font of the figures, at a size of the font. [pt]"""
-    run = text_run(text, FontProperties(family=FONT), is_math=is_math_text(text))
+    run = _run(text, (FONT,), "normal", "normal", is_math_text(text))
     return Size(*(size / EM * x for x in run[:3]))
 
 
 def text_run(text: str, font: FontProperties, *, is_math: bool) -> Run:
     """Lay out a text of one line; with `is_math` it holds mathematics between dollars."""
-    return _run(text, font.get_name(), font.get_style(), font.get_weight(), is_math)
+    return _run(text, tuple(font.get_family()), font.get_style(), font.get_weight(), is_math)
 
 
 _OUTLINES: dict[str, str] = {}
@@ -78,8 +78,8 @@ def outline_of(name: str) -> str:
 
 
 @lru_cache(maxsize=4096)
-def _run(text: str, family: str, style: str, weight: str | int, is_math: bool) -> Run:
-    font = FontProperties(family=family, style=style, weight=weight, size=EM)  # type: ignore[arg-type]  # typed as literals
+def _run(text: str, family: tuple[str, ...], style: str, weight: str | int, is_math: bool) -> Run:
+    font = FontProperties(family=list(family), style=style, weight=weight, size=EM)  # type: ignore[arg-type]  # typed as literals
     with warnings.catch_warnings():  # a letter that the font lacks is drawn as a box
         warnings.simplefilter("ignore")
         if is_math:
@@ -114,7 +114,7 @@ def _with_symbols(text: str, font: FontProperties) -> Run | None:
     x = ascent = descent = 0.0
     glyphs: list[Glyph] = []
     for words, style, size, y in parts:
-        run = _run(words, font.get_name(), style, font.get_weight(), False)
+        run = _run(words, tuple(font.get_family()), style, font.get_weight(), False)
         glyphs += (Glyph(glyph.name, x + size * glyph.x, y, size) for glyph in run.glyphs)
         x += size * run.width + (AFTER if size != 1.0 else 0.0)
         ascent, descent = max(ascent, size * (run.height - run.descent) + y), max(descent, size * run.descent - y)
