@@ -44,7 +44,7 @@ from winchcascade.report.check_text import check_text
 from winchcascade.report.records import reduction_json, reduction_record
 from winchcascade.report.terminal import reduction_text
 from winchcascade.rig.open_rig import load_rig
-from winchcascade.tables.audit import audit
+from winchcascade.tables.audit import audit_by_load as audit
 from winchcascade.tables.check import check, measured_from_record
 
 LONGEST = 5.0

@@ -27,7 +27,7 @@ from winchcascade.ingest.clock import read_clock
 from winchcascade.ingest.read import read_run
 from winchcascade.report.audit_text import audit_text
 from winchcascade.rig.open_rig import load_rig
-from winchcascade.tables.audit import audit
+from winchcascade.tables.audit import audit_by_load as audit
 
 MANY = 300
 

@@ -16,6 +16,7 @@ from winchcascade import Bin, audit, open_campaign, read_run, reduce, simulate, 
 from winchcascade.core.errors import CampaignError, OptionError
 from winchcascade.core.rig_toml import built_in
 from winchcascade.rig.baseline import baseline
+from winchcascade.tables.audit import Audit
 
 
 @pytest.fixture(name="campaign")
@@ -90,6 +91,7 @@ def test_a_campaign_is_checked_against_a_table_as_by_the_command(fixtures: Path,
 
 def test_a_table_is_audited_by_its_name() -> None:
     found = audit("hsu2026-table2")
+    assert isinstance(found, Audit)
     assert [(item.load, item.cells) for item in found.contradictions] == [
         (27.0, ("energy_line", "energy_gen", "eta_pto"))
     ]

@@ -20,7 +20,8 @@ from winchcascade.core.published_table import (
 )
 from winchcascade.core.table_toml import load_table, parse_table
 from winchcascade.reduction.efficiency import METRICS, RATIOS
-from winchcascade.tables.audit import Audit, audit
+from winchcascade.tables.audit import Audit
+from winchcascade.tables.audit import audit_by_load as audit
 from winchcascade.tables.claims import ClaimVerdict
 from winchcascade.tables.feasible import allowed, is_feasible, mean_of_products, repeatability
 

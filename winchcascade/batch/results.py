@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from os.path import isfile  # unlike that of Path no error for a name that no file can have
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +15,11 @@ from winchcascade.core.errors import LogError, OptionError, OutputError
 from winchcascade.core.jobs import run_here
 from winchcascade.core.published_table import PublishedTable
 from winchcascade.core.store import KeptFiles, State, altered, digest_in, inside
-from winchcascade.core.table_toml import load_table
 from winchcascade.report.campaign_record import CAMPAIGN_SCHEMA
 from winchcascade.report.records import RunRecord
 from winchcascade.tables.check import Check, Factors, check, measured_from_record
 from winchcascade.tables.point_check import check_points
-from winchcascade.tables.point_table import PointTable, is_point_table, load_points
+from winchcascade.tables.point_table import PointTable, open_table
 
 _EXPECTED = "expected a campaign, the folder of a batch or a reduction's JSON."
 
@@ -122,11 +120,6 @@ def campaign_results(plan: Plan, jobs: int) -> Results:
             raise LogError(f"{outcome.fault}")
         found[outcome.place] = msgspec.json.decode(outcome.value.files["json"])
     return Results(_together({plan.work[k].name: found[k] for k in sorted(found)}), whole=True)
-
-
-def open_table(table: str | Path) -> PublishedTable | PointTable:
-    """Read a table file, by load or of operating points, or a built-in table; TableError names what is wrong."""
-    return load_points(Path(table)) if isfile(table) and is_point_table(Path(table)) else load_table(table)
 
 
 def check_results(

@@ -11,17 +11,21 @@ import typer
 
 from winchcascade.batch.log_settings import read_with, settings_of
 from winchcascade.cli.options import (
+    FiguresOption,
     ForceOption,
+    HtmlOption,
     JsonOption,
     LoadOption,
+    PdfOption,
     RigOption,
     SheetOption,
+    TablesOption,
     check_load,
     effect_names,
     named_number,
     rig_names,
 )
-from winchcascade.cli.outputs import check_outputs, deliver, show, written
+from winchcascade.cli.outputs import Results, check_outputs, deliver, given_command, show, written
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.files import json_bytes
 from winchcascade.core.jobs import one_thread_each
@@ -55,6 +59,10 @@ def simulate_command(
         Path | None,
         typer.Option("--out", metavar="FILE", help="Write the simulated log into this file.", show_default=False),
     ] = None,
+    html: HtmlOption = None,
+    pdf: PdfOption = None,
+    figures: FiguresOption = None,
+    tables: TablesOption = None,
     force: ForceOption = False,
 ) -> None:
     """Simulate the rig along a line motion, and write what its sensors would have logged.
@@ -73,7 +81,8 @@ def simulate_command(
     if out is None:
         raise OptionError("simulate: expected --out FILE for the simulated log.")
     check_load(load_ohm)
-    check_outputs({"--out": out}, [source, rig], force=force)
+    results: Results = {"--out": out, "--html": html, "--pdf": pdf, "--figures": figures, "--tables": tables}
+    check_outputs(results, [source, source.parent / "campaign.toml", rig], force=force)
     settings = settings_of(source, rig=rig, load_ohm=load_ohm, window=None, sheet=sheet)
     run = read_with(source, settings)
     if run.load is None:
@@ -83,7 +92,18 @@ def simulate_command(
         model = make_effect(name, fields).apply(model)
     simulation = simulate(run, model)
     write_log(simulation, out, force=force)
-    show(simulation_text(simulation) + written({"--out": out}))
+    if any(path is not None for path in (html, pdf, figures, tables)):
+        from winchcascade.report.exports import ReportFiles, write_report_files
+        from winchcascade.report.simulation_report import simulation_report
+
+        command, words = given_command(), ", ".join(effects or [])
+        write_report_files(
+            lambda: simulation_report(
+                simulation, source=str(source), rig=settings.rig.name, effects=words, command=command
+            ),
+            ReportFiles(html, pdf, figures, tables), f"{out.stem}_simulation", force=force,
+        )  # fmt: skip
+    show(simulation_text(simulation) + written(results))
 
 
 def _fields(options: Sequence[str]) -> dict[str, dict[str, float]]:
@@ -111,6 +131,10 @@ def calibrate_command(
         Path | None, typer.Option("--write", metavar="RIG.toml", help="Write a rig file with the calibrated numbers.")
     ] = None,
     json: JsonOption = None,
+    html: HtmlOption = None,
+    pdf: PdfOption = None,
+    figures: FiguresOption = None,
+    tables: TablesOption = None,
     force: ForceOption = False,
 ) -> None:
     """Calibrate a rig by a run in open circuit: back-EMF constant, damper and screw friction, with their uncertainty."""
@@ -123,9 +147,10 @@ def calibrate_command(
 
     check_load(load_ohm)
     settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=None, sheet=sheet)
-    check_outputs(
-        {"--json": json, "--write": write}, [log, log.parent / "campaign.toml", settings.rig.path], force=force
-    )
+    results: Results = {
+        "--json": json, "--write": write, "--html": html, "--pdf": pdf, "--figures": figures, "--tables": tables,
+    }  # fmt: skip
+    check_outputs(results, [log, log.parent / "campaign.toml", settings.rig.path], force=force)
     run = read_with(log, settings)
     reduction = reduce(run, rig=settings.rig, window=settings.window, cycles=settings.cycles)
     payouts = [  # of the complete cycles, from the onset to the start of braking
@@ -141,12 +166,21 @@ def calibrate_command(
     calibration = calibrate(run, settings.rig, payouts, cycles=settings.cycles)
     if write is not None:
         write_content(write, calibrated_text(calibration), force=force)
+    if any(path is not None for path in (html, pdf, figures, tables)):
+        from winchcascade.report.calibration_sheet import calibration_report
+        from winchcascade.report.exports import ReportFiles, write_report_files
+
+        command = given_command()
+        write_report_files(
+            lambda: calibration_report(calibration, command=command),
+            ReportFiles(html, pdf, figures, tables), f"{Path(run.name).stem}_calibration", force=force,
+        )  # fmt: skip
     deliver(
         json,
         lambda: json_bytes(calibration_record(calibration)),
         lambda: calibration_text(calibration, write),
         force=force,
-        results={"--json": json},
+        results={option: path for option, path in results.items() if option != "--write"},
     )
 
 

@@ -5,12 +5,22 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated
 
 import typer
 
-from winchcascade.cli.options import ForceOption, JobsOption, JsonOption, RigOption, named_number, table_names
-from winchcascade.cli.outputs import check_outputs, deliver, show, show_commands
+from winchcascade.cli.options import (
+    ForceOption,
+    HtmlOption,
+    JobsOption,
+    JsonOption,
+    PdfOption,
+    RigOption,
+    TablesOption,
+    named_number,
+    table_names,
+)
+from winchcascade.cli.outputs import Results, check_outputs, deliver, given_command, show, show_commands
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import json_bytes
 
@@ -47,6 +57,9 @@ def check_command(
     ] = None,
     github: Annotated[bool, typer.Option("--github", help="Also print annotations for GitHub.")] = False,
     json: JsonOption = None,
+    html: HtmlOption = None,
+    pdf: PdfOption = None,
+    tables: TablesOption = None,
     jobs: JobsOption = None,
     force: ForceOption = False,
 ) -> None:
@@ -55,15 +68,16 @@ def check_command(
     A cell agrees if the difference is within the sum of rounding, largest deviation of the cycles and two standard
     uncertainties.
     """
-    from winchcascade.batch.results import check_results, load_results, open_table
+    from winchcascade.batch.results import check_results, load_results
     from winchcascade.core.files import write_content
     from winchcascade.core.jobs import processes
     from winchcascade.report.check_text import check_record, check_text, github_annotations, junit_xml, missed_text
     from winchcascade.tables.check import Factors
+    from winchcascade.tables.point_table import open_table
 
     around = results if results.is_dir() else results.parent
     inputs: list[str | Path] = [results, against, *around.glob("*"), *around.glob("runs/*")]
-    outputs = {"--junit": junit, "--json": json}
+    outputs: Results = {"--junit": junit, "--json": json, "--html": html, "--pdf": pdf, "--tables": tables}
     check_outputs(outputs, inputs, force=force)
     factors, table = Factors(**_factors(tolerance or [])), open_table(against)
     found = load_results(results, jobs=jobs or processes())
@@ -75,6 +89,13 @@ def check_command(
     outcome = check_results(found, table, factors)
     if junit is not None:
         write_content(junit, junit_xml(outcome), force=force)
+    if any(path is not None for path in (html, pdf, tables)):
+        from winchcascade.report.check_report import check_report
+        from winchcascade.report.exports import ReportFiles, write_report_files
+
+        command = given_command()
+        files = ReportFiles(html, pdf, None, tables)
+        write_report_files(lambda: check_report(outcome, command=command), files, f"{table.name}_check", force=force)
     deliver(
         json,
         lambda: json_bytes(check_record(outcome)),
@@ -116,6 +137,9 @@ def audit_command(
     ] = False,
     rig: RigOption = None,
     json: JsonOption = None,
+    html: HtmlOption = None,
+    pdf: PdfOption = None,
+    tables: TablesOption = None,
     force: ForceOption = False,
 ) -> None:
     """Check a published table and its text for contradictions, without any log. The exit code is 1 if there is one.
@@ -123,60 +147,37 @@ def audit_command(
     With --physics, the result lists the efficiencies that the model of the rig can reach, and the effects that could explain a
     difference.
     """
+    from winchcascade.core.published_table import PublishedTable
+    from winchcascade.report.audit_report import audit_report, point_audit_report
     from winchcascade.report.audit_text import audit_record, audit_text, contradictions_text
-    from winchcascade.tables.audit import audit
-    from winchcascade.tables.point_table import is_point_table
+    from winchcascade.report.exports import ReportFiles, write_report_files
+    from winchcascade.report.point_audit_text import broken_laws_text, point_audit_record, point_audit_text
+    from winchcascade.report.progress import Progress
+    from winchcascade.tables.audit import Audit
+    from winchcascade.tables.point_table import open_table
+    from winchcascade.tables.table_audit import audit
 
     if rig is not None and not physics:
         raise OptionError(f"--rig {rig}: is of use with --physics alone; add that, or leave the rig out.")
-    outputs = {"--json": json}
+    outputs: Results = {"--json": json, "--html": html, "--pdf": pdf, "--tables": tables}
     check_outputs(outputs, [table, rig], force=force)
-    if Path(table).is_file() and is_point_table(Path(table)):
-        _audit_points(Path(table), physics=physics, json=json, force=force)
-    outcome = audit(table)
-    record, text, ok, failures = audit_record(outcome), audit_text(outcome), outcome.ok, contradictions_text(outcome)
-    if physics:
-        from winchcascade.core.rig_toml import DEFAULT_RIG
-        from winchcascade.reduction.reduce import first_metrics
-        from winchcascade.report.audit_text import attainable_record, attainable_text, unreachable_text
-        from winchcascade.report.progress import Progress
-        from winchcascade.rig.effects.catalogue import OF_THE_RIG
-        from winchcascade.rig.open_rig import load_rig
-        from winchcascade.tables.attainable import attainable_ranges
-
-        of = load_rig(rig or DEFAULT_RIG)
-        with Progress(f"physics of {outcome.table.name}") as watch:
-            found = attainable_ranges(
-                outcome.table, of, OF_THE_RIG, lambda run, window: first_metrics(run, of, window),
-                scatter=outcome.known.eta, watch=watch,
-            )  # fmt: skip
-        record, text, ok, failures = (
-            record | {"physics": attainable_record(found)},
-            text + attainable_text(found),
-            ok and found.ok,
-            failures + unreachable_text(found),
+    opened = open_table(table)
+    if physics and isinstance(opened, PublishedTable):
+        with Progress(f"physics of {opened.name}") as watch:
+            found = audit(opened, physics=True, rig=rig, watch=watch)
+    else:
+        found = audit(opened, physics=physics)
+    files, command = ReportFiles(html, pdf, None, tables), given_command()
+    if isinstance(found, Audit):
+        record, text, failures = audit_record(found), audit_text(found), contradictions_text(found)
+    else:
+        record, text, failures = point_audit_record(found), point_audit_text(found), broken_laws_text(found)
+    if files.wanted:
+        make = lambda: (  # noqa: E731
+            audit_report(found, command=command)
+            if isinstance(found, Audit)
+            else point_audit_report(found, command=command)
         )
+        write_report_files(make, files, f"{opened.name}_audit", force=force)
     deliver(json, lambda: json_bytes(record), lambda: text, force=force, results=outputs, failures=lambda: failures)
-    raise typer.Exit(0 if ok else 1)
-
-
-def _audit_points(table: Path, *, physics: bool, json: str | None, force: bool) -> NoReturn:
-    """Audit a table of operating points and end the command."""
-    from winchcascade.report.point_audit_text import broken_laws_text, point_audit_record, point_audit_text
-    from winchcascade.tables.point_audit import audit_points
-    from winchcascade.tables.point_table import load_points
-
-    if physics:
-        raise OptionError(
-            f"--physics: {table} is a table of operating points; expected one of loads; leave --physics out."
-        )
-    found = audit_points(load_points(table))
-    deliver(
-        json,
-        lambda: json_bytes(point_audit_record(found)),
-        lambda: point_audit_text(found),
-        force=force,
-        results={"--json": json},
-        failures=lambda: broken_laws_text(found),
-    )
     raise typer.Exit(0 if found.ok else 1)

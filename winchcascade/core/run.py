@@ -147,6 +147,7 @@ class Run(msgspec.Struct, frozen=True):
     simulated : carries the columns by which `simulate` marks its logs; a log without that mark may be simulated too
     origin : whether the data are measured, as the campaign states it or the mark of `simulate`, and where they come from
     labels : (n,) 1 in payout, -1 in haul-in, 0 elsewhere, where the rig file names a column of phases
+    first_stamp : date and time of the first sample as the log writes it, where its stamps are texts
     load : resistance at the DC link; inf is an open circuit, None unknown or no load at all [ohm]
     """
 
@@ -166,6 +167,7 @@ class Run(msgspec.Struct, frozen=True):
     about: str = ""
     origin: Origin = Origin()
     table: str | None = None
+    first_stamp: str = ""
 
     def __repr__(self) -> str:
         """One line instead of the arrays."""

@@ -8,7 +8,7 @@ import os
 import re
 import time
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -226,7 +226,15 @@ def _run_of(opened: _Opened, rig: Rig, load: float | None, *, where: str, simula
         findings=(*found.findings, *time_findings, *table.findings, *clock.findings, *checked.findings),
         simulated=found.simulated,
         table=None if source.table is None else one_line(source.table),
+        first_stamp=_first_stamp(table.stamps),
     )
+
+
+def _first_stamp(stamps: Signal | Sequence[str] | None) -> str:
+    """The first stamp as the log writes it; nothing where stamps are numbers."""
+    if stamps is None or isinstance(stamps, np.ndarray):
+        return ""
+    return one_line(next((str(stamp) for stamp in stamps[:FEW_ROWS] if str(stamp).strip()), ""))
 
 
 def _with_origin(run: Run, stated: Origin) -> Run:

@@ -39,16 +39,12 @@ def load_record(load: float) -> dict[str, float | bool]:
 
 def audit_text(audit: Audit) -> str:
     """What a table says against itself, the verdicts on its claims and the windows it does not print."""
-    known, cells, claims = audit.known, len(audit.contradictions), len(audit.contradicted)
-    lines = title_lines(audit.table) + wrapped(
-        f"bounds: means over {known.basis}: an efficiency can differ from the ratio of mean energies by "
-        f"{percent(known.bounds.ratio)}, eta_pto from eta_trans eta_gen by {percent(known.bounds.product)}"
-    )
-    lines += wrapped(f"assumed, as the table does not say: {', '.join(known.assumed)}") if known.assumed else []
+    cells, claims = len(audit.contradictions), len(audit.contradicted)
+    lines = title_lines(audit.table) + [line for text in bound_sentences(audit) for line in wrapped(text)]
     lines += ["", *wrapped(f"cells that contradict each other: {cells or 'none'}")]
     for item in audit.contradictions:
         lines += indented(item.sentence)
-        lines += wrapped(_remedy(item), indent="    ") if item.kind == "row" else []
+        lines += wrapped(remedy(item), indent="    ") if item.kind == "row" else []
     if audit.claims:
         lines += ["", *wrapped(f"claims of the text: {len(audit.claims)}, contradicted: {claims or 'none'}")]
     for claim in sorted(audit.claims, key=lambda claim: claim.verdict != "contradicted"):
@@ -56,9 +52,30 @@ def audit_text(audit: Audit) -> str:
             lines += headed(_claim_lines(claim), _VERDICTS["contradicted"], "contradiction")
     confirmed = sum(claim.verdict == "confirmed" for claim in audit.claims)
     lines += indented(f"confirmed: {confirmed}, each in the JSON") if confirmed else []
-    lines += ["", "windows recovered from energy over power:", *_windows(audit)] if audit.windows else []
+    if audit.windows:
+        lines += ["", "windows recovered from energy over power:"]
+        lines += [line for text in window_sentences(audit) for line in indented(text)]
+    clean = not audit.contradictions and not audit.contradicted
+    text = "\n".join([*lines, "", _summary(audit_summary(audit), clean)]) + "\n"
+    return text if audit.physics is None else text + attainable_text(audit.physics)
+
+
+def audit_summary(audit: Audit) -> str:
+    """How many contradictions there are."""
+    cells, claims = len(audit.contradictions), len(audit.contradicted)
     found = f"found: {cells} contradiction{'s'[: cells != 1]} between cells, {claims} contradicted claim{'s'[: claims != 1]}"
-    return "\n".join([*lines, "", _summary("nothing contradicts itself" if audit.ok else found, audit.ok)]) + "\n"
+    return found if cells or claims else "nothing contradicts itself"
+
+
+def bound_sentences(audit: Audit) -> list[str]:
+    """How far efficiencies may differ from ratios of means, and what is assumed for that."""
+    known = audit.known
+    bounds = (
+        f"bounds: means over {known.basis}: an efficiency can differ from the ratio of mean energies by "
+        f"{percent(known.bounds.ratio)}, eta_pto from eta_trans eta_gen by {percent(known.bounds.product)}"
+    )
+    assumed = f"assumed, as the table does not say: {', '.join(known.assumed)}"
+    return [bounds, assumed] if known.assumed else [bounds]
 
 
 def _summary(text: str, ok: bool) -> str:
@@ -72,13 +89,15 @@ def _claim_lines(claim: ClaimVerdict) -> list[str]:
 def contradictions_text(audit: Audit) -> str:
     """What contradicts itself alone: cells, then claims."""
     lines = [line for item in audit.contradictions for line in indented(item.sentence)]
-    return "".join(f"{line}\n" for line in [*lines, *(x for claim in audit.contradicted for x in _claim_lines(claim))])
+    lines += [line for claim in audit.contradicted for line in _claim_lines(claim)]
+    beyond = "" if audit.physics is None else unreachable_text(audit.physics)
+    return "".join(f"{line}\n" for line in lines) + beyond
 
 
 def audit_record(audit: Audit) -> dict[str, Any]:
     """The audit as nested records, schema `winchcascade/audit/1`; JSON has null for the open end of an interval."""
     known = audit.known
-    return {
+    record = {
         "schema": AUDIT_SCHEMA,
         "version": __version__,
         "table": table_record(audit.table),
@@ -112,9 +131,10 @@ def audit_record(audit: Audit) -> dict[str, Any]:
             for shared in audit.shared
         ],
     }
+    return record if audit.physics is None else record | {"physics": attainable_record(audit.physics)}
 
 
-def _remedy(item: Contradiction) -> str:
+def remedy(item: Contradiction) -> str:
     """Which single cell would mend a row."""
     changes = [f"{repair.metric} {repair.text}" for repair in item.repairs]
     if len(changes) == 1:
@@ -124,22 +144,21 @@ def _remedy(item: Contradiction) -> str:
     return "No change of a single cell makes this row consistent."
 
 
-def _windows(audit: Audit) -> list[str]:
-    lines = []
+def window_sentences(audit: Audit) -> list[str]:
+    """The windows that follow from energies and powers, row by row, and which rows can share one."""
+    found = []
     for w in audit.windows:
         span = "none; the stages contradict each other or leave it open"
         if w.span is not None:
             middle, half = 0.5 * (w.span.low + w.span.high), 0.5 * (w.span.high - w.span.low)
             span = f"{w.span.low:.4f} to {w.span.high:.4f} s ({middle:.4f} s +- {percent(half / middle)})"
-        lines += indented(f"{load_text(w.load)}: {span}")
+        found.append(f"{load_text(w.load)}: {span}")
     for shared in audit.shared:
         if len(shared.loads) > 1:
             loads = ", ".join(load_text(load) for load in shared.loads)
             span = f"{shared.span.low:.4f} to {shared.span.high:.4f} s"
-            lines += indented(f"{loads} can share one window: {span}, such as {shared.shortest:g} s")
-    return lines + (
-        indented(f"no fewer than {len(audit.shared)} windows fit all rows") if len(audit.shared) > 1 else []
-    )
+            found.append(f"{loads} can share one window: {span}, such as {shared.shortest:g} s")
+    return found + ([f"no fewer than {len(audit.shared)} windows fit all rows"] if len(audit.shared) > 1 else [])
 
 
 def _contradiction_record(item: Contradiction) -> dict[str, Any]:
@@ -173,7 +192,7 @@ def attainable_text(ranges: AttainableRanges) -> str:
     """What can be reached row by row, how far the table lies outside, and which effects could be why."""
     cells = [cell for row in ranges.rows for cell in row.cells]
     metrics = list(dict.fromkeys(cell.metric for cell in cells))
-    lines = ["", *wrapped(_basis(ranges)), *(line for note in ranges.notes for line in wrapped(f"note: {note}"))]
+    lines = ["", *wrapped(basis(ranges)), *(line for note in ranges.notes for line in wrapped(f"note: {note}"))]
     for item in ranges.not_judged:
         lines += wrapped(f"not judged: {load_text(item.load)}: {item.reason}")
     if ranges.rows:
@@ -189,11 +208,15 @@ def attainable_text(ranges: AttainableRanges) -> str:
         lines += ["", *_verdict(ranges, metric)]
     if not ranges.ok:
         lines += [*_neither(ranges), *_details(ranges), *_sets(ranges)]
-    judged, outside = len(cells), len(ranges.outside)
-    summary = f"{outside} of {judged} efficiencies cannot be reached"
-    if not judged or ranges.ok:
-        summary = f"all {judged} efficiencies can be reached" if judged else "no row could be judged"
-    return "\n".join([*lines, "", _summary(f"physics: {summary}", ranges.ok)]) + "\n"
+    return "\n".join([*lines, "", _summary(f"physics: {attainable_summary(ranges)}", ranges.ok)]) + "\n"
+
+
+def attainable_summary(ranges: AttainableRanges) -> str:
+    """How many efficiencies the rig cannot reach."""
+    judged, outside = sum(len(row.cells) for row in ranges.rows), len(ranges.outside)
+    if judged and not ranges.ok:
+        return f"{outside} of {judged} efficiencies cannot be reached"
+    return f"all {judged} efficiencies can be reached" if judged else "no row could be judged"
 
 
 def unreachable_text(ranges: AttainableRanges) -> str:
@@ -202,7 +225,8 @@ def unreachable_text(ranges: AttainableRanges) -> str:
     return "".join(f"{line}\n" for metric in metrics for line in _verdict(ranges, metric))
 
 
-def _basis(ranges: AttainableRanges) -> str:
+def basis(ranges: AttainableRanges) -> str:
+    """On which payouts and tolerances the attainable ranges are computed."""
     shortest, longest = 100 * min(RAMPS), 100 * max(RAMPS)
     return (
         f"physics: what rig {ranges.rig.name} can reach on payouts that speed up for {shortest:.0f} to {longest:.0f} % of the "
@@ -235,30 +259,37 @@ def _off(cell: Cell) -> str:
 
 def _verdict(ranges: AttainableRanges, metric: str) -> list[str]:
     """How far the table deviates in one efficiency, and which effects could do that alone."""
+    sentences, causes = verdict_sentences(ranges, metric)
+    return [line for text in sentences for line in wrapped(text)] + [line for text in causes for line in indented(text)]
+
+
+def verdict_sentences(ranges: AttainableRanges, metric: str) -> tuple[list[str], list[str]]:
+    """How far the table deviates in one efficiency, and which effects could do that alone, each in sentences."""
     judged = [cell for row in ranges.rows for cell in row.cells if cell.metric == metric]
     outside = [cell for cell in judged if cell.outside]
     if not outside:
-        return [f"{metric}: all {len(judged)} rows within reach"]
-    lines = []
+        return [f"{metric}: all {len(judged)} rows within reach"], []
+    sentences = []
     for side, cells in (("above", [c for c in outside if c.gap > 0]), ("below", [c for c in outside if c.gap < 0])):
         if cells:
             beyond = _range([100.0 * abs(cell.gap) for cell in cells], ".1f")
             middle = _range([100.0 * abs(cell.printed - cell.nominal) for cell in cells], ".1f")
-            lines += wrapped(
+            sentences.append(
                 f"{metric}: {len(cells)} of {len(judged)} rows {side} what the rig can reach, by {beyond} points "
                 f"({middle} from the middle payout)"
             )
-    if metric not in _wanted(ranges):
-        return lines
+    if metric not in wanted(ranges):
+        return sentences, []
     able: dict[str, list[str]] = {"explains": [], "beyond_plausible": []}
     for mover in ranges.explanation.suspects:
         able.setdefault(mover.ability(metric).verdict, []).append(mover.effect)
-    beyond = ", ".join(able["beyond_plausible"])
-    lines += indented(f"one cause would do, at a plausible value: {', '.join(able['explains']) or 'none'}")
-    return lines + (indented(f"one would do at a value beyond what is plausible: {beyond}") if beyond else [])
+    causes = [f"one cause would do, at a plausible value: {', '.join(able['explains']) or 'none'}"]
+    if beyond := ", ".join(able["beyond_plausible"]):
+        causes.append(f"one would do at a value beyond what is plausible: {beyond}")
+    return sentences, causes
 
 
-def _wanted(ranges: AttainableRanges) -> list[str]:
+def wanted(ranges: AttainableRanges) -> list[str]:
     """Efficiencies whose causes are listed: the two stages where they are out of reach, else their product."""
     outside = {cell.metric for _, cell in ranges.outside}
     stages: list[str] = [metric for metric in ("eta_trans", "eta_gen") if metric in outside]
@@ -267,7 +298,7 @@ def _wanted(ranges: AttainableRanges) -> list[str]:
 
 def _neither(ranges: AttainableRanges) -> list[str]:
     """Effects that cannot bring any of the efficiencies within reach, and how much of it they take away."""
-    metrics = _wanted(ranges)
+    metrics = wanted(ranges)
     parts = []
     for mover in ranges.explanation.suspects:
         found = [mover.ability(metric) for metric in metrics]
@@ -289,20 +320,20 @@ def _neither(ranges: AttainableRanges) -> list[str]:
 
 def _details(ranges: AttainableRanges) -> list[str]:
     """Effects that help: what is plausible, what the rows need, and the share that a plausible value takes away."""
-    metrics = _wanted(ranges)
+    metrics = wanted(ranges)
     rows = [["effect", "plausible", *(text for metric in metrics for text in (f"{metric} needs", "closes"))]]
     for mover in ranges.explanation.suspects:
         found = [mover.ability(metric) for metric in metrics]
         if max(one.closed for one in found) >= _WORTH:
             first, *others = mover.fields
             span = f"{first.low:g}..{first.high:g}{unit_suffix(first.unit)}"
-            needs = [text for one in found for text in (_needs(ranges, one), f"{one.closed:.0%}")]
+            needs = [text for one in found for text in (needed_words(ranges, one), f"{one.closed:.0%}")]
             rows.append([mover.effect, f"{len(mover.fields)} fields" if others else span, *needs])
     note = indented("needs: from the row that needs least to the one that needs most; * in some rows no value does")
     return ["", *_columns(rows, ("plausible", "closes")), *note] if len(rows) > 1 else []
 
 
-def _needs(ranges: AttainableRanges, ability: Ability) -> str:
+def needed_words(ranges: AttainableRanges, ability: Ability) -> str:
     """The values that the rows need."""
     outside = {row.load for row, cell in ranges.outside if cell.metric == ability.metric}
     needed = [value for row, value in zip(ranges.rows, ability.needed, strict=False) if row.load in outside]
@@ -317,16 +348,17 @@ def _sets(ranges: AttainableRanges) -> list[str]:
     found = ranges.explanation
     if found.sets:
         lines = ["", f"all within reach at plausible values, the smallest sets ({_SIZES[found.size]}), best fit first:"]
-        return lines + [line for values in found.sets for line in indented(_values_text(ranges, values))]
+        return lines + [line for values in found.sets for line in indented(values_text(ranges, values))]
     none = f"no set of up to {found.size} effects brings all within reach at plausible values"
     lines = ["", none] if found.size else []
     if found.closest is not None:
         out = f"{100.0 * found.closest.excess:.1f} points out of reach in all"
-        lines += indented(f"closest: {_values_text(ranges, found.closest)}; {out}")
+        lines += indented(f"closest: {values_text(ranges, found.closest)}; {out}")
     return lines
 
 
-def _values_text(ranges: AttainableRanges, values: Values) -> str:
+def values_text(ranges: AttainableRanges, values: Values) -> str:
+    """Effects with their values, and what they leave."""
     fields = {(mover.effect, field.name): field for mover in ranges.explanation.suspects for field in mover.fields}
     parts = [
         f"{effect} {', '.join(_field_text(fields[effect, name], value) for name, value in given.items())}"

@@ -42,7 +42,7 @@ def calibration_text(calibration: Calibration, written: Path | None = None) -> s
     written : the rig file that was made of it
     """
     run, rig = calibration.run, one_line(calibration.rig.name)
-    findings = _findings(calibration)
+    found = findings(calibration)
     lines = [
         *wrapped(
             f"{one_line(run.name)}: open circuit ({one_line(run.load_source)}), {run.samples} samples at {run.fs:.6g} Hz; "
@@ -52,12 +52,12 @@ def calibration_text(calibration: Calibration, written: Path | None = None) -> s
         "",
         *table_lines([_HEAD, *(_row(n) for n in calibration.numbers)], left=(0, 4, 5), omit=("how", "before")),
         "",
-        *wrapped(_regression(calibration.regression)),
-        *wrapped(_eq8(calibration.regression, calibration)),
-        *wrapped(f"cannot be distinguished here: {'; '.join(calibration.together) or 'nothing'}"),
-        *wrapped(f"against rig {rig}: {_comparison(calibration)}"),
-        f"findings: {toned(f'{len(findings)}', 'warning') if findings else toned('none', 'good')}",
-        *(line for text in findings for line in headed(indented(text), text.split(":")[0], "warning")),
+        *wrapped(regression_words(calibration.regression)),
+        *wrapped(eq8_words(calibration.regression, calibration)),
+        *wrapped(together_words(calibration)),
+        *wrapped(f"against rig {rig}: {comparison(calibration)}"),
+        f"findings: {toned(f'{len(found)}', 'warning') if found else toned('none', 'good')}",
+        *(line for text in found for line in headed(indented(text), text.split(":")[0], "warning")),
     ]
     if run.findings:
         lines += wrapped(f"the log itself has {len(run.findings)}: `winchcascade reduce` lists what is wrong with it")
@@ -115,7 +115,8 @@ def _row(n: Number) -> tuple[str, ...]:
     return (n.name, before.replace("–", "-"), value, f"{low} to {high}", n.unit, n.how)
 
 
-def _regression(r: BackEmf) -> str:
+def regression_words(r: BackEmf) -> str:
+    """The back-EMF constant by regression, with the parts of its uncertainty."""
     u = (r.high - r.k_e) / BEYOND
     k_e, low, high = (number(x, places(u)) for x in (r.k_e, r.low, r.high))
     return (
@@ -126,7 +127,8 @@ def _regression(r: BackEmf) -> str:
     )
 
 
-def _eq8(r: BackEmf, calibration: Calibration) -> str:
+def eq8_words(r: BackEmf, calibration: Calibration) -> str:
+    """What the plain formula of the paper would give, and why that deviates."""
     bleed = calibration.rig.dc_link.r_bleed
     deviation = r.eq8 / r.k_e - 1.0
     draws = "" if bleed is None else f" of {bleed.value:g} ohm, {1e3 * r.vdc.max() / bleed.value:.0f} mA at most,"
@@ -137,7 +139,12 @@ def _eq8(r: BackEmf, calibration: Calibration) -> str:
     )
 
 
-def _comparison(calibration: Calibration) -> str:
+def together_words(calibration: Calibration) -> str:
+    """What the log cannot distinguish."""
+    return f"cannot be distinguished here: {'; '.join(calibration.together) or 'nothing'}"
+
+
+def comparison(calibration: Calibration) -> str:
     """How the numbers found anew compare with what the rig file says of them."""
     agree, differ = [], []
     for n in calibration.numbers:
@@ -161,7 +168,7 @@ def _and(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
-def _findings(calibration: Calibration) -> list[str]:
+def findings(calibration: Calibration) -> list[str]:
     """A lag of Vdc that is significant, signs that something else acts on the rig, and a fit that did not come to rest."""
     r, found = calibration.regression, []
     names = [n.name for n in calibration.numbers if n.new and n.name != "k_e"]

@@ -33,7 +33,7 @@ _LESS = (", ".join(_PARTS.values()), "allowed")
 
 def check_text(check: Check) -> str:
     """Every cell with printed and found value, difference, tolerance and its parts."""
-    lines = [*title_lines(check.table), *wrapped(f"tolerance: {_recipe(check)}")]
+    lines = [*title_lines(check.table), *wrapped(f"tolerance: {recipe(check)}")]
     lines += [*data_lines(check.origins), ""]
     for row, log in dict.fromkeys((cell.row, cell.log) for cell in check.cells):
         cells = [cell for cell in check.cells if (cell.row, cell.log) == (row, log)]
@@ -48,7 +48,7 @@ def check_text(check: Check) -> str:
         lines += [*(line for text in found for line in headed(indented(text), "!", "warning")), ""]
     for note in check.notes:
         lines += headed(wrapped(f"note: {note}"), "note", "warning")
-    return "\n".join([*lines, toned(_summary(check), "good" if check.ok else "contradiction")]) + "\n"
+    return "\n".join([*lines, toned(check_summary(check), "good" if check.ok else "contradiction")]) + "\n"
 
 
 def missed_text(check: Check) -> str:
@@ -173,7 +173,8 @@ def miss_sentence(cell: CellCheck) -> str:
     )
 
 
-def _recipe(check: Check) -> str:
+def recipe(check: Check) -> str:
+    """What a cell allows, part by part."""
     factors, table = check.factors, check.table
     capped = " (at most the table's)" if isinstance(table, PublishedTable) and table.deviations else ""
     parts = (
@@ -227,7 +228,8 @@ def _by(missed: float, cell: CellCheck) -> str:
     return text if float(text) > 0 else f"{missed:.1g}"
 
 
-def _summary(check: Check) -> str:
+def check_summary(check: Check) -> str:
+    """How many cells agree, and why others do not."""
     outcomes = Counter(cell.outcome for cell in check.misses)
     unmeasured, without = outcomes["not_measured"], outcomes["no_run"]
     off = len(check.misses) - unmeasured - without

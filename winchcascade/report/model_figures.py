@@ -202,8 +202,10 @@ def back_emf_figure(fit: Regression, *, word: str) -> Figure:
     figure, (left, right) = panel_figure(2.6, 1, 2, room=Room(right=0.972, head=0.468), gaps={"wspace": 0.24})
     ends = np.array([0.0, 1.05 * max(fit.rpm)])
     rig: dict[str, Any] = {"ls": (0, (5, 2)), "lw": 0.9}
-    right.fill_between(ends, 0.9 * fit.reference * ends, 1.1 * fit.reference * ends, color=COLOURS["payout"], lw=0)
-    right.plot(ends, fit.reference * ends, color=COLOURS["soft"], **rig)
+    known = np.isfinite(fit.reference)
+    if known:
+        right.fill_between(ends, 0.9 * fit.reference * ends, 1.1 * fit.reference * ends, color=COLOURS["payout"], lw=0)
+        right.plot(ends, fit.reference * ends, color=COLOURS["soft"], **rig)
     right.plot(ends, fit.slope * ends, color=COLOURS["mech"], lw=0.9)
     for ax, letter, title, volt in (
         (left, "a", "Voltage of the DC link", fit.v_dc),
@@ -221,8 +223,7 @@ def back_emf_figure(fit: Regression, *, word: str) -> Figure:
         [
             samples_entry(f"{word}, samples used", "ink"),
             line_entry("line through zero", "mech", lw=0.9),
-            line_entry("rig file", "soft", **rig),
-            patch_entry("rig file ± 10 %", "payout"),
+            *([line_entry("rig file", "soft", **rig), patch_entry("rig file ± 10 %", "payout")] if known else []),
         ],
     )
     return figure

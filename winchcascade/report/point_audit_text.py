@@ -22,21 +22,32 @@ def point_audit_text(audit: PointAudit) -> str:
     """What a table of operating points contradicts in itself."""
     table, broken = audit.table, audit.broken
     lines = title_lines(table)
-    laws = [f"{name} = {column.law.text}" for name, column in table.columns.items() if column.law]
-    bounds = [name for name, column in table.columns.items() if column.at_most == 1.0]
-    lines += wrapped(f"laws: {', '.join(laws)}") if laws else []
-    lines += wrapped(f"at most 1: {', '.join(bounds)}") if bounds else []
-    lines += wrapped(f"means may differ by {100.0 * table.tolerance:g} %") if table.tolerance else []
+    lines += [line for text in law_sentences(audit) for line in wrapped(text)]
     lines += ["", f"{len(table.rows)} rows, {audit.laws} cells compared"]
     for fault in audit.faults:
         lines += indented(fault.sentence)
     for item in broken[:_MOST_SHOWN]:
         lines += indented(item.sentence)
     lines += indented(f"and {len(broken) - _MOST_SHOWN} more") if len(broken) > _MOST_SHOWN else []
-    found = [f"{len(audit.faults)} column fault{'s'[: len(audit.faults) != 1]}"] if audit.faults else []
-    found += [f"{len(broken)} cell{'s'[: len(broken) != 1]} that contradict others"] if broken or not found else []
-    summary = "nothing contradicts itself" if audit.ok else f"found: {', '.join(found)}"
-    return "\n".join([*lines, "", toned(summary, "good" if audit.ok else "contradiction")]) + "\n"
+    return "\n".join([*lines, "", toned(point_summary(audit), "good" if audit.ok else "contradiction")]) + "\n"
+
+
+def law_sentences(audit: PointAudit) -> list[str]:
+    """By which laws the cells of a row are compared."""
+    table = audit.table
+    laws = [f"{name} = {column.law.text}" for name, column in table.columns.items() if column.law]
+    bounds = [name for name, column in table.columns.items() if column.at_most == 1.0]
+    sentences = [f"laws: {', '.join(laws)}"] if laws else []
+    sentences += [f"at most 1: {', '.join(bounds)}"] if bounds else []
+    return sentences + ([f"means may differ by {100.0 * table.tolerance:g} %"] if table.tolerance else [])
+
+
+def point_summary(audit: PointAudit) -> str:
+    """How many faults there are."""
+    faults, broken = len(audit.faults), len(audit.broken)
+    found = [f"{faults} column fault{'s'[: faults != 1]}"] if faults else []
+    found += [f"{broken} cell{'s'[: broken != 1]} that contradict others"] if broken or not found else []
+    return "nothing contradicts itself" if audit.ok else f"found: {', '.join(found)}"
 
 
 def broken_laws_text(audit: PointAudit) -> str:

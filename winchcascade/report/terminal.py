@@ -250,29 +250,35 @@ def _finding(finding: Finding, samples: int) -> str:
 
 def simulation_text(simulation: Simulation) -> str:
     """Where the energy of the line went in a simulation, until that energy has its maximum."""
-    run, energy = simulation.run, simulation.energy
-    most = int(energy["line"].argmax())
-    line = float(energy["line"][most])
+    run, shares = simulation.run, energy_shares(simulation)
+    line = dict(shares).get("line", 0.0)
     load = load_words(run.load, "ohm", before="load ")
-    shares = {name: float(joule[most]) for name, joule in energy.items() if abs(joule[most]) >= 5e-4 * abs(line)}
     rows = [
         ("energy", "J", "share", "what it is"),
-        *((n, f"{e:.0f}", f"{e / line:.1%}" if line else "-", LEDGER_WORDS[n]) for n, e in shares.items()),
+        *((n, f"{e:.0f}", f"{e / line:.1%}" if line else "-", LEDGER_WORDS[n]) for n, e in shares),
     ]
-    span = (
-        f"from the start of the log, {run.t[0]:.2f} s, to {run.t[most]:.2f} s, when the energy of the line is largest"
-    )
-    return (
-        "\n".join(
-            [
-                *wrapped(f"{run.name}: simulated at {load}, {run.samples} samples, {_duration(run)}", piped=None),
-                *wrapped(f"energies: {span}; share: of the energy of the line"),
-                "",
-                *table_lines(rows, left=(0, 3), omit=("what it is",)),
-            ]
-        )
-        + "\n"
-    )
+    lines = [
+        *wrapped(f"{run.name}: simulated at {load}, {run.samples} samples, {_duration(run)}", piped=None),
+        *wrapped(f"energies: {energy_span(simulation)}; share: of the energy of the line"),
+        "",
+        *table_lines(rows, left=(0, 3), omit=("what it is",)),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def energy_shares(simulation: Simulation) -> list[tuple[str, float]]:
+    """Energies of a simulation that matter, at the instant at which that of the line is largest. [J]"""
+    energy = simulation.energy
+    most = int(energy["line"].argmax())
+    line = abs(float(energy["line"][most]))
+    return [(name, float(joule[most])) for name, joule in energy.items() if abs(joule[most]) >= 5e-4 * line]
+
+
+def energy_span(simulation: Simulation) -> str:
+    """From when to when the energies of a simulation count."""
+    t = simulation.run.t
+    end = t[int(simulation.energy["line"].argmax())]
+    return f"from the start of the log, {t[0]:.2f} s, to {end:.2f} s, when the energy of the line is largest"
 
 
 LEDGER_WORDS = {

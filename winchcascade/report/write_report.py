@@ -8,19 +8,26 @@ from typing import TYPE_CHECKING
 
 from winchcascade.comparison.comparison_result import Comparison
 from winchcascade.core.errors import OptionError
+from winchcascade.diagnosis.calibrate import Calibration
 from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.campaign_reduction import CampaignReduction
+from winchcascade.rig.simulate import Simulation
+from winchcascade.tables.audit import Audit
+from winchcascade.tables.check import Check
+from winchcascade.tables.point_audit import PointAudit
 
 if TYPE_CHECKING:
     from winchcascade.report.report_model import Report
 
-Result = Reduction | DiagnosisResult | CampaignReduction | Comparison
+Result = (
+    Reduction | DiagnosisResult | CampaignReduction | Comparison | Calibration | Check | Audit | PointAudit | Simulation
+)
 """What has a report."""
 
 
 def write_report(result: Result, path: str | Path, *, force: bool = False) -> Path:
-    """Write the report of a reduction, a campaign, a diagnosis or a comparison as a page (.html) or a PDF (.pdf).
+    """Write the report of a result of any command as a page (.html) or a PDF (.pdf).
 
     Parameters
     ----------
@@ -46,8 +53,8 @@ def write_report(result: Result, path: str | Path, *, force: bool = False) -> Pa
 def _report_of(result: object) -> Report:
     """The report of a result."""
     raise OptionError(
-        f"write_report: a {type(result).__name__} has no report; expected the result of reduce, compare, "
-        "open_campaign(...).reduce() or open_campaign(...).diagnose()."
+        f"write_report: a {type(result).__name__} has no report; expected the result of reduce, compare, calibrate, simulate, audit, or "
+        "of open_campaign(...).reduce(), .diagnose() or .check()."
     )
 
 
@@ -82,3 +89,38 @@ def _(result: DiagnosisResult) -> Report:
 
     assert isinstance(result, ModelDiagnosis | LineDiagnosis)  # there are no others
     return make_diagnosis_report(result)
+
+
+@_report_of.register(Calibration)
+def _(result: Calibration) -> Report:
+    from winchcascade.report.calibration_sheet import calibration_report
+
+    return calibration_report(result)
+
+
+@_report_of.register(Check)
+def _(result: Check) -> Report:
+    from winchcascade.report.check_report import check_report
+
+    return check_report(result)
+
+
+@_report_of.register(Audit)
+def _(result: Audit) -> Report:
+    from winchcascade.report.audit_report import audit_report
+
+    return audit_report(result)
+
+
+@_report_of.register(PointAudit)
+def _(result: PointAudit) -> Report:
+    from winchcascade.report.audit_report import point_audit_report
+
+    return point_audit_report(result)
+
+
+@_report_of.register(Simulation)
+def _(result: Simulation) -> Report:
+    from winchcascade.report.simulation_report import simulation_report
+
+    return simulation_report(result)

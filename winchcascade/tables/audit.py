@@ -10,7 +10,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import msgspec
 
@@ -28,6 +28,9 @@ from winchcascade.tables.feasible import (
     stage_window,
     window,
 )
+
+if TYPE_CHECKING:
+    from winchcascade.tables.attainable import AttainableRanges
 
 
 class Repair(msgspec.Struct, frozen=True):
@@ -77,7 +80,8 @@ class SharedWindow(msgspec.Struct, frozen=True):
 class Audit(msgspec.Struct, frozen=True):
     """Contradictions within a table and its text, and the windows that follow from it.
 
-    `contradictions` are of rows, columns and sums; `claims` holds a verdict for every claim of the text.
+    `contradictions` are of rows, columns and sums; `claims` holds a verdict for every claim of the text. `physics` is what a
+    rig can attain, where that was asked for.
     """
 
     table: PublishedTable
@@ -86,6 +90,7 @@ class Audit(msgspec.Struct, frozen=True):
     claims: tuple[ClaimVerdict, ...]
     windows: tuple[RecoveredWindow, ...]
     shared: tuple[SharedWindow, ...]
+    physics: AttainableRanges | None = None
 
     @property
     def contradicted(self) -> tuple[ClaimVerdict, ...]:
@@ -94,18 +99,18 @@ class Audit(msgspec.Struct, frozen=True):
 
     @property
     def ok(self) -> bool:
-        """Whether nothing was found."""
-        return not self.contradictions and not self.contradicted
+        """Whether nothing was found, in the table or beside the rig."""
+        return not self.contradictions and not self.contradicted and (self.physics is None or self.physics.ok)
 
 
-def audit(table: PublishedTable | str | Path) -> Audit:
+def audit_by_load(table: PublishedTable | str | Path) -> Audit:
     """Hold a table and its claims against themselves.
 
     Parameters
     ----------
     table : a table, a table file, or the name of a built-in table
 
-    >>> found = audit("hsu2026-table2")
+    >>> found = audit_by_load("hsu2026-table2")
     >>> [(item.load, item.cells) for item in found.contradictions], len(found.contradicted)
     ([(27.0, ('energy_line', 'energy_gen', 'eta_pto'))], 2)
     """

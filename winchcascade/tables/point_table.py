@@ -8,13 +8,15 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
+from os.path import isfile  # unlike that of Path no error for a name that no file can have
 from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
 
-from winchcascade.core.published_table import ENERGY_UNITS, Span, TableError, unit_suffix
+from winchcascade.core.published_table import ENERGY_UNITS, PublishedTable, Span, TableError, unit_suffix
 from winchcascade.core.quantity import find_unit, read_as
+from winchcascade.core.table_toml import load_table
 from winchcascade.core.toml_text import Expected, check_keys, entry, read_toml, toml_values
 from winchcascade.ingest.cells import looks_like_a_number, numbers, split_row
 from winchcascade.ingest.layout import decimal_sign, find_encoding
@@ -108,6 +110,11 @@ def is_point_table(path: Path) -> bool:
     """Whether a file is a table of operating points: it names a CSV, a key or points, which tables by load do not have."""
     raw = toml_values(read_toml(path, "a table that can be read", TableError), str(path), TableError)
     return not {"csv", "key", "point"}.isdisjoint(raw)
+
+
+def open_table(table: str | Path) -> PublishedTable | PointTable:
+    """Read a table file, by load or of operating points, or a built-in table; TableError names what is wrong."""
+    return load_points(Path(table)) if isfile(table) and is_point_table(Path(table)) else load_table(table)
 
 
 def load_points(path: Path) -> PointTable:

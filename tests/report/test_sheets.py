@@ -1,0 +1,154 @@
+"""Pages of calibration, check, audit and simulation: what a laboratory files, from the same rows as terminal and JSON."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import subprocess
+import sys
+from html import unescape
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pypdf import PdfReader
+
+from winchcascade import audit, open_campaign, write_report
+from winchcascade.core.errors import OptionError
+from winchcascade.report.write_report import Result
+from winchcascade.tables.audit import Audit
+from winchcascade.tables.point_audit import PointAudit
+
+
+def _run(*given: str | Path, code: int = 0) -> str:
+    done = subprocess.run(
+        [sys.executable, "-m", "winchcascade", *map(str, given)], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == code, done.stdout + done.stderr
+    return done.stdout
+
+
+def _text(page: Path) -> str:
+    """What a page shows, without its marks."""
+    body = re.sub(r"<(style|script|svg).*?</\1>", " ", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    return re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]+>", "", body)).replace("\u00a0", " "))
+
+
+def _rows(page: Path, table: str) -> list[list[str]]:
+    """Cells of a table of a page, as a spreadsheet takes them when they are copied."""
+    (found,) = re.findall(rf'<table id="table-{table}".*?</table>', page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    rows = re.findall(r"<tr>(.*?)</tr>", found, flags=re.DOTALL)
+    return [
+        [unescape(re.sub(r"<[^>]+>", "", c)).strip() for c in re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row, re.DOTALL)]
+        for row in rows
+    ]
+
+
+def test_a_calibration_sheet_holds_what_a_laboratory_files(fixtures: Path, tmp_path: Path) -> None:
+    log, page = fixtures / "campaign" / "open_circuit.csv", tmp_path / "sheet.html"
+    found = json.loads(_run("calibrate", log, "--json", "-", "--html", page, "--pdf", tmp_path / "sheet.pdf"))
+    text = _text(page)
+    for words in ("Calibrated", "open_circuit.csv", "Date of the log", "Standard uncertainty", "Method", "Conditions"):
+        assert words in text
+    assert found["log"]["sha256"] in text
+    rows = _rows(page, "calibrated-numbers")[1:]
+    assert [row[0] for row in rows] == [f"{n['section']}.{n['name']}" for n in found["numbers"]]
+    for row, number in zip(rows, found["numbers"], strict=True):
+        assert float(row[2]) == pytest.approx(number["value"], abs=number["u"])
+        assert float(row[4]) < float(row[2]) < float(row[5])
+    assert 'id="figure-model-emf"' in page.read_text(encoding="utf-8")
+    pdf = " ".join(found.extract_text() for found in PdfReader(tmp_path / "sheet.pdf").pages)
+    assert "Calibrated numbers of the rig." in pdf
+
+
+def test_the_date_of_a_calibrated_log_is_that_of_its_first_stamp(fixtures: Path, tmp_path: Path) -> None:
+    head, *lines = (fixtures / "campaign" / "open_circuit.csv").read_text().splitlines()
+    stamped = [head]
+    for line in lines:
+        at, rest = line.split(",", 1)
+        seconds = float(at)
+        stamped.append(f"2026-03-14 10:{int(seconds // 60):02d}:{seconds % 60:06.3f},{rest}")
+    log = tmp_path / "Leerlauf größe 1.csv"
+    log.write_text("\n".join([head.replace("Time (s)", "Time"), *stamped[1:]]) + "\n", encoding="utf-8")
+    _run("calibrate", log, "--load-ohm", "inf", "--html", tmp_path / "sheet.html", "--tables", tmp_path / "out")
+    assert "2026-03-14 10:00" in _text(tmp_path / "sheet.html")
+    assert (tmp_path / "out" / "Leerlauf-größe-1_calibration_conditions.tex").is_file()
+
+
+def test_a_simulation_states_what_its_energies_cover_and_its_histories(fixtures: Path, tmp_path: Path) -> None:
+    log, page = fixtures / "campaign" / "r36ohm.csv", tmp_path / "page.html"
+    printed = _run("simulate", log, "--out", tmp_path / "sim.csv", "--with", "line_friction.torque=2", "--html", page)
+    text = _text(page)
+    assert "when the energy of the line is largest" in text
+    assert "line_friction.torque=2" in text
+    assert 'id="figure-histories"' in page.read_text(encoding="utf-8")
+    for name, joule, *_ in _rows(page, "ledger")[1:]:
+        assert re.search(rf"^{name} +{joule} ", printed, re.MULTILINE)
+    assert [row[0] for row in _rows(page, "stages")[1:]] == ["line", "shaft", "DC link"]
+
+
+def test_an_audit_lists_every_finding_with_its_row(tmp_path: Path) -> None:
+    found = json.loads(_run("audit", "hsu2026-table2", "--json", "-", "--html", tmp_path / "a.html", code=1))
+    (row,) = _rows(tmp_path / "a.html", "contradictions")[1:]
+    assert row[0] == "27 ohm"
+    assert found["contradictions"][0]["sentence"] in row
+    claims = _rows(tmp_path / "a.html", "claims")[1:]
+    assert len(claims) == len(found["claims"])
+    assert [claim[2] for claim in claims].count("contradicted") == 2
+
+
+def test_an_audit_of_operating_points_lists_every_broken_cell(tmp_path: Path) -> None:
+    table = tmp_path / "points.toml"
+    table.write_text(
+        'title = "Bench"\nsource = "made here"\ncsv = "points.csv"\nkey = ["speed"]\n'
+        "[columns]\n"
+        'speed = { name = "n", unit = "rpm" }\ntorque = { name = "T", unit = "N m" }\n'
+        'power_shaft = { name = "P", unit = "W" }\n'
+    )
+    (tmp_path / "points.csv").write_text("n,T,P\n1000,10.0,1047\n2000,10.0,2094\n3000,10.0,9999\n")
+    found = json.loads(_run("audit", table, "--json", "-", "--html", tmp_path / "a.html", code=1))
+    rows = _rows(tmp_path / "a.html", "contradictions")[1:]
+    assert len(rows) == len(found["contradictions"]) >= 1
+    assert {row[0] for row in rows} == {"3"}
+    result = audit(table)
+    assert isinstance(result, PointAudit)
+    assert not result.ok
+    with pytest.raises(OptionError, match="table of operating points"):
+        audit(table, physics=True)
+    with pytest.raises(OptionError, match="of use with physics alone"):
+        audit("hsu2026-table2", rig="hsu2026")
+
+
+def test_a_check_gives_each_cell_its_verdict(fixtures: Path, tmp_path: Path) -> None:
+    narrow = ("--tolerance", "deviation=0", "--tolerance", "uncertainty=0")
+    printed = _run(
+        "check", fixtures / "campaign", "--against", "hsu2026-table2", *narrow, "--json", tmp_path / "c.json",
+        "--html", tmp_path / "c.html", "--tables", tmp_path / "tables", code=1,
+    )  # fmt: skip
+    cells: list[dict[str, Any]] = json.loads((tmp_path / "c.json").read_text())["cells"]
+    rows = _rows(tmp_path / "c.html", "cells")[1:]
+    assert len(rows) == len(cells)
+    for row, cell in zip(rows, cells, strict=True):
+        assert row[7] == {"ok": "agrees", "miss": "differs"}[cell["outcome"]]
+        assert float(row[3]) == pytest.approx(cell["printed"])
+    assert printed.count("MISS") == sum(row[7] == "differs" for row in rows)
+    name = "hsu2026-table2_check_cells.csv"
+    with (tmp_path / "tables" / name).open(encoding="utf-8", newline="") as file:
+        assert [float(row["Found"]) for row in csv.DictReader(file)] == [cell["measured"] for cell in cells]
+
+
+def test_every_result_has_a_report_in_python(fixtures: Path, tmp_path: Path) -> None:
+    results: list[Result] = [audit("hsu2026-table2"), open_campaign(fixtures / "campaign").check("hsu2026-table2")]
+    for k, result in enumerate(results):
+        assert "<h1>" in write_report(result, tmp_path / f"{k}.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_the_physics_of_a_table_are_audited_in_python(tmp_path: Path) -> None:
+    found = audit("hsu2026-table2", physics=True)
+    assert isinstance(found, Audit)
+    assert found.physics is not None
+    assert not found.physics.ok
+    rows = _rows(write_report(found, tmp_path / "a.html"), "attainable")
+    assert len(rows) == 1 + len(found.physics.rows)
