@@ -140,6 +140,7 @@ def documented(command: str, table: str) -> list[str]:
         (("batch", "fixtures/campaign", "--out", "out", "--reports", "none", "--jobs", "1"), "logs", 0),
         (("calibrate", "fixtures/campaign/open_circuit.csv"), "numbers", 0),
         (COMMANDS["simulate"], "energies", 0),
+        (COMMANDS["compare"], "differences", 0),
     ],
 )
 def test_columns_are_omitted_in_the_order_of_the_page(
@@ -149,7 +150,7 @@ def test_columns_are_omitted_in_the_order_of_the_page(
     for width in (60, 80, 100):
         text = _with_columns(width, *words)
         blocks = re.split(r"\n\n", text)
-        tables = [block for block in blocks if re.match(r"(cycle|log|number|energy) ", block)]
+        tables = [block for block in blocks if re.match(r"(cycle|log|number|energy|metric) ", block)]
         found = re.search(r"\(omitted at \d+ columns: ([^)]*)\)", tables[line])
         gone = re.split(r",\s+", found[1]) if found else []
         assert gone == order[: len(gone)]

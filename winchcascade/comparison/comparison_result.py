@@ -5,17 +5,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Literal
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from winchcascade.comparison.compared_run import ComparedRun
 from winchcascade.comparison.differences import Difference
+from winchcascade.core.late_module import LateModule
+from winchcascade.core.run import Units
 
 if TYPE_CHECKING:
-    import numpy as np
     import pandas as pd
-    from matplotlib.axes import Axes
-    from numpy.typing import NDArray
-
-    from winchcascade.core.run import Units
+    from matplotlib import axes
+else:
+    pd, axes = LateModule("pandas"), LateModule("matplotlib.axes")
 
 NoteKind = Literal[
     "windows", "motion", "data", "stages", "rigs", "same_log", "pooled", "repeatability", "accuracy", "shared_gains", "cycles"
@@ -102,7 +104,7 @@ class Comparison(msgspec.Struct, frozen=True):
 
         return comparison_frame(self, units)
 
-    def plot(self, what: ComparisonPlot = "efficiency", ax: Axes | None = None) -> Axes | NDArray[np.object_]:
+    def plot(self, what: ComparisonPlot = "efficiency", ax: axes.Axes | None = None) -> axes.Axes | NDArray[np.object_]:
         """Plot the differences of the efficiencies with their 95 % intervals, run by run; gives the Axes.
 
         They are an array with one for each efficiency; on a given `ax` that of the whole cascade is drawn alone.
