@@ -9,6 +9,7 @@ import pytest
 from shipped_log import ENERGY, NAMES, WINDOW, Signal, clean, column, row_after_onset, table, written
 
 from winchcascade import Reduction, Run, reduce
+from winchcascade.ingest.checks.dropouts import Dropout, _departure
 
 LOG = "r18ohm"
 
@@ -112,6 +113,12 @@ def test_rows_between_the_updates_of_a_slow_channel_are_bridged(tmp_path: Path, 
     run = written(tmp_path, rows, load=18.0)
     assert reported_channels(run, "not_a_number" if np.isnan(filler) else "dropped_samples") == {"force", "idc"}
     assert_same_energies(run)
+
+
+def test_a_channel_that_falls_in_the_last_sample_departs_with_a_dropout_at_the_end() -> None:
+    y = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 0.2])
+    at_the_end = Dropout(before=2, after=y.size, value=0.0, jump=1.0, share=1.0, far=False, usual=0.1)
+    assert _departure(y, at_the_end, -1.0, 0.1, idle=True) == pytest.approx(0.8)
 
 
 # ----------------------------------------------------------------------------------------------------- what is kept

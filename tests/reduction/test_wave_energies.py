@@ -158,6 +158,25 @@ def test_classes_and_record_add_up_to_the_waves(tmp_path: Path) -> None:
     assert "of all waves together" in "\n".join(wave_lines(found))
 
 
+def test_gaps_of_more_than_a_second_are_left_out_of_the_record(tmp_path: Path) -> None:
+    log, path = reciprocating(tmp_path, 12)
+    rig, (head, *rows) = load_rig(path), log.read_text().splitlines()
+    whole = read_run(log, rig=rig, load=36.0)
+    lost = np.array([[20.0, 23.0], [40.0, 41.5], [55.0, 58.5]])
+    cells = [row.split(",") for row in rows if not any(begin < float(row.split(",")[0]) < end for begin, end in lost)]
+    for row in cells:
+        row[4] = "" if 22.0 < float(row[0]) < 25.0 else row[4]  # torque: joins a gap of all channels
+    log.write_text("\n".join([head, *(",".join(row) for row in cells)]) + "\n")
+    run = read_run(log, rig=rig, load=36.0)
+    lost[0, 1] = 25.0
+    found = wave_energies(reduce(run, rig=rig))
+    assert found.record_duration == pytest.approx(np.ptp(whole.t) - np.ptp(lost, axis=1).sum(), abs=0.1 * len(lost))
+    watts = whole.channels["force"] * whole.channels["velocity"]
+    known = integrals(whole.t, lambda k: watts[k], np.array([[whole.t[0], whole.t[-1]]]))[0]
+    expected = known - integrals(whole.t, lambda k: watts[k], lost).sum()
+    assert found.record_energy["line"] == pytest.approx(expected, rel=0.005)
+
+
 @pytest.mark.slow
 def test_the_command_shows_waves_where_the_rig_file_says_so_and_nothing_else(tmp_path: Path, fixtures: Path) -> None:
     log, rig = reciprocating(tmp_path, 12)
