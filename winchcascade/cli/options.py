@@ -90,6 +90,12 @@ TablesOption = Annotated[
         "--tables", metavar="FOLDER", help="Write each table of the report into this folder as CSV, LaTeX and Markdown."
     ),
 ]
+ParquetOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--parquet", metavar="FOLDER", help="Write cycles, bins and findings as Parquet files into this folder."
+    ),
+]
 LossMapOption = Annotated[
     Path | None,
     typer.Option(

@@ -15,6 +15,7 @@ from winchcascade.cli.options import (
     JsonOption,
     LoadOption,
     LossMapOption,
+    ParquetOption,
     PdfOption,
     RigOption,
     SheetOption,
@@ -40,12 +41,7 @@ def reduce_command(
     window: WindowOption = None,
     sheet: SheetOption = None,
     json: JsonOption = None,
-    parquet: Annotated[
-        Path | None,
-        typer.Option(
-            "--parquet", metavar="FOLDER", help="Write cycles, bins and findings as Parquet files into this folder."
-        ),
-    ] = None,
+    parquet: ParquetOption = None,
     html: HtmlOption = None,
     pdf: PdfOption = None,
     figures: FiguresOption = None,
@@ -60,13 +56,7 @@ def reduce_command(
     from winchcascade.reduction.reduce import reduce, require_payouts, window_rule
     from winchcascade.report.terminal import reduction_text
 
-    if log.is_dir():
-        import shlex
-
-        raise OptionError(
-            f"{log}: is not a file but a folder; expected one log. To reduce all logs of a folder, run `winchcascade batch "
-            f"{shlex.quote(str(log))} --out results`."
-        )
+    _reject_folder(log)
     check_load(load_ohm)
     if window is not None:
         window_rule(window)
@@ -113,6 +103,16 @@ def reduce_command(
         return "\n".join([reduction_text(reduction), *loss_map_lines(mapped)]) + "\n"
 
     deliver(json, content, text, force=force, results=results)
+
+
+def _reject_folder(log: Path) -> None:
+    if log.is_dir():
+        import shlex
+
+        raise OptionError(
+            f"{log}: is not a file but a folder; expected one log. To reduce all logs of a folder, run `winchcascade batch "
+            f"{shlex.quote(str(log))} --out results`."
+        )
 
 
 def _write_loss_map(reduction: Reduction, path: Path, *, force: bool) -> LossMap:

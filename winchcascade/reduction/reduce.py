@@ -81,9 +81,7 @@ def reduce(
     >>> len(reduce(read_run("fixtures/campaign/r36ohm.csv"), window=5.48).cycles)
     3
     """
-    rig = rig or built_in()
-    if turned := {f.channel for f in run.findings if f.kind == "sign_flipped" and f.action == "sign corrected"}:
-        rig = replace(rig, cascade=rig.cascade.as_read({name for name in turned if name is not None}))
+    rig = _as_read(rig or built_in(), run)
     if window is not None and not rig.phases.by_motion:
         raise OptionError(
             f'{run.name}: window {window}: cycles come from "{rig.phases.source}" by [phases] of the rig {rig.name}, and their '
@@ -117,6 +115,12 @@ def reduce(
         bridged=energy.bridged,
         sampled=sampling.changes,
     )
+
+
+def _as_read(rig: Rig, run: Run) -> Rig:
+    """The rig with a cascade of sign-corrected channels, where signs of the run were corrected."""
+    turned = {f.channel for f in run.findings if f.kind == "sign_flipped" and f.action == "sign corrected"}
+    return replace(rig, cascade=rig.cascade.as_read({name for name in turned if name is not None})) if turned else rig
 
 
 def first_metrics(run: Run, rig: Rig, window: float | None = None) -> Metrics:

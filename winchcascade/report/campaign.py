@@ -34,6 +34,7 @@ from winchcascade.report.model_section import Named, campaign_section
 from winchcascade.report.records import FindingRecord, read_results
 from winchcascade.report.report_model import (
     Note,
+    Picture,
     Point,
     Report,
     Section,
@@ -107,29 +108,13 @@ def campaign_report(
         sections = (
             section(
                 "results", "Energies and efficiencies",
-                picture(
-                    figures.over_load(loaded), "loads",
-                    f"Mean powers and efficiencies over {figures.over_what(loaded)}; bars are 95 % intervals. "
-                    + ("Lines join the means of the logs of each load. " if figures.repeated(loaded) else "")
-                    + (_NOT_JOINED if len(figures.comparable(loaded)) > 1 else "")
-                    + "Where η_pto is highest, most of the line's energy reaches the DC link.",
-                    "Points of powers and efficiencies over the load; the values are in the tables.",
-                ),
+                _over_load(loaded),
                 energies_table(runs, linked=linked) if runs else None,
                 efficiencies_table(runs) if runs else None,
                 net_table(runs),
             ),
             *([] if waves is None else [campaign_waves_section(waves)]),
-            section(
-                "speed", "Over generator speed",
-                picture(
-                    figures.over_speed(runs, bins), "speed",
-                    "Means of the payouts of each run in bins of generator speed; markers distinguish the loads."
-                    + (" Logs of one load look alike." if figures.look_alike(runs) else "")
-                    + (f" {figures.DRAWN_RUNS} runs, evenly chosen." if len(runs) > figures.DRAWN_RUNS else ""),
-                    "Curves of binned torque and power over generator speed, one for each run.",
-                ),
-            ),
+            section("speed", "Over generator speed", _over_speed(runs, bins)),
             *model,
             section("repeatability", "Repeatability", repeatability_table(runs)),
             section(
@@ -153,6 +138,31 @@ def campaign_report(
 _NOT_JOINED = (
     "Lines join only logs of one window rule and of one kind of data; hollow markers are of another than the first. "
 )
+
+
+def _over_load(loaded: Sequence[LogSummary]) -> Picture | None:
+    """Powers and efficiencies over the load, and what the figure shows."""
+    return picture(
+        figures.over_load(loaded),
+        "loads",
+        f"Mean powers and efficiencies over {figures.over_what(loaded)}; bars are 95 % intervals. "
+        + ("Lines join the means of the logs of each load. " if figures.repeated(loaded) else "")
+        + (_NOT_JOINED if len(figures.comparable(loaded)) > 1 else "")
+        + "Where η_pto is highest, most of the line's energy reaches the DC link.",
+        "Points of powers and efficiencies over the load; the values are in the tables.",
+    )
+
+
+def _over_speed(runs: Sequence[LogSummary], bins: figures.Bins) -> Picture | None:
+    """Torque and power over generator speed, and what the figure shows."""
+    return picture(
+        figures.over_speed(runs, bins),
+        "speed",
+        "Means of the payouts of each run in bins of generator speed; markers distinguish the loads."
+        + (" Logs of one load look alike." if figures.look_alike(runs) else "")
+        + (f" {figures.DRAWN_RUNS} runs, evenly chosen." if len(runs) > figures.DRAWN_RUNS else ""),
+        "Curves of binned torque and power over generator speed, one for each run.",
+    )
 
 
 def _bins(out: Path, runs: Sequence[LogSummary]) -> figures.Bins:
