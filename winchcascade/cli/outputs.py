@@ -42,6 +42,7 @@ def deliver(
     force: bool,
     results: Results | None = None,
     failures: Callable[[], str] = str,
+    verdict: bool = False,
 ) -> None:
     """Write the content of a JSON file if that is wanted, and print the text unless standard output holds the JSON.
 
@@ -49,6 +50,7 @@ def deliver(
     ----------
     results : by the option that names them, listed below the text; what is not wanted is None
     failures : what is printed instead with --quiet
+    verdict : the last line of the text is a verdict, and stays the last
     """
     if json == "-":
         sys.stdout.buffer.write(json_without_commands(content()))
@@ -58,7 +60,9 @@ def deliver(
     if QUIET.get():
         show("", failures=failures())
     else:
-        show(text() + written(results or {}))
+        shown, files = text(), written(results or {})
+        end = shown.rstrip("\n").rfind("\n") + 1 if verdict else len(shown)
+        show(shown[:end] + files + shown[end:])
 
 
 def written(results: Results) -> str:

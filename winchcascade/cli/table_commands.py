@@ -103,6 +103,7 @@ def check_command(
         force=force,
         results=outputs,
         failures=lambda: missed_text(outcome),
+        verdict=True,
     )
     if github:
         show_commands(github_annotations(outcome, table.path), file=sys.stderr if json == "-" else sys.stdout)
@@ -179,5 +180,13 @@ def audit_command(
             else point_audit_report(found, command=command)
         )
         write_report_files(make, files, f"{opened.name}_audit", force=force)
-    deliver(json, lambda: json_bytes(record), lambda: text, force=force, results=outputs, failures=lambda: failures)
+    deliver(
+        json,
+        lambda: json_bytes(record),
+        lambda: text,
+        force=force,
+        results=outputs,
+        failures=lambda: failures,
+        verdict=True,
+    )
     raise typer.Exit(0 if found.ok else 1)
