@@ -65,8 +65,7 @@ class Course:
         key = (gain, *_of_the_shaft(numbers))
         if key not in self._kept:
             whole = self._solve(numbers, gain)
-            if gain == 1.0 and self.most_kept == MOST_KEPT:
-                self._latest = numbers, whole
+            self._latest = (numbers, whole) if gain == 1.0 and self.most_kept == MOST_KEPT else None
             thin = np.ascontiguousarray(whole[:: self.every].T)
             solved = Kept(*(thin[SHAFT.index(name)] for name in Kept.__struct_fields__))
             while len(self._kept) >= self.most_kept:
