@@ -138,3 +138,19 @@ def test_the_share_of_lost_rows_cannot_exceed_one(tmp_path: Path) -> None:
     code, out, err = call("reduce", log, "--rig", rig)
     assert (code, err) == (0, "")
     assert "81.8" in " ".join(out.split()).split("bridged by straight lines, ")[1]
+
+
+@pytest.mark.parametrize("rows", [2, 6])
+def test_a_short_table_of_step_means_is_reduced_and_a_short_log_names_that_source(tmp_path: Path, rows: int) -> None:
+    speed, torque = np.linspace(200.0, 600.0, rows), np.linspace(20.0, 60.0, rows)
+    log, rig = tmp_path / "means.csv", tmp_path / "rig.toml"
+    np.savetxt(log, np.column_stack((speed, torque)), delimiter=",", header="Speed (rpm),Torque (N.m)", comments="")
+    text = 'name = "a"\n[cascade]\nstages = ["mech"]\n[phases]\nfrom = "rows"\n'
+    rig.write_text(text)
+    assert call("reduce", log, "--rig", rig, "--json", tmp_path / "a.json").code == 0
+    cycles = json.loads((tmp_path / "a.json").read_text())["cycles"]
+    assert [c["power_mech_w"] for c in cycles] == pytest.approx(speed * np.pi / 30.0 * torque)
+    rig.write_text(text.replace('"rows"', '"whole"') + "[log]\nsample_rate_hz = 1\n")
+    code, _, err = call("reduce", log, "--rig", rig)
+    assert code == 2
+    assert 'set from = "rows" under [phases]' in err

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+from bench_logs import write_bench_logs
 from contents import FITTED
 from workplace import KEPT, LABELLED, Workplace, unpack
 
@@ -266,6 +267,30 @@ def tables(place: Workplace) -> Recorded:
         found = [place.run("check", f"labelled/{name}", *against) for name in LABELLED]
         place.run("reduce", "kite/20191008_0001.csv", "--rig", "kitepower", "--json", "k.json")
         yield "shared-check", "\n".join([*found, place.run("check", "k.json", *against)])
+
+
+def benches(place: Workplace) -> Recorded:
+    """Reduce logs of other benches: steps, rows, waves, whole records, loss maps, operating points, a measured log."""
+    write_bench_logs()
+    text = place.run("reduce", "dyno.csv", "--rig", "dyno.toml", "--json", "d.json", "--loss-map", "map.json")
+    yield "steps", text + place.show("d.json", "map.json")
+    text = place.run("reduce", "motor.csv", "--rig", "motor.toml", "--json", "m.json")
+    yield "motor", text + place.show("m.json")
+    text = place.run("reduce", "dyno.csv", "--rig", "whole.toml", "--json", "w.json")
+    yield "whole", text + place.show("w.json")
+    text = place.run("reduce", "sea_1.csv", "--rig", "waves.toml", "--load-ohm", "36", "--json", "s.json")
+    text += place.run("batch", "sea.toml", "--out", "sea", "--reports", "none", "--jobs", "1")
+    yield "waves", text + place.show("s.json", "sea/campaign.json")
+    text = place.run("audit", "points.toml", "--json", "a.json") + place.show("a.json")
+    text += place.run("check", "d.json", "--against", "points.toml", "--json", "c.json", "--github")
+    yield "operating-points", text + place.show("c.json")
+    text = place.run("reduce", "fixtures/measured/vdyno_steps.csv", "--rig", "fixtures/measured/vdyno.toml")
+    yield "measured", text
+    with place.drawn():
+        text = place.run("reduce", "dyno.csv", "--rig", "dyno.toml", "--html", "d.html", "--loss-map", "map2.csv")
+        text += place.run("reduce", "sea_1.csv", "--rig", "waves.toml", "--load-ohm", "36", "--html", "s.html")
+    yield "pages", text + place.show("d.html", "s.html")
+    yield "figures", "".join(place.figures)
 
 
 def compare(place: Workplace) -> Recorded:
@@ -563,6 +588,7 @@ GROUPS: dict[str, Callable[[Workplace], Recorded]] = {
         batch,
         tables,
         model,
+        benches,
         compare,
         earlier,
         calibrate,
@@ -577,5 +603,5 @@ GROUPS: dict[str, Callable[[Workplace], Recorded]] = {
 }
 """Groups by name, quick ones first."""
 
-SLOW: Sequence[str] = ("calibrate", "terminal", "reports", "jobs", "physics", "diagnose", "blind", "demo")
+SLOW: Sequence[str] = ("benches", "calibrate", "terminal", "reports", "jobs", "physics", "diagnose", "blind", "demo")
 """Groups that take more than ten seconds."""

@@ -189,10 +189,11 @@ def _run_of(opened: _Opened, rig: Rig, load: float | None, *, where: str, simula
     """Check the loaded columns of a log; `load_source` is that of a property of the log."""
     source, found, table, labels = opened
     samples = len(next(iter(table.values.values())))
-    if samples < FEWEST_ROWS:
+    fewest = 1 if rig.phases.source == "rows" else FEWEST_ROWS
+    if samples < fewest:
         raise LogError(
-            f"{where}: the log has {samples} row{'' if samples == 1 else 's'} of data; expected at least {FEWEST_ROWS} "
-            "samples of a crane trial."
+            f"{where}: the log has {samples} row{'' if samples == 1 else 's'} of data; expected at least {fewest}, as of a "
+            'test with a cycle. Where each row is the mean of a step, set from = "rows" under [phases] of the rig file.'
         )
     clock, time_findings = _clock(source, table, found, rig, samples, where)
     load_source = ""

@@ -89,12 +89,12 @@ def _touched(run: Run, at: Index, gap_max: float) -> Mask:
 
 
 def _longest(means: Signal, widths: list[float], unusable: Mask, begins: range) -> tuple[int, int]:
-    """First block of the stretch that ends last, of those that begin within some steady blocks, and the block after it."""
+    """First block of the longest stretch, of those that begin within some steady blocks, and the block after it."""
     first, stop = begins[0], _steady_until(means, widths, unusable, begins[0])
     for k in begins[1:]:
         if k >= stop:
             break
-        if (end := _steady_until(means, widths, unusable, k)) > stop:
+        if (end := _steady_until(means, widths, unusable, k)) - k > stop - first:
             first, stop = k, end
     return first, stop
 

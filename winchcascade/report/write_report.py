@@ -53,8 +53,8 @@ def write_report(result: Result, path: str | Path, *, force: bool = False) -> Pa
 def _report_of(result: object) -> Report:
     """The report of a result."""
     raise OptionError(
-        f"write_report: a {type(result).__name__} has no report; expected the result of reduce, compare, calibrate, simulate, audit, or "
-        "of open_campaign(...).reduce(), .diagnose() or .check()."
+        f"write_report: a {type(result).__name__} has no report; expected the result of reduce, compare, calibrate, simulate, "
+        "audit, or of open_campaign(...).reduce(), .diagnose() or .check()."
     )
 
 
