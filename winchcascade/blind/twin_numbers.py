@@ -118,7 +118,7 @@ CRANE_LOGGER = Logger()
 """The logger of the crane trials: 25 Hz, and sensors that scatter as in crane logs."""
 
 
-class Scatter(msgspec.Struct, frozen=True):
+class SensorScatter(msgspec.Struct, frozen=True):
     """How a sensor scatters: zero error per log, white noise and resolution, in the unit of the logs."""
 
     unit: float
@@ -129,11 +129,11 @@ class Scatter(msgspec.Struct, frozen=True):
 
 
 SENSORS = {
-    "pressure": Scatter(KG_CM2, 0.03, 0.010, 0.001, 3),
-    "force": Scatter(1.0, 2.0, 4.0, 0.2 * 9.80665, 1),
-    "torque": Scatter(1.0, 0.3, 0.40, 0.01, 2),
-    "vdc": Scatter(1.0, 0.0, 0.25, 0.01, 2),
-    "idc": Scatter(1.0, 0.005, 0.015, 0.001, 3),
+    "pressure": SensorScatter(KG_CM2, 0.03, 0.010, 0.001, 3),
+    "force": SensorScatter(1.0, 2.0, 4.0, 0.2 * 9.80665, 1),
+    "torque": SensorScatter(1.0, 0.3, 0.40, 0.01, 2),
+    "vdc": SensorScatter(1.0, 0.0, 0.25, 0.01, 2),
+    "idc": SensorScatter(1.0, 0.005, 0.015, 0.001, 3),
 }
 """Sensors in the order of the gains: zeros as assumed for a rig calibrated in place, noise and resolution as in crane logs."""
 

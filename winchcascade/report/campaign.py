@@ -23,8 +23,8 @@ from winchcascade.report.campaign_record import (
     LogSummary,
     by_load,
     cascade_of,
-    load_text,
     mixed_windows,
+    run_load_text,
     window_text,
 )
 from winchcascade.report.campaign_waves import CampaignWaves, campaign_waves, campaign_waves_section
@@ -237,7 +237,7 @@ def best_load(runs: Sequence[LogSummary]) -> Best | None:
 
 
 def _name(run: LogSummary) -> str:
-    return run.name if run.load is None else f"{load_text(run)} Ω"
+    return run.name if run.load is None else f"{run_load_text(run)} Ω"
 
 
 def _mean(metric: str, run: LogSummary) -> str:
@@ -317,7 +317,7 @@ def _provenance(campaign: CampaignRecord, runs: Sequence[LogSummary], command: s
 
 # ---------------------------------------------------------------------------------------------------------- the tables
 _LOG: TableColumn[LogSummary] = TableColumn("Log", text=True, of=lambda run: run.name)
-_LOAD: TableColumn[LogSummary] = TableColumn("Load", "Ω", of=load_text)
+_LOAD: TableColumn[LogSummary] = TableColumn("Load", "Ω", of=run_load_text)
 _WINDOW: TableColumn[LogSummary] = TableColumn("Window", "s", of=window_text)
 _CYCLES: TableColumn[LogSummary] = TableColumn("Cycles", of=lambda run: run.complete)
 

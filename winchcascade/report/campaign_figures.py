@@ -13,7 +13,7 @@ from matplotlib.ticker import FixedLocator, NullLocator
 
 from winchcascade.core.cascade import field_of
 from winchcascade.core.run import Signal
-from winchcascade.report.campaign_record import LogSummary, cascade_of, load_text, rule_of
+from winchcascade.report.campaign_record import LogSummary, cascade_of, rule_of, run_load_text
 from winchcascade.report.figures import stage_of
 from winchcascade.report.style import (
     COLOURS,
@@ -170,7 +170,7 @@ def load_names(runs: Sequence[LogSummary]) -> list[str]:
 
 def _load(run: LogSummary, unknown: str) -> str:
     """Load of a run with its unit, or what it is called where that is unknown."""
-    return unknown if run.load is None else f"{load_text(run)}{' Ω' * math.isfinite(run.load)}"
+    return unknown if run.load is None else f"{run_load_text(run)}{' Ω' * math.isfinite(run.load)}"
 
 
 def over_speed(runs: Sequence[LogSummary], bins: Bins) -> Figure | None:

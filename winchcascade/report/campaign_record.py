@@ -171,7 +171,7 @@ def campaign_from(record: Mapping[str, Any]) -> CampaignRecord:
     )
 
 
-def load_text(run: LogSummary) -> str:
+def run_load_text(run: LogSummary) -> str:
     """Load of a log as a text."""
     return load_words(run.load, "", unknown="–").rstrip()
 
@@ -301,7 +301,7 @@ def _uncertainty(cascade: Cascade, run: LogSummary) -> str:
 
 _LOG: tuple[TableColumn[LogSummary], ...] = (
     TableColumn("log", of=_name),
-    TableColumn("load", "ohm", of=lambda run: load_text(run).replace("–", "-")),
+    TableColumn("load", "ohm", of=lambda run: run_load_text(run).replace("–", "-")),
     TableColumn("window", "s", of=window_text),
     TableColumn(
         "cycles", of=lambda run: f"{run.complete}" + ("" if run.complete == run.cycles else f" of {run.cycles}")

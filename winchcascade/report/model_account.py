@@ -96,7 +96,7 @@ class ComparedCurve(msgspec.Struct, frozen=True):
     simulated: tuple[float, ...]
 
 
-class Difference(msgspec.Struct, frozen=True):
+class ChannelDifference(msgspec.Struct, frozen=True):
     """Log minus simulation of one channel over the payouts: mean and root mean square, in the unit of `COMPARED`."""
 
     bias: float
@@ -223,7 +223,7 @@ def kept(x: Signal) -> tuple[float, ...]:
 
 
 # --------------------------------------------------------------------------------------------------------- differences
-def differences_of(comparison: ModelComparison) -> dict[str, Difference]:
+def differences_of(comparison: ModelComparison) -> dict[str, ChannelDifference]:
     """Log minus simulation over the payouts, channel by channel; torque and Idc not in open circuit."""
     run, model, rows = comparison.run.channels, comparison.simulation.run.channels, comparison.payout
     left_out = ("torque", "idc") if comparison.run.open_circuit else ()
@@ -232,7 +232,7 @@ def differences_of(comparison: ModelComparison) -> dict[str, Difference]:
         for name, (_, factor) in COMPARED.items()
         if name in run and name not in left_out and rows.any()
     }
-    return {name: Difference(float(np.mean(x)), float(np.sqrt(np.mean(x**2)))) for name, x in apart.items()}
+    return {name: ChannelDifference(float(np.mean(x)), float(np.sqrt(np.mean(x**2)))) for name, x in apart.items()}
 
 
 # ---------------------------------------------------------------------------------------------------------- the budget
@@ -401,7 +401,7 @@ class Account(msgspec.Struct, frozen=True, omit_defaults=True):
     rated: float | None = None
     gear: float | None = None
     curves: dict[str, ComparedCurve] = {}
-    differences: dict[str, Difference] = {}
+    differences: dict[str, ChannelDifference] = {}
     budget: LossBudget | None = None
     sweep: Sweep | None = None
     regression: Regression | None = None

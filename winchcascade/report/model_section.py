@@ -22,7 +22,7 @@ from winchcascade.report.model_account import (
     NOTHING,
     SHOWN,
     Account,
-    Difference,
+    ChannelDifference,
     LossBudget,
     abscissas,
     account_of,
@@ -261,7 +261,7 @@ _CALLED = {
     "force": "F: line tension",
 }
 _DECIMALS = {"torque": 2, "vdc": 2, "idc": 3, "pressure": 3, "force": 1}
-_UNKNOWN = Difference(math.nan, math.nan)
+_UNKNOWN = ChannelDifference(math.nan, math.nan)
 _FINE = 2000.0
 """With less energy of the line than this a budget has a decimal. [J]"""
 

@@ -8,7 +8,7 @@ from urllib.parse import quote
 from msgspec.structs import replace
 
 from winchcascade.core.campaign_file import banner
-from winchcascade.report.campaign_record import CampaignRecord, LogSummary, load_text
+from winchcascade.report.campaign_record import CampaignRecord, LogSummary, run_load_text
 from winchcascade.report.report_model import (
     Link,
     Report,
@@ -87,7 +87,7 @@ def _files(names: Sequence[str]) -> Section:
 
 def _logs(runs: Sequence[LogSummary], endings: Sequence[str]) -> Section:
     kinds = ", ".join(ending.upper() for ending in endings)
-    rows = [(run.name, load_text(run), f"{run.complete} of {run.cycles}", kinds) for run in runs]
+    rows = [(run.name, run_load_text(run), f"{run.complete} of {run.cycles}", kinds) for run in runs]
     columns = (text_column("Log"), number_column("Load", "Ω"), number_column("Complete cycles"), text_column("Files"))
     caption = "Report of each log, and its files: runs/LOG with the ending of each kind."
     addresses = [f"runs/{quote(run.name)}.{endings[0]}" for run in runs]

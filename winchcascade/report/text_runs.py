@@ -39,7 +39,7 @@ class Glyph(NamedTuple):
     size: float
 
 
-class Run(NamedTuple):
+class TextRun(NamedTuple):
     """A text of one line: its width, its height, the part of it below the base line, its glyphs, and bars as outlines."""
 
     width: float
@@ -63,7 +63,7 @@ def text_size(text: str, size: float) -> Size:
     return Size(*(size / EM * x for x in run[:3]))
 
 
-def text_run(text: str, font: FontProperties, *, is_math: bool) -> Run:
+def text_run(text: str, font: FontProperties, *, is_math: bool) -> TextRun:
     """Lay out a text of one line; with `is_math` it holds mathematics between dollars."""
     return _run(text, tuple(font.get_family()), font.get_style(), font.get_weight(), is_math)
 
@@ -78,7 +78,7 @@ def outline_of(name: str) -> str:
 
 
 @lru_cache(maxsize=4096)
-def _run(text: str, family: tuple[str, ...], style: str, weight: str | int, is_math: bool) -> Run:
+def _run(text: str, family: tuple[str, ...], style: str, weight: str | int, is_math: bool) -> TextRun:
     font = FontProperties(family=list(family), style=style, weight=weight, size=EM)  # type: ignore[arg-type]  # typed as literals
     with warnings.catch_warnings():  # a letter that the font lacks is drawn as a box
         warnings.simplefilter("ignore")
@@ -88,18 +88,18 @@ def _run(text: str, family: tuple[str, ...], style: str, weight: str | int, is_m
         face = get_font(findfont(font))
         face.set_size(EM, text_to_path.DPI)
         glyphs, outlines, _ = text_to_path.get_glyphs_with_font(face, text, return_new_glyphs_only=True)
-    return Run(float(width), float(height), float(descent), _kept(glyphs, outlines))
+    return TextRun(float(width), float(height), float(descent), _kept(glyphs, outlines))
 
 
-def _mathematics(text: str, font: FontProperties) -> Run:
+def _mathematics(text: str, font: FontProperties) -> TextRun:
     """Lay out mathematics of any kind, which takes some milliseconds."""
     width, height, descent = text_to_path.get_text_width_height_descent(text, font, True)
     glyphs, outlines, bars = text_to_path.get_glyphs_mathtext(font, text)
     drawn = tuple(_outline(np.asarray(points, dtype=np.float64), codes) for points, codes in bars)
-    return Run(float(width), float(height), float(descent), _kept(glyphs, outlines), drawn)
+    return TextRun(float(width), float(height), float(descent), _kept(glyphs, outlines), drawn)
 
 
-def _with_symbols(text: str, font: FontProperties) -> Run | None:
+def _with_symbols(text: str, font: FontProperties) -> TextRun | None:
     """Lay out a text whose mathematics are letters with an upright subscript alone; None for any other."""
     plain, *symbols = _SYMBOL.split(text)
     parts = [(plain, "normal", 1.0, 0.0)]
@@ -118,7 +118,7 @@ def _with_symbols(text: str, font: FontProperties) -> Run | None:
         glyphs += (Glyph(glyph.name, x + size * glyph.x, y, size) for glyph in run.glyphs)
         x += size * run.width + (AFTER if size != 1.0 else 0.0)
         ascent, descent = max(ascent, size * (run.height - run.descent) + y), max(descent, size * run.descent - y)
-    return Run(x, ascent + descent, descent, tuple(glyphs))
+    return TextRun(x, ascent + descent, descent, tuple(glyphs))
 
 
 _SYMBOL = re.compile(r"\$(\\[a-z]+|[A-Za-z])_\\mathrm\{([A-Za-z0-9]+)\}\$")
