@@ -386,7 +386,7 @@ def test_frame_plot_and_table_of_a_notebook(found: Comparison) -> None:
     assert percent["difference"].abs().max() >= 100.0 * abs(one.value)
     axes = found.plot()
     assert isinstance(axes, np.ndarray)
-    assert len(axes) == 4
+    assert len(axes) == 3
     _, ax = plt.subplots()
     assert found.plot(ax=ax) is ax
     assert "pto" in ax.get_title(loc="left")

@@ -25,8 +25,11 @@ from winchcascade.report.style import (
 )
 from winchcascade.report.wording import SYMBOL, load_words, tex
 
-PANEL = 1.45
-"""Height of a panel. [in]"""
+PANEL = 1.02
+"""Height of a panel: three of them fit below the summary of a page of A4. [in]"""
+
+_HEAD, _GAP = 0.3, 0.34
+"""Room above the first panel and between two panels. [in]"""
 
 MOST_DRAWN = 16
 """Runs in a panel at most; of more, an even selection."""
@@ -43,9 +46,9 @@ def difference_figure(found: Comparison, metrics: Sequence[str]) -> Figure | Non
         return None
     runs = drawn(found)
     foot = 0.2 + max(map(text_width, _names(runs))) if _turned(len(runs)) else 0.5
-    height = 0.32 + foot + PANEL * len(metrics) + 0.38 * (len(metrics) - 1)
-    room = Room(left=0.115, head=0.32, foot=foot)
-    figure, axes = panel_figure(height, len(metrics), 1, room=room, gaps={"hspace": 0.38 / PANEL}, share="x")
+    height = _HEAD + foot + PANEL * len(metrics) + _GAP * (len(metrics) - 1)
+    room = Room(left=0.115, head=_HEAD, foot=foot)
+    figure, axes = panel_figure(height, len(metrics), 1, room=room, gaps={"hspace": _GAP / PANEL}, share="x")
     draw_differences(axes, found, metrics)
     return figure
 

@@ -15,6 +15,7 @@ from winchcascade.report.comparison_words import (
     DifferenceRow,
     difference_rows,
     digits_of,
+    drawn_metrics,
     drop_words,
     freedom_cell,
     gate_words,
@@ -65,7 +66,7 @@ def make_comparison_report(found: Comparison, gate: Gate | None = None, *, comma
     runs = [*found.a.runs, *found.b.runs]
     with house_style():
         figure = picture(
-            difference_figure(found, etas), "differences",
+            difference_figure(found, drawn_metrics(found)), "differences",
             "Differences B − A of the efficiencies with 95 % intervals. A marker is full where the interval excludes zero."
             + (f" {MOST_DRAWN} runs, evenly chosen." if len(drawn(found)) < len(found.runs) else ""),
             "Points with intervals about a line at zero, one panel for each efficiency; the values are in the table.",

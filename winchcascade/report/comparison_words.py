@@ -160,6 +160,11 @@ def headline_metrics(found: Comparison) -> list[str]:
     return [m for m in found.metrics if m.startswith("eta_") and any(runs.of(m) for runs in found.runs)]
 
 
+def drawn_metrics(found: Comparison) -> list[str]:
+    """Efficiencies of the windows, which the figure shows."""
+    return [m for m in headline_metrics(found) if not any(m in run.cascade.net_metrics for run in found.a.runs)]
+
+
 def other_metrics(found: Comparison) -> list[str]:
     """Energies and powers that both sides have in a matched run."""
     return [m for m in found.metrics if not m.startswith("eta_") and any(runs.of(m) for runs in found.runs)]

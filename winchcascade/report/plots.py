@@ -117,15 +117,15 @@ def plot_comparison(found: Comparison, what: str, ax: Axes | None = None) -> Axe
     the first, alone is drawn
     """
     from winchcascade.report import comparison_figures as figures
-    from winchcascade.report.comparison_words import headline_metrics
+    from winchcascade.report.comparison_words import drawn_metrics
 
     _check(what, ("efficiency",))
-    metrics = headline_metrics(found)
+    metrics = drawn_metrics(found)
     _require(what, "" if metrics else "an efficiency that both sides have")
     if ax is not None:
         metrics = [found.overall if found.overall in metrics else metrics[0]]
     draw: Plot = lambda axes: figures.draw_differences(np.ravel(axes).tolist(), found, metrics)  # noqa: E731
-    return _drawn(draw, ax, rows=len(metrics), height=figures.PANEL, share={"sharex": "col"})
+    return _drawn(draw, ax, rows=len(metrics), height=1.0 + 0.5 * figures.PANEL, share={"sharex": "col"})
 
 
 def _check(what: str, known: Sequence[str]) -> None:
