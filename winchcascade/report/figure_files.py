@@ -73,12 +73,13 @@ def _face(name: str, characters: str) -> str:
 
     options = Options(notdef_outline=True, layout_features=[])
     options.drop_tables = [*options.drop_tables, "FFTM", "GPOS", "GSUB", "GDEF"]
-    font = load_font(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / _FACES[name], options, lazy=True)
-    subset = Subsetter(options)
-    subset.populate(text=characters)
-    subset.subset(font)
-    font.flavor, out = "woff", io.BytesIO()
-    font.save(out)
+    out = io.BytesIO()
+    with load_font(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / _FACES[name], options) as font:
+        subset = Subsetter(options)
+        subset.populate(text=characters)
+        subset.subset(font)
+        font.flavor = "woff"
+        font.save(out)
     look = {"italic": "font-style:italic;", "bold": "font-weight:bold;"}.get(name, "")
     data = base64.b64encode(out.getvalue()).decode()
     return f"@font-face{{font-family:'DejaVu Sans';{look}src:url(data:font/woff;base64,{data}) format('woff')}}"
