@@ -19,9 +19,9 @@ from scratches import left_scratch
 from test_cli import one_sentence, winchcascade
 from undrawn import undrawn
 
-from winchcascade.batch.dataset import TABLES
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import Batch, Products, run_batch
+from winchcascade.batch.workbook import TABLES
 from winchcascade.core.errors import OutputError
 from winchcascade.core.jobs import Workers
 from winchcascade.core.scratch import scratch_file
@@ -334,7 +334,7 @@ def test_what_a_call_in_between_did_not_ask_for_is_not_left_of_another_log(tmp_p
             tiles.append(
                 re.findall(r'<span class="value">([^<]*)', (out / "campaign.html").read_text(encoding="utf-8"))
             )
-            head, row = openpyxl.load_workbook(out / "campaign.xlsx")["runs"].values
+            head, _, row = openpyxl.load_workbook(out / "campaign.xlsx")["runs"].values
             samples.append(row[head.index("samples")])
     assert samples == [2767, 3411]
     assert tiles[0] != tiles[1]

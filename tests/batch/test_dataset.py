@@ -12,9 +12,10 @@ import openpyxl
 import pytest
 from pyarrow import dataset, parquet
 
-from winchcascade.batch.dataset import SCHEMA, TABLES
+from winchcascade.batch.dataset import SCHEMA
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import Products, run_batch
+from winchcascade.batch.workbook import TABLES
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
 FORMULA = "=SUM(A1)"
@@ -129,9 +130,10 @@ def test_a_table_says_its_schema(out: Path, table: str) -> None:
 
 def test_the_workbook_has_the_same_rows(out: Path) -> None:
     book = openpyxl.load_workbook(out / "campaign.xlsx")
-    assert tuple(book.sheetnames) == TABLES
+    assert tuple(book.sheetnames) == ("summary", *TABLES)
     for table in TABLES:
-        head, *rows = book[table].values
+        head, units, *rows = book[table].values
+        assert len(units) == len(head)
         expected = by_pyarrow(out / "dataset" / f"{table}.parquet")
         assert list(head) == list(expected[0])
         assert len(rows) == len(expected)
@@ -145,6 +147,26 @@ def test_the_workbook_has_the_same_rows(out: Path) -> None:
                     assert cell == value
 
 
+def test_the_workbook_begins_with_a_summary_by_load_and_a_chart(out: Path) -> None:
+    sheet = openpyxl.load_workbook(out / "campaign.xlsx").worksheets[0]
+    head, units, *rows = sheet.values
+    assert sheet.title == "summary"
+    assert sheet.freeze_panes == "B3"
+    unit = dict(zip(head, units, strict=True))
+    assert (unit["load_ohm"], unit["energy_line_j"], unit["power_gen_w"], unit["eta_pto"]) == ("ohm", "J", "W", "1")
+    loads = [row[1] for row in rows if row[0] is not None]
+    known = [load for load in loads if isinstance(load, int | float)]
+    assert known == sorted(known)
+    assert loads[: len(known)] == known  # an open circuit and an unknown load come last
+    (chart,) = sheet._charts
+    assert len(chart.series) == sum(
+        str(name).startswith("eta_") and not str(name).endswith("uncertainty") for name in head
+    )
+    formats = {head[k]: cell.number_format for k, cell in enumerate(sheet[3])}
+    assert formats["eta_pto"] == "0.0000"
+    assert formats["energy_line_j"] == "0.0"
+
+
 SPREADSHEET = 1e-14
 """Digits that a workbook keeps of a number."""
 
@@ -152,7 +174,7 @@ SPREADSHEET = 1e-14
 def test_a_text_that_looks_like_a_formula_is_a_text(out: Path) -> None:
     sheet = openpyxl.load_workbook(out / "campaign.xlsx")["runs"]
     head = [cell.value for cell in sheet[1]]
-    (row,) = (row for row in sheet.iter_rows(min_row=2) if row[0].value == f"{FORMULA}.csv")
+    (row,) = (row for row in sheet.iter_rows(min_row=3) if row[0].value == f"{FORMULA}.csv")
     for cell in (row[0], row[head.index("rig")]):
         assert cell.data_type == "s"
     assert row[head.index("rig")].value == ARRAY
