@@ -100,11 +100,11 @@ def terminal_source() -> Source:
     from winchcascade.core.plain_text import lines
     from winchcascade.report.audit_text import audit_text
     from winchcascade.report.screen import PIPE, Screen, painted, use_screen
-    from winchcascade.tables.audit import audit
+    from winchcascade.tables.audit import audit_by_load
 
     use_screen(Screen(84, colour=True))
     try:
-        printed = painted(audit_text(audit(TABLE)), lines)
+        printed = painted(audit_text(audit_by_load(TABLE)), lines)
     finally:
         use_screen(PIPE)
     return [f"$ winchcascade audit {TABLE}", *printed.rstrip("\n").split("\n")]
