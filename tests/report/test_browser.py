@@ -348,3 +348,14 @@ def test_the_contents_stay_in_sight_and_mark_the_section_that_is_read(
     tab.context.close()
     assert said == []
     assert current == 1
+
+
+def test_the_first_screen_of_a_diagnosis_holds_verdict_tiles_and_waterfall(
+    browser: Any, pages: dict[str, Path]
+) -> None:
+    tab, _, _ = opened(browser, pages["rolloff"], "desktop")
+    ends = [tab.locator(part).bounding_box() for part in (".tiles", "#figure-lead .drawing")]
+    tiles = tab.locator(".tiles li").count()
+    tab.context.close()
+    assert tiles == 3
+    assert [box["y"] + box["height"] < 768 for box in ends] == [True, True]

@@ -16,6 +16,7 @@ from winchcascade.report.diagnosis_words import word_of
 from winchcascade.report.digits import NumberText, number
 from winchcascade.report.gap_words import has_own_simulation
 from winchcascade.report.report_model import (
+    Picture,
     Section,
     Table,
     formatted_table,
@@ -178,9 +179,7 @@ def cost_section(found: ModelDiagnosis) -> Section:
         "costs", "What each cause costs",
         picture(
             waterfall_figure(found), "waterfall",
-            f"{leading_metric(found.contributions)} from {given_words(found)} to {goal_words(found)}, cause by cause, at each "
-            "load. Red: a cause that costs efficiency; green: one that adds some; purple: a sensor, which costs no energy; "
-            "yellow: a wrong entry; grey: tolerances and residual. Black lines: 95 %.",
+            _waterfall_words(found),
             "Bars from one level to the next; the values are in the table.",
         ),
         *cost_tables(found),
@@ -239,16 +238,43 @@ BAR = 0.165
 """Height of a bar with its room. [in]"""
 
 
+def _waterfall_words(found: ModelDiagnosis) -> str:
+    return (
+        f"{leading_metric(found.contributions)} from {given_words(found)} to {goal_words(found)}, cause by cause, at each "
+        "load. Orange: a cause that costs efficiency; blue: one that adds some; purple: a sensor, which costs no energy; "
+        "yellow: a wrong entry; grey: tolerances and residual. Black lines: 95 %."
+    )
+
+
+LEAD = 2.35
+"""Height of the waterfalls at the head of a report at most: verdict, tiles and they share the first screen. [in]"""
+
+
+def lead_picture(found: ModelDiagnosis) -> Picture | None:
+    """The waterfalls of up to three loads, from the largest to the smallest, in one row for the head of a report."""
+    table = waterfall_costs(found)
+    bar = min(BAR, (LEAD - 0.75) / (len(table[0].parts) + 2)) if table else BAR
+    chosen = sorted({0, len(table) // 2, len(table) - 1}) if len(table) > COLUMNS else range(len(table))
+    return picture(
+        _waterfalls(found, [table[k] for k in chosen], bar), "lead",
+        f"{_waterfall_words(found)} All loads are in the section on what each cause costs." if table else "",
+        "Bars from one level to the next; the values are in the tables of what each cause costs.",
+    )  # fmt: skip
+
+
 def waterfall_figure(found: ModelDiagnosis) -> Figure | None:
     """Draw an efficiency from the model of the rig file to that of the runs, cause by cause, a panel for each load."""
+    return _waterfalls(found, waterfall_costs(found), BAR)
+
+
+def _waterfalls(found: ModelDiagnosis, table: Sequence[Contribution], bar: float) -> Figure | None:
     from winchcascade.report.style import Room, panel_figure
 
-    table = waterfall_costs(found)
     if not table:
         return None
     bars, lines = len(table[0].parts) + 2, -(-len(table) // COLUMNS)
-    height = lines * (bars * BAR + 0.5) + 0.25
-    gaps = {"wspace": 0.08, "hspace": 0.5 / (bars * BAR)}
+    height = lines * (bars * bar + 0.5) + 0.25
+    gaps = {"wspace": 0.08, "hspace": 0.5 / (bars * bar)}
     figure, panels = panel_figure(height, lines, COLUMNS, room=Room(left=0.2, head=0.24), gaps=gaps, share="y")
     draw_waterfalls(panels, found, table)
     for k, ax in enumerate(panels):
@@ -321,5 +347,5 @@ def _waterfall(ax: Axes, costs: Contribution, span: float) -> None:
 def _colour(part: ContributionPart) -> str:
     """Colour of a part by its kind and, of one that costs energy, its sign."""
     if part.kind == "physical":
-        return "mech" if part.value < 0.0 else "gen"
+        return "below" if part.value < 0.0 else "above"
     return {"sensor": "extra", "entry": "load4"}.get(part.kind, "loss")

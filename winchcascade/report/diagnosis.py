@@ -13,7 +13,7 @@ from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report import diagnosis_figures as figures
 from winchcascade.report import diagnosis_tables as tables
 from winchcascade.report import diagnosis_words as words
-from winchcascade.report.cause_costs import cost_section, cost_words
+from winchcascade.report.cause_costs import cost_section, cost_words, lead_picture
 from winchcascade.report.cause_words import (
     alternatives_words,
     cause_words,
@@ -86,13 +86,14 @@ def write_diagnosis_reports(
 def make_diagnosis_report(found: ModelDiagnosis | LineDiagnosis, *, command: str = "") -> Report:
     """Make the rows and figures of the report of a diagnosis."""
     size, rig = f"{len(found.runs)} logs", f"{found.rig.name}, model of its rig file"
-    traces = ""
+    traces, lead = "", None
     with house_style():
         if isinstance(found, LineDiagnosis):
             sections = _line_sections(found)
             size = f"{cycles_of(found)} cycles"
             rig = f"{found.rig.name}: line tension, speed and winch power, no model"
         else:
+            lead = lead_picture(found)
             items, first = cycle_histories(found)
             sections = _sections(found, items[first : first + 1])
             traces = histories_json(found, items, first, _logged_word(found)) if items else ""
@@ -104,6 +105,7 @@ def make_diagnosis_report(found: ModelDiagnosis | LineDiagnosis, *, command: str
         points=_points(found),
         sections=tuple(s for s in (*sections, _provenance(found, command)) if s.blocks),
         traces=traces,
+        lead=lead,
         banner=banner(words.origins_of(found)),
     )
 
@@ -241,7 +243,11 @@ def _points(found: ModelDiagnosis | LineDiagnosis) -> tuple[Point, ...]:
 
 
 def _cause_points(found: DiagnosisResult) -> list[Point]:
-    """What each cause is, and its numbers."""
+    """What each cause is, and its numbers; of several causes with a model the names alone, as a table has their numbers."""
+    if len(found.causes) > 1 and isinstance(found, ModelDiagnosis):
+        names = ", ".join(named(found, cause.effect) for cause in found.causes)
+        checks = " ".join(text for cause in found.causes if (text := check_words(found, cause)))
+        return [Point("Causes", f"{names}; the table of causes has their numbers. {checks}".rstrip())]
     points = []
     for k, cause in enumerate(found.causes, start=1):
         what, others = meaning_words(found, cause.effect), alternatives_words(cause, " or ")
@@ -280,8 +286,8 @@ def _where(found: ModelDiagnosis) -> Section:
         picture(
             figures.gap_map(found), "map",
             f"Map of the gap: {word} minus {simulated_words(found)}, as a mean over each phase of each log, in "
-            f"standard uncertainties (z). Bold and coloured: beyond {STANDS_OUT:g}; green: the log lies above the "
-            "simulation, red: below.",
+            f"standard uncertainties (z). Bold and coloured: beyond {STANDS_OUT:g}; blue: the log lies above the "
+            "simulation, orange: below.",
             "Matrix of numbers by channel and phase (rows) and load (columns); the largest are in the table.",
         ),
         Note(YARDSTICKS),

@@ -104,7 +104,7 @@ def numbers_figure(found: ModelDiagnosis) -> Figure | None:
         _number(figure.add_axes((at, middle - 0.12 / height, over, 0.24 / height)), row, how.factor)
         under = "top" if narrow else "center"
         for x, above, below in (
-            (0.01, row.cause.effect, f"{how.what}, {how.unit}".removesuffix(", ")),
+            (0.01, found.suspects[row.cause.effect].label, f"{how.what}, {how.unit}".removesuffix(", ")),
             (beside, value, interval.removesuffix(how.unit).rstrip()),
         ):
             figure.text(x, middle + apart, above, va="center", fontsize=8.0, fontweight="bold")

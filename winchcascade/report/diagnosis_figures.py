@@ -149,7 +149,7 @@ def _cell(ax: Axes, i: int, j: int, z: float) -> None:
     beyond = abs(z) > STANDS_OUT
     ax.fill(
         [j - 0.48, j + 0.48, j + 0.48, j - 0.48], [i - 0.46, i - 0.46, i + 0.46, i + 0.46],
-        color=COLOURS["hold" if not beyond else "gen" if z > 0.0 else "mech"], lw=0,
+        color=COLOURS["hold" if not beyond else "above" if z > 0.0 else "below"], lw=0,
         alpha=max(STRONGEST * min(abs(z) / FULL, 1.0), 0.18) if beyond else 1.0,
     )  # fmt: skip
     ax.text(

@@ -298,7 +298,8 @@ class Report(msgspec.Struct, frozen=True):
     """A whole report, in order.
 
     `traces` is the JSON that the page's time histories read values from. `banner` is a warning on every page. `subscripts` are
-    what may stand low behind a letter and an underscore in a text. `links` lead to the pages that belong to it.
+    what may stand low behind a letter and an underscore in a text. `links` lead to the pages that belong to it. `lead` is a
+    figure that stands beside the tiles.
     """
 
     kind: str
@@ -311,4 +312,5 @@ class Report(msgspec.Struct, frozen=True):
     banner: str = ""
     subscripts: tuple[str, ...] = SUBSCRIPTS
     links: tuple[Link, ...] = ()
+    lead: Picture | None = None
     generator: str = f"winchcascade/{__version__}"

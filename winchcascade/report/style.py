@@ -77,6 +77,8 @@ COLOURS = {
     "gen": "#2f8f7b",
     "extra": "#8a6fb0",
     "loss": "#b9bec6",
+    "above": "#2f74b5",
+    "below": "#c26a1b",
     "payout": "#dbe7f5",
     "hold": "#efeff0",
     "over": "#f6e7d8",
@@ -88,7 +90,9 @@ COLOURS = {
     "load5": "#d0601f",
     "load6": "#a8246f",
 }
-"""Colours by name, each used once: apart in grey (line, mech, gen from dark to light) and to the colour-blind."""
+"""Colours by name, each used once: apart in grey (line, mech, gen from dark to light) and to the colour-blind; signs are blue
+(above) and orange (below).
+"""
 
 LOAD_COLOURS = tuple(f"load{k}" for k in range(7))
 """Colours of logs in the order of their loads, from an open circuit to the heaviest."""
