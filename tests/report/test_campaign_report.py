@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 import pypdf
 import pytest
+from page_scripts import check_scripts, markup_of
 
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import run_batch
@@ -214,10 +215,13 @@ def test_a_log_that_failed_is_listed_with_its_sentence(made: Made) -> None:
 
 
 def test_ids_of_the_page_are_unique_and_its_links_resolve(made: Made) -> None:
-    ids = Counter(re.findall(r'\sid="([^"]*)"', made.page))
+    markup = markup_of(made.page)
+    ids = Counter(re.findall(r'\sid="([^"]*)"', markup))
     assert [name for name, n in ids.items() if n > 1] == []
-    named = re.findall(r'(?:href="#|xlink:href="#|url\(#)([^")]*)', made.page)
-    named += " ".join(re.findall(r'aria-(?:labelledby|describedby)="([^"]*)"', made.page)).split()
+    named = re.findall(r'(?:href="#|xlink:href="#|url\(#)([^")]*)', markup)
+    for list_of_ids in re.findall(r'aria-(?:labelledby|describedby)="([^"]*)"', markup):
+        assert list_of_ids
+        named += list_of_ids.split()
     assert named
     assert set(named) <= set(ids)
 
@@ -241,7 +245,9 @@ def test_texts_of_a_campaign_are_no_markup(made: Made, bare: Path) -> None:
     assert "<b>A" not in made.page
     hostile = "<script>alert(1)</script>.csv"
     page = html_text(make_campaign_report(summary(run(hostile, None, 0.7, 0.01), failed(hostile, hostile)), bare))
-    assert "<script>" not in page
+    assert hostile not in page
+    assert "&lt;script&gt;alert(1)&lt;/script&gt;.csv" in page
+    check_scripts(page)
 
 
 def test_the_pdf_states_the_numbers_of_the_page(made: Made) -> None:
