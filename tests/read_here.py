@@ -26,8 +26,8 @@ def readers_here() -> Iterator[None]:
         yield
 
 
-def _open_here(reader: str, path: Path, *, table: str | None = None) -> LogSource:
-    source = OPENERS[reader](path, table=table)
+def _open_here(reader: str, path: Path, *, table: str | None = None, numbered: bool = False) -> LogSource:
+    source = OPENERS[reader](path, table=table, **({"numbered": True} if numbered and reader == "excel" else {}))
 
     def load(wanted: Sequence[int], time: int | None) -> LogTable:
         loaded = source.load(wanted, time)

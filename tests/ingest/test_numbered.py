@@ -2,21 +2,45 @@
 
 from __future__ import annotations
 
+import gzip
+import io
+import zipfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
-from campaign_log import HEAD, ROWS, SAME, clean, efficiencies, kinds, read, text
+from campaign_log import HEAD, ROWS, SAME, UNITS, clean, efficiencies, kinds, read, text
+from openpyxl import Workbook
 
 from winchcascade.core.errors import LogError
 from winchcascade.core.rig_toml import parse_rig
 
 CHANNELS = ["time", "displacement", "velocity", "pressure", "force", "torque", "vdc", "idc"]
-UNITS = ["s", "m", "m/s", "kgf/cm2", "N", "N.m", "V", "A"]
 NUMBERED = "".join(
     f'{name} = {{ number = {k}, unit = "{unit}" }}\n'
     for k, (name, unit) in enumerate(zip(CHANNELS, UNITS, strict=True), 1)
 )
 BARE = "".join(",".join(row) + "\n" for row in ROWS)
+
+
+NUMBERS = [[float(cell) for cell in row] for row in ROWS]
+
+
+def workbook(*rows: Sequence[object]) -> bytes:
+    """The bytes of a workbook with one sheet."""
+    book, stream = Workbook(), io.BytesIO()
+    assert book.active is not None
+    for row in rows:
+        book.active.append(list(row))
+    book.save(stream)
+    return stream.getvalue()
+
+
+def zipped(name: str, content: bytes) -> bytes:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr(name, content)
+    return stream.getvalue()
 
 
 def rig(columns: str) -> str:
@@ -46,3 +70,37 @@ def test_without_numbers_the_message_shows_how_to_give_them(tmp_path: Path) -> N
 def test_a_number_beyond_the_columns_is_reported(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="no column 9, which the rig numbered names for idc; the log has 8 columns"):
         read(tmp_path, BARE, rig=parse_rig(rig(NUMBERED.replace("number = 8", "number = 9")), "rig.toml"))
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        gzip.compress(BARE.encode()),
+        zipped("run.csv", BARE.encode()),
+        zipped("run.csv", BARE.replace(",", ";").replace(".", ",").encode("utf-16")),
+        workbook(*NUMBERS),
+        workbook(["Trial of 18 April 2026"], [], *NUMBERS),
+        workbook(["a", *[None] * 7], UNITS, *NUMBERS),
+        zipped("run.xlsx", workbook(*NUMBERS)),
+    ],
+    ids=["gzip", "zip", "zip, decimal commas", "sheet", "sheet, title", "sheet, units", "zip, sheet"],
+)
+def test_a_log_without_names_may_be_packed_or_a_sheet(content: bytes, tmp_path: Path) -> None:
+    run = read(tmp_path, content, rig=parse_rig(rig(NUMBERED), "rig.toml"))
+    assert kinds(run) == set()
+    assert efficiencies(run) == pytest.approx(clean(), abs=SAME)
+
+
+def test_columns_of_a_sheet_are_numbered_from_its_first_one(tmp_path: Path) -> None:
+    """The velocity stands in column D, whether or not the columns before it have names."""
+    for head in ([], [[None, None, "Zeit", None, *HEAD[3:]]]):
+        rows = [[None, None, row[0], row[2], *row[3:]] for row in NUMBERS]
+        numbers = 'time = { number = 3, unit = "s" }\nvelocity = { number = 4, unit = "m/s" }\n'
+        run = read(tmp_path, workbook(*head, *rows), rig=parse_rig(rig(numbers), "rig.toml"))
+        assert run.channels["velocity"].tolist() == [row[2] for row in NUMBERS]
+        assert run.t[-1] == NUMBERS[-1][0]
+
+
+def test_a_sheet_without_names_and_numbers_is_rejected_with_both_remedies(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match=r"the row above their first values, or number the columns in a rig file"):
+        read(tmp_path, workbook(*NUMBERS))

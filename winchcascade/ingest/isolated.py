@@ -49,7 +49,7 @@ class _Format(NamedTuple):
     """A format: its name, what to do with a file of it that cannot be read, and the function that opens one.
 
     `together`: the reader needs all wanted columns at once. The others read each column by itself, which takes less memory.
-    `unpacks`: the reader unpacks the log into a scratch folder.
+    `unpacks`: the reader unpacks the log into a scratch folder. `nameless`: a log may lack names if its columns are numbered.
     """
 
     name: str
@@ -57,6 +57,7 @@ class _Format(NamedTuple):
     opener: str
     together: bool = False
     unpacks: bool = False
+    nameless: bool = False
 
 
 _FORMATS = {
@@ -66,12 +67,14 @@ _FORMATS = {
         "winchcascade.ingest.formats.archive:open_archive",
         together=True,  # as some formats need that may be inside
         unpacks=True,
+        nameless=True,
     ),
     "excel": _Format(
         "workbook",
         "delete stray cells outside the table, save it again or export the sheet as CSV",
         "winchcascade.ingest.formats.excel:open_excel",
         together=True,  # to leave out the rows that are notes
+        nameless=True,
     ),
     "mat": _Format("MATLAB file", "save the channels alone", "winchcascade.ingest.formats.mat:open_mat"),
     "parquet": _Format(
@@ -119,6 +122,7 @@ class _Order(msgspec.Struct, frozen=True):
     reader: str
     path: str
     table: str | None
+    numbered: bool
     limits: Limits
     parent: int
     scratch: str | None = None
@@ -177,7 +181,7 @@ def _answers(order: _Order) -> Iterator[tuple[_Opened | _Column, Signal | None]]
     """Open the file and describe it, then answer each request by the wanted columns one by one and the time column."""
     _end_after(order.limits.seconds)
     form = _FORMATS[order.reader]
-    opener = resolve_name(form.opener)
+    opener = opener_of(order.reader, numbered=order.numbered)
     if order.scratch is not None:
         opener = partial(opener, scratch=Path(order.scratch))
     source: LogSource = opener(Path(order.path), table=order.table)
@@ -211,12 +215,13 @@ def _end_after(seconds: float) -> None:
     faulthandler.dump_traceback_later(seconds + _AFTER, exit=True, file=1)
 
 
-def open_isolated(reader: str, path: Path, *, table: str | None = None) -> LogSource:
+def open_isolated(reader: str, path: Path, *, table: str | None = None, numbered: bool = False) -> LogSource:
     """Open a file by a reader that runs in a process of its own.
 
     Parameters
     ----------
     table : name or number of the sheet or variable to read, where the file holds several
+    numbered : the rig file numbers the columns, so that formats of cells need no names
 
     Raises
     ------
@@ -224,7 +229,7 @@ def open_isolated(reader: str, path: Path, *, table: str | None = None) -> LogSo
     """
     child = _Child(reader, path)
     try:
-        opened = child.open(table)
+        opened = child.open(table, numbered=numbered)
     except BaseException:
         child.close()
         raise
@@ -253,9 +258,9 @@ class _Child:
         self._scratch = str(scratch.enter_context(scratch_folder())) if _FORMATS[reader].unpacks else None
         self.close: Callable[[], object] = weakref.finalize(self, _end, self._process, job, scratch)
 
-    def open(self, table: str | None) -> _Opened:
+    def open(self, table: str | None, *, numbered: bool) -> _Opened:
         """Open the file and describe it."""
-        order = _Order(self._reader, str(self._path), table, self._limits, os.getpid(), self._scratch)
+        order = _Order(self._reader, str(self._path), table, numbered, self._limits, os.getpid(), self._scratch)
         return self._ask([sys.path, order], lambda answers: self._head(answers, _Opened))
 
     def load(self, wanted: Sequence[int], time: int | None) -> LogTable:
@@ -351,9 +356,11 @@ class _Child:
         )
 
 
-def opener_of(reader: str) -> str:
-    """Function that opens files of a format, as a text."""
-    return _FORMATS[reader].opener
+def opener_of(reader: str, *, numbered: bool) -> Callable[..., LogSource]:
+    """Function that opens files of a format, by the numbers of their columns where that is possible and wanted."""
+    form = _FORMATS[reader]
+    opener: Callable[..., LogSource] = resolve_name(form.opener)
+    return partial(opener, numbered=True) if numbered and form.nameless else opener
 
 
 def _end(process: subprocess.Popen[bytes], job: int | None, scratch: ExitStack) -> None:

@@ -26,7 +26,7 @@ def open_log(path: Path, table: str | None = None, *, numbered: bool = False) ->
     Parameters
     ----------
     table : name or number of the sheet, variable or group to read, where the file holds several
-    numbered : the rig file numbers the columns, so that a text log needs no names
+    numbered : the rig file numbers the columns, so that a text log or a sheet needs no names
     """
     if not path.exists():
         raise LogError(f"{path}: no such file; give the path of a log.")
@@ -36,7 +36,7 @@ def open_log(path: Path, table: str | None = None, *, numbered: bool = False) ->
     if reader != "delimited":
         from winchcascade.ingest.isolated import open_isolated
 
-        return open_isolated(reader, path, table=table)
+        return open_isolated(reader, path, table=table, numbered=numbered)
     reject_sheet(table, path.name)
     from winchcascade.ingest.formats.delimited import open_delimited
 

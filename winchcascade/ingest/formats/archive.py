@@ -8,7 +8,6 @@ import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
-from pkgutil import resolve_name
 from typing import IO
 
 from winchcascade.core.errors import LogError
@@ -31,12 +30,13 @@ _ASIDE = re.compile(r"(?:^|/)(?:__MACOSX/|\.[^/]*$|(?:readme|licen[cs]e|copying)
 """Members beside a log: what systems add, and texts about it."""
 
 
-def open_archive(path: Path, *, table: str | None = None, scratch: Path) -> LogSource:
+def open_archive(path: Path, *, table: str | None = None, numbered: bool = False, scratch: Path) -> LogSource:
     """Open the log in a zip archive or a gzip file.
 
     Parameters
     ----------
     table : the member to read where several could be the log; else the table within the log
+    numbered : the rig file numbers the columns, so that the log needs no names
     scratch : folder into which the log is unpacked; no name of the archive leads out of it
 
     Raises
@@ -50,7 +50,7 @@ def open_archive(path: Path, *, table: str | None = None, scratch: Path) -> LogS
         log = scratch / name
         _unpack(stream, log, path)
     try:
-        return _open(log, inner_table)
+        return _open(log, inner_table, numbered=numbered)
     except LogError as fault:
         raise LogError(f"{path.name}: {fault}") from None
 
@@ -107,7 +107,7 @@ def _unpack(stream: IO[bytes], log: Path, path: Path) -> None:
             file.write(block)
 
 
-def _open(log: Path, table: str | None) -> LogSource:
+def _open(log: Path, table: str | None, *, numbered: bool) -> LogSource:
     """Open the unpacked log by its first bytes."""
     reader = reader_of(log)
     if reader == "archive":
@@ -116,8 +116,8 @@ def _open(log: Path, table: str | None) -> LogSource:
         reject_sheet(table, log.name)
         from winchcascade.ingest.formats.delimited import open_delimited
 
-        return open_delimited(log)
+        return open_delimited(log, numbered=numbered)
     from winchcascade.ingest.isolated import opener_of
 
-    source: LogSource = resolve_name(opener_of(reader))(log, table=table)
+    source: LogSource = opener_of(reader, numbered=numbered)(log, table=table)
     return source

@@ -8,7 +8,7 @@ import zipfile
 from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
-from itertools import islice
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import NamedTuple
 from xml.parsers import expat
@@ -63,6 +63,42 @@ def find_table(rows: Sequence[Row]) -> SheetLayout | None:
             headers = (Header(str(rows[k][j]).strip(), _unit(rows[k + 1][j]) if units else None) for j in columns)
             best = SheetLayout(columns, tuple(headers), first, share)
     return best
+
+
+def number_columns(layout: SheetLayout | None, rows: Sequence[Row]) -> SheetLayout | None:
+    """Lay out a table whose columns a rig file numbers: all columns from the first of the sheet on, with or without names.
+
+    Parameters
+    ----------
+    layout : table that names were found for; None where the sheet has none
+    """
+    named = layout is not None and layout.share >= 2
+    first = layout.first if layout is not None and named else _first_data(rows)
+    if first is None:
+        return layout
+    below = rows[first : first + ROWS_LOOKED_AT]
+    data = [j for j in range(len(rows[first])) if _holds_data(below, j)]
+    headers = {j: Header(f"column {j + 1}") for j in data}
+    above = rows[first - 1] if first else ()
+    if _only_units(above) and (layout is None or all(header.unit is None for header in layout.headers)):
+        headers = {j: Header(header.name, _unit(above[j])) for j, header in headers.items()}
+    elif layout is not None and named:
+        headers |= dict(zip(layout.columns, layout.headers, strict=True))
+    columns = tuple(range(len(rows[first])))
+    return SheetLayout(columns, tuple(headers.get(j, Header("")) for j in columns), first, len(data))
+
+
+def _only_units(row: Row) -> bool:
+    """Whether a row above numbers holds units and no names; single letters such as t, F and V may be both and are names."""
+    texts = [text for cell in row if (text := _unit(cell)) is not None]
+    channels = sum(recognise(Header(text)) is not None for text in texts)
+    return channels < len(texts) == sum(find_unit(text) is not None for text in texts)
+
+
+def _first_data(rows: Sequence[Row]) -> int | None:
+    """First of two rows in a row with several numbers or stamps in the same columns; None without such rows."""
+    filled = [{j for j, cell in enumerate(row) if cell != "" and _is_datum(cell)} for row in rows]
+    return next((k for k, (a, b) in enumerate(pairwise(filled)) if len(a & b) >= 2), None)
 
 
 def is_name(cell: Cell) -> bool:
@@ -151,12 +187,13 @@ _LOCKED = "EncryptedPackage".encode("utf-16-le")
 """Name of the stream that holds a workbook with a password."""
 
 
-def open_excel(path: Path, *, table: str | None = None) -> LogSource:
+def open_excel(path: Path, *, table: str | None = None, numbered: bool = False) -> LogSource:
     """Open the sheet that holds a log, hidden ones included.
 
     Parameters
     ----------
     table : name or number of the sheet; without it exactly one may hold what could be a log
+    numbered : the rig file numbers the columns as the sheet does, so that they need no names
 
     Raises
     ------
@@ -171,7 +208,7 @@ def open_excel(path: Path, *, table: str | None = None) -> LogSource:
     ):
         if zipfile.is_zipfile(path):
             _check_parts(path)
-        sheet = _sheet(path, table)
+        sheet = _sheet(path, table, numbered=numbered)
     return LogSource(headers=sheet.layout.headers, load=partial(_load, sheet.rows), table=sheet.name)
 
 
@@ -223,20 +260,21 @@ class _Sheet(NamedTuple):
         return 1 + moves(self.layout.headers) * (1 + clocked)
 
 
-def _sheet(path: Path, table: str | None) -> _Sheet:
+def _sheet(path: Path, table: str | None, *, numbered: bool) -> _Sheet:
     """Read the sheet that is named or else the only one that could be a log.
 
     Where sheets have a motion and a clock, those that lack either are notes, parameters or results.
     """
     with _workbook(path) as book:
         wanted = None if table is None else choose(book.sheet_names, table, path.name, "sheet")
-        read = (_read_sheet(book, name) for name in book.sheet_names if wanted in (None, name))
+        read = (_read_sheet(book, name, numbered=numbered) for name in book.sheet_names if wanted in (None, name))
         sheets = [sheet for sheet in read if sheet is not None]
     if not sheets:
         which = "no sheet has" if wanted is None else f"the sheet {wanted!r} does not have"
         raise LogError(
             f"{path.name}: {which} a row of names over columns of numbers; one such table was expected; "
-            "write the channels' names into the row above their first values."
+            "write the channels' names into the row above their first values, or number the columns in a rig file: [columns] "
+            'velocity = { number = 3, unit = "m/s" }.'
         )
     rank = max(sheet.rank for sheet in sheets)
     if rank == 0:  # no log among them: the largest table shows best what is missing
@@ -245,13 +283,21 @@ def _sheet(path: Path, table: str | None) -> _Sheet:
     return could_be[choose(list(could_be), wanted, path.name, "sheet")]
 
 
-def _read_sheet(book: CalamineWorkbook, name: str) -> _Sheet | None:
+def _read_sheet(book: CalamineWorkbook, name: str, *, numbered: bool) -> _Sheet | None:
     """Find the table of a sheet and take its cells; None for a sheet without one."""
     sheet = book.get_sheet_by_name(name)
-    layout = find_table(list(islice(sheet.iter_rows(), ROWS_SEARCHED + ROWS_LOOKED_AT)))
+    top: list[Row] = list(islice(sheet.iter_rows(), ROWS_SEARCHED + ROWS_LOOKED_AT))
+    # The cells of a sheet begin at its first used column; numbers count from column A on.
+    left = [""] * sheet.start[1] if numbered and sheet.start is not None else []
+    if numbered:
+        top = [[*left, *row] for row in top]
+    layout = number_columns(find_table(top), top) if numbered else find_table(top)
     if layout is None:
         return None
-    rows: list[Row] = [[row[j] for j in layout.columns] for row in islice(sheet.iter_rows(), layout.first, None)]
+    below = islice(sheet.iter_rows(), layout.first, None)
+    rows: list[Row] = [
+        [cells[j] for j in layout.columns] for row in below for cells in ([*left, *row] if left else row,)
+    ]
     named = [j for j, header in enumerate(layout.headers) if header.name]
     while rows and all(rows[-1][j] == "" for j in named):
         rows.pop()
