@@ -25,6 +25,7 @@ from synthetic import KGCM2, SCENARIOS, make_log
 
 from winchcascade import Finding, Reduction, Run, load_rig, read_run, reduce
 from winchcascade.core.campaign_file import campaign_beside
+from winchcascade.core.rig_toml import parse_rig
 from winchcascade.core.run import CHANNELS
 from winchcascade.ingest.checks.channel_findings import saturated
 from winchcascade.ingest.checks.quality import Checked, check
@@ -194,6 +195,20 @@ def test_a_line_force_below_zero_is_a_slack_line(tmp_path: Path) -> None:
     finding = only(run, "slack_line")
     assert finding.removed == 0
     assert run.channels["force"].min() < 0
+    assert "for a rod, state line_can_push = true under [winch]" in finding.message
+
+
+def test_the_force_of_a_rod_that_pushes_is_no_slack_line(tmp_path: Path) -> None:
+    rig = parse_rig('name = "buoy with a rod"\n[winch]\nline_can_push = true\n[phases]\nfrom = "waves"\n', "rod.toml")
+    t = np.arange(0.0, 60.0, 0.05)
+    v = 0.8 * np.sin(2.0 * np.pi * t / 6.0)
+    rows = "".join(f"{a:.2f},{b:.5f},{900.0 * b:.2f}\n" for a, b in zip(t, v, strict=True))
+    path = tmp_path / "buoy.csv"
+    path.write_text(f"Time (s),Velocity (m/s),Force (N)\n{rows}")
+    assert [f.kind for f in read_run(path).findings if f.kind == "slack_line"] == ["slack_line"]
+    run = read_run(path, rig=rig)
+    assert run.findings == ()
+    assert run.channels["force"].min() == pytest.approx(-720.0, rel=1e-3)
 
 
 # ------------------------------------------------------------------------------------------- gaps and completeness

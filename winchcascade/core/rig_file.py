@@ -94,10 +94,14 @@ class Column(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Winch(msgspec.Struct, frozen=True):
-    """The drum that the tether turns."""
+    """The drum that the tether turns.
+
+    `line_can_push` of a rod or a rack in its place: the force of the line then has both signs, and is never slack.
+    """
 
     r_drum: Annotated[Quantity | None, Measure("length", 1e-3, 100.0)] = None
     inertia: Annotated[Quantity | None, Measure("inertia")] = None
+    line_can_push: Annotated[bool, Expected("true or false")] = False
 
 
 class Restoring(msgspec.Struct, frozen=True):

@@ -150,8 +150,9 @@ def check(t: Signal, channels: dict[str, Signal], rig: Rig, *, simulated: bool, 
             channels[name] = log.bridged(name, bad)
             edges = np.flatnonzero(np.diff(np.concatenate(([False], bad, [False])).astype(np.int8)))
             gaps[name] = t[np.column_stack((np.maximum(edges[::2] - 1, 0), np.minimum(edges[1::2], t.size - 1)))]
-    if "force" in channels and channels["force"].min() < 0:
-        findings.append(at(t, channels["force"] < 0, "slack_line", "force", "samples have a line tension below zero"))
+    if "force" in channels and channels["force"].min() < 0 and not rig.winch.line_can_push:
+        what = "samples have a line tension below zero (for a rod, state line_can_push = true under [winch] of the rig file)"
+        findings.append(at(t, channels["force"] < 0, "slack_line", "force", what))
     return Checked(t, channels, gaps, tuple(findings), renumbered)
 
 
