@@ -12,12 +12,13 @@ import pytest
 from equal_cycles import LENGTH, Channels, Signal, amplified, cycles_of, run_of
 from scipy.stats import t as student
 
+from winchcascade.core.errors import OptionError
 from winchcascade.core.rig_file import Rig, Sensor
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.efficiency import ALL_METRICS, METRICS
-from winchcascade.reduction.montecarlo import DRAWS, SEED, Interval, Uncertainty, uncertainty
+from winchcascade.reduction.montecarlo import DRAWS, SEED, Interval, Uncertainty, _strata, uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.uncertainty import R_DRUM as RADIUS
@@ -235,6 +236,48 @@ def test_the_ends_of_every_interval_are_known_as_well_as_stated(log: str) -> Non
             ends = np.array([(i.low, i.high) for i in intervals])
             error = np.sqrt(np.mean((ends - true[kind]) ** 2, axis=0)) / np.ptp(true[kind])
             assert error.max() < stated, f"{metric}, {kind}"
+
+
+@pytest.mark.parametrize(
+    ("draws", "sensors", "few"),
+    [
+        (100, 0.1, 0.12),
+        (500, 0.05, 0.07),  # partition moved the lower end of 500 draws behind the upper one
+        (2000, 0.025, 0.03),
+        (6966, 0.012, 0.02),  # twice the multiplier of 8191 draws
+        (20_000, 0.006, 0.01),
+        pytest.param(200_001, 0.005, 0.006, marks=pytest.mark.slow),  # as well as the independent draws are known
+    ],
+)
+def test_another_number_of_draws_is_used_and_determines_the_ends(draws: int, sensors: float, few: float) -> None:
+    """By a standard error that falls with the square root of their number at least."""
+    for reduction in (reduction36(), compared("many sources")):
+        found = [uncertainty(reduction, seed=seed, draws=draws) for seed in range(12)]
+        assert {u.draws for u in found} == {draws}
+        assert set().union(*(u.method.values() for u in found)) == {"gum"}
+        for metric in ETAS:
+            true = independent_ends(reduction, metric, INDEPENDENT // 4)
+            for kind, stated, intervals in (
+                ("sensors", sensors, [u.interval_95_sensors[metric] for u in found]),
+                ("whole", few, [u.interval_95[metric] for u in found]),
+            ):
+                ends = np.array([(i.low, i.high) for i in intervals])
+                error = np.sqrt(np.mean((ends - true[kind]) ** 2, axis=0)) / np.ptp(true[kind])
+                assert error.max() < stated, f"{metric}, {kind}"
+
+
+@pytest.mark.parametrize("draws", [100, 101, 1024, 3482, 30_030])
+def test_each_error_is_drawn_once_from_each_stratum(draws: int) -> None:
+    strata = _strata(3, draws)
+    drawn = [next(strata) for _ in range(6)]
+    assert all(np.array_equal(np.sort(places), np.arange(draws)) for places in drawn)
+    assert np.abs(np.corrcoef(drawn) - np.eye(6)).max() < 2.5 / math.sqrt(draws)
+
+
+@pytest.mark.parametrize("draws", [99, 0, -5, 2000.5, math.nan, math.inf])
+def test_a_number_of_draws_that_gives_no_interval_is_rejected(draws: Any) -> None:
+    with pytest.raises(OptionError, match=r"^draws: .+; expected a whole number of 100 or more. The default is 8191.$"):
+        uncertainty(reduction36(), draws=draws)
 
 
 # ------------------------------------------------------------------------------------------------ closed forms

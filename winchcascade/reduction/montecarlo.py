@@ -9,6 +9,7 @@ fill the space of the errors evenly, so that 8191 of them determine an interval 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Literal
@@ -16,6 +17,7 @@ from typing import Literal
 import msgspec
 import numpy as np
 
+from winchcascade.core.errors import OptionError
 from winchcascade.core.run import Index, Signal
 from winchcascade.reduction.efficiency import Metrics
 from winchcascade.reduction.reduction_result import Reduction
@@ -34,12 +36,21 @@ SEED = 20260
 """Seed of the shift of the lattice unless another is given, so that the same log gives the same interval."""
 
 DRAWS = 8191
-"""Number of draws of all errors, a prime; the ends of an interval are then known to 0.5 % of its width, to 1 % where few cycles
-decide it."""
+"""Default number of draws of all errors, a prime; the ends of an interval are then known to 0.5 % of its width, to 1 % where
+few cycles decide it."""
+
+FEWEST_DRAWS = 100
+"""Smallest number of draws: the ends of an interval are then known to 10 % of its width."""
 
 MULTIPLIER = 3483
-"""Place of a draw among the strata of an error over that of the error before it: of 400 multipliers one with the smallest
-errors of the intervals of 150 sums of 2 to 12 errors, rectangular and normal, with and without Student's. [1]"""
+"""Place of one of 8191 draws among the strata of an error over that of the error before it: of 400 multipliers one with the
+smallest errors of the intervals of 150 sums of 2 to 12 errors, rectangular and normal, with and without Student's. [1]"""
+
+MULTIPLIERS = 16
+"""Number of multipliers among which that of another number of draws is searched."""
+
+DIMENSIONS = 8
+"""Number of errors for which a multiplier is searched; few logs have more that matter."""
 
 MOST_FREEDOM = 10_000
 """Degrees of freedom from which Student's distribution counts as normal: its 97.5 % quantile is then within 0.02 %."""
@@ -51,7 +62,8 @@ MOST_CYCLES = 250
 """Of more cycles an even selection is drawn for ratios: the sensors' errors act on all of them nearly alike."""
 
 LINEAR_WITHIN = 0.02
-"""Where the standard uncertainties of Monte Carlo and budget differ by more than this share, the Monte Carlo's is stated."""
+"""Where the standard uncertainties of Monte Carlo and budget differ by more than this share, the Monte Carlo's is stated. Fewer
+draws than 8191 may differ by more: the share grows with the inverse of the square root of their number."""
 
 SMALL = 0.1
 """Errors that change no energy by more than this share act linearly to within a percent."""
@@ -84,7 +96,7 @@ class Uncertainty(msgspec.Struct, frozen=True):
     interval_95_sensors: Mapping[str, Interval]
 
 
-def uncertainty(reduction: Reduction, *, seed: int = SEED) -> Uncertainty:
+def uncertainty(reduction: Reduction, *, seed: int = SEED, draws: int = DRAWS) -> Uncertainty:
     """State the uncertainty of the means of a reduction: budget by the GUM, intervals by a Monte Carlo.
 
     Each interval takes the sensors' errors and the mean's repeatability together; the latter is drawn from Student's
@@ -94,6 +106,13 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED) -> Uncertainty:
     Parameters
     ----------
     seed : of the shift of the lattice
+    draws : number of draws of all errors, 100 or more. The error of the ends of an interval is about inversely proportional
+        to the square root of it, or smaller.
+
+    Raises
+    ------
+    OptionError
+        If `draws` is not a whole number of 100 or more.
 
     Examples
     --------
@@ -103,24 +122,30 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED) -> Uncertainty:
     >>> round(found.standard.eta_trans, 4), found.method["eta_trans"]
     (0.0048, 'gum')
     """
+    if not draws >= FEWEST_DRAWS or draws % 1:
+        raise OptionError(
+            f"draws: {draws!r}; expected a whole number of {FEWEST_DRAWS} or more. The default is {DRAWS}."
+        )
+    draws = int(draws)
     model = error_model(reduction)
     known = budget(reduction, model)
-    strata = _strata(seed)
+    strata = _strata(seed, draws)
     of_repeats = next(strata)
-    spread = _spread(reduction, model, known, strata) if reduction.complete else {}
+    spread = _spread(reduction, model, known, strata, draws) if reduction.complete else {}
     drawn, whole, alone = {}, {}, {}
     for metric, x in spread.items():
         scatter = known.repeatability[metric] or 0.0
         drawn[metric] = float(np.hypot(np.std(x), scatter))
         if scatter:
-            whole[metric] = _interval(scatter * _student(model.rows[metric].size - 1)[of_repeats] + x)
+            whole[metric] = _interval(scatter * _student(draws, model.rows[metric].size - 1)[of_repeats] + x)
         alone[metric] = _interval(x)
         whole.setdefault(metric, alone[metric])
+    within = LINEAR_WITHIN * math.sqrt(max(1.0, DRAWS / draws))
     method: dict[str, Method] = {
-        m: "gum" if abs(u - known.mean.value(m)) <= LINEAR_WITHIN * u else "monte_carlo" for m, u in drawn.items()
+        m: "gum" if abs(u - known.mean.value(m)) <= within * u else "monte_carlo" for m, u in drawn.items()
     }
     stated = {m: known.mean[m] if way == "gum" else drawn[m] for m, way in method.items()}
-    return Uncertainty(known, seed, DRAWS, Metrics(drawn), Metrics(stated), method, whole, alone)
+    return Uncertainty(known, seed, draws, Metrics(drawn), Metrics(stated), method, whole, alone)
 
 
 def stated_uncertainty(reduction: Reduction) -> tuple[Budget, Metrics]:
@@ -129,22 +154,48 @@ def stated_uncertainty(reduction: Reduction) -> tuple[Budget, Metrics]:
     return known, known.mean if known.reach <= SMALL else uncertainty(reduction).standard
 
 
-def _strata(seed: int) -> Iterator[Index]:
+def _strata(seed: int, draws: int) -> Iterator[Index]:
     """For one error after another, the stratum from which each draw takes it, of as many equally probable ones as draws."""
     rng = np.random.default_rng(seed)
-    draws, step = np.arange(DRAWS), 1
+    of_draws, step, multiplier = np.arange(draws), 1, _multiplier(draws)
     while True:
-        yield (draws * step + rng.integers(DRAWS)) % DRAWS
-        step = step * MULTIPLIER % DRAWS
-
-
-def _rectangular() -> Signal:
-    """Middle of each stratum of the rectangular distribution from -1 to 1."""
-    return (2.0 * np.arange(DRAWS) + 1.0) / DRAWS - 1.0
+        yield (of_draws * step + rng.integers(draws)) % draws
+        step = step * multiplier % draws
 
 
 @cache
-def _student(freedom: int = MOST_FREEDOM) -> Signal:
+def _multiplier(draws: int) -> int:
+    """Multiplier of the lattice of a number of draws: of some candidates the one with the smallest mean square error.
+
+    The square of the error of a shifted lattice for smooth functions is the mean of a product over its dimensions, with the
+    Bernoulli polynomial of degree 2 of each coordinate (Sloan and Joe 1994). A multiplier without a common factor with the
+    number of draws puts one draw into each stratum of every error.
+    """
+    if draws == DRAWS:
+        return MULTIPLIER
+    candidates: list[int] = [
+        k for k in np.random.default_rng(draws).permutation(np.arange(2, draws)).tolist() if math.gcd(k, draws) == 1
+    ]
+    of_draws = np.arange(draws)
+
+    def square_error(multiplier: int) -> float:
+        product, step = np.ones(draws), 1
+        for _ in range(DIMENSIONS):
+            x = of_draws * step % draws / draws
+            product *= 1.0 + math.pi**2 * (x * x - x + 1.0 / 6.0)
+            step = step * multiplier % draws
+        return float(product.mean())
+
+    return min(candidates[:MULTIPLIERS], key=square_error)
+
+
+def _rectangular(draws: int) -> Signal:
+    """Middle of each stratum of the rectangular distribution from -1 to 1."""
+    return (2.0 * np.arange(draws) + 1.0) / draws - 1.0
+
+
+@cache
+def _student(draws: int, freedom: int = MOST_FREEDOM) -> Signal:
     """Middle of each stratum of Student's distribution; of many degrees of freedom, of the normal distribution.
 
     The angle whose tangent is t / sqrt(freedom) has a density in proportion to the power freedom - 1 of its cosine.
@@ -153,7 +204,7 @@ def _student(freedom: int = MOST_FREEDOM) -> Signal:
     angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, GRID + 1)
     density = np.cos(angle) ** (freedom - 1)
     share = np.append(0.0, np.cumsum(density[1:] + density[:-1]))
-    middles = (np.arange(DRAWS) + 0.5) / DRAWS
+    middles = (np.arange(draws) + 0.5) / draws
     quantiles: Signal = np.sqrt(freedom) * np.tan(np.interp(middles * share[-1], share, angle))
     return quantiles
 
@@ -162,15 +213,17 @@ def _interval(x: Signal) -> Interval:
     """Interval that leaves 2.5 % of the draws on either side; puts the draws into another order."""
     k = round(0.025 * x.size)
     x.partition(k)  # numpy finds a single place several times as fast as two at once
-    above = x[k:]
+    low, above = float(x[k]), x[k:]
     above.partition(above.size - 1 - k)
-    return Interval(float(x[k]), float(above[above.size - 1 - k]))
+    return Interval(low, float(above[above.size - 1 - k]))
 
 
-def _spread(reduction: Reduction, model: ErrorModel, known: Budget, strata: Iterator[Index]) -> dict[str, Signal]:
+def _spread(
+    reduction: Reduction, model: ErrorModel, known: Budget, strata: Iterator[Index], draws: int
+) -> dict[str, Signal]:
     """Means of the metrics for drawn errors, (draws,) each; nothing for a metric without an accuracy."""
     ratios = model.cascade.all_ratios
-    drawn = _draw(model, strata)
+    drawn = _draw(model, strata, draws)
     spread = {}
     for metric in model.cascade.all_metrics:
         if known.mean[metric] is None:
@@ -199,12 +252,12 @@ class _Drawn(msgspec.Struct, frozen=True):
     factor: Signal | float
 
 
-def _draw(model: ErrorModel, strata: Iterator[Index]) -> dict[str, _Drawn]:
+def _draw(model: ErrorModel, strata: Iterator[Index], draws: int) -> dict[str, _Drawn]:
     """Energies that channels without errors would have given, (1 + gain) x + zero being read of x."""
     errors: dict[tuple[str, str], Signal] = {}
-    rectangular = _rectangular()
+    rectangular = _rectangular(draws)
     for s in model.sources:
-        drawn_error = s.u * _student()[next(strata)] if s.limit is None else s.limit * rectangular[next(strata)]
+        drawn_error = s.u * _student(draws)[next(strata)] if s.limit is None else s.limit * rectangular[next(strata)]
         errors[s.channel, s.part] = errors.get((s.channel, s.part), 0.0) + drawn_error  # sensor and acquisition system
     limit = sampling_limit(model.stages) or 1.0
     drawn = {}
@@ -212,11 +265,13 @@ def _draw(model: ErrorModel, strata: Iterator[Index]) -> dict[str, _Drawn]:
         rows = model.rows[f"energy_{name}"]
         energy = abs(float(np.sum(stage.energy[rows])))
         share = float(np.sqrt(np.sum(stage.bridged[rows] ** 2) / 3.0)) / energy if energy > 0 else 0.0
-        factor = 1.0 + share * _student()[next(strata)] if share > 0 else 1.0  # by what bridged gaps may have changed
+        factor = (
+            1.0 + share * _student(draws)[next(strata)] if share > 0 else 1.0
+        )  # by what bridged gaps may have changed
         for channel in (stage.first, stage.second or "", R_DRUM if stage.by_radius else ""):
             factor = factor / (1.0 + errors.get((channel, "gain"), 0.0))
         zero_x, zero_y = (errors.get((channel or "", "zero"), 0.0) for channel in (stage.first, stage.second))
-        weights = np.empty((5, DRAWS))
+        weights = np.empty((5, draws))
         for row, weight in enumerate((1.0, -zero_y, -zero_x, zero_x * zero_y)):
             weights[row] = stage.scale * weight
         weights[4] = errors.get((SAMPLING, "gain"), 0.0)
@@ -228,7 +283,7 @@ def _draw(model: ErrorModel, strata: Iterator[Index]) -> dict[str, _Drawn]:
 def _ratio(out: _Drawn, into: _Drawn, rows: Index, mean: float) -> Signal:
     """Mean of the ratios of the cycles for each draw, about their reduced mean."""
     chosen = rows[np.linspace(0, len(rows) - 1, min(len(rows), MOST_CYCLES)).round().astype(int)]
-    total = np.zeros(DRAWS)
+    total = np.zeros(out.weights.shape[1])
     for k in chosen.tolist():
         total += (out.parts[k] @ out.weights) / (into.parts[k] @ into.weights)
     nominal = float(np.mean(out.stage.energy[chosen] / into.stage.energy[chosen]))
