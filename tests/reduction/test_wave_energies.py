@@ -16,9 +16,9 @@ from winchcascade.blind.twin_numbers import CRANE_LOGGER, LOADS, SENSORS, Number
 from winchcascade.core.integrate import integrals
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Run
-from winchcascade.reduction.wave_bootstrap import DRAWS, block_length, ratio_of_sums
+from winchcascade.reduction.wave_bootstrap import DRAWS, block_length, mean_power, ratio_of_sums
 from winchcascade.reduction.wave_energies import WaveEnergies, wave_energies
-from winchcascade.report.wave_text import wave_lines, wave_record
+from winchcascade.report.wave_text import wave_lines, wave_record, waves_from_record
 from winchcascade.rig.kernel import COLUMNS
 
 R_DRUM, SECONDS, GRID = 0.13, 180.0, 1e-3
@@ -252,6 +252,44 @@ def test_sensors_widen_the_interval_by_their_budget_and_an_unknown_accuracy_is_n
     assert high - low == pytest.approx(2 * 1.96 * np.hypot(known.u_sensors or 0.0, known.u_waves), rel=0.08)
 
 
+def test_mean_powers_of_the_record_have_the_interval_of_the_sensors_and_of_the_waves(tmp_path: Path) -> None:
+    log, rig_file = reciprocating(tmp_path, 40)
+    text = rig_file.read_text(encoding="utf-8")
+    sensors = text[: text.index("[sensors.")] + '[phases]\nfrom = "waves"\n'
+    zero = '[sensors.torque]\nunit = "N.m"\naccuracy = 1.0\ncoverage = 2.0\n'
+    rig_file.write_text(sensors + zero, encoding="utf-8")
+    rig = load_rig(rig_file)
+    run = read_run(log, rig=rig, load=36.0)
+    found = wave_energies(reduce(run, rig=rig))
+    mech, gen = found.power["mech"], found.power["gen"]
+    assert mech.value == pytest.approx(found.record_power["mech"])
+    mean_speed = np.trapezoid(run.channels["velocity"], run.t) / (run.t[-1] - run.t[0]) / R_DRUM
+    assert mech.u_sensors == pytest.approx(0.5 * abs(mean_speed), rel=1e-6)  # a zero of the torque of 0.5 N m
+    assert gen.u_sensors is None
+    assert gen.interval is not None
+    both = (found.power[stage].u_waves or 0.0 for stage in ("mech", "gen"))
+    assert next(both) == pytest.approx(1.25 * next(both), rel=1e-3)  # the same waves, of which 0.8 arrive
+    lines = " ".join(" ".join(wave_lines(found)).split())
+    assert (
+        f"(waves in blocks of {gen.block}, without sensors, as the accuracy of idc, vdc is unknown) eta_trans" in lines
+    )
+    back = waves_from_record(json.loads(msgspec.json.encode(wave_record(found))))
+    assert back.power == found.power
+
+
+@pytest.mark.parametrize(("waves", "memory", "least"), [(10, 0.0, 0.90), (40, 0.0, 0.92), (120, 0.6, 0.87)])
+def test_intervals_of_mean_powers_hold_the_truth(waves: int, memory: float, least: float) -> None:
+    """Waves alone or in groups, between which the machine rests for a tenth of the record; 95 % is meant."""
+    rng, held, number = np.random.default_rng(11), 0, 200
+    for _ in range(number):
+        period = 6.0 + 0.5 * correlated(rng, waves, 0.5)
+        joules = 500.0 * period * (1.0 + 0.24 * correlated(rng, waves, memory))
+        record = float(period.sum()) / 0.9
+        low, high = mean_power((record, float(joules.sum())), (period, joules)).interval or (0.0, 0.0)
+        held += low <= 450.0 <= high
+    assert least <= held / number <= 0.985
+
+
 def test_a_campaign_combines_the_waves_of_its_logs(tmp_path: Path) -> None:
     logs = {}
     for name, waves in (("a", 14), ("b", 25)):
@@ -278,6 +316,8 @@ def test_a_campaign_combines_the_waves_of_its_logs(tmp_path: Path) -> None:
     line, gen = (
         sum(wave[f"energy_{stage}_j"] for of in single.values() for wave in of["each"]) for stage in ("line", "gen")
     )
+    power = together["mean_power"]["mech"]
+    assert power["interval_95"][0] < power["value"] < power["interval_95"][1]
     eta = together["efficiency"]["eta_pto"]
     assert eta["value"] == pytest.approx(gen / line)
     assert eta["interval_95"][0] < eta["value"] < eta["interval_95"][1]

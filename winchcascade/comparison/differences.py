@@ -21,12 +21,7 @@ from collections.abc import Mapping, Sequence
 import msgspec
 
 from winchcascade.comparison.compared_run import ComparedRun, scatter_of
-
-NORMAL = 1.959963984540054
-"""Half width of the 95 % interval of a normal distribution. [standard deviations]"""
-
-COVERED = 0.975
-"""Quantile of Student's distribution at the upper end of a 95 % interval."""
+from winchcascade.core.accuracy import student
 
 SAME = 1e-6
 """Relative difference up to which two standard uncertainties of a gain are the same number. [1]"""
@@ -200,19 +195,6 @@ def effective_freedom(scatters: Sequence[Scatter], combined: float) -> float:
     """
     spread = sum(part.u**4 / part.freedom for part in scatters)
     return combined**4 / spread if spread > 1e-12 * combined**4 else math.inf
-
-
-def student(freedom: float) -> float:
-    """Half width of the 95 % interval of Student's distribution. [standard deviations]
-
-    >>> round(student(2.0), 4), round(student(math.inf), 4)
-    (4.3027, 1.96)
-    """
-    if math.isinf(freedom):
-        return NORMAL
-    from scipy.special import stdtrit
-
-    return float(stdtrit(freedom, COVERED))
 
 
 def shared_gains(a: Sequence[ComparedRun], b: Sequence[ComparedRun]) -> tuple[frozenset[str], tuple[str, ...]]:

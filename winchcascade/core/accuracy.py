@@ -23,6 +23,12 @@ CERTAIN = 5.0
 """An offset is significant from so many standard uncertainties of the sensor's zero."""
 
 
+NORMAL = 1.959963984540054
+"""Half width of the 95 % interval of a normal distribution. [standard deviations]"""
+
+COVERED = 0.975
+"""Quantile of Student's distribution at the upper end of a 95 % interval."""
+
 ACQUISITION = "acquisition system"
 """Origin of the errors that the acquisition system adds to those of a sensor."""
 
@@ -121,3 +127,16 @@ def open_circuit_current(rig: Rig, voltage: float) -> float:
     bleed = rig.dc_link.r_bleed
     resistance = bleed.value if bleed is not None and bleed.value > 0.0 else BLEED
     return LEAKAGE * voltage / resistance + CERTAIN * zero_uncertainty(rig.sensors.get("idc"))
+
+
+def student(freedom: float) -> float:
+    """Half width of the 95 % interval of Student's distribution. [standard deviations]
+
+    >>> round(student(2.0), 4), round(student(math.inf), 4)
+    (4.3027, 1.96)
+    """
+    if math.isinf(freedom):
+        return NORMAL
+    from scipy.special import stdtrit
+
+    return float(stdtrit(freedom, COVERED))

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 
-from winchcascade.core.accuracy import error_sources
+from winchcascade.core.accuracy import error_sources, student
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Index, Mask, Signal
 from winchcascade.reduction.loss_points import LossPoints, columns_at
@@ -273,9 +273,7 @@ def _energy(points: LossPoints, surface: Surface, rig: Rig) -> tuple[float, floa
 def _coefficients(
     columns: Signal, kept: Sequence[int], values: Signal, covariance: Signal, freedom: int
 ) -> tuple[Coefficient, ...]:
-    from scipy.special import stdtrit
-
-    factor = float(stdtrit(freedom, 0.975))
+    factor = student(freedom)
     found = []
     for k, (term, unit) in enumerate(zip(TERMS, UNITS, strict=True)):
         if k not in kept:

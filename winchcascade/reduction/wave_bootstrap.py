@@ -1,4 +1,4 @@
-"""Efficiency of many waves together, a ratio of sums, with an interval of the waves and of the sensors.
+"""Ratios of sums over many waves, their efficiency and their mean power, with an interval of the waves and of the sensors.
 
 Waves that follow each other are not independent: a group of high waves lasts for several. What the waves contribute to the
 interval therefore comes from a circular block bootstrap (Politis and Romano 1992), whose blocks are as long as the data require
@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 import msgspec
 import numpy as np
 
-from winchcascade.core.accuracy import Shape
+from winchcascade.core.accuracy import Shape, student
 from winchcascade.core.integrate import quantile
 from winchcascade.core.run import Mask, Signal
 from winchcascade.reduction.efficiency import is_efficiency, ratio
@@ -29,12 +29,15 @@ FEWEST = 8
 SIGNIFICANT = 2.0
 """Autocorrelations below so many standard deviations count as none (Politis and White 2004, Sec. 3.2: about 2)."""
 
+TINY = 1e-9
+"""No record is shorter. [s]"""
+
 _AT_ONCE = 2_000_000
 """Blocks that are drawn at a time: memory does not grow with the number of waves."""
 
 
 class EnergyError(msgspec.Struct, frozen=True):
-    """What one standard uncertainty of a source changes of the energies of all waves together, by stage. [J]
+    """What one standard uncertainty of a source changes of the energies of all waves together, and of the record, by stage. [J]
 
     `shared`: of a sensor, and so the same in all stages; else each stage has its own, as of bridged gaps.
     """
@@ -44,6 +47,7 @@ class EnergyError(msgspec.Struct, frozen=True):
     shape: Shape
     shared: bool
     energy: Mapping[str, float]
+    record: Mapping[str, float] = msgspec.field(default_factory=dict)
 
     def of_ratio(self, into: tuple[str, float], out: tuple[str, float]) -> float:
         """Change of an efficiency with it; the stages by name and energy [J]. [1]"""
@@ -53,7 +57,7 @@ class EnergyError(msgspec.Struct, frozen=True):
 
 
 class RatioOfSums(msgspec.Struct, frozen=True):
-    """An efficiency of all waves together. [1]
+    """An efficiency of all waves together [1], or the mean power of the record [W].
 
     `interval` holds 95 % by the waves, and by the sensors where `u_sensors`, their standard uncertainty, is known; `u_waves` is
     that of the waves, `block` the length of the blocks that gave it, of several logs the longest [waves].
@@ -79,21 +83,58 @@ def ratio_of_sums(
         accuracy is unknown
     """
     value = efficiency_or_none(float(out.sum()), float(into.sum()))
+    return _with_interval(value, (into, out), 1.0, counts, errors)
+
+
+def mean_power(
+    record: tuple[float, float],
+    waves: tuple[Signal, Signal] | None,
+    *,
+    counts: Sequence[int] = (),
+    errors: Sequence[tuple[float, Shape]] | None = None,
+) -> RatioOfSums:
+    """Mean power of a record, with its 95 % interval: its waves are resampled, what lies between them is kept.
+
+    Parameters
+    ----------
+    record : duration [s] and energy [J]
+    waves : periods [s] and energies [J] of its waves in order of time; None where the energies of some are unknown
+    counts, errors : as of `ratio_of_sums`, errors of the power [W]
+    """
+    value = ratio(record[1], record[0])
+    periods, joules = waves or (np.empty(0), np.empty(0))
+    return _with_interval(value, (periods, joules), float(periods.sum()) / max(record[0], TINY), counts, errors)
+
+
+def _with_interval(
+    value: float | None,
+    of: tuple[Signal, Signal],
+    share: float,
+    counts: Sequence[int],
+    errors: Sequence[tuple[float, Shape]] | None,
+) -> RatioOfSums:
+    """A value of which the ratio of the sums of two series makes a share, with its interval."""
     u_sensors = None if errors is None else math.hypot(*(size for size, _ in errors))
-    if value is None or into.size < FEWEST:
+    x, y = of
+    if value is None or x.size < FEWEST:
         return RatioOfSums(value, u_sensors=u_sensors)
     rng = np.random.default_rng(SEED)
-    ends = np.cumsum(counts or [into.size])
+    ends = np.cumsum(counts or [x.size])
+    measured = float(y.sum()) / float(x.sum())
     sums, blocks = np.zeros((2, DRAWS)), []
-    for x, y in zip(np.split(into, ends[:-1]), np.split(out, ends[:-1]), strict=True):
-        if x.size:
-            blocks.append(block_length(y - value * x))
-            sums += _resampled(np.array((x, y)), blocks[-1], rng)
-    waves = sums[1] / sums[0]
-    u_waves = float(np.std(waves))
-    drawn = waves + sum(
-        (size * _standard(shape, rng) for size, shape in errors or ()), start=np.zeros(DRAWS)
-    )  # the errors of the sensors are independent of which waves came
+    for part in np.split(np.array(of), ends[:-1], axis=1):
+        if part.size:
+            blocks.append(block_length(part[1] - measured * part[0]))
+            sums += _resampled(part, blocks[-1], rng)
+    # Few blocks scatter less than what they are drawn from, and their scatter is known by few.
+    freedom = max(
+        1, sum(-(-n // block) for n, block in zip([n for n in counts or [x.size] if n], blocks, strict=True)) - 1
+    )
+    around = share * math.sqrt(1.0 + 1.0 / freedom) * (sums[1] / sums[0] - measured)
+    u_waves = float(np.std(around))
+    drawn = value + around * (student(freedom) / student(math.inf))
+    for size, shape in errors or ():  # independent of which waves came
+        drawn += size * _standard(shape, rng)
     return RatioOfSums(value, (quantile(drawn, 0.025), quantile(drawn, 0.975)), max(blocks), u_waves, u_sensors)
 
 

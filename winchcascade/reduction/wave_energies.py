@@ -8,13 +8,30 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import integrals
+from winchcascade.core.accuracy import Shape
+from winchcascade.core.integrate import Stream, integrals
 from winchcascade.core.run import Index, Signal
 from winchcascade.reduction.efficiency import NOTHING
-from winchcascade.reduction.gap_error import all_gaps
+from winchcascade.reduction.gap_error import all_gaps, energy_error
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
-from winchcascade.reduction.uncertainty import energy_errors, error_model, without_accuracy
-from winchcascade.reduction.wave_bootstrap import EnergyError, RatioOfSums, efficiency_or_none, ratio_of_sums
+from winchcascade.reduction.uncertainty import (
+    ErrorModel,
+    StageEnergy,
+    energy_errors,
+    error_model,
+    without_accuracy,
+)
+from winchcascade.reduction.wave_bootstrap import (
+    TINY,
+    EnergyError,
+    RatioOfSums,
+    efficiency_or_none,
+    mean_power,
+    ratio_of_sums,
+)
+
+NORMAL: Shape = "normal"
+"""Distribution of what bridged gaps may have changed."""
 
 MOST_CLASSES = 6
 """Classes of payout, and of period, at most."""
@@ -50,8 +67,9 @@ class WaveEnergies(msgspec.Struct, frozen=True):
     record_duration : of the records without long gaps [s]
     record_energy : over that, by stage [J]
     efficiency : of all waves together, by name
+    power : mean powers of the record with their intervals, by stage
     classes : of payout and period
-    errors : what the sources of uncertainty of the sensors change of the energies of all waves
+    errors : what the sources of uncertainty of the sensors change of the energies of all waves, and of the record
     unknown : channels of a stage without a stated accuracy, by stage
     """
 
@@ -65,6 +83,7 @@ class WaveEnergies(msgspec.Struct, frozen=True):
     record_duration: float
     record_energy: Mapping[str, float]
     efficiency: Mapping[str, RatioOfSums] = msgspec.field(default_factory=dict)
+    power: Mapping[str, RatioOfSums] = msgspec.field(default_factory=dict)
     classes: tuple[WaveClass, ...] = ()
     errors: tuple[EnergyError, ...] = ()
     unknown: Mapping[str, tuple[str, ...]] = msgspec.field(default_factory=dict)
@@ -137,15 +156,23 @@ def _joined_errors(errors: Iterable[EnergyError]) -> tuple[EnergyError, ...]:
         if key not in found:
             found[key] = error
             continue
-        known = found[key].energy
-        both = {stage: (known.get(stage, 0.0), error.energy.get(stage, 0.0)) for stage in {*known, *error.energy}}
-        energy = {stage: a + b if error.shared else math.hypot(a, b) for stage, (a, b) in both.items()}
-        found[key] = msgspec.structs.replace(error, energy=energy)
+        known = found[key]
+        found[key] = msgspec.structs.replace(
+            error,
+            energy=_added(known.energy, error.energy, shared=error.shared),
+            record=_added(known.record, error.record, shared=error.shared),
+        )
     return tuple(found.values())
 
 
+def _added(one: Mapping[str, float], other: Mapping[str, float], *, shared: bool) -> dict[str, float]:
+    """Changes of energies of two logs together, by stage. [J]"""
+    both = {stage: (one.get(stage, 0.0), other.get(stage, 0.0)) for stage in {**one, **other}}
+    return {stage: a + b if shared else math.hypot(a, b) for stage, (a, b) in both.items()}
+
+
 def _with_sums(waves: WaveEnergies) -> WaveEnergies:
-    """The same with efficiencies of all waves together, and classes."""
+    """The same with efficiencies of all waves together, mean powers of the record, and classes."""
     efficiency = {}
     for name, (into, out) in waves.pairs.items():
         if into in waves.energy and out in waves.energy:
@@ -154,25 +181,56 @@ def _with_sums(waves: WaveEnergies) -> WaveEnergies:
             known = not (waves.unknown.get(into) or waves.unknown.get(out)) and sums[0][1] > NOTHING
             errors = [(e.of_ratio(*sums), e.shape) for e in waves.errors] if known else None
             efficiency[name] = ratio_of_sums(x, y, counts=waves.counts, errors=errors)
-    return msgspec.structs.replace(waves, efficiency=efficiency, classes=_classes(waves))
+    power = {}
+    for stage, joule in waves.record_energy.items():
+        known = stage in waves.unknown and not waves.unknown[stage] and waves.record_duration > 0.0
+        errors = [(e.record.get(stage, 0.0) / waves.record_duration, e.shape) for e in waves.errors] if known else None
+        of = (waves.period, waves.energy[stage]) if stage in waves.energy else None
+        power[stage] = mean_power((waves.record_duration, joule), of, counts=waves.counts, errors=errors)
+    return msgspec.structs.replace(waves, efficiency=efficiency, power=power, classes=_classes(waves))
 
 
 def _sensor_errors(
     reduction: Reduction, stages: Collection[str]
 ) -> tuple[tuple[EnergyError, ...], dict[str, tuple[str, ...]]]:
-    """What the sources of uncertainty change of the energies of all waves of a log, and the channels without an accuracy."""
+    """What the sources of uncertainty change of the energies of a log, and the channels without an accuracy, by stage."""
     model = error_model(reduction)
+    of_record = {stage: _of_record(reduction, energy) for stage, energy in model.stages.items() if stage in stages}
+    whole = {
+        source: {stage: float(x[0]) for stage, x in joules.items()}
+        for source, joules in energy_errors(ErrorModel(model.cascade, of_record, model.sources, {}))
+    }
     of = [c.complete for c in reduction.cycles]
     found = []
     for source, joules in energy_errors(model):
         changed = {stage: x[of] for stage, x in joules.items() if stage in stages}
-        if source is None:
-            own = {stage: float(np.sqrt(np.sum(x**2))) for stage, x in changed.items()}
-            found.append(EnergyError("bridged gaps", "", "normal", shared=False, energy=own))
-        else:
-            both = {stage: float(x.sum()) for stage, x in changed.items()}
-            found.append(EnergyError(source.channel, source.part, source.shape, shared=True, energy=both))
+        both = {
+            stage: float(x.sum()) if source is not None else float(np.sqrt(np.sum(x**2)))
+            for stage, x in changed.items()
+        }
+        channel, part, shape = (
+            ("bridged gaps", "", NORMAL) if source is None else (source.channel, source.part, source.shape)
+        )
+        found.append(EnergyError(channel, part, shape, source is not None, both, whole.get(source, {})))
     return tuple(found), {stage: channels for stage, channels in without_accuracy(model).items() if stage in stages}
+
+
+def _of_record(reduction: Reduction, waves: StageEnergy) -> StageEnergy:
+    """What gives the energy of a stage over the record for any errors of its channels, by what gives those of its waves."""
+    run, gaps = reduction.run, _short_gaps(reduction)
+    channels = [run.channels[name] for name in (waves.first, waves.second) if name is not None]
+    watts = waves.scale * np.prod(channels, axis=0)
+    time = _over_record(reduction, np.ones(run.t.size).__getitem__)
+    whole = np.array([[run.t[0], run.t[-1]]])
+    return msgspec.structs.replace(
+        waves,
+        xy=np.array([_over_record(reduction, watts.__getitem__) / waves.scale]),
+        x=np.array([_over_record(reduction, channels[0].__getitem__)]),
+        y=np.array([_over_record(reduction, channels[-1].__getitem__) if waves.second is not None else time]),
+        t=np.array([time]),
+        bridged=energy_error(run.t, watts, gaps, whole, np.zeros(1)) if len(gaps) else np.zeros(1),
+        sampled=np.array([float(waves.sampled.sum()) * time / max(float(waves.t.sum()), TINY)]),
+    )
 
 
 def _pairs(reduction: Reduction) -> dict[str, tuple[str, str]]:
@@ -202,17 +260,28 @@ def _period(reduction: Reduction, wave: CycleResult) -> float:
 def _record(reduction: Reduction) -> tuple[float, dict[str, float]]:
     """Length of the record without long gaps [s], and the energy of each stage over it [J]."""
     run, rig = reduction.run, reduction.rig
-    gaps = all_gaps(run, rig.cascade.channels)
-    gaps = gaps[gaps[:, 1] - gaps[:, 0] > rig.thresholds.gap_max]
-    whole = np.array([[run.t[0], run.t[-1]]])
-    unknown = _united(gaps)
-    energy = {}
-    for stage in rig.cascade.stages:
-        watts = stage.stream(run.channels, rig.r_drum)
-        if watts is not None:
-            lost = float(integrals(run.t, watts, unknown).sum()) if len(unknown) else 0.0
-            energy[stage.name] = float(integrals(run.t, watts, whole)[0]) - lost
-    return float(run.t[-1] - run.t[0]) - float(np.ptp(unknown, axis=1).sum()), energy
+    streams = {stage.name: stage.stream(run.channels, rig.r_drum) for stage in rig.cascade.stages}
+    energy = {name: _over_record(reduction, watts) for name, watts in streams.items() if watts is not None}
+    return float(run.t[-1] - run.t[0]) - float(np.ptp(_long_gaps(reduction), axis=1).sum()), energy
+
+
+def _over_record(reduction: Reduction, stream: Stream) -> float:
+    """Integral of a signal over the log without long gaps."""
+    t, unknown = reduction.run.t, _long_gaps(reduction)
+    lost = float(integrals(t, stream, unknown).sum()) if len(unknown) else 0.0
+    return float(integrals(t, stream, np.array([[t[0], t[-1]]]))[0]) - lost
+
+
+def _long_gaps(reduction: Reduction) -> Signal:
+    """Gaps that are left out of the record, without overlaps, (k, 2). [s]"""
+    gaps = all_gaps(reduction.run, reduction.rig.cascade.channels)
+    return _united(gaps[gaps[:, 1] - gaps[:, 0] > reduction.rig.thresholds.gap_max])
+
+
+def _short_gaps(reduction: Reduction) -> Signal:
+    """Gaps that are bridged in the record, (k, 2). [s]"""
+    gaps = all_gaps(reduction.run, reduction.rig.cascade.channels)
+    return gaps[gaps[:, 1] - gaps[:, 0] <= reduction.rig.thresholds.gap_max]
 
 
 def _united(gaps: Signal) -> Signal:

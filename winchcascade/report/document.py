@@ -35,6 +35,7 @@ from winchcascade.report.report_model import (
 )
 from winchcascade.report.style import house_style
 from winchcascade.report.traces import readout
+from winchcascade.report.wave_text import power_interval
 from winchcascade.report.wording import (
     SYMBOL,
     decisive,
@@ -180,7 +181,7 @@ def _wave_tiles(reduction: Reduction, etas: Sequence[str]) -> tuple[Tile, ...]:
             SYMBOL[f"power_{stage}"],
             "mean of the record",
             f"{significant(watt, 4)} W",
-            f"{found.record_duration:.0f} s",
+            f"{found.record_duration:.0f} s" + (f", 95 %: {ends} W" if (ends := power_interval(found, stage)) else ""),
         )
         for stage, watt in found.record_power.items()
     ]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -11,7 +12,7 @@ import numpy as np
 from winchcascade.core.cascade import field_of
 from winchcascade.reduction.wave_bootstrap import DRAWS, FEWEST, SEED, EnergyError, RatioOfSums
 from winchcascade.reduction.wave_energies import WaveClass, WaveEnergies
-from winchcascade.report.digits import significant
+from winchcascade.report.digits import NumberText, interval_text, significant
 from winchcascade.report.report_model import Table, TableColumn, items_table
 from winchcascade.report.text_table import indented, listing, metric_steps, plain_cell, wrapped
 from winchcascade.report.wording import SYMBOL
@@ -23,10 +24,12 @@ MOST_CLASSES = 40
 def wave_lines(found: WaveEnergies) -> list[str]:
     """Energies of the waves in the terminal: the record, efficiencies of all waves together, and the classes."""
     unit = found.payout_unit
-    powers = ", ".join(f"P_{stage} {significant(watt, 4)} W" for stage, watt in found.record_power.items())
     logs = f" of {len(found.counts)} logs" if len(found.counts) > 1 else ""
-    record = f"record{'s' * bool(logs)} of {found.record_duration:.1f} s with mean {powers}"
-    lines = wrapped(f"waves: {sum(found.counts)}{logs}; {record}")
+    lines = wrapped(f"waves: {sum(found.counts)}{logs}; record{'s' * bool(logs)} of {found.record_duration:.1f} s")
+    for stage, watt in found.record_power.items():
+        power = found.power.get(stage, RatioOfSums(watt))
+        interval = _interval(power, lambda low, high, u: f"{interval_text(low, high, u)} W", _unknown(found, (stage,)))
+        lines += indented(f"P_{stage} {significant(watt, 4)} W, mean of the record{interval}")
     lines += [line for name, eta in found.efficiency.items() for line in indented(f"{name} {_ratio(found, name, eta)}")]
     columns: list[TableColumn[WaveClass]] = [
         TableColumn("payout", unit, text=True, of=lambda c: _range(c.payout)),
@@ -53,18 +56,20 @@ def _ratio(found: WaveEnergies, name: str, eta: RatioOfSums) -> str:
     value = f"{plain_cell(eta.value, 3)} of all waves together"
     if eta.value is None:
         return f"{value}: the ratio lies outside 0 to 1"
-    if eta.interval is None or eta.block is None:
-        return f"{value} (no interval: fewer than {FEWEST} waves)"
-    low, high = eta.interval
-    blocks = f"waves in blocks of {eta.block}"
-    unknown = _unknown(found, name)
+    return value + _interval(eta, lambda low, high, _: f"{low:.3f} to {high:.3f}", _unknown(found, found.pairs[name]))
+
+
+def _interval(of: RatioOfSums, text: Callable[[float, float, float], str], unknown: Sequence[str]) -> str:
+    """The interval of a ratio or a mean in words, by a text of its ends and its uncertainty, and what it contains."""
+    if of.interval is None or of.block is None:
+        return f" (no interval: fewer than {FEWEST} waves)"
     sensors = f"without sensors, as the accuracy of {', '.join(unknown)} is unknown" if unknown else "and sensors"
-    return f"{value}, 95 %: {low:.3f} to {high:.3f} ({blocks}, {sensors})"
+    return f", 95 %: {text(*of.interval, _both(of))} (waves in blocks of {of.block}, {sensors})"
 
 
-def _unknown(found: WaveEnergies, name: str) -> list[str]:
-    """Channels of an efficiency without a stated accuracy."""
-    return sorted({channel for stage in found.pairs[name] for channel in found.unknown.get(stage, ())})
+def _unknown(found: WaveEnergies, stages: Iterable[str]) -> list[str]:
+    """Channels of some stages without a stated accuracy."""
+    return sorted({channel for stage in stages for channel in found.unknown.get(stage, ())})
 
 
 def _range(ends: tuple[float, float]) -> str:
@@ -106,6 +111,9 @@ def record_table(found: WaveEnergies) -> Table | None:
         TableColumn("Stage", text=True, of=str),
         TableColumn("Energy of the record", "J", of=lambda s: significant(found.record_energy[s], 5)),
         TableColumn("Mean power of the record", "W", of=lambda s: significant(found.record_power[s], 4)),
+        TableColumn("95 %", "W", text=True, of=lambda s: power_interval(found, s)),
+        TableColumn("u of waves", "W", of=lambda s: _two_digits(found.power[s].u_waves if s in found.power else None)),
+        TableColumn("u of sensors", "W", of=lambda s: _two_digits(found.power[s].u_sensors if s in found.power else None)),
         TableColumn(
             "Energy of the waves", "J",
             of=lambda s: significant(float(found.energy[s].sum()), 5) if s in found.energy else None,
@@ -119,6 +127,23 @@ def record_table(found: WaveEnergies) -> Table | None:
         columns,
         list(found.record_energy),
     )
+
+
+def power_interval(found: WaveEnergies, stage: str) -> NumberText | None:
+    """The 95 % interval of a mean power of the record, None without one. [W]"""
+    power = found.power.get(stage)
+    if power is None or power.interval is None:
+        return None
+    return interval_text(*power.interval, _both(power))
+
+
+def _both(of: RatioOfSums) -> float:
+    """Standard uncertainty by the waves and the sensors together."""
+    return math.hypot(of.u_waves or 0.0, of.u_sensors or 0.0)
+
+
+def _two_digits(u: float | None) -> NumberText | None:
+    return None if u is None else significant(u, 2)
 
 
 def efficiencies_table(found: WaveEnergies) -> Table | None:
@@ -160,16 +185,9 @@ def wave_record(found: WaveEnergies) -> dict[str, Any]:
             **{field_of(f"energy_{stage}"): joule for stage, joule in found.record_energy.items()},
             **{field_of(f"power_{stage}"): watt for stage, watt in found.record_power.items()},
         },
+        "mean_power": {stage: _record_of(power) for stage, power in found.power.items()},
         "efficiency": {
-            name: {
-                "value": eta.value,
-                "interval_95": eta.interval,
-                "block_waves": eta.block,
-                "standard_uncertainty_waves": eta.u_waves,
-                "standard_uncertainty_sensors": eta.u_sensors,
-                "between": found.pairs[name],
-            }
-            for name, eta in found.efficiency.items()
+            name: _record_of(eta) | {"between": found.pairs[name]} for name, eta in found.efficiency.items()
         },
         "bootstrap": {"draws": DRAWS, "seed": SEED},
         "waves": int(found.cycle.size),
@@ -200,6 +218,27 @@ def wave_record(found: WaveEnergies) -> dict[str, Any]:
     }
 
 
+def _record_of(of: RatioOfSums) -> dict[str, Any]:
+    """A ratio of sums [1] or a mean power [W] with its interval, as written."""
+    return {
+        "value": of.value,
+        "interval_95": of.interval,
+        "block_waves": of.block,
+        "standard_uncertainty_waves": of.u_waves,
+        "standard_uncertainty_sensors": of.u_sensors,
+    }
+
+
+def _ratio_from(of: Mapping[str, Any]) -> RatioOfSums:
+    return RatioOfSums(
+        of["value"],
+        None if of["interval_95"] is None else (of["interval_95"][0], of["interval_95"][1]),
+        of["block_waves"],
+        of["standard_uncertainty_waves"],
+        of["standard_uncertainty_sensors"],
+    )
+
+
 def waves_from_record(record: Mapping[str, Any]) -> WaveEnergies:
     """The energies of waves of a written record; of some waves alone where it holds these alone."""
     unit, each, of_record = record["payout_unit"], record["each"], record["record"]
@@ -216,16 +255,8 @@ def waves_from_record(record: Mapping[str, Any]) -> WaveEnergies:
         pairs=pairs,
         record_duration=of_record["duration_s"],
         record_energy={stage: of_record[f"energy_{stage}_j"] for stage in stages},
-        efficiency={
-            name: RatioOfSums(
-                of["value"],
-                None if of["interval_95"] is None else (of["interval_95"][0], of["interval_95"][1]),
-                of["block_waves"],
-                of["standard_uncertainty_waves"],
-                of["standard_uncertainty_sensors"],
-            )
-            for name, of in record["efficiency"].items()
-        },
+        efficiency={name: _ratio_from(of) for name, of in record["efficiency"].items()},
+        power={stage: _ratio_from(of) for stage, of in record.get("mean_power", {}).items()},
         classes=tuple(
             WaveClass(
                 payout=(of[f"payout_{unit}"][0], of[f"payout_{unit}"][1]),

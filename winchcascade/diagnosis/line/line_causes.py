@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Literal
 
 import msgspec
 import numpy as np
-from scipy.special import stdtrit
 
+from winchcascade.core.accuracy import student
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.block_means import PHASES
 from winchcascade.diagnosis.diagnosis_result import Alternative, Experiment, NamedCause, Reported, Spot
@@ -72,7 +72,7 @@ def again_alone(lines: Lines, names: Names) -> dict[str, Reported]:
 def reported(lines: Lines, m: Moments, names: Names) -> dict[str, Reported]:
     """The number of each suspect of a set with its 95 % interval; Student's t for few folds."""
     x = coefficients(m, lines, names)
-    u = np.sqrt(np.diag(line_covariance(lines, m, names))) * float(stdtrit(m.folds - 1, 0.975))
+    u = np.sqrt(np.diag(line_covariance(lines, m, names))) * student(m.folds - 1)
     ends = np.array([x, np.maximum(x - u, lines.low), np.minimum(x + u, lines.high)])
     found = dict(zip(lines.names, ends.T.tolist(), strict=True))
     gain = found.get("force_gain", [0.0])[0]
