@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 import pytest
 from _pytest.mark import ParameterSet
+from matplotlib.axes import Axes
 from test_cli import one_sentence, winchcascade
 from undrawn import undrawn
 from winchlog import RIG, planted
@@ -23,6 +24,7 @@ from winchcascade.diagnosis.diagnosis_result import Entries
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis, diagnose_line
 from winchcascade.ingest.read import read_run
 from winchcascade.report.diagnosis import make_diagnosis_report
+from winchcascade.report.diagnosis_names import signed
 from winchcascade.report.diagnosis_record import as_json
 from winchcascade.report.diagnosis_text import diagnosis_text
 from winchcascade.report.gap_words import differs_text
@@ -398,3 +400,15 @@ def test_a_measured_power_with_its_sign_turned_is_turned_back(shared: Path, tmp_
     again = read_run(tmp_path / "log.csv", rig=RIG)
     assert any(f.kind == "sign_flipped" and f.channel == "power_mech" for f in again.findings)
     assert [c.effect for c in diagnose_line(Entries([again]), RIG, EFFECTS).causes] == ["drum_inertia", "line_drag"]
+
+
+def test_a_map_without_a_model_has_one_column_and_a_waterfall_is_rejected() -> None:
+    found = diagnosed(0, mass=5000.0)
+    ax = found.plot("map")
+    assert isinstance(ax, Axes)
+    cells = {text.get_text() for text in ax.texts}
+    assert len(ax.texts) == len(found.places) == len(found.to_pandas("map")) == len(ax.get_yticks())
+    assert cells == {signed(place.z) for place in found.places}
+    assert [label.get_text() for label in ax.get_xticklabels()] == ["all logs"]
+    with pytest.raises(OptionError, match=r"this diagnosis has no model.* expected 'map'"):
+        found.plot("waterfall")

@@ -13,8 +13,9 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from winchcascade.diagnosis.block_means import BLOCK, PHASES
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import Place
+from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, Place
 from winchcascade.diagnosis.gap_map import STANDS_OUT
+from winchcascade.diagnosis.line.line_data import POWER
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.report.diagnosis_data import (
     HAUL_IN,
@@ -75,15 +76,17 @@ def gap_map(found: ModelDiagnosis) -> Figure | None:
     return _matrix(found, *_gaps(found), left=0.19)
 
 
-def draw_gap_map(ax: Axes, found: ModelDiagnosis) -> None:
-    """Draw the map of `gap_map` on given axes."""
+def draw_gap_map(ax: Axes, found: DiagnosisResult) -> None:
+    """Draw the map of `gap_map` on given axes; without a model, the gap of all logs together by phase."""
     names, cells = _gaps(found)
-    _draw_matrix(ax, found, [row for row in names if any(key[:2] == row for key in cells)], names, cells)
+    columns = _by_load(found) if isinstance(found, ModelDiagnosis) else {-1: "all logs"}
+    _draw_matrix(ax, columns, [row for row in names if any(key[:2] == row for key in cells)], names, cells)
 
 
-def _gaps(found: ModelDiagnosis) -> tuple[dict[tuple[str, str], str], dict[tuple[str, str, int], float]]:
+def _gaps(found: DiagnosisResult) -> tuple[dict[tuple[str, str], str], dict[tuple[str, str, int], float]]:
     """Names of the rows of the map of the gap, by channel and phase, and its cells, by channel, phase and log."""
-    rows = {(c, p): f"{NAMES[c]}, {phase_words(p)}" for c in CHANNELS for p in PHASES}
+    channels = CHANNELS if isinstance(found, ModelDiagnosis) else (POWER,)
+    rows = {(c, p): f"{NAMES[c]}, {phase_words(p)}" for c in channels for p in PHASES}
     return rows, {(p.channel, p.phase, p.log): p.z for p in found.places}
 
 
@@ -113,30 +116,37 @@ def _matrix(
     if not rows:
         return None
     figure, (ax,) = panel_figure(0.3 + 0.235 * len(rows), room=Room(left=left, head=0.24, foot=0.04))
-    _draw_matrix(ax, found, rows, names, cells)
+    _draw_matrix(ax, _by_load(found), rows, names, cells)
     return figure
+
+
+def _by_load(found: ModelDiagnosis) -> dict[int, str]:
+    """Numbers of the logs in order of their loads, with the load, and which of its logs one is."""
+    logs = by_load(found)
+    loads = [load_words(found.data.logs[k].run.load) for k in logs]
+    return {
+        log: f"{load} ({loads[:k].count(load) + 1})" if loads.count(load) > 1 else load
+        for k, (log, load) in enumerate(zip(logs, loads, strict=True))
+    }
 
 
 def _draw_matrix(
     ax: Axes,
-    found: ModelDiagnosis,
+    columns: Mapping[int, str],
     rows: Sequence[tuple[str, str]],
     names: Mapping[tuple[str, str], str],
     cells: Mapping[tuple[str, str, int], float],
 ) -> None:
-    """Draw the rows of a matrix on given axes, a column for each log."""
-    logs = by_load(found)
+    """Draw the rows of a matrix on given axes, a column with its name for each log."""
     for i, (kind, phase) in enumerate(rows):
-        for j, log in enumerate(logs):
+        for j, log in enumerate(columns):
             if (kind, phase, log) in cells:
                 _cell(ax, i, j, cells[kind, phase, log])
     for i in (k for k in range(1, len(rows)) if rows[k][0] != rows[k - 1][0]):
         ax.axhline(i - 0.5, color=COLOURS["soft"], lw=0.6)
-    loads = [load_words(found.data.logs[k].run.load) for k in logs]
     ax.set(
-        xticks=range(len(logs)), yticks=range(len(rows)), yticklabels=[names[row] for row in rows],
-        xticklabels=[f"{x} ({loads[:k].count(x) + 1})" if loads.count(x) > 1 else x for k, x in enumerate(loads)],
-        xlim=(-0.5, len(logs) - 0.5), ylim=(len(rows) - 0.5, -0.5),
+        xticks=range(len(columns)), yticks=range(len(rows)), yticklabels=[names[row] for row in rows],
+        xticklabels=list(columns.values()), xlim=(-0.5, len(columns) - 0.5), ylim=(len(rows) - 0.5, -0.5),
     )  # fmt: skip
     ax.xaxis.tick_top()
     ax.tick_params(length=0)

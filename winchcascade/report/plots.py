@@ -81,7 +81,7 @@ def plot_campaign(campaign: CampaignReduction, what: str, ax: Axes | None = None
 
 
 def plot_diagnosis(found: DiagnosisResult, what: str, ax: Axes | None = None) -> Axes | NDArray[np.object_]:
-    """Plot the map of the gap, or what each cause costs of an efficiency.
+    """Plot the map of the gap (without a model by phase alone), or, of a model, what each cause costs of an efficiency.
 
     Returns
     -------
@@ -93,12 +93,15 @@ def plot_diagnosis(found: DiagnosisResult, what: str, ax: Axes | None = None) ->
     from winchcascade.report.diagnosis_figures import draw_gap_map
 
     _check(what, ("map", "waterfall"))
-    if not isinstance(found, ModelDiagnosis):
-        raise OptionError(f"plot({what!r}): this diagnosis has no model; its map is the table to_pandas('map').")
     if what == "map":
         _require(what, "" if found.places else "a place with a gap that can be weighed")
         rows = len({(place.channel, place.phase) for place in found.places})
         return _drawn(lambda one: draw_gap_map(one, found), ax, height=0.6 + 0.235 * rows)
+    if not isinstance(found, ModelDiagnosis):
+        raise OptionError(
+            f"plot({what!r}): this diagnosis has no model, which could split an efficiency by its causes; expected 'map', or a "
+            "rig file with all numbers of the rig."
+        )
     costs = cause_costs.waterfall_costs(found)
     _require(what, "" if costs else "a split of an efficiency at a load")
     if ax is not None:
