@@ -135,6 +135,8 @@
       if (panel.items) return panel.items;
       const clip = make("clipPath", { id: prefix + "edges-" + panel.k }, make("defs", {}, svg));
       make("rect", { x: panel.left, y: panel.top, width: panel.width, height: panel.height }, clip);
+      const column = make("clipPath", { id: prefix + "column-" + panel.k }, clip.parentNode);  // of names above the panel
+      make("rect", { x: panel.left, y: 0, width: panel.width, height: svg.viewBox.baseVal.height }, column);
       panel.items = [];
       for (const [ids, along] of [[panel.moved, "xy"], [panel.along_x, "x"], [panel.along_y, "y"]]) for (const id of ids || []) {
         const group = byId(id);
@@ -176,7 +178,7 @@
       let [kx, dx] = movement(panel, panel.x), [ky, dy] = movement(panel, panel.y);
       for (const item of items) {
         const [a, b, c, d] = [item.along.includes("x") ? kx : 1, item.along.includes("x") ? dx : 0, item.along.includes("y") ? ky : 1, item.along.includes("y") ? dy : 0];
-        if (!item.always) { if (whole) item.frame.removeAttribute("clip-path"); else item.frame.setAttribute("clip-path", "url(#" + prefix + "edges-" + panel.k + ")"); }
+        if (!item.always) { if (whole) item.frame.removeAttribute("clip-path"); else item.frame.setAttribute("clip-path", "url(#" + prefix + (item.text && item.along === "x" ? "column-" : "edges-") + panel.k + ")"); }
         for (const path of item.paths) {
           if (whole) { path.removeAttribute("transform"); path.style.vectorEffect = ""; path.style.strokeWidth = path.dataset.wide || ""; path.style.strokeDasharray = path.dataset.dashes || ""; continue; }
           if (path.dataset.wide === undefined) { path.dataset.wide = path.style.strokeWidth; path.dataset.dashes = path.style.strokeDasharray; }
@@ -537,7 +539,8 @@
       const set = data.sets[number], times = decoded(set.times)[0], sides = set.traces.map((packed) => packed && decoded(packed));
       data.times = times;
       data.traces = [];
-      sides.forEach((xs, k) => { if (xs) data.traces.push({ ...data.panels[k], xs }); });
+      data.spans = set.spans;
+      sides.forEach((xs, k) => { if (xs) data.traces.push({ ...data.panels[k], xs, repaired: set.repaired[k] }); });
       for (const panel of panels) { panel.x.base = [times[0], times[times.length - 1]]; panel.x.own = panel.y.own = true; }
       panels.forEach((panel, k) => {
         self.itemsOf(panel);
@@ -545,6 +548,8 @@
         const place = (t) => left + ((t - panel.x.base[0]) / (panel.x.base[1] - panel.x.base[0])) * width;
         const span = byId("span-" + k), [a, b] = set.payout.map(place);
         if (span) span.querySelector("path").setAttribute("d", "M" + a + " " + top + "H" + b + "V" + (top + height) + "H" + a + "Z");
+        const marks = k % 2 ? null : byId("repaired-" + k), bottom = top + height;
+        if (marks) marks.querySelector("path").setAttribute("d", set.repaired[k >> 1].map(([c, d]) => "M" + place(c) + " " + bottom + "H" + place(d) + "V" + (bottom - data.repaired_height * height) + "H" + place(c) + "Z").join(""));
         const curves = xs ? (k % 2 ? xs.map((side, n) => (n ? xs[0].map((value, m) => value - side[m]) : null)) : xs) : [];
         const [low, high] = curves.length ? extent([].concat(k % 2 ? [0] : [], ...curves.filter(Boolean))) : panel.y.base;
         const pad = 0.05 * (high - low || 1);
@@ -579,9 +584,13 @@
       const share = next > low ? clamp((t - times[low]) / (times[next] - times[low]), 0, 1) : 0;
       return withUnit((trace.xs || [trace.x]).map((x) => shown(x[low] + share * (x[next] - x[low]))).join(" | "), trace.unit);
     }
+    // Phase and window of an instant, and the traces with those that are repaired there.
+    const within = (t, spans) => (spans || []).filter((span) => t >= span[span.length - 2] && t <= span[span.length - 1]);
     self.source = (panel, t, x, y) => ({
-      head: "", x, y, line: true,
-      rows: [["Time", withUnit(fixed(t, 2), "s"), false, ""], ...data.traces.map((trace) => [trace.name, value(trace, t), panel.title.replace(/^\(\w\) /, "") === trace.name, ""])],
+      head: within(t, data.spans).map((span) => span[0]).join(", "), x, y, line: true,
+      rows: [["Time", withUnit(fixed(t, 2), "s"), false, ""], ...data.traces.map((trace) => [
+        trace.name, value(trace, t) + (within(t, trace.repaired).length ? " (repaired)" : ""), panel.title.replace(/^\(\w\) /, "") === trace.name, "",
+      ])],
     });
 
     const span = (a, b) => { self.limit(panels[0], "x", a, b); self.refresh(); };

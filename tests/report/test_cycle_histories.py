@@ -131,6 +131,19 @@ def test_the_figure_of_a_channel_has_its_residual_below() -> None:
     np.testing.assert_allclose(curves["trace-1-2"], curves["trace-0-0"] - curves["trace-0-2"])
 
 
+def test_repaired_stretches_and_phases_of_a_cycle_are_stated_since_its_onset() -> None:
+    found = diagnosed("copper")
+    item, *_ = cycle_histories(found)[0]
+    assert item.repaired["force"] == []
+    assert item.haul_in is not None
+    assert item.payout_end <= item.haul_in[0] < item.haul_in[1] <= item.t[-1]
+    marked = item._replace(repaired={"force": [(2.0, 2.5)]})
+    data = json.loads(histories_json(found, [marked], 0, "logged"))
+    panel = [one["name"] for one in data["panels"]].index("Line tension")
+    assert data["sets"][0]["repaired"][panel] == [[2.0, 2.5]]
+    assert [name for name, *_ in data["sets"][0]["spans"]] == ["payout", "haul-in"]
+
+
 def test_seven_runs_of_three_cycles_stay_small() -> None:
     found = diagnosed("copper")
     one = cycle_histories(found)[0][0]

@@ -117,7 +117,7 @@ def test_a_large_force_is_drawn_in_thousands_and_says_so(clean: Result) -> None:
     figure = figures.time_histories(msgspec.structs.replace(reduction, run=run), {})
     y = np.asarray(line(figure, "trace-force").get_ydata())
     assert y.max() == pytest.approx(large["force"].max() / 1000.0)
-    assert figure.axes[1].get_ylabel() == "kN"
+    assert figure.axes[1].get_ylabel().split() == ["Tension", "(kN)"]
 
 
 def test_a_log_with_seconds_of_an_epoch_is_drawn_from_zero(clean: Result) -> None:
@@ -130,6 +130,78 @@ def test_a_log_with_seconds_of_an_epoch_is_drawn_from_zero(clean: Result) -> Non
     first = reduction.cycles[0].window
     times = sorted(float(np.asarray(edge.get_xdata())[0]) for edge in edges)
     assert times == pytest.approx([first.onset - run.t[0], first.cutoff - run.t[0]])
+
+
+@pytest.mark.parametrize("log", LOGS)
+def test_an_upright_axis_is_labelled_with_its_quantity_and_unit(results: dict[str, Result], log: str) -> None:
+    for name, figure in drawn(results[log]):
+        for ax in figure.axes if name != "budget" else ():
+            if ax.axison and ax.get_visible():
+                assert re.fullmatch(r"[A-Z][a-z]+[ \n]\([^()]+\)", ax.get_ylabel()), name
+
+
+def repaired(figure: "Figure", panel: int) -> list[tuple[float, float]]:
+    """Begin and end of the stretches that are marked in a panel."""
+    found = [patch for patch in figure.axes[panel].patches if patch.get_gid() == f"repaired-{panel}"]
+    corners = np.concatenate([np.asarray(patch.get_path().vertices)[:, 0] for patch in found]) if found else np.empty(0)
+    return [(float(part.min()), float(part.max())) for part in corners.reshape(-1, 5)]
+
+
+def key_of(figure: "Figure") -> list[str]:
+    """Entries of the legend above the first panel."""
+    legend = figure.axes[0].get_legend()
+    assert legend is not None
+    return [text.get_text() for text in legend.get_texts()]
+
+
+def test_repaired_stretches_are_marked_in_the_panels_of_their_channels_alone() -> None:
+    reduction = reduce(read_run(FIXTURES / "damaged_logs" / "dropouts.csv"))
+    powers = figures.powers_of(reduction)
+    with house_style():
+        figure = figures.time_histories(reduction, powers)
+    gaps, clock = reduction.run.gaps, reduction.run.gaps["clock"].tolist()
+    channels = [name for name, *_ in PANELS if name in reduction.run.channels]
+    for panel, name in enumerate(channels):
+        marked = repaired(figure, panel)
+        for begin, end in [*clock, *gaps.get(name, np.empty((0, 2))).tolist()]:
+            assert any(a <= begin and end <= b for a, b in marked), name
+        assert sum(b - a for a, b in marked) < 3.0
+    force, torque = channels.index("force"), channels.index("torque")
+    assert repaired(figure, force) != repaired(figure, torque)
+    assert set(repaired(figure, len(channels))) >= {*repaired(figure, force), *repaired(figure, torque)}
+    assert "repaired" in key_of(figure)
+
+
+def test_a_log_without_gaps_has_no_mark_of_repaired_stretches(clean: Result) -> None:
+    with house_style():
+        figure = figures.time_histories(clean[0], figures.powers_of(clean[0]))
+    assert [repaired(figure, panel) for panel in range(len(figure.axes))] == [[]] * len(figure.axes)
+    assert "repaired" not in key_of(figure)
+
+
+def test_phases_are_named_above_the_histories_and_in_the_powers_of_a_cycle(clean: Result) -> None:
+    reduction, _ = clean
+    powers = figures.powers_of(reduction)
+    with house_style():
+        above = [
+            (text.get_text(), text.get_position()[0])
+            for text in figures.time_histories(reduction, powers).axes[0].texts
+        ]
+        streams = figures.power_streams(reduction, powers)
+    wanted = []
+    for c in reduction.cycles:
+        assert c.phases.hold is not None
+        assert c.phases.haul_in is not None
+        spans = {
+            f"payout {c.cycle}": (c.phases.onset, c.phases.payout_end),
+            "hold": c.phases.hold,
+            "haul-in": c.phases.haul_in,
+        }
+        wanted += [(name, 0.5 * sum(span)) for name, span in spans.items()]
+    assert [name for name, _ in above] == [name for name, _ in wanted]
+    assert [at for _, at in above] == pytest.approx([at for _, at in wanted])
+    assert streams is not None
+    assert [text.get_text().strip() for text in streams.axes[0].texts] == ["payout", "hold", "haul-in", "window"]
 
 
 @pytest.mark.parametrize("log", LOGS)

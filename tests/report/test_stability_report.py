@@ -76,7 +76,7 @@ def test_a_number_that_changes_is_marked_in_the_title_of_its_panel() -> None:
         figure = stability_figure(with_trends(Trend("load", -0.2, 0.02, 1e-9)))
     assert figure is not None
     (title,) = [ax.get_title(loc="left") for ax in figure.axes if ax.get_title(loc="left")]
-    assert title == "Copper heating: changes with the load\nstator resistance, %"
+    assert title == "Copper heating: changes with the load\nstator resistance (%)"
 
 
 def test_without_a_cause_there_is_no_figure() -> None:

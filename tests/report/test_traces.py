@@ -83,7 +83,7 @@ def reduction() -> Reduction:
 
 
 def page(reduction: Reduction) -> Any:
-    text = readout(reduction.run, reduction.rig, reduction.cycles, powers_of(reduction))
+    text = readout(reduction, powers_of(reduction))
     return json.loads(text, parse_constant=lambda word: pytest.fail(word))
 
 
@@ -129,6 +129,25 @@ def test_a_cycle_of_the_readout_spans_its_payout_hold_and_haul_in(reduction: Red
         assert begin < c.window.onset < c.phases.haul_in[1] < end
     for (_, _, end), (_, begin, _) in pairwise(spans):
         assert end < begin
+
+
+def test_the_readout_names_the_phase_and_the_window_of_an_instant(reduction: Reduction) -> None:
+    spans = page(reduction)["spans"]
+    c = reduction.cycles[1]
+    inside = 0.5 * (c.window.onset + c.window.cutoff)
+    assert {name for name, a, b in spans if a <= inside <= b} == {"payout of cycle 2", "integration window"}
+    assert c.phases.haul_in is not None
+    assert {name for name, a, b in spans if a <= sum(c.phases.haul_in) / 2 <= b} == {"haul-in of cycle 2"}
+
+
+def test_the_readout_states_where_a_trace_is_repaired() -> None:
+    log = Path(__file__).parents[2] / "fixtures" / "damaged_logs" / "dropouts.csv"
+    found = reduce(read_run(log), window=5.48)
+    traces = {trace["name"]: trace.get("repaired", []) for trace in page(found)["traces"]}
+    (begin, end) = found.run.gaps["force"].tolist()[0]
+    middle = 0.5 * (begin + end)
+    inside = {name for name, spans in traces.items() if any(a <= middle <= b for a, b in spans)}
+    assert inside == {"Line tension", "P_line"}
 
 
 EPOCH = 1_776_506_400.0

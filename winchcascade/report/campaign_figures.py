@@ -186,7 +186,7 @@ def over_speed(runs: Sequence[LogSummary], bins: Bins) -> Figure | None:
     figure, axes = panel_figure(head + 2.42, 1, len(fields), room=room, gaps={"wspace": 0.34})
     for k, (ax, (field, title, unit)) in enumerate(zip(axes, fields, strict=True)):
         unit = _curves(ax, names, [_curve(found, field) for found in shown.values()], unit)
-        label_panel(ax, "abc"[k], title, x="Generator speed (rpm)", y=unit)
+        label_panel(ax, "abc"[k], title, x="Generator speed (rpm)", unit=unit)
     first = dict(zip(reversed(names), reversed(axes[0].lines), strict=True))
     columns, gap = columns_within(list(place), **_LEGEND), _LEGEND["gap"]
     figure.legend([first[name] for name in place], list(place), loc="upper right", ncols=columns, columnspacing=gap)

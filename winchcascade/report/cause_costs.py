@@ -26,7 +26,7 @@ from winchcascade.report.report_model import (
     text_column,
 )
 from winchcascade.report.text_table import aligned_lines, table_lines
-from winchcascade.report.wording import load_words
+from winchcascade.report.wording import load_words, tex
 
 if TYPE_CHECKING:  # the text of a diagnosis needs no figure
     from matplotlib.axes import Axes
@@ -296,7 +296,7 @@ def draw_waterfalls(panels: Sequence[Axes], found: ModelDiagnosis, table: Sequen
     for ax, costs in zip(panels, table, strict=False):
         _waterfall(ax, costs, span)
         ax.set_title(load_words(costs.load), loc="left", pad=3)
-        ax.set_xlabel(f"{leading_metric(found.contributions)} (%)")
+        ax.set_xlabel(f"{tex(table[0].metric)} (%)")
     names = [given_head(found), *(part_name(found, part) for part in table[0].parts), word_of(found)]
     panels[0].set(yticks=range(bars), yticklabels=names, ylim=(bars - 0.45, -0.55))
 

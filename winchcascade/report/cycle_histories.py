@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import base64
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import msgspec
@@ -19,7 +20,8 @@ from winchcascade.report.diagnosis_data import HAUL_IN, OUT, by_load, most_telli
 from winchcascade.report.diagnosis_figures import AFTER, DASHES
 from winchcascade.report.digits import significant
 from winchcascade.report.gap_words import NAMES, baseline_words
-from winchcascade.report.style import COLOURS, Room, legend_above, line_entry, patch_entry, wide_figure
+from winchcascade.report.history_marks import REPAIRED, REPAIRED_HEIGHT, mark_repaired, repaired_spans
+from winchcascade.report.style import COLOURS, Room, label_upright, legend_above, line_entry, patch_entry, wide_figure
 from winchcascade.report.traces import PANELS
 from winchcascade.report.wording import load_words
 
@@ -46,7 +48,8 @@ class CycleHistory(NamedTuple):
     """One cycle of one run: its numbers, instants since the onset (n,) [s], and the end of its payout [s].
 
     `logged`, `given` and, where there are fitted effects, `caused` (n, 5) are columns of `CHANNELS` in SI units, NaN where the
-    run has no such channel. `zeros` (5,) are taken off the logged values.
+    run has no such channel. `zeros` (5,) are taken off the logged values. `haul_in` is its begin and end, if it was compared
+    [s]. `repaired` are the stretches of each channel in which samples were replaced, since the onset [s].
     """
 
     log: int
@@ -57,6 +60,13 @@ class CycleHistory(NamedTuple):
     given: Signal
     caused: Signal | None
     zeros: Signal
+    haul_in: tuple[float, float] | None = None
+    repaired: Mapping[str, list[tuple[float, float]]] = MappingProxyType({})
+
+    @property
+    def phases(self) -> dict[str, tuple[float, float]]:
+        """Begin and end of the phases that are compared, since the onset. [s]"""
+        return {"payout": (0.0, self.payout_end)} | ({} if self.haul_in is None else {"haul-in": self.haul_in})
 
     @property
     def sides(self) -> list[Signal]:
@@ -136,9 +146,9 @@ def _of_a_run(found: ModelDiagnosis, log: int, chosen: Sequence[tuple[int, int]]
     sides = [logged, given, *([_at_samples(found, log, nu, fitted=True)] if found.causes else [])]
     items = []
     for cycle in (cycle for k, cycle in chosen if k == log):
-        moving, out = (
+        moving, out, back = (
             np.flatnonzero((blocks.cycle == cycle) & np.isin(blocks.phase, phases))
-            for phases in ((OUT, HAUL_IN), (OUT,))
+            for phases in ((OUT, HAUL_IN), (OUT,), (HAUL_IN,))
         )
         onset = float(run.t[blocks.start[out[0]]])
         span = onset - LEAD, float(run.t[blocks.stop[moving[-1]] - 1]) + TAIL
@@ -146,8 +156,18 @@ def _of_a_run(found: ModelDiagnosis, log: int, chosen: Sequence[tuple[int, int]]
         step = max(round(run.fs / SHOWN_HZ), -(-(rows.stop - rows.start) // MOST_POINTS), 1)
         t, *shown = (_averaged(x[rows], step) for x in (run.t - onset, *sides))
         end = float(run.t[blocks.stop[out[-1]] - 1]) - onset
-        items.append(CycleHistory(log, cycle, t, end, shown[0], shown[1], shown[2] if found.causes else None, zeros))
+        repaired = {name: _since(repaired_spans(run, [name]), onset, span) for name in CHANNELS}
+        caused = shown[2] if found.causes else None
+        haul_in = None
+        if back.size:
+            haul_in = (float(run.t[blocks.start[back[0]]]) - onset, float(run.t[blocks.stop[back[-1]] - 1]) - onset)
+        items.append(CycleHistory(log, cycle, t, end, shown[0], shown[1], caused, zeros, haul_in, repaired))
     return items
+
+
+def _since(spans: list[tuple[float, float]], onset: float, shown: tuple[float, float]) -> list[tuple[float, float]]:
+    """Parts of stretches that are shown, since an onset. [s]"""
+    return [(max(a, shown[0]) - onset, min(b, shown[1]) - onset) for a, b in spans if a < shown[1] and b > shown[0]]
 
 
 def _averaged(x: Signal, step: int) -> Signal:
@@ -187,11 +207,11 @@ def histories_json(found: ModelDiagnosis, items: Sequence[CycleHistory], first: 
     first : number of the one that the page shows first
     logged : what the values of the log are called
     """
-    sets = []
+    sets, names = [], panel_channels(found)
     for item in items:
         order = " | ".join((logged, baseline_words(found), AFTER)[: len(item.sides)])
         traces: list[dict[str, object] | None] = []
-        for name in panel_channels(found):
+        for name in names:
             k, factor = CHANNELS.index(name), AXES[name][2]
             columns = np.array([x[:, k] for x in item.sides]) * factor
             traces.append(None if np.isnan(columns).any() else _packed(columns))
@@ -200,6 +220,8 @@ def histories_json(found: ModelDiagnosis, items: Sequence[CycleHistory], first: 
                 "name": item_words(found, item),
                 "note": f"Values under the cursor: {order}. {zeros_words(found, item)}",
                 "payout": [0.0, round(item.payout_end, 3)],
+                "spans": [[name, round(a, 3), round(b, 3)] for name, (a, b) in item.phases.items()],
+                "repaired": [[[round(t, 3) for t in span] for span in item.repaired.get(name, ())] for name in names],
                 "times": _packed(item.t[None]),
                 "traces": traces,
             }
@@ -209,8 +231,9 @@ def histories_json(found: ModelDiagnosis, items: Sequence[CycleHistory], first: 
         "span": [float(t[0]), float(t[-1])],
         "label": TIME,
         "cycles": [],
-        "panels": [{"name": AXES[name][0], "unit": AXES[name][1]} for name in panel_channels(found)],
+        "panels": [{"name": AXES[name][0], "unit": AXES[name][1]} for name in names],
         "first": first,
+        "repaired_height": REPAIRED_HEIGHT,
         "sets": sets,
     }
     return msgspec.json.encode(page).decode()
@@ -246,10 +269,11 @@ LINES: tuple[dict[str, Any], ...] = (
 
 
 def histories_figure(found: ModelDiagnosis, item: CycleHistory, word: str) -> Figure:
-    """Draw one cycle; the parts that a page exchanges have names: `trace-PANEL-LINE`, `span-PANEL`, `xaxis-`, `yaxis-`."""
+    """Draw one cycle; what a page exchanges has a name with the number of its panel: `trace-0-1`, `span-0`, `xaxis-0`."""
+    any_repaired = any(log.run.gaps for log in found.data.logs)
     channels = panel_channels(found)
     height = HEAD + FOOT + (TITLE + ABOVE + APART + BELOW) * len(channels)
-    figure, top, (left, right) = wide_figure(height), height - HEAD, Room(left=0.1).edges
+    figure, top, (left, right) = wide_figure(height), height - HEAD, Room(left=0.125).edges
     for n, name in enumerate(channels):
         title, unit, factor = AXES[name]
         k = CHANNELS.index(name)
@@ -260,12 +284,14 @@ def histories_figure(found: ModelDiagnosis, item: CycleHistory, word: str) -> Fi
         below = figure.add_axes((left, top / height, right - left, BELOW / height), sharex=above)
         curves = [x[:, k] * factor for x in item.sides]
         _panel(above, 2 * n, item, list(zip(curves, LINES, range(3), strict=False)))
+        if any_repaired:
+            mark_repaired(above, item.repaired.get(name, ()) or [_NOWHERE], f"repaired-{2 * n}")
         residuals = [curves[0] - simulated for simulated in curves[1:]]
         _panel(below, 2 * n + 1, item, list(zip(residuals, LINES[1:], (1, 2), strict=False)))
         below.axhline(0.0, color=COLOURS["soft"], lw=0.5, gid=f"zero-{2 * n + 1}")
         above.set_title(f"({'abcde'[n]}) {title}", loc="left", pad=3)
-        above.set_ylabel(unit)
-        below.set_ylabel(f"residual\n({unit})", fontsize=6.5)
+        label_upright(above, title, unit)
+        below.set_ylabel(f"Residual\n({unit})", fontsize=6.5)
         above.tick_params(labelbottom=False)
         if n < len(channels) - 1:
             below.tick_params(labelbottom=False)
@@ -276,11 +302,16 @@ def histories_figure(found: ModelDiagnosis, item: CycleHistory, word: str) -> Fi
         line_entry(word, "ink", lw=0.8),
         *simulated[: len(item.sides) - 1],
         patch_entry("payout", "payout", lw=0),
+        *([patch_entry(REPAIRED, "repaired", lw=0)] if any_repaired else []),
     ]
     legend_above(figure, entries)
     for ax in figure.axes:
         ax.yaxis.set_label_coords(-0.7 * left / (right - left), 0.5)
     return figure
+
+
+_NOWHERE = (-1e3, -1e3)
+"""A stretch that lies outside of every panel: a page exchanges the mark of a cycle without repaired stretches too. [s]"""
 
 
 def _panel(ax: Axes, number: int, item: CycleHistory, lines: list[tuple[Signal, dict[str, Any], int]]) -> None:

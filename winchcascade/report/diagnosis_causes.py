@@ -423,7 +423,7 @@ def _run_by_run(ax: Axes, found: DiagnosisResult, cause: NamedCause) -> None:
         ax.set_xlabel("Run, in the order of the campaign")
     marks = ", ".join(MARKED[trend.along] for trend in stability.trends)
     ax.set_title(
-        f"{found.suspects[cause.effect].label}{f': {marks}' if marks else ''}\n{how.what}, {how.unit}".removesuffix(", "),
+        f"{found.suspects[cause.effect].label}{f': {marks}' if marks else ''}\n{how.what} ({how.unit or 1})",
         loc="left", pad=3, fontsize=7.2, color=COLOURS["mech" if marks else "ink"],
     )  # fmt: skip
     ax.grid(False, axis="x")

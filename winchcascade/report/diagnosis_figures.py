@@ -239,9 +239,9 @@ def history(found: ModelDiagnosis, both: Sides, log: int, word: str) -> Figure |
         ax.margins(x=0.005)
         ax.ticklabel_format(axis="y", useOffset=False)
         if is_narrow():
-            ax.set_ylabel(f"{NAMES[channel]}\n({unit})")
+            ax.set_ylabel(f"{upper(NAMES[channel])}\n({unit})")
         else:
-            ax.set_ylabel(f"{NAMES[channel]}\n({unit})", rotation=0, ha="left", va="center")
+            ax.set_ylabel(f"{upper(NAMES[channel])}\n({unit})", rotation=0, ha="left", va="center")
             ax.yaxis.set_label_coords(-0.163, 0.5)
     axes[-1].set_xlabel("Time (s)")
     entries = [line_entry(baseline_words(found), "mech", lw=1.2), line_entry(AFTER, "gen", lw=1.2)][: len(one.errors)]
@@ -284,7 +284,7 @@ def over_speed_figure(found: ModelDiagnosis, both: Sides, word: str) -> Figure |
                 ax.plot(rpm, values, color=COLOURS[colour], **mark)
         ax.set(xlim=(0.0, None), ylim=(0.0, None))
         shaded |= shade_over_speed(ax, None if rated is None else rated.value * 30.0 / math.pi)
-        label_panel(ax, "abc"[n], title, x="Generator speed (rpm)", y=unit)
+        label_panel(ax, "abc"[n], title, x="Generator speed (rpm)", unit=unit)
     kinds = [
         line_entry(word, lw=1.2),
         *(
@@ -326,7 +326,7 @@ def error_figure(found: ModelDiagnosis, both: Sides, word: str) -> Figure | None
         title, unit = f"{upper(word)} − simulated, {NAMES[channel]}", COMPARED[channel][0]
         ax.set_title(f"({'ab'[n]}) {title}" if len(panels) > 1 else title, loc="left", pad=3)
         own = f"{upper(NAMES[channel])} ({unit})"
-        ax.set(xlabel="Generator speed (rpm)" if channel in OVER_SPEED else own, ylabel=unit)
+        ax.set(xlabel="Generator speed (rpm)" if channel in OVER_SPEED else own, ylabel=f"Difference ({unit})")
     noise = patch_entry("noise, 95 % in the middle", "loss", alpha=0.6, lw=0)
     current = [line_entry("rated stator current", "soft", lw=0.8, ls="--")] if rated is not None else []
     legend_above(figure, [*_before_and_after(found, after=both.after is not None), noise, *current])

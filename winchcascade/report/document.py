@@ -122,7 +122,7 @@ def make_report(
         tiles=_tiles(reduction, found),
         points=tuple(_points(reduction, found)),
         sections=sections,
-        traces=readout(run, reduction.rig, reduction.cycles, figures.powers_of(reduction)),
+        traces=readout(reduction, figures.powers_of(reduction)),
         banner=banner([run.origin]),
         subscripts=subscripts_of(reduction.rig.cascade),
     )
@@ -290,7 +290,8 @@ def _sections(reduction: Reduction, found: Uncertainty, model: Modelled, command
             picture(
                 figures.time_histories(reduction, powers), "histories",
                 "Channels and powers over the whole log. "
-                + (_NOT_SHADED if len(reduction.cycles) > figures.SHADED_CYCLES else _shaded(reduction)),
+                + (_NOT_SHADED if len(reduction.cycles) > figures.SHADED_CYCLES else _shaded(reduction))
+                + (_REPAIRED if reduction.run.gaps else ""),
                 "Line plots of every channel over time; the values are in the log, means of the phases in the tables.",
                 interactive=True,
             ),
@@ -355,7 +356,7 @@ def _powers(reduction: Reduction, powers: dict[str, Signal]) -> Section:
             figures.power_streams(reduction, powers), "streams",
             f"{'Left: p' if more else 'P'}owers of cycle {cycle} over time; between the dashed lines lies the integration "
             "window. What lies between two curves is lost between the stages, or stored and returned or delivered "
-            f"later.{more}",
+            f"later.{_REPAIRED if reduction.run.gaps else ''}{more}",
             f"Line plot of the powers over time{alt}.",
         ),
         tables.bins_table(reduction),
@@ -413,6 +414,8 @@ def _shaded(reduction: Reduction) -> str:
     what = "Payouts and holds" if word == "payout" else f"{word.capitalize()}s"
     return f"{what} are shaded, the dashed lines bound the integration windows."
 
+
+_REPAIRED = " Marks at the lower edge: samples of a channel that is shown were replaced there; the findings list why."
 
 _NOT_SHADED = "Phases are not shaded: they would be too narrow to see."
 

@@ -19,6 +19,20 @@ from winchcascade.reduction.bins import engaged, generator_speed
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.reduction.uncertainty import Budget
 from winchcascade.report.digits import significant
+from winchcascade.report.history_marks import (
+    REPAIRED,
+    STRIP,
+    key_above,
+    mark_repaired,
+    name_phases,
+    name_within,
+    phase_entries,
+    power_sources,
+    raise_head,
+    repaired_spans,
+    room_for_names,
+    shade_phases,
+)
 from winchcascade.report.style import (
     COLOURS,
     Room,
@@ -28,6 +42,7 @@ from winchcascade.report.style import (
     label_panel,
     look_of,
     panel_figure,
+    patch_entry,
     readable,
     wide_figure,
 )
@@ -72,7 +87,7 @@ _TURN, _DROP = 0.38, -0.3
 _LINE_OF_WORDS = 18
 """Characters in a line of what leaves an energy flow in a narrow figure."""
 
-_ROOM = Room(left=0.095)
+_ROOM = Room(left=0.11)
 """Room of the figures over time."""
 
 
@@ -98,7 +113,8 @@ def _stage_style(stage: str) -> dict[str, Any]:
 def time_histories(reduction: Reduction, powers: dict[str, Signal]) -> Figure:
     """Draw every channel and the powers over the whole log, phases shaded, windows marked (the paper's Fig. 5)."""
     rows = history_rows(reduction, powers)
-    figure, axes = panel_figure(0.75 + 0.98 * rows, rows, room=_ROOM, gaps={"hspace": 0.42}, share="x")
+    room = _ROOM._replace(head=_ROOM.head + STRIP)
+    figure, axes = panel_figure(0.75 + STRIP + 0.98 * rows, rows, room=room, gaps={"hspace": 0.42}, share="x")
     draw_histories(axes, reduction, powers)
     figure.align_ylabels(axes)
     return figure
@@ -118,49 +134,28 @@ def draw_histories(axes: Sequence[Axes], reduction: Reduction, powers: Mapping[s
         x = run.channels[name]
         short, unit = readable(unit, x)
         _trace(ax, t, x * (factor * short), color=COLOURS["ink"], gid=f"trace-{name}")
-        label_panel(ax, ascii_lowercase[k], title, y=unit)
+        label_panel(ax, ascii_lowercase[k], title, unit=unit)
     if powers:
         short, unit = readable("W", *powers.values())
         for stage, x in powers.items():
             _trace(axes[-1], t, x * short, gid=f"trace-power_{stage}", **_stage_style(stage))
-        label_panel(axes[-1], ascii_lowercase[rows - 1], "Power", y=unit)
+        label_panel(axes[-1], ascii_lowercase[rows - 1], "Power", unit=unit)
         axes[-1].legend(loc="lower right", ncols=3, bbox_to_anchor=(1.0, 0.98), borderaxespad=0.0)
     axes[-1].set_xlabel(time_label(run))
     axes[-1].set_xlim(t[0], t[-1])
+    shaded = len(reduction.cycles) <= SHADED_CYCLES
+    sources = [(name,) for name, *_ in panels] + [power_sources(reduction, powers)] * bool(powers)
+    repaired = [repaired_spans(run, source) for source in sources]
     for k, ax in enumerate(axes):
         ax.xaxis.set_gid(f"xaxis-{k}")
-        if len(reduction.cycles) <= SHADED_CYCLES:
-            _shade_phases(ax, k, reduction.cycles, zero)
-    if len(reduction.cycles) <= SHADED_CYCLES and rows > 1:
-        _phase_key(axes[0], reduction)
-
-
-def _shade_phases(ax: Axes, panel: int, cycles: Sequence[CycleResult], zero: float) -> None:
-    """Shade payouts and holds, and bound the windows by dashed lines."""
-    for c in cycles:
-        for phase, span in (("payout", (c.phases.onset, c.phases.payout_end)), ("hold", c.phases.hold)):
-            if span is not None:
-                begin, end = span[0] - zero, span[1] - zero
-                ax.axvspan(begin, end, color=COLOURS[phase], lw=0, gid=f"span-{c.cycle}-{phase}-{panel}")
-        style: Any = "--" if c.complete else ":"
-        for name, edge in (("onset", c.window.onset), ("cutoff", c.window.cutoff)):
-            ax.axvline(edge - zero, color=COLOURS["soft"], ls=style, lw=0.7, gid=f"edge-{c.cycle}-{name}-{panel}")
-
-
-def _phase_key(ax: Axes, reduction: Reduction) -> None:
-    """Name the shades and the dashed lines above the panels."""
-    word = span_word(reduction)
-    shades = {word: "payout"} | ({"hold": "hold"} if word == "payout" else {})
-    entries: dict[str, Any] = {
-        name: Rectangle((0, 0), 1, 1, fc=COLOURS[colour], ec=COLOURS["soft"], lw=0.4) for name, colour in shades.items()
-    }
-    complete = all(c.complete for c in reduction.cycles)
-    lines = {"integration window": "--"} | ({} if complete else {"of an incomplete cycle": ":"})
-    entries |= {name: ax.plot([], [], ls=dash, lw=0.8, color=COLOURS["soft"])[0] for name, dash in lines.items()}
-    ax.legend(
-        entries.values(), entries, loc="lower right", ncols=len(entries), bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1,
-        columnspacing=1.2,
-    )  # fmt: skip
+        if shaded:
+            shade_phases(ax, k, reduction.cycles, zero)
+        mark_repaired(ax, repaired[k], f"repaired-{k}", zero)
+    if rows > 1:
+        marked = [patch_entry(REPAIRED, "repaired")] if any(repaired) else []
+        key_above(axes[0], [*(phase_entries(reduction) if shaded else []), *marked])
+        if shaded and name_phases(axes[0], reduction, zero):
+            raise_head(axes[0])
 
 
 def power_streams(reduction: Reduction, powers: dict[str, Signal]) -> Figure | None:
@@ -184,9 +179,11 @@ def one_cycle(ax: Axes, reduction: Reduction, powers: dict[str, Signal]) -> None
     short, unit = readable("W", *(x[part] for x in powers.values()))
     for stage, x in powers.items():
         _trace(ax, run.t[part] - zero, x[part] * short, **_stage_style(stage))
-    for edge in (cycle.window.onset, cycle.window.cutoff):
-        ax.axvline(edge - zero, color=COLOURS["soft"], ls="--", lw=0.8)
     label_panel(ax, "a", f"Cycle {cycle.cycle}", x=time_label(run), y=f"Power ({unit})")
+    share = room_for_names(ax)
+    shade_phases(ax, 0, [cycle], zero, top=1.0 - 0.5 * share)
+    mark_repaired(ax, repaired_spans(run, power_sources(reduction, powers)), "repaired", zero)
+    name_within(ax, reduction, cycle, zero, share)
     ax.legend(
         loc="lower right", ncols=3, bbox_to_anchor=(1.01, 1.0), borderaxespad=0.1, columnspacing=0.8, handlelength=1.9
     )
@@ -412,7 +409,7 @@ def overlaid(reduction: Reduction, powers: dict[str, Signal], best: int | None, 
             style, most = _overlaid_style(c, best, worst), max(150, OVERLAID_POINTS // len(chosen))
             _trace(ax, run.t[part] - c.phases.onset, x[part] * short, most=most, **style)
         ax.axvline(chosen[0].window.cutoff - chosen[0].window.onset, color=COLOURS["soft"], ls="--", lw=0.8)
-        label_panel(ax, ascii_lowercase[k], title, y=unit, x="Time since onset (s)" if k + 2 >= len(columns) else "")
+        label_panel(ax, ascii_lowercase[k], title, unit=unit, x="Time since onset (s)" if k + 2 >= len(columns) else "")
         ax.set_xlim(-1.0, longest)
         ax.tick_params(labelbottom=k + 2 >= len(columns))
     for ax in axes[len(columns) :]:
@@ -450,14 +447,14 @@ def trend(reduction: Reduction) -> Figure | None:
         return None
     energies = [m for m in reduction.rig.cascade.energies if reduction.mean[m] is not None]
     etas = known_ratios(reduction)
-    groups = [row for row in (("Efficiencies", "1", etas), ("Energies", "J", energies)) if row[2]]
+    groups = [row for row in (("Efficiency", "1", etas), ("Energy", "J", energies)) if row[2]]
     if not groups:
         return None
     room = _ROOM._replace(head=0.25)
     figure, axes = panel_figure(0.55 + 1.5 * len(groups), len(groups), room=room, gaps={"hspace": 0.3}, share="x")
     for k, (ax, (title, unit, names)) in enumerate(zip(axes, groups, strict=True)):
         unit = trend_panel(ax, reduction, names, unit)
-        label_panel(ax, "ab"[k], title, y=unit)
+        label_panel(ax, "ab"[k], title, unit=unit)
     axes[-1].set_xlabel("Cycle")
     return figure
 

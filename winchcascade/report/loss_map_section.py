@@ -97,7 +97,7 @@ def loss_figure(found: LossMap) -> Figure:
         figure.colorbar(heat, ax=axes, pad=0.02).set_label("Loss (W)")
     rows = _selection(points)
     axes.plot(points.speed[rows], points.torque[rows], "o", ms=2.2, mew=0.4, mfc="none", mec=COLOURS["ink"])
-    axes.set(xlabel="Speed of the shaft (rad/s)", ylabel="Torque (N m)")
+    axes.set(xlabel="Speed of the shaft (rad/s)", ylabel="Torque (N·m)")
     return figure
 
 
@@ -114,8 +114,8 @@ def efficiency_figure(points: LossPoints) -> Figure:
             points.speed[rows], points.torque[rows], c=eta[rows], s=10, cmap=_GOOD, edgecolors=COLOURS["ink"],
             linewidths=0.2, zorder=3,
         )  # fmt: skip
-        figure.colorbar(dots, ax=axes, pad=0.02).set_label("Efficiency")
-    axes.set(xlabel="Speed of the shaft (rad/s)", ylabel="Torque (N m)")
+        figure.colorbar(dots, ax=axes, pad=0.02).set_label("Efficiency (1)")
+    axes.set(xlabel="Speed of the shaft (rad/s)", ylabel="Torque (N·m)")
     return figure
 
 

@@ -34,6 +34,7 @@ from winchcascade.report.style import (
     WIDTH,
     Entry,
     Room,
+    axis_label,
     dots,
     figure_width,
     label_panel,
@@ -146,7 +147,7 @@ def _panel(
     if letter:
         label_panel(ax, letter, shown.title)
     ax.set_xlabel(shown.over)
-    ax.set_ylabel(f"{shown.symbol} ({unit})" if shown.symbol else unit if letter else f"{shown.title} ({unit})")
+    ax.set_ylabel(f"{shown.symbol} ({unit})" if shown.symbol else axis_label(shown.title, unit))
     if name == "resistance_ohm":
         ax.set_ylim(0.0, 1.12 * max(max(c.log + c.simulated) for _, _, c in curves))
     elif name == "eta_gen":
@@ -213,7 +214,7 @@ def back_emf_figure(fit: Regression, *, word: str) -> Figure:
     ):
         dots(ax, np.array(fit.rpm), np.array(volt), COLOURS["ink"])
         ax.set(xlim=ends, ylim=(0.0, None))
-        label_panel(ax, letter, title, x=SPEED, y="V")
+        label_panel(ax, letter, title, x=SPEED, unit="V")
     right.text(
         0.04, 0.95, f"{fit.slope:.5f} V/rpm\n95 %: {fit.low:.5f} to {fit.high:.5f}\nR² = {fit.r2:.4f}",
         transform=right.transAxes, va="top", linespacing=1.4,

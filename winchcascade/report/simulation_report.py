@@ -129,18 +129,18 @@ def histories(simulation: Simulation) -> Figure:
     run, powers = simulation.run, stage_powers(simulation)
     rows = [row for row in _CHANNELS if row[0] in run.channels]
     figure, axes = panel_figure(
-        0.95 + 0.98 * (len(rows) + 1), len(rows) + 1, room=Room(left=0.095, head=0.5), gaps={"hspace": 0.42}, share="x"
+        0.95 + 0.98 * (len(rows) + 1), len(rows) + 1, room=Room(left=0.11, head=0.5), gaps={"hspace": 0.42}, share="x"
     )
     for k, (ax, (name, label, factor)) in enumerate(zip(axes, rows, strict=False)):
         x = run.channels[name] * factor
         drawn = envelope(x, _DRAWN)
         ax.plot(run.t[drawn], x[drawn], color=COLOURS["ink"])
         title, _, unit = label.rpartition(" (")
-        label_panel(ax, "abcdefgh"[k], title, y=unit.rstrip(")"))
+        label_panel(ax, "abcdefgh"[k], title, unit=unit.rstrip(")"))
     for stage, x in powers.items():
         drawn, look = envelope(x, _DRAWN), look_of(stage)
         axes[-1].plot(run.t[drawn], x[drawn], color=COLOURS[look.colour], ls=look.dashes)
-    label_panel(axes[-1], "abcdefgh"[len(rows)], "Power", x="Time (s)", y="W")
+    label_panel(axes[-1], "abcdefgh"[len(rows)], "Power", x="Time (s)", unit="W")
     axes[-1].set_xlim(float(run.t[0]), float(run.t[-1]))
     legend_above(figure, [line_entry(_STAGES[s], look_of(s).colour, ls=look_of(s).dashes) for s in powers])
     figure.align_ylabels(axes)

@@ -82,6 +82,7 @@ COLOURS = {
     "payout": "#dbe7f5",
     "hold": "#efeff0",
     "over": "#f6e7d8",
+    "repaired": "#d1478f",
     "load0": "#5b5f9e",
     "load1": "#3a7fc4",
     "load2": "#1f9aa0",
@@ -243,10 +244,48 @@ def panel_figure(
     return figure, list(grid.ravel())
 
 
-def label_panel(axes: Axes, letter: str, title: str, *, x: str = "", y: str = "") -> None:
-    """Write a panel's letter and title above it, to the left, and the labels of its axes that are given."""
+def label_panel(axes: Axes, letter: str, title: str, *, x: str = "", y: str = "", unit: str = "") -> None:
+    """Write a panel's letter and title above it, to the left, and the labels of its axes that are given.
+
+    Parameters
+    ----------
+    unit : that of the vertical axis, whose label is then the quantity of the title with it
+    """
     axes.set_title(f"({letter}) {title}", loc="left", pad=3)
     axes.set(**{"xlabel": x} if x else {}, **{"ylabel": y} if y else {})
+    if unit:
+        label_upright(axes, title, unit)
+
+
+QUANTITIES = (
+    "displacement", "velocity", "pressure", "tension", "torque", "voltage", "current", "back-EMF", "speed", "flow", "power",
+    "energy", "efficiency", "resistance", "loss",
+)  # fmt: skip
+"""Quantities that the titles of panels contain."""
+
+
+def axis_label(title: str, unit: str) -> str:
+    """Label of an axis: the quantity that a title contains, or else the title, with the unit.
+
+    >>> axis_label("Torque of the PTO shaft", "N·m"), axis_label("brake", "bar")
+    ('Torque (N·m)', 'Brake (bar)')
+    """
+    found = next((word for word in QUANTITIES if word.lower() in title.lower()), title)
+    return f"{found[:1].upper()}{found[1:]} ({unit})"
+
+
+def label_upright(axes: Axes, title: str, unit: str) -> None:
+    """Label the vertical axis with the quantity of a title and its unit, in two lines where the panel is low."""
+    text, figure = axis_label(title, unit), axes.get_figure(root=True)
+    height = axes.get_position().height * (figure.get_figheight() if figure is not None else 0.0)
+    low = text_size(text, float(axes.yaxis.label.get_fontsize())).width * _POINT > height
+    axes.set_ylabel(text.replace(" (", "\n(") if low else text)
+    if low:
+        axes.yaxis.label.set_fontsize(_LOW)
+
+
+_LOW = 7.0
+"""Size of a label of two lines. [pt]"""
 
 
 MOST_COLUMNS = 7

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from winchcascade.core.quantity import KGF, find_unit
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Run, Signal
-from winchcascade.reduction.reduction_result import CycleResult
+from winchcascade.reduction.reduction_result import CycleResult, Reduction
+from winchcascade.report.history_marks import phase_spans, power_sources, repaired_spans, window_spans
 
 READ_OUT = 4000
 """Number of samples above which the read-out of a page shows the range of each trace in equal stretches of the log."""
@@ -92,17 +93,21 @@ def time_label(run: Run) -> str:
     return "Time (s)" if zero == 0.0 else f"Time since {zero:.2f} s on the log's clock (s)"
 
 
-def readout(run: Run, rig: Rig, cycles: Sequence[CycleResult], powers: Mapping[str, Signal]) -> str:
-    """Traces as JSON for the read-out of a page: samples, or of a long log the least and the largest of each stretch."""
+def readout(reduction: Reduction, powers: Mapping[str, Signal]) -> str:
+    """Traces as JSON for the read-out of a page: samples, or of a long log the least and the largest of each stretch.
+
+    `spans` names phases and windows with their begin and end; `repaired` of a trace are the stretches that were bridged in it.
+    """
     import msgspec
 
-    shown = [(title, unit, run.channels[name], f) for name, title, unit, f in panels_of(run, rig)]
-    shown += [(f"P_{stage}", "W", x, 1.0) for stage, x in powers.items()]
-    zero = clock_zero(run)
+    run, cycles, zero = reduction.run, reduction.cycles[:MOST_SPANS], clock_zero(reduction.run)
+    shown: list[tuple[str, str, Signal, float, tuple[str, ...]]]
+    shown = [(title, unit, run.channels[name], f, (name,)) for name, title, unit, f in panels_of(run, reduction.rig)]
+    shown += [(f"P_{stage}", "W", x, 1.0, power_sources(reduction, [stage])) for stage, x in powers.items()]
     starts = np.linspace(0, run.t.size, min(run.t.size, STRETCHES) + 1)[:-1].astype(np.intp)
     whole = run.t.size <= READ_OUT
     rows = []
-    for title, unit, x, factor in shown:
+    for title, unit, x, factor, sources in shown:
         row: dict[str, object] = {"name": title, "unit": unit}
         if whole:
             row["x"] = _short(x * factor)
@@ -111,11 +116,21 @@ def readout(run: Run, rig: Rig, cycles: Sequence[CycleResult], powers: Mapping[s
                 "low": _short(np.minimum.reduceat(x, starts) * factor),
                 "high": _short(np.maximum.reduceat(x, starts) * factor),
             }
+        repaired = repaired_spans(run, sources)
+        if repaired:
+            row["repaired"] = [[round(edge - zero, 3) for edge in span] for span in repaired]
         rows.append(row)
+    last = end_of(cycles[-1]) if cycles else 0.0
+    spans = [(f"{name} of cycle {number}", a, b) for name, number, a, b in phase_spans(reduction)]
     page = {
         "span": [float(run.t[0]) - zero, float(run.t[-1]) - zero],
         "label": time_label(run),
-        "cycles": [[c.cycle, c.phases.onset - zero - 1.0, end_of(c) + 0.5 - zero] for c in cycles[:MOST_SPANS]],
+        "cycles": [[c.cycle, c.phases.onset - zero - 1.0, end_of(c) + 0.5 - zero] for c in cycles],
+        "spans": [
+            [name, round(a - zero, 3), round(b - zero, 3)]
+            for name, a, b in (*spans, *window_spans(reduction))
+            if a <= last
+        ],
         "times": np.round((run.t if whole else run.t[starts]) - zero, 3).tolist(),
         "traces": rows,
     }

@@ -62,8 +62,8 @@ def wave_figure(found: WaveEnergies, cascade: Cascade) -> Figure | None:
         levels = np.array([3 * [np.nan if value is None else value] for *_, value in steps], dtype=float).ravel()
         right.plot(ends, levels, color=colour, lw=1.6, ls=look.dashes, label=tex(name))
     payout = f"Payout ({found.payout_unit})"
-    label_panel(left, "a", "Energy of each wave", x=payout, y="J")
-    label_panel(right, "b", "Efficiency of each wave", x=payout)
+    label_panel(left, "a", "Energy of each wave", x=payout, y="Energy (J)")
+    label_panel(right, "b", "Efficiency of each wave", x=payout, y="Efficiency (1)")
     for axes in (left, right):
         axes.legend(loc="best")
     return figure
