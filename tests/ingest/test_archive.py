@@ -47,8 +47,9 @@ def sentence(path: Path, table: str | None = None) -> str:
         zipped(**{"r36ohm.csv": LOG}),
         zipped(**{"README.md": b"text", "day 1/r36ohm.csv": LOG, "__MACOSX/._r36ohm.csv": b"x", "photo.jpg": b"y"}),
         zipped(**{"no ending": LOG}),
+        zipped(**{"LIESMICH.txt": b"text", "r36ohm.csv": LOG}),
     ],
-    ids=["gzip", "zip", "with other files", "without an ending"],
+    ids=["gzip", "zip", "with other files", "without an ending", "with a text that ends like a log"],
 )
 def test_a_compressed_log_gives_the_same_results(content: bytes, tmp_path: Path) -> None:
     run = read_run(write(tmp_path, content))

@@ -154,3 +154,133 @@ def test_a_short_table_of_step_means_is_reduced_and_a_short_log_names_that_sourc
     code, _, err = call("reduce", log, "--rig", rig)
     assert code == 2
     assert 'set from = "rows" under [phases]' in err
+
+
+def bench(folder: Path, log: str, content: bytes, rig: str, *options: str) -> Path:
+    """Reduce a log that has just been written; its record."""
+    (folder / log).write_bytes(content)
+    (folder / "rig.toml").write_text(rig, encoding="utf-8")
+    called = call("reduce", folder / log, "--rig", folder / "rig.toml", "--json", folder / "out.json", *options)
+    assert called.code == 0, called
+    return folder / "out.json"
+
+
+def table(head: str, rows: np.ndarray, *, digits: int = 5) -> bytes:
+    """A log with semicolons, decimal commas and Windows line ends."""
+    lines = (";".join(f"{x:.{digits}f}" for x in row).replace(".", ",") for row in rows)
+    return "\r\n".join([head, *lines, ""]).encode("cp1252")
+
+
+def found_in(result: Path) -> set[str]:
+    return {finding["kind"] for finding in json.loads(result.read_text(encoding="utf-8"))["quality"]}
+
+
+RECIPROCATING = """name = "Buoy"
+[winch]
+line_can_push = true
+[cascade]
+stages = ["line", "hyd"]
+[phases]
+from = "waves"
+"""
+
+
+def test_a_force_that_switches_between_two_values_is_no_fault_of_the_logger(tmp_path: Path) -> None:
+    """A hydraulic ram against a constant pressure: force and pressure hold two values, exactly."""
+    t = 0.02 * np.arange(6000)
+    v = 0.5 * np.sin(2.0 * np.pi * t / 8.0)
+    force, flow = 4000.0 * np.sign(v), 0.002 * np.abs(v)
+    pressure = np.where(flow > 1e-7, 16e5, 0.0)
+    rows = np.column_stack((t, v, force / 1e3, 6e4 * flow, pressure / 1e5))
+    head = "Temps (s);Vitesse (m/s);Force (kN);D\u00e9bit (l/min);Pression (bar)"
+    result = bench(tmp_path, "ram.csv", table(head, rows), RECIPROCATING)
+    assert compared(result, t, {"line": force * v, "hyd": pressure * flow}) == 14
+    assert found_in(result) == set()
+    record = json.loads(result.read_text(encoding="utf-8"))["waves"]["record"]
+    assert record["power_line_w"] == pytest.approx(np.trapezoid(force * v, t) / t[-1], rel=1e-4)
+
+
+def test_a_record_of_which_gaps_leave_nothing_has_no_mean_power(tmp_path: Path) -> None:
+    t = 0.02 * np.arange(3000)
+    v = 0.5 * np.sin(2.0 * np.pi * t / 8.0)
+    force = np.where((t > 0.01) & (t < t[-1] - 0.01), np.nan, 500.0)
+    rows = "".join(f"{a:.2f},{b:.4f},{'' if np.isnan(c) else c}\n" for a, b, c in zip(t, v, force, strict=True))
+    rig = RECIPROCATING.replace('"line", "hyd"', '"line"')
+    content = f"Time (s),Velocity (m/s),Force (N)\n{rows}".encode()
+    record = json.loads(bench(tmp_path, "lost.csv", content, rig).read_text(encoding="utf-8"))["waves"]
+    assert record["mean_power"]["line"]["value"] is None
+    assert "power_line_w" not in record["record"]
+
+
+def test_a_motor_in_newton_centimetres_and_turns_a_minute_beside_kilowatts(tmp_path: Path) -> None:
+    t = 0.05 * np.arange(960)
+    step = np.minimum(t // 8.0, 5.0)
+    omega = np.convolve(np.pad(30.0 + 20.0 * step, 10, mode="edge"), np.full(21, 1.0 / 21.0), "valid")
+    torque = 1.0 + step
+    power = torque * omega / 0.78
+    rows = np.column_stack((t, omega * 30.0 / np.pi, 100.0 * torque, power / 1e3))
+    head = "Zeit;Drehzahl;Drehmoment;P_el\r\n[s];[1/min];[Ncm];[kW]"
+    rig = 'name = "Motor"\n[cascade]\nstages = ["ac", "mech"]\n[phases]\nfrom = "steps"\n[columns]\npower_ac = "P_el"\n'
+    result = bench(tmp_path, "motor.csv", table(head, rows, digits=7), rig)
+    assert compared(result, t, {"ac": power, "mech": torque * omega}) == 6
+    assert found_in(result) == set()
+
+
+def test_a_drum_in_hertz_and_ranges_over_midnight(tmp_path: Path) -> None:
+    """Twelve-hour stamps without a date; the second range begins before midnight and ends behind it."""
+    t = 0.1 * np.arange(1200)
+    turns = 0.4 + 0.3 * np.sin(2.0 * np.pi * t / 40.0)
+    torque, volt = 150.0 + 40.0 * np.sin(2.0 * np.pi * t / 25.0), 60.0 + 10.0 * np.cos(t / 9.0)
+    mech = torque * 2.0 * np.pi * turns
+    moments = [np.datetime64("2026-03-31T23:59:15", "ms") + np.timedelta64(100 * k, "ms") for k in range(t.size)]
+    stamps = [
+        moment.astype(object).strftime("%I:%M:%S.%f")[:-3] + moment.astype(object).strftime(" %p") for moment in moments
+    ]
+    rows = "".join(
+        f"{stamp},{a:.6f},{b:.4f},{c:.4f},{0.8 * d / c:.6f}\n"
+        for stamp, a, b, c, d in zip(stamps, turns, torque, volt, mech, strict=True)
+    )
+    rig = (
+        'name = "Drum"\n[cascade]\nstages = ["mech", "gen"]\n[phases]\nfrom = "ranges"\n'
+        "ranges_s = [[5.0, 30.0], [38.0, 95.0]]\n"
+        '[columns]\nspeed = { name = "f_Trommel", side = "drum" }\n'
+    )
+    content = f"Time,f_Trommel [Hz],Torque (N.m),Vdc (V),Idc (A)\n{rows}".encode()
+    assert compared(bench(tmp_path, "night.csv", content, rig), t, {"mech": mech, "gen": 0.8 * mech}) == 2
+
+
+def test_a_counter_of_16_bits_is_counted_on_over_a_gap(tmp_path: Path) -> None:
+    """Rows of 30 s are lost; the counter of milliseconds began again in the meantime."""
+    t = 0.097 * np.arange(3000)
+    v = 0.8 * np.sin(2.0 * np.pi * t / 10.0)
+    force = 1200.0 + 300.0 * v
+    kept = (t < 50.0) | (t > 80.0)
+    count = (np.round(1e3 * t).astype(int) + 100) % 65536
+    rows = "".join(f"{n}\t{a:.5f}\t{b:.3f}\n" for n, a, b in zip(count[kept], v[kept], force[kept], strict=True))
+    rig = (
+        'name = "Counter"\n[cascade]\nstages = ["line"]\n[phases]\nfrom = "waves"\n'
+        '[columns]\ntime = { name = "cnt", unit = "ms" }\n'
+    )
+    result = bench(tmp_path, "count.txt", f"cnt\tvelocity (m/s)\tforce (N)\n{rows}".encode(), rig)
+    assert compared(result, t + 0.1, {"line": force * v}) >= 24
+    record = json.loads(result.read_text(encoding="utf-8"))["waves"]["record"]
+    true = sum(np.trapezoid((force * v)[part], t[part]) for part in (t < 50.0, t > 80.0))
+    assert record["energy_line_j"] == pytest.approx(true, rel=2e-3)
+
+
+def test_labels_that_are_numbers_with_decimal_commas_and_empty_cells(tmp_path: Path) -> None:
+    t = 0.05 * np.arange(1800)
+    place = t % 30.0
+    label = np.select([(place >= 4.0) & (place < 16.0), place >= 18.0], ["1,50", "-2,00"], "")
+    v = np.select([label == "1,50", label == "-2,00"], [0.7, -0.5], 0.0)
+    force = np.where(label == "1,50", 1500.0, 1000.0)
+    rows = "\n".join(
+        f"{a:.2f};{b:.3f};{c:.1f};".replace(".", ",") + d for a, b, c, d in zip(t, v, force, label, strict=True)
+    )
+    rig = (
+        'name = "Labels"\n[cascade]\nstages = ["line"]\n[phases]\nfrom = "column"\ncolumn = "Schritt"\n'
+        "payout = [1.5]\nhaul_in = [-2]\n"
+    )
+    result = bench(tmp_path, "labels.csv", f"t [s];Geschw. [m/s];F [N];Schritt\n{rows}\n".encode(), rig)
+    assert compared(result, t, {"line": force * v}) == 3
+    assert found_in(result) == set()

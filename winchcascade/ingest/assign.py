@@ -241,7 +241,9 @@ def _matches(
         if unit is None and channel != "time":
             usual = rig.known_channels[channel].unit
             if channel not in rig.channels:
-                message = f"column {header.name.strip()!r} names no unit that is known; taken as {usual}"
+                stated = read_header(header).unknown_unit
+                known = f"known ({stated!r} is none)" if stated else "known"
+                message = f"column {header.name.strip()!r} names no unit that is {known}; taken as {usual}"
                 findings.append(Finding("unit_assumed", message, "assumed", channel))
             unit = read_as(find_unit(usual), _dimension(channel, rig))
         if channel == "speed" and unit is not None:

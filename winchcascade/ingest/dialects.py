@@ -28,7 +28,7 @@ NAMES: dict[str, str] = {
         verschiebung weg seilweg position_line auszug hub déplacement course desplazamiento posición carrera spostamento corsa
         verplaatsing forskyvning forskydning deslocamento läge sträcka przemieszczenie położenie siirtymä posun yer_değiştirme
         位移 線位移 行程 位置 放線長度 変位 ストローク 변위 перемещение""",
-    "velocity": """velocity vel speed v vline v_line linevel linespeed reelout_speed reel_out_speed geschwindigkeit
+    "velocity": """velocity vel speed v vline v_line linevel linespeed reelout_speed reel_out_speed geschwindigkeit geschw
         seilgeschwindigkeit vitesse velocidad velocità snelheid hastighet hastighed velocidade prędkość nopeus rychlost hız
         速度 線速度 线速度 速率 線速 속도 скорость""",
     "pressure": """pressure press p pacc p_acc accumulator_pressure gas_pressure druck gasdruck speicherdruck pression

@@ -90,8 +90,9 @@ class WaveEnergies(msgspec.Struct, frozen=True):
 
     @property
     def record_power(self) -> dict[str, float]:
-        """Mean powers of the record, by stage. [W]"""
-        return {stage: joule / self.record_duration for stage, joule in self.record_energy.items()}
+        """Mean powers of the record, by stage; none where gaps leave nothing of it. [W]"""
+        whole = self.record_energy if self.record_duration > 0.0 else {}
+        return {stage: joule / self.record_duration for stage, joule in whole.items()}
 
 
 def wave_energies(reduction: Reduction) -> WaveEnergies:

@@ -110,7 +110,7 @@ def record_table(found: WaveEnergies) -> Table | None:
     columns: list[TableColumn[str]] = [
         TableColumn("Stage", text=True, of=str),
         TableColumn("Energy of the record", "J", of=lambda s: significant(found.record_energy[s], 5)),
-        TableColumn("Mean power of the record", "W", of=lambda s: significant(found.record_power[s], 4)),
+        TableColumn("Mean power of the record", "W", of=lambda s: significant(found.record_power.get(s), 4)),
         TableColumn("95 %", "W", text=True, of=lambda s: power_interval(found, s)),
         TableColumn("u of waves", "W", of=lambda s: _two_digits(found.power[s].u_waves if s in found.power else None)),
         TableColumn("u of sensors", "W", of=lambda s: _two_digits(found.power[s].u_sensors if s in found.power else None)),

@@ -48,6 +48,9 @@ UPDATES = 20
 COARSE = 3.0
 """Smallest jump of a fault, in steps of the resolution of the channel."""
 
+OTHERS = 0.01
+"""Fewer samples than this share do not show what a channel does: it may switch between two values, as a friction does. [1]"""
+
 _LEVEL = 20_000
 """Number of samples that show the range and the noise of a channel."""
 
@@ -196,7 +199,7 @@ def _level(x: Signal, without: Signal) -> Usual:
     """Range and usual curvature of a channel without some values; with them if a coarse channel has no others."""
     spread, begin = x[:: max(1, x.size // _LEVEL)], x[:_LEVEL]
     others = ~(spread[:, None] == without).any(axis=1)
-    if others.any():
+    if np.count_nonzero(others) >= max(min(UPDATES, spread.size // 2), OTHERS * spread.size):
         spread, begin = spread[others], begin[~(begin[:, None] == without).any(axis=1)]
     spread = np.sort(spread)
     spread = spread[

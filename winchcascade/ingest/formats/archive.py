@@ -26,7 +26,10 @@ _MOST_MEMBERS = 10_000
 
 _BLOCK = 1 << 20
 _NO_LETTER = re.compile(r"[^\w.() -]")
-_ASIDE = re.compile(r"(?:^|/)(?:__MACOSX/|\.[^/]*$|(?:readme|licen[cs]e|copying)[^/]*$)", re.IGNORECASE)
+_ASIDE = re.compile(
+    r"(?:^|/)(?:__MACOSX/|\.[^/]*$|(?:readme|liesmich|lisezmoi|leeme|leggimi|licen[cs]e|lizenz|copying)[^/]*$)",
+    re.IGNORECASE,
+)
 """Members beside a log: what systems add, and texts about it."""
 
 

@@ -21,6 +21,7 @@ import numpy as np
 from winchcascade.core.cascade import ELECTRICAL
 from winchcascade.core.integrate import integrals, median, quantile
 from winchcascade.core.run import Finding, Run, Signal
+from winchcascade.ingest.checks.channel_findings import text_of
 from winchcascade.reduction.efficiency import NOTHING, ratio, runs_idle
 from winchcascade.reduction.energies import Energies
 from winchcascade.reduction.gap_error import all_gaps
@@ -68,6 +69,12 @@ LEAST_INTERVAL = 4
 
 OF_ONSET = 0.5
 """Step of the velocity over the threshold of the onset from which it is reported: the onset then lies between two steps. [1]"""
+
+SWITCHED = 2
+"""Number of values between which a channel switches; a channel that is recorded in steps has more."""
+
+SELDOM = 0.01
+"""Share of the samples in which such a channel may hold another value. [1]"""
 
 ROUNDED = 1e-9
 """Changes below this share of the largest value are of rounding. [1]"""
@@ -344,13 +351,22 @@ def _coarse(phased: PhasedRun, name: str, level: float) -> Finding | None:
         return None
     error = 0.5 * step / level
     of_onset = name == "velocity" and step >= OF_ONSET * phased.rig.thresholds.v_onset
-    unit = phased.rig.known_channels[name].unit
+    channel = phased.rig.known_channels[name]
     message = (
-        f"{name} is recorded in steps of {step:.3g} {unit}, {step / level:.1%} of its mean in the windows; if "
-        f"the logger truncates, energies of {name} are up to {error:.1%} too low"
+        f"{name} is recorded in steps of {text_of(channel, step, 3)} {channel.unit}, {step / level:.1%} of its mean in the "
+        f"windows; if the logger truncates, energies of {name} are up to {error:.1%} too low"
     ) + ("; the onset moves too, which may raise or lower them" if of_onset else "")
     finding = Finding("coarse_resolution", message, "reported and kept; record it with more digits", name)
     return finding if error > REPORTED or of_onset else None
+
+
+def switches(x: Signal) -> bool:
+    """Whether a channel holds one or two values, and others in a few samples alone, as a friction or a brake does.
+
+    >>> switches(np.tile([-4000.0, 4000.0], 50)), switches(np.tile([1.0, 2.0, 3.0], 50))
+    (True, False)
+    """
+    return int(np.count_nonzero(np.unique(x, return_counts=True)[1] > SELDOM * x.size)) <= SWITCHED
 
 
 def recorded_step(phased: PhasedRun, name: str) -> float:
@@ -361,7 +377,7 @@ def recorded_step(phased: PhasedRun, name: str) -> float:
     """
     run = phased.run
     gaps = all_gaps(run, (name,))
-    courses = []
+    courses, levels = [], []
     for k in phased.chosen():  # the changes in each payout that were logged, not bridged
         rows = phased.rows(phased.cycles[k].onset, phased.cycles[k].payout_end)
         t, change = run.t[rows], np.diff(run.channels[name][rows])
@@ -369,6 +385,9 @@ def recorded_step(phased: PhasedRun, name: str) -> float:
         for begin, end in gaps:
             logged &= (t[1:] <= begin) | (t[:-1] >= end)
         courses.append(change[logged])
+        levels.append(run.channels[name][rows])
+    if switches(np.concatenate(levels)):
+        return 0.0
     changes = np.abs(np.concatenate(courses))
     changes = np.sort(changes[changes > ROUNDED * float(np.max(np.abs(phased.run.channels[name])))])
     if changes.size < FEWEST_CHANGES:
