@@ -94,7 +94,7 @@ def test_the_exit_codes_are_those_of_the_help() -> None:
             encoding="utf-8",
             check=True,
         ).stdout
-        assert "Exit code 1" in " ".join(output.split()), command
+        assert "The exit code is 1 if" in " ".join(output.split()), command
 
 
 if __name__ == "__main__":

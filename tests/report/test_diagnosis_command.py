@@ -147,8 +147,8 @@ def test_a_folder_without_a_campaign_is_rejected(tmp_path: Path) -> None:
     assert "campaign.toml" in one_sentence("diagnose", tmp_path)
 
 
-def test_a_run_without_a_load_is_rejected(campaign: Path, tmp_path: Path) -> None:
-    log = campaign / "r18ohm.csv"
+def test_a_run_without_a_load_is_rejected(fixtures: Path, tmp_path: Path) -> None:
+    log = fixtures / "campaign" / "r18ohm.csv"
     (tmp_path / "campaign.toml").write_text(f'[[run]]\nfile = "{log}"\n', encoding="utf-8")
     assert "has no load" in one_sentence("diagnose", tmp_path)
 
