@@ -10,7 +10,7 @@ import pytest
 from hypothesis import settings
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as commands set it: the matrices are small, and the workers many
-os.environ.pop("COLUMNS", None)  # set in the workers: commands that are called would lay out for a terminal of that width
+os.environ.pop("COLUMNS", None)  # set in the workers: commands would lay out for a terminal of that width
 
 settings.register_profile("fast", deadline=None, derandomize=True, max_examples=50)  # a busy machine is no fault
 settings.register_profile("thorough", settings.get_profile("fast"), max_examples=500)  # of make test-all
