@@ -9,16 +9,18 @@ import subprocess
 import sys
 from html import unescape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from pypdf import PdfReader
 
 from winchcascade import audit, open_campaign, write_report
 from winchcascade.core.errors import OptionError
-from winchcascade.report.write_report import Result
 from winchcascade.tables.audit import Audit
 from winchcascade.tables.point_audit import PointAudit
+
+if TYPE_CHECKING:
+    from winchcascade.report.write_report import Result
 
 
 def _run(*given: str | Path, code: int = 0) -> str:

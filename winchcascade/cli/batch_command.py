@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -18,39 +18,46 @@ from winchcascade.cli.options import (
     WindowOption,
     report_choices,
 )
-from winchcascade.cli.outputs import check_outputs, given_command, show, written
+from winchcascade.cli.outputs import Results, check_outputs, given_command, show, write_reports, written
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import Workers, one_thread_each, processes, set_threads
 
+if TYPE_CHECKING:
+    from winchcascade.report.report_model import Report
+
+TargetsArgument = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="TARGET...",
+        help="The logs: a campaign.toml, a folder, a pattern, single logs, or addresses such as s3://...",
+        show_default=False,
+    ),
+]
+OutOption = Annotated[
+    Path,
+    typer.Option(
+        "--out",
+        metavar="FOLDER",
+        help="Write the results into this folder. A second call keeps the results that are still valid.",
+    ),
+]
+ReportsOption = Annotated[
+    str,
+    typer.Option(
+        "--reports",
+        metavar="none|html|all",
+        help="Write reports of each log and of the campaign: none, html (pages), or all (pages and PDF).",
+        autocompletion=report_choices,
+    ),
+]
+
 
 def batch_command(
-    targets: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="TARGET...",
-            help="The logs: a campaign.toml, a folder, a pattern, single logs, or addresses such as s3://...",
-            show_default=False,
-        ),
-    ],
-    out: Annotated[
-        Path,
-        typer.Option(
-            "--out",
-            metavar="FOLDER",
-            help="Write the results into this folder. A second call keeps the results that are still valid.",
-        ),
-    ],
+    targets: TargetsArgument,
+    out: OutOption,
     jobs: JobsOption = None,
     scheduler: SchedulerOption = None,
-    reports: Annotated[
-        str,
-        typer.Option(
-            "--reports",
-            metavar="none|html|all",
-            help="Write reports of each log and of the campaign: none, html (pages), or all (pages and PDF).",
-            autocompletion=report_choices,
-        ),
-    ] = "html",
+    reports: ReportsOption = "html",
     excel: Annotated[bool, typer.Option("--excel", help="Also write the tables as an Excel workbook.")] = False,
     rig: RigOption = None,
     window: WindowOption = None,
@@ -81,16 +88,16 @@ def batch_command(
     products, workers = Products(REPORTS[reports], excel, given_command()), Workers(jobs or processes(), scheduler)
     with Progress(plan.title) as watch:
         batch = run_batch(plan, out, products, workers=workers, force=force, watch=watch)
-    if figures is not None or tables is not None:
-        from winchcascade.report.campaign import make_campaign_report
-        from winchcascade.report.exports import ReportFiles, write_report_files
 
-        write_report_files(
-            lambda: make_campaign_report(batch.summary, out, command=products.command),
-            ReportFiles(figures=figures, tables=tables), "campaign", of=f"campaign {plan.title}", force=force,
-        )  # fmt: skip
+    def report() -> Report:
+        from winchcascade.report.campaign import make_campaign_report
+
+        return make_campaign_report(batch.summary, out, command=products.command)
+
+    exports: Results = {"--figures": figures, "--tables": tables}
+    write_reports(report, exports, "campaign", of=f"campaign {plan.title}", force=force)
     text = campaign_text(batch.summary, out, kept=batch.kept, altered=batch.altered)
-    show(text + written({"--figures": figures, "--tables": tables}), failures=fault_text(batch.summary, out))
+    show(text + written(exports), failures=fault_text(batch.summary, out))
     if loss_map is not None:
         from winchcascade.batch.campaign_loss_map import write_campaign_loss_map
 

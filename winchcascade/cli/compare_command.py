@@ -16,11 +16,24 @@ from winchcascade.cli.options import (
     PdfOption,
     TablesOption,
 )
-from winchcascade.cli.outputs import check_outputs, deliver, given_command
+from winchcascade.cli.outputs import check_outputs, deliver, given_command, write_reports
 from winchcascade.core.files import json_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+    from winchcascade.report.report_model import Report
+
+SameSensorsOption = Annotated[
+    bool,
+    typer.Option("--same-sensors", help="Share the gains of the sensors between A and B, so that their errors cancel."),
+]
+MaxDropOption = Annotated[
+    float | None,
+    typer.Option(
+        "--max-drop", metavar="X", help="Exit with code 1 if eta_pto of a run drops by more than X, such as 0.01."
+    ),
+]
 
 
 def compare_command(
@@ -33,18 +46,8 @@ def compare_command(
         ),
     ],
     b: Annotated[Path, typer.Argument(metavar="B", help="The second side, of the same kinds.", show_default=False)],
-    same_sensors: Annotated[
-        bool,
-        typer.Option(
-            "--same-sensors", help="Share the gains of the sensors between A and B, so that their errors cancel."
-        ),
-    ] = False,
-    max_drop: Annotated[
-        float | None,
-        typer.Option(
-            "--max-drop", metavar="X", help="Exit with code 1 if eta_pto of a run drops by more than X, such as 0.01."
-        ),
-    ] = None,
+    same_sensors: SameSensorsOption = False,
+    max_drop: MaxDropOption = None,
     json: JsonOption = None,
     html: HtmlOption = None,
     pdf: PdfOption = None,
@@ -62,7 +65,6 @@ def compare_command(
     from winchcascade.core.jobs import processes
     from winchcascade.report.comparison_record import comparison_record
     from winchcascade.report.comparison_text import comparison_text, failed_text
-    from winchcascade.report.exports import ReportFiles, write_report_files
 
     if max_drop is not None:
         check_limit(max_drop)
@@ -70,15 +72,13 @@ def compare_command(
     check_outputs(outputs, [*_inputs(a), *_inputs(b)], force=force)
     found = compare(a, b, same_sensors=same_sensors, jobs=jobs or processes())
     gate = None if max_drop is None else drop_gate(found, max_drop)
-    files = ReportFiles(html, pdf, figures, tables)
-    if files.wanted:
+
+    def report() -> Report:
         from winchcascade.report.comparison_report import make_comparison_report
 
-        command = given_command()
-        write_report_files(
-            lambda: make_comparison_report(found, gate, command=command), files, "comparison",
-            of=f"{a} and {b}", force=force,
-        )  # fmt: skip
+        return make_comparison_report(found, gate, command=given_command())
+
+    write_reports(report, outputs, "comparison", of=f"{a} and {b}", force=force)
     deliver(
         json,
         lambda: json_bytes(comparison_record(found, gate)),

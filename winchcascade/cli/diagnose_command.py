@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -20,12 +20,15 @@ from winchcascade.cli.options import (
     ThreadsOption,
     effect_names,
 )
-from winchcascade.cli.outputs import check_outputs, deliver, given_command
+from winchcascade.cli.outputs import check_outputs, deliver, report_maker_of, reports_wanted, write_reports
 from winchcascade.core.campaign_file import Campaign, load_campaign
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import json_bytes
 from winchcascade.core.jobs import one_thread_each, processes, set_threads
 from winchcascade.core.store import make_one
+
+if TYPE_CHECKING:
+    from winchcascade.diagnosis.suspects import Suspects
 
 WithholdOption = Annotated[
     list[float] | None,
@@ -100,34 +103,19 @@ def diagnose_command(
     winch without a model is diagnosed from line tension, speed and mechanical power; its cycles are held out in turn.
     """
     one_thread_each()
-    from winchcascade.batch.campaign_diagnosis import (
-        diagnose_listed,
-        with_simulations,
-        write_corrected_rig,
-        write_predictions,
-    )
+    from winchcascade.batch.campaign_diagnosis import diagnose_listed, write_corrected_rig, write_predictions
     from winchcascade.report.diagnosis_record import as_json as diagnosis_record
     from winchcascade.report.diagnosis_text import diagnosis_text
-    from winchcascade.report.exports import ReportFiles, write_report_files
     from winchcascade.report.model_export import check_export, write_export
     from winchcascade.report.progress import status_line
-    from winchcascade.rig.effects.catalogue import EFFECTS, find_effect
 
-    suspects = {name: find_effect(name) for name in suspect} if suspect else EFFECTS
-    listed = load_campaign(campaign)
-    if simulated is not None:
-        listed = with_simulations(listed, simulated)
+    suspects, listed = _suspects(suspect), _listed(campaign, simulated)
     logs = [run.file for run in listed.runs]
     check_export(export)
     results = {
-        "--json": Path(json) if json else None,
-        "--html": html,
-        "--pdf": pdf,
-        "--figures": figures,
-        "--tables": tables,
-        "--write": write,
-        "--export": export,
-    }
+        "--json": Path(json) if json else None, "--html": html, "--pdf": pdf, "--figures": figures, "--tables": tables,
+        "--write": write, "--export": export,
+    }  # fmt: skip
     inputs = [listed.path, *logs, *_simulations(listed), rig or listed.rig]
     check_outputs(results | _prediction_files(predictions, logs), inputs, force=force)
     set_threads(jobs or processes())
@@ -137,16 +125,26 @@ def diagnose_command(
         corrected = write is None or write_corrected_rig(found, write, force=force)
         if export is not None:
             write_export(found, export, force=force)
-        reports = ReportFiles(html, pdf, figures, tables)
-        if reports.wanted:
-            from winchcascade.report.diagnosis import make_diagnosis_report  # imports matplotlib
-
+        if reports_wanted(results):
             on_progress("writing reports")
-            command = given_command()
-            make = lambda: make_diagnosis_report(found, command=command)  # noqa: E731
-            write_report_files(make, reports, "diagnosis", of=f"diagnosis of {listed.name}", force=force)
+            write_reports(report_maker_of(found), results, "diagnosis", of=f"diagnosis of {listed.name}", force=force)
     files = _files(results, predictions, written=bool(written), corrected=corrected)
     deliver(json, lambda: json_bytes(diagnosis_record(found)), lambda: diagnosis_text(found, files), force=force)
+
+
+def _suspects(names: Sequence[str] | None) -> Suspects:
+    """The effects that are suspected: those of some names, else all of the catalogue."""
+    from winchcascade.rig.effects.catalogue import EFFECTS, find_effect
+
+    return {name: find_effect(name) for name in names} if names else EFFECTS
+
+
+def _listed(campaign: Path, simulated: Path | None) -> Campaign:
+    """The campaign, with the own simulations of a folder."""
+    from winchcascade.batch.campaign_diagnosis import with_simulations
+
+    given = load_campaign(campaign)
+    return given if simulated is None else with_simulations(given, simulated)
 
 
 def _files(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -25,36 +25,52 @@ from winchcascade.cli.options import (
     named_number,
     rig_names,
 )
-from winchcascade.cli.outputs import Results, check_outputs, deliver, given_command, show, written
+from winchcascade.cli.outputs import (
+    Results,
+    check_outputs,
+    deliver,
+    given_command,
+    report_maker_of,
+    show,
+    write_reports,
+    written,
+)
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.files import json_bytes
 from winchcascade.core.jobs import one_thread_each
 
+if TYPE_CHECKING:
+    from winchcascade.report.report_model import Report
+
+MotionArgument = Annotated[
+    Path | None,
+    typer.Argument(metavar="[LOG]", help="The log whose line motion drives the rig.", show_default=False),
+]
+ProfileOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--profile",
+        metavar="FILE",
+        help="Take the line motion from this CSV file with the columns time_s and velocity_mps instead of a log.",
+    ),
+]
+EffectsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--with",
+        metavar="EFFECT.FIELD=VALUE",
+        help="Apply an effect to the model; repeat it for several. `winchcascade effects` lists them.",
+    ),
+]
+
 
 def simulate_command(
-    log: Annotated[
-        Path | None,
-        typer.Argument(metavar="[LOG]", help="The log whose line motion drives the rig.", show_default=False),
-    ] = None,
-    profile: Annotated[
-        Path | None,
-        typer.Option(
-            "--profile",
-            metavar="FILE",
-            help="Take the line motion from this CSV file with the columns time_s and velocity_mps instead of a log.",
-        ),
-    ] = None,
+    log: MotionArgument = None,
+    profile: ProfileOption = None,
     load_ohm: LoadOption = None,
     rig: RigOption = None,
     sheet: SheetOption = None,
-    effects: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--with",
-            metavar="EFFECT.FIELD=VALUE",
-            help="Apply an effect to the model; repeat it for several. `winchcascade effects` lists them.",
-        ),
-    ] = None,
+    effects: EffectsOption = None,
     out: Annotated[
         Path | None,
         typer.Option("--out", metavar="FILE", help="Write the simulated log into this file.", show_default=False),
@@ -92,17 +108,14 @@ def simulate_command(
         model = make_effect(name, fields).apply(model)
     simulation = simulate(run, model)
     write_log(simulation, out, force=force)
-    if any(path is not None for path in (html, pdf, figures, tables)):
-        from winchcascade.report.exports import ReportFiles, write_report_files
+
+    def report() -> Report:
         from winchcascade.report.simulation_report import simulation_report
 
-        command, words = given_command(), ", ".join(effects or [])
-        write_report_files(
-            lambda: simulation_report(
-                simulation, source=str(source), rig=settings.rig.name, effects=words, command=command
-            ),
-            ReportFiles(html, pdf, figures, tables), f"{out.stem}_simulation", force=force,
-        )  # fmt: skip
+        words, command = ", ".join(effects or []), given_command()
+        return simulation_report(simulation, source=str(source), rig=settings.rig.name, effects=words, command=command)
+
+    write_reports(report, results, f"{out.stem}_simulation", force=force)
     show(simulation_text(simulation) + written(results))
 
 
@@ -166,15 +179,7 @@ def calibrate_command(
     calibration = calibrate(run, settings.rig, payouts, cycles=settings.cycles)
     if write is not None:
         write_content(write, calibrated_text(calibration), force=force)
-    if any(path is not None for path in (html, pdf, figures, tables)):
-        from winchcascade.report.calibration_sheet import calibration_report
-        from winchcascade.report.exports import ReportFiles, write_report_files
-
-        command = given_command()
-        write_report_files(
-            lambda: calibration_report(calibration, command=command),
-            ReportFiles(html, pdf, figures, tables), f"{Path(run.name).stem}_calibration", force=force,
-        )  # fmt: skip
+    write_reports(report_maker_of(calibration), results, f"{Path(run.name).stem}_calibration", force=force)
     deliver(
         json,
         lambda: json_bytes(calibration_record(calibration)),

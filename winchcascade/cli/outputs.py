@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import check_replaceable, write_content
@@ -14,6 +15,12 @@ from winchcascade.core.plain_text import json_without_commands, lines, printable
 from winchcascade.core.store import make_one
 from winchcascade.report.screen import QUIET, painted
 from winchcascade.report.text_table import file_lines
+
+if TYPE_CHECKING:
+    from winchcascade.report.report_model import Report
+
+REPORTS = ("html", "pdf", "figures", "tables")
+"""What is written of a report, by the names of the options."""
 
 Results = Mapping[str, str | Path | None]
 """Files and folders that a command writes, by the option that names each."""
@@ -63,6 +70,33 @@ def deliver(
         shown, files = text(), written(results or {})
         end = shown.rstrip("\n").rfind("\n") + 1 if verdict else len(shown)
         show(shown[:end] + files + shown[end:])
+
+
+def write_reports(make: Callable[[], Report], results: Results, name: str, *, of: str = "", force: bool) -> None:
+    """Write a report as page and PDF, and its figures and tables, as far as the results name a place for them.
+
+    Parameters
+    ----------
+    make : makes the report, with what it must import for that
+    name, of : as of `write_report_files`
+    """
+    files = {option: Path(place) for option in REPORTS if (place := results.get(f"--{option}")) is not None}
+    if files:
+        from winchcascade.report.exports import ReportFiles, write_report_files
+
+        write_report_files(make, ReportFiles(**files), name, of=of, force=force)
+
+
+def report_maker_of(result: object) -> Callable[[], Report]:
+    """What makes the report of a result of a command, with the command."""
+    from winchcascade.report.write_report import report_of
+
+    return partial(report_of, result, command=given_command())
+
+
+def reports_wanted(results: Results) -> bool:
+    """Whether the results name a place for a report, or for its figures or tables."""
+    return any(results.get(f"--{option}") is not None for option in REPORTS)
 
 
 def written(results: Results) -> str:

@@ -23,11 +23,12 @@ from winchcascade.cli.options import (
     WindowOption,
     check_load,
 )
-from winchcascade.cli.outputs import check_outputs, deliver, given_command
+from winchcascade.cli.outputs import check_outputs, deliver, given_command, reports_wanted, write_reports
 from winchcascade.core.errors import OptionError
 
 if TYPE_CHECKING:
     from winchcascade.reduction.loss_map import LossMap
+    from winchcascade.reduction.montecarlo import Uncertainty
     from winchcascade.reduction.reduction_result import Reduction
 
 
@@ -54,7 +55,6 @@ def reduce_command(
     If a campaign.toml in the folder of the log lists it, that file gives what the options leave open.
     """
     from winchcascade.reduction.reduce import reduce, require_payouts, window_rule
-    from winchcascade.report.terminal import reduction_text
 
     _reject_folder(log)
     check_load(load_ohm)
@@ -78,31 +78,32 @@ def reduce_command(
 
         write_parquet(reduction, parquet, force=force)
     found = None
-    reported = any(path is not None for path in (html, pdf, figures, tables))
-    if json is not None or reported:
+    if json is not None or reports_wanted(results):
         from winchcascade.reduction.montecarlo import uncertainty
 
         found = uncertainty(reduction)
-    if found is not None and reported:
+    if found is not None and reports_wanted(results):
         from winchcascade.report.document import report_maker
-        from winchcascade.report.exports import ReportFiles, write_report_files
 
         make = report_maker(reduction, found, mapped, command=given_command())
-        write_report_files(make, ReportFiles(html, pdf, figures, tables), Path(reduction.run.name).stem, force=force)
+        write_reports(make, results, Path(reduction.run.name).stem, force=force)
+    deliver(json, lambda: _record(reduction, found), lambda: _text(reduction, mapped), force=force, results=results)
 
-    def content() -> bytes:
-        from winchcascade.report.records import reduction_json
 
-        return reduction_json(reduction, found)
+def _record(reduction: Reduction, found: Uncertainty | None) -> bytes:
+    from winchcascade.report.records import reduction_json
 
-    def text() -> str:
-        if mapped is None:
-            return reduction_text(reduction)
-        from winchcascade.report.loss_map_text import loss_map_lines
+    return reduction_json(reduction, found)
 
-        return "\n".join([reduction_text(reduction), *loss_map_lines(mapped)]) + "\n"
 
-    deliver(json, content, text, force=force, results=results)
+def _text(reduction: Reduction, mapped: LossMap | None) -> str:
+    from winchcascade.report.terminal import reduction_text
+
+    if mapped is None:
+        return reduction_text(reduction)
+    from winchcascade.report.loss_map_text import loss_map_lines
+
+    return "\n".join([reduction_text(reduction), *loss_map_lines(mapped)]) + "\n"
 
 
 def _reject_folder(log: Path) -> None:

@@ -20,41 +20,54 @@ from winchcascade.cli.options import (
     named_number,
     table_names,
 )
-from winchcascade.cli.outputs import Results, check_outputs, deliver, given_command, show, show_commands
+from winchcascade.cli.outputs import (
+    Results,
+    check_outputs,
+    deliver,
+    report_maker_of,
+    show,
+    show_commands,
+    write_reports,
+)
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import json_bytes
 
+ResultsArgument = Annotated[
+    Path,
+    typer.Argument(
+        metavar="RESULTS|CAMPAIGN",
+        help="The results: a campaign, the folder of a batch, or the JSON of a reduction.",
+        show_default=False,
+    ),
+]
+AgainstOption = Annotated[
+    str,
+    typer.Option(
+        "--against",
+        metavar="TABLE",
+        help="The published table: a table file, or the built-in hsu2026-table2.",
+        show_default=False,
+        autocompletion=table_names,
+    ),
+]
+ToleranceOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--tolerance",
+        metavar="PART=FACTOR",
+        help="Multiply a part of the tolerance, which is rounding, deviation or uncertainty, by a factor.",
+    ),
+]
+JunitOption = Annotated[
+    Path | None, typer.Option("--junit", metavar="FILE", help="Write the result as JUnit XML for a test server.")
+]
+
 
 def check_command(
-    results: Annotated[
-        Path,
-        typer.Argument(
-            metavar="RESULTS|CAMPAIGN",
-            help="The results: a campaign, the folder of a batch, or the JSON of a reduction.",
-            show_default=False,
-        ),
-    ],
-    against: Annotated[
-        str,
-        typer.Option(
-            "--against",
-            metavar="TABLE",
-            help="The published table: a table file, or the built-in hsu2026-table2.",
-            show_default=False,
-            autocompletion=table_names,
-        ),
-    ],
-    tolerance: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--tolerance",
-            metavar="PART=FACTOR",
-            help="Multiply a part of the tolerance, which is rounding, deviation or uncertainty, by a factor.",
-        ),
-    ] = None,
-    junit: Annotated[
-        Path | None, typer.Option("--junit", metavar="FILE", help="Write the result as JUnit XML for a test server.")
-    ] = None,
+    results: ResultsArgument,
+    against: AgainstOption,
+    tolerance: ToleranceOption = None,
+    junit: JunitOption = None,
     github: Annotated[bool, typer.Option("--github", help="Also print annotations for GitHub.")] = False,
     json: JsonOption = None,
     html: HtmlOption = None,
@@ -89,13 +102,7 @@ def check_command(
     outcome = check_results(found, table, factors)
     if junit is not None:
         write_content(junit, junit_xml(outcome), force=force)
-    if any(path is not None for path in (html, pdf, tables)):
-        from winchcascade.report.check_report import check_report
-        from winchcascade.report.exports import ReportFiles, write_report_files
-
-        command = given_command()
-        files = ReportFiles(html, pdf, None, tables)
-        write_report_files(lambda: check_report(outcome, command=command), files, f"{table.name}_check", force=force)
+    write_reports(report_maker_of(outcome), outputs, f"{table.name}_check", force=force)
     deliver(
         json,
         lambda: json_bytes(check_record(outcome)),
@@ -123,16 +130,19 @@ def _factors(options: Sequence[str]) -> dict[str, float]:
     return factors
 
 
+TableArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="TABLE",
+        help="The published table: a table file, or the built-in hsu2026-table2.",
+        show_default=False,
+        autocompletion=table_names,
+    ),
+]
+
+
 def audit_command(
-    table: Annotated[
-        str,
-        typer.Argument(
-            metavar="TABLE",
-            help="The published table: a table file, or the built-in hsu2026-table2.",
-            show_default=False,
-            autocompletion=table_names,
-        ),
-    ],
+    table: TableArgument,
     physics: Annotated[
         bool, typer.Option("--physics", help="Also compare the table with the model of a rig; this takes some seconds.")
     ] = False,
@@ -149,9 +159,7 @@ def audit_command(
     difference.
     """
     from winchcascade.core.published_table import PublishedTable
-    from winchcascade.report.audit_report import audit_report, point_audit_report
     from winchcascade.report.audit_text import audit_record, audit_text, contradictions_text
-    from winchcascade.report.exports import ReportFiles, write_report_files
     from winchcascade.report.point_audit_text import broken_laws_text, point_audit_record, point_audit_text
     from winchcascade.report.progress import Progress
     from winchcascade.tables.audit import Audit
@@ -168,18 +176,11 @@ def audit_command(
             found = audit(opened, physics=True, rig=rig, watch=watch)
     else:
         found = audit(opened, physics=physics)
-    files, command = ReportFiles(html, pdf, None, tables), given_command()
     if isinstance(found, Audit):
         record, text, failures = audit_record(found), audit_text(found), contradictions_text(found)
     else:
         record, text, failures = point_audit_record(found), point_audit_text(found), broken_laws_text(found)
-    if files.wanted:
-        make = lambda: (  # noqa: E731
-            audit_report(found, command=command)
-            if isinstance(found, Audit)
-            else point_audit_report(found, command=command)
-        )
-        write_report_files(make, files, f"{opened.name}_audit", force=force)
+    write_reports(report_maker_of(found), outputs, f"{opened.name}_audit", force=force)
     deliver(
         json,
         lambda: json_bytes(record),

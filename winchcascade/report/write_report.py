@@ -2,28 +2,35 @@
 
 from __future__ import annotations
 
-from functools import singledispatch
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING
 
-from winchcascade.comparison.comparison_result import Comparison
 from winchcascade.core.errors import OptionError
-from winchcascade.diagnosis.calibrate import Calibration
-from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
-from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.campaign_reduction import CampaignReduction
-from winchcascade.rig.simulate import Simulation
-from winchcascade.tables.audit import Audit
-from winchcascade.tables.check import Check
-from winchcascade.tables.point_audit import PointAudit
 
 if TYPE_CHECKING:
+    from winchcascade.comparison.comparison_result import Comparison
+    from winchcascade.diagnosis.calibrate import Calibration
+    from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
+    from winchcascade.reduction.reduction_result import Reduction
+    from winchcascade.report.campaign_reduction import CampaignReduction
     from winchcascade.report.report_model import Report
+    from winchcascade.rig.simulate import Simulation
+    from winchcascade.tables.audit import Audit
+    from winchcascade.tables.check import Check
+    from winchcascade.tables.point_audit import PointAudit
 
-Result = (
-    Reduction | DiagnosisResult | CampaignReduction | Comparison | Calibration | Check | Audit | PointAudit | Simulation
-)
-"""What has a report."""
+    Result = (
+        Reduction
+        | DiagnosisResult
+        | CampaignReduction
+        | Comparison
+        | Calibration
+        | Check
+        | Audit
+        | PointAudit
+        | Simulation
+    )
 
 
 def write_report(result: Result, path: str | Path, *, force: bool = False) -> Path:
@@ -44,83 +51,52 @@ def write_report(result: Result, path: str | Path, *, force: bool = False) -> Pa
     ending = path.suffix.casefold()
     if ending not in (".html", ".pdf"):
         raise OptionError(f"{path}: no ending of a report; expected a name that ends in .html or .pdf.")
-    report = _report_of(result)
+    report = report_of(result)
     publish(report, html=path if ending == ".html" else None, pdf=path if ending == ".pdf" else None, force=force)
     return path
 
 
-@singledispatch
-def _report_of(result: object) -> Report:
-    """The report of a result."""
-    raise OptionError(
-        f"write_report: a {type(result).__name__} has no report; expected the result of reduce, compare, calibrate, simulate, "
-        "audit, or of open_campaign(...).reduce(), .diagnose() or .check()."
-    )
+_MAKERS = {
+    "Audit": "audit_report:audit_report",
+    "Calibration": "calibration_sheet:calibration_report",
+    "CampaignReduction": "write_report:_of_campaign",
+    "Check": "check_report:check_report",
+    "Comparison": "comparison_report:make_comparison_report",
+    "DiagnosisResult": "diagnosis:make_diagnosis_report",
+    "PointAudit": "audit_report:point_audit_report",
+    "Reduction": "write_report:_of_reduction",
+    "Simulation": "simulation_report:simulation_report",
+}
+"""What makes the report of a result, by the name of its class: a result that is made has imported its own modules alone."""
 
 
-@_report_of.register(Reduction)
-def _(result: Reduction) -> Report:
+def report_of(result: object, *, command: str = "") -> Report:
+    """Make the report of a result.
+
+    Parameters
+    ----------
+    command : as it was given, to be given again
+    """
+    maker = next((_MAKERS[kind.__name__] for kind in type(result).__mro__ if kind.__name__ in _MAKERS), None)
+    if maker is None:
+        raise OptionError(
+            f"write_report: a {type(result).__name__} has no report; expected the result of reduce, compare, calibrate, "
+            "simulate, audit, or of open_campaign(...).reduce(), .diagnose() or .check()."
+        )
+    report: Report = resolve_name(f"winchcascade.report.{maker}")(result, command=command)
+    return report
+
+
+def _of_reduction(result: Reduction, *, command: str) -> Report:
     from winchcascade.reduction.montecarlo import uncertainty
     from winchcascade.report.document import make_report
 
-    return make_report(result, uncertainty(result))
+    return make_report(result, uncertainty(result), command=command)
 
 
-@_report_of.register(CampaignReduction)
-def _(result: CampaignReduction) -> Report:
+def _of_campaign(result: CampaignReduction, *, command: str) -> Report:
     from winchcascade.report.campaign import campaign_report
     from winchcascade.report.campaign_waves import campaign_waves
 
-    return campaign_report(result.summary, result.bins, linked=False, waves=campaign_waves(result.records.items()))
-
-
-@_report_of.register(Comparison)
-def _(result: Comparison) -> Report:
-    from winchcascade.report.comparison_report import make_comparison_report
-
-    return make_comparison_report(result)
-
-
-@_report_of.register(DiagnosisResult)
-def _(result: DiagnosisResult) -> Report:
-    from winchcascade.diagnosis.diagnose import ModelDiagnosis
-    from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-    from winchcascade.report.diagnosis import make_diagnosis_report
-
-    assert isinstance(result, ModelDiagnosis | LineDiagnosis)  # there are no others
-    return make_diagnosis_report(result)
-
-
-@_report_of.register(Calibration)
-def _(result: Calibration) -> Report:
-    from winchcascade.report.calibration_sheet import calibration_report
-
-    return calibration_report(result)
-
-
-@_report_of.register(Check)
-def _(result: Check) -> Report:
-    from winchcascade.report.check_report import check_report
-
-    return check_report(result)
-
-
-@_report_of.register(Audit)
-def _(result: Audit) -> Report:
-    from winchcascade.report.audit_report import audit_report
-
-    return audit_report(result)
-
-
-@_report_of.register(PointAudit)
-def _(result: PointAudit) -> Report:
-    from winchcascade.report.audit_report import point_audit_report
-
-    return point_audit_report(result)
-
-
-@_report_of.register(Simulation)
-def _(result: Simulation) -> Report:
-    from winchcascade.report.simulation_report import simulation_report
-
-    return simulation_report(result)
+    waves = campaign_waves(result.records.items())
+    return campaign_report(result.summary, result.bins, linked=False, command=command, waves=waves)
