@@ -32,7 +32,7 @@ def test_every_number_stands_in_the_table_with_its_interval() -> None:
     head = next(k for k, line in enumerate(lines) if line.startswith("number"))
     assert lines[head].split() == ["number", "before", "found", "95", "%", "interval", "unit", "how"]
     assert [line.split()[0] for line in lines[head + 1 : head + 5]] == ["k_e", "mu_screw", "eta_mesh", "b_rotor"]
-    assert lines[head + 1].split()[1] == "0.06200"
+    assert lines[head + 1].split()[1] == "0.062000"
     assert all(" to " in line for line in lines[head + 1 : head + 5])
     assert all(len(line) <= WIDEST for line in lines)
 

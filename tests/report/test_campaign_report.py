@@ -138,7 +138,7 @@ def test_a_load_is_not_compared_with_itself(bare: Path) -> None:
     runs = [run("a", 18.0, 0.729, 0.004), run("b", 18.0, 0.727, 0.004), run("c", 27.0, 0.690, 0.004)]
     report = make_campaign_report(summary(*runs), bare)
     (point,) = (p.text for p in report.points if p.about == "Best load")
-    assert point == "18 Ω with η_pto = 0.729, then 27 Ω with 0.690."
+    assert point == "18 Ω with η_pto = 0.7290, then 27 Ω with 0.6900."
     assert report.tiles[0].interval == "best with a probability of >99 %"
     assert report.tiles[1].name == "there, highest of 2 logs"
 
@@ -168,12 +168,12 @@ def test_there_is_no_best_load_of_one_or_of_those_that_are_not_known() -> None:
 
 def test_the_best_load_and_its_probability_are_said(bare: Path) -> None:
     sure = make_campaign_report(summary(run("a", 9.0, 0.60, 0.004), run("b", 36.0, 0.72, 0.004)), bare)
-    assert [(t.symbol, t.value) for t in sure.tiles[:2]] == [("Best load", "36 Ω"), ("η_pto", "0.720")]
+    assert [(t.symbol, t.value) for t in sure.tiles[:2]] == [("Best load", "36 Ω"), ("η_pto", "0.7200")]
     assert sure.tiles[0].interval == "best with a probability of >99 %"
     close = make_campaign_report(summary(run("a", 9.0, 0.719, 0.004), run("b", 36.0, 0.720, 0.004)), bare)
     texts = [[p.text for p in report.points if p.about == "Best load"] for report in (sure, close)]
-    assert texts[0] == ["36 Ω with η_pto = 0.720, then 9 Ω with 0.600."]
-    assert texts[1] == ["36 Ω with η_pto = 0.720, then 9 Ω with 0.719. The uncertainties do not distinguish them."]
+    assert texts[0] == ["36 Ω with η_pto = 0.7200, then 9 Ω with 0.6000."]
+    assert texts[1] == ["36 Ω with η_pto = 0.7200, then 9 Ω with 0.7190. The uncertainties do not distinguish them."]
 
 
 def test_runs_are_in_falling_order_of_their_loads() -> None:

@@ -155,7 +155,7 @@ def test_a_nuisance_of_the_rig_is_reported_in_the_unit_of_its_file() -> None:
     from winchcascade.report.diagnosis_tables import _nuisance_row
 
     row = _nuisance_row(Nuisance("rig", "l_s", 5e-5, "mH", section="generator"), 2.0, [])
-    assert row == ("phase inductance", "0.10", "0.05", "mH", "+2.0")
+    assert row == ("phase inductance", "0.10", "0.050", "mH", "+2.0")
 
 
 def test_rivals_stand_in_the_tables_with_what_distinguishes_them() -> None:

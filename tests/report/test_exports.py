@@ -160,8 +160,8 @@ def test_a_latex_table_has_rules_units_and_no_character_that_latex_would_interpr
         assert line in text
     assert r"Log\_1 \& 50 \% & $E_{\mathrm{line}}$ & $\eta_{\mathrm{trans}}$ & 95 \% \\" in text
     assert r" & (J) &  &  \\" in text
-    assert r"a\textbar{}b\_c.csv & 7115 & 0.903 & 0.895 to 0.912 \\" in text
-    assert r"größe \#2 & -- & -- & 0.10 to 0.20 \\" in text
+    assert r"a\textbar{}b\_c.csv & 7115 & 0.903 & 0.8949 to 0.9119 \\" in text
+    assert r"größe \#2 & -- & -- & 0.1000 to 0.2000 \\" in text
     assert r"100 \% \{really\}" in text
     assert "$-$2 &" in text or "$-$1" in text
     rows = [line for line in text.splitlines() if line.endswith(r"\\")]

@@ -8,7 +8,7 @@ from winchcascade.report.trial_report import _parameter
 def test_a_number_is_formatted_as_a_diagnosis_formats_it() -> None:
     score = ParameterScore("rotor_viscous", "b_extra", 0.0002478, 0.0002288, 0.0002116, 0.000246)
     drag = "fast shaft, drag over speed, mN·m·s/rad"
-    assert _parameter(score) == ("rotor_viscous", drag, "0.248", "0.229", "0.212 to 0.246", "no")
+    assert _parameter(score) == ("rotor_viscous", drag, "0.2478", "0.2288", "0.2116 to 0.2460", "no")
 
 
 def test_a_share_is_formatted_in_percent_with_a_true_minus() -> None:

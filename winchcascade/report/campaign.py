@@ -28,7 +28,7 @@ from winchcascade.report.campaign_record import (
     window_text,
 )
 from winchcascade.report.campaign_waves import CampaignWaves, campaign_waves, campaign_waves_section
-from winchcascade.report.digits import interval_text, percent, stated, uncertain
+from winchcascade.report.digits import interval_text, percent, stated, with_uncertainty
 from winchcascade.report.model_account import Account
 from winchcascade.report.model_section import Named, campaign_section
 from winchcascade.report.records import FindingRecord, read_results
@@ -343,7 +343,7 @@ def _given(runs: Sequence[LogSummary], metrics: Iterable[str]) -> list[str]:
 
 def _with_uncertainty(metric: str, run: LogSummary) -> str:
     value, u = run.mean.get(field_of(metric)), run.standard_uncertainty.get(field_of(metric))
-    return f"{_mean(metric, run)}{'' if value is None or not u else f' ± {uncertain(u)}'}"
+    return with_uncertainty(value, u, decimals_of(metric))
 
 
 def _metric_columns(metrics: Iterable[str]) -> list[TableColumn[LogSummary]]:

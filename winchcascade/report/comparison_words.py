@@ -11,7 +11,7 @@ from winchcascade.comparison.comparison_result import Comparison, ComparisonNote
 from winchcascade.comparison.differences import Difference
 from winchcascade.comparison.gate import Drop, Gate
 from winchcascade.core.plain_text import one_line
-from winchcascade.report.digits import NumberText, interval_text, number, places, stated
+from winchcascade.report.digits import NumberText, interval_text, number, places, stated, with_sign
 from winchcascade.report.tables import decimals_of, unit_of
 from winchcascade.report.wording import SYMBOL, load_words
 
@@ -46,16 +46,6 @@ def value_cell(one: Difference) -> NumberText:
     return with_sign(stated(one.value, digits_of(one), decimals_of(one.metric)))
 
 
-def with_sign(text: NumberText) -> NumberText:
-    """A number with a plus where it is above zero.
-
-    >>> with_sign(number(0.02, 2)), with_sign(number(0.001, 2))
-    ('+0.02', '0.00')
-    """
-    positive = text.values[0] > 0 and any(digit in text for digit in "123456789")
-    return NumberText(f"+{text}", *text.values) if positive else text
-
-
 def interval_cell(one: Difference) -> NumberText:
     """The 95 % interval; a dash without one."""
     u = digits_of(one)
@@ -86,7 +76,7 @@ def relative_cell(one: Difference) -> NumberText:
     share, u = one.relative, digits_of(one)
     if share is None:
         return number(None, 0)
-    return with_sign(number(100.0 * share, places(100.0 * u / abs(one.a)) if u else 2))
+    return with_sign(stated(100.0 * share, 100.0 * u / abs(one.a) if u else None, 2))
 
 
 def run_label(runs: MatchedRuns) -> str:

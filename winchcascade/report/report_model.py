@@ -14,7 +14,7 @@ import msgspec
 
 from winchcascade.core.campaign_file import Origin, origin_words
 from winchcascade.core.version import __version__
-from winchcascade.report.digits import number, upper
+from winchcascade.report.digits import NumberText, common_decimals, number, upper
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -103,6 +103,25 @@ def rows_of(
     return rows
 
 
+def with_common_decimals(
+    columns: Sequence[TableColumn[T]], rows: Sequence[Sequence[Cell]]
+) -> tuple[tuple[Cell, ...], ...]:
+    """Rows whose numbers with an uncertainty have the same decimals in each column, unless the rows differ in their units."""
+    cells = [list(row) for row in rows]
+    if not any(column.name.lower() == ROW_UNIT.lower() for column in columns):
+        for k in range(len(columns)):
+            decimals = common_decimals(row[k] for row in cells)
+            for row in cells if decimals is not None else ():
+                cell = row[k]
+                if isinstance(cell, NumberText) and cell.decimals is not None and decimals is not None:
+                    row[k] = cell.at(decimals)
+    return tuple(tuple(row) for row in cells)
+
+
+ROW_UNIT = "Unit"
+"""Name of a column that states the unit of its row."""
+
+
 def make_table(
     name: str,
     caption: str,
@@ -118,7 +137,7 @@ def make_table(
     ----------
     below : rows that summarise the others
     """
-    values = tuple(tuple(row) for row in (*rows, *below))
+    values = with_common_decimals(columns, [*rows, *below])
     return Table(
         id=name,
         caption=caption,

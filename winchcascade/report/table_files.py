@@ -8,7 +8,7 @@ import math
 import re
 from collections.abc import Sequence
 
-from winchcascade.report.digits import NumberText
+from winchcascade.report.digits import PLUS_MINUS, NumberText
 from winchcascade.report.report_model import SUBSCRIPTS, Cell, Table
 
 ENDINGS = ("csv", "tex", "md")
@@ -58,6 +58,8 @@ def _spread(name: str, cells: Sequence[Cell]) -> tuple[list[str], list[list[Cell
     texts = [cell for cell in cells if isinstance(cell, NumberText)]
     most, united = max((len(text.values) for text in texts), default=1), any(text.unit for text in texts)
     ends = [f"{name}, low", f"{name}, high"]
+    if any(text.form == PLUS_MINUS for text in texts):
+        ends = [name, f"{name}, standard uncertainty"]
     names = {1: [name], 2: ends, 3: [name, *ends]}[most]
     rows: list[list[Cell]] = []
     for cell in cells:

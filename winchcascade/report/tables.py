@@ -24,12 +24,12 @@ from winchcascade.report.digits import (
     number,
     of_many,
     percent,
-    places,
     significant,
     stated,
     uncertain,
 )
 from winchcascade.report.report_model import (
+    ROW_UNIT,
     Table,
     TableColumn,
     formatted_table,
@@ -193,7 +193,7 @@ def metrics_note(cascade: Cascade, given: Sequence[str]) -> str:
 def end_text(found: Uncertainty, metric: str, end: Literal["low", "high"]) -> str:
     """One end of a 95 % interval, with the digits of the standard uncertainty."""
     interval, u = found.interval_95.get(metric), getattr(found.standard, metric)
-    return "–" if interval is None or not u else number(asdict(interval)[end], places(u))
+    return "–" if interval is None or not u else stated(asdict(interval)[end], u, 0)
 
 
 _CYCLE: TableColumn[CycleResult] = TableColumn("Cycle", text=True, of=label)
@@ -333,7 +333,7 @@ def findings_table(reduction: Reduction) -> Table | None:
 
 _METRIC: tuple[TableColumn[str], ...] = (
     TableColumn("Metric", text=True, of=SYMBOL.__getitem__),
-    TableColumn("Unit", text=True, of=unit_of),
+    TableColumn(ROW_UNIT, text=True, of=unit_of),
 )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from winchcascade.core.campaign_file import Origin, origin_words
 from winchcascade.core.plain_text import one_line
-from winchcascade.report.report_model import Cell, T, TableColumn, rows_of
+from winchcascade.report.report_model import Cell, T, TableColumn, rows_of, with_common_decimals
 from winchcascade.report.screen import PIPED, Tone, length, line_width, table_width, toned, without_tones
 
 
@@ -134,7 +134,10 @@ def listing(
     rows = [
         [column.name for column in columns],
         [column.unit for column in columns],
-        *([plain_cell(x, c.decimals) for x, c in zip(row, columns, strict=True)] for row in rows_of(columns, shown)),
+        *(
+            [plain_cell(x, c.decimals) for x, c in zip(row, columns, strict=True)]
+            for row in with_common_decimals(columns, rows_of(columns, shown))
+        ),
         *below,
     ]
     lines = table_lines(without_empty(rows) if used else rows, omit=omit)
