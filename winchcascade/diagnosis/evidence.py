@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.diagnosis_result import Names
-    from winchcascade.diagnosis.misfit import Fitted
+    from winchcascade.diagnosis.misfit import Fitted, Variant
     from winchcascade.rig.effects.effect import ActiveEffect
 
 STEP = 0.02
@@ -138,7 +138,7 @@ class RigProblem:
 
     def jacobian(self, x: Signal) -> Jacobian:
         """Whitened derivative of the prediction over the nuisances and the fields."""
-        return self.joined(self.nuisance_columns(x), self.columns(x, self.names))
+        return self.joined(*self.all_columns(x, self.names))
 
     def joined(self, j_nu: Jacobian, columns: Mapping[str, Signal]) -> Jacobian:
         """Columns of the nuisances and of the suspects that act, rows weighted."""
@@ -150,21 +150,36 @@ class RigProblem:
         """Whitened derivative of the prediction over the nuisances."""
         return self.data.jacobian(x[: self.nuisances], [*self.effects(x).values()])
 
+    def all_columns(self, x: Signal, wanted: Iterable[str]) -> tuple[Jacobian, dict[str, Signal]]:
+        """What `nuisance_columns` and `columns` give, from one pass through the logs."""
+        place, variants, steps = self._variants(x, wanted)
+        if not variants:
+            return self.nuisance_columns(x), {}
+        nu, acting = x[: self.nuisances], [*self.effects(x).values()]
+        j_nu, columns = self.data.jacobian_beside(nu, acting, variants, np.array(steps))
+        return j_nu, {name: columns[:, own] for name, own in place.items()}
+
     def columns(self, x: Signal, wanted: Iterable[str]) -> dict[str, Signal]:
         """Whitened derivative of the prediction over the fields of some suspects, which need not act, each (M * 5, k)."""
+        place, variants, steps = self._variants(x, wanted)
+        if not variants:
+            return {}
+        moves = self.data.differences(x[: self.nuisances], [*self.effects(x).values()], variants)
+        columns = self.data.whiten(moves / np.array(steps))
+        return {name: columns[:, own] for name, own in place.items()}
+
+    def _variants(self, x: Signal, wanted: Iterable[str]) -> tuple[dict[str, slice], list[Variant], list[float]]:
+        """Places of the fields of some suspects in a row, and the variant and step by which each is differentiated."""
         acting, place = self.effects(x), places_of(self.suspects, wanted)
-        variants, steps = [], []
+        variants: list[Variant] = []
+        steps: list[float] = []
         for name in place:
             effect, others = self.suspects[name], [one for other, one in acting.items() if other != name]
             here = x[self.nuisances :][self.place[name]] if name in acting else freedom(effect).absent
             for moved, step in varied(effect, here, STEP):
                 variants.append((x[: self.nuisances], [*others, moved]))
                 steps.append(step)
-        if not variants:
-            return {}
-        moves = self.data.differences(x[: self.nuisances], [*acting.values()], variants)
-        columns = self.data.whiten(moves / np.array(steps))
-        return {name: columns[:, own] for name, own in place.items()}
+        return place, variants, steps
 
 
 def fit_set(problem: RigProblem, start: Fit | None = None, *, quick: bool = False) -> Fit:
@@ -183,8 +198,12 @@ def fit_set(problem: RigProblem, start: Fit | None = None, *, quick: bool = Fals
         for name in set(names) & set(start.names):
             x[n:][problem.place[name]] = start.x[start.place[name]]
         known = {name: start.columns[name] for name in names if name in start.columns}
-    j_nu = problem.nuisance_columns(x) if start is None or start.j_nu is None else start.j_nu
-    known |= problem.columns(x, [name for name in names if name not in known])
+    new = [name for name in names if name not in known]
+    if start is None or start.j_nu is None:
+        j_nu, found_columns = problem.all_columns(x, new)
+    else:
+        j_nu, found_columns = start.j_nu, problem.columns(x, new)
+    known |= found_columns
     found = gauss_newton(problem, x, problem.joined(j_nu, known), QUICK if quick else WHOLE)
     q = quadratic(*normal_equations(found.z, found.j, found.x[:n]), n)
     j_nu, fields = found.j.split(n)
@@ -248,7 +267,7 @@ class Linear(msgspec.Struct, frozen=True):
 def linearise(data: Fitted, suspects: Suspects, about: Fit) -> tuple[Linear, Fit]:
     """Expand the objective about a fit in the fields of every suspect; and the fit with all their columns, found anew."""
     problem, here = RigProblem(data, suspects, about.names), np.concatenate((about.nu, about.x))
-    j_nu, columns = problem.nuisance_columns(here), problem.columns(here, suspects)
+    j_nu, columns = problem.all_columns(here, suspects)
     q = quadratic(*normal_equations(about.z, j_nu.beside(np.hstack([*columns.values()])), about.nu), about.nu.size)
     free, place = freedom(*suspects.values()), places_of(suspects, suspects)
     value = free.absent.copy()

@@ -17,7 +17,7 @@ from winchcascade.core.integrate import white_noise
 from winchcascade.core.jobs import all_at_once
 from winchcascade.diagnosis.block_means import PHASES, blocks_of, in_a_row, middles, scatter_about_course
 from winchcascade.diagnosis.nuisances import COURSES, LOAD, Nuisance, nuisances, shifted
-from winchcascade.diagnosis.predict import ALL_KEPT, CHANNELS, COARSE, MOST_KEPT, Course
+from winchcascade.diagnosis.predict import ALL_KEPT, CHANNELS, COARSE, MOST_DERIVATIVES, MOST_KEPT, Course
 from winchcascade.diagnosis.solve import Jacobian, Local
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import constants
@@ -112,6 +112,10 @@ class Log(msgspec.Struct, frozen=True):
         return self.course.load
 
 
+Variant = tuple["Signal", "Sequence[ActiveEffect]"]
+"""Nuisances in units of their tolerance, and the effects that act."""
+
+
 class Fitted:
     """Logs of one rig, ready to be compared with a model again and again.
 
@@ -138,6 +142,7 @@ class Fitted:
         self.logs = [_log(rig, self.nominal, *one) for one in zip(runs, blocks, repeats, strict=True)]
         for log in self.logs:
             log.course.most_kept = max(min(MOST_KEPT, ALL_KEPT // len(self.logs)), 2)
+            log.course.keeps_derivatives = len(self.logs) <= MOST_DERIVATIVES
         self.sizes = [log.measured.shape[0] for log in self.logs]
         self.rows = [slice(a, b) for a, b in pairwise(np.cumsum([0, *self.sizes]).tolist())]
         self.blocks = in_a_row([log.course.blocks for log in self.logs])
@@ -248,25 +253,43 @@ class Fitted:
         used : (5,) weights of the channels in what is simulated, all 1 by default
         """
         columns = self.tolerances(nu, effects, self.predict(nu, effects))
-        dense = self.whiten(columns if used is None else columns * used[:, None])
+        return self._whitened(columns if used is None else columns * used[:, None])
+
+    def jacobian_beside(
+        self, nu: Signal, effects: Sequence[ActiveEffect], variants: Sequence[Variant], steps: Signal
+    ) -> tuple[Jacobian, Signal]:
+        """As `jacobian`, and the whitened columns (M * 5, k) of what variants move, each divided by its step, (k,): both from
+        one pass through the logs, whose shafts are then differentiated once.
+        """
+        columns, moves = self._moved(nu, effects, self.predict(nu, effects), variants)
+        moves /= steps
+        return self._whitened(columns), self.whiten(moves)
+
+    def _whitened(self, columns: Signal) -> Jacobian:
+        """The derivative over all nuisances, by `columns`, (M, 5, `simulated`), of those that are simulated."""
         local = [part for parts in self.local for part in parts]
-        return Jacobian(nu.size, dense, np.arange(self.simulated), local)
+        return Jacobian(len(self.nuisances), self.whiten(columns), np.arange(self.simulated), local)
 
     def tolerances(self, nu: Signal, effects: Sequence[ActiveEffect], at: Signal) -> Signal:
         """What one tolerance of each nuisance but zeros and discrepancies moves, (M, 5, `simulated`), SI units, where the
         prediction is `at`, (M, 5).
         """
+        return self._moved(nu, effects, at, ())[0]
+
+    def _moved(
+        self, nu: Signal, effects: Sequence[ActiveEffect], at: Signal, variants: Sequence[Variant]
+    ) -> tuple[Signal, Signal]:
+        """What `tolerances` gives, and what variants move, (M, 5, variants)."""
         columns, one = np.zeros((*at.shape, self.simulated)), np.eye(nu.size)
         moved = [j for j, n in enumerate(self.nuisances[: self.simulated]) if n.kind != "gain"]
-        columns[:, :, moved] = self.differences(nu, effects, [(nu + one[j], effects) for j in moved])
+        found = self.differences(nu, effects, [*((nu + one[j], effects) for j in moved), *variants])
+        columns[:, :, moved] = found[:, :, : len(moved)]
         for j, n in enumerate(self.nuisances[: self.simulated]):
             if n.kind == "gain":
                 columns[:, CHANNELS.index(n.name), j] = at[:, CHANNELS.index(n.name)] * n.sd
-        return columns
+        return columns, found[:, :, len(moved) :].copy()
 
-    def differences(
-        self, nu: Signal, effects: Sequence[ActiveEffect], variants: Sequence[tuple[Signal, Sequence[ActiveEffect]]]
-    ) -> Signal:
+    def differences(self, nu: Signal, effects: Sequence[ActiveEffect], variants: Sequence[Variant]) -> Signal:
         """What nuisances and effects near to some give beyond these, (M, 5, variants), SI units; the shaft to first order."""
         skew, skews = self.skew(nu), [self.skew(there) for there, _ in variants]
         others = zip(*(self.models(*variant) for variant in variants), strict=True)
@@ -448,8 +471,7 @@ def _seen(course: Course, model: Model, speed: Signal) -> NDArray[np.bool_]:
     if generator.k_e * rpm > 2.0 * generator.v_diode:
         seen[:, [vdc, idc]] &= (np.abs(speed) > MOVING)[:, None]
     if np.isinf(course.load):
-        kept = course.shaft(numbers)
-        bridge, bleed = course.block_mean(kept.i_bridge), course.block_mean(kept.idc)
+        bridge, bleed = (course.block_mean(course.electrical(numbers, name)) for name in ("i_bridge", "idc"))
         seen[:, vdc] &= (bridge > CONDUCTING * bleed) | (hold & (blocks.cycle == 0))
         seen[:, idc] = False
     return seen

@@ -33,13 +33,10 @@ GRID = 0.01
 
 
 class Kept(msgspec.Struct, frozen=True):
-    """A solution of the shaft on the grid, (n,) each: torque of the clutch, Vdc, Idc, stator and bridge current. SI units."""
+    """What the sensors see of a solution of the shaft, on the grid, (n,) each: torque of the clutch [N m] and Vdc [V]."""
 
     clutch: Signal
     vdc: Signal
-    idc: Signal
-    i_s: Signal
-    i_bridge: Signal
 
 
 class Course:
@@ -55,7 +52,7 @@ class Course:
         self.every = max(round(GRID / step), 1)
         self.coarse = _thinned(self.motion, self.every)
         self.matrix = _averaging(run, blocks, self.coarse.t)
-        self.most_kept = MOST_KEPT
+        self.most_kept, self.keeps_derivatives = MOST_KEPT, True
         self._kept: dict[tuple[float | tuple[float, ...], ...], Kept] = {}
         self._tangent: Tangent | None = None
         self._latest: tuple[Constants, Signal] | None = None
@@ -65,13 +62,19 @@ class Course:
         key = (gain, *_of_the_shaft(numbers))
         if key not in self._kept:
             whole = self._solve(numbers, gain)
-            self._latest = (numbers, whole) if gain == 1.0 and self.most_kept == MOST_KEPT else None
-            thin = np.ascontiguousarray(whole[:: self.every].T)
-            solved = Kept(*(thin[SHAFT.index(name)] for name in Kept.__struct_fields__))
+            self._latest = (numbers, whole) if gain == 1.0 and self.keeps_derivatives else None
+            solved = Kept(*(self._thin(whole, name) for name in Kept.__struct_fields__))
             while len(self._kept) >= self.most_kept:
                 del self._kept[next(iter(self._kept))]
             self._kept[key] = solved
         return self._kept[key]
+
+    def electrical(self, numbers: Constants, name: str) -> Signal:
+        """Solve the shaft for one of the columns of `kernel.SHAFT`, on the grid, (n,)."""
+        return self._thin(self._solve(numbers), name)
+
+    def _thin(self, whole: Signal, name: str) -> Signal:
+        return whole[:: self.every, SHAFT.index(name)].copy()
 
     def _solve(self, numbers: Constants, gain: float = 1.0) -> Signal:
         return solve_shaft(self.motion.v * gain, self.motion.step, numbers)
@@ -89,7 +92,7 @@ class Course:
         here = latest is not None and _of_the_shaft(latest[0]) == _of_the_shaft(inert)
         moving = latest[1] if latest is not None and here else self._solve(inert)
         found = tangent_of(motion.v, motion.step, numbers, moving, self.every, ways)
-        self._tangent = found if self.most_kept == MOST_KEPT else None
+        self._tangent = found if self.keeps_derivatives else None
         return found
 
     def on_grid(self, model: Model, gain: float = 1.0, skew: Signal | None = None) -> Signal:
@@ -189,8 +192,11 @@ def delayed(x: Signal, steps: float) -> Signal:
 MOST_KEPT = 16
 """So many solutions of a log are kept, the oldest goes first."""
 
-ALL_KEPT = 400
-"""So many solutions of all logs of a fit are kept at most, but two of each: about 0.5 MB each. Beyond it no tangent is."""
+ALL_KEPT = 1000
+"""So many solutions of all logs of a fit are kept at most, but two of each: about 0.2 MB each."""
+
+MOST_DERIVATIVES = 25
+"""Up to so many logs keep their latest derivatives and the solution at every step: about 8 MB for each log."""
 
 
 def _thinned(motion: LineMotion, every: int) -> LineMotion:

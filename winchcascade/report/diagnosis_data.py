@@ -156,7 +156,7 @@ def stator_current(found: ModelDiagnosis) -> tuple[Signal, Signal]:
     for k in loaded(found):
         log = data.logs[k]
         here = log.noise.seen[:, CHANNELS.index("idc")] & (log.course.blocks.phase == OUT)
-        stator = log.course.block_mean(log.course.shaft(constants(models[k], log.course.load)).i_s)
+        stator = log.course.block_mean(log.course.electrical(constants(models[k], log.course.load), "i_s"))
         pairs.append(np.array([stator, log.measured[:, CHANNELS.index("idc")]])[:, here])
     stator, direct = np.concatenate(pairs, axis=1)
     return stator, direct
