@@ -21,7 +21,10 @@ from winchcascade.core.campaign_file import load_campaign
 from winchcascade.core.errors import CampaignError, LogError, OptionError, RigError
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.diagnosis_result import Entries
+from winchcascade.diagnosis.line.line_causes import _error_of_span
+from winchcascade.diagnosis.line.line_data import beside, with_span
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis, diagnose_line
+from winchcascade.diagnosis.line.line_selection import coefficients, moments_of
 from winchcascade.ingest.read import read_run
 from winchcascade.report.diagnosis import make_diagnosis_report
 from winchcascade.report.diagnosis_names import signed
@@ -412,3 +415,22 @@ def test_a_map_without_a_model_has_one_column_and_a_waterfall_is_rejected() -> N
     assert [label.get_text() for label in ax.get_xticklabels()] == ["all logs"]
     with pytest.raises(OptionError, match=r"this diagnosis has no model.* expected 'map'"):
         found.plot("waterfall")
+
+
+def test_the_error_of_a_span_follows_from_the_next_longer_one_and_of_the_longest_from_the_one_before() -> None:
+    lines = diagnosed(0, mass=3000.0).lines
+    assert len(lines.spans) >= 2
+
+    def fitted(span: float) -> Any:
+        there = with_span(lines, span)
+        return coefficients(moments_of(there.fitted), there, lines.names)
+
+    def of_third_derivative(span: float) -> float:
+        k = beside(lines.parts[0].run, span)
+        return (3.0 * k * k + 3.0 * k - 1.0) / 5.0
+
+    for span, other in zip(lines.spans, (*lines.spans[1:], lines.spans[-2]), strict=True):
+        own, its = of_third_derivative(span), of_third_derivative(other)
+        expected = (fitted(other) - fitted(span)) * own / (its - own)
+        assert np.any(expected != 0.0)
+        assert _error_of_span(with_span(lines, span), lines.names) == pytest.approx(expected)

@@ -9,7 +9,8 @@ import pytest
 from shipped_log import ENERGY, NAMES, WINDOW, Signal, clean, column, row_after_onset, table, written
 
 from winchcascade import Reduction, Run, reduce
-from winchcascade.ingest.checks.dropouts import Dropout, _departure
+from winchcascade.ingest.checks.dropouts import Dropout, _departure, find_dropouts
+from winchcascade.ingest.checks.spikes import find_bends
 
 LOG = "r18ohm"
 
@@ -148,3 +149,17 @@ def test_a_clutch_that_opens_while_vdc_and_idc_decay_is_kept(tmp_path: Path, fs:
     for name in ("vdc", "idc"):
         rows[open_, column(name)] *= decay
     assert reported_channels(written(tmp_path, rows, load=18.0)) == set()
+
+
+@pytest.mark.parametrize(("level", "faults"), [(6.0, []), (8.0, [("torque", 8.0)])])
+def test_a_jump_of_three_steps_of_a_coarse_channel_is_no_fault(level: float, faults: list[tuple[str, float]]) -> None:
+    """A torque in steps of 2 N m that drops to zero for a moment, after a rest so long that it shows no noise."""
+    rest, moved = 20_100, 1200
+    moving = np.concatenate((np.zeros(rest), np.sin(np.pi * np.arange(moved) / moved)))
+    ripple = moving * (1.0 + 0.001 * np.sin(np.arange(rest + moved)))
+    torque = 2.0 * np.round(0.5 * level * np.minimum(1.0, 2.0 * moving))
+    torque[rest + 500 : rest + 520] = 0.0
+    channels = {"velocity": 0.8 * ripple, "vdc": 200.0 * ripple, "idc": 10.0 * ripple, "torque": torque}
+    bends = {name: find_bends(x) for name, x in channels.items()}
+    found = find_dropouts(np.arange(0.0, 0.04 * (rest + moved) - 0.02, 0.04), channels, bends, open_circuit=False)
+    assert [(name, d.jump) for name, dropouts in found.items() for d in dropouts] == faults

@@ -20,6 +20,7 @@ from winchcascade.core.run import Run
 from winchcascade.reduction.loss_map import (
     Coefficient,
     LossMap,
+    _held_out_groups,
     condition_number,
     convex_hull,
     fit_surface,
@@ -102,6 +103,18 @@ def test_the_hull_holds_every_point_and_none_beyond() -> None:
     beyond = middle + 1.01 * (hull - middle)
     assert not within(hull, beyond[:, 0], beyond[:, 1]).any()
     assert not within(convex_hull(x, 2.0 * x), x, 2.0 * x).any()
+
+
+@pytest.mark.parametrize(
+    ("logs", "cycles", "held_out"), [(3, 6, "log"), (2, 3, "cycle"), (2, 2, "point"), (1, 60, "cycle")]
+)
+def test_logs_are_held_out_where_there_are_three_else_cycles_else_points(logs: int, cycles: int, held_out: str) -> None:
+    points = scattered(3)
+    number = np.arange(points.loss.size)
+    points = msgspec.structs.replace(points, log=number % logs, cycle=number % cycles)
+    groups, what = _held_out_groups(points)
+    assert what == held_out
+    assert np.unique(groups).size == {"log": logs, "cycle": cycles, "point": 10}[held_out]
 
 
 def test_columns_of_one_load_are_not_distinguished_and_named() -> None:

@@ -11,6 +11,7 @@ import pytest
 
 from winchcascade import Run, read_run, reduce
 from winchcascade.core.run import Finding
+from winchcascade.reduction.checks.sampling import _straight_interval
 
 CAMPAIGN = Path(__file__).parents[2] / "fixtures" / "campaign"
 LOGS = {"r45ohm": (45.0, 5.48), "r36ohm": (36.0, 5.48), "r4p5ohm": (4.5, 5.96), "open_circuit": (math.inf, 4.0)}
@@ -99,3 +100,22 @@ def test_a_straight_ramp_without_noise_is_no_step() -> None:
 @pytest.mark.parametrize("step", [0.015, 0.02, 0.0213])
 def test_a_step_as_large_as_the_change_on_a_ramp_is_found(step: float) -> None:
     assert found("r36ohm", stepped("r36ohm", "velocity", step, np.round))
+
+
+@pytest.mark.parametrize(("every", "values", "found"), [(4, 6, 4), (6, 6, 6), (3, 30, 1), (4, 30, 4), (6, 5, 1)])
+def test_a_line_between_values_is_shown_by_four_stretches_of_four_samples(every: int, values: int, found: int) -> None:
+    """So many intervals between values on a zigzag; each value but those at the ends bends the course."""
+    zigzag = np.cumsum(np.where(np.arange(values + 1) % 2, 1.0, -0.6))
+    x = np.interp(np.arange(every * values + 1), every * np.arange(values + 1), zigzag)
+    assert _straight_interval(x) == found
+
+
+def test_a_few_smaller_changes_are_not_taken_for_the_step() -> None:
+    run = stepped("r36ohm", "idc", 0.1, np.round)
+    idc = run.channels["idc"].copy()
+    rest = np.flatnonzero(
+        (run.t > 8.0) & (run.t < 15.0) & (np.diff(idc, append=0.0) == 0.0) & (np.diff(idc, prepend=0.0) == 0.0)
+    )
+    idc[rest[[2, 6, 10]]] += 0.013
+    (finding,) = found("r36ohm", msgspec.structs.replace(run, channels={**run.channels, "idc": idc}))
+    assert finding.message.startswith("idc is recorded in steps of 0.1 A")
