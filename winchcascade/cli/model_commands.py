@@ -22,6 +22,7 @@ from winchcascade.cli.options import (
     TablesOption,
     check_load,
     effect_names,
+    name_argument,
     named_number,
     rig_names,
 )
@@ -191,13 +192,7 @@ def calibrate_command(
 
 def effects_command(
     name: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="[NAME]",
-            help="The effect to describe; without it all are listed.",
-            show_default=False,
-            autocompletion=effect_names,
-        ),
+        str | None, name_argument("The effect to describe; without it all are listed.", effect_names)
     ] = None,
 ) -> None:
     """List the effects that the model of a rig leaves out, or describe one of them in full."""
@@ -208,13 +203,7 @@ def effects_command(
 
 def rig_command(
     name: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="[NAME]",
-            help="The built-in rig: hsu2026 (the default) or kitepower.",
-            show_default=False,
-            autocompletion=rig_names,
-        ),
+        str | None, name_argument("The built-in rig: hsu2026 (the default) or kitepower.", rig_names)
     ] = None,
 ) -> None:
     """Print a built-in rig file, as a start for your own."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -15,14 +16,14 @@ def rig_names(incomplete: str) -> list[str]:
     """Built-in rigs that start like this."""
     from winchcascade.core.rig_toml import BUILT_IN
 
-    return [name for name in BUILT_IN if name.startswith(incomplete)]
+    return _starting(BUILT_IN, incomplete)
 
 
 def table_names(incomplete: str) -> list[str]:
     """Built-in tables that start like this."""
     from winchcascade.core.table_toml import BUILT_IN
 
-    return [name for name in BUILT_IN if name.startswith(incomplete)]
+    return _starting(BUILT_IN, incomplete)
 
 
 def effect_names(incomplete: str) -> list[tuple[str, str]]:
@@ -36,7 +37,11 @@ def report_choices(incomplete: str) -> list[str]:
     """Choices of `--reports` that start like this."""
     from winchcascade.batch.run_batch import REPORTS
 
-    return [name for name in REPORTS if name.startswith(incomplete)]
+    return _starting(REPORTS, incomplete)
+
+
+def _starting(names: Iterable[str], incomplete: str) -> list[str]:
+    return [name for name in names if name.startswith(incomplete)]
 
 
 RigOption = Annotated[
@@ -127,6 +132,11 @@ CampaignArgument = Annotated[
         metavar="CAMPAIGN", help="The campaign: a campaign.toml, or the folder that holds one.", show_default=False
     ),
 ]
+
+
+def name_argument(text: str, names: Callable[[str], Sequence[Any]]) -> Any:
+    """An argument that may be left out, of which a shell completes the names."""
+    return typer.Argument(metavar="[NAME]", help=text, show_default=False, autocompletion=names)
 
 
 def check_load(load_ohm: float | None) -> None:

@@ -110,7 +110,12 @@ def read_run(
         run = _read_unchanged(Path(path), rig, load, table, simulated=simulated)
         run = run if name is None else msgspec.structs.replace(run, name=one_line(name))
     else:
-        run = _read_frame(path, rig, load, table, simulated=simulated, units=units, name=name or "data frame")
+        from winchcascade.ingest.formats.data_frame import frame_digest, open_frame
+
+        where = name or "data frame"
+        loaded = _opened(open_frame(path, where=where, units=units, table=table), rig, where)
+        run = _run_of(loaded, rig, load, where=where, simulated=simulated)
+        run = msgspec.structs.replace(run, sha256=frame_digest(path))
     run = msgspec.structs.replace(run, load_source=run.load_source if load is None else load_source, about=about)
     return _with_origin(run, origin or Origin())
 
@@ -150,24 +155,6 @@ def _read(path: Path, rig: Rig, load: float | None, table_name: str | None, *, s
     if not digest:
         raise LogError(f"{path}: could not be read to its end; check that the file is still there.")
     return msgspec.structs.replace(run, path=one_line(str(path)), sha256=digest)
-
-
-def _read_frame(
-    frame: pd.DataFrame,
-    rig: Rig,
-    load: float | None,
-    table_name: str | None,
-    *,
-    simulated: bool,
-    units: Mapping[str, str] | None,
-    name: str,
-) -> Run:
-    """Read and check a data frame, as a file with the same columns."""
-    from winchcascade.ingest.formats.data_frame import frame_digest, open_frame
-
-    source = open_frame(frame, where=name, units=units, table=table_name)
-    run = _run_of(_opened(source, rig, name), rig, load, where=name, simulated=simulated)
-    return msgspec.structs.replace(run, sha256=frame_digest(frame))
 
 
 class _Opened(NamedTuple):

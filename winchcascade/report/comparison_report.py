@@ -13,6 +13,7 @@ from winchcascade.report.comparison_figures import MOST_DRAWN, difference_figure
 from winchcascade.report.comparison_words import (
     MATCHED,
     DifferenceRow,
+    difference_columns,
     difference_rows,
     digits_of,
     drawn_metrics,
@@ -21,7 +22,6 @@ from winchcascade.report.comparison_words import (
     gate_words,
     headline_metrics,
     interval_cell,
-    mean_cell,
     method_words,
     note_words,
     of_windows,
@@ -127,10 +127,7 @@ def differences_table(name: str, found: Comparison, metrics: Sequence[str]) -> T
         _METRIC,
         _RUN,
         *([_UNIT] if any(unit_cell(row.of) for row in rows) else []),
-        TableColumn("A", of=lambda row: mean_cell(row.of, "a")),
-        TableColumn("B", of=lambda row: mean_cell(row.of, "b")),
-        TableColumn("B − A", of=lambda row: value_cell(row.of)),
-        TableColumn("95 % interval", of=lambda row: interval_cell(row.of)),
+        *difference_columns("B − A"),
         TableColumn("B/A − 1", "%", of=lambda row: relative_cell(row.of)),
         TableColumn("Excludes 0", text=True, of=lambda row: zero_cell(row.of)),
     ]

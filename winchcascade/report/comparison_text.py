@@ -12,13 +12,12 @@ from winchcascade.core.plain_text import one_line
 from winchcascade.report.comparison_words import (
     MATCHED,
     DifferenceRow,
+    difference_columns,
     difference_rows,
     drop_words,
     freedom_cell,
     gate_words,
     headline_metrics,
-    interval_cell,
-    mean_cell,
     method_words,
     note_words,
     of_windows,
@@ -27,7 +26,6 @@ from winchcascade.report.comparison_words import (
     sensors_words,
     significance,
     unit_cell,
-    value_cell,
     zero_cell,
 )
 from winchcascade.report.report_model import TableColumn
@@ -44,10 +42,7 @@ _COLUMNS: tuple[TableColumn[DifferenceRow], ...] = (
     TableColumn("metric", of=lambda row: row.of.metric),
     TableColumn("run", of=lambda row: one_line(row.runs.label)),
     TableColumn("unit", of=lambda row: unit_cell(row.of)),
-    TableColumn("A", of=lambda row: mean_cell(row.of, "a")),
-    TableColumn("B", of=lambda row: mean_cell(row.of, "b")),
-    TableColumn("B - A", of=lambda row: value_cell(row.of)),
-    TableColumn("95 % interval", of=lambda row: interval_cell(row.of)),
+    *difference_columns("B - A"),
     TableColumn("freedom", of=lambda row: freedom_cell(row.of)),
     TableColumn("excludes 0", of=lambda row: zero_cell(row.of)),
 )

@@ -12,6 +12,7 @@ from winchcascade.comparison.differences import Difference
 from winchcascade.comparison.gate import Drop, Gate
 from winchcascade.core.plain_text import one_line
 from winchcascade.report.digits import NumberText, interval_text, number, places, stated, with_sign
+from winchcascade.report.report_model import TableColumn
 from winchcascade.report.tables import decimals_of, unit_of
 from winchcascade.report.wording import SYMBOL, load_words
 
@@ -44,6 +45,16 @@ def mean_cell(one: Difference, side: str) -> NumberText:
 def value_cell(one: Difference) -> NumberText:
     """B - A with its sign."""
     return with_sign(stated(one.value, digits_of(one), decimals_of(one.metric)))
+
+
+def difference_columns(name: str) -> list[TableColumn[DifferenceRow]]:
+    """Columns of the means of both sides, and of their difference, under some name, with its interval."""
+    return [
+        TableColumn("A", of=lambda row: mean_cell(row.of, "a")),
+        TableColumn("B", of=lambda row: mean_cell(row.of, "b")),
+        TableColumn(name, of=lambda row: value_cell(row.of)),
+        TableColumn("95 % interval", of=lambda row: interval_cell(row.of)),
+    ]
 
 
 def interval_cell(one: Difference) -> NumberText:
