@@ -268,8 +268,7 @@ def test_another_number_of_draws_is_used_and_determines_the_ends(draws: int, sen
 
 @pytest.mark.parametrize("draws", [100, 101, 1024, 3482, 30_030])
 def test_each_error_is_drawn_once_from_each_stratum(draws: int) -> None:
-    strata = _strata(3, draws)
-    drawn = [next(strata) for _ in range(6)]
+    drawn = _strata(3, draws, 6)
     assert all(np.array_equal(np.sort(places), np.arange(draws)) for places in drawn)
     assert np.abs(np.corrcoef(drawn) - np.eye(6)).max() < 2.5 / math.sqrt(draws)
 

@@ -13,7 +13,7 @@ from winchcascade.batch.workbook import TABLES
 from winchcascade.core.cascade import Cascade
 from winchcascade.core.version import __version__
 from winchcascade.report.records import FindingRecord, RunRecord
-from winchcascade.report.rows import Row, table_rows, table_schema
+from winchcascade.report.rows import Row, arrow_table, table_rows, table_schema
 
 SCHEMA = "winchcascade/dataset/1"
 
@@ -35,7 +35,6 @@ def write_dataset(
     between : findings that one log has beside the others, each with the name of its log
     cascades : those of the rigs of the logs
     """
-    import pyarrow as pa
     from pyarrow import parquet
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -43,7 +42,7 @@ def write_dataset(
     schemas = {table: table_schema(table, about, cascades) for table in TABLES}
 
     def flush(writer: Any, table: str, rows: list[Row]) -> None:
-        writer.write_table(pa.Table.from_pylist(rows, schema=schemas[table]))
+        writer.write_table(arrow_table(rows, schemas[table]))
         rows.clear()
 
     with ExitStack() as stack:

@@ -121,7 +121,7 @@ def find_layout(lines: Sequence[str], where: str, *, numbered: bool = False) -> 
         len(headers) > width,
         first,
         tuple(map(tuple, rows)),
-        any('"' in line for line in lines[first:]),
+        '"' in "".join(lines[first:]),
         preamble_properties(lines[:first]),
     )
 
@@ -143,7 +143,7 @@ def _score(table: _Table) -> float:
 
 def _first_data(lines: Sequence[str], delimiter: str) -> tuple[int, list[list[str]]] | None:
     """First line of data under a delimiter and the rows from there; None without two such rows in a row."""
-    if delimiter != " " and not any(delimiter in line for line in lines):
+    if delimiter != " " and delimiter not in "".join(lines):
         return None
 
     @cache  # most logs show their table in the first lines
@@ -154,7 +154,10 @@ def _first_data(lines: Sequence[str], delimiter: str) -> tuple[int, list[list[st
     def data(k: int) -> bool:
         """Whether a row holds a number or a stamp in most cells that are not empty, and in more than one."""
         full = [cell for cell in row(k) if cell]
-        return len(full) >= 2 and any(map(looks_like_a_number, full)) and sum(map(is_value, full)) >= 0.6 * len(full)
+        count = sum(map(looks_like_a_number, full))
+        return (
+            count > 0 and len(full) >= 2 and (count >= 0.6 * len(full) or sum(map(is_value, full)) >= 0.6 * len(full))
+        )
 
     for k in range(len(lines)):
         if not data(k) or _channels(row(k)) > 1:

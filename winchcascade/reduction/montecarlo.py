@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from functools import cache
+from functools import cache, lru_cache
 from typing import Literal
 
 import msgspec
@@ -129,7 +129,8 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED, draws: int = DRAWS) -
     draws = int(draws)
     model = error_model(reduction)
     known = budget(reduction, model)
-    strata = _strata(seed, draws)
+    errors = 1 + len(model.sources) + len(model.stages)
+    strata = iter((_kept_strata if draws == DRAWS else _strata)(seed, draws, errors))
     of_repeats = next(strata)
     spread = _spread(reduction, model, known, strata, draws) if reduction.complete else {}
     drawn, whole, alone = {}, {}, {}
@@ -154,13 +155,18 @@ def stated_uncertainty(reduction: Reduction) -> tuple[Budget, Metrics]:
     return known, known.mean if known.reach <= SMALL else uncertainty(reduction).standard
 
 
-def _strata(seed: int, draws: int) -> Iterator[Index]:
-    """For one error after another, the stratum from which each draw takes it, of as many equally probable ones as draws."""
+def _strata(seed: int, draws: int, errors: int) -> tuple[Index, ...]:
+    """For each of some errors, the stratum from which each draw takes it, of as many equally probable ones as draws."""
     rng = np.random.default_rng(seed)
-    of_draws, step, multiplier = np.arange(draws), 1, _multiplier(draws)
-    while True:
-        yield (of_draws * step + rng.integers(draws)) % draws
+    of_draws, step, multiplier, found = np.arange(draws), 1, _multiplier(draws), []
+    for _ in range(errors):
+        found.append((of_draws * step + rng.integers(draws)) % draws)
         step = step * multiplier % draws
+    return tuple(found)
+
+
+_kept_strata = lru_cache(maxsize=8)(_strata)
+"""Strata of the default number of draws, which are the same for every log of a batch."""
 
 
 @cache

@@ -141,7 +141,7 @@ def open_delimited(path: Path, *, numbered: bool = False) -> LogSource:
 
 def _layout(lines: Sequence[str], where: str, *, numbered: bool) -> Layout:
     """Find the table in the first lines of a file, by the headings of LabVIEW where it has them."""
-    if any(line.startswith("***End_of_Header***") for line in lines[:_LONGEST_HEADING]):
+    if "\n***End_of_Header***" in "\n".join(["", *lines[:_LONGEST_HEADING]]):
         from winchcascade.ingest.labview import labview_layout
 
         found = labview_layout(lines, where)
