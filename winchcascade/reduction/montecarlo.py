@@ -136,7 +136,8 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED, draws: int = DRAWS) -
     drawn, whole, alone = {}, {}, {}
     for metric, x in spread.items():
         scatter = known.repeatability[metric] or 0.0
-        drawn[metric] = float(np.hypot(np.std(x), scatter))
+        about = x - x.mean()
+        drawn[metric] = math.sqrt(float(about @ about) / x.size + scatter**2)
         if scatter:
             whole[metric] = _interval(scatter * _student(draws, model.rows[metric].size - 1)[of_repeats] + x)
         alone[metric] = _interval(x)
@@ -267,23 +268,35 @@ def _draw(model: ErrorModel, strata: Iterator[Index], draws: int) -> dict[str, _
         errors[s.channel, s.part] = errors.get((s.channel, s.part), 0.0) + drawn_error  # sensor and acquisition system
     limit = sampling_limit(model.stages) or 1.0
     drawn = {}
+    known: dict[tuple[str, str, bool, float], tuple[Signal, Signal | float]] = {}
     for name, stage in model.stages.items():
         rows = model.rows[f"energy_{name}"]
         energy = abs(float(np.sum(stage.energy[rows])))
         share = float(np.sqrt(np.sum(stage.bridged[rows] ** 2) / 3.0)) / energy if energy > 0 else 0.0
-        factor = (
-            1.0 + share * _student(draws)[next(strata)] if share > 0 else 1.0
-        )  # by what bridged gaps may have changed
-        for channel in (stage.first, stage.second or "", R_DRUM if stage.by_radius else ""):
-            factor = factor / (1.0 + errors.get((channel, "gain"), 0.0))
-        zero_x, zero_y = (errors.get((channel or "", "zero"), 0.0) for channel in (stage.first, stage.second))
-        weights = np.empty((5, draws))
-        for row, weight in enumerate((1.0, -zero_y, -zero_x, zero_x * zero_y)):
-            weights[row] = stage.scale * weight
-        weights[4] = errors.get((SAMPLING, "gain"), 0.0)
         parts = np.column_stack((stage.xy, stage.x, stage.y, stage.t, stage.sampled / limit))
-        drawn[name] = _Drawn(stage, parts, weights, factor)
+        if share > 0.0:  # by what bridged gaps may have changed
+            changed = 1.0 + share * _student(draws)[next(strata)]
+            drawn[name] = _Drawn(stage, parts, *_weighted(stage, errors, changed, draws))
+            continue
+        alike = stage.first, stage.second or "", stage.by_radius, stage.scale  # several spans of the same power
+        if alike not in known:
+            known[alike] = _weighted(stage, errors, 1.0, draws)
+        drawn[name] = _Drawn(stage, parts, *known[alike])
     return drawn
+
+
+def _weighted(
+    stage: StageEnergy, errors: Mapping[tuple[str, str], Signal], factor: Signal | float, draws: int
+) -> tuple[Signal, Signal | float]:
+    """Weights and factor of the energies of a stage for drawn errors, as `_Drawn` holds them, from a factor of its own."""
+    for channel in (stage.first, stage.second or "", R_DRUM if stage.by_radius else ""):
+        factor = factor / (1.0 + errors.get((channel, "gain"), 0.0))
+    zero_x, zero_y = (errors.get((channel or "", "zero"), 0.0) for channel in (stage.first, stage.second))
+    weights = np.empty((5, draws))
+    for row, weight in enumerate((1.0, -zero_y, -zero_x, zero_x * zero_y)):
+        weights[row] = stage.scale * weight
+    weights[4] = errors.get((SAMPLING, "gain"), 0.0)
+    return weights, factor
 
 
 def _ratio(out: _Drawn, into: _Drawn, rows: Index, mean: float) -> Signal:
