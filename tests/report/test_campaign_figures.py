@@ -8,10 +8,10 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 from test_campaign_report import run
 
-from winchcascade.report.campaign_figures import load_names, look_alike, over_load, over_speed, repeated
+from winchcascade.report.campaign_figures import load_names, look_alike, over_load, repeated, runs_over_speed
 from winchcascade.report.campaign_record import LogSummary
 from winchcascade.report.model_account import GROUPS, Account, ComparedCurve, LossBudget
-from winchcascade.report.model_figures import budget_bars, by_load, panels
+from winchcascade.report.model_figures import budget_bars, panels, styled_by_load
 from winchcascade.report.model_section import Named, row_names
 from winchcascade.report.style import SHORT, columns_within, cut_apart, house_style
 
@@ -56,14 +56,14 @@ def inside(figure: Figure, texts: list[Text]) -> bool:
 def speed_figure(runs: list[LogSummary]) -> Figure:
     row = {"torque_nm": 1.0, "power_mech_w": 2.0, "power_gen_w": 1.5}
     bins = [{"rpm_low": 100.0 * k, "rpm_high": 100.0 * (k + 1), **row} for k in range(8)]
-    figure = over_speed(runs, {r.name: bins for r in runs})
+    figure = runs_over_speed(runs, {r.name: bins for r in runs})
     assert figure is not None
     return figure
 
 
 def model_figure(runs: list[LogSummary], gear: float | None = None) -> Figure:
     curves = [{"torque_nm": CURVE}] * len(runs)
-    figure = panels(by_load(load_names(runs), curves), ["torque_nm"], word="log", rated=None, gear=gear)
+    figure = panels(styled_by_load(load_names(runs), curves), ["torque_nm"], word="log", rated=None, gear=gear)
     assert figure is not None
     return figure
 
@@ -93,7 +93,7 @@ def test_a_load_of_several_logs_stands_once_in_a_legend() -> None:
 
 
 def test_loads_beyond_the_colours_differ_in_their_markers() -> None:
-    drawn = by_load([f"{k} Ω" for k in range(13)], [{}] * 13)
+    drawn = styled_by_load([f"{k} Ω" for k in range(13)], [{}] * 13)
     assert len({(d.log, d.mark) for d in drawn}) == 13
 
 

@@ -24,10 +24,10 @@ from winchcascade.report.campaign_record import (
     CampaignRecord,
     FailedLog,
     LogSummary,
-    by_load,
     campaign_from,
     campaign_text,
     run_load_text,
+    runs_by_load,
 )
 from winchcascade.report.publish import html_text, publish
 from winchcascade.report.report_model import Report, Table
@@ -178,7 +178,7 @@ def test_the_best_load_and_its_probability_are_said(bare: Path) -> None:
 
 def test_runs_are_in_falling_order_of_their_loads() -> None:
     runs = [run("u"), run("a", 9.0), run("o", open_circuit=True), run("b", 45.0), run("c", 4.5)]
-    assert [run_load_text(r) for r in by_load(runs)] == ["open circuit", "45", "9", "4.5", "–"]
+    assert [run_load_text(r) for r in runs_by_load(runs)] == ["open circuit", "45", "9", "4.5", "–"]
 
 
 def test_every_log_is_in_the_tables_with_its_mean(made: Made) -> None:

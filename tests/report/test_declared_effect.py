@@ -4,7 +4,7 @@ import pytest
 from diagnosed import SUSPECTS, made_logs
 
 from winchcascade.diagnosis.diagnose import diagnose
-from winchcascade.report.diagnosis_causes import rows_of, tolerance_of
+from winchcascade.report.diagnosis_causes import cause_rows, tolerance_of
 from winchcascade.report.diagnosis_tables import causes_table, meanings_table
 from winchcascade.report.diagnosis_text import diagnosis_text
 from winchcascade.report.effects_text import effects_text
@@ -45,4 +45,4 @@ def test_an_effect_that_is_only_declared_is_described_diagnosed_and_reported(mon
     assert meanings.rows[0] == ("Pressure sensor zero (pressure_zero)", "sensor", "Zero error of the pressure sensor.")
     assert "zero of the pressure sensor" in " ".join(diagnosis_text(found).split())
     assert tolerance_of(found, PRESSURE_ZERO) > 0.0
-    assert [row.name for row in rows_of(found)] == ["offset"]
+    assert [row.name for row in cause_rows(found)] == ["offset"]

@@ -11,12 +11,12 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis, diagnose
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.report.diagnosis_causes import (
+    cause_rows,
     effect_odds,
     numbers_figure,
     odds_figure,
     profile_figure,
     profile_of,
-    rows_of,
     set_odds,
     thresholds,
     tolerance_of,
@@ -24,11 +24,11 @@ from winchcascade.report.diagnosis_causes import (
 from winchcascade.report.diagnosis_data import (
     BIN,
     OUT,
-    before_braking,
+    blocks_before_braking,
     by_load,
     loaded,
+    means_over_speed,
     most_telling,
-    over_speed,
     rated_dc_current,
     representative,
     series,
@@ -100,8 +100,8 @@ def test_logs_stand_in_the_order_of_their_loads() -> None:
 def test_means_over_speed_are_those_of_the_blocks_before_braking() -> None:
     found = diagnosed("copper")
     one = series(found, sides(found), 0, "idc")
-    rpm, logged, before, _ = over_speed(one)
-    here = before_braking(one)
+    rpm, logged, before, _ = means_over_speed(one)
+    here = blocks_before_braking(one)
     bins: dict[int, list[int]] = {}
     for k in np.flatnonzero(here & np.isfinite(one.logged) & (one.rpm > 0)):
         bins.setdefault(math.floor(one.rpm[k] / BIN), []).append(int(k))
@@ -114,7 +114,7 @@ def test_means_over_speed_are_those_of_the_blocks_before_braking() -> None:
 
 def test_braking_is_left_out_of_means_over_speed() -> None:
     one = series(diagnosed("copper"), sides(diagnosed("copper")), 0, "idc")
-    out, kept = one.phase == OUT, before_braking(one)
+    out, kept = one.phase == OUT, blocks_before_braking(one)
     assert not np.any(kept & ~out)
     dropped = out & ~kept
     assert np.any(dropped)
@@ -225,7 +225,7 @@ def test_a_tolerance_is_reported_in_the_unit_of_its_effect() -> None:
 
 
 def test_each_number_stands_within_what_is_plausible() -> None:
-    (row,) = rows_of(diagnosed("copper"))
+    (row,) = cause_rows(diagnosed("copper"))
     assert row.low <= row.found.value <= row.high
     assert row.absent == 0.0
     assert numbers_figure(diagnosed("copper")) is not None

@@ -216,7 +216,7 @@ def test_log_is_a_line_and_simulation_markers_of_another_colour(found: dict[str,
 
 def test_every_load_has_a_colour_and_a_marker_of_its_own(found: dict[str, Modelled], style: None) -> None:
     names = [f"{k} Ω" for k in range(7)]
-    drawn = figures.by_load(names, [found["18 ohm"].account.curves] * 7)
+    drawn = figures.styled_by_load(names, [found["18 ohm"].account.curves] * 7)
     assert len({d.log for d in drawn}) == len({d.mark for d in drawn}) == 7
     figure = figures.panels(drawn, TETHER, word="log", rated=2000.0)
     assert figure is not None

@@ -123,7 +123,7 @@ def _sources(runs: MatchedRuns) -> str:
 
 
 def _windows(runs: MatchedRuns) -> str:
-    ours, theirs = (_each(side, window_text) for side in (runs.a, runs.b))
+    ours, theirs = (_each(side, rule_text) for side in (runs.a, runs.b))
     if ours == theirs:
         return ""
     return (
@@ -132,7 +132,7 @@ def _windows(runs: MatchedRuns) -> str:
     )
 
 
-def window_text(run: ComparedRun) -> str:
+def rule_text(run: ComparedRun) -> str:
     """Rule of the windows of a log, or their fixed length."""
     return run.window if isinstance(run.window, str) else f"{run.window:g} s"
 

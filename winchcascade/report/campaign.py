@@ -21,10 +21,10 @@ from winchcascade.report.campaign_record import (
     CampaignRecord,
     FailedLog,
     LogSummary,
-    by_load,
     cascade_of,
     mixed_windows,
     run_load_text,
+    runs_by_load,
     window_text,
 )
 from winchcascade.report.campaign_waves import CampaignWaves, campaign_waves, campaign_waves_section
@@ -74,7 +74,7 @@ def make_campaign_report(
     ----------
     results : folder by which the record names the results of single logs, if it is another one
     """
-    runs, folder = by_load(campaign.reduced), results or out
+    runs, folder = runs_by_load(campaign.reduced), results or out
     waves = None
     if campaign.waves is not UNSET:
         waves = campaign_waves(read_results({run.name: folder / run.result for run in campaign.reduced}))
@@ -101,7 +101,7 @@ def campaign_report(
     linked : whether the reports of single logs stand beside that of the campaign
     waves : of the logs whose cycles are waves
     """
-    runs, failed = by_load(campaign.reduced), campaign.failed
+    runs, failed = runs_by_load(campaign.reduced), campaign.failed
     loaded = [run for run in runs if not run.open_circuit] or runs
     rigs = sorted({run.rig for run in runs})
     with house_style():
@@ -110,13 +110,13 @@ def campaign_report(
                 "results", "Energies and efficiencies",
                 _over_load(loaded),
                 energies_table(runs, linked=linked) if runs else None,
-                efficiencies_table(runs) if runs else None,
-                net_table(runs),
+                logs_efficiencies_table(runs) if runs else None,
+                logs_net_table(runs),
             ),
             *([] if waves is None else [campaign_waves_section(waves)]),
             section("speed", "Over generator speed", _over_speed(runs, bins)),
             *model,
-            section("repeatability", "Repeatability", repeatability_table(runs)),
+            section("repeatability", "Repeatability", logs_repeatability_table(runs)),
             section(
                 "findings", "Logs and findings", logs_table(runs, linked=linked) if runs else Note("No log could be used."),
                 between_table(campaign.between),
@@ -156,7 +156,7 @@ def _over_load(loaded: Sequence[LogSummary]) -> Picture | None:
 def _over_speed(runs: Sequence[LogSummary], bins: figures.Bins) -> Picture | None:
     """Torque and power over generator speed, and what the figure shows."""
     return picture(
-        figures.over_speed(runs, bins),
+        figures.runs_over_speed(runs, bins),
         "speed",
         "Means of the payouts of each run in bins of generator speed; markers distinguish the loads."
         + (" Logs of one load look alike." if figures.look_alike(runs) else "")
@@ -361,7 +361,7 @@ def energies_table(runs: Sequence[LogSummary], *, linked: bool = True) -> Table:
     return _linked(table, runs) if linked else table
 
 
-def efficiencies_table(runs: Sequence[LogSummary]) -> Table:
+def logs_efficiencies_table(runs: Sequence[LogSummary]) -> Table:
     """Mean efficiencies of every log with their standard uncertainties and 95 % intervals."""
     cascade = cascade_of(runs)
     given = _given(runs, cascade.ratios)
@@ -376,7 +376,7 @@ def efficiencies_table(runs: Sequence[LogSummary]) -> Table:
     return _table("efficiencies", caption, columns, runs, note)
 
 
-def net_table(runs: Sequence[LogSummary]) -> Table | None:
+def logs_net_table(runs: Sequence[LogSummary]) -> Table | None:
     """Net energies of whole cycles of every log, means with their standard uncertainties; None where no log has any."""
     given = _given(runs, cascade_of(runs).net_metrics)
     caption = (
@@ -393,7 +393,7 @@ def net_table(runs: Sequence[LogSummary]) -> Table | None:
 _NET_RATIO = "η_net = E_gen, cycle / E_net. "
 
 
-def repeatability_table(runs: Sequence[LogSummary]) -> Table | None:
+def logs_repeatability_table(runs: Sequence[LogSummary]) -> Table | None:
     """Largest deviation of any cycle from the mean, for every log; None where no log has two cycles."""
     several = [run for run in runs if run.complete > 1]
     metrics = cascade_of(runs).metrics

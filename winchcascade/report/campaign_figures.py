@@ -173,7 +173,7 @@ def _load(run: LogSummary, unknown: str) -> str:
     return unknown if run.load is None else f"{run_load_text(run)}{' Ω' * math.isfinite(run.load)}"
 
 
-def over_speed(runs: Sequence[LogSummary], bins: Bins) -> Figure | None:
+def runs_over_speed(runs: Sequence[LogSummary], bins: Bins) -> Figure | None:
     """Draw binned torque and power over the generator's speed, one curve a run; runs of one load look alike."""
     shown = {run.name: bins[run.name] for run in drawn_runs(runs) if bins.get(run.name)}
     fields = [row for row in _FIELDS if any(row[0] in b for found in shown.values() for b in found)]

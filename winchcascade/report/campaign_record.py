@@ -176,7 +176,7 @@ def run_load_text(run: LogSummary) -> str:
     return load_words(run.load, "", unknown="–").rstrip()
 
 
-def by_load(runs: Sequence[LogSummary]) -> list[LogSummary]:
+def runs_by_load(runs: Sequence[LogSummary]) -> list[LogSummary]:
     """Logs in falling order of their loads, as the paper lists them; open circuit first, unknown ones last."""
     return sorted(runs, key=lambda run: -(-1.0 if run.load is None else run.load))
 
@@ -218,7 +218,7 @@ def campaign_text(campaign: CampaignRecord, out: Path, *, kept: int, altered: Se
     kept : logs that an earlier call had done already
     altered : files of an earlier call that did not match their digest
     """
-    runs = by_load(campaign.reduced)
+    runs = runs_by_load(campaign.reduced)
     mixed = mixed_windows(runs)
     earlier = f", {kept} of them by an earlier call" if kept else ""
     lines = wrapped(f"{campaign.title}: {len(runs)} of {len(campaign.runs)} logs reduced{earlier}", piped=None)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from winchcascade.comparison.comparability import window_text
+from winchcascade.comparison.comparability import rule_text
 from winchcascade.comparison.compared_run import ComparedRun
 from winchcascade.comparison.comparison_result import Comparison
 from winchcascade.comparison.gate import Drop, Gate
@@ -174,7 +174,7 @@ def runs_table(found: Comparison) -> Table | None:
         TableColumn("Log", text=True, of=lambda row: row[2].name),
         TableColumn("Load", text=True, of=lambda row: load_words(row[2].load, unknown="–")),
         TableColumn("Rig", text=True, of=lambda row: row[2].rig),
-        TableColumn("Window", text=True, of=lambda row: window_text(row[2])),
+        TableColumn("Window", text=True, of=lambda row: rule_text(row[2])),
         TableColumn("Mean window", "s", 2, of=lambda row: row[2].window_length),
         TableColumn("Plateau", "m/s", 3, of=lambda row: row[2].speed),
         TableColumn("Cycles", of=lambda row: row[2].complete),

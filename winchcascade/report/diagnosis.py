@@ -437,7 +437,7 @@ def _provenance(found: ModelDiagnosis | LineDiagnosis, command: str) -> Section:
         logs, judged, source = line_logs_table(found), "Judged", "Source of the logs and the rig"
         fits = f"{sets} sets of suspects, {found.moments.folds} times each"
     else:
-        logs, judged, source = tables.logs_table(found), "Withheld", "Source of the rig's numbers"
+        logs, judged, source = tables.diagnosed_logs_table(found), "Withheld", "Source of the rig's numbers"
         tolerances = sum(n.kind != "discrepancy" for n in found.data.nuisances)
         fits = f"{sets} set{'s' if sets > 1 else ''} of effects; {tolerances} tolerances beside each"
     rows = [

@@ -70,7 +70,7 @@ def tolerance_of(found: ModelDiagnosis, effect: Effect) -> float:
     return share * abs(moved - absent)
 
 
-def rows_of(found: ModelDiagnosis) -> list[Row]:
+def cause_rows(found: ModelDiagnosis) -> list[Row]:
     """Every number of the named causes, in their order."""
     rows = []
     for cause in found.causes:
@@ -90,7 +90,7 @@ _LINE = 22
 
 def numbers_figure(found: ModelDiagnosis) -> Figure | None:
     """Draw each number of the causes with its interval, beside its absent value, the tolerance there, and what is plausible."""
-    rows = rows_of(found)
+    rows = cause_rows(found)
     if not rows:
         return None
     narrow = is_narrow()

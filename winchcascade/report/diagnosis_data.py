@@ -109,7 +109,7 @@ def most_telling(found: ModelDiagnosis) -> int:
     return max(candidates, key=lambda k: max((abs(p.z) for p in found.places if p.log == k), default=0.0))
 
 
-def over_speed(*factors: Series) -> list[Signal]:
+def means_over_speed(*factors: Series) -> list[Signal]:
     """Average the payout blocks of a channel, or the product of several, in bins of generator speed, until braking.
 
     Returns
@@ -117,7 +117,7 @@ def over_speed(*factors: Series) -> list[Signal]:
     Means of generator speed [rpm], logged, before and, where there is one, after; (n,) each.
     """
     rpm, values = factors[0].rpm, [np.prod(column, axis=0) for column in zip(*(x.values for x in factors), strict=True)]
-    here = before_braking(factors[0]) & np.isfinite(values[0]) & np.isfinite(values[1]) & (rpm > 0.0)
+    here = blocks_before_braking(factors[0]) & np.isfinite(values[0]) & np.isfinite(values[1]) & (rpm > 0.0)
     _, place = np.unique(np.floor(rpm[here] / BIN), return_inverse=True)
     return [np.bincount(place, weights=x[here]) / np.bincount(place) for x in (rpm, *values)]
 
@@ -132,7 +132,7 @@ def stretches(here: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return list(zip(edges[::2], edges[1::2], strict=True))
 
 
-def before_braking(one: Series) -> NDArray[np.bool_]:
+def blocks_before_braking(one: Series) -> NDArray[np.bool_]:
     """Payout blocks up to the last of each payout that is near its top speed, (m,): braking gives energy back."""
     out = one.phase == OUT
     here: NDArray[np.bool_] = out.copy()

@@ -23,7 +23,7 @@ from winchcascade.report.diagnosis_data import (
     Sides,
     by_load,
     loaded,
-    over_speed,
+    means_over_speed,
     rated_dc_current,
     representative,
     seen_channels,
@@ -278,7 +278,7 @@ def over_speed_figure(found: ModelDiagnosis, both: Sides, word: str) -> Figure |
     )
     for n, (ax, (title, unit, channels)) in enumerate(zip(axes, panels, strict=True)):
         for k, colour in colours.items():
-            rpm, logged, *simulated = over_speed(*(series(found, both, k, channel) for channel in channels))
+            rpm, logged, *simulated = means_over_speed(*(series(found, both, k, channel) for channel in channels))
             ax.plot(rpm, logged, color=COLOURS[colour], lw=1.2)
             for values, mark in zip(simulated, marks, strict=False):
                 ax.plot(rpm, values, color=COLOURS[colour], **mark)

@@ -57,7 +57,11 @@ def as_json(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any]:
             {
                 **_cause(cause, found),
                 **_stability(found, cause),
-                **({"closes_alone_of_the_gap": number(cause.weight)} if isinstance(found, LineDiagnosis) else {}),
+                **(
+                    {"closes_alone_of_the_gap": rounded_number(cause.weight)}
+                    if isinstance(found, LineDiagnosis)
+                    else {}
+                ),
             }
             for cause in found.causes
         ],
@@ -81,8 +85,8 @@ def _baseline(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any]:
             "channel": form.channel,
             "phase": form.phase,
             "load_ohm": _load(form.load),
-            "bias": number(form.bias),
-            "z": number(form.z),
+            "bias": rounded_number(form.bias),
+            "z": rounded_number(form.z),
             "likely": form.likely,
         }
         for form in own.forms
@@ -110,8 +114,8 @@ def _where(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any] | None:
         "channel": where.worst.channel,
         "phase": where.worst.phase,
         "load_ohm": _load(where.worst.load),
-        "rpm": None if line else [number(x) for x in where.rpm],
-        "i_dc_a": None if line else [number(x) for x in where.i_dc],
+        "rpm": None if line else [rounded_number(x) for x in where.rpm],
+        "i_dc_a": None if line else [rounded_number(x) for x in where.i_dc],
         "sentence": f"{lies} {arises_sentence(where.arises)}".rstrip(),
     }
     if isinstance(found, LineDiagnosis):
@@ -126,7 +130,7 @@ def _where(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any] | None:
 def map_record(found: ModelDiagnosis | LineDiagnosis) -> list[dict[str, Any]]:
     """Every place of the map of the gap, also where there is no gap."""
     if isinstance(found, LineDiagnosis):
-        return [{**_place(p), "share_of_squares": number(p.share)} for p in found.places]
+        return [{**_place(p), "share_of_squares": rounded_number(p.share)} for p in found.places]
     files = [run.name for run in found.runs]
     return [_place(place, files) for place in found.places]
 
@@ -139,13 +143,13 @@ def _place(place: Place | StagePlace, files: list[str] | None = None) -> dict[st
         **({"file": files[place.log]} if files else {}),
         "load_ohm": _load(place.load),
         "blocks": place.blocks,
-        "bias": number(place.bias),
-        "rms": number(place.rms),
-        "noise": number(place.noise),
-        "u_noise": number(place.u_noise),
-        "u_repeat": number(place.u_repeat),
-        **({"u_tolerance": number(place.u_tolerance)} if files else {}),
-        "z": number(place.z),
+        "bias": rounded_number(place.bias),
+        "rms": rounded_number(place.rms),
+        "noise": rounded_number(place.noise),
+        "u_noise": rounded_number(place.u_noise),
+        "u_repeat": rounded_number(place.u_repeat),
+        **({"u_tolerance": rounded_number(place.u_tolerance)} if files else {}),
+        "z": rounded_number(place.z),
     }
 
 
@@ -156,12 +160,12 @@ def _cause(cause: NamedCause, found: DiagnosisResult) -> dict[str, Any]:
         **_entry(cause, effect.entry),
         "label": effect.label,
         "stage": cause.stage,
-        "probability": number(cause.probability),
+        "probability": rounded_number(cause.probability),
         "parameters": {name: _numbers(x) for name, x in cause.parameters.items()},
         "rivals": [
             {
                 "effect": found.suspects[r.effect].name,
-                "probability": number(r.probability),
+                "probability": rounded_number(r.probability),
                 "told_apart_by": differs_text(r.differs),
             }
             for r in cause.rivals
@@ -176,7 +180,12 @@ def _stability(found: DiagnosisResult, cause: NamedCause) -> dict[str, Any]:
     files = words.files_of(found)
     return {
         "stability": [
-            {"run": files[one.run], "value": number(one.value), "low": number(one.low), "high": number(one.high)}
+            {
+                "run": files[one.run],
+                "value": rounded_number(one.value),
+                "low": rounded_number(one.low),
+                "high": rounded_number(one.high),
+            }
             | ({} if math.isfinite(one.value) else {"reason": SILENT[one.withheld]})
             for one in cause.stability.runs
         ],
@@ -204,14 +213,14 @@ def _minor(one: Minor) -> dict[str, Any]:
             "metric" if largest.phase is None else "channel": largest.name,
             **({} if largest.phase is None else {"phase": largest.phase}),
             "load_ohm": _load(largest.load),
-            "change": number(largest.change),
+            "change": rounded_number(largest.change),
         },
     }
 
 
 def _numbers(of: msgspec.Struct) -> dict[str, Any]:
     """Fields of a struct of numbers and texts."""
-    return {name: number(x) if isinstance(x, float) else x for name, x in msgspec.structs.asdict(of).items()}
+    return {name: rounded_number(x) if isinstance(x, float) else x for name, x in msgspec.structs.asdict(of).items()}
 
 
 def _contributions(found: ModelDiagnosis) -> list[dict[str, Any]]:
@@ -221,15 +230,15 @@ def _contributions(found: ModelDiagnosis) -> list[dict[str, Any]]:
             "run": found.runs[one.log].name,
             "load_ohm": _load(one.load),
             "metric": FIELDS.get(one.metric, one.metric),
-            "as_given": number(one.as_given, SUMMED),
-            "measured": number(one.measured, SUMMED),
+            "as_given": rounded_number(one.as_given, SUMMED),
+            "measured": rounded_number(one.measured, SUMMED),
             "parts": [
                 {
                     "effect": None if part.effect is None else effect_name(part.effect),
                     "kind": part.kind,
-                    "value": number(part.value, SUMMED),
-                    "low": number(part.low),
-                    "high": number(part.high),
+                    "value": rounded_number(part.value, SUMMED),
+                    "low": rounded_number(part.low),
+                    "high": rounded_number(part.high),
                 }
                 for part in one.parts
             ],
@@ -246,25 +255,25 @@ def _closure(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any] | None:
     if isinstance(found, LineDiagnosis):
         withheld = [_part(part) for part in found.lines.parts if part.withheld]
         in_turn = {"left_out_in_turn": not withheld}
-        beyond = {"share_closed_beyond_noise": number(found.closure.beyond_noise)}
+        beyond = {"share_closed_beyond_noise": rounded_number(found.closure.beyond_noise)}
     else:
         withheld = [_load(found.runs[k].load) for k in found.closure.withheld]
     return {
         "withheld": withheld,
         **in_turn,
         "channels": {name: _numbers(x) for name, x in found.closure.channels.items()},
-        "share_closed": number(found.closure.share),
+        "share_closed": rounded_number(found.closure.share),
         **beyond,
-        "interval": [number(found.closure.low), number(found.closure.high)],
+        "interval": [rounded_number(found.closure.low), rounded_number(found.closure.high)],
     }
 
 
 def _remainder(left: Remainder) -> dict[str, Any]:
     shape = {}
     if isinstance(left, LineRemainder):
-        shape = {"slower_than_a_second": number(left.slow), "in_bursts": number(left.bursts)}
+        shape = {"slower_than_a_second": rounded_number(left.slow), "in_bursts": rounded_number(left.bursts)}
     return {
-        "share": number(left.share),
+        "share": rounded_number(left.share),
         "where": None if left.worst is None else about_text(left.worst),
         **shape,
         "alarms": [
@@ -278,10 +287,10 @@ def _experiment(plan: Experiment, suspects: Suspects) -> dict[str, Any]:
     return {
         "loads": [] if plan.load is None else [_load(plan.load)],
         "profile": words.profile_words(plan),
-        "speed_mps": number(plan.speed),
-        **({"length_m": number(plan.length)} if plan.motion == "cycle" else {}),
+        "speed_mps": rounded_number(plan.speed),
+        **({"length_m": rounded_number(plan.length)} if plan.motion == "cycle" else {}),
         "separates": [suspects[name].name for name in plan.separates],
-        "expected_z": number(plan.expected_z),
+        "expected_z": rounded_number(plan.expected_z),
     }
 
 
@@ -292,16 +301,16 @@ def _choice(found: LineDiagnosis) -> dict[str, Any]:
         "sets": [
             {
                 "effects": list(names),
-                "error": number(choice.error(names)),
-                "probability": number(choice.probability[names]),
+                "error": rounded_number(choice.error(names)),
+                "probability": rounded_number(choice.probability[names]),
                 "as_good_as_the_best": choice.as_good(names),
             }
             for names in sorted(choice.errors, key=choice.error)
         ],
         "acceleration": {
             "samples": samples_of(found),
-            "span_s": number(found.lines.span),
-            "tried_s": [number(span) for span in found.lines.spans],
+            "span_s": rounded_number(found.lines.span),
+            "tried_s": [rounded_number(span) for span in found.lines.spans],
         },
     }
 
@@ -314,6 +323,6 @@ SUMMED = 12
 """Significant digits of numbers that add up."""
 
 
-def number(x: float, digits: int = 6) -> float | None:
+def rounded_number(x: float, digits: int = 6) -> float | None:
     """A number at some significant digits, None for one that is not finite."""
     return float(f"{x:.{digits}g}") if math.isfinite(x) else None

@@ -351,7 +351,7 @@ def thresholds_table(found: ModelDiagnosis) -> Table | None:
     )  # fmt: skip
 
 
-def logs_table(found: ModelDiagnosis) -> Table | None:
+def diagnosed_logs_table(found: ModelDiagnosis) -> Table | None:
     """Every log: its load, its part in the diagnosis, and its hash."""
     rows = []
     for k, log in enumerate(found.data.logs):

@@ -15,7 +15,7 @@ from winchcascade.core.campaign_file import Origin, banner
 from winchcascade.core.run import Index, Signal
 from winchcascade.reduction.loss_map import LossMap
 from winchcascade.reduction.loss_points import LossPoints, columns_at
-from winchcascade.report.loss_map_text import coefficients_table, points_words
+from winchcascade.report.loss_map_text import coefficients_table, loss_points_words
 from winchcascade.report.publish import publish
 from winchcascade.report.report_model import Report, Section, data_point, picture, provenance_table, section
 from winchcascade.report.style import COLOURS, Room, house_style, panel_figure
@@ -35,7 +35,7 @@ _GOOD = LinearSegmentedColormap.from_list("efficiency", ["#4a1230", "#3a7fc4", "
 def loss_map_section(found: LossMap) -> Section:
     """Heat map, efficiencies and coefficients."""
     into, out = found.points.stages
-    words = points_words(found)
+    words = loss_points_words(found)
     with house_style():
         return section(
             "loss-map", "Loss map",

@@ -40,7 +40,7 @@ def loss_map_lines(found: LossMap) -> list[str]:
         for c in found.surface.coefficients
     ]
     return [
-        *wrapped(f"loss map {points_words(found)}", piped=80),
+        *wrapped(f"loss map {loss_points_words(found)}", piped=80),
         "",
         *table_lines([head, *rows], left=(0, 3, 4), omit=("such as", "95 % interval")),
         "",
@@ -48,7 +48,7 @@ def loss_map_lines(found: LossMap) -> list[str]:
     ]
 
 
-def points_words(found: LossMap) -> str:
+def loss_points_words(found: LossMap) -> str:
     """Number and range of the points, and where the energy went."""
     points = found.points
     logs = "" if len(points.logs) == 1 else f" of {len(points.logs)} logs"

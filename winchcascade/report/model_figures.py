@@ -73,7 +73,7 @@ Clouds = dict[str, tuple["Signal", "Signal"]]
 """Samples of a log that are drawn behind its curve, x and y, by the curve's name."""
 
 
-def by_load(names: Sequence[str], curves: Sequence[Mapping[str, ComparedCurve]]) -> list[Drawn]:
+def styled_by_load(names: Sequence[str], curves: Sequence[Mapping[str, ComparedCurve]]) -> list[Drawn]:
     """Give each of several loads a colour and a marker of its own; logs of one load share its name and look alike."""
     found = {name: load_style(k) for k, name in enumerate(dict.fromkeys(names))}
     return [Drawn(name, c, found[name][0], *found[name]) for name, c in zip(names, curves, strict=True)]

@@ -215,7 +215,7 @@ def _reasons(left_out: Sequence[Named], *, alone: bool) -> str:
 
 def _campaign_pictures(given: Sequence[Named]) -> list[Block | None]:
     accounts = [log.account for log in given]
-    drawn, word = figures.by_load([log.load for log in given], [a.curves for a in accounts]), accounts[0].word
+    drawn, word = figures.styled_by_load([log.load for log in given], [a.curves for a in accounts]), accounts[0].word
     rated, gear = (
         next((x for x in values if x is not None), None)
         for values in ([a.rated for a in accounts], [a.gear for a in accounts])

@@ -52,11 +52,11 @@ def _(result: Reduction) -> Table:
 
 @_table.register(CampaignReduction)
 def _(result: CampaignReduction) -> Table | None:
-    from winchcascade.report.campaign import efficiencies_table
-    from winchcascade.report.campaign_record import by_load
+    from winchcascade.report.campaign import logs_efficiencies_table
+    from winchcascade.report.campaign_record import runs_by_load
 
-    runs = by_load(result.summary.reduced)
-    return efficiencies_table(runs) if runs else None
+    runs = runs_by_load(result.summary.reduced)
+    return logs_efficiencies_table(runs) if runs else None
 
 
 @_table.register(Comparison)

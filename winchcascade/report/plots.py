@@ -68,10 +68,10 @@ def _efficiencies(ax: Axes, reduction: Reduction) -> None:
 def plot_campaign(campaign: CampaignReduction, what: str, ax: Axes | None = None) -> Axes | NDArray[np.object_]:
     """Plot mean powers or efficiencies of the runs over their loads, or the power at the DC link over generator speed."""
     from winchcascade.report import campaign_figures as figures
-    from winchcascade.report.campaign_record import by_load
+    from winchcascade.report.campaign_record import runs_by_load
 
     _check(what, ("power", "efficiency", "speed"))
-    runs = [run for run in by_load(campaign.summary.reduced) if not run.open_circuit] or campaign.summary.reduced
+    runs = [run for run in runs_by_load(campaign.summary.reduced) if not run.open_circuit] or campaign.summary.reduced
     _require(what, "" if runs else "a run that could be reduced")
     if what == "speed":
         bins = {name: found for name, found in campaign.bins.items() if found}

@@ -84,7 +84,7 @@ def make_trial_report(score: Score, *, command: str = "") -> Report:
                 ),
                 parameters_table(score),
             ),
-            section("closure", "Share of the gap that was closed", closure_table(score)),
+            section("closure", "Share of the gap that was closed", closures_table(score)),
             section("cases", "Cases", cases_table(score)),
             section("provenance", "Provenance", _provenance(score, command)),
         )  # fmt: skip
@@ -226,7 +226,7 @@ _CASE: tuple[TableColumn[CaseScore], ...] = (
 )
 
 
-def closure_table(score: Score) -> Table | Note:
+def closures_table(score: Score) -> Table | Note:
     """How much each diagnosis closed, as claimed and as computed again."""
     claimed = [case for case in score.cases if case.share_claimed is not None or case.closure.share is not None]
     columns: list[TableColumn[CaseScore]] = [

@@ -11,7 +11,7 @@ from winchcascade.reduction.wave_energies import WaveEnergies, classes_of_payout
 from winchcascade.report.figures import stage_of
 from winchcascade.report.report_model import Picture, Section, Table, picture, section
 from winchcascade.report.style import COLOURS, label_panel, look_of, panel_figure
-from winchcascade.report.wave_text import classes_table, efficiencies_table, record_table
+from winchcascade.report.wave_text import classes_table, record_table, wave_efficiencies_table
 from winchcascade.report.wording import tex
 
 DOTS = 1500
@@ -33,7 +33,7 @@ def wave_blocks(found: WaveEnergies, cascade: Cascade) -> tuple[Picture | Table 
             "Dots of energies and efficiencies over payout; sums by class are in the table.",
         ),
         record_table(found),
-        efficiencies_table(found),
+        wave_efficiencies_table(found),
         classes_table(found),
     )  # fmt: skip
 

@@ -146,7 +146,7 @@ def _two_digits(u: float | None) -> NumberText | None:
     return None if u is None else significant(u, 2)
 
 
-def efficiencies_table(found: WaveEnergies) -> Table | None:
+def wave_efficiencies_table(found: WaveEnergies) -> Table | None:
     """Efficiencies of all waves together with their intervals."""
     columns: list[TableColumn[tuple[str, RatioOfSums]]] = [
         TableColumn("Efficiency", text=True, of=lambda e: SYMBOL[e[0]]),

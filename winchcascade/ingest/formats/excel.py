@@ -134,7 +134,7 @@ def _is_datum(cell: Cell) -> bool:
     )
 
 
-def number(cell: Cell) -> float:
+def cell_number(cell: Cell) -> float:
     """Read a cell as a number, decimal comma included; NaN for anything else."""
     if isinstance(cell, int | float):
         return float(cell)
@@ -154,7 +154,7 @@ def cell_numbers(cells: Sequence[Cell]) -> Signal:
     """
     if {*map(type, cells)} <= {float, int}:
         return np.array(cells, dtype=np.float64)
-    read = np.array([number(cell) for cell in cells], dtype=np.float64)
+    read = np.array([cell_number(cell) for cell in cells], dtype=np.float64)
     texts = (cell.strip() if isinstance(cell, str) else "" for cell in cells)
     grouped = np.array([float(re.sub("[.,]", "", text)) if _GROUPS.fullmatch(text) else np.nan for text in texts])
     two = np.isfinite(grouped) & np.isfinite(read)
