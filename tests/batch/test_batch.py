@@ -27,10 +27,13 @@ from winchcascade.core.jobs import Workers
 from winchcascade.core.scratch import scratch_file
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.reduce import reduce
+from winchcascade.report.publish import publish
 from winchcascade.report.records import reduction_json
+from winchcascade.report.report_model import Note, Report, Section
 from winchcascade.rig.open_rig import load_rig
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
+NOTE = (Section("note", "Note", (Note("Nothing."),)),)
 LOGS = {"r36ohm.csv": (36.0, 5.48), "r9ohm.csv": (9.0, 5.96)}
 COPIES = 4
 """Logs of the calls that are cut short: enough that some are done and some are not."""
@@ -194,6 +197,24 @@ def test_all_reports_are_page_and_pdf_and_a_further_call_adds_the_pdf(page: Path
 @pytest.mark.slow
 def test_a_repeatable_build_gives_the_same_reports(page: Path, tmp_path: Path) -> None:
     assert contents(with_reports(tmp_path, "html")) == contents(page)
+
+
+def test_the_report_of_a_log_leads_to_a_diagnosis_that_is_in_the_folder(tmp_path: Path, out: Path) -> None:
+    log = FIXTURES / "campaign" / "r9ohm.csv"
+    pages = [out / "runs" / "r9ohm.csv.html", out / "campaign.html"]
+
+    def links() -> list[set[str]]:
+        return [set(re.findall(r'href="([^"]*diagnosis.html)"', page.read_text(encoding="utf-8"))) for page in pages]
+
+    batch(log, out=out, reports=["html"])
+    assert links() == [set(), set()]
+    (out / "diagnosis.html").write_text("<p>notes of the operator</p>", encoding="utf-8")
+    batch(log, out=out, reports=["html"])
+    assert links() == [set(), set()]  # not a page of this tool
+    publish(Report("Diagnosis of a campaign", "t", "", (), (), NOTE), html=out / "diagnosis.html", force=True)
+    batch(log, out=out, reports=["html"])
+    assert links() == [{"../diagnosis.html"}, {"diagnosis.html"}]
+    assert batch(log, out=out, reports=["html"])[0].kept == 1
 
 
 def test_links_of_the_page_lead_to_files(tmp_path: Path, out: Path) -> None:

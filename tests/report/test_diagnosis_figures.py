@@ -250,8 +250,17 @@ def test_the_roll_off_never_rises_lies_in_its_band_and_is_the_one_reported() -> 
 # ------------------------------------------------------------------------------------------------------------ the odds
 def test_the_best_set_has_odds_of_one_and_no_other_more() -> None:
     odds = set_odds(diagnosed("copper"))
-    assert odds[0] == ("copper_heating", 0.0)
+    assert odds[0] == ("Copper heating", 0.0)
     assert all(power <= 0.0 for _, power in odds)
+
+
+def test_the_odds_name_effects_as_a_reader_does() -> None:
+    found = diagnosed("rolloff")
+    figure = odds_figure(found)
+    assert figure is not None
+    texts = [label.get_text().replace("\n", " ") for ax in figure.axes for label in ax.get_yticklabels()]
+    assert "Back-EMF roll-off" in texts
+    assert not [text for text in texts if "_" in text]
 
 
 @pytest.mark.parametrize("name", ["copper", "rolloff"])

@@ -13,6 +13,7 @@ from pypdf import PdfReader
 from undrawn import undrawn
 
 from winchcascade.diagnosis.diagnosis_result import Alternative, Spot
+from winchcascade.report.cause_costs import COLUMNS, cost_section, lead_picture, waterfall_costs
 from winchcascade.report.diagnosis import make_diagnosis_report
 from winchcascade.report.digits import MINUS
 from winchcascade.report.publish import html_text, pdf_bytes
@@ -168,10 +169,11 @@ def test_rivals_stand_in_the_tables_with_what_distinguishes_them() -> None:
             "Copper heating (copper_heating)",
             "Line drag (line_drag)",
             "0.30",
+            "Drag between line and torque sensor in proportion to speed.",
             "torque during payout at open circuit, by 1.9 standard deviations",
         ),
     )
-    assert tables(made)["causes"].rows[0][-1] == "line_drag"
+    assert "table of alternatives" in tables(made)["causes"].note
     assert "Or in its place line_drag." in points(made)["Cause"]
 
 
@@ -228,3 +230,23 @@ def test_a_law_that_the_rig_file_does_not_state_has_a_name_of_its_own() -> None:
     laws = [Nuisance("law", name, sd, unit, section=part) for (part, name), (sd, unit) in ABSENT.items()]
     assert {str(law) for law in laws} == set(_LAWS)
     assert "_" not in " ".join(nuisance_words(law, []) for law in laws)
+
+
+def test_the_waterfalls_of_few_loads_stand_at_the_head_of_the_page_alone() -> None:
+    found = diagnosed("copper")
+    table = found.contributions
+    more = tuple(
+        msgspec.structs.replace(one, load=(one.load or 0.0) + 100.0 * k) for k in range(COLUMNS) for one in table
+    )
+    for one, drawn in ((found, False), (msgspec.structs.replace(found, contributions=more), True)):
+        assert (len(waterfall_costs(one)) > COLUMNS) == drawn
+        blocks = cost_section(one).blocks
+        assert any(isinstance(block, Picture) for block in blocks) == drawn
+        assert lead_picture(one) is not None
+
+
+def test_each_cause_is_explained_in_the_table_of_causes_alone() -> None:
+    found = diagnosed("rolloff")
+    meaning = found.suspects["ke_rolloff"].summary
+    cells = [cell for table in tables(report("rolloff")).values() for row in table.rows for cell in row]
+    assert cells.count(meaning) == 1

@@ -21,7 +21,7 @@ from winchcascade.core.rig_toml import parse_rig
 from winchcascade.core.run import CLOCK, SIMULATED_HEADERS
 from winchcascade.ingest.read import read_run
 from winchcascade.reduction.efficiency import Metrics
-from winchcascade.reduction.montecarlo import DRAWS, Uncertainty, uncertainty
+from winchcascade.reduction.montecarlo import Uncertainty, uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.document import best_and_worst, lost_share, make_report
@@ -256,7 +256,7 @@ def test_the_provenance_names_log_command_version_and_seed(clean: Result, report
     assert rows["SHA-256 of the log"] == hashlib.sha256(CLEAN.read_bytes()).hexdigest()
     assert rows["Command"] == "winchcascade reduce r36ohm.csv"
     assert f"winchcascade {__version__}" in rows["Made by"]
-    assert rows["Monte Carlo"] == f"{DRAWS} draws, seed {clean[1].seed}"
+    assert rows["Monte Carlo"] == f"2000 draws, seed {clean[1].seed}"
     assert rows["Samples"] == "2767 at 25 Hz, 110.6 s"
     assert rows["Load"] == "36 Ω (given)"
     assert "SHA-256 of the rig file" not in rows  # a built-in one goes with the version

@@ -47,7 +47,7 @@ def test_the_numbers_of_a_column_end_at_the_same_decimal() -> None:
 
 def test_an_exceptionally_small_uncertainty_does_not_decide_the_digits_of_a_column() -> None:
     rows = [(stated(1.0, u, 1),) for u in (0.01, 0.02, 0.015, 1e-9)]
-    assert [row[0] for row in make_table("t", "c", [number_column("x")], rows).rows] == ["1.00000"] * 4
+    assert [row[0] for row in make_table("t", "c", [number_column("x")], rows).rows] == ["1.0000"] * 4
 
 
 def test_rows_of_different_units_have_digits_of_their_own() -> None:

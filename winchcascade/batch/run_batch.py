@@ -13,12 +13,13 @@ from msgspec.structs import asdict, replace
 
 from winchcascade.batch.campaign_findings import findings_between, log_efficiency
 from winchcascade.batch.dataset import write_dataset
+from winchcascade.batch.demo import DIAGNOSIS_FILES
 from winchcascade.batch.log_settings import read_with
 from winchcascade.batch.plan import Work
 from winchcascade.batch.workbook import TABLES, write_workbook
 from winchcascade.core.addresses import fingerprint, local_copy
 from winchcascade.core.errors import OutputError
-from winchcascade.core.files import check_replaceable, put_in_place, write_set
+from winchcascade.core.files import check_replaceable, is_marked, put_in_place, write_set
 from winchcascade.core.jobs import Nobody, Watch, Workers
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.scratch import clear, scratch_folder
@@ -69,12 +70,16 @@ _DRAWING = threading.Lock()
 
 
 class Order(msgspec.Struct, frozen=True):
-    """One log, the reports that are wanted of it, and the folder to write to; without one the results come back."""
+    """One log, the reports that are wanted of it, and the folder to write to; without one the results come back.
+
+    `beside` are files of the results folder, besides those of the campaign, that the reports lead to.
+    """
 
     work: Work
     reports: tuple[str, ...] = ()
     folder: str | None = None
     command: str = ""
+    beside: tuple[str, ...] = ()
 
 
 class Made(msgspec.Struct, frozen=True):
@@ -104,11 +109,12 @@ def reduce_log(order: Order) -> Made:
         record["model"] = model.account  # the report of the campaign draws it
         with _DRAWING:
             report = make_report(reduction, found, model=model, command=order.command)
-        report = replace(report, links=links_to(["campaign.html", INDEX], above=True))
+        report = replace(report, links=links_to(["campaign.html", *order.beside, INDEX], above=True))
         files |= {"html": html_text(report).encode()} if "html" in order.reports else {}
         files |= {"pdf": pdf_bytes(report)} if "pdf" in order.reports else {}
     digests = {ending: digest_of(content) for ending, content in files.items()}
     made_by = {"key": work.key, "reports": list(order.reports), "files": digests}
+    made_by |= {"beside": list(order.beside)} if order.beside else {}
     files["json"] = with_digest(record, "batch", made_by)
     made = Made(work.name, files)
     if order.folder is None:
@@ -158,6 +164,7 @@ class _KeptBatch(msgspec.Struct):
     key: str
     reports: list[str]
     files: dict[str, str] = {}
+    beside: list[str] = []
 
 
 class _Kept(msgspec.Struct):
@@ -208,13 +215,14 @@ def run_batch(
         make_one(runs, "another")
         for place in (out, runs, out / "dataset"):  # what calls left that were killed
             clear(place)
-        states = {work.name: state_of(work, runs, products.reports) for work in plan.work}
+        products = replace(products, beside=_beside(out, products))
+        states = {work.name: state_of(work, runs, products.reports, products.beside) for work in plan.work}
         todo = [work for work in plan.work if states[work.name] != "kept"]
         _check_own(out, todo, force=force)
         watch.begin(len(plan.work) - len(todo), len(todo))
         faults: dict[str, str] = {}
         folder = None if workers.scheduler is not None else str(runs)
-        orders = {work.name: Order(work, products.reports, folder, products.command) for work in todo}
+        orders = {work.name: Order(work, products.reports, folder, products.command, products.beside) for work in todo}
         for name, outcome in workers.run(reduce_log, orders, watch):
             if outcome.value is not None:
                 write_made(outcome.value, runs)
@@ -241,12 +249,20 @@ def _check_own(out: Path, todo: Sequence[Work], *, force: bool) -> None:
             check_replaceable(path, force=force)
 
 
-def state_of(work: Work, runs: Path, reports: Sequence[str]) -> State:
+def _beside(out: Path, products: Products) -> tuple[str, ...]:
+    """Files that the pages lead to: those that the caller will write, or the pages of a diagnosis that are there already."""
+    there = tuple(name for name in DIAGNOSIS_FILES if (out / name).is_file() and is_marked(inside(out, name)))
+    return products.beside or there
+
+
+def state_of(work: Work, runs: Path, reports: Sequence[str], beside: Sequence[str] = ()) -> State:
     """Whether an earlier call made all of a log's files from the same content with the same options."""
     kept = marked(inside(runs, f"{work.name}.json"), _Kept)
     if not isinstance(kept, _Kept):
         return kept
     if kept.batch.key != work.key or not set(reports) <= set(kept.batch.reports):
+        return "other"
+    if reports and list(beside) != kept.batch.beside:
         return "other"
     if not all((runs / f"{work.name}.{ending}").is_file() for ending in reports):
         return "other"

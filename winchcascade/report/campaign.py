@@ -361,6 +361,13 @@ def energies_table(runs: Sequence[LogSummary], *, linked: bool = True) -> Table:
     return _linked(table, runs) if linked else table
 
 
+INTERVALS = (
+    "Intervals: coverage 95 %, equal tails; the scatter of the N cycles of a log by Student's t with N − 1 degrees of freedom, "
+    "errors of the sensors by their own distributions."
+)
+"""What the intervals of the means of logs are."""
+
+
 def logs_efficiencies_table(runs: Sequence[LogSummary]) -> Table:
     """Mean efficiencies of every log with their standard uncertainties and 95 % intervals."""
     cascade = cascade_of(runs)
@@ -371,7 +378,7 @@ def logs_efficiencies_table(runs: Sequence[LogSummary]) -> Table:
     caption = "Efficiencies: means of the cycles' ratios, ± standard uncertainty, and 95 % intervals."
     note = (
         f"{metrics_note(cascade, given)}Errors of the sensors are common to all runs with the same sensors, so differences "
-        "between loads are better known than each value."
+        f"between loads are better known than each value. {INTERVALS}"
     )
     return _table("efficiencies", caption, columns, runs, note)
 

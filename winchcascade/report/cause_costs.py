@@ -174,11 +174,13 @@ def _cost_rows(
 
 
 def cost_section(found: ModelDiagnosis) -> Section:
-    """The waterfall figure and a table of each efficiency; without blocks where no run has an efficiency."""
+    """The waterfalls of all loads, unless the head of the report shows them, and a table of each efficiency; without blocks
+    where no run has an efficiency.
+    """
     return section(
         "costs", "What each cause costs",
         picture(
-            waterfall_figure(found), "waterfall",
+            waterfall_figure(found) if len(waterfall_costs(found)) > COLUMNS else None, "waterfall",
             _waterfall_words(found),
             "Bars from one level to the next; the values are in the table.",
         ),
@@ -257,7 +259,10 @@ def lead_picture(found: ModelDiagnosis) -> Picture | None:
     chosen = sorted({0, len(table) // 2, len(table) - 1}) if len(table) > COLUMNS else range(len(table))
     return picture(
         _waterfalls(found, [table[k] for k in chosen], bar), "lead",
-        f"{_waterfall_words(found)} All loads are in the section on what each cause costs." if table else "",
+        _waterfall_words(found)
+        + (" All loads are in the section on what each cause costs." if len(table) > COLUMNS else "")
+        if table
+        else "",
         "Bars from one level to the next; the values are in the tables of what each cause costs.",
     )  # fmt: skip
 

@@ -106,6 +106,8 @@ _METHOD = (
     "Each side has three parts of uncertainty. The scatter of its cycles is s/√N with N − 1 degrees of freedom; of repeats of "
     "one load it is that within the logs, and what their means scatter beyond it and beyond their zeros. Gains of sensors are "
     "the same in all logs of a side. Zeros, sampling and bridged gaps are of each log alone.",
+    "Intervals have a coverage of 95 % and equal tails: Student's t with the effective degrees of freedom of each difference "
+    "(Welch and Satterthwaite), which the table of standard uncertainties lists.",
     "The parts of both sides add in squares. A gain that both sides share changes both means alike; its two contributions are "
     "subtracted before they are squared.",
     "With few cycles, the scatter alone may give a wider interval than scatter and sensors together, because the errors of the "
@@ -131,7 +133,7 @@ def differences_table(name: str, found: Comparison, metrics: Sequence[str]) -> T
         TableColumn("B/A − 1", "%", of=lambda row: relative_cell(row.of)),
         TableColumn("Excludes 0", text=True, of=lambda row: zero_cell(row.of)),
     ]
-    caption = f"Means of A and B, and their differences with 95 % intervals: {_CAPTIONS[name]}."
+    caption = f"Means of A and B, and their differences with 95 % intervals (Student's t): {_CAPTIONS[name]}."
     return items_table(f"{name}-differences", caption, columns, rows, most=MOST_ROWS, more="more, in the JSON")
 
 

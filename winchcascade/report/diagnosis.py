@@ -307,7 +307,6 @@ def _which(found: ModelDiagnosis) -> Section:
     return section(
         "which", "Which causes, and how sure" if found.causes else "What was tried",
         tables.causes_table(found),
-        tables.meanings_table(found),
         picture(
             numbers_figure(found), "numbers",
             "What was found of each cause, beside the value that the rig file gives, how well that is known, and "

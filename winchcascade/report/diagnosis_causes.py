@@ -21,7 +21,7 @@ from winchcascade.diagnosis.suspects import freedom, with_values
 from winchcascade.report.cause_words import runs_with_number, shown_as
 from winchcascade.report.diagnosis_data import stator_current
 from winchcascade.report.diagnosis_names import display_of, number_words, probability_words
-from winchcascade.report.digits import MINUS, number
+from winchcascade.report.digits import MINUS, number, upper
 from winchcascade.report.style import (
     COLOURS,
     Room,
@@ -204,8 +204,8 @@ SETS, OTHERS = 7, 5
 HOPELESS = -12.0
 """Odds below this power of ten are drawn as this."""
 
-LONGEST_LABEL = 42
-"""A label is no longer than this. [characters]"""
+LONGEST_LABEL, LABEL_LINE = 56, 30
+"""A label, and a line of it, is no longer than this. [characters]"""
 
 
 def effect_odds(found: ModelDiagnosis) -> list[tuple[str, float]]:
@@ -222,8 +222,9 @@ def effect_odds(found: ModelDiagnosis) -> list[tuple[str, float]]:
 
 
 def set_odds(found: ModelDiagnosis) -> list[tuple[str, float]]:
-    """The likeliest sets by how they differ from the best, with the power of ten of their odds relative to it."""
-    ranked = sorted(found.sets.items(), key=lambda item: -item[1])[:SETS]
+    """The likeliest sets by how they differ from the best, in plain names, with the power of ten of their relative odds."""
+    likely = sorted(found.sets.items(), key=lambda item: -item[1])[:SETS]
+    ranked = [(tuple(found.suspects[name].label for name in names), p) for names, p in likely]
     return [
         (difference_words(names, ranked[0][0]), max(math.log10(max(p, 1e-300) / ranked[0][1]), HOPELESS))
         for names, p in ranked
@@ -253,20 +254,28 @@ def odds_figure(found: ModelDiagnosis) -> Figure | None:
     effects, sets = effect_odds(found) if found.causes else [], set_odds(found)
     if len(sets) < 2:
         return None
-    height = 0.75 + 0.2 * max(len(effects), len(sets))
+    height = 0.75 + 0.26 * max(len(effects), len(sets))
     named = {cause.effect for cause in found.causes}
     figure, panels = _odds_panels(height, with_effects=bool(effects))
     if effects:
         names, p = zip(*effects, strict=True)
         ax = panels[0]
-        _bars(ax, names, p, [name in named for name in names])
+        _bars(ax, [found.suspects[name].label for name in names], p, [name in named for name in names])
         for k, each in enumerate(p):
             ax.text(each + 0.03, k, probability_words(each), va="center", fontsize=6.8)
         ax.set(xlim=(0.0, 1.0), xlabel="Probability (1)")
         label_panel(ax, "a", "Effects")
     ax = panels[-1]
-    texts = [t if len(t) <= LONGEST_LABEL else f"{t[: LONGEST_LABEL - 1].rstrip(' +')} …" for t, _ in sets]
-    _bars(ax, texts, [power - HOPELESS + 0.15 for _, power in sets], [not k for k in range(len(sets))], HOPELESS - 0.15)
+    texts = [
+        upper(t) if len(t) <= LONGEST_LABEL else f"{upper(t)[: LONGEST_LABEL - 1].rstrip(' +')} …" for t, _ in sets
+    ]
+    _bars(
+        ax,
+        [broken(text, LABEL_LINE) for text in texts],
+        [power - HOPELESS + 0.15 for _, power in sets],
+        [not k for k in range(len(sets))],
+        HOPELESS - 0.15,
+    )
     ax.xaxis.set_major_locator(FixedLocator([-12, -8, -4, 0]))
     ax.set(
         xlim=(HOPELESS - 0.15, 0.2), xlabel="Odds relative to the best set (1)",
@@ -282,8 +291,8 @@ def _odds_panels(height: float, *, with_effects: bool) -> tuple[Figure, list[Axe
     if is_narrow():
         return panel_figure(height, 1, 1 + with_effects)
     figure, bottom, top = wide_figure(height), 0.42 / height, 1 - 0.72 / height
-    left = 0.715 if with_effects else 0.4
-    places = [(0.15, 0.2)] * with_effects + [(left, 0.985 - left)]
+    left = 0.72 if with_effects else 0.4
+    places = [(0.215, 0.17)] * with_effects + [(left, 0.985 - left)]
     return figure, [figure.add_axes((x, bottom, across, top)) for x, across in places]
 
 

@@ -37,6 +37,8 @@ METHOD = (
     "Run by run. About the joint fit the objective is a quadratic; one linear solve per run gives the number of a cause from "
     "that run alone. Straight lines over the order of the runs and over the conductance of the load, and the scatter, are "
     f"tested by generalised least squares with what the runs share in their covariance, at a probability of {CHANCE:g}.",
+    "Intervals. 95 % with equal tails: the number found ± 1.96 standard uncertainties of the joint fit (normal distribution, "
+    "infinitely many degrees of freedom), which contain the tolerances; at a bound one-sided, 1.645 standard uncertainties.",
     "Closure. Each withheld log is predicted by a fit without it. With mean squares of blocks, share = 1 − "
     "Σ(after² − noise²)/noise² ÷ Σ(before² − noise²)/noise² over channels and logs; the zeros of each log's sensors are "
     "estimated alike on either side. The interval resamples the cycles.",

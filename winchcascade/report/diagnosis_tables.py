@@ -51,6 +51,7 @@ LEAST_PULL = 1.0
 def causes_table(found: ModelDiagnosis | LineDiagnosis) -> Table | None:
     """Every cause with its numbers, probability and alternatives; without a model with the numbers of the withheld cycles."""
     numbers = [n for cause in found.causes for n in numbers_of(found, cause)]
+    has_rivals = any(cause.rivals for cause in found.causes)
     if isinstance(found, LineDiagnosis):
         again = [
             f"{n.value} ({n.beside})" if found.again else "–"
@@ -78,24 +79,16 @@ def causes_table(found: ModelDiagnosis | LineDiagnosis) -> Table | None:
         "Effects that are needed, most important first.",
         (
             text_column("Effect"), text_column("Stage"), text_column("What changes"), number_column("Found"),
-            number_column("Interval", "95 %"),
-            number_column("Probability"), text_column("Alternatives"),
+            number_column("Interval", "95 %"), number_column("Probability"), text_column("What the rig file leaves out"),
         ),
-        [(n.named, n.stage, n.what, n.value, n.beside, n.probability, n.alternatives) for n in numbers],
-        "Numbers with a sign are changes from the rig file's value, or errors; intervals include the tolerance of that value. "
-        "Alternatives would explain the same data about as well in place of the effect.",
+        [
+            (n.named, n.stage, n.what, n.value, n.beside, n.probability, meaning_words(found, n.effect) if n.effect else "")
+            for n in numbers
+        ],
+        "Numbers with a sign are changes from the rig file's value, or errors; intervals (normal, coverage 95 %) include the "
+        "tolerance of that value."
+        + (" The table of alternatives lists what would explain the same data about as well." if has_rivals else ""),
     )  # fmt: skip
-
-
-def meanings_table(found: ModelDiagnosis) -> Table | None:
-    """What the named effects and their alternatives are."""
-    names = dict.fromkeys([c.effect for c in found.causes] + [r.effect for c in found.causes for r in c.rivals])
-    return formatted_table(
-        "meanings",
-        "What these effects are.",
-        (text_column("Effect"), text_column("Stage"), text_column("What the rig file leaves out")),
-        [(named(found, name), found.suspects[name].stage, meaning_words(found, name)) for name in names],
-    )
 
 
 def rivals_table(found: ModelDiagnosis | LineDiagnosis) -> Table | None:
@@ -108,6 +101,7 @@ def rivals_table(found: ModelDiagnosis | LineDiagnosis) -> Table | None:
             text_column("Effect"),
             text_column("Alternative"),
             number_column("Probability", "of the alternative"),
+            text_column("What it is"),
             text_column("They differ most in"),
         ),
         [
@@ -115,6 +109,7 @@ def rivals_table(found: ModelDiagnosis | LineDiagnosis) -> Table | None:
                 named(found, cause.effect),
                 named(found, rival.effect),
                 probability_words(rival.probability),
+                meaning_words(found, rival.effect),
                 differs_words(rival.differs),
             )
             for cause in found.causes

@@ -72,13 +72,13 @@ def with_uncertainty(value: float | None, u: float | None, otherwise: int) -> Nu
 def common_decimals(cells: Iterable[object]) -> int | None:
     """Decimals of all numbers of a column: those that the smallest of their uncertainties allows, which hides nothing.
 
-    Of an exceptionally small one, two more than the median allows. None without uncertainties.
+    Of a much smaller one than the others, one more than the median allows. None without uncertainties.
 
     >>> common_decimals([stated(0.5, 0.011, 3), stated(0.25, 0.0048, 3), "-"]), common_decimals([number(1.0, 2)])
     (4, None)
     """
     allowed = sorted(cell.decimals for cell in cells if isinstance(cell, NumberText) and cell.decimals is not None)
-    return min(allowed[-1], allowed[len(allowed) // 2] + 2) if allowed else None
+    return min(allowed[-1], allowed[len(allowed) // 2] + 1) if allowed else None
 
 
 def number(value: float | None, decimals: int) -> NumberText:

@@ -219,6 +219,11 @@ def _points(reduction: Reduction, found: Uncertainty) -> list[Point]:
         *_net_points(reduction, found),
         _log_point(reduction),
         *_uncertainty_points(found),
+        *(
+            [Point("Intervals", tables.interval_type(reduction))]
+            if found.interval_95 and reduction.rig.phases.repeats
+            else []
+        ),
         *([Point("Rig", reduction.rig.note)] if reduction.rig.note else []),
     ]
 

@@ -108,7 +108,8 @@ def coefficients_table(found: LossMap) -> Table | None:
         "Surface of the loss over torque and speed of the shaft: the sum of these columns times their coefficients.",
         columns,
         found.surface.coefficients,
-        note=f"{note}. Columns are left out while the condition number exceeds {CONDITION_MAX:g}. Intervals contain the "
+        note=f"{note}. Columns are left out while the condition number exceeds {CONDITION_MAX:g}. Intervals (coverage 95 %, "
+        f"Student's t with {found.surface.freedom} degrees of freedom) contain the "
         "scatter of the points and the accuracies of the sensors that the rig file states.",
     )
 

@@ -380,7 +380,7 @@ def uncertainty_table(reduction: Reduction, found: Uncertainty) -> Table | None:
         "Standard uncertainty u of the means and 95 % intervals.",
         columns,
         [m for m in mean if mean[m] is not None and found.method],
-        note=_how_stated(found),
+        note=_how_stated(reduction, found),
     )
 
 
@@ -401,13 +401,22 @@ def unknown_words(found: Uncertainty) -> str:
     return f"{known}; {'; '.join(not_known(found.budget)) or 'no metric is known'}."
 
 
-def _how_stated(found: Uncertainty) -> str:
+def interval_type(reduction: Reduction) -> str:
+    """What a 95 % interval of a mean is: its coverage, its distributions and their degrees of freedom."""
+    n = len(reduction.complete)
+    scatter = f"the scatter of the {n} cycles by Student's t with {n - 1} degree{'s' * (n > 2)} of freedom"
+    sensors = "errors of the sensors by their own distributions"
+    return f"Intervals: coverage 95 %, equal tails; {f'{scatter}, {sensors}' if n > 1 else sensors}."
+
+
+def _how_stated(reduction: Reduction, found: Uncertainty) -> str:
     """Where the stated uncertainties come from."""
     by_draws = ", ".join(SYMBOL[m] for m, way in found.method.items() if way == "monte_carlo")
     which = f"of {by_draws} the Monte Carlo's u is stated, as the errors do not act linearly"
     return (
-        f"Monte Carlo of {found.draws} draws, seed {found.seed}: "
-        f"{which if by_draws else 'the Monte Carlo confirms the budget of every metric'}. ν: effective degrees of freedom. "
+        f"{interval_type(reduction)} Monte Carlo of {found.draws} draws, seed {found.seed}: "
+        f"{which if by_draws else 'the Monte Carlo confirms the budget of every metric'}. ν: effective degrees of freedom of u "
+        "(Welch and Satterthwaite). "
         "'These cycles alone' leaves the repeatability out: it is what the sensors leave open of the very cycles of this log."
     )
 
