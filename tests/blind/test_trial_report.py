@@ -7,8 +7,9 @@ from small_trials import answer, cause, say, sealed_trial
 
 from winchcascade.blind.cases import Kind
 from winchcascade.blind.score import Score, score
+from winchcascade.report.publish import publish
 from winchcascade.report.report_model import Table
-from winchcascade.report.trial_report import make_trial_report, write_trial_reports
+from winchcascade.report.trial_report import make_trial_report
 from winchcascade.report.trial_text import trial_text
 
 
@@ -54,9 +55,8 @@ def test_the_report_shows_what_each_effect_is_taken_for(found: Score) -> None:
 
 
 def test_page_and_pdf_are_written(found: Score, tmp_path: Path) -> None:
-    write_trial_reports(
-        found, html=tmp_path / "t.html", pdf=tmp_path / "t.pdf", command="winchcascade blind score trial"
-    )
+    report = make_trial_report(found, command="winchcascade blind score trial")
+    publish(report, html=tmp_path / "t.html", pdf=tmp_path / "t.pdf")
     page = (tmp_path / "t.html").read_text(encoding="utf-8")
     assert "What each effect is taken for" in page
     assert page.count("<svg") == 2

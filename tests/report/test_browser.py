@@ -15,7 +15,8 @@ from winchcascade.batch.demo import DIAGNOSIS_FILES
 from winchcascade.batch.plan import make_plan
 from winchcascade.batch.run_batch import Products, run_batch
 from winchcascade.cli.app import command_line
-from winchcascade.report.diagnosis import write_diagnosis_reports
+from winchcascade.report.diagnosis import make_diagnosis_report
+from winchcascade.report.publish import publish
 
 CHROMIUM = next(
     (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
@@ -69,7 +70,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     made |= {name: batch.folder / f"{name}.html" for name in ("campaign", "index")}
     for name in ("rolloff", "outsider"):
         made[name] = folder / f"{name}.html"
-        write_diagnosis_reports(diagnosed(name), html=made[name], pdf=None)
+        publish(make_diagnosis_report(diagnosed(name)), html=made[name])
     return made
 
 

@@ -9,7 +9,7 @@ import typer
 
 from winchcascade.cli.command_list import CommandList
 from winchcascade.cli.options import ForceOption, HtmlOption, JobsOption, JsonOption, PdfOption, SchedulerOption
-from winchcascade.cli.outputs import check_outputs, deliver, given_command, show
+from winchcascade.cli.outputs import check_outputs, deliver, report_maker_of, show, write_reports
 from winchcascade.core.files import json_bytes
 from winchcascade.core.jobs import Workers, one_thread_each, processes
 
@@ -95,10 +95,7 @@ def blind_score_command(
     outputs = {"--json": json, "--html": html, "--pdf": pdf}
     check_outputs(outputs, inputs, force=force)
     found = score(trial)
-    if html is not None or pdf is not None:
-        from winchcascade.report.trial_report import write_trial_reports
-
-        write_trial_reports(found, html=html, pdf=pdf, command=given_command(), force=force)
+    write_reports(report_maker_of(found), outputs, "trial", force=force)
     deliver(
         json, lambda: json_bytes(score_record(found)), lambda: trial_text(found, trial), force=force, results=outputs
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from winchcascade.comparison.compared_run import ComparedRun
+from winchcascade.comparison.compared_run import ComparedRun, mean_of_known
 from winchcascade.comparison.comparison_result import ComparedSide, ComparisonNote, MatchedRuns, NoteKind
 from winchcascade.core.campaign_file import KINDS
 from winchcascade.core.cascade import Cascade
@@ -141,7 +141,7 @@ def _lengths(runs: MatchedRuns) -> str | tuple[str, str]:
     """Windows of one rule whose lengths differ, as the motions do."""
     if _windows(runs) or not all(isinstance(run.window, str) for run in (*runs.a, *runs.b)):
         return ""
-    ours, theirs = (_mean([run.window_length for run in side]) for side in (runs.a, runs.b))
+    ours, theirs = (mean_of_known([run.window_length for run in side]) for side in (runs.a, runs.b))
     if not ours or not theirs or abs(theirs / ours - 1.0) <= LENGTH_SAME:
         return ""
     return (
@@ -151,18 +151,13 @@ def _lengths(runs: MatchedRuns) -> str | tuple[str, str]:
 
 
 def _speeds(runs: MatchedRuns) -> str | tuple[str, str]:
-    ours, theirs = (_mean([run.speed for run in side]) for side in (runs.a, runs.b))
+    ours, theirs = (mean_of_known([run.speed for run in side]) for side in (runs.a, runs.b))
     if not ours or not theirs or abs(theirs / ours - 1.0) <= SPEED_SAME:
         return ""
     return (
         "the plateau speeds of the payouts differ; energies, powers and efficiencies depend on the speed",
         f"{ours:.3g} m/s in A, {theirs:.3g} m/s in B",
     )
-
-
-def _mean(values: Sequence[float | None]) -> float | None:
-    given = [value for value in values if value is not None]
-    return sum(given) / len(given) if given else None
 
 
 def _same_log(runs: MatchedRuns) -> str:

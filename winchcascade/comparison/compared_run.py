@@ -189,8 +189,8 @@ def compared_run(record: object, where: str) -> ComparedRun:
         cascade=cascade,
         window=read.window,
         cycles_from=read.cycles_from,
-        window_length=_mean([cycle.window.duration_s for cycle in done]),
-        speed=_mean([c.phase_summary.payout.plateau.speed_mps for c in done if c.phase_summary.payout.plateau]),
+        window_length=mean_of_known([cycle.window.duration_s for cycle in done]),
+        speed=mean_of_known([c.phase_summary.payout.plateau.speed_mps for c in done if c.phase_summary.payout.plateau]),
         complete=len(done),
         findings=len(read.quality),
         mean=_of(read, "mean", metrics),
@@ -273,6 +273,7 @@ def _measures(parts: _Parts, cascade: Cascade) -> dict[str, frozenset[str]]:
     }
 
 
-def _mean(values: Sequence[float | None]) -> float | None:
+def mean_of_known(values: Sequence[float | None]) -> float | None:
+    """Mean of the values that are known, None without any."""
     given = [value for value in values if value is not None]
     return sum(given) / len(given) if given else None

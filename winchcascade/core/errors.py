@@ -1,5 +1,7 @@
 """Exceptions of the package: each message states in one sentence where, what was found, what was expected and what to do."""
 
+from collections.abc import Sequence
+
 from winchcascade.core.plain_text import one_line
 
 _LONGEST, _END = 2000, 500
@@ -42,6 +44,12 @@ class OptionError(WinchcascadeError):
 
 class OutputError(WinchcascadeError):
     """A result that cannot be written where it was asked for."""
+
+
+def check_choice(call: str, given: str, known: Sequence[str], kind: str) -> None:
+    """Reject what a call of the library does not know by that name: OptionError."""
+    if given not in known:
+        raise OptionError(f"{call}({given!r}): no such {kind}; expected one of {', '.join(map(repr, known))}.")
 
 
 def first_line(fault: BaseException | None) -> str:

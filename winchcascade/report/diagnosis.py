@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from winchcascade.core.campaign_file import banner
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
@@ -52,7 +51,6 @@ from winchcascade.report.gap_words import (
 )
 from winchcascade.report.line_report import line_how_far, line_logs_table, line_where, line_which
 from winchcascade.report.line_words import cycles_of, flipped_words, small_words
-from winchcascade.report.publish import publish
 from winchcascade.report.report_model import (
     Note,
     Point,
@@ -69,18 +67,6 @@ from winchcascade.report.report_model import (
 )
 from winchcascade.report.style import house_style
 from winchcascade.report.wording import load_words
-
-
-def write_diagnosis_reports(
-    found: ModelDiagnosis | LineDiagnosis,
-    *,
-    html: Path | None,
-    pdf: Path | None,
-    command: str = "",
-    force: bool = False,
-) -> None:
-    """Write the report of a diagnosis as a self-contained page, as a PDF, or both. Raises as `write_content`."""
-    publish(make_diagnosis_report(found, command=command), html=html, pdf=pdf, force=force)
 
 
 def make_diagnosis_report(found: ModelDiagnosis | LineDiagnosis, *, command: str = "") -> Report:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from winchcascade.core.errors import OptionError
+from winchcascade.core.errors import OptionError, check_choice
 from winchcascade.core.quantity import KGF, si_unit
 from winchcascade.core.run import CHANNELS, Units
 from winchcascade.report.rows import RUN_ENDS, arrow_schema, reduction_rows, table_rows, table_schema
@@ -83,7 +83,7 @@ def run_frame(run: Run, units: Units = "si", channels: Mapping[str, Channel] = C
 
 def reduction_frame(reduction: Reduction, table: str, units: Units = "si") -> pd.DataFrame:
     """One table of a reduction: its cycles, its bins of generator speed, its findings, or the samples of its channels."""
-    _check_table(table, REDUCTION_TABLES)
+    check_choice("to_pandas", table, REDUCTION_TABLES, "table")
     _check_units(units)
     if table == "channels":
         return _samples(reduction, units)
@@ -101,7 +101,7 @@ def campaign_frame(
     records : by the names of the runs
     cascades : those of the rigs of the runs
     """
-    _check_table(table, CAMPAIGN_TABLES)
+    check_choice("to_pandas", table, CAMPAIGN_TABLES, "table")
     _check_units(units)
     rows = [row for name, record in records.items() for row in table_rows(name, record)[table]]
     return _with_units(_frame(rows, table_schema(table, {}, cascades)), units)
@@ -117,7 +117,7 @@ def diagnosis_frame(found: DiagnosisResult, table: str, units: Units = "si") -> 
     from winchcascade.report.diagnosis_record import as_json, map_record
 
     assert isinstance(found, ModelDiagnosis | LineDiagnosis)  # there are no others
-    _check_table(table, DIAGNOSIS_TABLES)
+    check_choice("to_pandas", table, DIAGNOSIS_TABLES, "table")
     _check_units(units)
     rows: Iterable[dict[str, Any]]
     if table == "map":
@@ -142,11 +142,6 @@ def comparison_frame(found: Comparison, units: Units = "si") -> pd.DataFrame:
         unit, factor = _metric_unit(row["metric"], units)
         rows.append({**row, **_scaled(row, numbers, factor), "unit": unit or "1"})
     return _frame(rows, arrow_schema(_COMPARED))
-
-
-def _check_table(table: str, known: Sequence[str]) -> None:
-    if table not in known:
-        raise OptionError(f"to_pandas({table!r}): no such table; expected one of {', '.join(map(repr, known))}.")
 
 
 def _check_units(units: str) -> None:

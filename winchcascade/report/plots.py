@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from winchcascade.core.errors import OptionError
+from winchcascade.core.errors import OptionError, check_choice
 from winchcascade.report.style import COLOURS, figure_width, house_style
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def plot_reduction(reduction: Reduction, what: str, ax: Axes | None = None) -> A
     """
     from winchcascade.report import figures
 
-    _check(what, ("power", "history", "speed", "efficiency"))
+    check_choice("plot", what, ("power", "history", "speed", "efficiency"), "plot of this result")
     powers = figures.powers_of(reduction)
     if what == "history":
         rows = 1 if ax is not None else figures.history_rows(reduction, powers)
@@ -70,7 +70,7 @@ def plot_campaign(campaign: CampaignReduction, what: str, ax: Axes | None = None
     from winchcascade.report import campaign_figures as figures
     from winchcascade.report.campaign_record import runs_by_load
 
-    _check(what, ("power", "efficiency", "speed"))
+    check_choice("plot", what, ("power", "efficiency", "speed"), "plot of this result")
     runs = [run for run in runs_by_load(campaign.summary.reduced) if not run.open_circuit] or campaign.summary.reduced
     _require(what, "" if runs else "a run that could be reduced")
     if what == "speed":
@@ -92,7 +92,7 @@ def plot_diagnosis(found: DiagnosisResult, what: str, ax: Axes | None = None) ->
     from winchcascade.report import cause_costs
     from winchcascade.report.diagnosis_figures import draw_gap_map
 
-    _check(what, ("map", "waterfall"))
+    check_choice("plot", what, ("map", "waterfall"), "plot of this result")
     if what == "map":
         _require(what, "" if found.places else "a place with a gap that can be weighed")
         rows = len({(place.channel, place.phase) for place in found.places})
@@ -122,20 +122,13 @@ def plot_comparison(found: Comparison, what: str, ax: Axes | None = None) -> Axe
     from winchcascade.report import comparison_figures as figures
     from winchcascade.report.comparison_words import drawn_metrics
 
-    _check(what, ("efficiency",))
+    check_choice("plot", what, ("efficiency",), "plot of this result")
     metrics = drawn_metrics(found)
     _require(what, "" if metrics else "an efficiency that both sides have")
     if ax is not None:
         metrics = [found.overall if found.overall in metrics else metrics[0]]
     draw: Plot = lambda axes: figures.draw_differences(np.ravel(axes).tolist(), found, metrics)  # noqa: E731
     return _drawn(draw, ax, rows=len(metrics), height=1.0 + 0.5 * figures.PANEL, share={"sharex": "col"})
-
-
-def _check(what: str, known: Sequence[str]) -> None:
-    if what not in known:
-        raise OptionError(
-            f"plot({what!r}): no such plot of this result; expected one of {', '.join(map(repr, known))}."
-        )
 
 
 def _require(what: str, lacking: str) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -24,7 +23,6 @@ from winchcascade.blind.score import (
 from winchcascade.core.campaign_file import Origin, banner
 from winchcascade.report.diagnosis_names import display_of
 from winchcascade.report.digits import MINUS, number, places, significant
-from winchcascade.report.publish import publish
 from winchcascade.report.report_model import (
     Note,
     Point,
@@ -50,13 +48,6 @@ from winchcascade.report.trial_text import (
     taken_rows,
     totals,
 )
-
-
-def write_trial_reports(
-    score: Score, *, html: Path | None, pdf: Path | None, command: str = "", force: bool = False
-) -> None:
-    """Write the report of a scored trial as a self-contained page, as a PDF, or both. Raises as `write_content`."""
-    publish(make_trial_report(score, command=command), html=html, pdf=pdf, force=force)
 
 
 def make_trial_report(score: Score, *, command: str = "") -> Report:

@@ -65,6 +65,7 @@ _MAKERS = {
     "DiagnosisResult": "diagnosis:make_diagnosis_report",
     "PointAudit": "audit_report:point_audit_report",
     "Reduction": "write_report:_of_reduction",
+    "Score": "trial_report:make_trial_report",
     "Simulation": "simulation_report:simulation_report",
 }
 """What makes the report of a result, by the name of its class: a result that is made has imported its own modules alone."""
