@@ -200,6 +200,19 @@ def test_a_force_that_switches_between_two_values_is_no_fault_of_the_logger(tmp_
     assert record["power_line_w"] == pytest.approx(np.trapezoid(force * v, t) / t[-1], rel=1e-4)
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_page_of_a_machine_with_one_stage_has_no_panel_of_efficiencies(tmp_path: Path) -> None:
+    t = 0.05 * np.arange(2000)
+    v = 0.5 * np.sin(2.0 * np.pi * t / 8.0)
+    rows = np.column_stack((t, v, 4.0 * np.sign(v)))
+    rig = RECIPROCATING.replace('"line", "hyd"', '"line"')
+    head = "Time (s);Velocity (m/s);Force (kN)"
+    bench(tmp_path, "one.csv", table(head, rows), rig, "--html", str(tmp_path / "one.html"))
+    page = (tmp_path / "one.html").read_text(encoding="utf-8")
+    assert "Energy of each wave over its payout" in page
+    assert "Efficiency of each wave" not in page
+
+
 def test_a_record_of_which_gaps_leave_nothing_has_no_mean_power(tmp_path: Path) -> None:
     t = 0.02 * np.arange(3000)
     v = 0.5 * np.sin(2.0 * np.pi * t / 8.0)

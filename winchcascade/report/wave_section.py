@@ -29,7 +29,8 @@ def wave_blocks(found: WaveEnergies, cascade: Cascade) -> tuple[Picture | Table 
         picture(
             wave_figure(found, cascade), "wave-energies",
             "Energy and efficiency of each wave over its payout, the travel of its positive half. Lines are the ratios of sums "
-            "of classes of payout. A single wave may take energy from the gas, or leave energy in it: its efficiency scatters.",
+            "of classes of payout. A single wave may take energy from the gas, or leave energy in it: its efficiency scatters."
+            if found.efficiency else "Energy of each wave over its payout, the travel of its positive half.",
             "Dots of energies and efficiencies over payout; sums by class are in the table.",
         ),
         record_table(found),
@@ -42,7 +43,7 @@ def wave_figure(found: WaveEnergies, cascade: Cascade) -> Figure | None:
     """Energies and efficiencies of the waves over their payout; None without waves."""
     if not found.cycle.size or not np.isfinite(found.payout).all():
         return None
-    figure, (left, right) = panel_figure(2.9, 1, 2, gaps={"wspace": 0.25})
+    figure, (left, *others) = panel_figure(2.9, 1, 1 + bool(found.efficiency), gaps={"wspace": 0.25})
     rows = np.unique(np.linspace(0, found.cycle.size - 1, min(found.cycle.size, DOTS)).astype(np.intp))
     for stage, joule in found.energy.items():
         look = look_of(stage)
@@ -56,14 +57,15 @@ def wave_figure(found: WaveEnergies, cascade: Cascade) -> Figure | None:
         eta = np.divide(y, x, out=np.full(x.size, np.nan), where=x > 0.0)
         eta[(eta < 0.0) | (eta > 1.0)] = np.nan
         colour = COLOURS[look.colour]
-        right.plot(found.payout[rows], eta, look.mark, ms=2.6, color=colour, alpha=0.5)
+        others[0].plot(found.payout[rows], eta, look.mark, ms=2.6, color=colour, alpha=0.5)
         steps = [(*of.payout, of.efficiency[name]) for of in classes_of_payout(found)]
         ends = np.array([(low, high, np.nan) for low, high, _ in steps]).ravel()
         levels = np.array([3 * [np.nan if value is None else value] for *_, value in steps], dtype=float).ravel()
-        right.plot(ends, levels, color=colour, lw=1.6, ls=look.dashes, label=tex(name))
+        others[0].plot(ends, levels, color=colour, lw=1.6, ls=look.dashes, label=tex(name))
     payout = f"Payout ({found.payout_unit})"
     label_panel(left, "a", "Energy of each wave", x=payout, y="Energy (J)")
-    label_panel(right, "b", "Efficiency of each wave", x=payout, y="Efficiency (1)")
-    for axes in (left, right):
+    for right in others:
+        label_panel(right, "b", "Efficiency of each wave", x=payout, y="Efficiency (1)")
+    for axes in (left, *others):
         axes.legend(loc="best")
     return figure
