@@ -126,6 +126,7 @@ def record_table(found: WaveEnergies) -> Table | None:
         else f"The records of {len(found.counts)} logs, {found.record_duration:.1f} s, and their {found.cycle.size} waves.",
         columns,
         list(found.record_energy),
+        note=f"95 % intervals of the mean powers, with standard uncertainties u, by the waves and the sensors.{_not_in(found)}",
     )
 
 
@@ -171,7 +172,7 @@ def wave_efficiencies_table(found: WaveEnergies) -> Table | None:
 def _not_in(found: WaveEnergies) -> str:
     """Which sensors the intervals do not contain."""
     unknown = sorted({channel for channels in found.unknown.values() for channel in channels})
-    return f" The accuracy of {', '.join(unknown)} is unknown: its efficiencies contain the waves alone." * bool(
+    return f" The accuracy of {', '.join(unknown)} is unknown: intervals that need it contain the waves alone." * bool(
         unknown
     )
 
