@@ -66,8 +66,10 @@ class Course:
             solved = Kept(*(self._thin(whole, name) for name in Kept.__struct_fields__))
             while len(self._kept) >= self.most_kept:
                 del self._kept[next(iter(self._kept))]
-            self._kept[key] = solved
-        return self._kept[key]
+        else:
+            solved = self._kept.pop(key)  # and put it last: what begins several fits is used again and again
+        self._kept[key] = solved
+        return solved
 
     def electrical(self, numbers: Constants, name: str) -> Signal:
         """Solve the shaft for one of the columns of `kernel.SHAFT`, on the grid, (n,)."""
@@ -190,9 +192,9 @@ def delayed(x: Signal, steps: float) -> Signal:
 
 
 MOST_KEPT = 16
-"""So many solutions of a log are kept, the oldest goes first."""
+"""So many solutions of a log are kept; the one that was used longest ago goes first."""
 
-ALL_KEPT = 1000
+ALL_KEPT = 1200
 """So many solutions of all logs of a fit are kept at most, but two of each: about 0.2 MB each."""
 
 MOST_DERIVATIVES = 25
