@@ -197,11 +197,15 @@ def find_jumps(t: Signal, channels: Mapping[str, Signal], v_onset: float) -> lis
     rows = np.flatnonzero(np.isfinite(x) if v is None else np.isfinite(x) & np.isfinite(v))
     if rows.size < 4 * SIDE:
         return []
-    stamps, x = t[rows], x[rows]
-    interval, moved = np.diff(stamps), np.diff(x)
-    speed = _mean_slopes(moved / interval) if v is None else 0.5 * (v[rows[:-1]] + v[rows[1:]])
+    gaps = rows.size < x.size
+    if gaps:  # else no copies of a long log
+        t, x, v = t[rows], x[rows], None if v is None else v[rows]
+    interval, moved = np.diff(t), np.diff(x)
+    speed = _mean_slopes(moved / interval) if v is None else 0.5 * (v[:-1] + v[1:])
     beyond = moved - speed * interval
-    usual = (np.diff(rows) == 1) & (interval < 1.5 * median(interval))
+    usual = interval < 1.5 * median(interval)
+    if gaps:
+        usual &= np.diff(rows) == 1
     moving = usual & (np.abs(speed) > v_onset)
     if np.count_nonzero(moving) < 4 * SIDE:
         return []
