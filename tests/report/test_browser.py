@@ -42,6 +42,14 @@ LOGS = {
     "without torque": ["damaged_logs/no_torque.csv"],
     "open circuit": ["campaign/open_circuit.csv"],
 }
+COMMANDS = {
+    "calibrate": ["calibrate", "campaign/open_circuit.csv"],
+    "check": ["check", "campaign", "--against", "hsu2026-table2"],
+    "audit": ["audit", "hsu2026-table2", "--physics"],
+    "simulate": ["simulate", "campaign/r36ohm.csv", "--load-ohm", "36"],
+    "compare": ["compare", "campaign", "campaign"],
+}
+"""Other commands with a page."""
 
 
 @pytest.fixture(scope="module")
@@ -71,6 +79,11 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     for name in ("rolloff", "outsider"):
         made[name] = folder / f"{name}.html"
         publish(make_diagnosis_report(diagnosed(name)), html=made[name])
+    for name, arguments in COMMANDS.items():
+        made[name] = folder / f"{name}.html"
+        words = [str(root / word) if word.startswith("campaign") else word for word in arguments]
+        words += ["--out", str(folder / "simulated.csv")] if name == "simulate" else []
+        command_line(words[0])([*words, "--html", str(made[name])], standalone_mode=False)
     return made
 
 
@@ -87,7 +100,7 @@ def opened(browser: Any, page: Path, screen: str) -> tuple[Any, list[str], list[
 
 
 @pytest.mark.parametrize("screen", SCREENS)
-@pytest.mark.parametrize("log", [*LOGS, "nasty", "rolloff", "outsider", "campaign", "index"])
+@pytest.mark.parametrize("log", [*LOGS, "nasty", "rolloff", "outsider", "campaign", "index", *COMMANDS])
 def test_a_page_makes_no_error_no_request_and_keeps_nobody_out(
     browser: Any, pages: dict[str, Path], log: str, screen: str
 ) -> None:
@@ -326,10 +339,12 @@ def test_links_lead_from_a_log_to_its_campaign_to_the_diagnosis_and_to_all_resul
     diagnosis = tab.get_by_role("navigation").get_by_role("link", name="Diagnosis", exact=True).get_attribute("href")
     tab.get_by_role("link", name="r9ohm.csv").first.click()
     headings.append(tab.inner_text("h1"))
+    of_a_log = tab.get_by_role("navigation").get_by_role("link", name="Diagnosis", exact=True).get_attribute("href")
     tab.context.close()
     assert said == []
     assert [text.lower() for text in headings] == ["r36ohm.csv", "campaign", "results", "campaign", "r9ohm.csv"]
     assert diagnosis == "diagnosis.html"
+    assert of_a_log == "../diagnosis.html"
 
 
 @pytest.mark.parametrize("screen", SCREENS)

@@ -10,12 +10,14 @@ from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
+import matplotlib
 import pytest
 from pypdf import PdfReader
 
 from winchcascade.core.errors import OutputError
 from winchcascade.report.digits import NumberText, interval_text, number
 from winchcascade.report.exports import LIST, ReportFiles, stem_of, write_report_files
+from winchcascade.report.figure_files import figure_files
 from winchcascade.report.report_model import (
     Report,
     Table,
@@ -27,7 +29,7 @@ from winchcascade.report.report_model import (
     section,
     text_column,
 )
-from winchcascade.report.style import house_style, label_panel, legend_above, line_entry, panel_figure
+from winchcascade.report.style import house_style, label_panel, legend_above, line_entry, panel_figure, wide_figure
 from winchcascade.report.table_files import csv_text, latex, latex_text, markdown_text
 
 
@@ -230,3 +232,32 @@ def test_a_list_that_is_not_ours_is_rejected(tmp_path: Path) -> None:
 def test_names_of_files_hold_no_blanks_and_keep_letters_of_every_script() -> None:
     assert stem_of("Kran Versuch (Ω) 日本.1") == "Kran-Versuch-Ω-日本.1"
     assert stem_of("../../etc/passwd") == "etc-passwd"
+
+
+def test_letters_that_the_font_lacks_are_set_in_a_font_of_the_system(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from fontTools.ttLib import TTFont
+
+    other = tmp_path / "other.ttf"
+    with TTFont(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf") as font:
+        for table in font["cmap"].tables:
+            table.cmap = {0x6E2C: "A", 0x8A66: "B"}
+        for record in font["name"].names:
+            if record.nameID in (1, 4, 6, 16):
+                record.string = "OtherLetters"
+        font.save(other)
+
+    def drawn(found: list[tuple[str, set[str]]]) -> dict[str, bytes]:
+        monkeypatch.setattr("winchcascade.report.figure_files.fonts_for", lambda _: found)
+        with house_style():
+            figure = wide_figure(1.0)
+            figure.text(0.1, 0.5, "log 測試")
+            figure.text(0.6, 0.5, "plain")
+            return figure_files(figure)
+
+    boxes, letters = drawn([]), drawn([(str(other), {"測", "試"})])
+    assert b"OtherLetters" in letters["pdf"]
+    assert b"OtherLetters" in letters["svg"]
+    assert b"OtherLetters" not in boxes["pdf"]
+    assert letters["png"] != boxes["png"]

@@ -79,7 +79,8 @@ def calibration_report(calibration: Calibration, *, command: str = "") -> Report
 def _tile(n: Number) -> Tile:
     decimals = places(n.u) if n.u > 0.0 else 6
     low, high = (number(x, decimals) for x in (n.low, n.high))
-    return Tile(n.name, n.section, f"{number(n.value, decimals)} {n.unit}", f"95 %: {low} to {high} {n.unit}")
+    unit = "" if n.unit == "1" else f" {n.unit}"
+    return Tile(n.name, n.section, f"{number(n.value, decimals)}{unit}", f"95 %: {low} to {high}{unit}")
 
 
 def _points(calibration: Calibration) -> tuple[Point, ...]:
@@ -89,7 +90,7 @@ def _points(calibration: Calibration) -> tuple[Point, ...]:
     return (
         data_point([calibration.run.origin]),
         Point("Calibrated", f"{new} of rig {calibration.rig.name}, from log {calibration.run.name}."),
-        Point("Against the rig file", f"{upper(words.comparison(calibration))}."),
+        Point("Against the rig file", f"{words.comparison(calibration)}."),
         *(Point("Finding", f"{upper(text)}.", "warn") for text in found),
         *([] if found else [Point("Findings", "None.", "good")]),
     )

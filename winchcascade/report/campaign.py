@@ -29,6 +29,7 @@ from winchcascade.report.campaign_record import (
 )
 from winchcascade.report.campaign_waves import CampaignWaves, campaign_waves, campaign_waves_section
 from winchcascade.report.digits import interval_text, percent, stated, with_uncertainty
+from winchcascade.report.glossary import symbols_section
 from winchcascade.report.model_account import Account
 from winchcascade.report.model_section import Named, campaign_section
 from winchcascade.report.records import FindingRecord, read_results
@@ -122,6 +123,7 @@ def campaign_report(
                 between_table(campaign.between),
                 faults_table(failed),
             ),
+            *((symbols_section(cascade_of(runs)),) if runs else ()),
             section("provenance", "Provenance", _provenance(campaign, runs, command)),
         )  # fmt: skip
     return Report(

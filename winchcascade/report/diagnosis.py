@@ -49,6 +49,7 @@ from winchcascade.report.gap_words import (
     own_simulation_words,
     simulated_words,
 )
+from winchcascade.report.glossary import symbols_section
 from winchcascade.report.line_report import line_how_far, line_logs_table, line_where, line_which
 from winchcascade.report.line_words import cycles_of, flipped_words, small_words
 from winchcascade.report.report_model import (
@@ -121,6 +122,7 @@ def _sections(found: ModelDiagnosis, shown: Sequence[CycleHistory]) -> tuple[Sec
         ),
         section("considered", "What else was considered", tables.suspects_table(found), tables.thresholds_table(found)),
         _method(METHOD),
+        symbols_section(found.rig.cascade, cycles=False, diagnosed=True),
     )  # fmt: skip
 
 
@@ -137,6 +139,7 @@ def _line_sections(found: LineDiagnosis) -> tuple[Section, ...]:
             "as these logs allow; of motions with about the same difference, the one with the minimum effort is named.",
         ),
         _method(line_method(found)),
+        symbols_section(found.rig.cascade, cycles=False, diagnosed=True),
     )
 
 

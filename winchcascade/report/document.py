@@ -18,6 +18,7 @@ from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.reduction.wave_energies import wave_energies
 from winchcascade.report import figures, tables
 from winchcascade.report.digits import interval_text, number, percent, places, significant, uncertain, upper
+from winchcascade.report.glossary import symbols_section
 from winchcascade.report.model_section import Modelled, modelled, run_section
 from winchcascade.report.publish import publish
 from winchcascade.report.report_model import (
@@ -309,6 +310,7 @@ def _sections(reduction: Reduction, found: Uncertainty, model: Modelled, command
         section(
             "findings", "Findings", tables.findings_table(reduction) or Note("No fault was found in the log.")
         ),
+        symbols_section(reduction.rig.cascade),
         section("provenance", "Provenance", _provenance(reduction, found, command)),
     )  # fmt: skip
     return tuple(s for s in sections if s.blocks)

@@ -13,9 +13,13 @@ from pathlib import Path
 
 import matplotlib
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties, fontManager
+from matplotlib.text import Text
 
 from winchcascade.core.version import __version__
+from winchcascade.report.publish import fonts_for, lacking_letters
 from winchcascade.report.report_model import made_at
+from winchcascade.report.text_runs import FONT
 
 ENDINGS = ("svg", "pdf", "png")
 """Files of a figure."""
@@ -36,6 +40,7 @@ _USUAL = "".join(map(chr, range(0x20, 0x7F))) + "\u2212–…·²³°±×ητα�
 def figure_files(figure: Figure) -> dict[str, bytes]:
     """The files of a figure by their ending, drawn with the settings of the moment."""
     figure.set_facecolor("white")
+    _use_other_fonts(figure)
     with matplotlib.rc_context({"svg.fonttype": "none"}), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of a letter that the font lacks, which is drawn as a box
         return {
@@ -43,6 +48,19 @@ def figure_files(figure: Figure) -> dict[str, bytes]:
             "pdf": _saved(figure, "pdf", {"Creator": _GENERATOR, "CreationDate": made_at()}),
             "png": _saved(figure, "png", {"Software": _GENERATOR}),
         }
+
+
+def _use_other_fonts(figure: Figure) -> None:
+    """Set texts with letters that the font of figures lacks in fonts of this system that hold them, if there are any."""
+    texts = [text for text in figure.findobj(Text) if isinstance(text, Text)]
+    lacking = lacking_letters("".join(text.get_text() for text in texts))
+    names = []
+    for file, _ in fonts_for(lacking) if lacking else []:
+        fontManager.addfont(file)
+        names.append(FontProperties(fname=file).get_name())
+    for text in texts if names else ():
+        if lacking & set(text.get_text()):
+            text.set_fontfamily([FONT, *names])
 
 
 def _saved(figure: Figure, kind: str, about: dict[str, object]) -> bytes:

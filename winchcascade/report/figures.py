@@ -19,6 +19,7 @@ from winchcascade.reduction.bins import engaged, generator_speed
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.reduction.uncertainty import Budget
 from winchcascade.report.digits import significant
+from winchcascade.report.glossary import PLACES
 from winchcascade.report.history_marks import (
     REPAIRED,
     STRIP,
@@ -67,8 +68,6 @@ OVERLAID = 40
 
 OVERLAID_POINTS = 6000
 """Points of all overlaid cycles together in one panel, about."""
-
-_STAGE_WORDS = {"line": "line", "mech": "shaft", "gen": "DC link", "hyd": "hydraulic circuit", "ac": "AC terminals"}
 
 _BAR_STYLE = {
     "force cell": ("line", ""),
@@ -255,8 +254,7 @@ def energy_flow(reduction: Reduction, texts: Mapping[str, str] | None = None) ->
     given = [stage for stage in reduction.rig.cascade.names if reduction.mean[f"energy_{stage}"] is not None]
     stored["line"] *= given[1:2] == ["mech"]
     window = [
-        _Step(f"energy_{s}", look_of(s).colour, _STAGE_WORDS.get(s, s), f"lost or stored{stored.get(s, '')}")
-        for s in given
+        _Step(f"energy_{s}", look_of(s).colour, PLACES.get(s, s), f"lost or stored{stored.get(s, '')}") for s in given
     ]
     cycle = [
         _Step("energy_payout", "line", "line, payout", "returned in haul-in", "energy_returned"),

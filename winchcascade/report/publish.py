@@ -102,9 +102,8 @@ def pdf_bytes(report: Report) -> bytes:
     report = cleaned(report)
     text = msgspec.json.encode(report).decode()
     fonts = Path(matplotlib.get_data_path()) / "fonts" / "ttf"
-    shown = set(msgspec.json.encode(msgspec.structs.replace(report, traces="")).decode())
-    strange = {c for c in shown if ord(c) > 0x7F and ord(c) not in _covered(fonts / "DejaVuSans.ttf")}
-    fallback = _fonts_for(strange) if strange else []
+    strange = lacking_letters(msgspec.json.encode(msgspec.structs.replace(report, traces="")).decode())
+    fallback = fonts_for(strange) if strange else []
     for c in strange - {c for _, covers in fallback for c in covers}:
         text = text.replace(c, f"⟨U+{ord(c):04X}⟩")
     content = typst.Compiler(
@@ -116,6 +115,14 @@ def pdf_bytes(report: Report) -> bytes:
     ).compile(timestamp=int(made_at().timestamp()))
     assert isinstance(content, bytes)
     return content
+
+
+def lacking_letters(text: str) -> set[str]:
+    """Letters of a text that the font which is always there lacks."""
+    import matplotlib
+
+    font = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
+    return {c for c in set(text) if ord(c) > 0x7F and ord(c) not in _covered(font)}
 
 
 @cache
@@ -130,7 +137,7 @@ def _characters(font: str) -> set[int]:
     return set(FT2Font(font).get_charmap())
 
 
-def _fonts_for(strange: set[str]) -> list[tuple[str, set[str]]]:
+def fonts_for(strange: set[str]) -> list[tuple[str, set[str]]]:
     """Fonts of this system that hold characters which the fonts at hand lack, likely ones first."""
     from matplotlib.font_manager import findSystemFonts
 

@@ -9,6 +9,7 @@ from winchcascade.core.campaign_file import banner
 from winchcascade.core.cascade import PAPER
 from winchcascade.core.run import Signal
 from winchcascade.report.digits import NumberText, significant, upper
+from winchcascade.report.glossary import symbols_section
 from winchcascade.report.report_model import (
     Note,
     Point,
@@ -81,6 +82,7 @@ def simulation_report(
                 ),
             ),
             section("stages", "Stages", _stages(simulation)),
+            symbols_section(PAPER, cycles=False),
             section("provenance", "Provenance", _provenance(simulation, source or run.path, rig, effects, command)),
         )  # fmt: skip
     load = load_words(run.load, before="load ", unknown="load unknown")
