@@ -376,6 +376,22 @@ def calibrate(place: Workplace) -> Recorded:
         yield "shared-labelled", "\n".join(place.run("calibrate", log) for log in opened)
 
 
+def sheets(place: Workplace) -> Recorded:
+    """Make the pages of other commands than `reduce` and `diagnose`, and the tables of a log as files."""
+    pages = {
+        "calibrate": ("calibrate", f"{CAMPAIGN}/open_circuit.csv"),
+        "check": ("check", CAMPAIGN, "--against", TABLE, "--jobs", "1"),
+        "audit": ("audit", TABLE),
+        "simulate": ("simulate", f"{CAMPAIGN}/r36ohm.csv", "--out", "s.csv"),
+    }
+    for name, words in pages.items():
+        with place.drawn():
+            text = place.run(*words, "--html", f"{name}.html")
+        yield f"{name}-page", text + place.show(f"{name}.html")
+    text = place.run("reduce", f"{CAMPAIGN}/r36ohm.csv", "--tables", "tables") + place.files("tables")
+    yield "tables", text + "".join(place.show(f"tables/r36ohm_cycles.{ending}") for ending in ("csv", "tex", "md"))
+
+
 def reports(place: Workplace) -> Recorded:
     """Make the reports of logs: text and structure of the page, text of the PDF, the arrays behind the figures."""
     yield from _reports(place, "r36ohm", f"{CAMPAIGN}/r36ohm.csv", pdf=True)
@@ -593,6 +609,7 @@ GROUPS: dict[str, Callable[[Workplace], Recorded]] = {
         earlier,
         calibrate,
         terminal,
+        sheets,
         reports,
         jobs,
         physics,
@@ -603,5 +620,16 @@ GROUPS: dict[str, Callable[[Workplace], Recorded]] = {
 }
 """Groups by name, quick ones first."""
 
-SLOW: Sequence[str] = ("benches", "calibrate", "terminal", "reports", "jobs", "physics", "diagnose", "blind", "demo")
+SLOW: Sequence[str] = (
+    "benches",
+    "calibrate",
+    "terminal",
+    "sheets",
+    "reports",
+    "jobs",
+    "physics",
+    "diagnose",
+    "blind",
+    "demo",
+)
 """Groups that take more than ten seconds."""

@@ -157,7 +157,7 @@ _SHOWN: dict[str, Callable[[Path], str]] = {
     ".xlsx": workbook_text,
     ".csv": log_text,
     ".toml": toml_text,
-    ".xml": lambda path: path.read_text(encoding="utf-8").rstrip("\n"),
+    **dict.fromkeys((".xml", ".tex", ".md"), lambda path: path.read_text(encoding="utf-8").rstrip("\n")),
 }
 
 
