@@ -78,7 +78,7 @@ class Fit(msgspec.Struct, frozen=True):
     `x` (k,) are the fields of the suspects in a row, those of each at its `place`, `nu` the nuisances in units of their
     tolerance, `loss` the robust objective with the priors, `z` the whitened residuals. Of the fields, nuisances eliminated:
     `curve` (k, k) and `slope` (k,) of the objective, and their `bounds`. `j_nu` are the columns of the nuisances, `columns`
-    those of suspects; a fit that is kept for comparison has neither.
+    those of suspects; a fit that is kept for comparison has neither. One that has not `settled` may lie far above its minimum.
     """
 
     names: Names
@@ -92,6 +92,7 @@ class Fit(msgspec.Struct, frozen=True):
     bounds: Bounds
     j_nu: Jacobian | None
     columns: Mapping[str, Signal]
+    settled: bool
 
     def evidence(self, scale: float) -> float:
         """Logarithm of the evidence, up to a constant, residuals scaled by the square `scale`."""
@@ -123,8 +124,8 @@ class RigProblem:
         self.data, self.suspects, self.names = data, suspects, names
         self.nuisances, self.place = len(data.nuisances), places_of(suspects, names)
         self.free = freedom(*(suspects[name] for name in names))
-        edge = np.full(self.nuisances, reach)
-        self.bounds = Bounds.of(-edge, edge).beside(self.free.bounds)
+        low = np.array([max(-reach, n.low) for n in data.nuisances])
+        self.bounds = Bounds.of(low, np.full(low.size, reach)).beside(self.free.bounds)
         self.rows = np.ones(data.measured.size) if rows is None else rows
 
     def effects(self, x: Signal) -> dict[str, ActiveEffect]:
@@ -209,9 +210,8 @@ def fit_set(problem: RigProblem, start: Fit | None = None, *, quick: bool = Fals
     j_nu, fields = found.j.split(n)
     columns = {name: fields[:, own] for name, own in problem.place.items()}
     x = found.x
-    return Fit(
-        names, problem.place, x[n:], x[:n], found.loss, found.z, q.curve, q.slope, problem.free.bounds, j_nu, columns
-    )
+    place, bounds = problem.place, problem.free.bounds
+    return Fit(names, place, x[n:], x[:n], found.loss, found.z, q.curve, q.slope, bounds, j_nu, columns, found.settled)
 
 
 def scale_of(fit: Fit) -> float:
@@ -365,11 +365,9 @@ def search(data: Fitted, suspects: Suspects, on_progress: Callable[[str], None] 
         for names in promising:
             _refit(data, suspects, fits, names, start)
         top, scale = _top(fits)
-        if (
-            top.names in visited
-        ):  # before the search ends: a quick fit may have stopped short of what the closed form expects
+        if top.names in visited:  # before the search ends: a quick fit may have stopped short of its minimum
             for names in promising:
-                if linear.evidence(names, scale) - fits[names].evidence(scale) > DOUBTFUL:
+                if not fits[names].settled or linear.evidence(names, scale) - fits[names].evidence(scale) > DOUBTFUL:
                     _refit(data, suspects, fits, names, fits[names], quick=False)
             top, scale = _top(fits)
         if top.names in visited or (len(best.names) >= MANY and scale_of(best) > HOPELESS):
@@ -430,6 +428,8 @@ def _smallest(
         near = [names for names in fewer if known - linear.evidence(names, scale) <= 3.0 * CLEARLY]
         for names in near:
             _refit(data, suspects, fits, names, best)
+            if not fits[names].settled and best.evidence(scale) - fits[names].evidence(scale) >= CLEARLY:
+                _refit(data, suspects, fits, names, fits[names], quick=False)
         least = max(near, key=lambda names: fits[names].evidence(scale), default=None)
         if least is None or best.evidence(scale) - fits[least].evidence(scale) >= CLEARLY:
             break
@@ -442,7 +442,7 @@ def _refit(
 ) -> None:
     """Fit a set, and keep the fit unless there is a better one; without its columns, most of its memory."""
     fit = fit_set(RigProblem(data, suspects, names), start, quick=quick)
-    if names not in fits or fit.loss < fits[names].loss:
+    if names not in fits or fit.loss <= fits[names].loss:
         fits[names] = msgspec.structs.replace(fit, j_nu=None, columns={})
 
 

@@ -65,6 +65,8 @@ WITHIN = 25.0
 """Discrepancy of a block as a share of the scatter of the model within it, which is largest where the motion begins and ends,
 over that as a share of its level. [1]"""
 
+HOLD = PHASES.index("hold")
+
 TOP = 0.9
 """Quantile of the magnitude of a channel, over the blocks of a phase, that is its level there. [1]"""
 
@@ -327,6 +329,8 @@ def _local_columns(data: Fitted, log: int) -> list[Local]:
 def _levels(blocks: Blocks, predicted: Signal) -> Signal:
     """Level of each channel in each phase, (3, 5): 0 in phases that a log lacks.
 
+    In hold the generator runs down within a few blocks: the level of its voltage and current is that of the whole log.
+
     Parameters
     ----------
     predicted : (m, 5) blocks of the model of the rig file; the level of the pressure is its swing over the log
@@ -337,6 +341,9 @@ def _levels(blocks: Blocks, predicted: Signal) -> Signal:
         if here.size:
             level[phase] = np.quantile(np.abs(here), TOP, axis=0)
     level[:, CHANNELS.index("pressure")] = np.ptp(predicted[:, CHANNELS.index("pressure")])
+    electrical = [CHANNELS.index("vdc"), CHANNELS.index("idc")]
+    if np.any(blocks.phase == HOLD):
+        level[HOLD, electrical] = np.max(level[:, electrical], axis=0)
     return level
 
 
@@ -462,7 +469,7 @@ def _seen(course: Course, model: Model, speed: Signal) -> NDArray[np.bool_]:
     voltage of an open circuit while the bridge conducts, and that of a machine at rest unless the noise of the velocity alone
     would make the bridge conduct.
     """
-    blocks, hold = course.blocks, course.blocks.phase == PHASES.index("hold")
+    blocks, hold = course.blocks, course.blocks.phase == HOLD
     seen = np.tile([name in course.run.channels for name in CHANNELS], (blocks.size, 1))
     force, torque, vdc, idc = (CHANNELS.index(name) for name in ("force", "torque", "vdc", "idc"))
     seen[:, [force, torque]] &= ((np.abs(speed) > MOVING) & ~hold)[:, None]

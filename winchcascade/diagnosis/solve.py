@@ -209,7 +209,8 @@ def least_within(curve: Signal, slope: Signal, bounds: Bounds) -> Signal:
     """
     if not bounds.rate.any():
         return box_minimum(curve, slope, bounds.low, bounds.high)
-    eps = 1e-9 * (bounds.inner_high - bounds.inner_low)
+    span = bounds.inner_high - bounds.inner_low
+    eps = np.where(np.isfinite(span), 1e-9 * span, 0.0)
     side = np.where(bounds.inner_high < -eps, 1.0, np.where(bounds.inner_low > eps, -1.0, 0.0))
     for _ in range(4 * side.size + 8):
         low = np.where(side > 0.0, bounds.inner_high, np.where(side < 0.0, bounds.low, bounds.inner_low))
@@ -289,12 +290,15 @@ class Effort(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """Where a fit ended: its numbers, the objective with the priors, the residuals and the columns in use."""
+    """Where a fit ended: its numbers, the objective with the priors, the residuals, the columns in use, and whether it has
+    settled: its columns foresee nothing more.
+    """
 
     x: Signal
     loss: float
     z: Signal
     j: Jacobian
+    settled: bool = False
 
 
 WORN = 2000.0
@@ -321,9 +325,9 @@ def gauss_newton(problem: Problem, x: Signal, j: Jacobian, effort: Effort) -> So
         gained, here = here.loss - there.loss, there
         served += gained
         worn = renewals > 0 and served > WORN * effort.settled
-        settled = gained < effort.settled and (fresh or promised < effort.settled or not renewals)
-        if (settled or (gained and abs(promised - gained) < effort.settled)) and not worn:
-            break  # at the minimum: nothing more is foreseen, or it came as foreseen
+        settled = not worn and (promised < effort.settled or (gained > 0.0 and abs(promised - gained) < effort.settled))
+        if settled or (gained < effort.settled and (fresh or not renewals) and not worn):
+            return here._replace(settled=settled)
         fresh = worn or (renewals > 0 and gained < effort.foreseen * promised)
         if fresh:
             renewals, served = renewals - 1, 0.0
