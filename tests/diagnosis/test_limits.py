@@ -41,7 +41,8 @@ def test_a_fit_passes_the_plausible_range_and_says_so(drop: float, beyond: bool)
 def test_the_interval_at_a_limit_holds_95_percent_of_a_normal_that_is_cut_off(push: float) -> None:
     curve, one = np.array([[4.0]]), np.ones(1)
     bounds = Bounds.of(-10.0 * one, one)
-    fit = Fit(("a",), {"a": slice(0, 1)}, one, np.zeros(0), 0.0, np.zeros(0), curve, 2.0 * push * one, bounds, None, {}, settled=True)
+    none, slope = np.zeros(0), 2.0 * push * one
+    fit = Fit(("a",), {"a": slice(0, 1)}, one, none, 0.0, none, curve, slope, bounds, None, {}, settled=True)
     away = one_sided(fit, 0, 1.0)
     expected = -math.log(0.05) / 300.0 if push == 300.0 else float(truncnorm(push, math.inf).isf(0.05)) - push
     assert away == pytest.approx(0.5 * expected, rel=1e-3)
