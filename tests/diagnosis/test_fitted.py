@@ -10,7 +10,9 @@ from openlog import made_log, motion_run
 from winchcascade import simulate
 from winchcascade.core.rig_file import ModelAccuracy
 from winchcascade.core.rig_toml import built_in
-from winchcascade.diagnosis.misfit import RHO, Fitted
+from winchcascade.diagnosis.block_means import PHASES
+from winchcascade.diagnosis.evidence import RigProblem
+from winchcascade.diagnosis.misfit import OF_A_BLOCK, RHO, TOP, Fitted
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
@@ -63,6 +65,20 @@ def test_noise_as_the_fit_takes_it_is_whitened_to_unit_variance(data: Fitted) ->
     assert before == pytest.approx(0.0, abs=0.02)
     pressure, force, torque = drawn[:, seen.all(axis=1), :3].reshape(-1, 3).T
     assert np.corrcoef([pressure, force, torque]) == pytest.approx(np.eye(3), abs=0.05)
+
+
+def test_no_fit_drives_the_shaft_by_a_negative_friction(data: Fitted) -> None:
+    low = dict(zip(map(str, data.nuisances), RigProblem(data, {}, ()).bounds.low.tolist(), strict=True))
+    assert low["friction of the drivetrain"] == 0.0
+    assert {low[name] for name in low if name != "friction of the drivetrain"} == {-math.inf}
+
+
+def test_the_run_down_of_the_generator_is_known_no_better_than_its_run(data: Fitted) -> None:
+    log, vdc = data.logs[1], CHANNELS.index("vdc")
+    phase = log.course.blocks.phase
+    run = np.quantile(np.abs(log.measured[phase == PHASES.index("payout"), vdc]), TOP)
+    least = RIG.model.discrepancy * OF_A_BLOCK * run
+    assert np.all(log.noise.model[phase == PHASES.index("hold"), vdc] >= 0.99 * least)
 
 
 def test_a_channel_that_says_nothing_gives_zeros(data: Fitted) -> None:

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
+from winchcascade.diagnosis.evidence import WHOLE
 from winchcascade.diagnosis.solve import (
     HUBER,
     Bounds,
@@ -13,6 +14,7 @@ from winchcascade.diagnosis.solve import (
     Local,
     best_step,
     box_minimum,
+    gauss_newton,
     huber,
     least_within,
     weights,
@@ -144,3 +146,28 @@ def test_columns_of_few_rows_are_those_of_all_with_zeros() -> None:
     both = j.beside(dense).split(8)
     assert both[0].normal(w) == pytest.approx(j.normal(w))
     assert both[1] == pytest.approx(dense)
+
+
+class Straight:
+    """Numbers without noise that are 3 at every row, with the right or the wrong sign of their column."""
+
+    nuisances = 0
+
+    def __init__(self, sign: float) -> None:
+        self.sign, edge = sign, np.full(1, 10.0)
+        self.bounds = Bounds.of(-edge, edge)
+
+    def residual(self, x: np.ndarray) -> np.ndarray:
+        z: np.ndarray = 3.0 - np.repeat(x, 6)
+        return z
+
+    def jacobian(self, x: np.ndarray) -> Jacobian:  # noqa: ARG002  # the same everywhere
+        return Jacobian.of(np.full((6, 1), self.sign))
+
+
+@pytest.mark.parametrize(("sign", "settled"), [(1.0, True), (-1.0, False)])
+def test_a_fit_that_cannot_gain_what_it_is_promised_has_not_settled(sign: float, settled: bool) -> None:
+    problem, start = Straight(sign), np.zeros(1)
+    found = gauss_newton(problem, start, problem.jacobian(start), WHOLE)
+    assert found.settled == settled
+    assert (found.x[0] == pytest.approx(3.0)) == settled
