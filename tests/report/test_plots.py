@@ -49,13 +49,14 @@ def drawn(ax: Axes, label: str) -> tuple[list[float], list[float]]:
 def test_a_plot_is_drawn_on_the_given_axes_and_changes_no_settings(reduction: Reduction) -> None:
     before = dict(mpl.rcParams)
     _, ax = plt.subplots()
+    figures = plt.get_fignums()
     for what in ("power", "history", "speed", "efficiency"):
         ax.clear()
         assert reduction.plot(what, ax=ax) is ax
         assert ax.lines
         assert "(" in ax.get_xlabel() or what == "efficiency"
     assert dict(mpl.rcParams) == before
-    assert len(plt.get_fignums()) == 1
+    assert plt.get_fignums() == figures
 
 
 def test_efficiencies_and_powers_are_those_of_the_cycles(reduction: Reduction) -> None:

@@ -89,7 +89,7 @@ def write_reports(make: Callable[[], Report], results: Results, name: str, *, of
 
 def report_maker_of(result: object) -> Callable[[], Report]:
     """What makes the report of a result of a command, with the command."""
-    from winchcascade.report.write_report import report_of
+    from winchcascade.report.reports_by_result import report_of
 
     return partial(report_of, result, command=given_command())
 
