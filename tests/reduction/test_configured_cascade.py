@@ -15,7 +15,8 @@ from winchcascade.ingest.read import read_run
 from winchcascade.reduction.montecarlo import uncertainty
 from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
-from winchcascade.report.document import write_reports
+from winchcascade.report.document import make_report
+from winchcascade.report.publish import publish
 from winchcascade.report.records import reduction_json
 from winchcascade.report.rows import write_parquet
 from winchcascade.report.terminal import reduction_text
@@ -111,7 +112,7 @@ def test_an_own_channel_gives_a_stage_its_power(tmp_path: Path) -> None:
     by_hand = float(np.trapezoid(run.channels["pressure"][rows] * 1e-3, run.t[rows]))
     assert cycle.metrics.energy_oilside == pytest.approx(by_hand, rel=0.02)
     assert "P_oilside" in reduction_text(result)
-    write_reports(result, uncertainty(result), html=tmp_path / "a.html", pdf=tmp_path / "a.pdf")
+    publish(make_report(result, uncertainty(result)), html=tmp_path / "a.html", pdf=tmp_path / "a.pdf")
     page = (tmp_path / "a.html").read_text()
     assert "oilside, the oil" in page
     files = write_parquet(result, tmp_path / "tables")
@@ -166,7 +167,7 @@ def test_steps_of_a_dyno_are_no_repeats_of_each_other(tmp_path: Path) -> None:
     assert "mean of" not in reduction_text(result)
     reasons = [f.message for f in result.quality if f.kind == "missing_channel"]
     assert reasons == ["stage gen has no power (vdc * idc): the log has no vdc and no idc"]
-    write_reports(result, found, html=tmp_path / "a.html", pdf=tmp_path / "a.pdf")
+    publish(make_report(result, found), html=tmp_path / "a.html", pdf=tmp_path / "a.pdf")
     page = (tmp_path / "a.html").read_text()
     assert "all cycles together" in page
     assert "Speed of the shaft" in page

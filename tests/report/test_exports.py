@@ -16,8 +16,9 @@ from pypdf import PdfReader
 
 from winchcascade.core.errors import OutputError
 from winchcascade.report.digits import NumberText, interval_text, number
-from winchcascade.report.exports import LIST, ReportFiles, stem_of, write_report_files
+from winchcascade.report.exports import LIST, stem_of, write_report_files
 from winchcascade.report.figure_files import figure_files
+from winchcascade.report.report_files import ReportFiles
 from winchcascade.report.report_model import (
     Report,
     Table,

@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from winchcascade.cli.options import (
-    FiguresOption,
     ForceOption,
     JobsOption,
     LossMapOption,
     RigOption,
     SchedulerOption,
-    TablesOption,
     WindowOption,
     report_choices,
 )
-from winchcascade.cli.outputs import Results, check_outputs, given_command, show, write_reports, written
+from winchcascade.cli.outputs import check_outputs, given_command, show, write_reports, written
+from winchcascade.cli.report_options import NO_REPORT, report_options
 from winchcascade.core.errors import OptionError
 from winchcascade.core.jobs import Workers, one_thread_each, processes, set_threads
+from winchcascade.report.report_files import ReportFiles
 
 if TYPE_CHECKING:
     from winchcascade.report.report_model import Report
@@ -52,6 +52,7 @@ ReportsOption = Annotated[
 ]
 
 
+@report_options("figures", "tables")
 def batch_command(
     targets: TargetsArgument,
     out: OutOption,
@@ -62,8 +63,7 @@ def batch_command(
     rig: RigOption = None,
     window: WindowOption = None,
     loss_map: LossMapOption = None,
-    figures: FiguresOption = None,
-    tables: TablesOption = None,
+    report: ReportFiles = NO_REPORT,
     force: ForceOption = False,
 ) -> None:
     """Reduce a whole campaign: every log, the tables of all logs, and a report.
@@ -79,7 +79,7 @@ def batch_command(
 
     if reports not in REPORTS:
         raise OptionError(f"--reports {reports}: expected none, html or all.")
-    check_outputs({"--loss-map": loss_map, "--figures": figures, "--tables": tables}, targets, force=force)
+    check_outputs({"--loss-map": loss_map} | report.by_option, targets, force=force)
     plan = make_plan(targets, rig=rig, window=None if window is None else window_rule(window))
     if loss_map is not None:
         from winchcascade.batch.campaign_loss_map import check_one_map
@@ -89,15 +89,14 @@ def batch_command(
     with Progress(plan.title) as watch:
         batch = run_batch(plan, out, products, workers=workers, force=force, watch=watch)
 
-    def report() -> Report:
+    def make() -> Report:
         from winchcascade.report.campaign import make_campaign_report
 
         return make_campaign_report(batch.summary, out, command=products.command)
 
-    exports: Results = {"--figures": figures, "--tables": tables}
-    write_reports(report, exports, "campaign", of=f"campaign {plan.title}", force=force)
+    write_reports(make, report, "campaign", of=f"campaign {plan.title}", force=force)
     text = campaign_text(batch.summary, out, kept=batch.kept, altered=batch.altered)
-    show(text + written(exports), failures=fault_text(batch.summary, out))
+    show(text + written(report.by_option), failures=fault_text(batch.summary, out))
     if loss_map is not None:
         from winchcascade.batch.campaign_loss_map import write_campaign_loss_map
 

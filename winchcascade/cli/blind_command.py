@@ -8,10 +8,12 @@ from typing import Annotated
 import typer
 
 from winchcascade.cli.command_list import CommandList
-from winchcascade.cli.options import ForceOption, HtmlOption, JobsOption, JsonOption, PdfOption, SchedulerOption
-from winchcascade.cli.outputs import check_outputs, deliver, report_maker_of, show, write_reports
+from winchcascade.cli.options import ForceOption, JobsOption, JsonOption, SchedulerOption
+from winchcascade.cli.outputs import Results, check_outputs, deliver, report_maker_of, show, write_reports
+from winchcascade.cli.report_options import NO_REPORT, report_options
 from winchcascade.core.files import json_bytes
 from winchcascade.core.jobs import Workers, one_thread_each, processes
+from winchcascade.report.report_files import ReportFiles
 
 blind_command = typer.Typer(
     cls=CommandList,
@@ -80,11 +82,11 @@ def blind_diagnose_command(
 
 
 @blind_command.command("score")
+@report_options("html", "pdf")
 def blind_score_command(
     trial: TrialArgument,
     json: JsonOption = None,
-    html: HtmlOption = None,
-    pdf: PdfOption = None,
+    report: ReportFiles = NO_REPORT,
     force: ForceOption = False,
 ) -> None:
     """Open the answers of a trial, and count correct and wrong diagnoses. Changed answers are rejected."""
@@ -92,10 +94,10 @@ def blind_score_command(
     from winchcascade.report.trial_text import trial_text
 
     inputs = [*trial.glob("*.json"), *trial.glob("diagnoses/*.json")]
-    outputs = {"--json": json, "--html": html, "--pdf": pdf}
+    outputs: Results = {"--json": json, **report.by_option}
     check_outputs(outputs, inputs, force=force)
     found = score(trial)
-    write_reports(report_maker_of(found), outputs, "trial", force=force)
+    write_reports(report_maker_of(found), report, "trial", force=force)
     deliver(
         json, lambda: json_bytes(score_record(found)), lambda: trial_text(found, trial), force=force, results=outputs
     )

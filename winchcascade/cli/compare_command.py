@@ -8,16 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from winchcascade.cli.options import (
-    FiguresOption,
     ForceOption,
-    HtmlOption,
     JobsOption,
     JsonOption,
-    PdfOption,
-    TablesOption,
 )
-from winchcascade.cli.outputs import check_outputs, deliver, given_command, write_reports
+from winchcascade.cli.outputs import Results, check_outputs, deliver, given_command, write_reports
+from winchcascade.cli.report_options import NO_REPORT, report_options
 from winchcascade.core.files import json_bytes
+from winchcascade.report.report_files import ReportFiles
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -36,6 +34,7 @@ MaxDropOption = Annotated[
 ]
 
 
+@report_options("html", "pdf", "figures", "tables")
 def compare_command(
     a: Annotated[
         Path,
@@ -49,10 +48,7 @@ def compare_command(
     same_sensors: SameSensorsOption = False,
     max_drop: MaxDropOption = None,
     json: JsonOption = None,
-    html: HtmlOption = None,
-    pdf: PdfOption = None,
-    figures: FiguresOption = None,
-    tables: TablesOption = None,
+    report: ReportFiles = NO_REPORT,
     jobs: JobsOption = None,
     force: ForceOption = False,
 ) -> None:
@@ -68,17 +64,17 @@ def compare_command(
 
     if max_drop is not None:
         check_limit(max_drop)
-    outputs = {"--json": json, "--html": html, "--pdf": pdf, "--figures": figures, "--tables": tables}
+    outputs: Results = {"--json": json, **report.by_option}
     check_outputs(outputs, [*_inputs(a), *_inputs(b)], force=force)
     found = compare(a, b, same_sensors=same_sensors, jobs=jobs or processes())
     gate = None if max_drop is None else drop_gate(found, max_drop)
 
-    def report() -> Report:
+    def make() -> Report:
         from winchcascade.report.comparison_report import make_comparison_report
 
         return make_comparison_report(found, gate, command=given_command())
 
-    write_reports(report, outputs, "comparison", of=f"{a} and {b}", force=force)
+    write_reports(make, report, "comparison", of=f"{a} and {b}", force=force)
     deliver(
         json,
         lambda: json_bytes(comparison_record(found, gate)),

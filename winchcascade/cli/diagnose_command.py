@@ -10,22 +10,20 @@ import typer
 
 from winchcascade.cli.options import (
     CampaignArgument,
-    FiguresOption,
     ForceOption,
-    HtmlOption,
     JsonOption,
-    PdfOption,
     RigOption,
-    TablesOption,
     ThreadsOption,
     effect_names,
 )
-from winchcascade.cli.outputs import check_outputs, deliver, report_maker_of, reports_wanted, write_reports
+from winchcascade.cli.outputs import check_outputs, deliver, report_maker_of, write_reports
+from winchcascade.cli.report_options import NO_REPORT, report_options
 from winchcascade.core.campaign_file import Campaign, load_campaign
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import json_bytes
 from winchcascade.core.jobs import one_thread_each, processes, set_threads
 from winchcascade.core.store import make_one
+from winchcascade.report.report_files import ReportFiles
 
 if TYPE_CHECKING:
     from winchcascade.diagnosis.suspects import Suspects
@@ -76,16 +74,14 @@ SeedOption = Annotated[
 ]
 
 
+@report_options("html", "pdf", "figures", "tables")
 def diagnose_command(
     campaign: CampaignArgument,
     rig: RigOption = None,
     withhold: WithholdOption = None,
     simulated: SimulatedOption = None,
     json: JsonOption = None,
-    html: HtmlOption = None,
-    pdf: PdfOption = None,
-    figures: FiguresOption = None,
-    tables: TablesOption = None,
+    report: ReportFiles = NO_REPORT,
     suspect: SuspectOption = None,
     predictions: PredictionsOption = None,
     write: WriteOption = None,
@@ -112,10 +108,7 @@ def diagnose_command(
     suspects, listed = _suspects(suspect), _listed(campaign, simulated)
     logs = [run.file for run in listed.runs]
     check_export(export)
-    results = {
-        "--json": Path(json) if json else None, "--html": html, "--pdf": pdf, "--figures": figures, "--tables": tables,
-        "--write": write, "--export": export,
-    }  # fmt: skip
+    results = {"--json": Path(json) if json else None, **report.by_option, "--write": write, "--export": export}
     inputs = [listed.path, *logs, *_simulations(listed), rig or listed.rig]
     check_outputs(results | _prediction_files(predictions, logs), inputs, force=force)
     set_threads(jobs or processes())
@@ -125,9 +118,9 @@ def diagnose_command(
         corrected = write is None or write_corrected_rig(found, write, force=force)
         if export is not None:
             write_export(found, export, force=force)
-        if reports_wanted(results):
+        if report.wanted:
             on_progress("writing reports")
-            write_reports(report_maker_of(found), results, "diagnosis", of=f"diagnosis of {listed.name}", force=force)
+            write_reports(report_maker_of(found), report, "diagnosis", of=f"diagnosis of {listed.name}", force=force)
     files = _files(results, predictions, written=bool(written), corrected=corrected)
     deliver(json, lambda: json_bytes(diagnosis_record(found)), lambda: diagnosis_text(found, files), force=force)
 

@@ -11,15 +11,11 @@ import typer
 
 from winchcascade.batch.log_settings import read_with, settings_of
 from winchcascade.cli.options import (
-    FiguresOption,
     ForceOption,
-    HtmlOption,
     JsonOption,
     LoadOption,
-    PdfOption,
     RigOption,
     SheetOption,
-    TablesOption,
     check_load,
     effect_names,
     name_argument,
@@ -36,9 +32,11 @@ from winchcascade.cli.outputs import (
     write_reports,
     written,
 )
+from winchcascade.cli.report_options import NO_REPORT, report_options
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.files import json_bytes
 from winchcascade.core.jobs import one_thread_each
+from winchcascade.report.report_files import ReportFiles
 
 if TYPE_CHECKING:
     from winchcascade.report.report_model import Report
@@ -65,6 +63,7 @@ EffectsOption = Annotated[
 ]
 
 
+@report_options("html", "pdf", "figures", "tables")
 def simulate_command(
     log: MotionArgument = None,
     profile: ProfileOption = None,
@@ -76,10 +75,7 @@ def simulate_command(
         Path | None,
         typer.Option("--out", metavar="FILE", help="Write the simulated log into this file.", show_default=False),
     ] = None,
-    html: HtmlOption = None,
-    pdf: PdfOption = None,
-    figures: FiguresOption = None,
-    tables: TablesOption = None,
+    report: ReportFiles = NO_REPORT,
     force: ForceOption = False,
 ) -> None:
     """Simulate the rig along a line motion, and write what its sensors would have logged.
@@ -98,7 +94,7 @@ def simulate_command(
     if out is None:
         raise OptionError("simulate: expected --out FILE for the simulated log.")
     check_load(load_ohm)
-    results: Results = {"--out": out, "--html": html, "--pdf": pdf, "--figures": figures, "--tables": tables}
+    results: Results = {"--out": out, **report.by_option}
     check_outputs(results, [source, source.parent / "campaign.toml", rig], force=force)
     settings = settings_of(source, rig=rig, load_ohm=load_ohm, window=None, sheet=sheet)
     run = read_with(source, settings)
@@ -110,13 +106,13 @@ def simulate_command(
     simulation = simulate(run, model)
     write_log(simulation, out, force=force)
 
-    def report() -> Report:
+    def make() -> Report:
         from winchcascade.report.simulation_report import simulation_report
 
         words, command = ", ".join(effects or []), given_command()
         return simulation_report(simulation, source=str(source), rig=settings.rig.name, effects=words, command=command)
 
-    write_reports(report, results, f"{out.stem}_simulation", force=force)
+    write_reports(make, report, f"{out.stem}_simulation", force=force)
     show(simulation_text(simulation) + written(results))
 
 
@@ -134,6 +130,7 @@ def _fields(options: Sequence[str]) -> dict[str, dict[str, float]]:
     return fields
 
 
+@report_options("html", "pdf", "figures", "tables")
 def calibrate_command(
     log: Annotated[
         Path, typer.Argument(metavar="OPEN_CIRCUIT_LOG", help="The log of a run in open circuit.", show_default=False)
@@ -145,10 +142,7 @@ def calibrate_command(
         Path | None, typer.Option("--write", metavar="RIG.toml", help="Write a rig file with the calibrated numbers.")
     ] = None,
     json: JsonOption = None,
-    html: HtmlOption = None,
-    pdf: PdfOption = None,
-    figures: FiguresOption = None,
-    tables: TablesOption = None,
+    report: ReportFiles = NO_REPORT,
     force: ForceOption = False,
 ) -> None:
     """Calibrate a rig by a run in open circuit: back-EMF constant, damper and screw friction, with their uncertainty."""
@@ -161,9 +155,7 @@ def calibrate_command(
 
     check_load(load_ohm)
     settings = settings_of(log, rig=rig, load_ohm=load_ohm, window=None, sheet=sheet)
-    results: Results = {
-        "--json": json, "--write": write, "--html": html, "--pdf": pdf, "--figures": figures, "--tables": tables,
-    }  # fmt: skip
+    results: Results = {"--json": json, "--write": write, **report.by_option}
     check_outputs(results, [log, log.parent / "campaign.toml", settings.rig.path], force=force)
     run = read_with(log, settings)
     reduction = reduce(run, rig=settings.rig, window=settings.window, cycles=settings.cycles)
@@ -180,7 +172,7 @@ def calibrate_command(
     calibration = calibrate(run, settings.rig, payouts, cycles=settings.cycles)
     if write is not None:
         write_content(write, calibrated_text(calibration), force=force)
-    write_reports(report_maker_of(calibration), results, f"{Path(run.name).stem}_calibration", force=force)
+    write_reports(report_maker_of(calibration), report, f"{Path(run.name).stem}_calibration", force=force)
     deliver(
         json,
         lambda: json_bytes(calibration_record(calibration)),

@@ -77,24 +77,6 @@ JsonOption = Annotated[
     str | None,
     typer.Option("--json", metavar="FILE", help="Write the result as JSON; - prints the JSON and nothing else."),
 ]
-HtmlOption = Annotated[
-    Path | None, typer.Option("--html", metavar="FILE", help="Write the report as one self-contained page.")
-]
-PdfOption = Annotated[Path | None, typer.Option("--pdf", metavar="FILE", help="Write the report as PDF.")]
-FiguresOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--figures",
-        metavar="FOLDER",
-        help="Write each figure of the report into this folder as SVG, PDF and PNG, 90 mm and 190 mm wide.",
-    ),
-]
-TablesOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--tables", metavar="FOLDER", help="Write each table of the report into this folder as CSV, LaTeX and Markdown."
-    ),
-]
 ParquetOption = Annotated[
     Path | None,
     typer.Option(

@@ -17,10 +17,8 @@ from winchcascade.report.screen import QUIET, painted
 from winchcascade.report.text_table import file_lines
 
 if TYPE_CHECKING:
+    from winchcascade.report.report_files import ReportFiles
     from winchcascade.report.report_model import Report
-
-REPORTS = ("html", "pdf", "figures", "tables")
-"""What is written of a report, by the names of the options."""
 
 Results = Mapping[str, str | Path | None]
 """Files and folders that a command writes, by the option that names each."""
@@ -72,19 +70,18 @@ def deliver(
         show(shown[:end] + files + shown[end:])
 
 
-def write_reports(make: Callable[[], Report], results: Results, name: str, *, of: str = "", force: bool) -> None:
-    """Write a report as page and PDF, and its figures and tables, as far as the results name a place for them.
+def write_reports(make: Callable[[], Report], files: ReportFiles, name: str, *, of: str = "", force: bool) -> None:
+    """Write a report as page and PDF, and its figures and tables, as far as they are wanted.
 
     Parameters
     ----------
     make : makes the report, with what it must import for that
     name, of : as of `write_report_files`
     """
-    files = {option: Path(place) for option in REPORTS if (place := results.get(f"--{option}")) is not None}
-    if files:
-        from winchcascade.report.exports import ReportFiles, write_report_files
+    if files.wanted:
+        from winchcascade.report.exports import write_report_files
 
-        write_report_files(make, ReportFiles(**files), name, of=of, force=force)
+        write_report_files(make, files, name, of=of, force=force)
 
 
 def report_maker_of(result: object) -> Callable[[], Report]:
@@ -92,11 +89,6 @@ def report_maker_of(result: object) -> Callable[[], Report]:
     from winchcascade.report.reports_by_result import report_of
 
     return partial(report_of, result, command=given_command())
-
-
-def reports_wanted(results: Results) -> bool:
-    """Whether the results name a place for a report, or for its figures or tables."""
-    return any(results.get(f"--{option}") is not None for option in REPORTS)
 
 
 def written(results: Results) -> str:

@@ -9,22 +9,20 @@ import typer
 
 from winchcascade.batch.log_settings import read_with, settings_of
 from winchcascade.cli.options import (
-    FiguresOption,
     ForceOption,
-    HtmlOption,
     JsonOption,
     LoadOption,
     LossMapOption,
     ParquetOption,
-    PdfOption,
     RigOption,
     SheetOption,
-    TablesOption,
     WindowOption,
     check_load,
 )
-from winchcascade.cli.outputs import check_outputs, deliver, given_command, reports_wanted, write_reports
+from winchcascade.cli.outputs import Results, check_outputs, deliver, given_command, write_reports
+from winchcascade.cli.report_options import NO_REPORT, report_options
 from winchcascade.core.errors import OptionError
+from winchcascade.report.report_files import ReportFiles
 
 if TYPE_CHECKING:
     from winchcascade.reduction.loss_map import LossMap
@@ -32,6 +30,7 @@ if TYPE_CHECKING:
     from winchcascade.reduction.reduction_result import Reduction
 
 
+@report_options("html", "pdf", "figures", "tables")
 def reduce_command(
     log: Annotated[
         Path,
@@ -43,10 +42,7 @@ def reduce_command(
     sheet: SheetOption = None,
     json: JsonOption = None,
     parquet: ParquetOption = None,
-    html: HtmlOption = None,
-    pdf: PdfOption = None,
-    figures: FiguresOption = None,
-    tables: TablesOption = None,
+    report: ReportFiles = NO_REPORT,
     loss_map: LossMapOption = None,
     force: ForceOption = False,
 ) -> None:
@@ -60,10 +56,7 @@ def reduce_command(
     check_load(load_ohm)
     if window is not None:
         window_rule(window)
-    results = {
-        "--json": json, "--html": html, "--pdf": pdf, "--figures": figures, "--tables": tables, "--parquet": parquet,
-        "--loss-map": loss_map,
-    }  # fmt: skip
+    results: Results = {"--json": json, **report.by_option, "--parquet": parquet, "--loss-map": loss_map}
     check_outputs(results, [log, log.parent / "campaign.toml", rig], force=force)
     if loss_map is not None:
         from winchcascade.report.loss_map_file import check_ending
@@ -78,15 +71,15 @@ def reduce_command(
 
         write_parquet(reduction, parquet, force=force)
     found = None
-    if json is not None or reports_wanted(results):
+    if json is not None or report.wanted:
         from winchcascade.reduction.montecarlo import uncertainty
 
         found = uncertainty(reduction)
-    if found is not None and reports_wanted(results):
+    if found is not None and report.wanted:
         from winchcascade.report.document import report_maker
 
         make = report_maker(reduction, found, mapped, command=given_command())
-        write_reports(make, results, Path(reduction.run.name).stem, force=force)
+        write_reports(make, report, Path(reduction.run.name).stem, force=force)
     deliver(json, lambda: _record(reduction, found), lambda: _text(reduction, mapped), force=force, results=results)
 
 

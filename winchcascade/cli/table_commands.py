@@ -11,12 +11,9 @@ import typer
 
 from winchcascade.cli.options import (
     ForceOption,
-    HtmlOption,
     JobsOption,
     JsonOption,
-    PdfOption,
     RigOption,
-    TablesOption,
     named_number,
     table_names,
 )
@@ -29,8 +26,10 @@ from winchcascade.cli.outputs import (
     show_commands,
     write_reports,
 )
+from winchcascade.cli.report_options import NO_REPORT, report_options
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import json_bytes
+from winchcascade.report.report_files import ReportFiles
 
 ResultsArgument = Annotated[
     Path,
@@ -63,6 +62,7 @@ JunitOption = Annotated[
 ]
 
 
+@report_options("html", "pdf", "tables")
 def check_command(
     results: ResultsArgument,
     against: AgainstOption,
@@ -70,9 +70,7 @@ def check_command(
     junit: JunitOption = None,
     github: Annotated[bool, typer.Option("--github", help="Also print annotations for GitHub.")] = False,
     json: JsonOption = None,
-    html: HtmlOption = None,
-    pdf: PdfOption = None,
-    tables: TablesOption = None,
+    report: ReportFiles = NO_REPORT,
     jobs: JobsOption = None,
     force: ForceOption = False,
 ) -> None:
@@ -90,7 +88,7 @@ def check_command(
 
     around = results if results.is_dir() else results.parent
     inputs: list[str | Path] = [results, against, *around.glob("*"), *around.glob("runs/*")]
-    outputs: Results = {"--junit": junit, "--json": json, "--html": html, "--pdf": pdf, "--tables": tables}
+    outputs: Results = {"--junit": junit, "--json": json, **report.by_option}
     check_outputs(outputs, inputs, force=force)
     factors, table = Factors(**_factors(tolerance or [])), open_table(against)
     found = load_results(results, jobs=jobs or processes())
@@ -102,7 +100,7 @@ def check_command(
     outcome = check_results(found, table, factors)
     if junit is not None:
         write_content(junit, junit_xml(outcome), force=force)
-    write_reports(report_maker_of(outcome), outputs, f"{table.name}_check", force=force)
+    write_reports(report_maker_of(outcome), report, f"{table.name}_check", force=force)
     deliver(
         json,
         lambda: json_bytes(check_record(outcome)),
@@ -141,6 +139,7 @@ TableArgument = Annotated[
 ]
 
 
+@report_options("html", "pdf", "tables")
 def audit_command(
     table: TableArgument,
     physics: Annotated[
@@ -148,9 +147,7 @@ def audit_command(
     ] = False,
     rig: RigOption = None,
     json: JsonOption = None,
-    html: HtmlOption = None,
-    pdf: PdfOption = None,
-    tables: TablesOption = None,
+    report: ReportFiles = NO_REPORT,
     force: ForceOption = False,
 ) -> None:
     """Check a published table and its text for contradictions, without any log. The exit code is 1 if there is one.
@@ -168,7 +165,7 @@ def audit_command(
 
     if rig is not None and not physics:
         raise OptionError(f"--rig {rig}: is of use with --physics alone; add that, or leave the rig out.")
-    outputs: Results = {"--json": json, "--html": html, "--pdf": pdf, "--tables": tables}
+    outputs: Results = {"--json": json, **report.by_option}
     check_outputs(outputs, [table, rig], force=force)
     opened = open_table(table)
     if physics and isinstance(opened, PublishedTable):
@@ -180,7 +177,7 @@ def audit_command(
         record, text, failures = audit_record(found), audit_text(found), contradictions_text(found)
     else:
         record, text, failures = point_audit_record(found), point_audit_text(found), broken_laws_text(found)
-    write_reports(report_maker_of(found), outputs, f"{opened.name}_audit", force=force)
+    write_reports(report_maker_of(found), report, f"{opened.name}_audit", force=force)
     deliver(
         json,
         lambda: json_bytes(record),

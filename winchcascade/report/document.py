@@ -6,7 +6,6 @@ import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
-from pathlib import Path
 
 from winchcascade.core.campaign_file import banner, origin_words
 from winchcascade.core.cascade import Cascade
@@ -20,7 +19,6 @@ from winchcascade.report import figures, tables
 from winchcascade.report.digits import interval_text, number, percent, places, significant, uncertain, upper
 from winchcascade.report.glossary import symbols_section
 from winchcascade.report.model_section import Modelled, modelled, run_section
-from winchcascade.report.publish import publish
 from winchcascade.report.report_model import (
     Note,
     Point,
@@ -56,28 +54,6 @@ _NAMES = {
     "energy_mech": "energy of the shaft, per cycle",
     "energy_gen": "energy at the DC link, per cycle",
 }
-
-
-def write_reports(
-    reduction: Reduction,
-    found: Uncertainty,
-    *,
-    html: Path | None,
-    pdf: Path | None,
-    command: str = "",
-    force: bool = False,
-) -> None:
-    """Write the report of one log as a self-contained page, as a PDF, or both.
-
-    Parameters
-    ----------
-    command : what was typed, for the provenance
-
-    Raises
-    ------
-    OutputError : a file that cannot be written, or that this tool did not write and `force` does not allow to replace
-    """
-    publish(make_report(reduction, found, command=command), html=html, pdf=pdf, force=force)
 
 
 def report_maker(

@@ -15,6 +15,7 @@ from winchcascade.core.files import json_bytes, write_set
 from winchcascade.core.jobs import Nobody
 from winchcascade.core.store import digest_of, inside, locked, make_one
 from winchcascade.core.version import __version__
+from winchcascade.report.report_files import ReportFiles
 from winchcascade.report.report_model import Picture, Report, Table, every_row
 from winchcascade.report.table_files import table_files
 
@@ -77,20 +78,6 @@ class _Listed(msgspec.Struct, frozen=True):
     schema: str
     version: str = __version__
     files: dict[str, Exported] = {}
-
-
-class ReportFiles(msgspec.Struct, frozen=True):
-    """Files of a report: the page, the PDF, and folders for its figures and its tables; None for what is not wanted."""
-
-    html: Path | None = None
-    pdf: Path | None = None
-    figures: Path | None = None
-    tables: Path | None = None
-
-    @property
-    def wanted(self) -> bool:
-        """Whether anything is to be written."""
-        return any(path is not None for path in (self.html, self.pdf, self.figures, self.tables))
 
 
 def write_report_files(
