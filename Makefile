@@ -46,6 +46,7 @@ $(VENV)/installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev]"
 	$(BIN)/python -m compileall -q winchcascade
+	$(BIN)/python -m winchcascade.rig.machine_code
 	@touch $@
 
 clean:

@@ -9,13 +9,12 @@ import msgspec
 
 from winchcascade.core.errors import OutputError
 from winchcascade.core.files import check_replaceable, write_content
+from winchcascade.core.jobs import set_threads
 from winchcascade.core.store import KeptFiles, altered, digest_of, inside, locked, make_one, marked, with_digest
 from winchcascade.core.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    from winchcascade.diagnosis.suspects import Suspects
 
 _PACKAGE = Path(__file__).parent.parent
 
@@ -44,7 +43,10 @@ def copy_campaign(folder: Path, *, force: bool = False) -> Path:
     return folder / "campaign.toml"
 
 
-KINDS = ("html", "pdf", "json")
+RECORD = "json"
+"""Ending of the record of a diagnosis, which states how the files were made and is written last."""
+
+KINDS = ("html", "pdf", RECORD)
 """Endings of the files of a diagnosis."""
 
 DIAGNOSIS_FILES = tuple(f"diagnosis.{kind}" for kind in KINDS)
@@ -64,49 +66,64 @@ class _KeptDiagnosis(msgspec.Struct):
     version: str = ""
 
 
-def diagnose_copy(
+def has_diagnosis(folder: Path, campaign: Path) -> bool:
+    """Whether a folder holds the diagnosis that a call of this version made of the same logs, with its files unchanged."""
+    kept = marked(inside(folder, f"diagnosis.{RECORD}"), _KeptDiagnosis)
+    if not isinstance(kept, _KeptDiagnosis) or kept.version != __version__ or altered(folder, kept.store.files):
+        return False
+    return not altered(campaign.parent, {log.file: log.sha256 for log in kept.logs})
+
+
+def diagnosis_of(campaign: Path, command: str, threads: int) -> dict[str, bytes]:
+    """Diagnose a campaign with all effects: the files of `KINDS`, by their endings.
+
+    Parameters
+    ----------
+    command : what was typed, for the report
+    """
+    from winchcascade.batch.campaign_diagnosis import diagnose_listed
+    from winchcascade.core.campaign_file import load_campaign
+    from winchcascade.report.diagnosis import make_diagnosis_report
+    from winchcascade.report.diagnosis_record import as_json
+    from winchcascade.report.publish import html_text, pdf_bytes
+    from winchcascade.report.results_index import INDEX, links_to
+    from winchcascade.rig.effects.catalogue import EFFECTS
+
+    set_threads(threads)
+    found = diagnose_listed(load_campaign(campaign), EFFECTS)
+    report = make_diagnosis_report(found, command=command)
+    report = msgspec.structs.replace(report, links=links_to(["campaign.html", INDEX]))
+    files = {"html": html_text(report).encode(), "pdf": pdf_bytes(report)}
+    digests = {f"diagnosis.{kind}": digest_of(content) for kind, content in files.items()}
+    record = as_json(found) | {"version": __version__}
+    return files | {RECORD: with_digest(record, "store", {"files": digests}, indent=1)}
+
+
+def keep_diagnosis(
     campaign: Path,
     folder: Path,
-    suspects: Suspects,
+    diagnosed: Callable[[], dict[str, bytes]],
     *,
-    command: str = "",
     force: bool = False,
     on_progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[dict[str, Any], list[Path]]:
-    """Diagnose the copied campaign into a folder that is there; give the JSON's content and the files: page, PDF, JSON.
+    """Write the diagnosis of the copied campaign into a folder that is there; give the JSON's content and the files.
 
     What an earlier call of the same version made of the same logs is kept, unless `force` says otherwise.
+
+    Parameters
+    ----------
+    diagnosed : gives what `diagnosis_of` makes
 
     Raises
     ------
     OutputError : a file of that name is not this tool's own, and `force` does not allow to replace it
     """
-    files = [inside(folder, f"diagnosis.{kind}") for kind in KINDS]
+    files = {kind: inside(folder, f"diagnosis.{kind}") for kind in KINDS}
     with locked(folder, lambda place: on_progress(f"waiting for another call that works in {place}")):
-        kept = marked(files[2], _KeptDiagnosis)
-        if not force and isinstance(kept, _KeptDiagnosis) and _is_current(kept, folder, campaign.parent):
-            return msgspec.json.decode(files[2].read_bytes(), type=dict[str, Any]), files
-        from winchcascade.batch.campaign_diagnosis import diagnose_listed
-        from winchcascade.core.campaign_file import load_campaign
-        from winchcascade.report.diagnosis import make_diagnosis_report
-        from winchcascade.report.diagnosis_record import as_json
-        from winchcascade.report.publish import publish
-        from winchcascade.report.results_index import INDEX, links_to
-
-        for path in files:
-            check_replaceable(path, force=force)
-        found = diagnose_listed(load_campaign(campaign), suspects, on_progress=on_progress)
-        on_progress("writing reports")
-        report = make_diagnosis_report(found, command=command)
-        report = msgspec.structs.replace(report, links=links_to(["campaign.html", INDEX]))
-        publish(report, html=files[0], pdf=files[1], force=force)
-        record = as_json(found) | {"version": __version__}
-        digests = {path.name: digest_of(path.read_bytes()) for path in files[:2]}
-        write_content(files[2], with_digest(record, "store", {"files": digests}, indent=1), force=force)
-        return record, files
-
-
-def _is_current(kept: _KeptDiagnosis, folder: Path, logs: Path) -> bool:
-    """Whether the files of an earlier call are as it made them, and its version and its logs were the same."""
-    read = {log.file: log.sha256 for log in kept.logs}
-    return kept.version == __version__ and not altered(folder, kept.store.files) and not altered(logs, read)
+        if force or not has_diagnosis(folder, campaign):
+            for path in files.values():
+                check_replaceable(path, force=force)
+            for kind, content in diagnosed().items():
+                write_content(files[kind], content, force=force)
+        return msgspec.json.decode(files[RECORD].read_bytes(), type=dict[str, Any]), list(files.values())

@@ -19,7 +19,7 @@ from winchcascade.cli.options import (
 from winchcascade.cli.outputs import check_outputs, given_command, show, write_reports, written
 from winchcascade.cli.report_options import NO_REPORT, report_options
 from winchcascade.core.errors import OptionError
-from winchcascade.core.jobs import Workers, one_thread_each, processes, set_threads
+from winchcascade.core.jobs import Workers, one_thread_each, processes, run_behind
 from winchcascade.report.report_files import ReportFiles
 
 if TYPE_CHECKING:
@@ -113,26 +113,26 @@ def demo_command(
 ) -> None:
     """Reduce and diagnose the packaged campaign, simulated crane trials at seven loads, and write all reports."""
     one_thread_each()
-    from winchcascade.batch.demo import DIAGNOSIS_FILES, copy_campaign, diagnose_copy
+    from functools import partial
+
+    from winchcascade.batch.demo import DIAGNOSIS_FILES, copy_campaign, diagnosis_of, has_diagnosis, keep_diagnosis
     from winchcascade.batch.plan import make_plan
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch
     from winchcascade.report.campaign_record import campaign_text, fault_text
     from winchcascade.report.diagnosis_text import diagnosis_lines
     from winchcascade.report.progress import Progress, status_line
-    from winchcascade.rig.effects.catalogue import EFFECTS
 
-    campaign = copy_campaign(out / "campaign", force=force)
+    campaign, results, count = copy_campaign(out / "campaign", force=force), out / "results", jobs or processes()
     plan = make_plan([str(campaign)])
     products = Products(REPORTS["all"], workbook=True, command=given_command(), beside=DIAGNOSIS_FILES)
-    workers = Workers(jobs or processes())
-    with Progress(plan.title) as watch:
-        batch = run_batch(plan, out / "results", products, workers=workers, force=force, watch=watch)
-    text = campaign_text(batch.summary, batch.folder, kept=batch.kept, altered=batch.altered)
-    show(text, failures=fault_text(batch.summary, batch.folder), flush=True)
-    set_threads(jobs or processes())
-    with status_line(f"diagnosing {plan.title}") as on_progress:
-        found, files = diagnose_copy(
-            campaign, out / "results", EFFECTS, command=products.command, force=force, on_progress=on_progress
-        )
+    diagnosis = partial(diagnosis_of, campaign, products.command, count)
+    kept = not force and has_diagnosis(results, campaign)
+    with run_behind(diagnosis, processes=1 if kept else count) as diagnosed:  # beside the batch, which takes less time
+        with Progress(plan.title) as watch:
+            batch = run_batch(plan, results, products, workers=Workers(max(count - 1, 1)), force=force, watch=watch)
+        text = campaign_text(batch.summary, batch.folder, kept=batch.kept, altered=batch.altered)
+        show(text, failures=fault_text(batch.summary, batch.folder), flush=True)
+        with status_line(f"diagnosing {plan.title}") as on_progress:
+            found, files = keep_diagnosis(campaign, results, diagnosed, force=force, on_progress=on_progress)
     show(diagnosis_lines(found, files))
     raise typer.Exit(1 if batch.faults else 0)

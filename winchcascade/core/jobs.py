@@ -11,6 +11,7 @@ import re
 import signal
 import threading
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 import msgspec
@@ -85,6 +86,41 @@ def all_at_once(jobs: Sequence[Callable[[], A]]) -> list[A]:
 
     with ThreadPoolExecutor(_threads) as pool:
         return list(pool.map(lambda job: job(), jobs))
+
+
+@contextmanager
+def run_behind(job: Callable[[], A], *, processes: int) -> Iterator[Callable[[], A]]:
+    """Do a job in a process of its own while the context goes on; gives what waits for its result.
+
+    With a single process the job is done in this one, once its result is asked for. So it is where the other process dies.
+
+    Parameters
+    ----------
+    job : a function of a module, or a partial one, so that another process can find it
+    """
+    if processes < 2:
+        yield job
+        return
+    from concurrent.futures import ProcessPoolExecutor
+    from concurrent.futures.process import BrokenProcessPool
+    from multiprocessing import get_context
+
+    pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=_quietly)
+    with interrupts_blocked():
+        behind = pool.submit(job)
+
+    def result() -> A:
+        try:
+            return behind.result()
+        except BrokenProcessPool:
+            return job()
+
+    try:
+        yield result
+    finally:
+        if not behind.done():
+            _abandon(pool)
+        pool.shutdown(cancel_futures=True)
 
 
 class Outcome(msgspec.Struct, Generic[Done], frozen=True):

@@ -1,0 +1,56 @@
+"""The model is compiled for all arrays with which simulations and diagnoses call it."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+CAMPAIGN = """
+[[run]]
+file = "{logs}/r36ohm.csv"
+load_ohm = 36.0
+window_s = 5.48
+[[run]]
+file = "{logs}/r9ohm.csv"
+load_ohm = 9.0
+window_s = 5.96
+[[run]]
+file = "{logs}/r4p5ohm.csv"
+load_ohm = 4.5
+"""
+
+PROGRAM = """
+import sys
+from pathlib import Path
+from numba.core.dispatcher import Dispatcher
+from winchcascade.rig import bridge, kernel, tangent
+from winchcascade.rig.machine_code import compile_model
+
+def compiled():
+    of_modules = [one for module in (bridge, kernel, tangent) for one in vars(module).values()]
+    return {one.__qualname__: set(one.signatures) for one in of_modules if isinstance(one, Dispatcher)}
+
+compile_model()
+before = compiled()
+assert all(before[name] for name in ("run_shaft", "run_steady", "run_line", "run_tangent", "_inverse"))
+
+from winchcascade.batch.campaign_diagnosis import diagnose_listed
+from winchcascade.core.campaign_file import load_campaign
+from winchcascade.report.document import make_report
+from winchcascade.report.model_section import modelled
+from winchcascade.reduction.montecarlo import uncertainty
+from winchcascade.reduction.reduce import reduce
+from winchcascade.rig.effects.catalogue import EFFECTS
+
+found = diagnose_listed(load_campaign(Path(sys.argv[1])), EFFECTS)
+reduction = reduce(found.runs[0])
+make_report(reduction, uncertainty(reduction), model=modelled(reduction))
+assert compiled() == before, (compiled(), before)
+"""
+
+
+def test_after_compiling_nothing_is_left_to_compile(tmp_path: Path, fixtures: Path) -> None:
+    (tmp_path / "campaign.toml").write_text(CAMPAIGN.format(logs=(fixtures / "campaign").as_posix()), encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM, str(tmp_path / "campaign.toml")], capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr

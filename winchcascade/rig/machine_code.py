@@ -1,0 +1,33 @@
+"""Compile the model into machine code that numba keeps beside the package, so that no later process compiles it again.
+
+python -m winchcascade.rig.machine_code
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from winchcascade.core.rig_toml import built_in
+from winchcascade.rig.baseline import baseline
+from winchcascade.rig.bridge import back_emfs, blended_table
+from winchcascade.rig.kernel import LINE, SHAFT, constants, run_line, run_steady
+from winchcascade.rig.simulate import even_motion, solve
+from winchcascade.rig.tangent import tangent_of
+
+
+def compile_model() -> None:
+    """Solve and differentiate a short motion, with arrays of the layouts that simulations, fits and stages use."""
+    motion = even_motion(np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.5, 0.0]), 0.01)
+    model = baseline(built_in())
+    numbers, table = constants(model, 36.0), blended_table(0.0, 0.0)
+    shaft = np.ascontiguousarray(solve(model, motion, 36.0)[:, : len(SHAFT)])
+    run_steady(motion.v, motion.step, numbers, table, np.empty_like(shaft))
+    run_line(
+        motion.x, motion.v, motion.a, motion.step, numbers, shaft[:, 0].copy(), np.empty((motion.t.size, len(LINE)))
+    )
+    tangent_of(motion.v, motion.step, numbers, shaft, 1, [])
+    back_emfs(motion.v, motion.v, 0.5, motion.v, table)
+
+
+if __name__ == "__main__":
+    compile_model()
