@@ -38,6 +38,16 @@ def test_blocks_cover_the_log_and_no_sample_twice(run: Run) -> None:
     assert np.mean(taken) > LEAST_COVERED
 
 
+def test_blocks_of_a_coarse_log_are_longer_and_cover_it(run: Run) -> None:
+    channels = {name: x[::5] for name, x in run.channels.items()}
+    coarse = msgspec.structs.replace(run, t=run.t[::5], channels=channels, fs=run.fs / 5)
+    blocks = blocks_of(coarse, RIG)
+    assert blocks.count.min() >= 3
+    assert np.median(blocks.count) == 4
+    assert blocks.count.sum() > LEAST_COVERED * coarse.t.size
+    assert np.mean(blocks.joined) > 0.5
+
+
 def test_a_block_lies_within_one_phase_of_one_cycle(run: Run) -> None:
     blocks = blocks_of(run, RIG)
     cycles = detect(run, smoothed_velocity(run, RIG.thresholds), RIG.thresholds)

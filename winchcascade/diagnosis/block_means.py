@@ -21,7 +21,10 @@ if TYPE_CHECKING:
     from winchcascade.reduction.phases import Cycle
 
 BLOCK = 0.44
-"""Length of a block: one period of the tether's ringing at 2.2 to 2.3 Hz. [s]"""
+"""Length of a block, unless samples are few: one period of the tether's ringing at 2.2 to 2.3 Hz. [s]"""
+
+LEAST_SAMPLES = 4.0
+"""A block of a coarse log is longer, so that it holds this number of samples: the scatter of fewer tells little. [1]"""
 
 PHASES = ("payout", "hold", "haul_in")
 """Phases by the number that a block carries; rest before the first payout and after the last haul-in counts as hold."""
@@ -127,11 +130,12 @@ def _stretches(run: Run, cycles: list[Cycle]) -> list[tuple[float, float, int, i
 
 def _cut(run: Run, begin: float, end: float, phase: int, cycle: int) -> NDArray[np.intp]:
     """Cut a stretch into equal blocks, (m, 5) as the fields of `Blocks`; drop those in which gaps leave less than half."""
-    pieces = max(round((end - begin) / BLOCK), 1)
-    if end - begin < 0.5 * BLOCK * pieces:
+    length = max(BLOCK, LEAST_SAMPLES / run.fs)
+    pieces = max(round((end - begin) / length), 1)
+    if end - begin < 0.5 * length * pieces:
         return np.zeros((0, 5), dtype=np.intp)
     edges = np.searchsorted(run.t, np.linspace(begin, end, pieces + 1), side="left")
-    whole = np.diff(edges) >= max(0.5 * BLOCK * run.fs, 3.0)
+    whole = np.diff(edges) >= max(0.5 * length * run.fs, 3.0)
     joined = np.concatenate(([False], whole[:-1]))
     same = np.full(pieces, phase), np.full(pieces, cycle)
     return np.column_stack([edges[:-1], edges[1:], *same, joined])[whole]

@@ -40,7 +40,7 @@ METHOD = (
     ),
     Note(
         "The other numbers follow from a least-squares fit of the model of the rig to means of line tension, torque and "
-        "pressure over blocks of 0.44 s. Everything else that is known to a tolerance is fitted with them: precharge, gas "
+        "pressure in blocks of about 0.44 s. Everything else that is known to a tolerance is fitted with them: precharge, gas "
         "volume, piston area, gains and zeros of the sensors. The uncertainties include these tolerances.",
         "Damper and screw friction",
     ),

@@ -368,7 +368,7 @@ def _how_far(found: ModelDiagnosis, both: Sides) -> Section:
         tables.closure_table(found),
         picture(
             figures.error_figure(found, both, word), "errors",
-            f"Error of {names} in the payouts of all logs; one mark is a block of 0.44 s (the paper's Fig. "
+            f"Error of {names} in the payouts of all logs; one mark is a block (the paper's Fig. "
             f"18b).{limit}",
             "Clouds of marks before and after about zero.",
         ),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from winchcascade.core.rig_file import ModelAccuracy
-from winchcascade.diagnosis.block_means import BLOCK
+from winchcascade.diagnosis.block_means import BLOCK, LEAST_SAMPLES
 from winchcascade.diagnosis.causes import AS_GOOD
 from winchcascade.diagnosis.closure import PULLED, RESTLESS, ROUGH
 from winchcascade.diagnosis.evidence import CLEARLY
@@ -19,7 +19,8 @@ METHOD = (
     "Model. Each log's line motion drives a model of the rig with the numbers of the rig file (Hsu et al. 2026, Tables 3 "
     "and 4; the diode bridge as a switched circuit). The numbers of the file enter unchanged; none is calibrated first.",
     f"Blocks. Logs and simulations are averaged over blocks of about {BLOCK:g} s within one phase, a period of the "
-    "tether's ringing, which cancels with most of the correlation between samples. The noise of a block comes from the "
+    f"tether's ringing, which cancels with most of the correlation between samples; below {LEAST_SAMPLES / BLOCK:.0f} Hz a "
+    f"block is longer and holds about {LEAST_SAMPLES:.0f} samples. The noise of a block comes from the "
     "log itself: fourth differences of its samples, the velocity's noise carried through the model, and second "
     "differences from block to block.",
     "Tolerances. Numbers of the rig file, loads, gains, timing and zeros of the sensors are known only so well. Every fit "
@@ -89,7 +90,7 @@ def line_method(found: LineDiagnosis) -> tuple[str, ...]:
         "Zeger 1986), with Student's t. The effect of the width of the slope is estimated with another width and added.",
         "Closure. 1 − Σ after² ÷ Σ before² over the samples of held-out cycles; its interval resamples them.",
         f"Structure. The residual has a structure if more than {100.0 * SLOW:.0f} % of its squares last longer than a "
-        f"second, or if means over 0.44 s are more than {ROUGH:g} times their noise by second differences in a phase, and "
+        f"second, or if means of blocks are more than {ROUGH:g} times their noise by second differences in a phase, and "
         "either makes more than 1 % of the squared gap.",
         "Limits. A loss that grows with the line tension alone looks like a gain of the force cell. Inertia that changes with "
         "the tether on the drum, and losses that change with temperature, are reported as a mean; the numbers of the withheld "

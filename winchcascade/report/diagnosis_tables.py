@@ -193,7 +193,7 @@ def closure_table(found: ModelDiagnosis) -> Table | None:
     loads = ", ".join(load_words(found.data.logs[k].run.load) for k in found.closure.withheld)
     return formatted_table(
         "closure",
-        f"Misfit on held-out logs ({loads}): root mean squares of means over blocks of 0.44 s.",
+        f"Misfit on held-out logs ({loads}): root mean squares of means over blocks.",
         (
             text_column("Channel"), text_column("Unit"), number_column("Before", baseline_words(found)),
             number_column("After", "fitted effects"),

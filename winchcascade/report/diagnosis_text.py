@@ -75,7 +75,7 @@ def diagnosis_text(found: ModelDiagnosis | LineDiagnosis, files: Sequence[Path |
         rest = entry("not needed", small_words(found))
         rest += entry("slope", slope_words(found) if "drum_inertia" in found.chosen else "")
     else:
-        arises, means = words.arises_words(found) if words.says_more(found) else "", "0.44 s means on those logs"
+        arises, means = words.arises_words(found) if words.says_more(found) else "", "block means on those logs"
         steady = trend_words(found)
         rest = entry("checked", words.checked_words(found) if found.verdict == "no_gap" else "")
         rest += entry("not needed", words.not_needed_words(found))

@@ -169,7 +169,7 @@ def alarm_words(alarm: Alarm, files: Sequence[str]) -> str:
     """
     where, size, limit = about_words(alarm.about, files), f"{alarm.size:.1f}", f"(limit {alarm.limit:g})"
     of_power = isinstance(alarm.about, Spot) and alarm.about.channel == POWER
-    blocks = "means of 0.44 s are" if of_power else "the root mean square of the residual is"
+    blocks = "means of blocks are" if of_power else "the root mean square of the residual is"
     return {
         "structure": f"{upper(where)}: {blocks} {size} times the noise {limit}",
         "scatter": f"{upper(where)}: the scatter is {size} times what noise explains {limit}",

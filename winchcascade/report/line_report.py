@@ -116,7 +116,7 @@ def line_places_table(found: LineDiagnosis) -> Table | None:
         "places",
         f"Where the gap lies: {words.word_of(found)} power of the winch minus line tension times speed, phase by phase.",
         (
-            text_column("Phase"), number_column("Blocks", "of 0.44 s"), number_column("Bias", "kW"),
+            text_column("Phase"), number_column("Blocks"), number_column("Bias", "kW"),
             number_column("RMS", "kW"),
             number_column("Noise", "of a block, kW"), number_column("Cycles", "repeat to, kW"),
             number_column("z", "bias / u"),

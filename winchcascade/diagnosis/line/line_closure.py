@@ -28,7 +28,7 @@ SLOW = 0.2
 """The residual has a structure if more than this share of its squares lasts longer than a second."""
 
 LAGS = range(3, 8)
-"""Blocks of 0.44 s between two that are multiplied to find what lasts: 1.3 s to 3.1 s."""
+"""Blocks between two that are multiplied to find what lasts: 1.3 s to 3.1 s where blocks are not longer than usual."""
 
 PART_OF_GAP = 0.01
 """A structure with less than this share of the squared gap has no effect on the verdict."""
