@@ -94,6 +94,7 @@ FindingKind = Literal[
     "channel_lag",
     "zero_offset",
     "window_beyond_payout",
+    "phase_source",
     "unit_conflict",
     "speed_mismatch",
     "efficiency_change",

@@ -1,27 +1,40 @@
-"""Which source of cycles fits a log in which none was found: a sentence for the message about it."""
+"""Which source of cycles fits a log in which none, or none of the paper's crane, was found: a sentence about it."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 import numpy as np
 from msgspec.structs import replace
 
+from winchcascade.core.integrate import median
 from winchcascade.core.phase_rule import PhaseRule
 from winchcascade.core.rig_file import Rig
-from winchcascade.core.run import Run
+from winchcascade.core.run import Finding, Run
 from winchcascade.reduction.phase_sources import Motion, smoothed_motion
+from winchcascade.reduction.phased_run import PhasedRun
+from winchcascade.reduction.reduction_result import CycleResult
 from winchcascade.reduction.steps import find_steps
 from winchcascade.reduction.waves import find_waves
 
 FEW_WAVES = 2
 """Smallest number of waves that shows a reciprocating motion."""
 
+MANY_WAVES = 5
+"""Smallest number of waves of a log whose payouts were found, that shows a sea and no crane."""
+
 RECIPROCATES = 0.2
 """Smallest share of the top speed that a reciprocating motion reaches in the other direction. [1]"""
 
 FEW_ROWS = 500
 """Largest number of rows of a table of step means."""
+
+SEA_PERIOD = 30.0
+"""Median period up to which a motion without rests is that of waves: swell has 20 s at most, a crane needs more. [s]"""
+
+RESTS = 0.25
+"""Largest share of the time for which such a motion is slower than the onset: a crane rests for longer. [1]"""
 
 _LABELS = re.compile(
     r"(?:.*[\W_])?(?:phase|phasen|label|state|status|mode|modus|stage|segment|etat|état|fase|estado|阶段|階段|フェーズ)\d*",
@@ -44,6 +57,55 @@ def no_cycles(run: Run, rig: Rig) -> str:
         else "expected the line to pay out, and the log has no velocity of the line"
     )
     return f"{run.name}: no payout found; {expected}. {_proposal(run, rig, motion)}"
+
+
+def other_source(phased: PhasedRun, results: Sequence[CycleResult]) -> list[Finding]:
+    """Report a log whose motion is none of a crane, where the rig file leaves the source of cycles open."""
+    run, rig = phased.run, phased.rig
+    if rig.phases != PhaseRule() or not phased.cycles:
+        return []
+    what = _turning(run, rig, results) or _reciprocating(phased)
+    return [Finding("phase_source", f"{what} under [phases] of a rig file", "cycles are payouts")] if what else []
+
+
+def _turning(run: Run, rig: Rig, results: Sequence[CycleResult]) -> str:
+    """What a shaft does of whose line the log shows nothing, and the source of cycles for it; empty for a winch.
+
+    Payout and haul-in of a winch are steady stretches too, two of each cycle.
+    """
+    derived = any(f.kind == "missing_channel" and f.channel == "velocity" for f in run.findings)
+    if not derived or "speed" not in run.channels or {"displacement", "force", "pressure"} & run.channels.keys():
+        return ""
+    steps = find_steps(run, replace(rig.phases, source="steps"), rig.thresholds.gap_max)
+    shaft = "the log shows a speed of rotation and no line"
+    whole = any(result.complete for result in results)
+    if steps and (len(steps) > 2 * len(results) or not whole):
+        plural = "es" if len(steps) > 1 else ""
+        return (
+            f'{shaft}, with {len(steps)} steady stretch{plural}: for operating points of a machine set from = "steps"'
+        )
+    return "" if whole else f'{shaft}: for the energies of the whole record set from = "whole"'
+
+
+def _reciprocating(phased: PhasedRun) -> str:
+    """How a motion reciprocates without rests, and the source of cycles for it; empty for another motion.
+
+    Of a kite that reels in and out while it pays out, most waves are no payouts.
+    """
+    run, v_smooth, v_onset = phased.run, phased.v_smooth, phased.rig.thresholds.v_onset
+    waves = find_waves(run.t, v_smooth, v_onset)
+    if len(waves) < MANY_WAVES or 2 * len(phased.cycles) < len(waves):
+        return ""
+    ends = np.array([(wave.onset, wave.haul_in[1]) for wave in waves if wave.haul_in is not None])
+    period = median(ends[:, 1] - ends[:, 0])
+    first, last = np.searchsorted(run.t, (ends[0, 0], ends[-1, 1]))
+    resting = float(np.mean(np.abs(v_smooth[first:last]) < v_onset))
+    if period > SEA_PERIOD or resting > RESTS:
+        return ""
+    return (
+        f"the line reciprocates without rests, in {len(waves)} waves of {period:.1f} s: for the energies of whole waves and of "
+        'the record set from = "waves"'
+    )
 
 
 def _loosen(rule: PhaseRule) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from msgspec.structs import replace
 
-from winchcascade.core.cascade import Cascade, Stage
+from winchcascade.core.cascade import Product, Stage
 from winchcascade.core.errors import LogError, OptionError
 from winchcascade.core.integrate import integrals
 from winchcascade.core.jobs import side_by_side
@@ -18,19 +18,19 @@ from winchcascade.core.run import Finding, Run, Signal
 from winchcascade.reduction.bins import TORQUE, Bin, bin_powers, engaged, generator_speed
 from winchcascade.reduction.checks.lag import lag_findings
 from winchcascade.reduction.checks.load import load_findings
+from winchcascade.reduction.checks.ratios import ratio_findings
 from winchcascade.reduction.checks.sampling import Sampling, check_sampling, resolution_findings
 from winchcascade.reduction.checks.zeros import zero_findings
 from winchcascade.reduction.efficiency import (
     Metrics,
     ensemble_mean,
-    is_efficiency,
     largest_deviation,
     metrics,
-    ratio,
     total,
 )
 from winchcascade.reduction.efficiency_changes import changes_within
 from winchcascade.reduction.energies import Energies, NetSpan, find_net_spans, integrate_energies, net_metrics
+from winchcascade.reduction.phase_proposal import no_cycles, other_source
 from winchcascade.reduction.phase_summary import PhaseSummary, summarise
 from winchcascade.reduction.phased_run import PhasedRun, Window, check_lengths, find_phases, find_window, find_windows
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
@@ -111,7 +111,7 @@ def reduce(
         max_deviation_percent=largest_deviation(complete, rig.cascade) if rig.phases.repeats else Metrics(),
         total=total(complete, whole, open_circuit=run.open_circuit, cascade=rig.cascade),
         bins=bins,
-        quality=(*run.findings, *findings),
+        quality=(*other_source(phased, results), *run.findings, *findings),
         bridged=energy.bridged,
         sampled=sampling.changes,
     )
@@ -161,8 +161,6 @@ def metrics_within(run: Run, rig: Rig, windows: Signal) -> list[Metrics]:
 def require_payouts(reduction: Reduction) -> None:
     """Require that a log has a cycle: LogError, which proposes another source of cycles, if it has none."""
     if not reduction.cycles:
-        from winchcascade.reduction.phase_proposal import no_cycles
-
         raise LogError(no_cycles(reduction.run, reduction.rig))
 
 
@@ -190,8 +188,8 @@ def _not_given(run: Run, rig: Rig) -> list[Finding]:
 
 
 def _without_power(stage: Stage, run: Run, rig: Rig) -> Finding:
-    """The finding on a stage without a power: what is missing of the product that lacks the fewest channels."""
-    product = min(stage.powers, key=lambda product: sum(name not in run.channels for name in product.channels))
+    """The finding on a stage without a power: what is missing of the product that lacks the smallest share of its channels."""
+    product = min(stage.powers, key=lambda product: _share_missing(product, run))
     missing = [name for name in product.channels if name not in run.channels]
     lacks = (
         f"the log has no {' and no '.join(missing)}" if missing else f"the rig {rig.name} has no r_drum under [winch]"
@@ -200,6 +198,11 @@ def _without_power(stage: Stage, run: Run, rig: Rig) -> Finding:
     return Finding(
         "missing_channel", message, "its energy and its efficiencies are null", missing[0] if missing else None
     )
+
+
+def _share_missing(product: Product, run: Run) -> float:
+    """Share of the channels of a product that the log lacks. [1]"""
+    return sum(name not in run.channels for name in product.channels) / len(product.channels)
 
 
 def _energies_and_bins(
@@ -241,36 +244,8 @@ def _results(
                 )
             )
         results.append(CycleResult(number, window.fault is None, cycle, window, summary, values, net))
-    if phased.rig.phases.source == "waves":  # a single wave may take energy from the gas, or leave energy in it
-        findings += _no_ratios_of_sums(results, phased.rig.cascade, open_circuit=phased.run.open_circuit)
-    else:
-        findings += [_no_efficiency(name, places) for name, places in odd.items()]
+    findings += ratio_findings(results, odd, phased.run, phased.rig)
     return results
-
-
-def _no_ratios_of_sums(results: Sequence[CycleResult], cascade: Cascade, *, open_circuit: bool) -> list[Finding]:
-    """Efficiencies of all complete waves together that are none."""
-    found = []
-    for name, (out, into) in cascade.ratios.items():
-        pairs = [(c.metrics[out], c.metrics[into]) for c in results if c.complete]
-        value = ratio(sum(x or 0.0 for x, _ in pairs), sum(x or 0.0 for _, x in pairs))
-        if value is not None and not is_efficiency(value) and not (open_circuit and cascade.undelivered(name)):
-            what = f"{name} of all waves together lies outside 0 to 1 ({value:.3f})"
-            found.append(
-                Finding("out_of_range", f"{what}; check unit, gain and sign of what it is made of", "not reported")
-            )
-    return found
-
-
-def _no_efficiency(name: str, places: Sequence[tuple[int, float]]) -> Finding:
-    number, value = max(places, key=lambda place: abs(place[1] - 0.5))
-    return Finding(
-        "out_of_range",
-        f"{name} lies outside 0 to 1 in {len(places)} cycle{'s' if len(places) > 1 else ''} ({value:.3f} in cycle {number}); "
-        f"check unit, gain and sign of what it is made of",
-        "not reported",
-        count=len(places),
-    )
 
 
 def _bins(phased: PhasedRun, windows: Sequence[Window]) -> tuple[Bin, ...]:

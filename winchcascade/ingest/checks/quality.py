@@ -30,7 +30,7 @@ from winchcascade.ingest.checks.channel_findings import (
 from winchcascade.ingest.checks.dropouts import ROUNDS, Dropout, find_dropouts, find_filled
 from winchcascade.ingest.checks.glitches import LONGEST, Pulses, find_glitches, find_pulses
 from winchcascade.ingest.checks.spikes import Bends, find_bends, single_spikes
-from winchcascade.ingest.checks.stuck import find_stuck, motion
+from winchcascade.ingest.checks.stuck import find_still, find_stuck, motion
 from winchcascade.ingest.checks.timing import check_clock
 
 FOLLOW_LINE = frozenset({"displacement", "pressure", "force", "torque", "power_mech", "vdc", "idc"})
@@ -140,6 +140,8 @@ def check(t: Signal, channels: dict[str, Signal], rig: Rig, *, simulated: bool, 
                 findings += saturated(t, rig.known_channels[name], x)
         if "velocity" in channels:
             _take_out_stuck(log, open_circuit)
+        else:
+            _take_out_still(log)
         clock_is_wrong = any(f.kind == "clock_mismatch" and f.start is None for f in findings)
         if both and "displacement" in channels and not clock_is_wrong:
             findings += disagreements(t, channels["velocity"], channels["displacement"], rig.thresholds.v_onset)
@@ -308,14 +310,41 @@ def _take_out_stuck(log: _Log, open_circuit: bool) -> None:
         stretches = [(a, b) for a, b in find_stuck(name, x, line, channels) if low <= x[a] <= high]
         if not stretches:
             continue
-        bad = np.zeros(x.size, dtype=bool)
-        for a, b in stretches:
-            bad[a + 1 : b] = True  # the first sample of a held value is still a measurement
+        bad = _repeats(stretches, x.size)
         if bad.sum() >= t.size - 2 and name != "velocity":
             log.leave_out(name, "channel left out, metrics that need it are null")
             continue
-        count = f"{len(stretches)} stretch{'es' if len(stretches) > 1 else ''}"
-        what = f"samples repeat one value where it should change, in {count}"
-        log.findings.append(log.take_out(name, bad, "stuck", what))
+        log.findings.append(log.take_out(name, bad, "stuck", _stuck_words(stretches)))
         if name == "velocity":
             line = motion(t, log.bridged(name, bad), log.rig.thresholds.v_onset)
+
+
+def _take_out_still(log: _Log) -> None:
+    """Take out what repeats a stuck value in a log without a line; report a channel that holds one value throughout."""
+    used = [name for name in log.rig.cascade.channels if name in log.channels]
+    constant = {name: _constant(log.channels[name]) for name in used}
+    for name in used:
+        x, channel = log.channels[name], log.rig.known_channels[name]
+        low, high = limits_of(log.rig.sensors.get(name))
+        stretches = [(a, b) for a, b in find_still(x, log.t) if low <= x[a] <= high]
+        if stretches:
+            bad = _repeats(stretches, x.size)
+            log.findings.append(log.take_out(name, bad, "stuck", _stuck_words(stretches)))
+        elif constant[name] and np.nanmax(np.abs(x)) > 0.0 and not all(constant.values()):
+            value = f"{text_of(channel, float(np.nanmax(x)))} {channel.unit}"
+            what = f"{name} holds one value, {value}, through the whole log while other channels change"
+            ends = float(log.t[0]), float(log.t[-1])
+            log.findings.append(Finding("stuck", what, "reported and kept", name, *ends, x.size))
+
+
+def _repeats(stretches: Sequence[tuple[int, int]], samples: int) -> Mask:
+    """Samples that only repeat a held value: the first one of each stretch is still a measurement."""
+    bad = np.zeros(samples, dtype=bool)
+    for a, b in stretches:
+        bad[a + 1 : b] = True
+    return bad
+
+
+def _stuck_words(stretches: Sequence[tuple[int, int]]) -> str:
+    count = f"{len(stretches)} stretch{'es' if len(stretches) > 1 else ''}"
+    return f"samples repeat one value where it should change, in {count}"

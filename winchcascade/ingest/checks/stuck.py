@@ -114,6 +114,19 @@ def find_stuck(name: str, x: Signal, line: ObservedMotion, channels: Mapping[str
     return list(zip(first[stuck].tolist(), last[stuck].tolist(), strict=True))
 
 
+def find_still(x: Signal, t: Signal) -> list[tuple[int, int]]:
+    """Find stretches [first, last) in which a noisy channel of a log without a line holds a value other than zero.
+
+    Nothing shows whether the machine moved, so only the missing noise counts. A stretch at the largest value is saturation.
+    """
+    first, last = _held(x, t)
+    if first.size == 0:
+        return []
+    at_rest = motion(t, np.zeros(t.size), 1.0)
+    still = _too_still("", x, at_rest, first, last) & (x[first] != 0.0) & (np.abs(x[first]) < np.nanmax(np.abs(x)))
+    return list(zip(first[still].tolist(), last[still].tolist(), strict=True))
+
+
 def _held(x: Signal, t: Signal) -> tuple[Index, Index]:
     """Stretches of one value, [first, last), that are long enough to be evaluated."""
     alike = x[1:] == x[:-1]

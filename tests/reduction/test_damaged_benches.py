@@ -1,0 +1,141 @@
+"""Benches without a line whose log or rig file is wrong: every fault is reported; each log is made here."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from calls import call
+
+STEP = 0.05
+CHANNELS = ("Speed (rpm)", "Torque (N.m)", "Vdc (V)", "Idc (A)")
+RIG = 'name = "dyno"\n[cascade]\nstages = ["mech", "gen"]\n[phases]\nfrom = "steps"\n'
+
+
+def dyno() -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Four operating points of 10 s behind a rest, with noise, and a generator of 80 %."""
+    rng = np.random.default_rng(12)
+    rpm, torque = (np.repeat(x, 200) for x in ((0.0, 200.0, 200.0, 500.0, 500.0), (0.0, 30.0, 60.0, 30.0, 60.0)))
+    volt = 40.0 + 0.5 * rpm
+    clean = (rpm, torque, volt, 0.8 * torque * rpm * np.pi / 30.0 / volt)
+    noise = (0.05, 0.1, 0.05, 0.01)
+    return STEP * np.arange(rpm.size), {
+        name: x + rng.normal(0.0, u, x.size) for name, x, u in zip(CHANNELS, clean, noise, strict=True)
+    }
+
+
+def reduced(
+    folder: Path, channels: dict[str, np.ndarray], rig: str | None = RIG
+) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Record of a log of these channels, and its findings."""
+    t = STEP * np.arange(next(iter(channels.values())).size)
+    log, toml, record = folder / "log.csv", folder / "rig.toml", folder / "out.json"
+    np.savetxt(
+        log, np.column_stack((t, *channels.values())), "%.6g", ",", header=f"Time (s),{','.join(channels)}", comments=""
+    )
+    toml.write_text(rig or "")
+    options: list[str | Path] = ["--rig", toml] if rig else []
+    called = call("reduce", log, "--json", record, *options)
+    assert called.code == 0, called
+    found = json.loads(record.read_text())
+    return found, found["quality"]
+
+
+def test_a_sound_bench_has_no_finding(tmp_path: Path) -> None:
+    found, quality = reduced(tmp_path, dyno()[1])
+    assert quality == []
+    assert found["total"]["eta_gen"] == pytest.approx(0.8, abs=0.001)
+
+
+@pytest.mark.parametrize("source", ["steps", "whole"])
+@pytest.mark.parametrize("wrong", ["Speed (rpm)", "Torque (N.m)"])
+def test_power_against_the_cascade_is_the_reason_for_a_missing_efficiency(
+    source: str, wrong: str, tmp_path: Path
+) -> None:
+    channels = dyno()[1]
+    channels[wrong] = -channels[wrong]
+    found, quality = reduced(tmp_path, channels, RIG.replace("steps", source))
+    assert found["total"]["eta_gen"] is None
+    (finding,) = quality
+    assert "eta_gen has no value in" in finding["message"]
+    assert "check the sign of torque and speed and the order of the stages" in finding["message"]
+    sign = '[stage.mech]\npower = "-torque * speed"\n'
+    found, quality = reduced(tmp_path, channels, RIG.replace("steps", source) + sign)
+    assert quality == []
+    assert found["total"]["eta_gen"] == pytest.approx(0.8, abs=0.001)
+
+
+@pytest.mark.parametrize(("head", "unit"), [("Torque (N.m)", "Torque (kN.m)"), ("Idc (A)", "Idc (mA)")])
+def test_an_efficiency_of_less_than_a_hundredth_is_a_wrong_unit(head: str, unit: str, tmp_path: Path) -> None:
+    _, quality = reduced(tmp_path, {unit if name == head else name: x for name, x in dyno()[1].items()})
+    assert ["check the units" in f["message"] for f in quality] == [True]
+
+
+@pytest.mark.parametrize("name", CHANNELS)
+def test_a_noisy_channel_that_holds_one_value_is_stuck_without_a_line_too(name: str, tmp_path: Path) -> None:
+    channels = dyno()[1]
+    whole, _ = reduced(tmp_path, channels)
+    channels[name][450:560] = channels[name][450]  # within the second point and into the third one
+    found, quality = reduced(tmp_path, channels)
+    stuck = [f for f in quality if f["kind"] == "stuck"]
+    assert [(f["channel"], f["action"], f["count"]) for f in stuck] == [
+        (name.partition(" ")[0].lower(), "bridged by straight lines", 109)
+    ]
+    assert not any(
+        c["complete"] for c in found["cycles"] if c["window"]["onset_s"] < 27.9 and c["window"]["cutoff_s"] > 22.6
+    )
+    last = whole["cycles"][-1]
+    assert found["cycles"][-1]["stages"] == pytest.approx(last["stages"])
+
+
+def test_a_channel_that_holds_one_value_throughout_is_reported(tmp_path: Path) -> None:
+    channels = dyno()[1]
+    channels["Torque (N.m)"][:] = 45.0
+    _, quality = reduced(tmp_path, channels, RIG.replace("steps", "whole"))
+    assert [f["message"] for f in quality if f["kind"] == "stuck"] == [
+        "torque holds one value, 45 N.m, through the whole log while other channels change"
+    ]
+
+
+def test_the_reason_for_a_stage_without_power_names_the_channel_that_is_lost(tmp_path: Path) -> None:
+    channels = dyno()[1]
+    channels["Torque (N.m)"][:] = np.nan
+    _, quality = reduced(tmp_path, channels)
+    assert [f["message"].rpartition(": ")[2] for f in quality if "stage mech" in f["message"]] == [
+        "the log has no torque"
+    ]
+
+
+def proposals(folder: Path, channels: dict[str, np.ndarray], rig: str | None = None) -> list[str]:
+    """What a log is said to be for which the rig file leaves the source of cycles open."""
+    return [f["message"] for f in reduced(folder, channels, rig)[1] if f["kind"] == "phase_source"]
+
+
+def test_a_bench_without_a_rig_file_gets_the_fitting_source_of_cycles(tmp_path: Path) -> None:
+    channels = dyno()[1]
+    assert [
+        '4 steady stretches: for operating points of a machine set from = "steps"' in m
+        for m in proposals(tmp_path, channels)
+    ] == [True]
+    rng, t = np.random.default_rng(3), np.arange(0.0, 120.0, STEP)
+    wandering = {"Speed (rpm)": 300.0 + 100.0 * np.sin(0.9 * t), "Torque (N.m)": 40.0 + rng.normal(0.0, 1.0, t.size)}
+    assert ['for the energies of the whole record set from = "whole"' in m for m in proposals(tmp_path, wandering)] == [
+        True
+    ]
+
+
+def test_a_sea_gets_waves_and_a_winch_nothing(tmp_path: Path) -> None:
+    t = np.arange(0.0, 200.0, STEP)
+    v = 0.5 * np.sin(1.1 * t) + 0.3 * np.sin(0.83 * t + 1.0)
+    sea = {"Velocity (m/s)": v, "Force (N)": 2000.0 + 900.0 * v}
+    assert ["reciprocates without rests, in " in m for m in proposals(tmp_path, sea)] == [True]
+    assert proposals(tmp_path, sea, 'name = "buoy"\n[phases]\nfrom = "waves"\n') == []
+    strokes = np.interp(
+        t % 20.0, (0.0, 3.0, 4.0, 8.0, 9.0, 12.0, 13.0, 17.0, 18.0, 20.0), (0, 0, 0.8, 0.8, 0, 0, -0.8, -0.8, 0, 0)
+    )
+    assert proposals(tmp_path, {"Velocity (m/s)": strokes, "Force (N)": 2000.0 + 900.0 * strokes}) == []
+    turning = {"Drum speed (rpm)": 60.0 * strokes, "Torque (N.m)": 90.0 * np.maximum(strokes, 0.0)}
+    assert proposals(tmp_path, turning) == []

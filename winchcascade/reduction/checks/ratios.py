@@ -1,0 +1,112 @@
+"""Efficiencies that are none: outside 0 to 1, of power that flows against the cascade, or as small as by a wrong unit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from winchcascade.core.cascade import Cascade
+from winchcascade.core.rig_file import Rig
+from winchcascade.core.run import Finding, Run
+from winchcascade.reduction.efficiency import NOTHING, is_efficiency, ratio
+from winchcascade.reduction.reduction_result import CycleResult
+
+IMPLAUSIBLE = 0.01
+"""Below this efficiency of all cycles together a unit is more probable than a loss: a prefix changes it by a thousand. [1]"""
+
+Place = tuple[int, float]
+"""Number of a cycle, and a value there."""
+
+
+def ratio_findings(
+    results: Sequence[CycleResult], odd: Mapping[str, Sequence[Place]], run: Run, rig: Rig
+) -> list[Finding]:
+    """Report efficiencies that are none, with the reason of those without a value.
+
+    Parameters
+    ----------
+    odd : ratios outside 0 to 1, by their name
+    """
+    cascade, open_circuit = rig.cascade, run.open_circuit
+    if rig.phases.source == "waves":  # a single wave may take energy from the gas, or leave energy in it
+        sums = _sums(results, cascade)
+        findings = _no_ratios_of_sums(sums, cascade, open_circuit=open_circuit)
+        places = {name: [(1, joule)] for name, joule in sums.items()}
+        of = "of all waves together"
+    else:
+        findings = [_no_efficiency(name, found) for name, found in odd.items()]
+        places = {name: [(c.cycle, c.metrics[name] or 0.0) for c in results if c.complete] for name in cascade.energies}
+        of = ""
+    for name, (out, into) in cascade.ratios.items():
+        if (name == cascade.overall and len(cascade.stages) > 2) or (open_circuit and cascade.undelivered(name)):
+            continue
+        findings += _against(name, places[into], places[out], _signs_of(cascade.between(name)[0], run, rig), of)
+        findings += _too_small(name, places[into], places[out]) if cascade.configured else []
+    return findings
+
+
+def _sums(results: Sequence[CycleResult], cascade: Cascade) -> dict[str, float]:
+    """Energies of all complete cycles together, by name. [J]"""
+    return {name: sum(c.metrics[name] or 0.0 for c in results if c.complete) for name in cascade.energies}
+
+
+def _no_ratios_of_sums(sums: Mapping[str, float], cascade: Cascade, *, open_circuit: bool) -> list[Finding]:
+    """Efficiencies of all complete waves together that are none."""
+    found = []
+    for name, (out, into) in cascade.ratios.items():
+        value = ratio(sums[out], sums[into])
+        if value is not None and not is_efficiency(value) and not (open_circuit and cascade.undelivered(name)):
+            what = f"{name} of all waves together lies outside 0 to 1 ({value:.3f})"
+            found.append(
+                Finding("out_of_range", f"{what}; check unit, gain and sign of what it is made of", "not reported")
+            )
+    return found
+
+
+def _no_efficiency(name: str, places: Sequence[Place]) -> Finding:
+    number, value = max(places, key=lambda place: abs(place[1] - 0.5))
+    return Finding(
+        "out_of_range",
+        f"{name} lies outside 0 to 1 in {len(places)} cycle{'s' if len(places) > 1 else ''} ({value:.3f} in cycle {number}); "
+        f"check unit, gain and sign of what it is made of",
+        "not reported",
+        count=len(places),
+    )
+
+
+def _against(name: str, into: Sequence[Place], out: Sequence[Place], remedy: str, of: str) -> Iterable[Finding]:
+    """Report cycles without an efficiency because the stage that power comes from has a negative energy."""
+    places = [place for place, (_, got) in zip(into, out, strict=True) if place[1] < -NOTHING and abs(got) > NOTHING]
+    if not places:
+        return
+    number, joule = min(places, key=lambda place: place[1])
+    where = of or f"in {len(places)} cycle{'s' if len(places) > 1 else ''}"
+    size = f"{float(f'{joule:.4g}'):g} J" + ("" if of else f" in cycle {number}")
+    yield Finding(
+        "out_of_range",
+        f"{name} has no value {where}, as the energy that comes in is negative ({size}): power flows against the cascade; "
+        f"{remedy}",
+        "not reported",
+        count=len(places),
+    )
+
+
+def _too_small(name: str, into: Sequence[Place], out: Sequence[Place]) -> Iterable[Finding]:
+    """Report an efficiency of all cycles together that no unit but a wrong one gives to a machine that runs loaded."""
+    value = ratio(sum(joule for _, joule in out), sum(joule for _, joule in into))
+    if value is not None and 0.0 < value < IMPLAUSIBLE:
+        yield Finding(
+            "out_of_range",
+            f"{name} is {value:.2g} of all cycles together: check the units of what it is made of, unless the machine runs "
+            "without a load",
+            "reported and kept",
+        )
+
+
+def _signs_of(name: str, run: Run, rig: Rig) -> str:
+    """What to check of a stage whose power flows against the cascade."""
+    stage = next(stage for stage in rig.cascade.stages if stage.name == name)
+    product = stage.power(run.channels, rig.r_drum) or stage.powers[0]
+    return (
+        f"check the sign of {' and '.join(product.channels)} and the order of the stages, or state a power of the opposite "
+        f"sign under [stage.{name}] of the rig file"
+    )
