@@ -17,7 +17,8 @@ from winchcascade.report.cause_costs import COLUMNS, cost_section, lead_picture,
 from winchcascade.report.diagnosis import make_diagnosis_report
 from winchcascade.report.digits import MINUS
 from winchcascade.report.publish import html_text, pdf_bytes
-from winchcascade.report.report_model import Picture, Report, Table
+from winchcascade.report.report_model import Picture, Report
+from winchcascade.report.table_model import Table
 
 ALL = ["copper", "rolloff", "nothing", "outsider"]
 

@@ -19,19 +19,10 @@ from winchcascade.report.digits import NumberText, interval_text, number
 from winchcascade.report.exports import LIST, stem_of, write_report_files
 from winchcascade.report.figure_files import figure_files
 from winchcascade.report.report_files import ReportFiles
-from winchcascade.report.report_model import (
-    Report,
-    Table,
-    TableColumn,
-    make_table,
-    number_column,
-    picture,
-    rows_of,
-    section,
-    text_column,
-)
+from winchcascade.report.report_model import Report, picture, section
 from winchcascade.report.style import house_style, label_panel, legend_above, line_entry, panel_figure, wide_figure
 from winchcascade.report.table_files import csv_text, latex, latex_text, markdown_text
+from winchcascade.report.table_model import Limit, Table, TableColumn, make_table, number_column, rows_of, text_column
 
 
 def _table() -> Table:
@@ -61,7 +52,7 @@ def _report(rows: int = 3) -> Report:
             ax.text(0.5, 0.5, "small", fontsize=4.0)
         legend_above(figure, [line_entry(f"entry number {k}", "line") for k in range(6)])
         numbers = [TableColumn[float]("k", of=float)]
-        long = make_table("long", "Many.", numbers, rows_of(numbers, [float(k) for k in range(rows)], most=2))
+        long = make_table("long", "Many.", numbers, rows_of(numbers, [float(k) for k in range(rows)], Limit(2)))
         block = picture(figure, "loads", "Powers over the load.", "A plot.")
     return Report("kind", "Title", "", (), (), (section("s", "S", block, _table(), long),))
 

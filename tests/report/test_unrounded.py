@@ -6,18 +6,18 @@ import math
 
 from winchcascade.report.digits import NumberText, interval_text, number, percent, stated, with_uncertainty
 from winchcascade.report.publish import cleaned
-from winchcascade.report.report_model import (
-    Report,
+from winchcascade.report.report_model import Report, section
+from winchcascade.report.table_files import csv_text
+from winchcascade.report.table_model import (
+    Limit,
     Table,
     TableColumn,
     every_row,
     make_table,
     number_column,
     rows_of,
-    section,
     text_column,
 )
-from winchcascade.report.table_files import csv_text
 
 
 def test_a_table_keeps_the_values_behind_its_texts() -> None:
@@ -76,6 +76,6 @@ def test_a_report_with_numbers_that_are_formatted_can_be_published() -> None:
 
 def test_a_long_table_has_all_its_rows_where_every_row_is_wanted() -> None:
     columns = [TableColumn("k", of=int)]
-    assert len(rows_of(columns, range(9), most=4)) == 5
+    assert len(rows_of(columns, range(9), Limit(4))) == 5
     with every_row():
-        assert rows_of(columns, range(9), most=4) == [(k,) for k in range(9)]
+        assert rows_of(columns, range(9), Limit(4)) == [(k,) for k in range(9)]

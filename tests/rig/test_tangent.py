@@ -15,9 +15,9 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.bridge import bridge_slopes, bridge_state, bridge_table
 from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
-from winchcascade.rig.kernel import SHAFT, Constants, constants, run_shaft
+from winchcascade.rig.kernel import SHAFT, Constants, LineMotion, constants, run_shaft
 from winchcascade.rig.parts import Model
-from winchcascade.rig.simulate import LineMotion, motion_of
+from winchcascade.rig.simulate import motion_of
 from winchcascade.rig.tangent import MOST_WAYS, NUMBERS, direction, tangent_of
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import typer
 
 from winchcascade.cli.command_list import CommandList
 from winchcascade.cli.options import ForceOption, JobsOption, JsonOption, SchedulerOption
-from winchcascade.cli.outputs import Results, check_outputs, deliver, report_maker_of, show, write_reports
+from winchcascade.cli.outputs import Printed, Results, check_outputs, deliver, report_maker_of, show, write_reports
 from winchcascade.cli.report_options import NO_REPORT, report_options
 from winchcascade.core.files import json_bytes
 from winchcascade.core.jobs import Workers, one_thread_each, processes
@@ -99,5 +99,5 @@ def blind_score_command(
     found = score(trial)
     write_reports(report_maker_of(found), report, "trial", force=force)
     deliver(
-        json, lambda: json_bytes(score_record(found)), lambda: trial_text(found, trial), force=force, results=outputs
+        json, lambda: json_bytes(score_record(found)), Printed(lambda: trial_text(found, trial), outputs), force=force
     )

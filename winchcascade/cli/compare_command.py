@@ -12,7 +12,7 @@ from winchcascade.cli.options import (
     JobsOption,
     JsonOption,
 )
-from winchcascade.cli.outputs import Results, check_outputs, deliver, given_command, write_reports
+from winchcascade.cli.outputs import Printed, Results, check_outputs, deliver, given_command, write_reports
 from winchcascade.cli.report_options import NO_REPORT, report_options
 from winchcascade.core.files import json_bytes
 from winchcascade.report.report_files import ReportFiles
@@ -78,10 +78,12 @@ def compare_command(
     deliver(
         json,
         lambda: json_bytes(comparison_record(found, gate)),
-        lambda: comparison_text(found, gate),
+        Printed(
+            lambda: comparison_text(found, gate),
+            outputs,
+            failures=lambda: "" if gate is None else failed_text(gate),
+        ),
         force=force,
-        results=outputs,
-        failures=lambda: "" if gate is None else failed_text(gate),
     )
     raise typer.Exit(0 if gate is None or gate.ok else 1)
 

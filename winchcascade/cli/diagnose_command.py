@@ -16,7 +16,7 @@ from winchcascade.cli.options import (
     ThreadsOption,
     effect_names,
 )
-from winchcascade.cli.outputs import check_outputs, deliver, report_maker_of, write_reports
+from winchcascade.cli.outputs import Printed, check_outputs, deliver, report_maker_of, write_reports
 from winchcascade.cli.report_options import NO_REPORT, report_options
 from winchcascade.core.campaign_file import Campaign, load_campaign
 from winchcascade.core.errors import OptionError
@@ -122,7 +122,8 @@ def diagnose_command(
             on_progress("writing reports")
             write_reports(report_maker_of(found), report, "diagnosis", of=f"diagnosis of {listed.name}", force=force)
     files = _files(results, predictions, written=bool(written), corrected=corrected)
-    deliver(json, lambda: json_bytes(diagnosis_record(found)), lambda: diagnosis_text(found, files), force=force)
+    printed = Printed(lambda: diagnosis_text(found, files))
+    deliver(json, lambda: json_bytes(diagnosis_record(found)), printed, force=force)
 
 
 def _suspects(names: Sequence[str] | None) -> Suspects:

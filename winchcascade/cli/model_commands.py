@@ -23,6 +23,7 @@ from winchcascade.cli.options import (
     rig_names,
 )
 from winchcascade.cli.outputs import (
+    Printed,
     Results,
     check_outputs,
     deliver,
@@ -173,13 +174,9 @@ def calibrate_command(
     if write is not None:
         write_content(write, calibrated_text(calibration), force=force)
     write_reports(report_maker_of(calibration), report, f"{Path(run.name).stem}_calibration", force=force)
-    deliver(
-        json,
-        lambda: json_bytes(calibration_record(calibration)),
-        lambda: calibration_text(calibration, write),
-        force=force,
-        results={option: path for option, path in results.items() if option != "--write"},
-    )
+    files = {option: path for option, path in results.items() if option != "--write"}
+    printed = Printed(lambda: calibration_text(calibration, write), files)
+    deliver(json, lambda: json_bytes(calibration_record(calibration)), printed, force=force)
 
 
 def effects_command(

@@ -9,6 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
+import msgspec
+
 from winchcascade.core.errors import OptionError
 from winchcascade.core.files import check_replaceable, write_content
 from winchcascade.core.plain_text import json_without_commands, lines, printable
@@ -39,34 +41,31 @@ def show_commands(text: str, *, file: TextIO) -> None:
     print(printable(text), end="", file=file)
 
 
-def deliver(
-    json: str | None,
-    content: Callable[[], bytes],
-    text: Callable[[], str],
-    *,
-    force: bool,
-    results: Results | None = None,
-    failures: Callable[[], str] = str,
-    verdict: bool = False,
-) -> None:
-    """Write the content of a JSON file if that is wanted, and print the text unless standard output holds the JSON.
+class Printed(msgspec.Struct, frozen=True):
+    """What a command prints: a text, or with --quiet the `failures` alone.
 
-    Parameters
-    ----------
-    results : by the option that names them, listed below the text; what is not wanted is None
-    failures : what is printed instead with --quiet
-    verdict : the last line of the text is a verdict, and stays the last
+    Files that are wanted are listed below the text, or above its last line where that is a `verdict`; `files` holds them by the
+    option that names each.
     """
+
+    text: Callable[[], str]
+    files: Results = {}
+    failures: Callable[[], str] = str
+    verdict: bool = False
+
+
+def deliver(json: str | None, content: Callable[[], bytes], printed: Printed, *, force: bool) -> None:
+    """Write the content of a JSON file if that is wanted, and print the text unless standard output holds the JSON."""
     if json == "-":
         sys.stdout.buffer.write(json_without_commands(content()))
         return
     if json is not None:
         write_content(Path(json), content(), force=force)
     if QUIET.get():
-        show("", failures=failures())
+        show("", failures=printed.failures())
     else:
-        shown, files = text(), written(results or {})
-        end = shown.rstrip("\n").rfind("\n") + 1 if verdict else len(shown)
+        shown, files = printed.text(), written(printed.files)
+        end = shown.rstrip("\n").rfind("\n") + 1 if printed.verdict else len(shown)
         show(shown[:end] + files + shown[end:])
 
 

@@ -19,7 +19,7 @@ from winchcascade.cli.options import (
     WindowOption,
     check_load,
 )
-from winchcascade.cli.outputs import Results, check_outputs, deliver, given_command, write_reports
+from winchcascade.cli.outputs import Printed, Results, check_outputs, deliver, given_command, write_reports
 from winchcascade.cli.report_options import NO_REPORT, report_options
 from winchcascade.core.errors import OptionError
 from winchcascade.report.report_files import ReportFiles
@@ -80,7 +80,7 @@ def reduce_command(
 
         make = report_maker(reduction, found, mapped, command=given_command())
         write_reports(make, report, Path(reduction.run.name).stem, force=force)
-    deliver(json, lambda: _record(reduction, found), lambda: _text(reduction, mapped), force=force, results=results)
+    deliver(json, lambda: _record(reduction, found), Printed(lambda: _text(reduction, mapped), results), force=force)
 
 
 def _record(reduction: Reduction, found: Uncertainty | None) -> bytes:

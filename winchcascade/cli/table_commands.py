@@ -18,6 +18,7 @@ from winchcascade.cli.options import (
     table_names,
 )
 from winchcascade.cli.outputs import (
+    Printed,
     Results,
     check_outputs,
     deliver,
@@ -104,11 +105,8 @@ def check_command(
     deliver(
         json,
         lambda: json_bytes(check_record(outcome)),
-        lambda: check_text(outcome),
+        Printed(lambda: check_text(outcome), outputs, failures=lambda: missed_text(outcome), verdict=True),
         force=force,
-        results=outputs,
-        failures=lambda: missed_text(outcome),
-        verdict=True,
     )
     if github:
         show_commands(github_annotations(outcome, table.path), file=sys.stderr if json == "-" else sys.stdout)
@@ -178,13 +176,6 @@ def audit_command(
     else:
         record, text, failures = point_audit_record(found), point_audit_text(found), broken_laws_text(found)
     write_reports(report_maker_of(found), report, f"{opened.name}_audit", force=force)
-    deliver(
-        json,
-        lambda: json_bytes(record),
-        lambda: text,
-        force=force,
-        results=outputs,
-        failures=lambda: failures,
-        verdict=True,
-    )
+    printed = Printed(lambda: text, outputs, failures=lambda: failures, verdict=True)
+    deliver(json, lambda: json_bytes(record), printed, force=force)
     raise typer.Exit(0 if found.ok else 1)

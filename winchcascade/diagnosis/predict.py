@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.rig.kernel import LINE, SHAFT, constants, run_line, solve_shaft
-from winchcascade.rig.simulate import LineMotion, motion_of
+from winchcascade.rig.kernel import LINE, SHAFT, LineMotion, constants, run_line, solve_shaft
+from winchcascade.rig.simulate import motion_of
 from winchcascade.rig.tangent import MOST_WAYS, Tangent, direction, tangent_of
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ class Course:
         """What the sensors read, (n, 5), as `on_grid`, with torque of the clutch and Vdc of a solution of the shaft."""
         at, sensors, (clutch, vdc) = self.coarse, model.sensors, solution
         line = np.empty((at.t.size, len(LINE)))
-        run_line(at.x, at.v, at.a, at.step, numbers, clutch, line)
+        run_line(at, numbers, clutch, line)
         late = delayed(vdc, sensors.electrical_lag / at.step)
         true = zip(CHANNELS, [*line.T[:ELECTRICAL], late, late / numbers.load], skew.tolist(), strict=True)
         return np.column_stack([sensors.read(name, delayed(x, lag / at.step)) for name, x, lag in true])

@@ -8,19 +8,9 @@ from winchcascade.core.published_table import PublishedTable, load_text
 from winchcascade.report import audit_text as words
 from winchcascade.report.digits import NumberText, number, upper
 from winchcascade.report.point_audit_text import law_sentences, point_summary
-from winchcascade.report.report_model import (
-    Note,
-    Point,
-    Report,
-    Section,
-    Table,
-    TableColumn,
-    Tone,
-    file_digest,
-    items_table,
-    provenance_table,
-    section,
-)
+from winchcascade.report.provenance import file_digest, provenance_table
+from winchcascade.report.report_model import Note, Point, Report, Section, Tone, section
+from winchcascade.report.table_model import Table, TableColumn, items_table
 from winchcascade.report.wording import SYMBOL
 from winchcascade.tables.attainable import AttainableRanges, SuspectResult
 from winchcascade.tables.attainable_row import AttainableRow, Cell

@@ -10,24 +10,10 @@ from winchcascade.report import calibration_text as words
 from winchcascade.report.digits import number, places, significant, uncertain, upper
 from winchcascade.report.model_account import Regression
 from winchcascade.report.model_figures import back_emf_figure
-from winchcascade.report.report_model import (
-    Note,
-    Point,
-    Report,
-    Section,
-    Table,
-    TableColumn,
-    Tile,
-    data_point,
-    file_digest,
-    items_table,
-    make_table,
-    picture,
-    provenance_table,
-    section,
-    text_column,
-)
+from winchcascade.report.provenance import data_point, file_digest, provenance_table
+from winchcascade.report.report_model import Note, Point, Report, Section, Tile, picture, section
 from winchcascade.report.style import house_style
+from winchcascade.report.table_model import Table, TableColumn, items_table, make_table, text_column
 from winchcascade.rig.backemf import RPM_LEAST
 
 METHOD = (

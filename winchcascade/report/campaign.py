@@ -32,25 +32,11 @@ from winchcascade.report.digits import interval_text, percent, stated, with_unce
 from winchcascade.report.glossary import symbols_section
 from winchcascade.report.model_account import Account
 from winchcascade.report.model_section import Named, campaign_section
+from winchcascade.report.provenance import data_point, provenance_table
 from winchcascade.report.records import FindingRecord, read_results
-from winchcascade.report.report_model import (
-    Note,
-    Picture,
-    Point,
-    Report,
-    Section,
-    Table,
-    TableColumn,
-    Tile,
-    data_point,
-    make_table,
-    picture,
-    provenance_table,
-    row_limit,
-    rows_of,
-    section,
-)
+from winchcascade.report.report_model import Note, Picture, Point, Report, Section, Tile, picture, section
 from winchcascade.report.style import house_style
+from winchcascade.report.table_model import Limit, Table, TableColumn, make_table, row_limit, rows_of
 from winchcascade.report.tables import decimals_of, metrics_note, unit_of
 from winchcascade.report.wording import SYMBOL
 
@@ -328,7 +314,7 @@ def _table(
     name: str, caption: str, columns: Sequence[TableColumn[LogSummary]], runs: Sequence[LogSummary], note: str = ""
 ) -> Table:
     """A row for each log, of many for the first and the last ones."""
-    rows = rows_of(columns, runs, most=MOST_RUNS, more="more, in the dataset")
+    rows = rows_of(columns, runs, Limit(MOST_RUNS, "more, in the dataset"))
     return make_table(name, caption, columns, rows, note=note)
 
 

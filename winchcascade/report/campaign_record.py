@@ -17,14 +17,14 @@ from winchcascade.core.plain_text import one_line
 from winchcascade.core.version import __version__
 from winchcascade.report.digits import stated, uncertain
 from winchcascade.report.records import FindingRecord, Interval95, Numbers, RunRecord
-from winchcascade.report.report_model import TableColumn
 from winchcascade.report.screen import toned
+from winchcascade.report.table_model import Limit, TableColumn
 from winchcascade.report.text_table import at_most, data_lines, headed, listing, metric_steps, wrapped
 from winchcascade.report.wording import load_words
 
 CAMPAIGN_SCHEMA = "winchcascade/campaign/1"
 
-LISTED_RUNS = 20
+LISTED_RUNS = Limit(20, "more, in the dataset")
 """Logs that are listed; of more the first and the last half of that."""
 
 MOST_FAULTS = 10
@@ -276,8 +276,7 @@ def _table(runs: Sequence[LogSummary]) -> list[str]:
     return listing(
         columns if any(run.findings for run in runs) else columns[:-1],
         runs,
-        most=LISTED_RUNS,
-        more="more, in the dataset",
+        LISTED_RUNS,
         omit=["window", "cycles", *metric_steps(cascade.energies, cascade.ratios), f"E_{cascade.names[-1]}", "±"],
     )
 

@@ -11,12 +11,13 @@ from winchcascade.core.cascade import BUILT_IN, Cascade, Stage
 from winchcascade.reduction.wave_energies import WaveEnergies, joined_waves
 from winchcascade.report.digits import interval_text, significant
 from winchcascade.report.records import RunRecord
-from winchcascade.report.report_model import Note, Section, TableColumn, items_table, section
+from winchcascade.report.report_model import Note, Section, section
+from winchcascade.report.table_model import Limit, TableColumn, items_table
 from winchcascade.report.text_table import wrapped
 from winchcascade.report.wave_text import wave_lines, wave_record, waves_from_record
 from winchcascade.report.wording import SYMBOL, load_words
 
-MOST_LOGS = 60
+LISTED_LOGS = Limit(60, "logs")
 """Logs that the table lists; of more the first and the last half of that."""
 
 
@@ -124,4 +125,4 @@ def _logs_table(found: CampaignWaves) -> Any:
             TableColumn(f"95 % of {SYMBOL[name]}", "", text=True, of=interval(name)),
         ]
     caption = "Mean powers of the whole record of each log, and ratios of the sums of its waves."
-    return items_table("wave-logs", caption, columns, found.logs, most=MOST_LOGS, more="logs")
+    return items_table("wave-logs", caption, columns, found.logs, limit=LISTED_LOGS)

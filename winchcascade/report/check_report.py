@@ -10,21 +10,9 @@ from winchcascade.core.campaign_file import banner
 from winchcascade.core.plain_text import one_line
 from winchcascade.report.check_text import check_summary, miss_sentence, recipe
 from winchcascade.report.digits import MINUS, NumberText, upper
-from winchcascade.report.report_model import (
-    Note,
-    Point,
-    Report,
-    Table,
-    TableColumn,
-    Tile,
-    data_point,
-    file_digest,
-    items_table,
-    make_table,
-    provenance_table,
-    section,
-    text_column,
-)
+from winchcascade.report.provenance import data_point, file_digest, provenance_table
+from winchcascade.report.report_model import Note, Point, Report, Tile, section
+from winchcascade.report.table_model import Table, TableColumn, items_table, make_table, text_column
 from winchcascade.report.wording import SYMBOL
 from winchcascade.tables.check import CellCheck, Check, Outcome, RowKey
 

@@ -36,23 +36,13 @@ from winchcascade.report.comparison_words import (
     zero_cell,
 )
 from winchcascade.report.digits import number, places, uncertain, upper
-from winchcascade.report.report_model import (
-    Note,
-    Point,
-    Report,
-    Table,
-    TableColumn,
-    Tile,
-    data_point,
-    items_table,
-    picture,
-    provenance_table,
-    section,
-)
+from winchcascade.report.provenance import data_point, provenance_table
+from winchcascade.report.report_model import Note, Point, Report, Tile, picture, section
 from winchcascade.report.style import house_style
+from winchcascade.report.table_model import Limit, Table, TableColumn, items_table
 from winchcascade.report.wording import SYMBOL, load_words, subscripts_of
 
-MOST_ROWS = 400
+LISTED_ROWS = Limit(400, "more, in the JSON")
 """Rows that a table of the report lists."""
 
 _RUN: TableColumn[DifferenceRow] = TableColumn("Run", text=True, of=lambda row: run_label(row.runs))
@@ -134,7 +124,7 @@ def differences_table(name: str, found: Comparison, metrics: Sequence[str]) -> T
         TableColumn("Excludes 0", text=True, of=lambda row: zero_cell(row.of)),
     ]
     caption = f"Means of A and B, and their differences with 95 % intervals (Student's t): {_CAPTIONS[name]}."
-    return items_table(f"{name}-differences", caption, columns, rows, most=MOST_ROWS, more="more, in the JSON")
+    return items_table(f"{name}-differences", caption, columns, rows, limit=LISTED_ROWS)
 
 
 def parts_table(found: Comparison, metrics: Sequence[str]) -> Table | None:
@@ -153,7 +143,7 @@ def parts_table(found: Comparison, metrics: Sequence[str]) -> Table | None:
     ]
     rows = difference_rows(found, metrics)
     caption = "Standard uncertainties of the differences and their effective degrees of freedom."
-    return items_table("parts", caption, columns, rows, most=MOST_ROWS, more="more, in the JSON")
+    return items_table("parts", caption, columns, rows, limit=LISTED_ROWS)
 
 
 def _scatter_interval(row: DifferenceRow) -> str:
@@ -183,7 +173,7 @@ def runs_table(found: Comparison) -> Table | None:
         TableColumn("Findings", of=lambda row: row[2].findings),
     ]
     caption = "Logs of both sides; the plateau is the mean of the payouts."
-    return items_table("runs", caption, columns, logs, most=MOST_ROWS, more="more, in the JSON")
+    return items_table("runs", caption, columns, logs, limit=LISTED_ROWS)
 
 
 def gate_table(gate: Gate) -> Table | None:
@@ -195,7 +185,7 @@ def gate_table(gate: Gate) -> Table | None:
         TableColumn("Against the limit", text=True, of=lambda drop: upper(drop_words(drop, gate, SYMBOL[gate.metric]))),
     ]
     caption = f"Drops of {SYMBOL[gate.metric]} against the limit of {gate.limit:g}; the estimate decides."
-    return items_table("gate", caption, columns, gate.drops, most=MOST_ROWS, more="more, in the JSON")
+    return items_table("gate", caption, columns, gate.drops, limit=LISTED_ROWS)
 
 
 def _tiles(found: Comparison) -> tuple[Tile, ...]:

@@ -28,11 +28,11 @@ from winchcascade.report.comparison_words import (
     unit_cell,
     zero_cell,
 )
-from winchcascade.report.report_model import TableColumn
 from winchcascade.report.screen import PIPED, toned
+from winchcascade.report.table_model import Limit, TableColumn
 from winchcascade.report.text_table import headed, listing, wrapped
 
-MOST_ROWS = 60
+LISTED_ROWS = Limit(60, "more, all in --json")
 """Differences that a table of the terminal lists."""
 
 _LESS = ("freedom", "A, B", "unit")
@@ -104,4 +104,4 @@ def _names(runs: Sequence[ComparedRun]) -> str:
 def _table(found: Comparison, metrics: Sequence[str]) -> list[str]:
     rows = difference_rows(found, metrics)
     columns = _COLUMNS if any(unit_cell(row.of) for row in rows) else [c for c in _COLUMNS if c.name != "unit"]
-    return listing(columns, rows, most=MOST_ROWS, more="more, all in --json", omit=_LESS)
+    return listing(columns, rows, LISTED_ROWS, omit=_LESS)

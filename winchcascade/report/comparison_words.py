@@ -12,7 +12,7 @@ from winchcascade.comparison.differences import Difference
 from winchcascade.comparison.gate import Drop, Gate
 from winchcascade.core.plain_text import one_line
 from winchcascade.report.digits import NumberText, interval_text, number, places, stated, with_sign
-from winchcascade.report.report_model import TableColumn
+from winchcascade.report.table_model import TableColumn
 from winchcascade.report.tables import decimals_of, unit_of
 from winchcascade.report.wording import SYMBOL, load_words
 

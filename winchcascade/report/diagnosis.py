@@ -52,21 +52,10 @@ from winchcascade.report.gap_words import (
 from winchcascade.report.glossary import symbols_section
 from winchcascade.report.line_report import line_how_far, line_logs_table, line_where, line_which
 from winchcascade.report.line_words import cycles_of, flipped_words, small_words
-from winchcascade.report.report_model import (
-    Note,
-    Point,
-    Report,
-    Section,
-    Tile,
-    data_point,
-    file_digest,
-    make_table,
-    picture,
-    provenance_table,
-    section,
-    text_column,
-)
+from winchcascade.report.provenance import data_point, file_digest, provenance_table
+from winchcascade.report.report_model import Note, Point, Report, Section, Tile, picture, section
 from winchcascade.report.style import house_style
+from winchcascade.report.table_model import make_table, text_column
 from winchcascade.report.wording import load_words
 
 

@@ -22,14 +22,7 @@ from winchcascade.report.diagnosis_names import nuisance_words, phase_words, pro
 from winchcascade.report.digits import number, significant, uncertain
 from winchcascade.report.gap_words import NAMES, about_words, alarm_meaning, baseline_words, differs_words
 from winchcascade.report.model_account import COMPARED
-from winchcascade.report.report_model import (
-    Table,
-    TableColumn,
-    formatted_table,
-    number_column,
-    row_limit,
-    text_column,
-)
+from winchcascade.report.table_model import Table, TableColumn, formatted_table, number_column, row_limit, text_column
 from winchcascade.report.wording import load_words
 
 MOST_PLACES, MOST_NUISANCES = 12, 10

@@ -16,8 +16,9 @@ from winchcascade.core.jobs import Nobody
 from winchcascade.core.store import digest_of, inside, locked, make_one
 from winchcascade.core.version import __version__
 from winchcascade.report.report_files import ReportFiles
-from winchcascade.report.report_model import Picture, Report, Table, every_row
+from winchcascade.report.report_model import Picture, Report
 from winchcascade.report.table_files import table_files
+from winchcascade.report.table_model import Table, every_row
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -17,8 +17,8 @@ from matplotlib.font_manager import FontProperties, fontManager
 from matplotlib.text import Text
 
 from winchcascade.core.version import __version__
+from winchcascade.report.provenance import made_at
 from winchcascade.report.publish import fonts_for, lacking_letters
-from winchcascade.report.report_model import made_at
 from winchcascade.report.text_runs import FONT
 
 ENDINGS = ("svg", "pdf", "png")

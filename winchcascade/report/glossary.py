@@ -7,8 +7,9 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 from winchcascade.core.cascade import Cascade, efficiency_name
-from winchcascade.report.report_model import Section, Table, items_table, picture, section
-from winchcascade.report.report_model import TableColumn as Column
+from winchcascade.report.report_model import Section, picture, section
+from winchcascade.report.table_model import Table, items_table
+from winchcascade.report.table_model import TableColumn as Column
 from winchcascade.report.wording import SYMBOL, tex
 
 if TYPE_CHECKING:

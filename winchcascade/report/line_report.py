@@ -20,16 +20,9 @@ from winchcascade.report.diagnosis_names import (
 )
 from winchcascade.report.digits import number, significant, upper
 from winchcascade.report.line_words import LINE_MEANINGS, set_words
-from winchcascade.report.report_model import (
-    Section,
-    Table,
-    formatted_table,
-    number_column,
-    picture,
-    section,
-    text_column,
-)
+from winchcascade.report.report_model import Section, picture, section
 from winchcascade.report.style import COLOURS, Room, label_panel, legend_above, line_entry, panel_figure, wide_figure
+from winchcascade.report.table_model import Table, formatted_table, number_column, text_column
 
 
 def line_where(found: LineDiagnosis) -> Section:

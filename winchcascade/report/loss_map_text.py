@@ -6,7 +6,7 @@ import math
 
 from winchcascade.reduction.loss_map import CONDITION_MAX, Coefficient, LossMap
 from winchcascade.report.digits import interval_text, number, percent, places, significant, uncertain
-from winchcascade.report.report_model import Table, TableColumn, items_table
+from winchcascade.report.table_model import Table, TableColumn, items_table
 from winchcascade.report.text_table import table_lines, wrapped
 
 COLUMN_WORDS = {

@@ -12,7 +12,7 @@ from winchcascade.report.campaign_reduction import CampaignReduction
 from winchcascade.report.publish import table_html
 
 if TYPE_CHECKING:
-    from winchcascade.report.report_model import Table
+    from winchcascade.report.table_model import Table
 
 
 def summary_html(result: Reduction | DiagnosisResult | CampaignReduction | Comparison) -> str:

@@ -10,20 +10,8 @@ from winchcascade.core.cascade import PAPER
 from winchcascade.core.run import Signal
 from winchcascade.report.digits import NumberText, significant, upper
 from winchcascade.report.glossary import symbols_section
-from winchcascade.report.report_model import (
-    Note,
-    Point,
-    Report,
-    Table,
-    TableColumn,
-    Tile,
-    data_point,
-    items_table,
-    make_table,
-    picture,
-    provenance_table,
-    section,
-)
+from winchcascade.report.provenance import data_point, provenance_table
+from winchcascade.report.report_model import Note, Point, Report, Tile, picture, section
 from winchcascade.report.style import (
     COLOURS,
     Room,
@@ -34,6 +22,7 @@ from winchcascade.report.style import (
     look_of,
     panel_figure,
 )
+from winchcascade.report.table_model import Table, TableColumn, items_table, make_table
 from winchcascade.report.terminal import LEDGER_WORDS, energy_shares, energy_span
 from winchcascade.report.traces import envelope
 from winchcascade.report.wording import load_words

@@ -9,7 +9,8 @@ import re
 from collections.abc import Sequence
 
 from winchcascade.report.digits import PLUS_MINUS, NumberText
-from winchcascade.report.report_model import SUBSCRIPTS, Cell, Table
+from winchcascade.report.report_model import SUBSCRIPTS
+from winchcascade.report.table_model import Cell, Table
 
 ENDINGS = ("csv", "tex", "md")
 """Files of a table."""

@@ -28,8 +28,9 @@ from winchcascade.report.digits import (
     stated,
     uncertain,
 )
-from winchcascade.report.report_model import (
+from winchcascade.report.table_model import (
     ROW_UNIT,
+    Limit,
     Table,
     TableColumn,
     formatted_table,
@@ -41,7 +42,7 @@ from winchcascade.report.report_model import (
 from winchcascade.report.traces import clock_zero
 from winchcascade.report.wording import SYMBOL, label, net_reasons, not_known, of_phase, source_name, span_word
 
-MOST_CYCLES = 60
+LISTED_CYCLES = Limit(60)
 """Cycles that a table lists; of more the first and the last half of that."""
 
 MOST_FINDINGS = 40
@@ -119,7 +120,7 @@ def cycles_table(reduction: Reduction, found: Uncertainty) -> Table:
         f"Cycles: energies E over the integration window,{'' if apart else ' mean powers P in it,'} efficiencies η."
         + incomplete,
         columns,
-        rows_of(columns, reduction.cycles, most=MOST_CYCLES),
+        rows_of(columns, reduction.cycles, LISTED_CYCLES),
         below=_means(reduction, found, given, n),
         note=metrics_note(cascade, given)
         + (f"Digits of a cycle are those that the sensors' errors allow{more}." if found.method else ""),
@@ -136,7 +137,7 @@ def powers_table(reduction: Reduction, found: Uncertainty) -> Table | None:
         "mean-powers",
         "Mean powers P in the integration window.",
         columns := [_CYCLE, *_metric_columns(reduction, found, given)],
-        rows_of(columns, reduction.cycles, most=MOST_CYCLES),
+        rows_of(columns, reduction.cycles, LISTED_CYCLES),
         below=[(row[0], *row[2:]) for row in _means(reduction, found, given, len(reduction.complete))],
     )
 
@@ -159,7 +160,7 @@ def net_table(reduction: Reduction, found: Uncertainty) -> Table | None:
         "Whole cycles: line energy of the payout, line energy returned in haul-in, and net line energy from onset to "
         "next onset.",
         columns,
-        rows_of(columns, reduction.cycles, most=MOST_CYCLES),
+        rows_of(columns, reduction.cycles, LISTED_CYCLES),
         below=_means(reduction, found, given, sum(c.metrics.energy_net is not None for c in reduction.complete)),
         note=f"{missing}These energies do not depend on the integration window{ratio}. The zero of the force cell cancels in "
         "E_net, its gain does not.",
@@ -268,7 +269,7 @@ def _phases_table(
     name: str, caption: str, columns: Sequence[TableColumn[CycleResult]], reduction: Reduction, note: str
 ) -> Table:
     """A row for each cycle, without the columns that hold nothing."""
-    rows = rows_of(columns, reduction.cycles, most=MOST_CYCLES)
+    rows = rows_of(columns, reduction.cycles, LISTED_CYCLES)
     used = [k for k in range(len(columns)) if k == 0 or any(row[k] not in (None, "") for row in rows)]
     return make_table(name, caption, [columns[k] for k in used], [[row[k] for k in used] for row in rows], note=note)
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 from winchcascade.core.plain_text import one_line
 from winchcascade.reduction.montecarlo import stated_uncertainty
-from winchcascade.report.report_model import TableColumn
 from winchcascade.report.screen import toned
+from winchcascade.report.table_model import Limit, TableColumn
 from winchcascade.report.text_table import (
     at_most,
     data_lines,
@@ -43,10 +43,9 @@ if TYPE_CHECKING:
 _PIPED = 80
 """Columns of a sentence in a pipe. [characters]"""
 
-_MOST_CYCLES = 20
+_CYCLES = Limit(20, "cycles more, all in --json and --parquet")
 _MOST_FINDINGS = 12
 _MOST_REASONS = 3
-_MORE = "cycles more, all in --json and --parquet"
 
 
 def reduction_text(reduction: Reduction) -> str:
@@ -66,9 +65,7 @@ def reduction_text(reduction: Reduction) -> str:
     inner = [column.name for column in powers[:-1]]
     length: TableColumn[CycleResult] = TableColumn("length", "s", 2, of=partial(of_phase, "payout", "duration"))
     phases = _PHASES if span_word(reduction) == "payout" else (*_PHASES[:2], length, *_PHASES[3:])
-    lines += listing(
-        [*phases, *powers], reduction.cycles, most=_MOST_CYCLES, more=_MORE, used=True, omit=[*_LESS, *inner]
-    )
+    lines += listing([*phases, *powers], reduction.cycles, _CYCLES, used=True, omit=[*_LESS, *inner])
     if reduction.rig.phases.source == "waves":
         lines += ["", *_waves(reduction)]
     parts = ", ".join(f"{metric} {share:.0%} {name}" for metric, share, name in decisive(known))
@@ -104,7 +101,7 @@ def _results(reduction: Reduction, uncertainties: Metrics) -> list[str]:
         below.append(["all together", "", *_texts(reduction.total, names, _decimals(reduction), 3)])
     columns = [_CYCLE, window, *_columns(reduction, names)]
     omit = ["window", *metric_steps(cascade.energies, cascade.ratios)]
-    lines = listing(columns, reduction.cycles, most=_MOST_CYCLES, more=_MORE, below=below, used=True, omit=omit)
+    lines = listing(columns, reduction.cycles, _CYCLES, below=below, used=True, omit=omit)
     return [*lines, *_both_ways(reduction)]
 
 
@@ -128,9 +125,7 @@ def _net(reduction: Reduction, uncertainties: Metrics) -> list[str]:
         n = sum(c.metrics.energy_net is not None for c in reduction.complete)
         below = _means(reduction, uncertainties, names, n, [])
         columns = [_CYCLE, *_columns(reduction, names)]
-        lines += listing(
-            columns, reduction.cycles, most=_MOST_CYCLES, more=_MORE, below=below, used=True, omit=_LESS_NET
-        )
+        lines += listing(columns, reduction.cycles, _CYCLES, below=below, used=True, omit=_LESS_NET)
     reasons = [wrapped(f"no net energy, {sentence}", piped=_PIPED) for sentence in net_reasons(reduction.cycles)]
     return lines + at_most(reasons, _MOST_REASONS, "more reasons, all in --json", "  ")
 

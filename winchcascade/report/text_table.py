@@ -7,8 +7,8 @@ from pathlib import Path
 
 from winchcascade.core.campaign_file import Origin, origin_words
 from winchcascade.core.plain_text import one_line
-from winchcascade.report.report_model import Cell, T, TableColumn, rows_of, with_common_decimals
 from winchcascade.report.screen import PIPED, Tone, length, line_width, table_width, toned, without_tones
+from winchcascade.report.table_model import Cell, Limit, T, TableColumn, rows_of, with_common_decimals
 
 
 def aligned_lines(
@@ -113,22 +113,21 @@ def without_empty(rows: Sequence[Sequence[str]], head: int = 2) -> list[list[str
 def listing(
     columns: Sequence[TableColumn[T]],
     items: Sequence[T],
+    limit: Limit,
     *,
-    most: int,
-    more: str,
     below: Sequence[Sequence[str]] = (),
     used: bool = False,
     omit: Sequence[str] = (),
 ) -> list[str]:
-    """A table of items under their names and units; of more than `most`, the first and the last half of that.
+    """A table of items under their names and units, as many as the limit allows.
 
     Parameters
     ----------
-    more : what follows the number of the items that are not listed
     below : rows that summarise the others
     used : leave out columns without any entry
     omit : as for `table_lines`
     """
+    most = limit.most
     half, rest = most // 2, len(items) - most if len(items) != most + 1 else 0  # a line for one would save none
     shown = items if rest <= 0 else [*items[:half], *items[-half:]]
     rows = [
@@ -142,7 +141,7 @@ def listing(
     ]
     lines = table_lines(without_empty(rows) if used else rows, omit=omit)
     if rest > 0:
-        lines.insert(2 + half, f"... {rest} {more} ...")
+        lines.insert(2 + half, f"... {rest} {limit.more} ...")
     return lines
 
 

@@ -9,8 +9,9 @@ from winchcascade.core.cascade import Cascade
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.wave_energies import WaveEnergies, classes_of_payout, wave_energies
 from winchcascade.report.figures import stage_of
-from winchcascade.report.report_model import Picture, Section, Table, picture, section
+from winchcascade.report.report_model import Picture, Section, picture, section
 from winchcascade.report.style import COLOURS, label_panel, look_of, panel_figure
+from winchcascade.report.table_model import Table
 from winchcascade.report.wave_text import classes_table, record_table, wave_efficiencies_table
 from winchcascade.report.wording import tex
 

@@ -13,7 +13,7 @@ from winchcascade.core.cascade import field_of
 from winchcascade.reduction.wave_bootstrap import DRAWS, FEWEST, SEED, EnergyError, RatioOfSums
 from winchcascade.reduction.wave_energies import WaveClass, WaveEnergies
 from winchcascade.report.digits import NumberText, interval_text, significant
-from winchcascade.report.report_model import Table, TableColumn, items_table
+from winchcascade.report.table_model import Limit, Table, TableColumn, items_table
 from winchcascade.report.text_table import indented, listing, metric_steps, plain_cell, wrapped
 from winchcascade.report.wording import SYMBOL
 
@@ -44,8 +44,7 @@ def wave_lines(found: WaveEnergies) -> list[str]:
         *listing(
             columns,
             found.classes,
-            most=MOST_CLASSES,
-            more="classes more, all in --json",
+            Limit(MOST_CLASSES, "classes more, all in --json"),
             used=True,
             omit=metric_steps([f"E_{stage}" for stage in found.energy], found.efficiency),
         ),
@@ -100,8 +99,7 @@ def classes_table(found: WaveEnergies) -> Table | None:
         "Waves by payout, the travel of the positive half, and period: energies of all waves of a class, ratios of these sums.",
         columns,
         found.classes,
-        most=MOST_CLASSES,
-        more="classes",
+        limit=Limit(MOST_CLASSES, "classes"),
     )
 
 

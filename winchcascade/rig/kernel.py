@@ -41,6 +41,16 @@ LEAST_VOLUME = 0.01
 """Minimum share of the gas volume that remains, as a fit may try numbers with which the gas would vanish. [1]"""
 
 
+class LineMotion(NamedTuple):
+    """A line motion at even steps: times, displacement, velocity and acceleration, (n,) each, payout positive. SI units."""
+
+    t: Signal
+    x: Signal
+    v: Signal
+    a: Signal
+    step: float
+
+
 class Constants(NamedTuple):
     """Numbers of the parts as the kernel takes them, SI units.
 
@@ -326,16 +336,16 @@ def solve_shaft(v: Signal, dt: float, numbers: Constants) -> Signal:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def run_line(x: Signal, v: Signal, a: Signal, dt: float, c: Constants, torque: Signal, out: Signal) -> None:
+def run_line(motion: LineMotion, c: Constants, torque: Signal, out: Signal) -> None:
     """Compute the line tension and its parts: gas, screw, losses and inertia at the drum, torque of the clutch.
 
     Parameters
     ----------
-    x, v, a : (n,) displacement, velocity and acceleration of the line at even steps, payout positive [m, m/s, m/s2]
-    dt : step [s]; only the heat of the gas depends on earlier steps
+    motion : of the line; only the heat of the gas depends on earlier steps
     torque : (n,) of the clutch [N m]
     out : (n, 4) is filled with `LINE`
     """
+    x, v, a, dt = motion.x, motion.v, motion.a, motion.step
     heat = log_volume = 0.0
     for n in range(v.size):
         direction = math.tanh(v[n] / REST)

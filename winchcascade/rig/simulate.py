@@ -21,22 +21,12 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import CHANNELS, LOAD_HEADER, SIMULATED_HEADERS, Run, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.rig.baseline import baseline
-from winchcascade.rig.kernel import COLUMNS, REST, SHAFT, TURN, constants, run_line, solve_shaft
+from winchcascade.rig.kernel import COLUMNS, REST, SHAFT, TURN, LineMotion, constants, run_line, solve_shaft
 from winchcascade.rig.parts import ELECTRICAL, Model
 
 SMOOTHING = 0.44
 """Width of the local quadratic: it removes the noise of an encoder, and braking keeps its edges (0.36 to 0.52 s do). A width in
 samples would blur the motion of a log at 5 or 10 Hz. [s]"""
-
-
-class LineMotion(msgspec.Struct, frozen=True):
-    """A line motion at even steps: times, displacement, velocity and acceleration, (n,) each, payout positive. SI units."""
-
-    t: Signal
-    x: Signal
-    v: Signal
-    a: Signal
-    step: float
 
 
 def motion_of(run: Run, step: float) -> LineMotion:
@@ -54,7 +44,7 @@ def motion_of(run: Run, step: float) -> LineMotion:
     if measured is None:
         return motion
     drift = local_quadratic(run.t, measured - np.interp(run.t, motion.t, motion.x), DRIFT)
-    return msgspec.structs.replace(motion, x=motion.x + np.interp(motion.t, run.t, drift))
+    return motion._replace(x=motion.x + np.interp(motion.t, run.t, drift))
 
 
 DRIFT = 2.0
@@ -249,7 +239,7 @@ def solve(model: Model, motion: LineMotion, load: float) -> Signal:
     out = np.empty((motion.t.size, len(COLUMNS)))
     numbers = constants(model, load)
     out[:, : len(SHAFT)] = solve_shaft(motion.v, motion.step, numbers)
-    run_line(motion.x, motion.v, motion.a, motion.step, numbers, out[:, 0], out[:, len(SHAFT) :])
+    run_line(motion, numbers, out[:, 0], out[:, len(SHAFT) :])
     return out
 
 

@@ -5,6 +5,7 @@ One pass costs about as much as two solutions, for any number of derivatives; di
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -68,6 +69,16 @@ class Tangent(msgspec.Struct, frozen=True):
         return moves[used] @ self.clutch[used], moves[used] @ self.vdc[used]
 
 
+class _Solved(NamedTuple):
+    """A solution of the shaft, (n, 8), with what `run_shaft` made it from, the table of the bridge included."""
+
+    v: Signal
+    dt: float
+    numbers: Constants
+    table: Signal
+    rows: Signal
+
+
 def direction(here: Constants, there: Constants) -> Direction:
     """Change of the roll-off from one set of numbers to another."""
     return tuple(
@@ -96,14 +107,12 @@ def tangent_of(
     bent = np.array(ways, dtype=np.float64).reshape(-1, 2, len(ROLLOFF_KNOTS))
     kept = np.zeros((2, len(NUMBERS) + bent.shape[0], -(-v.size // every)))
     table = blended_table(numbers.averaged, numbers.uncommutated)
-    run_tangent(v, dt, numbers, table, solution, every, bent, kept)
+    run_tangent(_Solved(v, dt, numbers, table, solution), every, bent, kept)
     return Tangent(numbers, tuple(ways), kept[0], kept[1])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def run_tangent(
-    v: Signal, dt: float, c: Constants, table: Signal, solution: Signal, every: int, bent: Signal, kept: Signal
-) -> None:
+def run_tangent(solved: _Solved, every: int, bent: Signal, kept: Signal) -> None:
     """Compute derivatives along a solution, step by step as `run_shaft` made it.
 
     Parameters
@@ -111,6 +120,7 @@ def run_tangent(
     bent : (j, 2, knots) directions of the roll-off: change of the share at the knots, and of its slopes
     kept : (2, k, m) is filled with derivatives of the torque of the clutch and of the DC voltage
     """
+    v, dt, c, table, solution = solved.v, solved.dt, solved.numbers, solved.table, solved.rows
     size = kept.shape[1]
     rpm = 30.0 / math.pi
     share = c.eta_mesh / c.gear

@@ -23,8 +23,9 @@ from winchcascade.core.run import Run, Signal
 from winchcascade.diagnosis.nuisances import nuisances, shifted
 from winchcascade.reduction.efficiency import RATIOS
 from winchcascade.rig.baseline import baseline
+from winchcascade.rig.kernel import LineMotion
 from winchcascade.rig.parts import Model, changed
-from winchcascade.rig.simulate import LineMotion, motion_of, simulate_along
+from winchcascade.rig.simulate import motion_of, simulate_along
 from winchcascade.tables.feasible import STAGES
 
 COVERAGE = 2.0
@@ -123,7 +124,7 @@ def drive(payout: Payout, speed: float, load: float) -> tuple[Run, LineMotion]:
     }
     return (
         msgspec.structs.replace(run, channels=channels, load=load, load_source="the table"),
-        msgspec.structs.replace(motion, x=payout.start + speed * motion.x, v=speed * motion.v, a=speed * motion.a),
+        motion._replace(x=payout.start + speed * motion.x, v=speed * motion.v, a=speed * motion.a),
     )
 
 
