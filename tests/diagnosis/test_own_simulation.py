@@ -50,7 +50,7 @@ def diagnosed(simulator: str) -> tuple[ModelDiagnosis, ModelDiagnosis]:
         model = make_effect(simulator, {"r_s_change": 0.3}).apply(model)
     alone, cycles = diagnosed_alone(), [None] * len(driven())
     simulations = on_the_logs(own(model), alone.runs, rig, cycles)
-    return alone, beside_own_simulation(alone, simulations, cycles=cycles)
+    return alone, beside_own_simulation(alone, simulations)
 
 
 @pytest.mark.parametrize("simulator", ["same", "averaged", "copper_heating"])

@@ -156,7 +156,7 @@ def diagnose_listed(
         )
         if simulations is None:
             return found
-        return beside_own_simulation(found, simulations, cycles=cycles, windows=windows, on_progress=on_progress)
+        return beside_own_simulation(found, simulations, windows=windows, on_progress=on_progress)
     if any(entry.simulated is not None for entry in campaign.runs):
         raise CampaignError(
             f"{campaign.path}: a simulation of your own is compared by the model of the rig, but {model.why} Complete the rig "

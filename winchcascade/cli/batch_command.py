@@ -15,6 +15,7 @@ from winchcascade.cli.options import (
     SchedulerOption,
     WindowOption,
     report_choices,
+    valued_option,
 )
 from winchcascade.cli.outputs import check_outputs, given_command, show, write_reports, written
 from winchcascade.cli.report_options import NO_REPORT, report_options
@@ -35,19 +36,17 @@ TargetsArgument = Annotated[
 ]
 OutOption = Annotated[
     Path,
-    typer.Option(
-        "--out",
-        metavar="FOLDER",
-        help="Write the results into this folder. A second call keeps the results that are still valid.",
+    valued_option(
+        "--out", "FOLDER", "Write the results into this folder. A second call keeps the results that are still valid."
     ),
 ]
 ReportsOption = Annotated[
     str,
-    typer.Option(
+    valued_option(
         "--reports",
-        metavar="none|html|all",
-        help="Write reports of each log and of the campaign: none, html (pages), or all (pages and PDF).",
-        autocompletion=report_choices,
+        "none|html|all",
+        "Write reports of each log and of the campaign: none, html (pages), or all (pages and PDF).",
+        report_choices,
     ),
 ]
 
@@ -105,9 +104,9 @@ def batch_command(
 
 
 def demo_command(
-    out: Annotated[
-        Path, typer.Option("--out", metavar="FOLDER", help="Write campaign and results into this folder.")
-    ] = Path("winchcascade-demo"),
+    out: Annotated[Path, valued_option("--out", "FOLDER", "Write campaign and results into this folder.")] = Path(
+        "winchcascade-demo"
+    ),
     jobs: JobsOption = None,
     force: ForceOption = False,
 ) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from winchcascade.cli.command_list import CommandList
-from winchcascade.cli.options import ForceOption, JobsOption, JsonOption, SchedulerOption
+from winchcascade.cli.options import ForceOption, JobsOption, JsonOption, SchedulerOption, valued_option
 from winchcascade.cli.outputs import Printed, Results, check_outputs, deliver, report_maker_of, show, write_reports
 from winchcascade.cli.report_options import NO_REPORT, report_options
 from winchcascade.core.files import json_bytes
@@ -42,7 +42,7 @@ def blind_deal_command(
         ),
     ],
     out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Write the trial into this folder. A second call completes it.")
+        Path, valued_option("--out", "DIR", "Write the trial into this folder. A second call completes it.")
     ],
     jobs: JobsOption = None,
     scheduler: SchedulerOption = None,

@@ -11,6 +11,7 @@ from winchcascade.cli.options import (
     ForceOption,
     JobsOption,
     JsonOption,
+    valued_option,
 )
 from winchcascade.cli.outputs import Printed, Results, check_outputs, deliver, given_command, write_reports
 from winchcascade.cli.report_options import NO_REPORT, report_options
@@ -28,9 +29,7 @@ SameSensorsOption = Annotated[
 ]
 MaxDropOption = Annotated[
     float | None,
-    typer.Option(
-        "--max-drop", metavar="X", help="Exit with code 1 if eta_pto of a run drops by more than X, such as 0.01."
-    ),
+    valued_option("--max-drop", "X", "Exit with code 1 if eta_pto of a run drops by more than X, such as 0.01."),
 ]
 
 

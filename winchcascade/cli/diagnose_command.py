@@ -15,6 +15,7 @@ from winchcascade.cli.options import (
     RigOption,
     ThreadsOption,
     effect_names,
+    valued_option,
 )
 from winchcascade.cli.outputs import Printed, check_outputs, deliver, report_maker_of, write_reports
 from winchcascade.cli.report_options import NO_REPORT, report_options
@@ -30,44 +31,40 @@ if TYPE_CHECKING:
 
 WithholdOption = Annotated[
     list[float] | None,
-    typer.Option(
-        "--withhold",
-        metavar="LOAD",
-        help="Hold the logs of this load [ohm, or inf] out of choice and fit; repeat it for several.",
+    valued_option(
+        "--withhold", "LOAD", "Hold the logs of this load [ohm, or inf] out of choice and fit; repeat it for several."
     ),
 ]
 SimulatedOption = Annotated[
     Path | None,
-    typer.Option(
-        "--simulated",
-        metavar="FOLDER",
-        help="Compare the logs with your own simulation: files of the same names in this folder.",
+    valued_option(
+        "--simulated", "FOLDER", "Compare the logs with your own simulation: files of the same names in this folder."
     ),
 ]
 SuspectOption = Annotated[
     list[str] | None,
-    typer.Option(
+    valued_option(
         "--suspect",
-        metavar="EFFECT",
-        help="Suspect only this effect; repeat it for several. By default the whole catalogue is suspected.",
-        autocompletion=effect_names,
+        "EFFECT",
+        "Suspect only this effect; repeat it for several. By default the whole catalogue is suspected.",
+        effect_names,
     ),
 ]
 PredictionsOption = Annotated[
     Path | None,
-    typer.Option(
+    valued_option(
         "--predictions",
-        metavar="FOLDER",
-        help="Write what the model predicts for the held-out logs, without and with the causes, into this folder.",
+        "FOLDER",
+        "Write what the model predicts for the held-out logs, without and with the causes, into this folder.",
     ),
 ]
 WriteOption = Annotated[
     Path | None,
-    typer.Option("--write", metavar="RIG.toml", help="Write a rig file that contains the named causes as effects."),
+    valued_option("--write", "RIG.toml", "Write a rig file that contains the named causes as effects."),
 ]
 ExportOption = Annotated[
     Path | None,
-    typer.Option("--export", metavar="FILE", help="Write the numbers of the corrected model as .json or .mat."),
+    valued_option("--export", "FILE", "Write the numbers of the corrected model as .json or .mat."),
 ]
 SeedOption = Annotated[
     int, typer.Option("--seed", metavar="N", min=0, help="Set the seed by which cycles are resampled.")

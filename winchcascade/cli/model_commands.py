@@ -21,6 +21,7 @@ from winchcascade.cli.options import (
     name_argument,
     named_number,
     rig_names,
+    valued_option,
 )
 from winchcascade.cli.outputs import (
     Printed,
@@ -48,18 +49,18 @@ MotionArgument = Annotated[
 ]
 ProfileOption = Annotated[
     Path | None,
-    typer.Option(
+    valued_option(
         "--profile",
-        metavar="FILE",
-        help="Take the line motion from this CSV file with the columns time_s and velocity_mps instead of a log.",
+        "FILE",
+        "Take the line motion from this CSV file with the columns time_s and velocity_mps instead of a log.",
     ),
 ]
 EffectsOption = Annotated[
     list[str] | None,
-    typer.Option(
+    valued_option(
         "--with",
-        metavar="EFFECT.FIELD=VALUE",
-        help="Apply an effect to the model; repeat it for several. `winchcascade effects` lists them.",
+        "EFFECT.FIELD=VALUE",
+        "Apply an effect to the model; repeat it for several. `winchcascade effects` lists them.",
     ),
 ]
 
@@ -140,7 +141,7 @@ def calibrate_command(
     load_ohm: LoadOption = None,
     sheet: SheetOption = None,
     write: Annotated[
-        Path | None, typer.Option("--write", metavar="RIG.toml", help="Write a rig file with the calibrated numbers.")
+        Path | None, valued_option("--write", "RIG.toml", "Write a rig file with the calibrated numbers.")
     ] = None,
     json: JsonOption = None,
     report: ReportFiles = NO_REPORT,

@@ -44,51 +44,49 @@ def _starting(names: Iterable[str], incomplete: str) -> list[str]:
     return [name for name in names if name.startswith(incomplete)]
 
 
+def valued_option(flag: str, value: str, text: str, names: Callable[[str], Sequence[Any]] | None = None) -> Any:
+    """An option with a value: its flag, what the help calls the value, the help, and what a shell completes the value from."""
+    return typer.Option(flag, metavar=value, help=text, autocompletion=names)
+
+
 RigOption = Annotated[
     str | None,
-    typer.Option(
-        "--rig",
-        metavar="RIG",
-        help="Use this rig file, or the built-in rig hsu2026 (the default) or kitepower.",
-        autocompletion=rig_names,
+    valued_option(
+        "--rig", "RIG", "Use this rig file, or the built-in rig hsu2026 (the default) or kitepower.", rig_names
     ),
 ]
 WindowOption = Annotated[
     str | None,
-    typer.Option(
+    valued_option(
         "--window",
-        metavar="RULE",
-        help="Integrate over this window: auto, payout, or a length in seconds. By default the rule of the rig file applies.",
+        "RULE",
+        "Integrate over this window: auto, payout, or a length in seconds. By default the rule of the rig file applies.",
     ),
 ]
 LoadOption = Annotated[
     float | None,
-    typer.Option("--load-ohm", metavar="OHM", help="Set the load resistance in ohms; inf means an open circuit."),
+    valued_option("--load-ohm", "OHM", "Set the load resistance in ohms; inf means an open circuit."),
 ]
 SheetOption = Annotated[
     str | None,
-    typer.Option(
-        "--sheet",
-        metavar="NAME|NUMBER",
-        help="Read this sheet of a workbook, this run of a MATLAB file, or this TDMS group.",
+    valued_option(
+        "--sheet", "NAME|NUMBER", "Read this sheet of a workbook, this run of a MATLAB file, or this TDMS group."
     ),
 ]
 JsonOption = Annotated[
     str | None,
-    typer.Option("--json", metavar="FILE", help="Write the result as JSON; - prints the JSON and nothing else."),
+    valued_option("--json", "FILE", "Write the result as JSON; - prints the JSON and nothing else."),
 ]
 ParquetOption = Annotated[
     Path | None,
-    typer.Option(
-        "--parquet", metavar="FOLDER", help="Write cycles, bins and findings as Parquet files into this folder."
-    ),
+    valued_option("--parquet", "FOLDER", "Write cycles, bins and findings as Parquet files into this folder."),
 ]
 LossMapOption = Annotated[
     Path | None,
-    typer.Option(
+    valued_option(
         "--loss-map",
-        metavar="FILE",
-        help="Write the loss from shaft to DC link as a map over torque and speed, as .csv, .mat or .json.",
+        "FILE",
+        "Write the loss from shaft to DC link as a map over torque and speed, as .csv, .mat or .json.",
     ),
 ]
 JobsOption = Annotated[
@@ -97,9 +95,7 @@ JobsOption = Annotated[
 ]
 SchedulerOption = Annotated[
     str | None,
-    typer.Option(
-        "--scheduler", metavar="ADDRESS", help="Send the work to this Dask scheduler, such as tcp://host:8786."
-    ),
+    valued_option("--scheduler", "ADDRESS", "Send the work to this Dask scheduler, such as tcp://host:8786."),
 ]
 ForceOption = Annotated[
     bool, typer.Option("--force", help="Replace existing files, also those that another program wrote.")

@@ -7,32 +7,27 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
+from winchcascade.cli.options import valued_option
 from winchcascade.report.report_files import ReportFiles
 
 NO_REPORT = ReportFiles()
 """The value of the parameter `report` where no file of a report is wanted."""
 
 _OPTIONS: dict[str, Any] = {
-    "html": Annotated[
-        Path | None, typer.Option("--html", metavar="FILE", help="Write the report as one self-contained page.")
-    ],
-    "pdf": Annotated[Path | None, typer.Option("--pdf", metavar="FILE", help="Write the report as PDF.")],
+    "html": Annotated[Path | None, valued_option("--html", "FILE", "Write the report as one self-contained page.")],
+    "pdf": Annotated[Path | None, valued_option("--pdf", "FILE", "Write the report as PDF.")],
     "figures": Annotated[
         Path | None,
-        typer.Option(
+        valued_option(
             "--figures",
-            metavar="FOLDER",
-            help="Write each figure of the report into this folder as SVG, PDF and PNG, 90 mm and 190 mm wide.",
+            "FOLDER",
+            "Write each figure of the report into this folder as SVG, PDF and PNG, 90 mm and 190 mm wide.",
         ),
     ],
     "tables": Annotated[
         Path | None,
-        typer.Option(
-            "--tables",
-            metavar="FOLDER",
-            help="Write each table of the report into this folder as CSV, LaTeX and Markdown.",
+        valued_option(
+            "--tables", "FOLDER", "Write each table of the report into this folder as CSV, LaTeX and Markdown."
         ),
     ],
 }

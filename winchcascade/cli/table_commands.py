@@ -16,6 +16,7 @@ from winchcascade.cli.options import (
     RigOption,
     named_number,
     table_names,
+    valued_option,
 )
 from winchcascade.cli.outputs import (
     Printed,
@@ -52,14 +53,14 @@ AgainstOption = Annotated[
 ]
 ToleranceOption = Annotated[
     list[str] | None,
-    typer.Option(
+    valued_option(
         "--tolerance",
-        metavar="PART=FACTOR",
-        help="Multiply a part of the tolerance, which is rounding, deviation or uncertainty, by a factor.",
+        "PART=FACTOR",
+        "Multiply a part of the tolerance, which is rounding, deviation or uncertainty, by a factor.",
     ),
 ]
 JunitOption = Annotated[
-    Path | None, typer.Option("--junit", metavar="FILE", help="Write the result as JUnit XML for a test server.")
+    Path | None, valued_option("--junit", "FILE", "Write the result as JUnit XML for a test server.")
 ]
 
 

@@ -110,20 +110,17 @@ def at_stamps(course: Course, on_grid: Signal) -> Signal:
     return np.column_stack([np.interp(course.run.t, course.coarse.t, x) for x in on_grid.T])
 
 
-def windowed(
-    data: Fitted, number: int, window: float | None = None, cycles: tuple[int, int] | None = None
-) -> WindowedLog:
+def windowed(data: Fitted, number: int, window: float | None = None) -> WindowedLog:
     """Find the windows of one log of a fit, and what a fine step changes there.
 
     Parameters
     ----------
     window : length of the windows [s]; by default the rule of the rig
-    cycles : first and last that count, all by default
     """
     log = data.logs[number]
     fine, model = Course(log.run, log.course.blocks, STEP), data.nominal
     offset = at_stamps(fine, fine.on_grid(model)) - at_stamps(log.course, log.course.on_grid(model))
-    return WindowedLog(number, log, data.rig, windows_of(log.run, data.rig, window, cycles), offset)
+    return WindowedLog(number, log, data.rig, windows_of(log.run, data.rig, window, data.cycles[number]), offset)
 
 
 # ------------------------------------------------------------------------------------------------------- the split
@@ -280,9 +277,7 @@ def contributions_of(
     suspects: Suspects,
     found: Found,
     causes: Sequence[NamedCause],
-    *,
     windows: Sequence[float | None] | None = None,
-    cycles: Sequence[tuple[int, int] | None] | None = None,
 ) -> tuple[Contribution, ...]:
     """Split every metric of every run among the causes that are named, tolerances and residual, the parts in this order.
 
@@ -290,19 +285,17 @@ def contributions_of(
     ----------
     causes : named ones among those of the best fit
     windows : of each run the length of its windows [s], None for the rule of the rig
-    cycles : of each run the first and last cycle that count, None for all
     """
     names = tuple(cause.effect for cause in causes)
     covariance = joint_covariance(data, found.best, found.scale)
     variants = variants_of(data, suspects, found.best, names)
-    nothing = [None] * len(data.logs)
-    settings = enumerate(zip(windows or nothing, cycles or nothing, strict=True))
 
-    def account(number: int, window: float | None, span: tuple[int, int] | None) -> tuple[WindowedLog, Split]:
-        one = windowed(data, number, window, span)
+    def account(number: int, window: float | None) -> tuple[WindowedLog, Split]:
+        one = windowed(data, number, window)
         return one, split_of(data, one, variants, covariance)
 
-    accounts = [*all_at_once([partial(account, number, *setting) for number, setting in settings])]
+    lengths = enumerate(windows or [None] * len(data.logs))
+    accounts = [*all_at_once([partial(account, number, window) for number, window in lengths])]
     loaded = [math.isfinite(one.log.run.load or math.inf) for one, _ in accounts]
     with_laws = with_uncertain_laws([split for _, split in accounts], loaded, data.rig.model.discrepancy)
     return tuple(
@@ -440,9 +433,7 @@ def from_own_simulation(
     contributions: Sequence[Contribution],
     data: Fitted,
     simulations: Sequence[Run],
-    *,
     windows: Sequence[float | None] | None = None,
-    cycles: Sequence[tuple[int, int] | None] | None = None,
 ) -> tuple[Contribution, ...]:
     """Contributions that lead from an own simulation to the runs: what the model of the rig has beyond it is a part, too.
 
@@ -450,10 +441,9 @@ def from_own_simulation(
     ----------
     contributions : from the model of the rig file, as `contributions_of` gives them
     simulations : of each run, at the stamps of its log
-    windows, cycles : as for `contributions_of`
+    windows : as for `contributions_of`
     """
-    nothing = [None] * len(data.logs)
-    settings = zip(data.logs, simulations, windows or nothing, cycles or nothing, strict=True)
+    settings = zip(data.logs, simulations, windows or [None] * len(data.logs), data.cycles, strict=True)
     given = {
         (number, quantity): float(value)
         for number, (log, simulation, window, span) in enumerate(settings)

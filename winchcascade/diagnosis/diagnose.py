@@ -114,7 +114,7 @@ def diagnose(
     )
     judged = _judged(as_found, on_progress)
     on_progress("splitting the difference among the causes")
-    return _accounted(judged, contributions_of(data, suspects, found, judged.causes, windows=windows, cycles=cycles))
+    return _accounted(judged, contributions_of(data, suspects, found, judged.causes, windows))
 
 
 def _accounted(result: ModelDiagnosis, contributions: Sequence[Contribution]) -> ModelDiagnosis:

@@ -138,8 +138,8 @@ class Fitted:
     ) -> None:
         self.rig, self.nominal, self.withheld = rig, baseline(rig), frozenset(withheld)
         self.nuisances: tuple[Nuisance, ...] = nuisances(rig, runs)
-        spans = cycles or [None] * len(runs)
-        blocks = [blocks_of(run, rig, span) for run, span in zip(runs, spans, strict=True)]
+        self.cycles = cycles or [None] * len(runs)
+        blocks = [blocks_of(run, rig, span) for run, span in zip(runs, self.cycles, strict=True)]
         repeats = _repeats(runs, blocks, self.withheld)
         self.logs = [_log(rig, self.nominal, *one) for one in zip(runs, blocks, repeats, strict=True)]
         for log in self.logs:

@@ -58,7 +58,6 @@ def beside_own_simulation(
     result: ModelDiagnosis,
     simulations: Sequence[Run],
     *,
-    cycles: Sequence[tuple[int, int] | None] | None = None,
     windows: Sequence[float | None] | None = None,
     on_progress: Callable[[str], None] = lambda _: None,
 ) -> ModelDiagnosis:
@@ -70,7 +69,6 @@ def beside_own_simulation(
     Parameters
     ----------
     simulations : of each run, as `on_the_logs` gives them
-    cycles : of each run, the first and last cycle that count, None for all
     windows : of each run, the length of its integration windows [s], None for the rule of the rig
     """
     data = result.data
@@ -87,8 +85,8 @@ def beside_own_simulation(
         where = locate(data, gap, places, where.stage, where.arises)
     if closure is not None:
         closure = closure_between(data, gap, closure.residual, closure.predictions, result.seed)
-    own = fit_simulation(simulations, result, cycles, on_progress)
-    split = from_own_simulation(result.contributions, data, simulations, windows=windows, cycles=cycles)
+    own = fit_simulation(simulations, result, on_progress)
+    split = from_own_simulation(result.contributions, data, simulations, windows)
     return msgspec.structs.replace(
         result,
         predicted=given,
@@ -105,13 +103,10 @@ SHOWS = 3.0
 
 
 def fit_simulation(
-    simulations: Sequence[Run],
-    result: ModelDiagnosis,
-    cycles: Sequence[tuple[int, int] | None] | None,
-    on_progress: Callable[[str], None],
+    simulations: Sequence[Run], result: ModelDiagnosis, on_progress: Callable[[str], None]
 ) -> OwnSimulation:
     """Fit an own simulation as if it were a set of logs, with the suspects of a diagnosis and the usual simplifications."""
-    data = Fitted(simulations, result.rig, cycles)
+    data = Fitted(simulations, result.rig, result.data.cycles)
     suspects: Suspects = {**result.suspects, **SIMPLIFICATIONS}
     found = search(data, suspects, lambda step: on_progress(f"your simulation: {step}"))
     nothing = np.zeros(len(data.nuisances))

@@ -17,7 +17,7 @@ from winchcascade.diagnosis.diagnosis_result import (
 from winchcascade.diagnosis.entries import effect_name
 from winchcascade.diagnosis.gap_map import STANDS_OUT, arises
 from winchcascade.diagnosis.line.line_causes import STEP, SWING
-from winchcascade.diagnosis.line.line_closure import BURST
+from winchcascade.diagnosis.line.line_closure import BURST, LineRemainder
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.line.line_selection import DRAWS
 from winchcascade.report.cause_words import alternatives_words, cause_words
@@ -334,8 +334,8 @@ def remainder_words(found: DiagnosisResult) -> str:
     left = found.remainder
     if left is None:
         return "There is no residual beyond noise."
-    if isinstance(found, LineDiagnosis):
-        return _line_remainder(found)
+    if isinstance(found, LineDiagnosis) and isinstance(left, LineRemainder):
+        return _line_remainder(found, left)
     share = 1.0 if found.closure is None else max(1.0 - found.closure.share, 0.0)
     part = "Less than 1 %" if share < 0.01 else f"{number(100.0 * share, 0)} %"
     closed = "" if found.closure is None else f"{part} of the gap stays open"
@@ -347,10 +347,7 @@ def remainder_words(found: DiagnosisResult) -> str:
     return f"{f'{closed}, with {signs}' if closed else upper(signs)}.{' The strongest:' if several else ''} {strongest}"
 
 
-def _line_remainder(found: LineDiagnosis) -> str:
-    left = found.remainder
-    if left is None:
-        return ""
+def _line_remainder(found: LineDiagnosis, left: LineRemainder) -> str:
     signs = "".join(f" {alarm_words(alarm, ())}." for alarm in left.alarms)
     if found.closure is None or not isinstance(left.worst, Spot):
         return signs.strip()

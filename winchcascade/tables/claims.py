@@ -44,12 +44,21 @@ def claim_verdict(claim: Claim, table: PublishedTable, known: Repeatability) -> 
     return ClaimVerdict(claim, *_JUDGES[type(claim.statement)](claim.statement, table, known))
 
 
+def _placed(claim: ValueClaim | ShareClaim, what: str) -> str:
+    """Where a claim about one row applies, and what the text says of it."""
+    return f"{load_text(claim.load)}, {what}: the text says {claim.column.text(claim.value)}"
+
+
+def _without_row(place: str) -> tuple[Verdict, str]:
+    """The verdict on a claim about a load that the table lacks."""
+    return "not_checkable", f"{place}, and the table has no row of this load."
+
+
 def _value(claim: ValueClaim, table: PublishedTable, known: Repeatability) -> tuple[Verdict, str]:
-    row = table.row(claim.load)
-    said = claim.column.text(claim.value)
-    place = f"{load_text(claim.load)}, {claim.metric}: the text says {said}"
+    place, row = _placed(claim, claim.metric), table.row(claim.load)
     if row is None:
-        return "not_checkable", f"{place}, and the table has no row of this load."
+        return _without_row(place)
+    said = claim.column.text(claim.value)
     spans, span = table.spans(row), claim.column.span(claim.value)
     if claim.metric in spans and span.meets(spans[claim.metric]):
         return "confirmed", f"{place}, and the table prints {table.cell(row, claim.metric)}."
@@ -103,11 +112,9 @@ def _needs(claim: ValueClaim, row: TableRow, table: PublishedTable) -> str:
 
 
 def _share(claim: ShareClaim, table: PublishedTable, known: Repeatability) -> tuple[Verdict, str]:
-    row = table.row(claim.load)
-    said = claim.column.text(claim.value)
-    place = f"{load_text(claim.load)}, {claim.part} out of {claim.of}: the text says {said}"
+    place, row = _placed(claim, f"{claim.part} out of {claim.of}"), table.row(claim.load)
     if row is None:
-        return "not_checkable", f"{place}, and the table has no row of this load."
+        return _without_row(place)
     readings = {eta: found for eta in RATIOS if (found := _reading(eta, row, table, known)) is not None}
     stages = {eta: tuple(name.partition("_")[2] for name in pair) for eta, pair in RATIOS.items()}
     meant = next(eta for eta in RATIOS if stages[eta] == (claim.part.partition("_")[2], claim.of.partition("_")[2]))
@@ -119,7 +126,7 @@ def _share(claim: ShareClaim, table: PublishedTable, known: Repeatability) -> tu
         return "confirmed", f"{place}, and the row gives {texts[meant]} ({meant})."
     others = " or ".join(f"{eta}, {stages[eta][0]} out of {stages[eta][1]} ({texts[eta]})" for eta in fitting)
     sentence = f"{place}, but the row gives {texts[meant]} ({meant})"
-    return "contradicted", f"{sentence}; {said} is {others}." if others else f"{sentence}."
+    return "contradicted", f"{sentence}; {claim.column.text(claim.value)} is {others}." if others else f"{sentence}."
 
 
 def _reading(eta: str, row: TableRow, table: PublishedTable, known: Repeatability) -> Span | None:

@@ -33,17 +33,10 @@ NEAR = 0.03
 BEYOND = 20.0
 """Largest factor that an error of a gain may cause."""
 
-STANDS_OUT = 3.0
-"""Smallest jump over the 95 % quantile of the differences of displacement and velocity while the line moves,"""
-
-DEVIATIONS = 8.0
-"""over their standard deviation,"""
-
-ROW = 0.5
-"""over the travel in a row, as at least one whole row is lost,"""
-
-STEPS = 1.5
-"""and over the step of the displacement."""
+STANDS_OUT, DEVIATIONS, ROW, STEPS = 3.0, 8.0, 0.5, 1.5
+"""Smallest jump, as a multiple of four sizes, all of which it exceeds: the 95 % quantile of the differences of displacement and
+velocity while the line moves, their standard deviation, the travel in a row, as at least one whole row is lost, and the step of
+the displacement. [1]"""
 
 MOST = 20
 """Maximum number of jumps: with more of them the displacement jumps by itself, as one that is sampled slowly does."""

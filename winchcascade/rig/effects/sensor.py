@@ -1,21 +1,43 @@
 """Errors of sensors and of the logger."""
 
+from typing import NamedTuple
+
 from winchcascade.rig.effects.effect import Change, Display, Effect, Field
 
-_GAIN_ERROR = (Field("gain_error", "1", -0.1, 0.1, (-0.9, 9.0), "plausible range"),)
+
+class _Sensor(NamedTuple):
+    """A sensor: its channel, its label, its name in a sentence, and beside a number where that is a shorter one."""
+
+    channel: str
+    label: str
+    name: str
+    short: str = ""
+
+
+def _gain(name: str, of: _Sensor, *, shows_as: str, taken_for: str, source: str, unlisted: str = "") -> Effect:
+    """Declare the gain error of a sensor."""
+    return Effect(
+        name=name,
+        label=f"{of.label} gain",
+        stage="sensor",
+        summary=f"Gain error of {of.name}.",
+        shows_as=shows_as,
+        taken_for=taken_for,
+        source=source,
+        fields=(Field("gain_error", "1", -0.1, 0.1, (-0.9, 9.0), "plausible range"),),
+        display=Display(f"gain of {of.short or of.name}", 100.0, "%"),
+        law=Change(f"sensors.gain.{of.channel}", "compound"),
+        unlisted=unlisted,
+    )
+
 
 SENSOR = (
-    Effect(
-        name="torque_gain",
-        label="Torque sensor gain",
-        stage="sensor",
-        summary="Gain error of the torque sensor.",
+    _gain(
+        "torque_gain",
+        _Sensor("torque", "Torque sensor", "the torque sensor"),
         shows_as="torque alone, by the same share at every speed and load.",
         taken_for="another mesh efficiency (gear_mesh_loss), which the force shows too.",
         source="Hsu et al. 2026, Table 1: 0.2 % of full scale; plausible range of a sensor not calibrated in place.",
-        fields=_GAIN_ERROR,
-        display=Display("gain of the torque sensor", 100.0, "%"),
-        law=Change("sensors.gain.torque", "compound"),
     ),
     Effect(
         name="force_zero",
@@ -30,58 +52,38 @@ SENSOR = (
         display=Display("zero of the force cell", 1.0, "N"),
         law=Change("sensors.zero.force", "add"),
     ),
-    Effect(
-        name="force_gain",
-        label="Force cell gain",
-        stage="sensor",
-        summary="Gain error of the force cell.",
+    _gain(
+        "force_gain",
+        _Sensor("force", "Force cell", "the force cell"),
         shows_as="force alone, by the same share in every phase.",
         taken_for="layers of rope (drum_layering), whose share grows with displacement; drag (line_drag), which turns "
         "round with the motion.",
         source="Hsu et al. 2026, Table 1: 0.2 % of full scale; plausible range of a cell not calibrated in place.",
-        fields=_GAIN_ERROR,
-        display=Display("gain of the force cell", 100.0, "%"),
-        law=Change("sensors.gain.force", "compound"),
         unlisted="a loss in proportion to the force, as over a sheave,",
     ),
-    Effect(
-        name="voltage_gain",
-        label="Vdc sensor gain",
-        stage="sensor",
-        summary="Gain error of the voltage Vdc.",
+    _gain(
+        "voltage_gain",
+        _Sensor("vdc", "Vdc sensor", "the voltage Vdc", "Vdc"),
         shows_as="vdc alone, by the same share at every speed and load, and with it the apparent load resistance.",
         taken_for="another back-EMF constant (ke_shift), which torque and idc show; another load (load_drift), which "
         "idc shows.",
         source="Not published; Hsu et al. 2026 name no accuracy for Vdc. Plausible range.",
-        fields=_GAIN_ERROR,
-        display=Display("gain of Vdc", 100.0, "%"),
-        law=Change("sensors.gain.vdc", "compound"),
     ),
-    Effect(
-        name="current_gain",
-        label="Idc sensor gain",
-        stage="sensor",
-        summary="Gain error of the current Idc.",
+    _gain(
+        "current_gain",
+        _Sensor("idc", "Idc sensor", "the current Idc", "Idc"),
         shows_as="idc alone, by the same share at every speed and load, and with it the apparent load resistance.",
         taken_for="another load (load_drift), which vdc and torque show.",
         source="Not published; Hsu et al. 2026 name no accuracy for Idc. Plausible range.",
-        fields=_GAIN_ERROR,
-        display=Display("gain of Idc", 100.0, "%"),
-        law=Change("sensors.gain.idc", "compound"),
     ),
-    Effect(
-        name="pressure_gain",
-        label="Pressure sensor gain",
-        stage="sensor",
-        summary="Gain error of the pressure sensor.",
+    _gain(
+        "pressure_gain",
+        _Sensor("pressure", "Pressure sensor", "the pressure sensor"),
         shows_as="pressure alone, by the same share at every displacement, in every phase.",
         taken_for="another precharge (precharge), which force shows too, but not where piston and gas (piston_area, "
         "gas_volume) are smaller by the same share.",
         source="Hsu et al. 2026, Table 1: 0.1 % of full scale, 20 MPa; plausible range of a sensor not calibrated in "
         "place.",
-        fields=_GAIN_ERROR,
-        display=Display("gain of the pressure sensor", 100.0, "%"),
-        law=Change("sensors.gain.pressure", "compound"),
     ),
     Effect(
         name="electrical_lag",

@@ -33,7 +33,28 @@ _K_E = tuple(ratio - 1.0 for ratio in (math.sqrt(3.0), math.sqrt(2.0), math.sqrt
 )
 """Relative changes of a back-EMF constant between line to line and phase, rms and peak, and both at once."""
 
-_HALF_OR_TWICE = (-0.5, 1.0)
+
+def _line_to_line(
+    symbol: str, what: str, *, shows_as: str, taken_for: str, scatter: float, same_as: tuple[str, ...] = ()
+) -> Effect:
+    """Declare that the rig file states a number of the generator line to line, not of a phase."""
+    return Effect(
+        name=f"{symbol}_convention",
+        label=f"Form of {symbol}",
+        stage="entry",
+        summary=f"The rig file states the {what} line to line, not of a phase.",
+        shows_as=shows_as,
+        taken_for=taken_for,
+        source="line to line over phase, star connection: 2.",
+        fields=_change(f"{symbol}_change", "2 and 1/2", -0.65, 1.6),
+        parameter=f"{symbol}_ratio",
+        unit="1",
+        display=Display(f"{symbol}, true over stated", signed=False),
+        law=Change(f"generator.{symbol}", "scale"),
+        reported_from=_ratio,
+        entry=WrongEntry(f"generator.{symbol}", (-0.5, 1.0), scatter, always_usual=True, same_as=same_as),
+    )
+
 
 ENTRY = (
     Effect(
@@ -148,39 +169,20 @@ ENTRY = (
         reported_from=_ratio,
         entry=WrongEntry("generator.k_e", _K_E, 0.02, always_usual=True),
     ),
-    Effect(
-        name="r_s_convention",
-        label="Form of r_s",
-        stage="entry",
-        summary="The rig file states the stator resistance line to line, not of a phase.",
+    _line_to_line(
+        "r_s",
+        "stator resistance",
         shows_as="vdc and idc deviate at small load resistance, torque and force by less; the resistance by a factor of 2.",
         taken_for="hot copper (copper_heating), which raises the resistance by less than a factor of 2.",
-        source="line to line over phase, star connection: 2.",
-        fields=_change("r_s_change", "2 and 1/2", -0.65, 1.6),
-        parameter="r_s_ratio",
-        unit="1",
-        display=Display("r_s, true over stated", signed=False),
-        law=Change("generator.r_s", "scale"),
-        reported_from=_ratio,
-        entry=WrongEntry("generator.r_s", _HALF_OR_TWICE, 0.05, always_usual=True),
+        scatter=0.05,
     ),
-    Effect(
-        name="l_s_convention",
-        label="Form of l_s",
-        stage="entry",
-        summary="The rig file states the inductance line to line, not of a phase.",
+    _line_to_line(
+        "l_s",
+        "inductance",
         shows_as="vdc, idc, torque and force deviate where speed and current are both high; the inductance by a factor of 2.",
         taken_for="a wrong number of pole pairs (pole_pairs): only the product of both enters.",
-        source="line to line over phase, star connection: 2.",
-        fields=_change("l_s_change", "2 and 1/2", -0.65, 1.6),
-        parameter="l_s_ratio",
-        unit="1",
-        display=Display("l_s, true over stated", signed=False),
-        law=Change("generator.l_s", "scale"),
-        reported_from=_ratio,
-        entry=WrongEntry(
-            "generator.l_s", _HALF_OR_TWICE, 0.02, always_usual=True, same_as=("sync_inductance", "pole_pairs")
-        ),
+        scatter=0.02,
+        same_as=("sync_inductance", "pole_pairs"),
     ),
 )
 """Wrong entries, suspects of every diagnosis."""
