@@ -22,9 +22,7 @@ def compile_model() -> None:
     numbers, table = constants(model, 36.0), blended_table(0.0, 0.0)
     shaft = np.ascontiguousarray(solve(model, motion, 36.0)[:, : len(SHAFT)])
     run_steady(motion.v, motion.step, numbers, table, np.empty_like(shaft))
-    run_line(
-        motion.x, motion.v, motion.a, motion.step, numbers, shaft[:, 0].copy(), np.empty((motion.t.size, len(LINE)))
-    )
+    run_line(motion, numbers, shaft[:, 0].copy(), np.empty((motion.t.size, len(LINE))))
     tangent_of(motion.v, motion.step, numbers, shaft, 1, [])
     back_emfs(motion.v, motion.v, 0.5, motion.v, table)
 
