@@ -89,6 +89,59 @@ def test_a_wrong_unit_of_a_column_counts_once(tmp_path: Path) -> None:
     assert "taken times 0.001; its unit, printed as MW, is wrong" in fault.sentence
 
 
+@pytest.mark.parametrize(
+    ("right", "wrong", "columns", "words"),
+    [
+        ('speed = { unit = "rpm"', 'speed = { unit = "rad/s"', ("speed",), "printed as rad/s, is wrong; rpm fits."),
+        (
+            'torque = { unit = "N.m"',
+            'torque = { unit = "kgf.cm"',
+            ("torque",),
+            "printed as kgf.cm, is wrong; N.m fits.",
+        ),
+        (
+            '= { unit = "W"',
+            '= { unit = "MW"',
+            ("power_gen", "power_mech"),
+            "their unit, printed as MW, is wrong; W fits.",
+        ),
+    ],
+)
+def test_a_unit_of_another_system_or_of_all_powers_is_named(
+    right: str, wrong: str, columns: tuple[str, ...], words: str, tmp_path: Path
+) -> None:
+    points = [point(k) | {"power_mech": 1e3 * point(k)["power_mech"]} for k in range(8)]
+    watts = COLUMNS.replace('"kW"', '"W"')
+    assert audited(table(tmp_path, points, watts)).ok
+    (fault,) = audited(table(tmp_path, points, watts.replace(right, wrong))).faults
+    assert fault.columns == columns
+    assert fault.sentence.endswith(words)
+
+
+def test_a_text_where_a_number_was_expected_is_reported(tmp_path: Path) -> None:
+    (tmp_path / "points.csv").write_text("torque,speed,power_mech\n10,955,1000\n20,955,2000 W\n30,955,-\n")
+    columns = '[columns]\ntorque = { unit = "N.m" }\nspeed = { unit = "rpm" }\npower_mech = { unit = "W" }\n'
+    (tmp_path / "points.toml").write_text(HEAD + 'csv = "points.csv"\nkey = "torque"\n' + columns)
+    out = call("audit", tmp_path / "points.toml").out
+    assert "not numbers, and not compared: row 2 power_mech '2000 W'\n" in out
+
+
+@pytest.mark.parametrize(
+    ("content", "words"), [("", "is empty"), ("torque,speed,power_mech\n", "no row below its heads")]
+)
+def test_a_table_without_rows_is_not_audited(content: str, words: str, tmp_path: Path) -> None:
+    (tmp_path / "points.csv").write_text(content)
+    (tmp_path / "points.toml").write_text(HEAD + 'csv = "points.csv"\n[columns]\ntorque = { unit = "N.m" }\n')
+    called = call("audit", tmp_path / "points.toml")
+    assert (called.code, words in called.err) == (2, True)
+
+
+def test_a_speed_in_volts_is_one_sentence(tmp_path: Path) -> None:
+    path = table(tmp_path, [point(0)], COLUMNS.replace('speed = { unit = "rpm"', 'speed = { unit = "V"'))
+    with pytest.raises(TableError, match="unit 'V' measures voltage; expected a unit of rotation, such as rpm"):
+        load_points(path)
+
+
 def test_a_milliwatt_is_no_megawatt() -> None:
     factors = [unit.factor for name in ("mW", "W", "kW", "MW") if (unit := find_unit(name))]
     assert factors == [1e-3, 1.0, 1e3, 1e6]

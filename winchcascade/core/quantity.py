@@ -210,6 +210,15 @@ def si_unit(dimension: str) -> str:
     return _SPELLED[dimension, 1.0].split()[0]
 
 
+def unit_names(dimension: str) -> dict[float, str]:
+    """Units of a dimension by their factor, as texts.
+
+    >>> unit_names("torque")[1e3], unit_names("nothing")
+    ('kN.m', {})
+    """
+    return {factor: names.split()[0] for (name, factor), names in _SPELLED.items() if name == dimension}
+
+
 class Quantity(msgspec.Struct, frozen=True):
     """A number in SI units with its source and, where it is known, one standard uncertainty in the same unit."""
 

@@ -7,7 +7,7 @@ from functools import partial
 from winchcascade.core.published_table import PublishedTable, load_text
 from winchcascade.report import audit_text as words
 from winchcascade.report.digits import NumberText, number, upper
-from winchcascade.report.point_audit_text import law_sentences, point_summary
+from winchcascade.report.point_audit_text import law_sentences, point_summary, unread_sentences
 from winchcascade.report.provenance import file_digest, provenance_table
 from winchcascade.report.report_model import Note, Point, Report, Section, Tone, section
 from winchcascade.report.table_model import Table, TableColumn, items_table
@@ -57,6 +57,7 @@ def point_audit_report(audit: PointAudit, *, command: str = "") -> Report:
         Point("Outcome", f"{upper(point_summary(audit))}.", _tone(audit.ok)),
         Point("Compared", f"{audit.laws} cells in {len(audit.table.rows)} rows."),
         *(_point(text) for text in law_sentences(audit)),
+        *(_point(text) for text in unread_sentences(audit)),
     )
     return _report(audit.table, points, sections)
 

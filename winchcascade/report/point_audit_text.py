@@ -24,6 +24,7 @@ def point_audit_text(audit: PointAudit) -> str:
     lines = title_lines(table)
     lines += [line for text in law_sentences(audit) for line in wrapped(text)]
     lines += ["", f"{len(table.rows)} rows, {audit.laws} cells compared"]
+    lines += [line for text in unread_sentences(audit) for line in wrapped(text)]
     for fault in audit.faults:
         lines += indented(fault.sentence)
     for item in broken[:_MOST_SHOWN]:
@@ -42,11 +43,21 @@ def law_sentences(audit: PointAudit) -> list[str]:
     return sentences + ([f"means may differ by {100.0 * table.tolerance:g} %"] if table.tolerance else [])
 
 
+def unread_sentences(audit: PointAudit) -> list[str]:
+    """Which cells hold a text where a number was expected."""
+    unread = audit.table.unread
+    if not unread:
+        return []
+    more = f"; and {len(unread) - _MOST_SHOWN} more" if len(unread) > _MOST_SHOWN else ""
+    return [f"not numbers, and not compared: {'; '.join(unread[:_MOST_SHOWN])}{more}"]
+
+
 def point_summary(audit: PointAudit) -> str:
     """How many faults there are."""
     faults, broken = len(audit.faults), len(audit.broken)
     found = [f"{faults} column fault{'s'[: faults != 1]}"] if faults else []
-    found += [f"{broken} cell{'s'[: broken != 1]} that contradict others"] if broken or not found else []
+    one = "1 cell that contradicts others"
+    found += [one if broken == 1 else f"{broken} cells that contradict others"] if broken or not found else []
     return "nothing contradicts itself" if audit.ok else f"found: {', '.join(found)}"
 
 
@@ -66,6 +77,7 @@ def point_audit_record(audit: PointAudit) -> dict[str, Any]:
         "ok": audit.ok,
         "rows": len(table.rows),
         "cells_compared": audit.laws,
+        "cells_not_numbers": [*table.unread],
         "column_faults": [
             {
                 "kind": fault.kind,

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 
 import msgspec
 
 from winchcascade.core.published_table import Span, unit_suffix
+from winchcascade.core.quantity import unit_names
 from winchcascade.tables.point_table import Law, PointCell, PointColumn, PointTable
 
 MOST_WRONG = 0.02
@@ -37,7 +39,7 @@ class BrokenLaw(msgspec.Struct, frozen=True):
 
 
 class ColumnFault(msgspec.Struct, frozen=True):
-    """One fault of whole columns that explains the broken laws: heads exchanged, or a power of ten in a unit."""
+    """One fault of whole columns that explains the broken laws: heads exchanged, or another unit."""
 
     kind: str
     columns: tuple[str, ...]
@@ -165,19 +167,68 @@ def _exchanged(row: _Row, one: str, other: str) -> dict[str, PointCell]:
     return {names.get(name, name): cell for name, cell in row.items()}
 
 
+class _Rescaled(msgspec.Struct, frozen=True):
+    """Columns of one unit, the factor by which it may be wrong, and the unit that this gives, empty for none that is known."""
+
+    names: tuple[str, ...]
+    factor: float
+    unit: str
+
+
 def _units(table: PointTable, broken: Sequence[BrokenLaw]) -> list[tuple[ColumnFault, tuple[BrokenLaw, ...]]]:
-    """Columns that one power of ten in their unit makes consistent; the best one first."""
+    """Columns that one other unit makes consistent; the best ones first: to a unit that is known, and of few columns."""
     suspects = {item.column for item in broken}
     suspects |= {c for name in suspects if (law := table.columns[name].law) for c in (*law.times, *law.over)}
     found = []
-    for name, power in itertools.product(sorted(suspects), POWERS):
-        column = table.columns[name]
-        scaled = msgspec.structs.replace(column, factor=column.factor * 10.0**power)
-        mended = broken_laws(msgspec.structs.replace(table, columns={**table.columns, name: scaled}))
+    for rescaled in _other_units(table, suspects):
+        scaled = {
+            name: msgspec.structs.replace(column, factor=column.factor * rescaled.factor)
+            for name in rescaled.names
+            for column in [table.columns[name]]
+        }
+        mended = broken_laws(msgspec.structs.replace(table, columns={**table.columns, **scaled}))
         if len(mended) <= MOST_WRONG * len(broken):
-            sentence = (
-                f"column {column.head!r}: {len(broken)} cells contradict others as printed, {len(mended) or 'none'} if its "
-                f"numbers are taken times {10.0**power:g}; its unit, printed as {column.unit}, is wrong."
-            )
-            found.append((ColumnFault("unit", (name,), len(broken), len(mended), sentence), mended))
-    return sorted(found, key=lambda item: item[0].broken_after)
+            found.append((rescaled, mended))
+    found.sort(key=lambda item: (len(item[1]), not item[0].unit, len(item[0].names)))
+    return [(_wrong_unit(table, broken, one, mended, [r for r, _ in found]), mended) for one, mended in found]
+
+
+def _other_units(table: PointTable, suspects: AbstractSet[str]) -> Iterator[_Rescaled]:
+    """Other units of single columns, and of all columns that share one: powers of ten, and units of the same dimension."""
+    shared: dict[tuple[str, float], list[str]] = {}
+    for name, column in sorted(table.columns.items()):
+        shared.setdefault((column.dimension, column.factor), []).append(name)
+    for (dimension, printed), names in shared.items():
+        known = {factor / printed: unit for factor, unit in unit_names(dimension).items()}
+        factors = {10.0**power: "" for power in POWERS}
+        for factor, unit in known.items():
+            same = next((f for f in factors if math.isclose(f, factor)), factor)
+            factors[same] = unit
+        groups: list[tuple[str, ...]] = [(name,) for name in names if name in suspects]
+        groups += [tuple(names)] if len(names) > 1 and not suspects.isdisjoint(names) else []
+        yield from (
+            _Rescaled(group, factor, unit)
+            for group in groups
+            for factor, unit in factors.items()
+            if not math.isclose(factor, 1.0)
+        )
+
+
+def _wrong_unit(
+    table: PointTable,
+    broken: Sequence[BrokenLaw],
+    one: _Rescaled,
+    mended: Sequence[BrokenLaw],
+    others: Sequence[_Rescaled],
+) -> ColumnFault:
+    """The fault of a unit, with another one to a known unit that the table cannot distinguish from it."""
+    heads, many = " and ".join(repr(table.columns[name].head) for name in one.names), len(one.names) > 1
+    sentence = (
+        f"column{'s' if many else ''} {heads}: {len(broken)} cells contradict others as printed, {len(mended) or 'none'} if "
+        f"{'their' if many else 'its'} numbers are taken times {one.factor:g}; {'their' if many else 'its'} unit, printed as "
+        f"{table.columns[one.names[0]].unit}, is wrong" + (f"; {one.unit} fits." if one.unit else ".")
+    )
+    alike = [o for o in others if o.unit and len(o.names) == 1 and set(o.names).isdisjoint(one.names)]
+    if one.unit and alike:
+        sentence += f" {alike[0].unit} for column {table.columns[alike[0].names[0]].head!r} fits too."
+    return ColumnFault("unit", one.names, len(broken), len(mended), sentence)

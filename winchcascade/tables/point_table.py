@@ -36,6 +36,13 @@ AT = {
 travel of its payouts; each with its dimension."""
 
 
+_NO_NUMBER = re.compile(r"\W*|#?n\W?a\W?|nan|k\W?a\W?|null|none")
+"""What is written into a cell without a number."""
+
+_SHAFT = {"speed": "rotation", "torque": "torque"}
+"""Columns of the shaft, whose product is a power, with their dimension."""
+
+
 class Law(msgspec.Struct, frozen=True):
     """What a column is of others: the product of some, divided by others."""
 
@@ -76,7 +83,8 @@ class PointCell(msgspec.Struct, frozen=True):
 class PointTable(msgspec.Struct, frozen=True):
     """A table of operating points; `tolerance` is the share by which means of products may differ from products of means.
 
-    `key_share` is what a measured key may differ by from a printed one, as a share of the largest printed one.
+    `key_share` is what a measured key may differ by from a printed one, as a share of the largest printed one. `unread` names
+    cells that hold a text where a number was expected.
     """
 
     name: str
@@ -88,6 +96,7 @@ class PointTable(msgspec.Struct, frozen=True):
     tolerance: float = 0.0
     key_share: float = 0.02
     path: str = ""
+    unread: tuple[str, ...] = ()
 
     def row_name(self, k: int) -> str:
         """How a row is called: its key columns, or its number from 1 on."""
@@ -131,8 +140,9 @@ def load_points(path: Path) -> PointTable:
             raise TableError(f"{where}: key names {name!r}, which is no column; expected one of {', '.join(columns)}.")
     if ("csv" in raw) == ("point" in raw):
         raise TableError(f'{where}: expected either csv = "FILE" or [[point]] tables with the rows, and not both.')
+    unread: tuple[str, ...] = ()
     if "csv" in raw:
-        rows = _csv_rows(path.parent / entry(raw["csv"], "csv", _Text, where, TableError), columns, where)
+        rows, unread = _csv_rows(path.parent / entry(raw["csv"], "csv", _Text, where, TableError), columns, where)
     else:
         rows = _point_rows(entry(raw["point"], "point", _Points, where, TableError), columns, where)
     return PointTable(
@@ -145,6 +155,7 @@ def load_points(path: Path) -> PointTable:
         tolerance=entry(raw.get("tolerance_percent", 0.0), "tolerance_percent", _Percent, where, TableError) / 100.0,
         key_share=entry(raw.get("key_percent", 2.0), "key_percent", _Percent, where, TableError) / 100.0,
         path=where,
+        unread=unread,
     )
 
 
@@ -169,6 +180,11 @@ def _columns(raw: object, where: str) -> dict[str, PointColumn]:
         if AT.get(measured) == "rotation":
             found = read_as(found, "rotation") or found
         factor = ENERGY_UNITS.get(unit) or (found.factor if found else None)
+        if found is not None and name in _SHAFT and found.dimension != _SHAFT[name]:
+            raise TableError(
+                f"{place}: the unit {unit!r} measures {found.dimension}; expected a unit of {_SHAFT[name]}, such as "
+                f"{'rpm' if name == 'speed' else 'N.m'}. Give another quantity another name."
+            )
         if factor is None:
             raise TableError(f"{place}: the unit {unit!r} is unknown; expected one such as W, kW, N.m, rpm or 1.")
         law = given.get("is", _TORQUE_AND_SPEED if name in _POWER and {"torque", "speed"} <= set(raw) else None)
@@ -206,8 +222,10 @@ def _law(text: object, columns: Mapping[str, object], place: str) -> Law:
     return Law(str(text), times, over)
 
 
-def _csv_rows(file: Path, columns: Mapping[str, PointColumn], where: str) -> tuple[Mapping[str, PointCell], ...]:
-    """Rows of a CSV whose first line holds the heads."""
+def _csv_rows(
+    file: Path, columns: Mapping[str, PointColumn], where: str
+) -> tuple[tuple[Mapping[str, PointCell], ...], tuple[str, ...]]:
+    """Rows of a CSV whose first line holds the heads, and the cells that hold a text instead of a number."""
     try:
         content = file.read_bytes()
     except OSError as fault:
@@ -215,6 +233,10 @@ def _csv_rows(file: Path, columns: Mapping[str, PointColumn], where: str) -> tup
     lines = [line for line in content.decode(find_encoding(content), "replace").splitlines() if line.strip()]
     head = lines[0].lstrip("\ufeff") if lines else ""
     delimiter = max(";\t,", key=head.count)
+    if len(lines) < 2:
+        raise TableError(
+            f"{file}: {'no row below its heads' if lines else 'is empty'}; expected heads and rows of numbers."
+        )
     names = split_row(head, delimiter)
     for column in columns.values():
         if names.count(column.head) != 1:
@@ -233,7 +255,13 @@ def _csv_rows(file: Path, columns: Mapping[str, PointColumn], where: str) -> tup
         }
         for row in cells
     ]
-    return tuple(row for row in rows if row)
+    unread = tuple(
+        f"row {k} {name} {row[place].strip()!r}"
+        for k, (row, read) in enumerate(zip(cells, rows, strict=True), 1)
+        for name, place in places.items()
+        if name not in read and place < len(row) and _NO_NUMBER.fullmatch(row[place].strip().casefold()) is None
+    )
+    return tuple(row for row in rows if row), unread
 
 
 def _point_rows(
