@@ -47,6 +47,15 @@ def test_one_channel_without_an_x_column_takes_its_interval_from_the_heading(tmp
     assert np.allclose(run.channels["velocity"], np.arange(40) * 1e-6)
 
 
+@pytest.mark.parametrize(("separator", "name"), [(",", "Comma"), (";", "Semicolon")])
+def test_a_file_whose_headings_use_its_own_separator_is_read(separator: str, name: str, tmp_path: Path) -> None:
+    content = lvm(["Velocity", "Force"], ["m/s", "N"], [f"\t0.5\t{k}.25" for k in range(40)])
+    content = content.replace("\t,\n", "\t.\n").replace(",", ".").replace("\t", separator).replace("Tab", name)
+    run = read_run(write(tmp_path, content))
+    assert run.fs == pytest.approx(25.0)
+    assert np.allclose(run.channels["force"], np.arange(40) + 0.25)
+
+
 def test_a_heading_without_a_decimal_sign_leaves_it_to_the_numbers(tmp_path: Path) -> None:
     content = lvm(["Velocity", "Force"], ["m/s", "N"], [f"\t0,5\t{k},25" for k in range(40)])
     run = read_run(write(tmp_path, content.replace("Decimal_Separator\t,\n", "")))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 
 from winchcascade.core.errors import LogError
@@ -11,6 +12,7 @@ from winchcascade.ingest.layout import Layout, decimal_sign, preamble_properties
 
 _END = "***End_of_Header***"
 _DELIMITERS = {"tab": "\t", "comma": ",", "semicolon": ";"}
+_ENTRY = re.compile(r"([^\t,;]*)([\t,;]?)(.*)", re.DOTALL)
 _AXIS, _REMARKS = "X_Value", "Comment"
 _SAMPLE = 50
 """Number of rows from which the layout of a file is found."""
@@ -30,8 +32,8 @@ def labview_layout(lines: Sequence[str], where: str) -> Layout | None:
     at = next((k + 1 for k in ends if lines[k + 1 : k + 2] and lines[k + 1].startswith(_AXIS)), None)
     if at is None:
         return None
-    head = {line.partition("\t")[0].strip(): line for line in lines[: ends[0]]}
-    delimiter = _DELIMITERS.get(_entry(head, "Separator", "\t").casefold(), "\t")
+    head = dict(map(_entry, lines[: ends[0]]))
+    delimiter = _DELIMITERS.get(head.get("Separator", "").casefold(), "\t")
     heading = {cells[0]: cells for line in lines[ends[0] : at - 1] if (cells := split_row(line, delimiter))}
     names = split_row(lines[at], delimiter)
     rows = _rows(lines[at + 1 : at + 1 + _SAMPLE], delimiter)
@@ -40,11 +42,11 @@ def labview_layout(lines: Sequence[str], where: str) -> Layout | None:
             f"{where}: a LabVIEW heading but no rows of numbers below it; expected at least a few seconds of samples. Check "
             "that the logger wrote its data."
         )
-    if _entry(head, "X_Columns", delimiter) != "One":
+    if head.get("X_Columns") != "One":
         _require_one_interval(heading, names, where)
     width = usual_width(rows)
     headers = [_header(k, name, heading, rows) for k, name in enumerate(names[:width])]
-    stated = _entry(head, "Decimal_Separator", "\t")
+    stated = head.get("Decimal_Separator", "")
     return Layout(
         delimiter,
         stated if stated in (".", ",") else decimal_sign(rows),
@@ -53,15 +55,19 @@ def labview_layout(lines: Sequence[str], where: str) -> Layout | None:
         at + 1,
         tuple(map(tuple, rows)),
         any('"' in line for line in lines[at + 1 :]),
-        preamble_properties(lines[:at]),
+        preamble_properties([line.replace(delimiter, "\t") for line in lines[:at]]),
         labview=True,
     )
 
 
-def _entry(head: Mapping[str, str], key: str, delimiter: str) -> str:
-    """Entry of the first heading, which separates by tabs or by the separator of the file; empty where there is none."""
-    cells = split_row(head.get(key, ""), "\t")
-    return cells[1] if len(cells) > 1 else split_row(head.get(key, ""), delimiter)[-1] if key in head else ""
+def _entry(line: str) -> tuple[str, str]:
+    """Key and value of a line of the first heading, which separates by tabs or by the separator of the file.
+
+    >>> _entry("Decimal_Separator\\t,"), _entry("Separator,Comma,,")
+    (('Decimal_Separator', ','), ('Separator', 'Comma'))
+    """
+    key, separator, rest = _ENTRY.fullmatch(line.strip("\r\n")).groups()  # type: ignore[union-attr]  # matches any line
+    return key.strip(), (rest.split(separator)[0] if separator else rest).strip()
 
 
 def _rows(lines: Sequence[str], delimiter: str) -> list[list[str]]:
