@@ -132,6 +132,23 @@ def test_columns_of_one_load_are_not_distinguished_and_named() -> None:
     assert "the table holds no value" in text
 
 
+@pytest.mark.parametrize("n", [1, 2])
+def test_as_many_coefficients_as_points_have_no_interval(n: int, tmp_path: Path) -> None:
+    found = make_loss_map(scattered(4, n), BENCH)
+    fitted = [c for c in found.surface.coefficients if c.value is not None]
+    assert len(fitted) == n
+    assert {(c.low, c.high) for c in fitted} == {(None, None)}
+    assert math.isnan(found.u_energy)
+    assert not np.isfinite(found.u_loss).any()
+    text = "\n".join(loss_map_lines(found))
+    assert f"{n} point{'s' if n > 1 else ''}, torque" in text
+    assert "J lost, uncertainty unknown" in " ".join(text.split())
+    assert sum("unknown  " in line for line in text.splitlines()) == n
+    for name in ("map.csv", "map.json", "map.mat"):
+        write_loss_map(found, tmp_path / name, "log")
+    assert json.loads((tmp_path / "map.json").read_text())["energy_lost_standard_uncertainty_j"] is None
+
+
 def test_the_accuracy_of_a_sensor_widens_the_intervals() -> None:
     sensors = load_rig("hsu2026").sensors
     plain, points = fit_surface(scattered(5), BENCH), scattered(5)

@@ -52,7 +52,8 @@ CLUSTERS = 12
 class Coefficient(msgspec.Struct, frozen=True):
     """Coefficient of one column with its 95 % interval, in SI units.
 
-    All three are None for a column that the points cannot distinguish from `contained_in`, and is left out.
+    All three are None for a column that the points cannot distinguish from `contained_in`, and is left out. The interval alone
+    is None where there are as many columns as points, so that no scatter shows.
     """
 
     term: str
@@ -69,7 +70,7 @@ class Surface(msgspec.Struct, frozen=True):
     Parameters
     ----------
     values, covariance : (5,) and (5, 5), zero for columns that are left out
-    freedom : degrees of freedom of the intervals
+    freedom : degrees of freedom of the intervals; 0 for as many columns as points, which show no scatter
     condition : condition number of the columns that are fitted, each scaled to length one
     condition_all : the same of all five columns; infinite where some are the same
     residual : root mean square of what the surface leaves of the points [W]
@@ -96,7 +97,7 @@ class LossMap(msgspec.Struct, frozen=True):
     hull : (k, 2) corners of the convex hull of the points, torque [N m] and speed [rad/s], anticlockwise
     torque, speed : (n,) and (m,) breakpoints [N m], [rad/s]
     loss, u_loss : (n, m) loss and its standard uncertainty [W]; NaN outside the hull
-    energy, u_energy : lost in all points together, and its standard uncertainty [J]
+    energy, u_energy : lost in all points together, and its standard uncertainty, NaN where no scatter shows [J]
     """
 
     points: LossPoints
@@ -239,7 +240,7 @@ def _scatter(x: Signal, left: Signal, cycle: Index) -> tuple[Signal, int]:
     """
     n, p = x.shape
     if n <= p:
-        return np.zeros((p, p)), 1
+        return np.full((p, p), np.nan), 0
     inverse = np.linalg.pinv(x)
     numbers, place = np.unique(cycle, return_inverse=True)
     clustered = CLUSTERS <= numbers.size < n
@@ -261,8 +262,10 @@ def _with_errors(points: LossPoints, rig: Rig) -> list[LossPoints]:
 
 
 def _energy(points: LossPoints, surface: Surface, rig: Rig) -> tuple[float, float]:
-    """Energy lost in all points together, and its standard uncertainty. [J]"""
+    """Energy lost in all points together, and its standard uncertainty, NaN where no scatter shows. [J]"""
     energy = float(points.loss @ points.duration)
+    if surface.freedom == 0:
+        return energy, math.nan
     left = (points.loss - points.columns @ surface.values) * points.duration
     _, place = np.unique(points.cycle, return_inverse=True)
     u_square = float(np.sum(np.bincount(place, weights=left) ** 2))
@@ -273,14 +276,15 @@ def _energy(points: LossPoints, surface: Surface, rig: Rig) -> tuple[float, floa
 def _coefficients(
     columns: Signal, kept: Sequence[int], values: Signal, covariance: Signal, freedom: int
 ) -> tuple[Coefficient, ...]:
-    factor = student(freedom)
+    factor = student(freedom) if freedom else math.nan
     found = []
     for k, (term, unit) in enumerate(zip(TERMS, UNITS, strict=True)):
         if k not in kept:
             found.append(Coefficient(term, unit, contained_in=_contained_in(columns, k, kept)))
             continue
         value, reach = float(values[k]), factor * math.sqrt(covariance[k, k])
-        found.append(Coefficient(term, unit, value, value - reach, value + reach))
+        known = math.isfinite(reach)
+        found.append(Coefficient(term, unit, value, value - reach if known else None, value + reach if known else None))
     return tuple(found)
 
 

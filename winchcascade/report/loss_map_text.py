@@ -52,19 +52,33 @@ def loss_points_words(found: LossMap) -> str:
     """Number and range of the points, and where the energy went."""
     points = found.points
     logs = "" if len(points.logs) == 1 else f" of {len(points.logs)} logs"
-    return (
-        f"{points.stages[0]} to {points.stages[1]}: {points.loss.size} points{logs}, torque "
-        f"{_range(points.torque.min(), points.torque.max())} N m, speed "
-        f"{_range(points.speed.min(), points.speed.max())} rad/s; together {number(found.energy, _digits(found.u_energy))} J "
-        f"lost, standard uncertainty {uncertain(found.u_energy)} J"
+    many = "" if points.loss.size == 1 else "s"
+    u = (
+        f"standard uncertainty {uncertain(found.u_energy)} J"
+        if math.isfinite(found.u_energy)
+        else "uncertainty unknown"
     )
+    return (
+        f"{points.stages[0]} to {points.stages[1]}: {points.loss.size} point{many}{logs}, torque "
+        f"{_range(points.torque.min(), points.torque.max())} N m, speed "
+        f"{_range(points.speed.min(), points.speed.max())} rad/s; together {_joules(found)} J lost, {u}"
+    )
+
+
+def _joules(found: LossMap) -> str:
+    """Energy lost, with the digits of its uncertainty where that is known."""
+    known = math.isfinite(found.u_energy) and found.u_energy > 0.0
+    return number(found.energy, _digits(found.u_energy)) if known else significant(found.energy)
 
 
 def quality_words(found: LossMap) -> list[str]:
     """How well the surface meets the points, what they do not distinguish, and what was left out."""
     surface, mean = found.surface, float(abs(found.points.loss).mean())
     held = surface.held_out
-    sentences = [
+    sentences = []
+    if surface.freedom == 0:
+        sentences = ["as many coefficients as points: the surface meets them exactly, and no interval is known"]
+    sentences += [
         f"residual {significant(surface.residual)} W"
         + (
             ", too few points to hold any out"
@@ -108,19 +122,32 @@ def coefficients_table(found: LossMap) -> Table | None:
         "Surface of the loss over torque and speed of the shaft: the sum of these columns times their coefficients.",
         columns,
         found.surface.coefficients,
-        note=f"{note}. Columns are left out while the condition number exceeds {CONDITION_MAX:g}. Intervals (coverage 95 %, "
-        f"Student's t with {found.surface.freedom} degrees of freedom) contain the "
-        "scatter of the points and the accuracies of the sensors that the rig file states.",
+        note=f"{note}. Columns are left out while the condition number exceeds {CONDITION_MAX:g}.{_intervals_words(found)}",
+    )
+
+
+def _intervals_words(found: LossMap) -> str:
+    """What the intervals contain, empty without any."""
+    freedom = found.surface.freedom
+    if freedom == 0:
+        return ""
+    return (
+        f" Intervals (coverage 95 %, Student's t with {freedom} degrees of freedom) contain the scatter of the points and the "
+        "accuracies of the sensors that the rig file states."
     )
 
 
 def _value(c: Coefficient) -> str:
-    return "–" if c.value is None or c.low is None else number(c.value, _digits((c.value - c.low) / 2.0))
+    if c.value is None:
+        return "–"
+    return significant(c.value) if c.low is None else number(c.value, _digits((c.value - c.low) / 2.0))
 
 
 def _interval(c: Coefficient) -> str:
-    if c.value is None or c.low is None or c.high is None:
+    if c.value is None:
         return "not distinguished"
+    if c.low is None or c.high is None:
+        return "unknown"
     u = (c.value - c.low) / 2.0
     return interval_text(c.low, c.high, u) if u > 0.0 else significant(c.value)
 
