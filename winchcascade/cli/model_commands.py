@@ -112,7 +112,9 @@ def simulate_command(
         from winchcascade.report.simulation_report import simulation_report
 
         words, command = ", ".join(effects or []), given_command()
-        return simulation_report(simulation, source=str(source), rig=settings.rig.name, effects=words, command=command)
+        return simulation_report(
+            simulation, rig=settings.rig, window=settings.window, source=str(source), effects=words, command=command
+        )
 
     write_reports(make, report, f"{out.stem}_simulation", force=force)
     show(simulation_text(simulation) + written(results))

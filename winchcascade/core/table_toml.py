@@ -53,6 +53,15 @@ def load_table(table: str | Path) -> PublishedTable:
     return parse_table(read_toml(path, "a table that can be read", TableError), str(path), name=path.stem)
 
 
+def table_place(path: str) -> str:
+    """Name the file of a table in a report: a built-in table by its name.
+
+    >>> table_place(load_table("hsu2026-table2").path), table_place("mine/table.toml")
+    ('built-in table hsu2026-table2', 'mine/table.toml')
+    """
+    return f"built-in table {Path(path).stem}" if Path(path).parent == _FOLDER else path
+
+
 def parse_table(text: str, where: str, *, name: str = "table") -> PublishedTable:
     """Turn the text of a table file into a PublishedTable; `where` names the file in the one sentence of a TableError."""
     raw = toml_values(text, where, TableError)

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from functools import partial
 
-from winchcascade.core.published_table import PublishedTable, load_text
+from winchcascade.core.published_table import PublishedTable
+from winchcascade.core.table_toml import table_place
 from winchcascade.report import audit_text as words
 from winchcascade.report.digits import NumberText, number, upper
 from winchcascade.report.point_audit_text import law_sentences, point_summary, unread_sentences
 from winchcascade.report.provenance import file_digest, provenance_table
 from winchcascade.report.report_model import Note, Point, Report, Section, Tone, section
 from winchcascade.report.table_model import Table, TableColumn, items_table
-from winchcascade.report.wording import SYMBOL
+from winchcascade.report.wording import SYMBOL, load_words, page_text
 from winchcascade.tables.attainable import AttainableRanges, SuspectResult
 from winchcascade.tables.attainable_row import AttainableRow, Cell
-from winchcascade.tables.audit import Audit, Contradiction
+from winchcascade.tables.audit import Audit, Contradiction, RecoveredWindow
 from winchcascade.tables.claims import ClaimVerdict
 from winchcascade.tables.point_audit import BrokenLaw, ColumnFault, PointAudit
 from winchcascade.tables.point_table import PointTable
@@ -25,11 +26,11 @@ VERDICTS = {"confirmed": "confirmed", "contradicted": "contradicted", "not_check
 
 def audit_report(audit: Audit, *, command: str = "") -> Report:
     """Make the rows of the report of an audit of a table by load."""
-    windows = tuple(Note(f"{upper(text)}.") for text in words.window_sentences(audit))
+    shared = map(_note, words.shared_windows(audit))
     sections = (
         section("contradictions", "Cells that contradict each other", _contradictions(audit) or Note("None.")),
         section("claims", "Claims of the text", _claims(audit)),
-        section("windows", "Windows recovered from energy over power", *windows),
+        section("windows", "Windows recovered from energy over power", _windows(audit), *shared),
         *(() if audit.physics is None else _physics(audit.physics)),
         section("provenance", "Provenance", _provenance(audit.table, command)),
     )
@@ -41,7 +42,8 @@ def audit_report(audit: Audit, *, command: str = "") -> Report:
     ]
     if audit.physics is not None:
         points.insert(
-            1, Point("Physics", f"{upper(words.attainable_summary(audit.physics))}.", _tone(audit.physics.ok))
+            1,
+            Point("Physics", f"{upper(page_text(words.attainable_summary(audit.physics)))}.", _tone(audit.physics.ok)),
         )
     return _report(audit.table, tuple(points), sections)
 
@@ -77,24 +79,28 @@ def _tone(ok: bool) -> Tone:
     return "good" if ok else "warn"
 
 
+def _note(text: str, about: str = "") -> Note:
+    return Note(f"{upper(page_text(text))}.", about)
+
+
 def _point(sentence: str) -> Point:
     """A sentence of the terminal that names before a colon what it is about."""
-    about, _, text = sentence.partition(": ")
+    about, _, text = page_text(sentence).partition(": ")
     return Point(upper(about), f"{upper(text or about)}.")
 
 
 # ------------------------------------------------------------------------------------------------------ a table by load
 def _contradictions(audit: Audit) -> Table | None:
     columns: list[TableColumn[Contradiction]] = [
-        TableColumn("Row", text=True, of=lambda c: "total" if c.load is None else load_text(c.load)),
-        TableColumn("Line in the file", of=lambda c: None if c.line is None else NumberText(str(c.line), c.line)),
+        TableColumn("Row", text=True, of=lambda c: "total" if c.load is None else load_words(c.load)),
+        TableColumn("Line no.", of=lambda c: None if c.line is None else NumberText(str(c.line), c.line)),
         TableColumn("Cell", text=True, of=lambda c: SYMBOL.get(c.metric, c.metric)),
         TableColumn("Published", of=lambda c: _short(c.printed)),
         TableColumn("Allowed", of=lambda c: _span(c.allowed.low, c.allowed.high)),
         TableColumn("Beyond by", of=lambda c: _short(c.missed_by)),
         TableColumn("Unit", text=True, of=lambda c: "" if c.unit == "1" else c.unit),
-        TableColumn("What contradicts what", text=True, of=lambda c: c.sentence),
-        TableColumn("Remedy", text=True, of=lambda c: words.remedy(c) if c.kind == "row" else ""),
+        TableColumn("What contradicts what", text=True, of=lambda c: page_text(c.sentence)),
+        TableColumn("Remedy", text=True, of=lambda c: page_text(words.remedy(c)) if c.kind == "row" else ""),
     ]
     caption = "Cells that cannot all be true, whatever the rounding and the scatter of the cycles."
     return items_table("contradictions", caption, columns, audit.contradictions)
@@ -102,13 +108,24 @@ def _contradictions(audit: Audit) -> Table | None:
 
 def _claims(audit: Audit) -> Table | None:
     columns: list[TableColumn[ClaimVerdict]] = [
-        TableColumn("Where", text=True, of=lambda c: c.claim.where),
-        TableColumn("Claim", text=True, of=lambda c: c.claim.says),
+        TableColumn("Where", text=True, of=lambda c: page_text(c.claim.where)),
+        TableColumn("Claim", text=True, of=lambda c: page_text(c.claim.says)),
         TableColumn("Verdict", text=True, of=lambda c: VERDICTS[c.verdict]),
-        TableColumn("What the rows give", text=True, of=lambda c: c.sentence),
+        TableColumn("What the rows give", text=True, of=lambda c: page_text(c.sentence)),
     ]
     ranked = sorted(audit.claims, key=lambda claim: claim.verdict != "contradicted")
     return items_table("claims", "Claims of the text about the table, contradicted ones first.", columns, ranked)
+
+
+def _windows(audit: Audit) -> Table | None:
+    columns: list[TableColumn[RecoveredWindow]] = [
+        TableColumn("Row", text=True, of=lambda w: load_words(w.load)),
+        TableColumn("Window", "s", 4, of=lambda w: None if w.span is None else 0.5 * (w.span.low + w.span.high)),
+        TableColumn("From", "s", 4, of=lambda w: None if w.span is None else w.span.low),
+        TableColumn("To", "s", 4, of=lambda w: None if w.span is None else w.span.high),
+    ]
+    caption = "Windows that the energies and powers of each row allow; none where the stages contradict each other."
+    return items_table("windows", caption, columns, audit.windows)
 
 
 def _short(value: float) -> NumberText:
@@ -128,23 +145,23 @@ def _physics(ranges: AttainableRanges) -> tuple[Section, ...]:
     return (
         section(
             "physics", "What the rig can attain",
-            Note(f"{upper(words.basis(ranges))}."),
-            *(Note(text, "Note") for text in ranges.notes),
+            _note(words.basis(ranges)),
+            *(Note(page_text(text), "Note") for text in ranges.notes),
             _ranges(ranges, metrics),
-            *(Note(f"{load_text(item.load)}: {item.reason}", "Not judged") for item in ranges.not_judged),
-            *(Note(f"{upper(text)}.") for text in verdicts),
+            *(Note(f"{load_words(item.load)}: {page_text(item.reason)}", "Not judged") for item in ranges.not_judged),
+            *map(_note, verdicts),
         ),
         section(
             "effects", "Effects that could explain it",
             None if ranges.ok else _effects(ranges),
-            *(Note(f"{upper(text)}.", "All within reach") for text in sets),
+            *(_note(text, "All within reach") for text in sets),
         ),
     )  # fmt: skip
 
 
 def _ranges(ranges: AttainableRanges, metrics: list[str]) -> Table | None:
     columns: list[TableColumn[AttainableRow]] = [
-        TableColumn("Row", text=True, of=lambda r: load_text(r.load)),
+        TableColumn("Row", text=True, of=lambda r: load_words(r.load)),
         TableColumn("Line speed", "m/s", of=_speeds),
     ]
     for metric in metrics:
@@ -188,11 +205,13 @@ def _effects(ranges: AttainableRanges) -> Table | None:
             TableColumn("Closes", "%", of=partial(_closes, metric)),
         ]
     caption = "Effects alone: the values that the rows need, and the share that a plausible value takes away."
-    return items_table("effects", caption, columns, ranges.explanation.suspects)
+    note = "Needs: from the row that needs least to the one that needs most; * in some rows no value does."
+    return items_table("effects", caption, columns, ranges.explanation.suspects, note=note)
 
 
 def _needs(ranges: AttainableRanges, metric: str, suspect: SuspectResult) -> str:
-    return words.needed_words(ranges, suspect.ability(metric))
+    text = words.needed_words(ranges, suspect.ability(metric))
+    return "–" if text == "-" else page_text(text)
 
 
 def _closes(metric: str, suspect: SuspectResult) -> NumberText:
@@ -232,7 +251,7 @@ def _broken(audit: PointAudit) -> Table | None:
 
 def _provenance(table: PublishedTable | PointTable, command: str) -> Table:
     rows = [
-        ("Published table", table.path or table.name),
+        ("Published table", table_place(table.path) or table.name),
         ("SHA-256 of the table", file_digest(table.path)),
         ("Source", table.source),
     ]

@@ -153,6 +153,12 @@ def window_sentences(audit: Audit) -> list[str]:
             middle, half = 0.5 * (w.span.low + w.span.high), 0.5 * (w.span.high - w.span.low)
             span = f"{w.span.low:.4f} to {w.span.high:.4f} s ({middle:.4f} s +- {percent(half / middle)})"
         found.append(f"{load_text(w.load)}: {span}")
+    return found + shared_windows(audit)
+
+
+def shared_windows(audit: Audit) -> list[str]:
+    """Which rows can share one window."""
+    found = []
     for shared in audit.shared:
         if len(shared.loads) > 1:
             loads = ", ".join(load_text(load) for load in shared.loads)

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from winchcascade.core.campaign_file import banner
+from winchcascade.core.quantity import KGF
+from winchcascade.core.run import Signal
 from winchcascade.diagnosis.calibrate import Calibration, Number
 from winchcascade.report import calibration_text as words
 from winchcascade.report.digits import number, places, significant, uncertain, upper
@@ -14,6 +18,7 @@ from winchcascade.report.provenance import data_point, file_digest, provenance_t
 from winchcascade.report.report_model import Note, Point, Report, Section, Tile, picture, section
 from winchcascade.report.style import house_style
 from winchcascade.report.table_model import Table, TableColumn, items_table, make_table, text_column
+from winchcascade.report.wording import page_text
 from winchcascade.rig.backemf import RPM_LEAST
 
 METHOD = (
@@ -44,7 +49,7 @@ def calibration_report(calibration: Calibration, *, command: str = "") -> Report
     run, rig = calibration.run, calibration.rig
     with house_style():
         sections = (
-            section("results", "Results", _numbers(calibration), Note(f"{upper(words.together_words(calibration))}.")),
+            section("results", "Results", _numbers(calibration), _note(words.together_words(calibration))),
             _fit(calibration),
             section("conditions", "Conditions", _conditions(calibration)),
             section("method", "Method", *METHOD),
@@ -62,10 +67,14 @@ def calibration_report(calibration: Calibration, *, command: str = "") -> Report
     )
 
 
+def _note(text: str) -> Note:
+    return Note(f"{upper(page_text(text))}.")
+
+
 def _tile(n: Number) -> Tile:
     decimals = places(n.u) if n.u > 0.0 else 6
     low, high = (number(x, decimals) for x in (n.low, n.high))
-    unit = "" if n.unit == "1" else f" {n.unit}"
+    unit = "" if n.unit == "1" else f" {page_text(n.unit)}"
     return Tile(n.name, n.section, f"{number(n.value, decimals)}{unit}", f"95 %: {low} to {high}{unit}")
 
 
@@ -76,8 +85,8 @@ def _points(calibration: Calibration) -> tuple[Point, ...]:
     return (
         data_point([calibration.run.origin]),
         Point("Calibrated", f"{new} of rig {calibration.rig.name}, from log {calibration.run.name}."),
-        Point("Against the rig file", f"{words.comparison(calibration)}."),
-        *(Point("Finding", f"{upper(text)}.", "warn") for text in found),
+        Point("Against the rig file", f"{page_text(words.comparison(calibration))}."),
+        *(Point("Finding", f"{upper(page_text(text))}.", "warn") for text in found),
         *([] if found else [Point("Findings", "None.", "good")]),
     )
 
@@ -91,9 +100,9 @@ def _numbers(calibration: Calibration) -> Table:
         TableColumn("Standard uncertainty", of=lambda n: uncertain(n.u)),
         TableColumn("95 % interval, from", of=lambda n: number(n.low, _decimals(n))),
         TableColumn("to", of=lambda n: number(n.high, _decimals(n))),
-        TableColumn("Unit", text=True, of=lambda n: n.unit),
+        TableColumn("Unit", text=True, of=lambda n: page_text(n.unit)),
         TableColumn("State", text=True, of=lambda n: "calibrated" if n.new else "as before"),
-        TableColumn("Method", text=True, of=lambda n: n.how),
+        TableColumn("Method", text=True, of=lambda n: page_text(n.how)),
     ]
     found = items_table("calibrated-numbers", "Calibrated numbers of the rig.", columns, calibration.numbers)
     assert found is not None  # the back-EMF constant is always there
@@ -120,8 +129,8 @@ def _fit(calibration: Calibration) -> Section:
             "constant.",
             f"Dots along a straight line through zero; its slope is {significant(fit.k_e, 5)} V/rpm.",
         ),
-        Note(f"{upper(words.regression_words(fit))}."),
-        Note(f"{upper(words.eq8_words(fit, calibration))}."),
+        _note(words.regression_words(fit)),
+        _note(words.eq8_words(fit, calibration)),
         Note(
             f"With the numbers found, force, torque and pressure differ from the model by "
             f"{significant(math.sqrt(calibration.misfit), 2)} times their noise (root mean square)."
@@ -141,11 +150,11 @@ def _conditions(calibration: Calibration) -> Table:
         ("Generator speed of the regression", f"{fit.rpm.min():.0f} to {fit.rpm.max():.0f} rpm"),
         ("DC voltage of the regression", f"{fit.vdc.min():.1f} to {fit.vdc.max():.1f} V"),
         *(
-            (title, f"{run.channels[name].min() * factor:.4g} to {run.channels[name].max() * factor:.4g} {unit}")
+            (title, f"{_range(run.channels[name] * factor)} {unit}")
             for name, title, factor, unit in (
                 ("velocity", "Line velocity", 1.0, "m/s"),
                 ("force", "Line tension", 1.0, "N"),
-                ("pressure", "Accumulator pressure, gauge", 1e-5, "bar"),
+                ("pressure", "Accumulator pressure, gauge", 1.0 / (KGF * 1e4), "kg/cm²"),
             )
             if name in run.channels
         ),
@@ -154,9 +163,16 @@ def _conditions(calibration: Calibration) -> Table:
     return make_table("conditions", "Conditions of the calibration.", (text_column("Item"), text_column("Value")), rows)
 
 
+def _range(x: Signal) -> str:
+    """Smallest and largest value of a channel, with the decimals of three digits of the larger one."""
+    size = float(np.abs(x).max())
+    decimals = max(2 - math.floor(math.log10(size)), 0) if size > 0.0 else 0
+    return f"{number(float(x.min()), decimals)} to {number(float(x.max()), decimals)}"
+
+
 def _findings(calibration: Calibration) -> Table | Note:
     """What speaks against the numbers, and what is wrong with the log."""
-    rows = [("calibration", text) for text in words.findings(calibration)]
+    rows = [("calibration", page_text(text)) for text in words.findings(calibration)]
     rows += [(f"log, {f.kind.replace('_', ' ')}", f"{f.message}; {f.action}") for f in calibration.run.findings]
     if not rows:
         return Note("Nothing speaks against the numbers, and no fault was found in the log.")

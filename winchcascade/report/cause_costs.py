@@ -18,7 +18,7 @@ from winchcascade.report.gap_words import has_own_simulation
 from winchcascade.report.report_model import Picture, Section, picture, section
 from winchcascade.report.table_model import Table, formatted_table, number_column, text_column
 from winchcascade.report.text_table import aligned_lines, table_lines
-from winchcascade.report.wording import load_words, tex
+from winchcascade.report.wording import SYMBOL, load_words, tex
 
 if TYPE_CHECKING:  # the text of a diagnosis needs no figure
     from matplotlib.axes import Axes
@@ -79,7 +79,7 @@ def cost_words(found: ModelDiagnosis) -> str:
     worst = max(table, key=lambda costs: abs(costs.measured - costs.as_given))
     parts = ", ".join(f"{part_name(found, part)} {points_words(part.value, 1)}" for part in worst.parts)
     text = (
-        f"At {load_words(worst.load)} {metric} is {number(worst.measured, 1)} % ({word_of(found)}) and "
+        f"At {load_words(worst.load)} {SYMBOL[worst.metric]} is {number(worst.measured, 1)} % ({word_of(found)}) and "
         f"{number(worst.as_given, 1)} % by {given_words(found)}. The difference in points: {parts}."
     )
     return f"{text} {no_energy_words(found)}".rstrip()
@@ -203,7 +203,7 @@ def _cost_table_of(found: ModelDiagnosis, metric: str) -> Table | None:
     ]
     return formatted_table(
         f"costs-{metric.replace('_', '-')}",
-        f"{metric}: from {given_words(found)} to {goal_words(found)}, in points of efficiency (±: 95 %).",
+        f"{SYMBOL[metric]}: from {given_words(found)} to {goal_words(found)}, in points of efficiency (±: 95 %).",
         (text_column("Part"), text_column("Kind"), *(number_column(load_words(costs.load)) for costs in table)),
         [ends[0], *rows, ends[1]],
         f"{no_energy_words(found)} {ABOUT}".strip(),
@@ -233,8 +233,9 @@ BAR = 0.165
 
 
 def _waterfall_words(found: ModelDiagnosis) -> str:
+    metric = leading_metric(found.contributions)
     return (
-        f"{leading_metric(found.contributions)} from {given_words(found)} to {goal_words(found)}, cause by cause, at each "
+        f"{'' if metric is None else SYMBOL[metric]} from {given_words(found)} to {goal_words(found)}, cause by cause, at each "
         "load. Orange: a cause that costs efficiency; blue: one that adds some; purple: a sensor, which costs no energy; "
         "yellow: a wrong entry; grey: tolerances and residual. Black lines: 95 %."
     )

@@ -8,12 +8,13 @@ from pathlib import Path
 
 from winchcascade.core.campaign_file import banner
 from winchcascade.core.plain_text import one_line
+from winchcascade.core.table_toml import table_place
 from winchcascade.report.check_text import check_summary, miss_sentence, recipe
 from winchcascade.report.digits import MINUS, NumberText, upper
 from winchcascade.report.provenance import data_point, file_digest, provenance_table
 from winchcascade.report.report_model import Note, Point, Report, Tile, section
 from winchcascade.report.table_model import Table, TableColumn, items_table, make_table, text_column
-from winchcascade.report.wording import SYMBOL
+from winchcascade.report.wording import SYMBOL, load_words, page_text
 from winchcascade.tables.check import CellCheck, Check, Outcome, RowKey
 
 VERDICTS = {"ok": "agrees", "miss": "differs", "not_measured": "not measured", "no_run": "no run"}
@@ -50,7 +51,7 @@ def _tiles(check: Check) -> tuple[Tile, ...]:
     whole = f"of {len(check.cells)} cells"
     without = f"{counts['no_run']} without a run" if counts["no_run"] else whole
     return tuple(
-        Tile(VERDICTS[key], name, str(counts[key]), without if key == "not_measured" else whole) for key, name in names
+        Tile(upper(name), "", str(counts[key]), without if key == "not_measured" else whole) for key, name in names
     )
 
 
@@ -66,7 +67,8 @@ def _points(check: Check) -> tuple[Point, ...]:
 
 
 def _misses(check: Check) -> tuple[Note, ...]:
-    return tuple(Note(miss_sentence(cell)) for cell in check.misses) or (Note("All cells agree."),)
+    notes = [Note(page_text(miss_sentence(cell), one_line(cell.log or ""))) for cell in check.misses]
+    return tuple(notes) or (Note("All cells agree."),)
 
 
 def _cells(check: Check) -> Table:
@@ -74,7 +76,7 @@ def _cells(check: Check) -> Table:
     parts = ["rounding", "deviation", "uncertainty", *(["means"] if any(c.means for c in check.cells) else [])]
     heads = {"uncertainty": "2 u"}
     columns: list[TableColumn[CellCheck]] = [
-        TableColumn("Row", text=True, of=lambda c: c.row.text),
+        TableColumn("Row", text=True, of=lambda c: _row_words(c.row)),
         TableColumn("Quantity", text=True, of=lambda c: SYMBOL.get(c.metric, c.metric)),
         TableColumn("Unit", text=True, of=lambda c: "" if c.column.unit == "1" else c.column.unit),
         TableColumn("Published", of=lambda c: _text(c, c.printed, 0)),
@@ -82,8 +84,8 @@ def _cells(check: Check) -> Table:
         TableColumn("Difference", of=partial(_value, "difference", 1)),
         TableColumn("Allowed", of=partial(_value, "tolerance", 1)),
         TableColumn("Verdict", text=True, of=lambda c: VERDICTS[c.outcome]),
-        TableColumn("Beyond by", of=partial(_value, "missed_by", 2)),
-        *(TableColumn(upper(heads.get(part, part)), of=partial(_value, part, 2)) for part in parts),
+        *(TableColumn(head, of=partial(_value, "missed_by", 1)) for head in ("Beyond by",) if check.misses),
+        *(TableColumn(upper(heads.get(part, part)), of=partial(_value, part, 1)) for part in parts),
         TableColumn("Log", text=True, of=lambda c: "" if c.log is None else one_line(Path(c.log).name)),
     ]
     found = items_table(
@@ -92,6 +94,11 @@ def _cells(check: Check) -> Table:
         "with u the standard uncertainty.",
     )  # fmt: skip
     return found or make_table("cells", "No cell was compared.", columns, [])
+
+
+def _row_words(row: RowKey) -> str:
+    """The row of a published table: its load, or its key."""
+    return row.text if row.load is None else load_words(row.load)
 
 
 def _value(name: str, more: int, cell: CellCheck) -> NumberText | None:
@@ -115,13 +122,13 @@ def _findings(check: Check) -> Table | Note:
     if not rows:
         return Note("No fault was found in the logs.")
     columns = (text_column("Row"), text_column("What was found in its log"))
-    return make_table("findings", "Findings in the logs.", columns, [(row.text, text) for row, text in rows])
+    return make_table("findings", "Findings in the logs.", columns, [(_row_words(row), text) for row, text in rows])
 
 
 def _provenance(check: Check, command: str) -> Table:
     table, factors = check.table, check.factors
     rows = [
-        ("Published table", table.path or table.name),
+        ("Published table", table_place(table.path) or table.name),
         ("SHA-256 of the table", file_digest(table.path)),
         ("Source", table.source),
         ("Logs", ", ".join(dict.fromkeys(cell.log for cell in check.cells if cell.log))),

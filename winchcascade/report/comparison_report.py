@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 from winchcascade.comparison.comparability import rule_text
 from winchcascade.comparison.compared_run import ComparedRun
@@ -17,11 +18,11 @@ from winchcascade.report.comparison_words import (
     difference_rows,
     digits_of,
     drawn_metrics,
-    drop_words,
     freedom_cell,
     gate_words,
     headline_metrics,
     interval_cell,
+    interval_verdict,
     method_words,
     note_words,
     of_windows,
@@ -82,7 +83,7 @@ def make_comparison_report(found: Comparison, gate: Gate | None = None, *, comma
     )  # fmt: skip
     return Report(
         kind="Comparison",
-        title=f"{found.b.name} compared with {found.a.name}",
+        title=f"{_short(found.b.name, found.a.name)} compared with {_short(found.a.name, found.b.name)}",
         subtitle=f"B − A of {len(found.runs)} run{'s' * (len(found.runs) > 1)}, matched {MATCHED[found.matched_by]}",
         tiles=_tiles(found),
         points=tuple(_points(found, gate, etas)),
@@ -182,10 +183,21 @@ def gate_table(gate: Gate) -> Table | None:
         TableColumn("Run", text=True, of=lambda drop: load_words(drop.load, unknown=drop.label)),
         TableColumn("Drop", decimals=4, of=lambda drop: drop.value),
         TableColumn("Outcome", text=True, of=lambda drop: "failed" if drop.fails else "passed"),
-        TableColumn("Against the limit", text=True, of=lambda drop: upper(drop_words(drop, gate, SYMBOL[gate.metric]))),
+        TableColumn("95 % interval of the drop", of=_drop_interval),
+        TableColumn("Against the limit", text=True, of=lambda drop: upper(interval_verdict(drop))),
     ]
     caption = f"Drops of {SYMBOL[gate.metric]} against the limit of {gate.limit:g}; the estimate decides."
     return items_table("gate", caption, columns, gate.drops, limit=LISTED_ROWS)
+
+
+def _drop_interval(drop: Drop) -> str:
+    return "–" if drop.interval is None else f"{number(drop.interval[0], 4)} to {number(drop.interval[1], 4)}"
+
+
+def _short(name: str, other: str) -> str:
+    """Name of a side in the title: that of its file or folder alone, if the other side has another one."""
+    last = Path(name).name
+    return last if last and last != Path(other).name else name
 
 
 def _tiles(found: Comparison) -> tuple[Tile, ...]:
@@ -210,7 +222,7 @@ def _points(found: Comparison, gate: Gate | None, etas: Sequence[str]) -> list[P
     points = [data_point([run.origin for run in (*found.a.runs, *found.b.runs)])]
     if gate is not None:
         points.append(Point("Limit", f"{upper(gate_words(gate, SYMBOL[gate.metric]))}.", "good" if gate.ok else "warn"))
-    points += [Point("Difference", f"{significance(found, m)}.") for m in etas]
+    points += [Point("Difference", f"{significance(found, m, run_label)}.") for m in etas]
     points.append(Point("Sensors", f"{upper(sensors_words(found))}."))
     alone = [f"{side}: {run_words([r.name for r in runs])}" for side, runs in _alone(found) if runs]
     points += [Point("Unmatched", f"{'; '.join(alone)}.", "warn")] if alone else []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import msgspec
 
@@ -142,8 +142,13 @@ def method_words() -> str:
     )
 
 
-def significance(found: Comparison, metric: str) -> str:
-    """Of how many runs the interval of a metric excludes zero; empty where none has the metric."""
+def significance(found: Comparison, metric: str, label: Callable[[MatchedRuns], str] = lambda runs: runs.label) -> str:
+    """Of how many runs the interval of a metric excludes zero; empty where none has the metric.
+
+    Parameters
+    ----------
+    label : what runs are called
+    """
     rows = difference_rows(found, [metric])
     stated_ = [row for row in rows if row.of.excludes_zero is not None]
     if not rows:
@@ -151,7 +156,7 @@ def significance(found: Comparison, metric: str) -> str:
     if not stated_:
         return f"{SYMBOL[metric]}: no interval is known"
     beyond = [row for row in stated_ if row.of.excludes_zero]
-    named = f" ({run_words([row.runs.label for row in beyond])})" if 0 < len(beyond) < len(stated_) else ""
+    named = f" ({run_words([label(row.runs) for row in beyond])})" if 0 < len(beyond) < len(stated_) else ""
     runs = f"{len(stated_)} run{'s' * (len(stated_) > 1)}"
     return f"{SYMBOL[metric]}: the interval excludes zero in {len(beyond)} of {runs}{named}"
 
@@ -205,6 +210,15 @@ def drop_words(drop: Drop, gate: Gate, metric: str = "") -> str:
     compatible = _COMPATIBLE[drop.verdict].format(interval)
     drops = f"{metric or gate.metric} drops by {_fine(drop.value)}, {verdict} {gate.limit:g}"
     return f"{one_line(drop.label)}: {drops}; {compatible}"
+
+
+def interval_verdict(drop: Drop) -> str:
+    """What the interval of a drop allows, without its numbers.
+
+    >>> interval_verdict(Drop("36 ohm", 36.0, 0.02, (0.01, 0.03), "within"))
+    'all of its interval lies within the limit'
+    """
+    return " ".join(_COMPATIBLE[drop.verdict].format("").split())
 
 
 def _fine(value: float) -> str:

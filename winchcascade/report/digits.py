@@ -102,7 +102,8 @@ def _rounded(value: float | None, decimals: int) -> str:
 
 
 _LARGE, _LONG = 1e8, 7
-_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+"""Digits of exponents."""
 
 
 def _power_of_ten(value: float, decimals: int) -> str:
@@ -111,7 +112,7 @@ def _power_of_ten(value: float, decimals: int) -> str:
         return "0"
     digits = min(max(decimals + math.floor(math.log10(abs(value))), 0), 15)
     mantissa, _, exponent = f"{value:.{digits}e}".partition("e")
-    return f"{mantissa.replace('-', MINUS)}×10{str(int(exponent)).translate(_RAISED)}"
+    return f"{mantissa.replace('-', MINUS)}×10{str(int(exponent)).translate(RAISED)}"
 
 
 def interval_text(low: float, high: float, u: float) -> NumberText:
@@ -182,8 +183,12 @@ def significant(value: float | None, digits: int = 3) -> NumberText:
 
 
 def upper(text: str) -> str:
-    """A text that begins with a capital letter."""
-    return text[:1].upper() + text[1:]
+    """A text that begins with a capital letter, unless its first word is a symbol or the name of a field.
+
+    >>> upper("no fault was found"), upper("k_e agrees")
+    ('No fault was found', 'k_e agrees')
+    """
+    return text if "_" in text.partition(" ")[0] else text[:1].upper() + text[1:]
 
 
 def percent(share: float | None, decimals: int = 0) -> NumberText:

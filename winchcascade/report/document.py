@@ -257,17 +257,7 @@ def _sections(reduction: Reduction, found: Uncertainty, model: Modelled, command
     powers = figures.powers_of(reduction)
     sections = (
         _results(reduction, found),
-        section(
-            "histories", "Time histories",
-            picture(
-                figures.time_histories(reduction, powers), "histories",
-                "Channels and powers over the whole log. "
-                + (_NOT_SHADED if len(reduction.cycles) > figures.SHADED_CYCLES else _shaded(reduction))
-                + (_REPAIRED if reduction.run.gaps else ""),
-                "Line plots of every channel over time; the values are in the log, means of the phases in the tables.",
-                interactive=True,
-            ),
-        ),
+        histories_section(reduction),
         _powers(reduction, powers),
         *_waves(reduction),
         _cycles(reduction, powers),
@@ -280,6 +270,21 @@ def _sections(reduction: Reduction, found: Uncertainty, model: Modelled, command
         section("provenance", "Provenance", _provenance(reduction, found, command)),
     )  # fmt: skip
     return tuple(s for s in sections if s.blocks)
+
+
+def histories_section(reduction: Reduction) -> Section:
+    """Channels and powers over the whole log, with the marks of phases, windows and repairs."""
+    return section(
+        "histories", "Time histories",
+        picture(
+            figures.time_histories(reduction, figures.powers_of(reduction)), "histories",
+            "Channels and powers over the whole log. "
+            + (_NOT_SHADED if len(reduction.cycles) > figures.SHADED_CYCLES else _shaded(reduction))
+            + (_REPAIRED if reduction.run.gaps else ""),
+            "Line plots of every channel over time; the values are in the log, means of the phases in the tables.",
+            interactive=True,
+        ),
+    )  # fmt: skip
 
 
 def _waves(reduction: Reduction) -> tuple[Section, ...]:
@@ -383,6 +388,8 @@ def _repeatability(reduction: Reduction, found: Uncertainty) -> Section:
 
 
 def _shaded(reduction: Reduction) -> str:
+    if not reduction.cycles:
+        return "No payout was found."
     word = span_word(reduction)
     what = "Payouts and holds" if word == "payout" else f"{word.capitalize()}s"
     return f"{what} are shaded, the dashed lines bound the integration windows."

@@ -63,9 +63,14 @@ def _environment(subscripts: Sequence[str]) -> jinja2.Environment:
     from markupsafe import Markup, escape
 
     symbol = re.compile(rf"\b([EPFvpητ])_({'|'.join(subscripts)})\b")
+    between = re.compile(rf"(?<![^\s(]){symbol.pattern}(?![^\s,;:)])")
 
     def symbols(text: str) -> Markup:
         return Markup(symbol.sub(r"\1<sub>\2</sub>", str(escape(text))).replace(" %", "\u00a0%"))
+
+    def sentence(text: str) -> Markup:
+        """A sentence in a cell may hold symbols between other words, and names from files beside them."""
+        return Markup(between.sub(r"\1<sub>\2</sub>", str(escape(text))))
 
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(template_folder()), autoescape=True, trim_blocks=True, lstrip_blocks=True,
@@ -74,6 +79,7 @@ def _environment(subscripts: Sequence[str]) -> jinja2.Environment:
     environment.filters |= {
         "symbols": symbols,
         "symbol": lambda text: symbols(text) if symbol.fullmatch(text) else escape(text),
+        "sentence": sentence,
         "drawing": lambda svg: Markup(themed(svg)),
         "json": lambda text: Markup(text.replace("<", "\\u003c")),
         "width": width,
