@@ -66,7 +66,7 @@ def test_runs_of_one_load_are_averaged() -> None:
 
 def test_the_sentence_names_the_load_with_the_largest_difference() -> None:
     text = cost_words(diagnosed("copper"))
-    assert text.startswith("At 4.5 Ω eta_pto is ")
+    assert text.startswith("At 4.5 Ω η_pto is ")
     assert f"Copper heating {MINUS}" in text
     assert cost_words(diagnosed("nothing")) == ""
 

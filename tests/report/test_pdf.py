@@ -249,3 +249,37 @@ def test_any_report_is_known_as_ones_own(clean: Made, hostile: Made, tmp_path: P
     path = tmp_path / "hostile.pdf"
     path.write_bytes(hostile.content)
     check_replaceable(path, force=False)
+
+
+SENTENCE = "The effective volume of the gas differs from that of the accumulator, by as much as the pressure of a payout shows"
+
+
+def _of_tables(*tables: Table) -> Report:
+    """A report of tables alone."""
+    return Report("Kind", "Title", "", (), (), (Section("s", "Heading", tables),))
+
+
+def _table(rows: int, *texts: str) -> Table:
+    """A table of names, numbers, and texts at the end."""
+    head = ("Effect", "Stage", "Found", "Interval", "Probability", *(f"Text {k}" for k in range(len(texts))))
+    row = ("Rotor friction (rotor_friction)", "transmission", "0.2186 N·m", "−0.01635 to −0.01269", "> 0.99", *texts)
+    words = (0, 1, *range(5, 5 + len(texts)))
+    return Table("t", "Caption.", head, ("",) * len(head), (row,) * rows, words)
+
+
+@pytest.mark.parametrize("texts", [1, 2])
+def test_a_long_text_beside_many_columns_has_lines_of_several_words_and_numbers_stay_whole(texts: int) -> None:
+    done = made(_of_tables(_table(4, *[SENTENCE] * texts)))
+    lines = done.text.splitlines()
+    assert len(done.pages) == 1
+    assert done.text.count("−0.01635 to −0.01269") == 4
+    assert sum("The effective" in line for line in lines) == 4 * texts
+    assert not [line for line in lines if line.strip() in SENTENCE.split()[:-1]]
+
+
+def test_a_tall_table_breaks_and_does_not_begin_with_a_single_row_at_the_foot_of_a_page() -> None:
+    for above in range(20, 52, 4):
+        first = msgspec.structs.replace(_table(above), id="first")
+        done = made(_of_tables(first, _table(40)))
+        shares = [page.split("Table 2")[-1].count("transmission") for page in done.pages if "Table 2" in page]
+        assert shares[0] >= 4, above

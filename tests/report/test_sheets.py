@@ -11,11 +11,13 @@ from html import unescape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 from pypdf import PdfReader
 
 from winchcascade import audit, open_campaign, write_report
 from winchcascade.core.errors import OptionError
+from winchcascade.report.wording import page_text
 from winchcascade.tables.audit import Audit
 from winchcascade.tables.point_audit import PointAudit
 
@@ -90,11 +92,38 @@ def test_a_simulation_states_what_its_energies_cover_and_its_histories(fixtures:
     assert [row[0] for row in _rows(page, "stages")[1:]] == ["line", "shaft", "DC link"]
 
 
+def test_histories_of_a_simulation_mark_the_phases_and_windows_of_its_log(fixtures: Path, tmp_path: Path) -> None:
+    log = fixtures / "campaign" / "r36ohm.csv"
+    _run("simulate", log, "--out", tmp_path / "sim.csv", "--html", tmp_path / "sim.html")
+    _run("reduce", log, "--html", tmp_path / "log.html")
+    simulated, logged = (_traces(tmp_path / name) for name in ("sim.html", "log.html"))
+    assert [span[0] for span in simulated["spans"]] == [span[0] for span in logged["spans"]]
+    assert "integration window" in {span[0] for span in simulated["spans"]}
+    assert np.allclose([s[1:] for s in simulated["spans"]], [s[1:] for s in logged["spans"]], atol=0.1)
+
+
+def test_a_simulated_line_at_rest_has_histories_without_marks(tmp_path: Path) -> None:
+    profile = tmp_path / "rest.csv"
+    profile.write_text("time_s,velocity_mps\n" + "".join(f"{k / 10},0.0\n" for k in range(100)))
+    page = tmp_path / "rest.html"
+    _run("simulate", "--profile", profile, "--load-ohm", "9", "--out", tmp_path / "sim.csv", "--html", page)
+    assert "No payout was found." in _text(page)
+    assert _traces(page)["spans"] == []
+
+
+def _traces(page: Path) -> Any:
+    """What the histories of a page read values and marks from."""
+    found = re.search(r'id="traces">(.*?)</script>', page.read_text(encoding="utf-8"), re.DOTALL)
+    assert found is not None
+    return json.loads(found[1])
+
+
 def test_an_audit_lists_every_finding_with_its_row(tmp_path: Path) -> None:
     found = json.loads(_run("audit", "hsu2026-table2", "--json", "-", "--html", tmp_path / "a.html", code=1))
     (row,) = _rows(tmp_path / "a.html", "contradictions")[1:]
-    assert row[0] == "27 ohm"
-    assert found["contradictions"][0]["sentence"] in row
+    assert row[0] == "27 Ω"
+    sentence = page_text(found["contradictions"][0]["sentence"]).replace("_", "").replace("\u00a0", " ")
+    assert sentence in [cell.replace("\u00a0", " ") for cell in row]
     claims = _rows(tmp_path / "a.html", "claims")[1:]
     assert len(claims) == len(found["claims"])
     assert [claim[2] for claim in claims].count("contradicted") == 2

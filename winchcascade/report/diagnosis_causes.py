@@ -34,6 +34,7 @@ from winchcascade.report.style import (
     patch_entry,
     wide_figure,
 )
+from winchcascade.report.text_runs import text_size
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.effect import Change, Display, Effect
 from winchcascade.rig.effects.generator import share_of_k_e
@@ -97,19 +98,22 @@ def numbers_figure(found: ModelDiagnosis) -> Figure | None:
     pitch, (at, beside, over) = ROW + 0.12 * narrow, (0.38, 0.68, 0.27) if narrow else (0.42, 0.84, 0.4)
     height = 0.3 + pitch * len(rows) + 0.15 * narrow
     figure = wide_figure(height)
-    for k, row in enumerate(rows):
-        how = display_of(row.cause.effect, row.name, row.found.unit)
-        value, interval = number_words(how, row.found)
+    texts = [_number_texts(row) for row in rows]
+    if not narrow:  # the longest interval ends at the edge of the figure
+        longest = max(text_size(interval, _BELOW).width for _, _, interval in texts) / 72.0 / figure.get_figwidth()
+        beside = min(beside, 0.99 - longest)
+        over = beside - at - 0.02
+    for k, (row, (how, value, interval)) in enumerate(zip(rows, texts, strict=True)):
         middle, apart = (height - 0.48 - 0.15 * narrow - k * pitch) / height, 0.075 / height
         _number(figure.add_axes((at, middle - 0.12 / height, over, 0.24 / height)), row, how.factor)
         under = "top" if narrow else "center"
         for x, above, below in (
             (0.01, found.suspects[row.cause.effect].label, f"{how.what}, {how.unit}".removesuffix(", ")),
-            (beside, value, interval.removesuffix(how.unit).rstrip()),
+            (beside, value, interval),
         ):
             figure.text(x, middle + apart, above, va="center", fontsize=8.0, fontweight="bold")
             lines = broken(below, _LINE) if narrow else below
-            figure.text(x, middle - (0.0 if narrow else apart), lines, va=under, fontsize=6.8, color=COLOURS["soft"])
+            figure.text(x, middle - (0.0 if narrow else apart), lines, va=under, fontsize=_BELOW, color=COLOURS["soft"])
     legend_above(
         figure,
         [
@@ -120,6 +124,17 @@ def numbers_figure(found: ModelDiagnosis) -> Figure | None:
         ],
     )
     return figure
+
+
+_BELOW = 6.8
+"""Size of the interval and of what a number is, in the figure of the numbers. [pt]"""
+
+
+def _number_texts(row: Row) -> tuple[Display, str, str]:
+    """How a number of a cause is shown: its value with the unit, and its interval without."""
+    how = display_of(row.cause.effect, row.name, row.found.unit)
+    value, interval = number_words(how, row.found)
+    return how, value, interval.removesuffix(how.unit).rstrip()
 
 
 def _number(ax: Axes, row: Row, factor: float) -> None:

@@ -224,7 +224,7 @@ def history(found: ModelDiagnosis, both: Sides, log: int, word: str) -> Figure |
     if not own:
         return None
     height = 0.75 + 0.9 * len(own)
-    room = Room(left=0.14, head=0.33, foot=0.4)
+    room = Room(left=0.17, head=0.33, foot=0.4)
     figure, axes = panel_figure(height, len(own), room=room, gaps={"hspace": 0.16}, share="x")
     for ax, channel in zip(axes, own, strict=True):
         one = series(found, both, log, channel)
@@ -242,7 +242,7 @@ def history(found: ModelDiagnosis, both: Sides, log: int, word: str) -> Figure |
             ax.set_ylabel(f"{upper(NAMES[channel])}\n({unit})")
         else:
             ax.set_ylabel(f"{upper(NAMES[channel])}\n({unit})", rotation=0, ha="left", va="center")
-            ax.yaxis.set_label_coords(-0.163, 0.5)
+            ax.yaxis.set_label_coords(-0.2, 0.5)
     axes[-1].set_xlabel("Time (s)")
     entries = [line_entry(baseline_words(found), "mech", lw=1.2), line_entry(AFTER, "gen", lw=1.2)][: len(one.errors)]
     entries += [patch_entry("noise, 95 %", "loss", alpha=0.6, lw=0), patch_entry("payout", "payout", lw=0)]
