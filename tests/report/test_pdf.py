@@ -251,7 +251,9 @@ def test_any_report_is_known_as_ones_own(clean: Made, hostile: Made, tmp_path: P
     check_replaceable(path, force=False)
 
 
-SENTENCE = "The effective volume of the gas differs from that of the accumulator, by as much as the pressure of a payout shows"
+SENTENCE = (
+    "The effective volume of the gas differs from that of the accumulator, by as much as the pressure of a payout shows"
+)
 
 
 def _of_tables(*tables: Table) -> Report:

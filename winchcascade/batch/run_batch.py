@@ -13,18 +13,17 @@ from msgspec.structs import asdict, replace
 
 from winchcascade.batch.campaign_findings import findings_between, log_efficiency
 from winchcascade.batch.dataset import write_dataset
-from winchcascade.batch.demo import DIAGNOSIS_FILES
 from winchcascade.batch.log_settings import read_with
 from winchcascade.batch.plan import Work
+from winchcascade.batch.results_pages import KeptCampaign, diagnosis_beside
 from winchcascade.batch.workbook import TABLES, write_workbook
 from winchcascade.core.addresses import fingerprint, local_copy
 from winchcascade.core.errors import OutputError
-from winchcascade.core.files import check_replaceable, is_marked, put_in_place, write_set
+from winchcascade.core.files import check_replaceable, put_in_place, write_set
 from winchcascade.core.jobs import Nobody, Watch, Workers
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.scratch import clear, scratch_folder
 from winchcascade.core.store import (
-    KeptFiles,
     State,
     altered,
     check_links,
@@ -174,13 +173,6 @@ class _Kept(msgspec.Struct):
     batch: _KeptBatch
 
 
-class _KeptCampaign(msgspec.Struct):
-    """How an earlier call made the files of a campaign; version 0.1.0 wrote no digests."""
-
-    state: str = ""
-    store: KeptFiles = KeptFiles()
-
-
 def run_batch(
     plan: Plan,
     out: Path,
@@ -215,7 +207,7 @@ def run_batch(
         make_one(runs, "another")
         for place in (out, runs, out / "dataset"):  # what calls left that were killed
             clear(place)
-        products = replace(products, beside=_beside(out, products))
+        products = replace(products, beside=products.beside or diagnosis_beside(out))
         states = {work.name: state_of(work, runs, products.reports, products.beside) for work in plan.work}
         todo = [work for work in plan.work if states[work.name] != "kept"]
         _check_own(out, todo, force=force)
@@ -247,12 +239,6 @@ def _check_own(out: Path, todo: Sequence[Work], *, force: bool) -> None:
     for path in [inside(out, name) for name in names]:
         if path.exists():
             check_replaceable(path, force=force)
-
-
-def _beside(out: Path, products: Products) -> tuple[str, ...]:
-    """Files that the pages lead to: those that the caller will write, or the pages of a diagnosis that are there already."""
-    there = tuple(name for name in DIAGNOSIS_FILES if (out / name).is_file() and is_marked(inside(out, name)))
-    return products.beside or there
 
 
 def state_of(work: Work, runs: Path, reports: Sequence[str], beside: Sequence[str] = ()) -> State:
@@ -288,10 +274,10 @@ def _put_together(plan: Plan, batch: Batch, products: Products) -> Batch:
     state = _state(plan, batch, digests, products.beside)
     wanted = [*DATASET, *(f"campaign.{e}" for e in reports), *(["campaign.xlsx"] if products.workbook else [])]
     wanted += ["index.html"] if "html" in reports else []
-    kept = marked(out / "campaign.json", _KeptCampaign)
+    kept = marked(out / "campaign.json", KeptCampaign)
     changed = ["campaign.json"] if kept == "altered" else []
     stay: dict[str, str] = {}
-    if isinstance(kept, _KeptCampaign) and kept.state == state:
+    if isinstance(kept, KeptCampaign) and kept.state == state:
         known = kept.store.files
         lost = altered(out, known)
         changed = [name for name in lost if (out / name).exists()]

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from msgspec.structs import replace
 
 from winchcascade.cli.options import (
     CampaignArgument,
@@ -21,13 +22,15 @@ from winchcascade.cli.outputs import Printed, check_outputs, deliver, report_mak
 from winchcascade.cli.report_options import NO_REPORT, report_options
 from winchcascade.core.campaign_file import Campaign, load_campaign
 from winchcascade.core.errors import OptionError
-from winchcascade.core.files import json_bytes
+from winchcascade.core.files import is_marked, json_bytes
 from winchcascade.core.jobs import one_thread_each, processes, set_threads
 from winchcascade.core.store import make_one
 from winchcascade.report.report_files import ReportFiles
 
 if TYPE_CHECKING:
+    from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
     from winchcascade.diagnosis.suspects import Suspects
+    from winchcascade.report.report_model import Report
 
 WithholdOption = Annotated[
     list[float] | None,
@@ -97,6 +100,8 @@ def diagnose_command(
     """
     one_thread_each()
     from winchcascade.batch.campaign_diagnosis import diagnose_listed, write_corrected_rig, write_predictions
+    from winchcascade.batch.demo import DIAGNOSIS_FILES
+    from winchcascade.batch.results_pages import list_diagnosis
     from winchcascade.report.diagnosis_record import as_json as diagnosis_record
     from winchcascade.report.diagnosis_text import diagnosis_text
     from winchcascade.report.model_export import check_export, write_export
@@ -117,10 +122,29 @@ def diagnose_command(
             write_export(found, export, force=force)
         if report.wanted:
             on_progress("writing reports")
-            write_reports(report_maker_of(found), report, "diagnosis", of=f"diagnosis of {listed.name}", force=force)
+            write_reports(
+                _maker(found, report.html), report, "diagnosis", of=f"diagnosis of {listed.name}", force=force
+            )
     files = _files(results, predictions, written=bool(written), corrected=corrected)
     printed = Printed(lambda: diagnosis_text(found, files))
     deliver(json, lambda: json_bytes(diagnosis_record(found)), printed, force=force)
+    made = [path for path in (report.html, report.pdf, Path(json or "-")) if path is not None]
+    for folder in {path.parent for path in made if path.name in DIAGNOSIS_FILES}:
+        list_diagnosis(folder)
+
+
+def _maker(found: DiagnosisResult, html: Path | None) -> Callable[[], Report]:
+    """What makes the report, with links to the pages of a batch beside it."""
+
+    def make() -> Report:
+        from winchcascade.report.results_index import INDEX, links_to
+
+        made = report_maker_of(found)()
+        folder = Path() if html is None else html.parent
+        pages = [name for name in ("campaign.html", INDEX) if (folder / name).is_file() and is_marked(folder / name)]
+        return replace(made, links=links_to(pages))
+
+    return make
 
 
 def _suspects(names: Sequence[str] | None) -> Suspects:
