@@ -45,6 +45,7 @@ PATTERNS = {
     "figure_files": "SVG of Matplotlib",
     "table_files": "symbols of physics and special characters of LaTeX and Markdown",
     "publish": "symbols of physics, names of fonts, and characters that no report shows",
+    "typesetting": "symbols of physics, signs and units of sentences that are set on a page",
 }
 """Modules of `report` that may search texts by a pattern, and which texts."""
 

@@ -12,7 +12,8 @@ from winchcascade.report.point_audit_text import law_sentences, point_summary, u
 from winchcascade.report.provenance import file_digest, provenance_table
 from winchcascade.report.report_model import Note, Point, Report, Section, Tone, section
 from winchcascade.report.table_model import Table, TableColumn, items_table
-from winchcascade.report.wording import SYMBOL, load_words, page_text
+from winchcascade.report.typesetting import page_text
+from winchcascade.report.wording import SYMBOL, load_words
 from winchcascade.tables.attainable import AttainableRanges, SuspectResult
 from winchcascade.tables.attainable_row import AttainableRow, Cell
 from winchcascade.tables.audit import Audit, Contradiction, RecoveredWindow

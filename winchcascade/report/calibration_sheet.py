@@ -18,7 +18,7 @@ from winchcascade.report.provenance import data_point, file_digest, provenance_t
 from winchcascade.report.report_model import Note, Point, Report, Section, Tile, picture, section
 from winchcascade.report.style import house_style
 from winchcascade.report.table_model import Table, TableColumn, items_table, make_table, text_column
-from winchcascade.report.wording import page_text
+from winchcascade.report.typesetting import page_text
 from winchcascade.rig.backemf import RPM_LEAST
 
 METHOD = (

@@ -14,7 +14,8 @@ from winchcascade.report.digits import MINUS, NumberText, upper
 from winchcascade.report.provenance import data_point, file_digest, provenance_table
 from winchcascade.report.report_model import Note, Point, Report, Tile, section
 from winchcascade.report.table_model import Table, TableColumn, items_table, make_table, text_column
-from winchcascade.report.wording import SYMBOL, load_words, page_text
+from winchcascade.report.typesetting import page_text
+from winchcascade.report.wording import SYMBOL, load_words
 from winchcascade.tables.check import CellCheck, Check, Outcome, RowKey
 
 VERDICTS = {"ok": "agrees", "miss": "differs", "not_measured": "not measured", "no_run": "no run"}
