@@ -129,7 +129,7 @@ def test_an_own_channel_gives_a_stage_its_power(tmp_path: Path) -> None:
         ),
         ("[cascade]\nstages = []\n", "the list is empty"),
         ('[cascade]\nstages = ["line", "line"]\n', "expected each stage once"),
-        ('[cascade]\nstage = ["line"]\n', "unknown field `stage`"),
+        ('[cascade]\nstage = ["line"]\n', "stage is no entry here; expected stages"),
         ('[stage.hyd]\npower = "vdc * force"\n', "is no power"),
         ('[stage.hyd]\npower = "force * speed"\n', "is no power"),
         ('[stage.hyd]\npower = "pressure * oil"\n', "needs a channel 'oil'"),

@@ -238,7 +238,27 @@ def _convert(value: object, kind: Any, place: str) -> Any:
     except msgspec.ValidationError as fault:
         what, _, deeper = str(fault).partition(" - at `$")
         inner = re.sub(r"^\.", " ", deeper.rstrip("`"))
-        raise RigError(f"{place}{inner}: {what[:1].lower()}{what[1:]}.") from None
+        raise RigError(f"{place}{inner}: {_in_words(what, None if inner else kind)}.") from None
+
+
+_TYPES = {
+    "float": "a number", "int": "a whole number", "str": "a text", "bool": "true or false", "object": "a table",
+    "array": "a list",
+}  # fmt: skip
+"""Types of TOML in words."""
+
+
+def _in_words(what: str, kind: Any) -> str:
+    """A finding of msgspec in words; `kind` is the type that was expected, None for a part of it."""
+    if found := re.fullmatch(r"Expected `([^`]*)`, got `([^`]*)`", what):
+        expected = [_TYPES.get(name, name) for name in found[1].split(" | ") if name != "null"]
+        return f"expected {' or '.join(expected)}, found {_TYPES.get(found[2], found[2])}"
+    if found := re.fullmatch(r"Object contains unknown field `([^`]*)`", what):
+        fields = [f.encode_name for f in struct_fields(kind)] if isinstance(kind, type(msgspec.Struct)) else []
+        return f"{found[1]} is no entry here" + (f"; expected {', '.join(fields)}" if fields else "")
+    if found := re.fullmatch(r"Object missing required field `([^`]*)`", what):
+        return f"the entry {found[1]} is missing"
+    return f"{what[:1].lower()}{what[1:]}"
 
 
 def _check_keys(raw: Mapping[str, object], known: Sequence[str], place: str) -> None:

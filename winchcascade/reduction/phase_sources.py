@@ -7,6 +7,7 @@ its window. A wave is cut into its positive half, the payout, and its negative h
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from itertools import pairwise
 
 import msgspec
 import numpy as np
@@ -57,7 +58,7 @@ def find_cycles(run: Run, rig: Rig) -> Detected:
     Raises
     ------
     LogError : the log lacks the channel that the source needs
-    OptionError : ranges that the log does not hold
+    OptionError : ranges that the log does not hold, or that overlap
     """
     return DETECTORS[rig.phases.source](run, rig)
 
@@ -143,7 +144,14 @@ def _by_ranges(run: Run, rig: Rig) -> Detected:
                 f"{run.name}: the range {a:g} to {b:g} s does not lie in the log, which goes from {begin:.2f} to {end:.2f} s; "
                 "correct ranges_s."
             )
-    return Detected([span(a, b) for a, b in sorted(rig.phases.ranges)], _motion(run, rig))
+    ranges = sorted(rig.phases.ranges)
+    for (a, b), (c, d) in pairwise(ranges):
+        if c < b:
+            raise OptionError(
+                f"{run.name}: the ranges {a:g} to {b:g} s and {c:g} to {d:g} s overlap, so that their energies would count "
+                "twice; correct ranges_s."
+            )
+    return Detected([span(a, b) for a, b in ranges], _motion(run, rig))
 
 
 def _whole(run: Run, rig: Rig) -> Detected:
