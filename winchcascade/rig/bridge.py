@@ -112,7 +112,8 @@ def bridge_slopes(
         up_s += rise[a] * row_s
         by_dc += across[a] * turned_dc
         by_s += across[a] * turned_s
-    scale = v_ll / math.hypot(r_s, reactance)
+    # not math.hypot, which takes longer and guards against values that no impedance has
+    scale = v_ll / math.sqrt(r_s * r_s + reactance * reactance)
     falling = -scale * rows / (2.0 * max(root, 1e-6) * _SQRT2 * v_ll)
     return (
         max(i_dc, 0.0) * scale, max(i_s, 0.0) * scale, min(up_dc * falling, 0.0), min(up_s * falling, 0.0),

@@ -154,7 +154,8 @@ NEWTON_ALONE = 4
 _SQRT2 = math.sqrt(2.0)
 
 
-@njit(cache=True, error_model="numpy")
+# inline: the numbers of the parts would be copied at every call
+@njit(cache=True, error_model="numpy", inline="always")
 def weakened_bridge(
     v_total: float, v_full: float, reactance: float, guess: float, c: Constants, table: Signal
 ) -> tuple[float, float, float, float, float, float]:
