@@ -339,7 +339,7 @@ def test_one_column_and_one_row_are_enough_to_be_judged() -> None:
     assert cell.gap < -0.05
     movers = {mover.effect: mover for mover in found.explanation.suspects}
     assert movers["gear_mesh_loss"].ability("eta_pto").verdict == "explains"
-    assert all(list(values.left) == ["eta_pto"] for values in found.explanation.sets)
+    assert all(list(values.left_rms) == ["eta_pto"] for values in found.explanation.sets)
     assert "do not explain it alone" in attainable_text(found)
 
 

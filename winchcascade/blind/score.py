@@ -153,12 +153,6 @@ def taken_as(case: CaseScore) -> str:
 
 SCORE_SCHEMA = "winchcascade/score/1"
 
-MOST_ALTERNATIVES = 2
-"""Maximum number of alternatives of a cause that count."""
-
-MOST_NAMES = 2
-"""Maximum number of causes with which an outsider counts as recognised; it never does if it is explained."""
-
 
 class Value(msgspec.Struct, frozen=True):
     """A parameter as it was diagnosed, with its 95 % interval."""
@@ -172,6 +166,10 @@ class DiagnosedAlternative(msgspec.Struct, frozen=True):
     """An alternative explanation."""
 
     effect: str
+
+
+MOST_ALTERNATIVES = 2
+"""Maximum number of alternatives of a cause that count."""
 
 
 class Cause(msgspec.Struct, frozen=True):
@@ -259,6 +257,10 @@ def _score_case(folder: Path, answer: Answer) -> CaseScore:
 def _claims(found: Diagnosis) -> bool:
     """Whether a diagnosis explains the gap by its causes, at least in part."""
     return found.verdict in ("explained", "partly_explained") and bool(found.causes)
+
+
+MOST_NAMES = 2
+"""Maximum number of causes with which an outsider counts as recognised; it never does if it is explained."""
 
 
 def outcome_of(answer: Answer, found: Diagnosis) -> Outcome:

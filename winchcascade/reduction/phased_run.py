@@ -19,12 +19,6 @@ from winchcascade.reduction.phases import Cycle, Plateau, check_cycles, find_pla
 MOST_CYCLES = 12
 """Maximum number of cycles that are checked: an even selection of those of a longer log. Faults of a sensor concern all."""
 
-STEADY = 1.03
-"""A payout cut by the end of the log has reached its plateau if its top speed exceeds the plateau's by no more than this."""
-
-SHORTEST = 2.0
-"""Minimum length of a window in sampling intervals: its ends are interpolated, and fewer samples would be only ends."""
-
 
 class Window(msgspec.Struct, frozen=True):
     """Integration window of one payout [s], and why it does not lie whole in the payout, where it does not."""
@@ -121,6 +115,10 @@ def travel_in(run: Run, spans: Signal) -> list[float]:
     return list(map(float, np.diff(np.interp(spans, run.t, displacement), axis=1)[:, 0]))
 
 
+STEADY = 1.03
+"""A payout cut by the end of the log has reached its plateau if its top speed exceeds the plateau's by no more than this."""
+
+
 def find_window(
     cycle: Cycle, plateau: Plateau | None, top_speed: float, log_end: float, rule: WindowRule, thresholds: Thresholds
 ) -> Window:
@@ -167,6 +165,10 @@ def find_windows(phased: PhasedRun) -> list[Window]:
 def span_end(cycle: Cycle, rig: Rig) -> float:
     """End of a cycle that is a span: of a wave with its negative half, of a labelled cycle that of its payout. [s]"""
     return cycle.haul_in[1] if rig.phases.source == "waves" and cycle.haul_in is not None else cycle.payout_end
+
+
+SHORTEST = 2.0
+"""Minimum length of a window in sampling intervals: its ends are interpolated, and fewer samples would be only ends."""
 
 
 def _whole_span(phased: PhasedRun, cycle: Cycle) -> Window:

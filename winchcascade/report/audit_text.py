@@ -358,7 +358,7 @@ def _sets(ranges: AttainableRanges) -> list[str]:
     none = f"no set of up to {found.size} effects brings all within reach at plausible values"
     lines = ["", none] if found.size else []
     if found.closest is not None:
-        out = f"{100.0 * found.closest.excess:.1f} points out of reach in all"
+        out = f"{100.0 * found.closest.out_of_reach:.1f} points out of reach in all"
         lines += indented(f"closest: {values_text(ranges, found.closest)}; {out}")
     return lines
 
@@ -370,7 +370,7 @@ def values_text(ranges: AttainableRanges, values: Values) -> str:
         f"{effect} {', '.join(_field_text(fields[effect, name], value) for name, value in given.items())}"
         for effect, given in values.fields.items()
     ]
-    left = ", ".join(f"{metric} {100.0 * value:.1f}" for metric, value in values.left.items())
+    left = ", ".join(f"{metric} {100.0 * value:.1f}" for metric, value in values.left_rms.items())
     return f"{' with '.join(parts)}; left, rms: {left} points"
 
 
@@ -448,12 +448,5 @@ def _mover_record(ranges: AttainableRanges, mover: SuspectResult) -> dict[str, A
 
 
 def _values_record(values: Values) -> dict[str, Any]:
-    return {
-        "fields": values.fields,
-        "reported": values.reported,
-        "left_rms": values.left,
-        "out_of_reach": values.excess,
-        "enough": values.enough,
-        "plausible": values.plausible,
-        "at_bound": values.at_bound,
-    }
+    names = ("fields", "reported", "left_rms", "out_of_reach", "enough", "plausible", "at_bound")
+    return {name: getattr(values, name) for name in names}

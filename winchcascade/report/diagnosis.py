@@ -41,6 +41,7 @@ from winchcascade.report.diagnosis_causes import (
 from winchcascade.report.diagnosis_data import Sides, most_telling, sides
 from winchcascade.report.diagnosis_method import METHOD, STAGE_BY_STAGE, YARDSTICKS, line_method
 from winchcascade.report.diagnosis_names import apart_words, phase_words, probability_words, share_words
+from winchcascade.report.diagnosis_sections import where_section, which_section
 from winchcascade.report.digits import significant
 from winchcascade.report.gap_words import (
     NAMES,
@@ -259,8 +260,8 @@ def _seen_words(found: ModelDiagnosis) -> str:
 # ---------------------------------------------------------------------------------------------------------- the evidence
 def _where(found: ModelDiagnosis) -> Section:
     word = words.word_of(found)
-    return section(
-        "where", "Where a gap was looked for" if found.verdict == "no_gap" else "Where the gap lies",
+    return where_section(
+        found,
         picture(
             figures.gap_map(found), "map",
             f"Map of the gap: {word} minus {simulated_words(found)}, as a mean over each phase of each log, in "
@@ -282,9 +283,8 @@ def _where(found: ModelDiagnosis) -> Section:
 
 
 def _which(found: ModelDiagnosis) -> Section:
-    return section(
-        "which", "Which causes, and how sure" if found.causes else "What was tried",
-        tables.causes_table(found),
+    return which_section(
+        found,
         picture(
             numbers_figure(found), "numbers",
             "What was found of each cause, beside the value that the rig file gives, how well that is known, and "
@@ -312,7 +312,6 @@ def _which(found: ModelDiagnosis) -> Section:
             "would be as likely, one of no length is ruled out.",
             "Bars of probabilities; those of the causes are in the table.",
         ),
-        tables.rivals_table(found),
     )  # fmt: skip
 
 

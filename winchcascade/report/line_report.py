@@ -9,7 +9,6 @@ from winchcascade.core.run import Signal
 from winchcascade.diagnosis.diagnosis_result import Names
 from winchcascade.diagnosis.line.line_data import CyclePart
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-from winchcascade.report import diagnosis_tables as tables
 from winchcascade.report import diagnosis_words as words
 from winchcascade.report.diagnosis_figures import DASHES, FILLED, HOLLOW
 from winchcascade.report.diagnosis_names import (
@@ -18,6 +17,7 @@ from winchcascade.report.diagnosis_names import (
     share_words,
     signed,
 )
+from winchcascade.report.diagnosis_sections import where_section, which_section
 from winchcascade.report.digits import number, significant, upper
 from winchcascade.report.line_words import LINE_MEANINGS, set_words
 from winchcascade.report.report_model import Section, picture, section
@@ -33,8 +33,8 @@ def line_where(found: LineDiagnosis) -> Section:
         role = (
             " Each by a fit without it." if found.closure.left_out_in_turn else " These cycles took no part in the fit."
         )
-    return section(
-        "where", "Where a gap was looked for" if found.verdict == "no_gap" else "Where the gap lies",
+    return where_section(
+        found,
         picture(
             power_history(found, word), "history",
             f"Power of the winch: {word}, line tension times speed{causes}; below, the residual.{role}",
@@ -46,9 +46,8 @@ def line_where(found: LineDiagnosis) -> Section:
 
 def line_which(found: LineDiagnosis) -> Section:
     """Causes, suspects and sets of them."""
-    return section(
-        "which", "Which causes, and how sure" if found.causes else "What was tried",
-        tables.causes_table(found),
+    return which_section(
+        found,
         picture(
             closed_bars(found), "closed",
             "Squared error with each cause alone and together (green: chosen), on held-out cycles.",
@@ -56,7 +55,6 @@ def line_which(found: LineDiagnosis) -> Section:
         ),
         line_suspects_table(found),
         sets_table(found),
-        tables.rivals_table(found),
     )  # fmt: skip
 
 

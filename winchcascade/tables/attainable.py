@@ -137,7 +137,7 @@ def _smallest_sets(simulator: TableSimulator, suspects: Suspects, curves: Curves
     for size in range(1, LARGEST + 1):
         ranked = _ranked(simulator, suspects, curves, grown)
         simulated = [values for search, x in ranked[:CANDIDATES] if (values := _simulated(search, x)) is not None]
-        closest = min((*simulated, *([closest] if closest else [])), key=lambda one: one.excess, default=None)
+        closest = min((*simulated, *([closest] if closest else [])), key=lambda one: one.out_of_reach, default=None)
         enough = sorted((one for one in simulated if one.enough), key=lambda one: one.misfit)
         if enough:
             return Explanation((), tuple(enough[:MOST_SETS]), size)
@@ -171,7 +171,7 @@ MENDED = 0.01
 def _simulated(search: Search, x: Signal) -> Values | None:
     """Simulate a set; improve its values by simulations if the curves were too optimistic."""
     values = search.simulated_values(x)
-    if values is None or values.enough or values.excess > MENDED:
+    if values is None or values.enough or values.out_of_reach > MENDED:
         return values
     return search.simulated_values(search.polished(x, hinge=True))
 

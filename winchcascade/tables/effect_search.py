@@ -228,15 +228,15 @@ AT_BOUND = 1e-3
 class Values(msgspec.Struct, frozen=True):
     """Effects with values, and what they leave of a table.
 
-    `fields` and `reported` by effect. `left` is the rms of printed minus simulated by metric, `excess` the sum of what is still
-    out of reach [1], `misfit` the sum of squares of printed minus simulated in standard uncertainties. `plausible` states
-    whether all fields lie within their bounds, `at_bound` names those that stop at the end of what was looked at.
+    `fields` and `reported` by effect. `left_rms` is the rms of printed minus simulated by metric, `out_of_reach` the sum of
+    what no value attains [1], `misfit` the sum of squares of printed minus simulated in standard uncertainties. `plausible`
+    states whether all fields lie within their bounds, `at_bound` names those that stop at the end of what was looked at.
     """
 
     fields: Mapping[str, Mapping[str, float]]
     reported: Mapping[str, Mapping[str, float]]
-    left: Mapping[str, float]
-    excess: float
+    left_rms: Mapping[str, float]
+    out_of_reach: float
     misfit: float
     plausible: bool
     at_bound: tuple[str, ...]
@@ -244,7 +244,7 @@ class Values(msgspec.Struct, frozen=True):
     @property
     def enough(self) -> bool:
         """Whether all printed values are within their attainable range then."""
-        return self.excess <= 0.0
+        return self.out_of_reach <= 0.0
 
 
 class Search:
@@ -360,8 +360,8 @@ class Search:
                 for name, one in made.items()
             },
             reported={name: {one.effect.parameter: one.reported} for name, one in made.items()},
-            left={eta: float(np.sqrt(np.mean(gap**2))) for eta, gap in zip(ETAS, away, strict=True) if gap.size},
-            excess=excess,
+            left_rms={eta: float(np.sqrt(np.mean(gap**2))) for eta, gap in zip(ETAS, away, strict=True) if gap.size},
+            out_of_reach=excess,
             misfit=misfit,
             plausible=bool(np.all((x >= low - 1e-9) & (x <= high + 1e-9))),
             at_bound=tuple(".".join(self.places[k]) for k in np.flatnonzero(near & (x != self.absent))),

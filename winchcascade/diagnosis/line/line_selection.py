@@ -23,15 +23,6 @@ if TYPE_CHECKING:
 FOLDS = 8
 """Minimum number of folds: fewer cycles are cut into about as many pieces in order of time."""
 
-MATERIAL = 0.01
-"""Minimum share of the gap that a cause closes: in logs of an hour far smaller ones are significant, and of no importance."""
-
-EVEN = 2.0
-"""Standard errors within which two sets cannot be distinguished."""
-
-DRAWS = 1000
-"""Resampled sets of cycles from which probabilities come."""
-
 
 class Moments(msgspec.Struct, frozen=True):
     """Sums over the samples of G folds: of the columns `curve` (G, k, k) and `slope` (G, k), of the gap `square` (G,) [W2]."""
@@ -44,6 +35,10 @@ class Moments(msgspec.Struct, frozen=True):
     def folds(self) -> int:
         """How many there are."""
         return int(self.square.size)
+
+
+EVEN = 2.0
+"""Standard errors within which two sets cannot be distinguished."""
 
 
 class Choice(msgspec.Struct, frozen=True):
@@ -132,6 +127,13 @@ def with_best_span(lines: Lines) -> Lines:
         return lines
     spanned = [with_span(lines, span) for span in lines.spans]
     return min(spanned, key=lambda there: float(errors_of(moments_of(there.fitted), there, there.names).sum()))
+
+
+MATERIAL = 0.01
+"""Minimum share of the gap that a cause closes: in logs of an hour far smaller ones are significant, and of no importance."""
+
+DRAWS = 1000
+"""Resampled sets of cycles from which probabilities come."""
 
 
 def choose(lines: Lines, m: Moments, seed: int) -> Choice:

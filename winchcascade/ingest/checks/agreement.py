@@ -39,16 +39,16 @@ CERTAIN = 4.0
 """A deviation is reported from this many standard uncertainties on."""
 
 STRAY = 5.0
-"""A block that deviates from the others by so many standard deviations is left out,"""
+"""Standard deviations beyond which a block that deviates from the others is left out."""
 
 ALIKE = 0.3
-"""unless it deviates by less than this share: a slow sensor in a fast log makes blocks that differ by less in turn."""
+"""A block that deviates by less than this share stays: a slow sensor in a fast log makes blocks that differ by less in turn."""
 
 FOLLOWS = 0.2
-"""A speed without a sign follows the displacement within this share,"""
+"""A speed without a sign follows the displacement within this share. [1]"""
 
 MOSTLY = 0.8
-"""in this share of the blocks that move, and is slow where the displacement rests."""
+"""Share of the blocks that move in which it does so; it is slow where the displacement rests. [1]"""
 
 ONE_SIDED = 0.1
 """A velocity is without a sign if it goes no farther than this share of its top to the other side of zero."""

@@ -22,16 +22,16 @@ FEWEST = 5
 """Values that nothing measured can be are a glitch of up to so many samples even where these last longer."""
 
 LEAST_SHARE = 0.1
-"""Minimum size of either of its jumps over the range in which the channel moves,"""
+"""Minimum size of either of its jumps, as a share of the range in which the channel moves. [1]"""
 
 NOISE = 15.0
-"""over the usual curvature of the log; of white noise these are 25 standard deviations,"""
+"""Minimum size of either of its jumps, in usual curvatures of the log: of white noise these are 25 standard deviations. [1]"""
 
 BEYOND = 1.5
-"""over the largest jump of the channel that belongs to no glitch: what the machine does in one sample,"""
+"""Minimum size of either of its jumps over the largest jump without a glitch: what the machine does in one sample. [1]"""
 
 APART = 5.0
-"""and over the upper quartile of the steps around it: in ringing and in noise there is no glitch."""
+"""Minimum size of either of its jumps over the upper quartile of the steps around it: in ringing and noise is no glitch. [1]"""
 
 BACK = 0.2
 """Its neighbours agree with each other, and with theirs, within this share of its jumps: after a snap load the line rings."""

@@ -12,13 +12,13 @@ from winchcascade.core.integrate import ENOUGH, positive_median, quantile
 from winchcascade.core.run import Index, Mask, Signal
 
 LEAST_SHARE = 0.019
-"""Minimum size of a spike over the range in which the channel moves,"""
+"""Minimum size of a spike, as a share of the range in which the channel moves. [1]"""
 
 NOISE = 5.0
-"""over the usual curvature of the whole log; of white noise these are 8.3 standard deviations,"""
+"""Minimum size of a spike, in usual curvatures of the whole log: of white noise these are 8.3 standard deviations. [1]"""
 
 APART = 3.0
-"""and over the upper quartile of the curvatures around it; ringing has neighbours as large as itself."""
+"""Minimum size of a spike over the upper quartile of the curvatures near it: ringing has neighbours as large as itself. [1]"""
 
 AGREE = 0.3
 """Without it, its two neighbours on either side lie on a line within this share of it: no step, no overshoot."""

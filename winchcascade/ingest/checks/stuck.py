@@ -57,11 +57,11 @@ UNLIKELY = -18.0
 """Logarithm of the chance below which a noisy channel does not repeat itself by accident: once in 60 million samples."""
 
 TURNS = 0.15
-"""A channel is noisy if this share of its changes reverses at once,"""
+"""Minimum share of the changes of a noisy channel that reverse at once. [1]"""
 
 LARGE = 0.3
-"""and if this share of those are two of its steps or more: finer noise leaves it at one value or not, depending on where
-between two steps it lies."""
+"""Minimum share of these changes that are two steps of a noisy channel or more: finer noise leaves it at one value or not,
+depending on where between two steps it lies. [1]"""
 
 DRIVEN = ("torque", "power_mech", "vdc", "idc")
 

@@ -43,59 +43,8 @@ KINKED = 3
 REPORTED = 0.005
 """Smallest error of an energy of a cycle, by its sampling or by half a step, that is reported. [1]"""
 
-HELD = 0.9
-"""Share of the steps of a channel that must be equally far apart, for one that is updated more slowly than it is logged. [1]"""
-
-FEWEST = 8
-"""Smallest number of steps that shows an interval."""
-
-COARSE_STEP = 3.0
-"""Steps of a channel that is held are mostly larger than so many of its smallest: those of a coarse resolution are not."""
-
-BENT = 3.0
-"""Smallest bend of an interpolated channel at each of its values, in its usual bends,"""
-
-CLEARLY = 6.0
-"""and at half of them: a bend is a second difference, the usual one the 70 % quantile of all."""
-
-ROUNDING = 1e-6
-"""Bends below this share of the largest are of rounding. [1]"""
-
-FEWEST_STRAIGHT = 4
-"""Smallest number of intervals between its values that shows an interpolation."""
-
-LEAST_INTERVAL = 4
-"""Shortest interval that is distinguished from the corners of a motion, in samples."""
-
-OF_ONSET = 0.5
-"""Step of the velocity over the threshold of the onset from which it is reported: the onset then lies between two steps. [1]"""
-
-SWITCHED = 2
-"""Number of values between which a channel switches; a channel that is recorded in steps has more."""
-
-SELDOM = 0.01
-"""Share of the samples in which such a channel may hold another value. [1]"""
-
 ROUNDED = 1e-9
 """Changes below this share of the largest value are of rounding. [1]"""
-
-FEWEST_CHANGES = 6
-"""Smallest number of changes of a channel that shows a step."""
-
-SMALL = 0.05
-"""Quantile of the changes that is taken for a single step: a few values between the steps do not hide it."""
-
-SEVERAL = 4.5
-"""Largest change that is compared with multiples of the step, in steps: of more, the error of the step is too large."""
-
-MULTIPLE = 0.2
-"""A change is a multiple of the step within this share of it: a logger may write the steps with rounded digits. [1]"""
-
-NEARLY_ALL = 0.95
-"""Share of these changes that must be multiples; of a channel without steps it is less than a half. [1]"""
-
-STRAIGHT = 0.85
-"""Share of the changes that follow an equal one, above which they are the slope of a straight ramp without noise. [1]"""
 
 
 class Sampling(msgspec.Struct, frozen=True):
@@ -215,6 +164,16 @@ def _recorded_late(x: Signal, name: str, fs: float, ramp: float) -> tuple[float,
     )
 
 
+HELD = 0.9
+"""Share of the steps of a channel that must be equally far apart, for one that is updated more slowly than it is logged. [1]"""
+
+FEWEST = 8
+"""Smallest number of steps that shows an interval."""
+
+COARSE_STEP = 3.0
+"""Steps of a channel that is held are mostly larger than so many of its smallest: those of a coarse resolution are not."""
+
+
 def _update_interval(x: Signal) -> int:
     """Samples from one update of a channel to the next, 1 for one that is updated with every sample."""
     step = np.diff(x)
@@ -226,6 +185,22 @@ def _update_interval(x: Signal) -> int:
     size = np.abs(step[at])
     regular = np.count_nonzero(apart % every == 0) >= HELD * apart.size
     return every if regular and median(size) > COARSE_STEP * float(size.min()) else 1
+
+
+BENT = 3.0
+"""Smallest bend of an interpolated channel at each of its values, in usual bends: 70 % quantiles of all second differences."""
+
+CLEARLY = 6.0
+"""Smallest median of these bends, in usual bends."""
+
+ROUNDING = 1e-6
+"""Bends below this share of the largest are of rounding. [1]"""
+
+FEWEST_STRAIGHT = 4
+"""Smallest number of intervals between its values that shows an interpolation."""
+
+LEAST_INTERVAL = 4
+"""Shortest interval that is distinguished from the corners of a motion, in samples."""
 
 
 def _straight_interval(x: Signal) -> int:
@@ -344,6 +319,10 @@ def _level(phased: PhasedRun, name: str, other: str, window: Window) -> float:
     return abs(float(x @ weight)) / max(float(np.abs(weight).sum()), NOTHING)
 
 
+OF_ONSET = 0.5
+"""Step of the velocity over the threshold of the onset from which it is reported: the onset then lies between two steps. [1]"""
+
+
 def _coarse(phased: PhasedRun, name: str, level: float) -> Finding | None:
     """The finding of one channel, None where its step is fine."""
     step = recorded_step(phased, name)
@@ -360,6 +339,13 @@ def _coarse(phased: PhasedRun, name: str, level: float) -> Finding | None:
     return finding if error > REPORTED or of_onset else None
 
 
+SWITCHED = 2
+"""Number of values between which a channel switches; a channel that is recorded in steps has more."""
+
+SELDOM = 0.01
+"""Share of the samples in which such a channel may hold another value. [1]"""
+
+
 def switches(x: Signal) -> bool:
     """Whether a channel holds one or two values, and others in a few samples alone, as a friction or a brake does.
 
@@ -367,6 +353,25 @@ def switches(x: Signal) -> bool:
     (True, False)
     """
     return int(np.count_nonzero(np.unique(x, return_counts=True)[1] > SELDOM * x.size)) <= SWITCHED
+
+
+FEWEST_CHANGES = 6
+"""Smallest number of changes of a channel that shows a step."""
+
+SMALL = 0.05
+"""Quantile of the changes that is taken for a single step: a few values between the steps do not hide it."""
+
+SEVERAL = 4.5
+"""Largest change that is compared with multiples of the step, in steps: of more, the error of the step is too large."""
+
+MULTIPLE = 0.2
+"""A change is a multiple of the step within this share of it: a logger may write the steps with rounded digits. [1]"""
+
+NEARLY_ALL = 0.95
+"""Share of these changes that must be multiples; of a channel without steps it is less than a half. [1]"""
+
+STRAIGHT = 0.85
+"""Share of the changes that follow an equal one, above which they are the slope of a straight ramp without noise. [1]"""
 
 
 def recorded_step(phased: PhasedRun, name: str) -> float:
