@@ -88,10 +88,10 @@ def _rise(duration: float, shape: float) -> Signal:
     return ramp * ramp * (3.0 - 2.0 * ramp)
 
 
-def smooth_noise(size: int, width: float, rng: np.random.Generator, *, grid: float = GRID) -> Signal:
+def smooth_noise(size: int, width: float, rng: np.random.Generator) -> Signal:
     """Noise of unit variance, smoothed by a bell curve of a standard deviation in seconds, (size,)."""
-    half_width = round(4.0 * width / grid)
-    bell = np.exp(-0.5 * (np.arange(-half_width, half_width + 1) * grid / width) ** 2)
+    half_width = round(4.0 * width / GRID)
+    bell = np.exp(-0.5 * (np.arange(-half_width, half_width + 1) * GRID / width) ** 2)
     smooth: Signal = fftconvolve(rng.standard_normal(size + 2 * half_width), bell, "valid")
     return smooth / float(np.sqrt(np.sum(bell**2)))
 
@@ -390,7 +390,7 @@ def draw_motion(log: str, rng: np.random.Generator) -> tuple[Signal, Signal, flo
     return x, v, float(np.clip(rng.normal(RESTING_MEAN, RESTING), -0.9, 0.9))
 
 
-def make_log(twin: Twin, log: str, rng: np.random.Generator, logger: Logger = CRANE_LOGGER) -> dict[str, Signal]:
+def make_log(twin: Twin, log: str, rng: np.random.Generator) -> dict[str, Signal]:
     """Move the crane, follow it, and read the sensors: one log of a campaign."""
     solved = solve_twin(twin, log, *draw_motion(log, rng))
-    return read_log(twin, solved, rng, logger)
+    return read_log(twin, solved, rng, CRANE_LOGGER)

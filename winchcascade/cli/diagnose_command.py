@@ -109,9 +109,10 @@ def diagnose_command(
 
     suspects, listed = _suspects(suspect), _listed(campaign, simulated)
     logs = [run.file for run in listed.runs]
+    simulations = [run.simulated for run in listed.runs if run.simulated is not None]
     check_export(export)
     results = {"--json": Path(json) if json else None, **report.by_option, "--write": write, "--export": export}
-    inputs = [listed.path, *logs, *_simulations(listed), rig or listed.rig]
+    inputs = [listed.path, *logs, *simulations, rig or listed.rig]
     check_outputs(results | _prediction_files(predictions, logs), inputs, force=force)
     set_threads(jobs or processes())
     with status_line(f"diagnosing {listed.name}") as on_progress:
@@ -172,11 +173,6 @@ def _files(
     if predictions is not None:
         files.append(predictions if written else "no predictions, as no effect was fitted")
     return files
-
-
-def _simulations(listed: Campaign) -> list[Path]:
-    """Files of the own simulations of a campaign."""
-    return [run.simulated for run in listed.runs if run.simulated is not None]
 
 
 def _prediction_files(folder: Path | None, logs: Sequence[Path]) -> dict[str, Path | None]:

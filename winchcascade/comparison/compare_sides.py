@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from msgspec.structs import replace
 
 from winchcascade.comparison.comparability import comparison_notes
-from winchcascade.comparison.compared_run import ComparedRun, CompareError
-from winchcascade.comparison.comparison_result import ComparedSide, Comparison, MatchedRuns
+from winchcascade.comparison.compared_run import CompareError
+from winchcascade.comparison.comparison_result import ComparedSide, Comparison
 from winchcascade.comparison.differences import difference, shared_gains
 from winchcascade.comparison.match import match_runs
 
@@ -26,7 +24,8 @@ def compare_sides(a: ComparedSide, b: ComparedSide, *, same_sensors: bool = Fals
     CompareError : no runs match, or the matched runs have no metric in common
     """
     matched, by = match_runs(a, b)
-    sharable, unlike = shared_gains(*(_matched(matched, side) for side in "ab"))
+    of_a, of_b = ([run for runs in matched for run in getattr(runs, side)] for side in "ab")
+    sharable, unlike = shared_gains(of_a, of_b)
     shared = sharable if same_sensors else frozenset()
     metrics = _common_metrics(a, b)
     with_differences = tuple(
@@ -38,7 +37,7 @@ def compare_sides(a: ComparedSide, b: ComparedSide, *, same_sensors: bool = Fals
             f"{a.name} and {b.name} have matching runs without a metric in common; expected an energy that both sides have. "
             "Check the stages of the rig files and the findings of the logs."
         )
-    ours, theirs = ({id(run) for runs in matched for run in getattr(runs, side)} for side in "ab")
+    ours, theirs = ({id(run) for run in side} for side in (of_a, of_b))
     return Comparison(
         a=a,
         b=b,
@@ -52,10 +51,6 @@ def compare_sides(a: ComparedSide, b: ComparedSide, *, same_sensors: bool = Fals
         alone_b=tuple(run for run in b.runs if id(run) not in theirs),
         notes=comparison_notes(a, b, with_differences, same_sensors=same_sensors, unlike=unlike),
     )
-
-
-def _matched(matched: Sequence[MatchedRuns], side: str) -> list[ComparedRun]:
-    return [run for runs in matched for run in getattr(runs, side)]
 
 
 def _common_metrics(a: ComparedSide, b: ComparedSide) -> tuple[str, ...]:

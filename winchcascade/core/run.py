@@ -109,7 +109,8 @@ class Finding(msgspec.Struct, frozen=True):
     """One thing that is wrong with a log: where, how much, and what was done about it.
 
     `start` and `end` are times on the log's clock [s]; `removed` counts the samples that the finding took out of the
-    measurement (bridged, left out or never logged), 0 where the data were kept as they are.
+    measurement (bridged, left out or never logged), 0 where the data were kept as they are. `columns` are the names of columns
+    that are no channel.
     """
 
     kind: FindingKind
@@ -120,6 +121,7 @@ class Finding(msgspec.Struct, frozen=True):
     end: float | None = None
     count: int = 1
     removed: int = 0
+    columns: tuple[str, ...] = ()
 
     def lost_share(self, samples: int) -> float:
         """Share of the samples that it took out, of a log of so many rows; rows that were never logged count as samples too.

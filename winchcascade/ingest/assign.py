@@ -89,10 +89,10 @@ def assign(headers: Sequence[Header], rig: Rig, where: str, *, clock: int | None
     labels = rig.phases.column.strip() if rig.phases.source == "column" else ""
     unknown = [k for k in columns.unknown if not labels or labels not in _names(headers[k])]
     if unknown:
-        count = len(unknown)
-        what = f"{count} columns that are no channel" if count > 1 else "1 column that is no channel"
-        message = f"{what}: {listed([headers[k].name.strip() for k in unknown])}"
-        findings.append(Finding("unknown_column", message, "not read", count=count))
+        names = tuple(headers[k].name.strip() for k in unknown)
+        what = f"{len(names)} columns that are no channel" if len(names) > 1 else "1 column that is no channel"
+        message = f"{what}: {listed(names)}"
+        findings.append(Finding("unknown_column", message, "not read", count=len(names), columns=names))
     findings += _missing(headers, rig, named, taken)
     time = matches.pop("time", None)
     return Assignment(matches, time, tuple(findings), columns.simulated, clock is None, candidates)

@@ -123,7 +123,7 @@ def _proposal(run: Run, rig: Rig, motion: Motion | None) -> str:
     if run.samples <= FEW_ROWS and any(f.kind == "backward_stamp" for f in run.findings):
         rows = f"The stamps of its {run.samples} rows are out of order"
         return f'{rows}: for rows that are step means, set from = "rows" {setting}.'
-    labels = [name for f in run.findings if f.kind == "unknown_column" for name in _label_columns(f.message)]
+    labels = [name for finding in run.findings for name in finding.columns if _LABELS.fullmatch(name)]
     if labels:
         return (
             f'The column {labels[0]!r} may label the phases: set from = "column", column = "{labels[0]}" and the values of '
@@ -145,8 +145,3 @@ def _proposal(run: Run, rig: Rig, motion: Motion | None) -> str:
             return f'The speed has {len(steps)} steady stretches: for operating points, set from = "steps" {setting}.'
         return f'The shaft turns without steady stretches: set from = "whole" or "speed" {setting}, or check the speed column.'
     return "Check name, unit and sign of the velocity column."
-
-
-def _label_columns(message: str) -> list[str]:
-    """Names, in the finding about columns that are no channel, that may be those of labels."""
-    return [name for name in message.partition(": ")[2].split(", ") if _LABELS.fullmatch(name)]

@@ -224,7 +224,8 @@ def _points(found: Comparison, gate: Gate | None, etas: Sequence[str]) -> list[P
         points.append(Point("Limit", f"{upper(gate_words(gate, SYMBOL[gate.metric]))}.", "good" if gate.ok else "warn"))
     points += [Point("Difference", f"{significance(found, m, run_label)}.") for m in etas]
     points.append(Point("Sensors", f"{upper(sensors_words(found))}."))
-    alone = [f"{side}: {run_words([r.name for r in runs])}" for side, runs in _alone(found) if runs]
+    both = (("A", found.alone_a), ("B", found.alone_b))
+    alone = [f"{side}: {run_words([run.name for run in runs])}" for side, runs in both if runs]
     points += [Point("Unmatched", f"{'; '.join(alone)}.", "warn")] if alone else []
     points += [
         Point(upper(note.kind.replace("_", " ")), f"{upper(note_words(note, len(found.runs)))}.", "warn")
@@ -232,10 +233,6 @@ def _points(found: Comparison, gate: Gate | None, etas: Sequence[str]) -> list[P
         if note.is_warning
     ]
     return points
-
-
-def _alone(found: Comparison) -> list[tuple[str, tuple[ComparedRun, ...]]]:
-    return [("A", found.alone_a), ("B", found.alone_b)]
 
 
 def _provenance(found: Comparison, command: str) -> Table:

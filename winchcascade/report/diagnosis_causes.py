@@ -163,7 +163,7 @@ class Profile(NamedTuple):
     high: Signal
 
 
-def profile_of(found: ModelDiagnosis, seed: int = 0) -> Profile | None:
+def profile_of(found: ModelDiagnosis) -> Profile | None:
     """The roll-off with its band, as far as the data reach; None where it is no cause."""
     best = found.found.best
     if ROLLOFF not in best.names or all(cause.effect != ROLLOFF for cause in found.causes):
@@ -172,7 +172,7 @@ def profile_of(found: ModelDiagnosis, seed: int = 0) -> Profile | None:
     fitted = best.x[place]
     root = np.linalg.eigh(covariance_of(found.data, best, found.found.scale)[place, place])
     spread = root.eigenvectors * np.sqrt(np.maximum(root.eigenvalues, 0.0))
-    drawn = fitted + np.random.default_rng(seed).standard_normal((DRAWS, fitted.size)) @ spread.T
+    drawn = fitted + np.random.default_rng(0).standard_normal((DRAWS, fitted.size)) @ spread.T
     reached = float(np.max(stator_current(found)[0], initial=ROLLOFF_KNOTS[1]))
     current = np.linspace(0.0, reached, 120)
     fields = [fitted, *np.clip(drawn, best.bounds.low[place], best.bounds.high[place])]

@@ -34,14 +34,9 @@ _APART = 1.0 / 2000.0
 """Repaired stretches that are nearer to each other than this share of the log are drawn as one."""
 
 
-def repaired_spans(run: Run, channels: Sequence[str], most: float = _APART) -> list[tuple[float, float]]:
-    """Stretches in which any of the channels was bridged, those that touch or nearly touch as one. [s]
-
-    Parameters
-    ----------
-    most : distance of stretches that count as one, as a share of the log
-    """
-    near, spans = most * float(run.t[-1] - run.t[0]), list[tuple[float, float]]()
+def repaired_spans(run: Run, channels: Sequence[str]) -> list[tuple[float, float]]:
+    """Stretches in which any of the channels was bridged, those that touch or nearly touch as one. [s]"""
+    near, spans = _APART * float(run.t[-1] - run.t[0]), list[tuple[float, float]]()
     for begin, end in all_gaps(run, channels).tolist():
         if spans and begin <= spans[-1][1] + near:
             spans[-1] = (spans[-1][0], max(spans[-1][1], end))

@@ -104,9 +104,9 @@ def plain_cell(value: Cell, decimals: int = 0) -> str:
     return "-" if value is None else value if isinstance(value, str) else f"{value:.{decimals}f}"
 
 
-def without_empty(rows: Sequence[Sequence[str]], head: int = 2) -> list[list[str]]:
-    """Rows without the columns that have no entry below the head; the first column stays."""
-    used = [k for k in range(len(rows[0])) if k == 0 or any(row[k] not in ("", "-") for row in rows[head:])]
+def without_empty(rows: Sequence[Sequence[str]]) -> list[list[str]]:
+    """Rows without the columns that have no entry below names and units; the first column stays."""
+    used = [k for k in range(len(rows[0])) if k == 0 or any(row[k] not in ("", "-") for row in rows[2:])]
     return [[row[k] for k in used] for row in rows]
 
 
