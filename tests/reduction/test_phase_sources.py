@@ -306,7 +306,7 @@ def test_a_window_belongs_to_payouts_in_a_motion(tmp_path: Path) -> None:
         ({"n (rad/s)": stairs([20.0, 40.0, 60.0], 13.34)[: T.size]}, '3 steady stretches: for operating points, set'),
         ({"n (rad/s)": T, "Mode": ["1"] * T.size}, "The column 'Mode' may label the phases"),
         (
-            {"n (rad/s)": T, **{f"Remark {k}": ["a"] * T.size for k in range(20)}, "Mode": ["1"] * T.size},
+            {"n (rad/s)": T, **{f"Remark {k}": T for k in range(20)}, "Mode": ["1"] * T.size},
             "The column 'Mode' may label the phases",
         ),
         ({"n (rad/s)": T, "Status_RPM_V1": T}, 'turns without steady stretches: set from = "whole" or "speed"'),
