@@ -94,6 +94,40 @@ def test_an_effect_that_the_simulation_contains_already_is_reported_with_its_num
     assert value.low < 0.3 < value.high
 
 
+@cache
+def diagnosed_twin() -> ModelDiagnosis:
+    """A diagnosis beside an own simulation that has the cause of the logs already, with the same number."""
+    alone = diagnosed_alone()
+    runs = own(make_effect("line_drag", LINE_DRAG["line_drag"]).apply(baseline(built_in())))
+    return beside_own_simulation(alone, on_the_logs(runs, alone.runs, built_in(), [None] * len(driven())))
+
+
+def test_a_simulation_that_has_the_cause_of_the_logs_leaves_no_gap() -> None:
+    found = diagnosed_twin()
+    assert (found.verdict, found.causes, found.where, found.closure) == ("no_gap", (), None, None)
+    assert found.own_simulation is not None
+    assert found.own_simulation.shared == ("line_drag",)
+    text = " ".join(diagnosis_text(found).split())
+    assert (
+        "Your simulation differs from the logs by no more than noise: both have Line drag (line_drag). No cause" in text
+    )
+    assert "Probability of no effect" not in text
+    assert "more than chance" not in text
+    split = [one for one in found.contributions if one.parts]
+    assert split
+    for one in split:
+        assert sum(part.value for part in one.parts) == pytest.approx(one.measured - one.as_given, abs=1e-9)
+        assert "line_drag" not in {part.effect for part in one.parts}
+
+
+def test_a_simulation_that_has_less_of_the_cause_leaves_a_gap() -> None:
+    alone = diagnosed_alone()
+    runs = own(make_effect("line_drag", {"b": 0.5}).apply(baseline(built_in())))
+    found = beside_own_simulation(alone, on_the_logs(runs, alone.runs, built_in(), [None] * len(driven())))
+    assert [cause.effect for cause in found.causes] == ["line_drag"]
+    assert found.verdict == alone.verdict
+
+
 def test_map_and_closure_are_those_of_log_minus_simulation() -> None:
     alone, found = diagnosed("averaged")
     assert found.own_simulation is not None

@@ -397,22 +397,24 @@ def by_cost(causes: Sequence[NamedCause], contributions: Sequence[Contribution])
     return tuple(sorted(causes, key=lambda cause: (cause.stage != "entry", -mean.get(cause.effect, 0.0))))
 
 
-def without(contributions: Sequence[Contribution], effects: Collection[str]) -> tuple[Contribution, ...]:
-    """Contributions in which the parts of some effects, which are no causes, count among the tolerances."""
+def without(
+    contributions: Sequence[Contribution], effects: Collection[str], among: ContributionKind = "tolerances"
+) -> tuple[Contribution, ...]:
+    """Contributions in which the parts of some effects, which are no causes, count among another kind of parts."""
     if not effects:
         return tuple(contributions)
-    return tuple(msgspec.structs.replace(one, parts=_joined(one.parts, effects)) for one in contributions)
+    return tuple(msgspec.structs.replace(one, parts=_joined(one.parts, effects, among)) for one in contributions)
 
 
-def _joined(parts: Sequence[ContributionPart], effects: Collection[str]) -> tuple[ContributionPart, ...]:
-    """Parts with those of some effects joined to the tolerances, their half-widths in quadrature."""
-    joined = [part for part in parts if part.effect in effects or part.kind == "tolerances"]
+def _joined(
+    parts: Sequence[ContributionPart], effects: Collection[str], among: ContributionKind
+) -> tuple[ContributionPart, ...]:
+    """Parts with those of some effects joined to the part of another kind, their half-widths in quadrature."""
+    joined = [part for part in parts if part.effect in effects or part.kind == among]
     value = sum(part.value for part in joined)
     half = math.hypot(*(0.5 * (part.high - part.low) for part in joined))
     return tuple(
-        msgspec.structs.replace(part, value=value, low=value - half, high=value + half)
-        if part.kind == "tolerances"
-        else part
+        msgspec.structs.replace(part, value=value, low=value - half, high=value + half) if part.kind == among else part
         for part in parts
         if part.effect not in effects
     )

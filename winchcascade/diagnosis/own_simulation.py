@@ -16,8 +16,8 @@ import numpy as np
 
 from winchcascade.diagnosis.block_means import PHASES, blocks_of
 from winchcascade.diagnosis.causes import parameters_of
-from winchcascade.diagnosis.closure import alarms_of, closure_between
-from winchcascade.diagnosis.contributions import from_own_simulation
+from winchcascade.diagnosis.closure import LEAST, alarms_of, closure_between
+from winchcascade.diagnosis.contributions import from_own_simulation, without
 from winchcascade.diagnosis.diagnosis_result import ModelForm, OwnSimulation, Spot
 from winchcascade.diagnosis.evidence import search
 from winchcascade.diagnosis.gap_map import STAGE_OF, compare, locate, without_zeros
@@ -63,8 +63,9 @@ def beside_own_simulation(
 ) -> ModelDiagnosis:
     """A diagnosis by the rig's model with the own simulation as its baseline.
 
-    Verdict and causes stay, as they follow from log and model. Map, place, closure and
-    contributions are those of log minus own simulation.
+    Verdict and causes stay, as they follow from log and model; but if the simulation contains all causes with the same numbers
+    and differs from the logs by no more than noise, it leaves no gap. Map, place, closure and contributions are those of log
+    minus own simulation.
 
     Parameters
     ----------
@@ -87,7 +88,7 @@ def beside_own_simulation(
         closure = closure_between(data, gap, closure.residual, closure.predictions, result.seed)
     own = fit_simulation(simulations, result, on_progress)
     split = from_own_simulation(result.contributions, data, simulations, windows)
-    return msgspec.structs.replace(
+    result = msgspec.structs.replace(
         result,
         predicted=given,
         places=places,
@@ -95,6 +96,38 @@ def beside_own_simulation(
         closure=closure,
         own_simulation=own,
         contributions=split,
+    )
+    return _without_gap(result, own) if _agrees(result, own) else result
+
+
+def _agrees(result: ModelDiagnosis, own: OwnSimulation) -> bool:
+    """Whether a simulation contains all causes with the same numbers, and differs from the logs by no more than noise."""
+    if result.verdict != "explained" or result.closure is None:
+        return False
+    shrunk = result.closure.channels.values()
+    return all(one.before <= math.sqrt(1.0 + LEAST) * one.noise for one in shrunk) and all(
+        cause.effect in own.numbers
+        and all(
+            number.low <= own.numbers[cause.effect][name].high and own.numbers[cause.effect][name].low <= number.high
+            for name, number in cause.parameters.items()
+        )
+        for cause in result.causes
+    )
+
+
+def _without_gap(result: ModelDiagnosis, own: OwnSimulation) -> ModelDiagnosis:
+    """The result for a simulation that agrees with the logs: their causes are shared, and part of its form."""
+    shared = tuple(cause.effect for cause in result.causes)
+    return msgspec.structs.replace(
+        result,
+        verdict="no_gap",
+        causes=(),
+        where=None,
+        closure=None,
+        remainder=None,
+        experiment=None,
+        own_simulation=msgspec.structs.replace(own, shared=shared),
+        contributions=without(result.contributions, shared, among="model_form"),
     )
 
 

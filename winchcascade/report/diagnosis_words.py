@@ -140,6 +140,12 @@ def files_of(found: DiagnosisResult) -> list[str]:
     return [run.name for run in found.runs]
 
 
+def _shared_words(found: DiagnosisResult) -> str:
+    """Effects that logs and own simulation have alike, so that they cause no gap; empty without any."""
+    own = found.own_simulation if isinstance(found, ModelDiagnosis) else None
+    return "" if own is None else " and ".join(f"{found.suspects[name].label} ({name})" for name in own.shared)
+
+
 def not_needed_words(found: DiagnosisResult) -> str:
     """Names of the effects that are not needed beside the causes; an entry of several runs is listed once."""
     chosen = {effect_name(name) for name in found.chosen}
@@ -151,6 +157,8 @@ def not_needed_words(found: DiagnosisResult) -> str:
 def verdict_words(found: DiagnosisResult) -> str:
     """One honest sentence about the verdict."""
     phrases, closure = phrases_of(found), found.closure
+    if shared := _shared_words(found):
+        return f"Your simulation differs from the logs by no more than noise: both have {shared}. No cause is named."
     if closure is None:
         if found.minor and found.verdict == "no_gap":
             return "What these logs show beyond noise and tolerances is too small to matter: no cause is named."
@@ -208,9 +216,10 @@ def checked_words(found: ModelDiagnosis) -> str:
     if out and has_own_simulation(found):
         more = " from your simulation"
     staged = f" Stage by stage {alone} of {len(found.stages)} do." if alone else ""
+    chance = f" {len(found.suspects)} effects: none explains more than chance would."
     return (
         f"{len(found.places)} means by channel, phase and load: {deviate} by more than {STANDS_OUT:g} standard "
-        f"uncertainties{more}.{staged} {len(found.suspects)} effects: none explains more than chance would."
+        f"uncertainties{more}.{staged}{'' if _shared_words(found) else chance}"
     )
 
 
@@ -218,6 +227,8 @@ def checked_words(found: ModelDiagnosis) -> str:
 def sure_words(found: DiagnosisResult) -> str:
     """How sure the causes are, and what no effect of the catalogue is and looks like one of them."""
     phrases, count, others = phrases_of(found), len(found.causes), len(found.sets) - 1
+    if shared := _shared_words(found):
+        return f"By the rig's model, the numbers of {shared} agree within their intervals in the logs and in your simulation."
     if not count:
         fitted = f"; {others or 'no'} other set{'' if others == 1 else 's'} of effects came near enough to be fitted"
         likely = f"Probability of {phrases.none}: {probability_words(found.sets.get((), 0.0))}"
