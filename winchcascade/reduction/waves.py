@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from winchcascade.core.run import Index, Signal
+from winchcascade.core.run import Index, Mask, Signal
 from winchcascade.reduction.phases import Cycle, crossing
 
 
@@ -31,27 +31,23 @@ def find_waves(t: Signal, v_smooth: Signal, v_onset: float) -> list[Cycle]:
         return []
     turns = np.flatnonzero(np.diff(side[fast])) + 1
     first, last = fast[np.append(0, turns)], fast[np.append(turns - 1, fast.size - 1)]
-    low, high = np.flatnonzero(v_smooth <= 0.0), np.flatnonzero(v_smooth >= 0.0)
     waves = []
     for k in range(first.size - 1):
-        up, down = int(first[k]), int(first[k + 1])
-        after = _next(high, int(last[k + 1]))
-        before = _last(low, up)
-        if side[up] < 0 or before is None or after is None:
+        up, down, slow = int(first[k]), int(first[k + 1]), int(last[k + 1]) + 1
+        if side[up] < 0:
             continue
-        onset, end = crossing(t, v_smooth, before + 1, 0.0), crossing(t, v_smooth, after, 0.0)
-        middle = crossing(t, v_smooth, (_last(high, down) or 0) + 1, 0.0)
-        waves.append(Cycle(onset, middle, (middle, middle), (middle, end), begins_inside=False, ends_inside=False))
+        begin, end = int(last[k - 1]) if k > 0 else 0, int(first[k + 2]) + 1 if k + 2 < first.size else v_smooth.size
+        before, after = _rows(v_smooth[begin:up] <= 0.0, begin), _rows(v_smooth[slow:end] >= 0.0, slow)
+        if not (before.size and after.size):
+            continue
+        forward = _rows(v_smooth[last[k] : down] >= 0.0, int(last[k]))
+        onset, rest = (crossing(t, v_smooth, int(at), 0.0) for at in (before[-1] + 1, after[0]))
+        middle = crossing(t, v_smooth, int(forward[-1]) + 1, 0.0)
+        waves.append(Cycle(onset, middle, (middle, middle), (middle, rest), begins_inside=False, ends_inside=False))
     return waves
 
 
-def _last(rows: Index, before: int) -> int | None:
-    """Last of some rows that lies before another one, None without one."""
-    k = int(np.searchsorted(rows, before))
-    return None if k == 0 else int(rows[k - 1])
-
-
-def _next(rows: Index, after: int) -> int | None:
-    """First of some rows that lies after another one, None without one."""
-    k = int(np.searchsorted(rows, after, side="right"))
-    return None if k == rows.size else int(rows[k])
+def _rows(mask: Mask, start: int) -> Index:
+    """Rows of a log at which a mask of a part of it is set, in order; the part begins at row `start`."""
+    found: Index = start + np.flatnonzero(mask)
+    return found

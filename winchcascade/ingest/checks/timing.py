@@ -8,14 +8,15 @@ counter was set. If it differs by the same factor everywhere, the clock or a uni
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import GAUSS, median, quantile, running, smallest_step
+from winchcascade.core.integrate import BLOCK, GAUSS, median, quantile, running, smallest_step
 from winchcascade.core.rig_file import Thresholds
-from winchcascade.core.run import Finding, Signal
+from winchcascade.core.run import Finding, Index, Mask, Signal
 from winchcascade.ingest.checks.agreement import MOVING
 
 BLOCKS = 200
@@ -113,8 +114,9 @@ def _other_unit(t: Signal, factor: float | None) -> str | None:
 
 def _factor(t: Signal, v: Signal, displacement: Signal, v_onset: float) -> float | None:
     """Travel by the velocity over travel by the displacement, where the velocity moves; None where too little does. [1]"""
-    good = np.isfinite(v) & np.isfinite(displacement)
-    t, v, x = t[good], v[good], displacement[good]
+    good, x = np.isfinite(v) & np.isfinite(displacement), displacement
+    if not good.all():  # else no copies of a long log
+        t, v, x = t[good], v[good], x[good]
     if t.size < 2 * FEWEST:
         return None
     ends = np.linspace(0, t.size - 1, min(BLOCKS, t.size - 1) + 1).astype(np.intp)
@@ -184,38 +186,83 @@ def _repeats(channels: Mapping[str, Signal], jump: Jump) -> int:
     return 0
 
 
+class _Steps(NamedTuple):
+    """Steps from row to row: the interval [s], the mean speed [m/s], the travel beyond what that gives [m], and whether no row
+    without a value lies between, (k,) each.
+    """
+
+    interval: Signal
+    speed: Signal
+    beyond: Signal
+    joined: Mask
+
+
+class _Course(msgspec.Struct, frozen=True):
+    """Rows of a log with a value of the displacement and, if it has one, of the velocity, else with the `slopes` of its steps.
+
+    `rows` are their numbers, None where all have values.
+    """
+
+    rows: Index | None
+    t: Signal
+    x: Signal
+    v: Signal | None
+    slopes: Signal
+
+    def steps(self, first: int, last: int) -> _Steps:
+        """Some steps, so that none of their numbers is held for all rows of a long log."""
+        at = slice(first, last + 1)
+        interval = np.diff(self.t[at])
+        speed = self.slopes[first:last] if self.v is None else 0.5 * (self.v[at][:-1] + self.v[at][1:])
+        joined = np.ones(interval.size, dtype=bool) if self.rows is None else np.diff(self.rows[at]) == 1
+        return _Steps(interval, speed, np.diff(self.x[at]) - speed * interval, joined)
+
+    def blocks(self) -> Iterator[tuple[int, _Steps]]:
+        """All steps block by block, each with the number of its first."""
+        for first in range(0, self.t.size - 1, BLOCK):
+            yield first, self.steps(first, min(first + BLOCK, self.t.size - 1))
+
+
+def _course(t: Signal, x: Signal, v: Signal | None) -> _Course:
+    """The rows that have values; no copies where all have."""
+    finite = np.isfinite(x) if v is None else np.isfinite(x) & np.isfinite(v)
+    rows = None if finite.all() else np.flatnonzero(finite)
+    if rows is not None:
+        t, x, v = t[rows], x[rows], None if v is None else v[rows]
+    slopes = _mean_slopes(np.diff(x) / np.diff(t)) if v is None and x.size > 1 else np.empty(0)
+    return _Course(rows, t, x, v, slopes)
+
+
 def find_jumps(t: Signal, channels: Mapping[str, Signal], v_onset: float) -> list[Jump]:
     """Find the places at which the displacement jumps by what the line did not travel, in order; none if they are many."""
-    x, v = channels["displacement"], channels.get("velocity")
-    rows = np.flatnonzero(np.isfinite(x) if v is None else np.isfinite(x) & np.isfinite(v))
-    if rows.size < 4 * SIDE:
+    course = _course(t, channels["displacement"], channels.get("velocity"))
+    if course.t.size < 4 * SIDE:
         return []
-    gaps = rows.size < x.size
-    if gaps:  # else no copies of a long log
-        t, x, v = t[rows], x[rows], None if v is None else v[rows]
-    interval, moved = np.diff(t), np.diff(x)
-    speed = _mean_slopes(moved / interval) if v is None else 0.5 * (v[:-1] + v[1:])
-    beyond = moved - speed * interval
-    usual = interval < 1.5 * median(interval)
-    if gaps:
-        usual &= np.diff(rows) == 1
-    moving = usual & (np.abs(speed) > v_onset)
-    if np.count_nonzero(moving) < 4 * SIDE:
-        return []
-    size = np.abs(beyond)
-    least = max(
-        STANDS_OUT * quantile(size[moving], 0.95),
-        DEVIATIONS * GAUSS * median(size[moving]),
-        STEPS * smallest_step(x),
+    longest = 1.5 * median(np.diff(course.t))
+    size = np.concatenate(
+        [
+            np.abs(some.beyond[(some.interval < longest) & some.joined & (np.abs(some.speed) > v_onset)])
+            for _, some in course.blocks()
+        ]
     )
-    found = np.flatnonzero(usual & (size > np.maximum(least, ROW * np.abs(speed) * interval)))
-    if not 0 < found.size <= MOST:
+    if size.size < 4 * SIDE:
         return []
-    return [
-        Jump(int(rows[k]), int(rows[k + 1]), float(beyond[k]), float(speed[k]))
-        for k in found.tolist()
-        if abs(beyond[max(k - SIDE, 0) : k + SIDE + 1].sum() - beyond[k]) < ROW * size[k]  # a spike would come back
-    ]
+    least = max(STANDS_OUT * quantile(size, 0.95), DEVIATIONS * GAUSS * median(size), STEPS * smallest_step(course.x))
+    found: list[int] = []
+    for first, some in course.blocks():
+        large = np.abs(some.beyond) > np.maximum(least, ROW * np.abs(some.speed) * some.interval)
+        found += (first + np.flatnonzero(large & (some.interval < longest) & some.joined)).tolist()
+    if not 0 < len(found) <= MOST:
+        return []
+    jumps = []
+    for k in found:
+        first = max(k - SIDE, 0)
+        near = course.steps(first, min(k + SIDE + 1, course.t.size - 1))
+        metres = float(near.beyond[k - first])
+        if abs(near.beyond.sum() - metres) < ROW * abs(metres):  # a spike would come back
+            before, after = (k, k + 1) if course.rows is None else course.rows[k : k + 2].tolist()
+            jumps.append(Jump(before, after, metres, float(near.speed[k - first])))
+    return jumps
 
 
 def _mean_slopes(slope: Signal) -> Signal:
