@@ -1,6 +1,7 @@
 """What the command line does, the library does in one call, with the same numbers."""
 
 import inspect
+import math
 import shutil
 import subprocess
 import sys
@@ -8,13 +9,16 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
+import pandas as pd
 import pytest
 from diagnosed import PLANTED, SUSPECTS, write_campaign
 
 import winchcascade
-from winchcascade import Bin, audit, open_campaign, read_run, reduce, simulate, write_report
-from winchcascade.core.errors import CampaignError, OptionError
+from winchcascade import Bin, audit, calibrate, open_campaign, read_run, reduce, simulate, write_report
+from winchcascade.core.errors import CampaignError, LogError, OptionError
 from winchcascade.core.rig_toml import built_in
+from winchcascade.diagnosis.calibrate import complete_payouts
 from winchcascade.rig.baseline import baseline
 from winchcascade.tables.audit import Audit
 
@@ -45,6 +49,25 @@ def test_simulate_takes_the_rig_that_reduce_takes() -> None:
     run = read_run("fixtures/campaign/r36ohm.csv", load=36.0)
     plain, given = simulate(run), simulate(run, baseline(built_in()))
     assert plain.run.channels["idc"].tolist() == given.run.channels["idc"].tolist()
+
+
+def test_calibrate_takes_the_rig_and_the_payouts_that_reduce_takes() -> None:
+    run = read_run("fixtures/campaign/open_circuit.csv", load=math.inf)
+    plain, given = calibrate(run), calibrate(run, built_in(), complete_payouts(reduce(run)))
+    assert [(n.name, n.value) for n in plain.numbers] == [(n.name, n.value) for n in given.numbers]
+    with pytest.raises(LogError, match="none of 0 payouts is complete"):
+        calibrate(read_run(_at_rest(), load=math.inf))
+
+
+def _at_rest() -> pd.DataFrame:
+    """A log in which nothing moves."""
+    return pd.DataFrame({"Time (s)": np.arange(200) / 10.0, "Velocity (m/s)": 0.0, "Force (N)": 200.0, "Vdc (V)": 0.0})
+
+
+@pytest.mark.parametrize("load", [-1.0, 0.0, math.nan, "36"])
+def test_a_load_that_is_none_is_rejected(load: Any) -> None:
+    with pytest.raises(OptionError, match="expected a resistance above 0 in ohms"):
+        read_run("fixtures/campaign/r36ohm.csv", load=load)
 
 
 def test_bins_and_metrics_give_their_powers_by_the_same_names() -> None:
@@ -115,7 +138,7 @@ def test_reports_are_written_by_the_ending_of_their_names(campaign: Path, tmp_pa
         OptionError, match=r"x\.docx: no ending of a report; expected a name that ends in \.html or \.pdf"
     ):
         write_report(reduction, tmp_path / "x.docx")
-    with pytest.raises(OptionError, match=r"a Run has no report; expected the result of reduce"):
+    with pytest.raises(OptionError, match=r"Run has no report; expected the result of reduce"):
         write_report(reduction.run, tmp_path / "x.html")  # type: ignore[arg-type]
 
 

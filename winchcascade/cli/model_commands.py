@@ -35,7 +35,7 @@ from winchcascade.cli.outputs import (
     written,
 )
 from winchcascade.cli.report_options import NO_REPORT, report_options
-from winchcascade.core.errors import LogError, OptionError
+from winchcascade.core.errors import OptionError
 from winchcascade.core.files import json_bytes
 from winchcascade.core.jobs import one_thread_each
 from winchcascade.report.report_files import ReportFiles
@@ -152,7 +152,7 @@ def calibrate_command(
     """Calibrate a rig by a run in open circuit: back-EMF constant, damper and screw friction, with their uncertainty."""
     one_thread_each()
     from winchcascade.core.files import write_content
-    from winchcascade.diagnosis.calibrate import calibrate
+    from winchcascade.diagnosis.calibrate import calibrate, complete_payouts
     from winchcascade.diagnosis.rig_text import calibrated_text
     from winchcascade.reduction.reduce import reduce
     from winchcascade.report.calibration_text import calibration_record, calibration_text
@@ -163,17 +163,7 @@ def calibrate_command(
     check_outputs(results, [log, log.parent / "campaign.toml", settings.rig.path], force=force)
     run = read_with(log, settings)
     reduction = reduce(run, rig=settings.rig, window=settings.window, cycles=settings.cycles)
-    payouts = [  # of the complete cycles, from the onset to the start of braking
-        (cycle.phases.onset, plateau.braking)
-        for cycle in reduction.complete
-        if (plateau := cycle.summary.payout.plateau) is not None
-    ]
-    if not payouts:
-        raise LogError(
-            f"{run.name}: none of {len(reduction.cycles)} payouts is complete and holds a plateau, which a "
-            "calibration needs; `winchcascade reduce` lists what is wrong with each."
-        )
-    calibration = calibrate(run, settings.rig, payouts, cycles=settings.cycles)
+    calibration = calibrate(run, settings.rig, complete_payouts(reduction), cycles=settings.cycles)
     if write is not None:
         write_content(write, calibrated_text(calibration), force=force)
     write_reports(report_maker_of(calibration), report, f"{Path(run.name).stem}_calibration", force=force)

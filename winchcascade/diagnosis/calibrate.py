@@ -14,11 +14,14 @@ from winchcascade.core.errors import LogError, RigError
 from winchcascade.core.integrate import median
 from winchcascade.core.quantity import Quantity, find_unit, si_unit
 from winchcascade.core.rig_file import ModelAccuracy, Rig
+from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.nuisances import nuisances, quantity_of, sensor_errors, shifted, with_quantity
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.solve import huber, normal_equations
+from winchcascade.reduction.reduce import reduce
+from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.rig.backemf import COVERED, RPM_LEAST, BackEmf, back_emf
 from winchcascade.rig.baseline import baseline
 
@@ -121,7 +124,11 @@ class Calibration(msgspec.Struct, frozen=True):
 
 
 def calibrate(
-    run: Run, rig: Rig, payouts: Sequence[tuple[float, float]], *, cycles: tuple[int, int] | None = None
+    run: Run,
+    rig: Rig | None = None,
+    payouts: Sequence[tuple[float, float]] | None = None,
+    *,
+    cycles: tuple[int, int] | None = None,
 ) -> Calibration:
     """Calibrate a rig from an open-circuit log (Sec. 4.2).
 
@@ -130,14 +137,18 @@ def calibrate(
 
     Parameters
     ----------
-    payouts : from the onset of each payout to the start of its braking [s]
+    rig : to be calibrated; the paper's by default
+    payouts : from the onset of each payout to the start of its braking [s]; those of `reduce` by default
     cycles : first and last cycle that count for damper and screw, numbered by payout; all by default
 
     Raises
     ------
-    LogError : the log is no open circuit, delivers power, or lacks force or voltage
+    LogError : the log is no open circuit, delivers power, lacks force or voltage, or has no complete payout with a plateau
     RigError : the rig file lacks numbers of the model, or an estimate of those to be found
     """
+    rig = rig or built_in()
+    if payouts is None:
+        payouts = complete_payouts(reduce(run, rig=rig, cycles=cycles))
     _require_open_circuit(run, rig, payouts)
     freed = _freed(rig)
     regression = back_emf_of(run, freed, payouts)
@@ -155,6 +166,21 @@ def calibrate(
         if abs(x) > STRAINED and k not in at
     )
     return Calibration(run, rig, numbers, regression, together, misfit, strained, settled)
+
+
+def complete_payouts(reduction: Reduction) -> list[tuple[float, float]]:
+    """Payouts of the complete cycles, from the onset to the start of braking; LogError without one. [s]"""
+    payouts = [
+        (cycle.phases.onset, plateau.braking)
+        for cycle in reduction.complete
+        if (plateau := cycle.summary.payout.plateau) is not None
+    ]
+    if not payouts:
+        raise LogError(
+            f"{reduction.run.name}: none of {len(reduction.cycles)} payouts is complete and holds a plateau, which a "
+            "calibration needs; `winchcascade reduce` lists what is wrong with each."
+        )
+    return payouts
 
 
 def _require_open_circuit(run: Run, rig: Rig, payouts: Sequence[tuple[float, float]]) -> None:

@@ -10,6 +10,7 @@ import time
 import unicodedata
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -93,7 +94,7 @@ def read_run(
     Raises
     ------
     LogError : the log cannot be used; the message is one sentence
-    OptionError : `units` are given for a file, which names its own
+    OptionError : `units` are given for a file, which names its own, or `load` is none
 
     Examples
     --------
@@ -101,6 +102,8 @@ def read_run(
     2767
     """
     rig = rig or built_in()
+    if load is not None and not _is_load(load):
+        raise OptionError(f"load={load!r}: expected a resistance above 0 in ohms, or inf for an open circuit.")
     if isinstance(path, str | os.PathLike):
         if units is not None:
             raise OptionError(
@@ -118,6 +121,10 @@ def read_run(
         run = msgspec.structs.replace(run, sha256=frame_digest(path))
     run = msgspec.structs.replace(run, load_source=run.load_source if load is None else load_source, about=about)
     return _with_origin(run, origin or Origin())
+
+
+def _is_load(load: object) -> bool:
+    return isinstance(load, Real) and is_load(float(load))
 
 
 def _read_unchanged(path: Path, rig: Rig, load: float | None, table: str | None, *, simulated: bool) -> Run:

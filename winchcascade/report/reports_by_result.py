@@ -37,7 +37,7 @@ def report_of(result: object, *, command: str = "") -> Report:
     maker = next((_MAKERS[kind.__name__] for kind in type(result).__mro__ if kind.__name__ in _MAKERS), None)
     if maker is None:
         raise OptionError(
-            f"write_report: a {type(result).__name__} has no report; expected the result of reduce, compare, calibrate, "
+            f"write_report: {type(result).__name__} has no report; expected the result of reduce, compare, calibrate, "
             "simulate, audit, or of open_campaign(...).reduce(), .diagnose() or .check()."
         )
     report: Report = resolve_name(f"winchcascade.report.{maker}")(result, command=command)
