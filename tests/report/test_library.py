@@ -70,6 +70,15 @@ def test_a_load_that_is_none_is_rejected(load: Any) -> None:
         read_run("fixtures/campaign/r36ohm.csv", load=load)
 
 
+def test_results_are_shown_in_one_line() -> None:
+    run = read_run("fixtures/campaign/open_circuit.csv", load=math.inf)
+    assert repr(calibrate(run)).startswith("Calibration('hsu2026', k_e = 0.0620")
+    assert repr(simulate(run)) == f"Simulation({run!r})"
+    assert repr(audit("hsu2026-table2")) == "Audit('hsu2026-table2', contradictions: 1, contradicted claims: 2)"
+    check = open_campaign("fixtures/campaign").check("hsu2026-table2")
+    assert repr(check) == "Check('hsu2026-table2', 54 of 54 cells agree)"
+
+
 def test_bins_and_metrics_give_their_powers_by_the_same_names() -> None:
     reduction = reduce(read_run("fixtures/campaign/r36ohm.csv", load=36.0))
     assert reduction.bins[3].power_gen == reduction.bins[3].power["gen"]

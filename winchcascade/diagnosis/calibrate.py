@@ -122,6 +122,11 @@ class Calibration(msgspec.Struct, frozen=True):
     strained: tuple[Strain, ...]
     settled: bool
 
+    def __repr__(self) -> str:
+        """One line instead of every number."""
+        found = (f"{n.name} = {n.value:.5g} {n.unit}".removesuffix(" 1") for n in self.numbers if n.new)
+        return f"Calibration({self.rig.name!r}, {', '.join(found)})"
+
 
 def calibrate(
     run: Run,

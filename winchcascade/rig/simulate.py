@@ -138,6 +138,10 @@ class Simulation(msgspec.Struct, frozen=True):
     motion: LineMotion
     solution: Signal
 
+    def __repr__(self) -> str:
+        """One line instead of every number."""
+        return f"Simulation({self.run!r})"
+
     @property
     def energy(self) -> dict[str, Signal]:
         """Energy of the line and where it went until each stamp, by the words of `LEDGER`, (n,) each [J]."""

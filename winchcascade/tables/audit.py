@@ -92,6 +92,11 @@ class Audit(msgspec.Struct, frozen=True):
     shared: tuple[SharedWindow, ...]
     physics: AttainableRanges | None = None
 
+    def __repr__(self) -> str:
+        """One line instead of every number."""
+        cells, claims = len(self.contradictions), len(self.contradicted)
+        return f"Audit({self.table.name!r}, contradictions: {cells}, contradicted claims: {claims})"
+
     @property
     def contradicted(self) -> tuple[ClaimVerdict, ...]:
         """The claims that the rows contradict."""

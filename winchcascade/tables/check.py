@@ -152,6 +152,10 @@ class Check(msgspec.Struct, frozen=True):
     findings: Mapping[RowKey, tuple[str, ...]] = msgspec.field(default_factory=dict)
     origins: tuple[Origin, ...] = ()
 
+    def __repr__(self) -> str:
+        """One line instead of every number."""
+        return f"Check({self.table.name!r}, {len(self.cells) - len(self.misses)} of {len(self.cells)} cells agree)"
+
     @property
     def misses(self) -> tuple[CellCheck, ...]:
         """The cells that do not agree, were not measured or have no run."""

@@ -57,6 +57,10 @@ class PointAudit(msgspec.Struct, frozen=True):
     faults: tuple[ColumnFault, ...]
     explained: int = 0
 
+    def __repr__(self) -> str:
+        """One line instead of every number."""
+        return f"PointAudit({self.table.name!r}, {len(self.broken)} cells contradicted, {len(self.faults)} faults of columns)"
+
     @property
     def ok(self) -> bool:
         """Whether no law is broken."""
