@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from winchcascade.core.campaign_file import load_campaign
+from winchcascade.core.campaign_file import Campaign, load_campaign
 from winchcascade.core.errors import CampaignError, OptionError, RigError
 from winchcascade.core.files import write_content, write_whole
 from winchcascade.core.rig_toml import DEFAULT_RIG
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
-    from winchcascade.core.campaign_file import Campaign
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
     from winchcascade.diagnosis.line.line_closure import LineClosure

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 from msgspec import UNSET, UnsetType
@@ -14,7 +14,7 @@ from msgspec.structs import asdict, replace
 from winchcascade.batch.campaign_findings import findings_between, log_efficiency
 from winchcascade.batch.dataset import write_dataset
 from winchcascade.batch.log_settings import read_with
-from winchcascade.batch.plan import Work
+from winchcascade.batch.plan import Plan, Work
 from winchcascade.batch.results_pages import KeptCampaign, diagnosis_beside
 from winchcascade.batch.workbook import TABLES, write_workbook
 from winchcascade.core.addresses import fingerprint, local_copy
@@ -47,10 +47,6 @@ from winchcascade.report.campaign_record import (
     log_summary,
 )
 from winchcascade.report.records import RunRecord, read_results, reduction_record
-
-if TYPE_CHECKING:
-    from winchcascade.batch.plan import Plan
-
 
 ENDINGS = ("html", "pdf", "json")
 """Files of one log; a JSON means that the others are there."""

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.integrate import GAUSS, median
-from winchcascade.reduction.phases import check_cycles, detect, smoothed_velocity
+from winchcascade.reduction.phases import Cycle, check_cycles, detect, smoothed_velocity
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
-    from winchcascade.reduction.phases import Cycle
 
 BLOCK = 0.44
 """Length of a block, unless samples are few: one period of the tether's ringing at 2.2 to 2.3 Hz. [s]"""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -15,7 +14,7 @@ from winchcascade.core.integrate import median
 from winchcascade.core.quantity import Quantity, find_unit, si_unit
 from winchcascade.core.rig_file import ModelAccuracy, Rig
 from winchcascade.core.rig_toml import built_in
-from winchcascade.core.run import Run
+from winchcascade.core.run import Run, Signal
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.nuisances import nuisances, quantity_of, sensor_errors, shifted, with_quantity
 from winchcascade.diagnosis.predict import CHANNELS
@@ -24,9 +23,6 @@ from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.rig.backemf import COVERED, RPM_LEAST, BackEmf, back_emf
 from winchcascade.rig.baseline import baseline
-
-if TYPE_CHECKING:
-    from winchcascade.core.run import Signal
 
 
 def back_emf_of(run: Run, rig: Rig, payouts: Sequence[tuple[float, float]]) -> BackEmf:

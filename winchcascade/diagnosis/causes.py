@@ -12,26 +12,21 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.jobs import all_at_once
-from winchcascade.core.run import Run
+from winchcascade.core.run import Run, Signal
 from winchcascade.diagnosis.block_means import PHASES, blocks_of
-from winchcascade.diagnosis.diagnosis_result import Alternative, Experiment, NamedCause, Reported, Spot
+from winchcascade.diagnosis.diagnosis_result import Alternative, Experiment, NamedCause, Names, Reported, Spot
 from winchcascade.diagnosis.entries import LOAD, is_entry, same_in_logs
-from winchcascade.diagnosis.evidence import Fit, RigProblem, fit_set, inside_of
+from winchcascade.diagnosis.evidence import Fit, Found, RigProblem, fit_set, inside_of
 from winchcascade.diagnosis.predict import CHANNELS, Course
-from winchcascade.diagnosis.solve import Jacobian, Quadratic, huber, normal_equations, quadratic, weights
-from winchcascade.diagnosis.suspects import freedom, varied, with_values
+from winchcascade.diagnosis.solve import Bounds, Jacobian, Quadratic, huber, normal_equations, quadratic, weights
+from winchcascade.diagnosis.suspects import Suspects, freedom, varied, with_values
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.diagnosis_result import Names
-    from winchcascade.diagnosis.evidence import Found
     from winchcascade.diagnosis.misfit import Fitted
-    from winchcascade.diagnosis.solve import Bounds
-    from winchcascade.diagnosis.suspects import Suspects
     from winchcascade.rig.effects.effect import Effect
     from winchcascade.rig.parts import Model
 

@@ -14,7 +14,7 @@ from winchcascade.diagnosis.diagnosis_result import Alarm, GapClosure, Shrunk, S
 from winchcascade.diagnosis.evidence import Fit, RigProblem, fit_set
 from winchcascade.diagnosis.gap_map import without_zeros
 from winchcascade.diagnosis.misfit import LEAST as LEAST_BLOCKS
-from winchcascade.diagnosis.misfit import WITHIN, unsteadiness_of
+from winchcascade.diagnosis.misfit import WITHIN, Fitted, Log, unsteadiness_of
 from winchcascade.diagnosis.predict import CHANNELS, Course
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from winchcascade.core.run import Run, Signal
-    from winchcascade.diagnosis.misfit import Fitted, Log
     from winchcascade.diagnosis.suspects import Suspects
 
 DRAWS = 400

@@ -19,10 +19,10 @@ from winchcascade.core.errors import OptionError
 from winchcascade.core.integrate import means
 from winchcascade.core.jobs import all_at_once
 from winchcascade.diagnosis.causes import COVERED, LAW, joint_covariance
-from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionPart
-from winchcascade.diagnosis.misfit import LOCAL
+from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionKind, ContributionPart, NamedCause, Names
+from winchcascade.diagnosis.misfit import LOCAL, Fitted, Log
 from winchcascade.diagnosis.predict import CHANNELS, Course
-from winchcascade.diagnosis.suspects import varied
+from winchcascade.diagnosis.suspects import Suspects, varied
 from winchcascade.reduction.efficiency import METRICS
 from winchcascade.reduction.reduce import metrics_within, reduce
 from winchcascade.rig.simulate import STEP
@@ -32,10 +32,7 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
-    from winchcascade.diagnosis.diagnosis_result import ContributionKind, NamedCause, Names
     from winchcascade.diagnosis.evidence import Fit, Found
-    from winchcascade.diagnosis.misfit import Fitted, Log
-    from winchcascade.diagnosis.suspects import Suspects
     from winchcascade.rig.effects.effect import ActiveEffect, Effect
     from winchcascade.rig.parts import Model
 

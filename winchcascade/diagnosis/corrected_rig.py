@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.quantity import Quantity
-from winchcascade.core.rig_file import EffectNumber, StatedEffect
+from winchcascade.core.rig_file import EffectNumber, Rig, StatedEffect
 from winchcascade.diagnosis.causes import COVERED, LAW, covariance_of
 from winchcascade.diagnosis.nuisances import quantity_of, with_quantity
 from winchcascade.diagnosis.rig_text import corrected_text, log_name, printable_name, rounded
@@ -17,7 +17,6 @@ from winchcascade.rig.baseline import stated_effects
 from winchcascade.rig.effects.wrong_entries import SHARED_RADIUS
 
 if TYPE_CHECKING:
-    from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Signal
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
 

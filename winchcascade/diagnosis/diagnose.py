@@ -15,11 +15,13 @@ from winchcascade.diagnosis.contributions import by_cost, contributions_of, reor
 from winchcascade.diagnosis.diagnosis_result import (
     HALF,
     NAMED,
+    Contribution,
     DiagnosisResult,
     Entries,
     OwnSimulation,
     Remainder,
     StagePlace,
+    Verdict,
 )
 from winchcascade.diagnosis.entries import bound_to
 from winchcascade.diagnosis.evidence import Found, search
@@ -35,7 +37,6 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
-    from winchcascade.diagnosis.diagnosis_result import Contribution, Verdict
     from winchcascade.diagnosis.suspects import Suspects
 
 

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.diagnosis.block_means import PHASES
-from winchcascade.diagnosis.diagnosis_result import Arises, Place, Weighed, Where
+from winchcascade.diagnosis.diagnosis_result import Arises, Place, StagePlace, Weighed, Where
 from winchcascade.diagnosis.predict import CHANNELS
 
 if TYPE_CHECKING:
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.diagnosis_result import StagePlace
     from winchcascade.diagnosis.misfit import Fitted, Log
 
 ZERO_REACH = 3.0

@@ -15,13 +15,13 @@ import numpy as np
 
 from winchcascade.core.integrate import white_noise
 from winchcascade.core.jobs import all_at_once
-from winchcascade.diagnosis.block_means import PHASES, blocks_of, in_a_row, middles, scatter_about_course
+from winchcascade.diagnosis.block_means import PHASES, Blocks, blocks_of, in_a_row, middles, scatter_about_course
 from winchcascade.diagnosis.nuisances import COURSES, LOAD, Nuisance, nuisances, shifted
 from winchcascade.diagnosis.predict import ALL_KEPT, CHANNELS, COARSE, MOST_DERIVATIVES, MOST_KEPT, Course
 from winchcascade.diagnosis.solve import Jacobian, Local
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import constants
-from winchcascade.rig.parts import changed, possible
+from winchcascade.rig.parts import Model, changed, possible
 from winchcascade.rig.simulate import SMOOTHING, STEP
 
 if TYPE_CHECKING:
@@ -31,9 +31,7 @@ if TYPE_CHECKING:
 
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
-    from winchcascade.diagnosis.block_means import Blocks
     from winchcascade.rig.effects.effect import ActiveEffect
-    from winchcascade.rig.parts import Model
 
 
 RHO = 0.2

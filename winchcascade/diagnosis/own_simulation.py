@@ -18,8 +18,8 @@ from winchcascade.diagnosis.block_means import PHASES, blocks_of
 from winchcascade.diagnosis.causes import parameters_of
 from winchcascade.diagnosis.closure import LEAST, alarms_of, closure_between
 from winchcascade.diagnosis.contributions import from_own_simulation, without
-from winchcascade.diagnosis.diagnosis_result import ModelForm, OwnSimulation, Spot
-from winchcascade.diagnosis.evidence import search
+from winchcascade.diagnosis.diagnosis_result import ModelForm, OwnSimulation, Place, Spot
+from winchcascade.diagnosis.evidence import Found, search
 from winchcascade.diagnosis.gap_map import STAGE_OF, compare, locate, without_zeros
 from winchcascade.diagnosis.misfit import Fitted
 from winchcascade.diagnosis.predict import CHANNELS
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Run, Signal
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
-    from winchcascade.diagnosis.diagnosis_result import Place
-    from winchcascade.diagnosis.evidence import Found
     from winchcascade.diagnosis.suspects import Suspects
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from winchcascade.rig.kernel import LINE, SHAFT, LineMotion, constants, run_line, solve_shaft
+from winchcascade.rig.kernel import LINE, SHAFT, Constants, LineMotion, constants, run_line, solve_shaft
 from winchcascade.rig.simulate import motion_of
 from winchcascade.rig.tangent import MOST_WAYS, Tangent, direction, tangent_of
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from winchcascade.core.run import Run, Signal
     from winchcascade.diagnosis.block_means import Blocks
-    from winchcascade.rig.kernel import Constants
     from winchcascade.rig.parts import Model
 
 CHANNELS = ("pressure", "force", "torque", "vdc", "idc")

@@ -9,13 +9,12 @@ import numpy as np
 
 from winchcascade.diagnosis.block_means import PHASES
 from winchcascade.diagnosis.contributions import EFFICIENCIES
-from winchcascade.diagnosis.diagnosis_result import LargestChange, Minor
+from winchcascade.diagnosis.diagnosis_result import Contribution, LargestChange, Minor, NamedCause
 from winchcascade.diagnosis.predict import CHANNELS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from winchcascade.diagnosis.diagnosis_result import Contribution, NamedCause
     from winchcascade.diagnosis.evidence import Fit
     from winchcascade.diagnosis.misfit import Fitted
     from winchcascade.diagnosis.suspects import Suspects

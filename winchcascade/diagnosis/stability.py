@@ -13,11 +13,11 @@ import msgspec
 import numpy as np
 
 from winchcascade.diagnosis.causes import COVERED, LAW, covariance_of, slope_of_reported
-from winchcascade.diagnosis.diagnosis_result import RunValue, Stability, Trend
-from winchcascade.diagnosis.evidence import inside_of
+from winchcascade.diagnosis.diagnosis_result import Along, NamedCause, RunValue, Stability, Trend
+from winchcascade.diagnosis.evidence import Fit, inside_of
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.solve import Jacobian, weights
-from winchcascade.diagnosis.suspects import freedom, with_values
+from winchcascade.diagnosis.suspects import Suspects, freedom, with_values
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -25,10 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.diagnosis_result import Along, NamedCause
-    from winchcascade.diagnosis.evidence import Fit
     from winchcascade.diagnosis.misfit import Fitted
-    from winchcascade.diagnosis.suspects import Suspects
 
     Rulers = Mapping[Along, Signal]
 

@@ -17,10 +17,10 @@ from winchcascade.core.integrate import white_noise
 from winchcascade.diagnosis.block_means import PHASES, scatter_about_course
 from winchcascade.diagnosis.diagnosis_result import StagePlace
 from winchcascade.diagnosis.gap_map import weigh
-from winchcascade.diagnosis.misfit import NOISELESS
+from winchcascade.diagnosis.misfit import NOISELESS, Fitted, Log
 from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.rig.kernel import constants
-from winchcascade.rig.stages import along, outputs_along
+from winchcascade.rig.stages import Along, StageOutput, along, outputs_along
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -28,10 +28,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from winchcascade.core.run import Run, Signal
-    from winchcascade.diagnosis.misfit import Fitted, Log
     from winchcascade.diagnosis.nuisances import Nuisance
     from winchcascade.rig.parts import Model
-    from winchcascade.rig.stages import Along, StageOutput
 
     Change = tuple[Nuisance, dict[str, Signal]]
 

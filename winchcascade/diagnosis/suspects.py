@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -13,8 +13,6 @@ from winchcascade.diagnosis.solve import Bounds
 from winchcascade.rig.effects.effect import ActiveEffect, Effect
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
     from winchcascade.core.run import Signal
 
 Suspects = Mapping[str, Effect]

@@ -10,7 +10,7 @@ import numpy as np
 
 from winchcascade.core.errors import OptionError, check_choice
 from winchcascade.core.quantity import KGF, si_unit
-from winchcascade.core.run import CHANNELS, Units
+from winchcascade.core.run import CHANNELS, Channel, Run, Units
 from winchcascade.report.rows import RUN_ENDS, arrow_schema, reduction_rows, table_rows, table_schema
 
 if TYPE_CHECKING:
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
     from winchcascade.comparison.comparison_result import Comparison
     from winchcascade.core.cascade import Cascade
-    from winchcascade.core.run import Channel, Run
     from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
     from winchcascade.reduction.reduction_result import Reduction
     from winchcascade.report.records import RunRecord

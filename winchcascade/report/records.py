@@ -17,17 +17,15 @@ from winchcascade.core.quantity import KGF, si_unit
 from winchcascade.core.version import __version__
 from winchcascade.reduction.efficiency import ALL_METRICS, Metrics
 from winchcascade.reduction.energies import NetSpan
-from winchcascade.reduction.montecarlo import uncertainty
+from winchcascade.reduction.montecarlo import Interval, Uncertainty, uncertainty
 from winchcascade.reduction.phase_summary import BothWays, HaulInSummary, OperatingPoint, PayoutSummary
-from winchcascade.reduction.uncertainty import shares
+from winchcascade.reduction.uncertainty import BudgetRow, shares
 
 if TYPE_CHECKING:
     from winchcascade.core.rig_file import Rig
     from winchcascade.core.run import Channel, Finding
     from winchcascade.reduction.bins import Bin
-    from winchcascade.reduction.montecarlo import Interval, Uncertainty
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
-    from winchcascade.reduction.uncertainty import BudgetRow
 
 SCHEMA = "winchcascade/reduction/1"
 _KGCM2 = KGF * 1e4

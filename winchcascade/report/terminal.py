@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from winchcascade.core.plain_text import one_line
 from winchcascade.reduction.montecarlo import stated_uncertainty
-from winchcascade.report.screen import toned
+from winchcascade.report.screen import Tone, toned
 from winchcascade.report.table_model import Limit, TableColumn
 from winchcascade.report.text_table import (
     at_most,
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from winchcascade.core.run import Finding, Run
     from winchcascade.reduction.efficiency import Metrics
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
-    from winchcascade.report.screen import Tone
     from winchcascade.rig.simulate import Simulation
 
 _PIPED = 80

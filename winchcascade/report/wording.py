@@ -7,20 +7,18 @@ from typing import TYPE_CHECKING
 
 from msgspec.structs import asdict
 
-from winchcascade.core.accuracy import ACQUISITION
+from winchcascade.core.accuracy import ACQUISITION, ErrorSource
 from winchcascade.core.quantity import KGF
 from winchcascade.reduction.efficiency import NET_METRICS
-from winchcascade.reduction.uncertainty import R_DRUM, SAMPLING, shares
+from winchcascade.reduction.uncertainty import R_DRUM, SAMPLING, Budget, shares
 from winchcascade.report.report_model import SUBSCRIPTS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from winchcascade.core.accuracy import ErrorSource
     from winchcascade.core.cascade import Cascade
     from winchcascade.core.rig_file import WindowRule
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
-    from winchcascade.reduction.uncertainty import Budget
 
 SENSORS = {
     "force": "force cell",

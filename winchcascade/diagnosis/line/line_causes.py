@@ -11,20 +11,16 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.accuracy import student
-from winchcascade.core.run import Run
+from winchcascade.core.run import Run, Signal
 from winchcascade.diagnosis.block_means import PHASES
-from winchcascade.diagnosis.diagnosis_result import Alternative, Experiment, NamedCause, Reported, Spot
+from winchcascade.diagnosis.diagnosis_result import Alternative, Experiment, NamedCause, Names, Reported, Spot
 from winchcascade.diagnosis.line.line_closure import block_means_of
-from winchcascade.diagnosis.line.line_data import NUMBERS, POWER, beside, columns_of, with_span
-from winchcascade.diagnosis.line.line_selection import coefficients, moments_of
+from winchcascade.diagnosis.line.line_data import NUMBERS, POWER, Lines, beside, columns_of, with_span
+from winchcascade.diagnosis.line.line_selection import Choice, Moments, coefficients, moments_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.diagnosis_result import Names
-    from winchcascade.diagnosis.line.line_data import Lines
-    from winchcascade.diagnosis.line.line_selection import Choice, Moments
     from winchcascade.diagnosis.suspects import Suspects
 
 RIVALS = 2

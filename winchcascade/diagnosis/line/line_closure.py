@@ -9,20 +9,17 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.integrate import white_noise
-from winchcascade.diagnosis.block_means import PHASES, in_a_row, scatter_about_course
+from winchcascade.diagnosis.block_means import PHASES, Blocks, in_a_row, scatter_about_course
 from winchcascade.diagnosis.closure import DRAWS, ROUGH
-from winchcascade.diagnosis.diagnosis_result import Alarm, GapClosure, Place, Remainder, Shrunk, Spot
+from winchcascade.diagnosis.diagnosis_result import Alarm, GapClosure, Names, Place, Remainder, Shrunk, Spot
 from winchcascade.diagnosis.gap_map import weigh
-from winchcascade.diagnosis.line.line_data import POWER, Lines
+from winchcascade.diagnosis.line.line_data import POWER, CyclePart, Lines
 from winchcascade.diagnosis.line.line_selection import Moments, coefficients, fold_labels
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from winchcascade.core.run import Signal
-    from winchcascade.diagnosis.block_means import Blocks
-    from winchcascade.diagnosis.diagnosis_result import Names
-    from winchcascade.diagnosis.line.line_data import CyclePart
 
 SLOW = 0.2
 """The residual has a structure if more than this share of its squares lasts longer than a second."""

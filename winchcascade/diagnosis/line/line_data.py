@@ -17,7 +17,7 @@ import numpy as np
 from winchcascade.core.cascade import BUILT_IN
 from winchcascade.core.errors import CampaignError, LogError, OptionError
 from winchcascade.core.integrate import median
-from winchcascade.core.run import CLOCK
+from winchcascade.core.run import CLOCK, Run, Signal
 from winchcascade.diagnosis.block_means import Blocks, blocks_of
 from winchcascade.reduction.phases import detect, smoothed_velocity
 from winchcascade.rig.stages import acceleration, line_power
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from winchcascade.core.rig_file import Rig
-    from winchcascade.core.run import Run, Signal
     from winchcascade.diagnosis.diagnosis_result import Entries
     from winchcascade.diagnosis.suspects import Suspects
 

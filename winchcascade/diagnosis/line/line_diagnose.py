@@ -4,7 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from winchcascade.diagnosis.diagnosis_result import HALF, MOSTLY, NAMED, DiagnosisResult, Entries, Where
+from winchcascade.diagnosis.diagnosis_result import (
+    HALF,
+    MOSTLY,
+    NAMED,
+    DiagnosisResult,
+    Entries,
+    Reported,
+    Verdict,
+    Where,
+)
 from winchcascade.diagnosis.line.line_causes import again_alone, line_causes, plan
 from winchcascade.diagnosis.line.line_closure import LineClosure, LineRemainder, judge, left_in, map_of
 from winchcascade.diagnosis.line.line_data import Lines, lines_of
@@ -14,7 +23,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from winchcascade.core.rig_file import Rig
-    from winchcascade.diagnosis.diagnosis_result import Reported, Verdict
     from winchcascade.diagnosis.suspects import Suspects
 
 NOISY = 1.25

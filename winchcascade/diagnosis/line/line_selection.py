@@ -10,15 +10,14 @@ import msgspec
 import numpy as np
 
 from winchcascade.diagnosis.evidence import Linear
-from winchcascade.diagnosis.line.line_data import with_span
+from winchcascade.diagnosis.line.line_data import CyclePart, Lines, with_span
 from winchcascade.diagnosis.solve import Bounds
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from winchcascade.core.run import Signal
+    from winchcascade.core.run import Index, Signal
     from winchcascade.diagnosis.diagnosis_result import Names
-    from winchcascade.diagnosis.line.line_data import CyclePart, Index, Lines
 
 FOLDS = 8
 """Minimum number of folds: fewer cycles are cut into about as many pieces in order of time."""
