@@ -109,6 +109,18 @@ def test_the_reason_for_a_stage_without_power_names_the_channel_that_is_lost(tmp
     ]
 
 
+@pytest.mark.parametrize("rows", [20, 150])
+def test_rows_that_were_written_twice_are_reported(rows: int, tmp_path: Path) -> None:
+    twice = {name: np.concatenate((x[: 500 + rows], x[500:])) for name, x in dyno()[1].items()}
+    _, quality = reduced(tmp_path, twice)
+    assert [f["message"].partition(":")[0] for f in quality if f["kind"] == "repeated_rows"] == [
+        f"{rows} rows equal earlier ones in every channel, in 1 stretch"
+    ]
+    smooth = 300.0 + 100.0 * np.sin(0.5 * np.pi * STEP * np.arange(2000))  # equal cycles without noise
+    _, quality = reduced(tmp_path, {"Speed (rpm)": smooth, "Torque (N.m)": 0.1 * smooth}, RIG.replace("steps", "whole"))
+    assert "repeated_rows" not in {f["kind"] for f in quality}
+
+
 def proposals(folder: Path, channels: dict[str, np.ndarray], rig: str | None = None) -> list[str]:
     """What a log is said to be for which the rig file leaves the source of cycles open."""
     return [f["message"] for f in reduced(folder, channels, rig)[1] if f["kind"] == "phase_source"]

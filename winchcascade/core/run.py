@@ -76,6 +76,7 @@ FindingKind = Literal[
     "not_a_number",
     "repeated_stamp",
     "backward_stamp",
+    "repeated_rows",
     "clock_jitter",
     "out_of_range",
     "stuck",

@@ -29,6 +29,7 @@ from winchcascade.ingest.checks.channel_findings import (
 )
 from winchcascade.ingest.checks.dropouts import ROUNDS, Dropout, find_dropouts, find_filled
 from winchcascade.ingest.checks.glitches import LONGEST, Pulses, find_glitches, find_pulses
+from winchcascade.ingest.checks.repeats import repeated_rows
 from winchcascade.ingest.checks.spikes import Bends, find_bends, single_spikes
 from winchcascade.ingest.checks.stuck import find_still, find_stuck, motion
 from winchcascade.ingest.checks.timing import check_clock
@@ -110,6 +111,9 @@ def check(t: Signal, channels: dict[str, Signal], rig: Rig, *, simulated: bool, 
     """
     log = _Log(t, channels, rig, {name: np.zeros(t.size, dtype=bool) for name in channels})
     findings = log.findings
+    findings += (
+        [] if simulated or "displacement" in channels else repeated_rows(t, channels)
+    )  # the clock shows them there
     for name in list(channels):
         _take_out_holes(log, name)
     _report_missing(log)
