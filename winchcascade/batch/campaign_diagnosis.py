@@ -129,7 +129,7 @@ def diagnose_listed(
 
     Raises
     ------
-    WinchcascadeError : something of the input cannot be used; the message says what
+    WinchcascadeError : something of the input cannot be used; the message names it
     """
     the_rig = load_rig(rig or campaign.rig or DEFAULT_RIG)
     model = model_of(the_rig)

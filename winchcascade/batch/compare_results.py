@@ -38,7 +38,7 @@ def compare(a: Target, b: Target, *, same_sensors: bool = False, jobs: int = 1) 
 
     Raises
     ------
-    WinchcascadeError : something of the input cannot be used, or nothing matches; the message says what
+    WinchcascadeError : something of the input cannot be used, or nothing matches; the message names it
 
     Examples
     --------

@@ -109,7 +109,7 @@ def keep_diagnosis(
 ) -> tuple[dict[str, Any], list[Path]]:
     """Write the diagnosis of the copied campaign into a folder that is there; give the JSON's content and the files.
 
-    What an earlier call of the same version made of the same logs is kept, unless `force` says otherwise.
+    What an earlier call of the same version made of the same logs is kept, unless `force` is set.
 
     Parameters
     ----------

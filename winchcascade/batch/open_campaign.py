@@ -99,7 +99,7 @@ class OpenedCampaign(msgspec.Struct, frozen=True):
 
         Raises
         ------
-        WinchcascadeError : something of the input cannot be used; the message says what
+        WinchcascadeError : something of the input cannot be used; the message names it
         """
         from winchcascade.batch.campaign_diagnosis import diagnose_listed, with_simulations
         from winchcascade.core.campaign_file import load_campaign

@@ -29,7 +29,7 @@ _RESERVED = frozenset(["CON", "PRN", "AUX", "NUL", *(f"{port}{k}" for port in ("
 """Names that Windows keeps for devices."""
 
 _NAME = 180
-"""Bytes of a name, with room for its marks, an ending and a scratch suffix within the 255 that file systems take."""
+"""Bytes of a name: its marks, an ending and a scratch suffix also fit into the 255 that file systems take."""
 
 _LONG_CYCLES = 12
 """Characters of first and last cycle that stand in a name as they are."""
@@ -62,7 +62,7 @@ def make_plan(targets: Sequence[str], *, rig: str | None = None, window: str | f
 
     Parameters
     ----------
-    rig, window : instead of what a campaign file says
+    rig, window : in place of those of a campaign file
 
     Raises
     ------
@@ -132,7 +132,7 @@ def _of_campaign(campaign: Campaign, rig: str | None, window: str | float | None
 
 
 def _of_logs(logs: Sequence[str], rig: str | None, window: str | float | None) -> list[Work]:
-    """Logs that were named one by one: each as the campaign file of its folder says, where one lists it."""
+    """Logs that were named one by one: each with the settings of the campaign file of its folder, where that lists it."""
     found: list[Work] = []
     listed: dict[Path, dict[Path, list[Work]]] = {}
     usual = load_rig(rig or DEFAULT_RIG)

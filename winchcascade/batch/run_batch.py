@@ -52,7 +52,7 @@ ENDINGS = ("html", "pdf", "json")
 """Files of one log; a JSON means that the others are there."""
 
 REPORTS = {"none": (), "html": ("html",), "all": ("html", "pdf")}
-"""Reports that are written, by the word that asks for them."""
+"""Reports that are written, by the choice of `--reports`."""
 
 CAMPAIGN_FILES = ("campaign.json", "campaign.html", "campaign.pdf", "campaign.xlsx", "index.html")
 """Files of a whole campaign, beside its dataset."""

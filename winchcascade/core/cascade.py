@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Product(msgspec.Struct, frozen=True):
-    """A power as one logged power or as the product of two channels, divided by the drum radius where `by_radius` says so.
+    """A power as one logged power or as the product of two channels, divided by the drum radius with `by_radius`.
 
     `sign` is -1 where the log counts the power against the direction of the cascade.
     """

@@ -43,7 +43,7 @@ class OptionError(WinchcascadeError):
 
 
 class OutputError(WinchcascadeError):
-    """A result that cannot be written where it was asked for."""
+    """A result that cannot be written at the place that was given."""
 
 
 def check_choice(call: str, given: str, known: Sequence[str], kind: str) -> None:

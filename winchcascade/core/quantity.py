@@ -170,7 +170,7 @@ for _name, _unit in UNITS.items():
 
 
 def find_unit(text: str) -> Unit | None:
-    """Find a unit in the table, in another case if that leaves no doubt; None for one it does not hold.
+    """Find a unit in the table, in another case if only one fits then; None for one it does not hold.
 
     >>> find_unit("kgf/cm²").dimension, find_unit("N·m").factor, find_unit("furlong")
     ('pressure', 1.0, None)

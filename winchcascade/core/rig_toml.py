@@ -298,7 +298,7 @@ def _possible(value: float, place: str, measure: Measure) -> float:
 
 
 _OWN_NAME = re.compile(r"[A-Za-z]\w*")
-"""A name of a channel of one's own: it stands in products such as `torque * speed`."""
+"""A name of a channel of your own: it is used in products such as `torque * speed`."""
 
 
 def _channels(raw: dict[str, Any], where: str) -> dict[str, Channel]:

@@ -23,7 +23,7 @@ BLOCK = 0.44
 """Length of a block, unless samples are few: one period of the tether's ringing at 2.2 to 2.3 Hz. [s]"""
 
 LEAST_SAMPLES = 4.0
-"""A block of a coarse log is longer, so that it holds this number of samples: the scatter of fewer tells little. [1]"""
+"""A block of a coarse log is longer, so that it holds this number of samples: the scatter of fewer is uncertain. [1]"""
 
 PHASES = ("payout", "hold", "haul_in")
 """Phases by the number that a block carries; rest before the first payout and after the last haul-in counts as hold."""

@@ -97,7 +97,7 @@ def probabilities(fits: dict[Names, Fit], scale: float) -> dict[Names, float]:
 
 
 def parameters_of(data: Fitted, suspects: Suspects, fit: Fit, name: str, scale: float) -> dict[str, Reported]:
-    """What is reported of one cause, with 95 % intervals, and with a law known as far as `LAW` says.
+    """What is reported of one cause, with 95 % intervals, and with the uncertainty `LAW` of its law.
 
     A field at a bound counts as known, unless the reported number follows from it alone: its interval is then one-sided.
     A wrong entry follows no law of nature.

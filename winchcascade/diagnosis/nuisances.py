@@ -167,7 +167,7 @@ def nuisances(rig: Rig, runs: Sequence[Run]) -> tuple[Nuisance, ...]:
 def sensor_errors(sensor: Sensor | None) -> tuple[float, float]:
     """Standard uncertainties of a sensor's gain [1] and zero [SI unit of its channel].
 
-    As calibrated in place where the rig file says so; else from the maker's limits, as a reduction takes them.
+    As calibrated in place where the rig file states that; else from the maker's limits, as a reduction takes them.
     """
     if sensor is None:
         return 0.0, 0.0

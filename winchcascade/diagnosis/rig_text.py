@@ -43,10 +43,10 @@ _OF_A_NUMBER = ("value", "unit", "source", "tolerance", "tolerance_percent")
 
 
 def calibrated_text(calibration: Calibration) -> str:
-    """Write what an open circuit says of a rig into the text of its rig file.
+    """Write the numbers that an open circuit gives into the text of the rig file.
 
     A number that is found anew gets its value, its standard uncertainty as `tolerance` and a `source` that names the log; a
-    number of which the log says no more keeps its entry. The first line names this tool, its version and the log.
+    number that the log does not determine better keeps its entry. The first line names this tool, its version and the log.
 
     Raises
     ------

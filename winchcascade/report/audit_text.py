@@ -38,7 +38,7 @@ def load_record(load: float) -> dict[str, float | bool]:
 
 
 def audit_text(audit: Audit) -> str:
-    """What a table says against itself, the verdicts on its claims and the windows it does not print."""
+    """Contradictions of a table, the verdicts on its claims and the windows it does not print."""
     cells, claims = len(audit.contradictions), len(audit.contradicted)
     lines = title_lines(audit.table) + [line for text in bound_sentences(audit) for line in wrapped(text)]
     lines += ["", *wrapped(f"cells that contradict each other: {cells or 'none'}")]

@@ -35,7 +35,7 @@ _HEAD = ("number", "before", "found", "95 % interval", "unit", "how")
 
 
 def calibration_text(calibration: Calibration, written: Path | None = None) -> str:
-    """What an open circuit says of a rig: its numbers, the regression of the back-EMF, findings.
+    """Results of an open circuit: numbers of the rig, the regression of the back-EMF, findings.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def together_words(calibration: Calibration) -> str:
 
 
 def comparison(calibration: Calibration) -> str:
-    """How the numbers found anew compare with what the rig file says of them."""
+    """How the numbers found anew compare with those of the rig file."""
     agree, differ = [], []
     for n in calibration.numbers:
         if not n.new or not math.isfinite(n.before):

@@ -1,4 +1,4 @@
-"""The record of a campaign, each log with its means or the sentence that says why it has none; its table in the terminal."""
+"""The record of a campaign, each log with its means or the reason why it has none; its table in the terminal."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ def number_words(how: Display, found: Reported, otherwise: int = 5) -> tuple[str
 
 
 def probability_words(p: float) -> str:
-    """A probability with two decimals that never says that anything is certain.
+    """A probability with two decimals that never states certainty.
 
     >>> probability_words(0.873), probability_words(0.9999), probability_words(0.0003)
     ('0.87', '> 0.99', '< 0.01')

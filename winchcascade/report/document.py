@@ -288,7 +288,7 @@ def histories_section(reduction: Reduction) -> Section:
 
 
 def _waves(reduction: Reduction) -> tuple[Section, ...]:
-    """Energies of waves where the rig file says that cycles are waves."""
+    """Energies of waves where cycles are waves by the rig file."""
     if reduction.rig.phases.source != "waves":
         return ()
     from winchcascade.report.wave_section import wave_section

@@ -47,7 +47,7 @@ MOST_REASONS = 3
 
 
 class Modelled(NamedTuple):
-    """A comparison with what is kept of it; without one the account says why."""
+    """A comparison with what is kept of it; without one the account gives the reason."""
 
     comparison: ModelComparison | None
     account: Account

@@ -1,4 +1,4 @@
-"""Plots of results on axes of one's own, or on new ones that a notebook shows; drawn by the functions of the reports."""
+"""Plots of results on axes of your own, or on new ones that a notebook shows; drawn by the functions of the reports."""
 
 from __future__ import annotations
 

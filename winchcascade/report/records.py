@@ -278,7 +278,7 @@ def reduction_record(reduction: Reduction, found: Uncertainty | None = None) -> 
 
 
 def _waves(reduction: Reduction) -> dict[str, Any] | UnsetType:
-    """Energies of the waves where a rig file says that cycles are waves."""
+    """Energies of the waves where cycles are waves by the rig file."""
     if reduction.rig.phases.source != "waves":
         return UNSET
     from winchcascade.reduction.wave_energies import wave_energies

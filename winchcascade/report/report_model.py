@@ -16,7 +16,7 @@ Tone = Literal["plain", "good", "warn"]
 
 
 class Picture(msgspec.Struct, frozen=True, tag="picture"):
-    """A figure as SVG text with named colours in it (`figures.COLOURS`); `alt` says in words what it shows.
+    """A figure as SVG text with named colours in it (`figures.COLOURS`); `alt` describes in words what it shows.
 
     `marks` is the JSON of its axes and series, with which a page zooms, reads and switches them.
     """

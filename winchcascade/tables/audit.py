@@ -81,7 +81,7 @@ class Audit(msgspec.Struct, frozen=True):
     """Contradictions within a table and its text, and the windows that follow from it.
 
     `contradictions` are of rows, columns and sums; `claims` holds a verdict for every claim of the text. `physics` is what a
-    rig can attain, where that was asked for.
+    rig can attain, where that was requested.
     """
 
     table: PublishedTable

@@ -45,7 +45,7 @@ def claim_verdict(claim: Claim, table: PublishedTable, known: Repeatability) -> 
 
 
 def _placed(claim: ValueClaim | ShareClaim, what: str) -> str:
-    """Where a claim about one row applies, and what the text says of it."""
+    """Where a claim about one row applies, and what the text states."""
     return f"{load_text(claim.load)}, {what}: the text says {claim.column.text(claim.value)}"
 
 

@@ -62,7 +62,7 @@ def diagnose_line(
 
     Raises
     ------
-    CampaignError, LogError, OptionError : something cannot be used; the message says what
+    CampaignError, LogError, OptionError : something cannot be used; the message names it
     """
     entries.check_withheld()
     on_progress("taking the samples that count")

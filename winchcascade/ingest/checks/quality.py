@@ -35,7 +35,7 @@ from winchcascade.ingest.checks.stuck import find_still, find_stuck, motion
 from winchcascade.ingest.checks.timing import check_clock
 
 FOLLOW_LINE = frozenset({"displacement", "pressure", "force", "torque", "power_mech", "vdc", "idc"})
-"""Channels that must change while the line pays out faster or slower; a channel of one's own may hold its value."""
+"""Channels that must change while the line pays out faster or slower; a channel of your own may hold its value."""
 
 _FEW = 1000
 """Number of samples that are compared first to show whether a channel changes at all."""
