@@ -64,3 +64,12 @@ def test_a_changed_page_and_another_folder_are_left_alone(folder: Path, tmp_path
     (tmp_path / "other").mkdir()
     assert list_diagnosis(tmp_path / "other") is None
     assert list((tmp_path / "other").iterdir()) == []
+
+
+def test_the_page_names_the_logs_that_failed_with_the_reason(fixtures: Path, tmp_path: Path) -> None:
+    (tmp_path / "kaputt.csv").write_text("name,colour\na,b\n")
+    logs = [str(fixtures / "campaign" / "r9ohm.csv"), str(tmp_path / "kaputt.csv")]
+    run_batch(make_plan(logs), tmp_path / "results", Products(("html",)))
+    page = (tmp_path / "results" / "index.html").read_text(encoding="utf-8")
+    assert "<dt>Not reduced</dt><dd>kaputt.csv: " in page
+    assert "no table of numbers found" in page

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from winchcascade.core.campaign_file import banner
 from winchcascade.report.campaign_record import CampaignRecord, LogSummary, run_load_text
 from winchcascade.report.provenance import data_point
-from winchcascade.report.report_model import Link, Report, Section, section
+from winchcascade.report.report_model import Link, Point, Report, Section, section
 from winchcascade.report.table_model import Table, formatted_table, number_column, text_column
 
 INDEX = "index.html"
@@ -59,7 +59,10 @@ def results_index(campaign: CampaignRecord, files: Sequence[str], endings: Seque
         title=campaign.title,
         subtitle=f"{len(campaign.reduced)} logs" + (f", {len(campaign.failed)} not reduced" * bool(campaign.failed)),
         tiles=(),
-        points=(data_point(origins),) if origins else (),
+        points=(
+            *([data_point(origins)] if origins else []),
+            *(Point("Not reduced", log.fault, "warn") for log in campaign.failed),
+        ),
         sections=tuple(s for s in (_files(listed), _logs(campaign.reduced, endings)) if s.blocks),
         banner=banner(origins),
         links=links_to([name for name in files if name != INDEX]),
