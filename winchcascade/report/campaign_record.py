@@ -247,7 +247,7 @@ def fault_text(campaign: CampaignRecord, out: Path) -> str:
 
 def _fault_lines(campaign: CampaignRecord, out: Path) -> list[str]:
     return at_most(
-        [headed(wrapped(_fault(run), piped=None), "failed", "contradiction") for run in campaign.failed],
+        [headed(wrapped(f"failed: {named_fault(run)}", piped=None), "failed", "contradiction") for run in campaign.failed],
         MOST_FAULTS, f"more failed, all in {out / 'campaign.json'}",
     )  # fmt: skip
 
@@ -260,10 +260,10 @@ def altered_lines(altered: Sequence[str]) -> list[str]:
     return wrapped(text, piped=None) if altered else []
 
 
-def _fault(run: FailedLog) -> str:
+def named_fault(run: FailedLog) -> str:
     """Name and fault of a log, the name once."""
     name, fault = one_line(run.name), one_line(run.fault)
-    return f"failed: {fault if name in fault.split(': ')[0] else f'{name}: {fault}'}"
+    return fault if name in fault.split(": ")[0] else f"{name}: {fault}"
 
 
 def _table(runs: Sequence[LogSummary]) -> list[str]:

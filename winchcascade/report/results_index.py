@@ -8,7 +8,7 @@ from urllib.parse import quote
 from msgspec.structs import replace
 
 from winchcascade.core.campaign_file import banner
-from winchcascade.report.campaign_record import CampaignRecord, LogSummary, run_load_text
+from winchcascade.report.campaign_record import CampaignRecord, LogSummary, named_fault, run_load_text
 from winchcascade.report.provenance import data_point
 from winchcascade.report.report_model import Link, Point, Report, Section, section
 from winchcascade.report.table_model import Table, formatted_table, number_column, text_column
@@ -61,7 +61,7 @@ def results_index(campaign: CampaignRecord, files: Sequence[str], endings: Seque
         tiles=(),
         points=(
             *([data_point(origins)] if origins else []),
-            *(Point("Not reduced", log.fault, "warn") for log in campaign.failed),
+            *(Point("Not reduced", named_fault(log), "warn") for log in campaign.failed),
         ),
         sections=tuple(s for s in (_files(listed), _logs(campaign.reduced, endings)) if s.blocks),
         banner=banner(origins),
