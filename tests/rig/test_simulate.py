@@ -15,6 +15,7 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import Run
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import COLUMNS
+from winchcascade.rig.parts import changed
 from winchcascade.rig.simulate import LEDGER, motion_of, simulate, solve, write_log
 
 
@@ -79,6 +80,17 @@ def test_when_the_drum_slows_the_rotor_runs_on_alone(fixtures: Path) -> None:
     assert np.all(torque[hauled] == 0.0)
     slowing = (motion.v > 0.1) & (motion.a < -0.3)
     assert np.mean(omega[slowing] >= 50.0 * motion.v[slowing] / 0.13) > 0.5
+
+
+@pytest.mark.parametrize("friction", [-0.01, 0.01])
+def test_the_rotor_comes_to_rest_also_with_a_negative_tolerance_of_its_friction(
+    fixtures: Path, friction: float
+) -> None:
+    run = read_run(fixtures / "campaign" / "open_circuit.csv", load=math.inf)
+    model = changed(baseline(built_in()), "drivetrain.friction", "add", friction)
+    omega = solve(model, motion_of(run, 1e-3), math.inf)[:, COLUMNS.index("omega_gen")]
+    assert omega.max() > 100.0
+    assert 0.0 <= omega[-1] < 0.02 * omega.max()
 
 
 def test_a_simulation_never_looks_at_the_channels_it_predicts(fixtures: Path) -> None:

@@ -124,8 +124,8 @@ class RigProblem:
         self.data, self.suspects, self.names = data, suspects, names
         self.nuisances, self.place = len(data.nuisances), places_of(suspects, names)
         self.free = freedom(*(suspects[name] for name in names))
-        low = np.array([max(-reach, n.low) for n in data.nuisances])
-        self.bounds = Bounds.of(low, np.full(low.size, reach)).beside(self.free.bounds)
+        edge = np.full(self.nuisances, reach)
+        self.bounds = Bounds.of(-edge, edge).beside(self.free.bounds)
         self.rows = np.ones(data.measured.size) if rows is None else rows
 
     def effects(self, x: Signal) -> dict[str, ActiveEffect]:

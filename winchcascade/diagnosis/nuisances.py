@@ -11,8 +11,6 @@ from winchcascade.core.accuracy import part_uncertainty
 from winchcascade.core.quantity import Quantity
 from winchcascade.diagnosis.block_means import PHASES
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.rig.baseline import baseline
-from winchcascade.rig.parts import number_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -46,10 +44,6 @@ and the model deviates by as much where the motion begins and ends. About that o
 friction near standstill also stands for how the screw changes its direction: laws that do so within 0.01 m/s by other curves
 differ by 0.2 to 0.5 N m at 0.03 to 0.05 m/s."""
 
-NEVER_NEGATIVE = (("drivetrain", "friction"),)
-"""Laws of `ABSENT` whose number has no negative value in a fit: a fast shaft that its friction drives would never come to rest.
-The others act where the line's motion is given, so that a negative number is a deviation of the model like any other."""
-
 WITHOUT_ZERO = ("vdc",)
 """Channels without a zero in the fit: that of Vdc acts as the drop of the diodes, which has twice the uncertainty."""
 
@@ -75,7 +69,6 @@ class Nuisance(msgspec.Struct, frozen=True):
     (relative, of one load [ohm]), `gain` (relative, of the sensor of a channel), `timing` (by how much that sensor is read
     late), `zero` (of that sensor in one log, by its number) or `discrepancy` (of the model from any rig: of a channel in a
     `phase`, as a share of its plateau in the log, along one of the `COURSES`, at one load or, where that is NaN, at all).
-    It never lies below `low`, in units of its tolerance.
     """
 
     kind: Literal["rig", "law", "load", "gain", "timing", "zero", "discrepancy"]
@@ -87,7 +80,6 @@ class Nuisance(msgspec.Struct, frozen=True):
     log: int = -1
     phase: str = ""
     course: str = ""
-    low: float = -math.inf
 
     @property
     def path(self) -> str:
@@ -130,10 +122,7 @@ def nuisances(rig: Rig, runs: Sequence[Run]) -> tuple[Nuisance, ...]:
             if isinstance(value, Quantity):
                 sd = math.hypot(value.tolerance or 0.0, OF_THE_MODEL.get((section, name), 0.0) * value.value)
                 found.append(Nuisance("rig", name, sd, value.unit, section=section))
-    model = baseline(rig)
-    for (part, name), (sd, unit) in ABSENT.items():
-        low = -number_of(model, f"{part}.{name}") / sd if (part, name) in NEVER_NEGATIVE else -math.inf
-        found.append(Nuisance("law", name, sd, unit, section=part, low=low))
+    found += [Nuisance("law", name, sd, unit, section=part) for (part, name), (sd, unit) in ABSENT.items()]
     share = rig.dc_link.load_tolerance_percent / 100.0
     loads = dict.fromkeys(run.load for run in runs if run.load is not None and math.isfinite(run.load))
     found += [Nuisance("load", f"{load:g} ohm", share, "1", load=load) for load in loads]

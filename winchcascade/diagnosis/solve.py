@@ -190,16 +190,20 @@ def best_step(z: Signal, j: Jacobian, x: Signal, bounds: Bounds, nuisances: int)
 
     Parameters
     ----------
-    nuisances : the first so many numbers have unit priors about 0 and seldom reach their bounds
+    nuisances : the first so many numbers have unit priors about 0 and seldom reach their bounds, so that they are eliminated
     """
-    n, within = nuisances, bounds.about(x)
-    curve, slope = normal_equations(z, j, x[:n])
-    q = quadratic(curve, slope, n)
-    phi = least_within(q.curve, q.slope, within.some(slice(n, None)))
-    step = np.concatenate((q.own - q.back @ phi, phi))
-    if np.all((step >= within.low)[:n] & (step <= within.high)[:n]):
-        return step
-    return least_within(curve, slope, within)
+    within = bounds.about(x)
+    curve, slope = normal_equations(z, j, x[:nuisances])
+    step, unbounded = np.zeros(x.size), np.arange(x.size) < nuisances
+    while True:
+        order = np.argsort(~unbounded, kind="stable")
+        q = quadratic(curve[np.ix_(order, order)], slope[order], int(np.sum(unbounded)))
+        phi = least_within(q.curve, q.slope, within.some(~unbounded))
+        step[order] = np.concatenate((q.own - q.back @ phi, phi))
+        beyond = unbounded & ((step < within.low) | (step > within.high))
+        if not beyond.any():
+            return step
+        unbounded &= ~beyond
 
 
 def least_within(curve: Signal, slope: Signal, bounds: Bounds) -> Signal:

@@ -37,6 +37,10 @@ REST = 0.01
 TURN = 0.5
 """Friction of the fast shaft changes its sign within this speed. [rad/s]"""
 
+MOST_RETURNED = 0.5
+"""Share of the damping of the fast shaft that a negative friction, a deviation of the model within its tolerance, may return:
+the shaft still comes to rest. [1]"""
+
 LEAST_VOLUME = 0.01
 """Minimum share of the gas volume that remains, as a fit may try numbers with which the gas would vanish. [1]"""
 
@@ -216,9 +220,12 @@ def _turned(
     driven = mass * omega - em + brakes * half_way
     if c.friction != 0.0:
         sign = math.tanh(half_way / TURN)
-        steep = c.friction * (1.0 - sign * sign) / TURN
+        dry, steep = c.friction * sign, c.friction * (1.0 - sign * sign) / TURN
+        least = -MOST_RETURNED * (c.b_rotor + c.windage * half_way) * half_way
+        if dry < least:
+            dry, steep = least, -MOST_RETURNED * (c.b_rotor + 2.0 * c.windage * half_way)
         losses += 0.5 * steep
-        driven -= c.friction * sign - steep * half_way
+        driven -= dry - steep * half_way
     driven -= losses * omega
     after = (driven + share * (c.k_shaft * twist + stiff * (drum_half - 0.5 * omega / c.gear))) / (
         mass + losses + 0.5 * share * stiff / c.gear

@@ -13,7 +13,7 @@ from numba import njit
 
 from winchcascade.core.run import Signal
 from winchcascade.rig.bridge import blended_table, bridge_slopes
-from winchcascade.rig.kernel import SHAFT, TURN, Constants, rolloff_at, weakened_bridge
+from winchcascade.rig.kernel import MOST_RETURNED, SHAFT, TURN, Constants, rolloff_at, weakened_bridge
 from winchcascade.rig.parts import ROLLOFF_KNOTS
 
 NUMBERS = (
@@ -181,7 +181,11 @@ def run_tangent(solved: _Solved, every: int, bent: Signal, kept: Signal) -> None
         if half_way < 20.0 * TURN:
             sign = math.tanh(half_way / TURN)
             edge = (1.0 - sign * sign) / TURN
-        losses = 0.5 * (c.b_rotor + 2.0 * c.windage * half_way + c.friction * edge + em_h + em_v * v_h)
+        viscous = 1.0  # share of the damping that acts
+        if c.friction * sign < -MOST_RETURNED * (c.b_rotor + c.windage * half_way) * half_way:
+            sign, edge, viscous = 0.0, 0.0, 1.0 - MOST_RETURNED
+        damping = viscous * (c.b_rotor + 2.0 * c.windage * half_way)
+        losses = 0.5 * (damping + c.friction * edge + em_h + em_v * v_h)
         drum_half = 0.5 * (v[n] + v[n + 1]) / c.r_motion
         slip = drum_half - half_way / c.gear
         torque = c.k_shaft * twist + stiff * slip
@@ -192,8 +196,8 @@ def run_tangent(solved: _Solved, every: int, bent: Signal, kept: Signal) -> None
             -on * share * stiff * drum_half / c.r_motion,
             on * share / c.gear * (stiff * half_way / c.gear - torque),
             on * torque / c.gear,
-            -half_way,
-            -half_way * half_way,
+            -viscous * half_way,
+            -viscous * half_way * half_way,
             -sign,
             on * share * (twist + 0.5 * dt * slip),
             on * share * slip,
