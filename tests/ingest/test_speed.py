@@ -132,7 +132,8 @@ def test_channels_of_a_rig_of_its_own_are_read_by_name_or_column(tmp_path: Path)
 
 
 def test_a_power_that_contradicts_torque_and_speed_is_reported(tmp_path: Path) -> None:
-    rows = [[f"{0.1 * k:.1f}", f"{600 + k}", "2.0", f"{-2.0 * (600 + k) / RPM}"] for k in range(50)]
+    torque = [2.0 + 0.01 * k for k in range(50)]
+    rows = [[f"{0.1 * k:.1f}", f"{600 + k}", f"{x}", f"{-x * (600 + k) / RPM}"] for k, x in enumerate(torque)]
     run = read(tmp_path, text(rows, ["t (s)", "n (rpm)", "Torque (N.m)", "Shaft power (W)"]), rig=rig_of(""))
     (finding,) = run.findings
     assert "power_mech is -1.000 times torque x speed" in finding.message
