@@ -4,6 +4,7 @@ import json
 import locale
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -40,11 +41,11 @@ PATIENCE = 300.0
 FILE, OUT = "FILE", "OUT"
 COMMANDS = {
     "reduce": "reduce FILE --json OUT/a.json",
-    "reduce --rig": f"reduce {LOG} --rig FILE",
+    "reduce --rig": f"reduce '{LOG}' --rig FILE",
     "batch": "batch FILE --out OUT/batch --reports none --jobs 1",
-    "batch --rig": f"batch {LOG} --out OUT/batch --rig FILE",
+    "batch --rig": f"batch '{LOG}' --out OUT/batch --rig FILE",
     "check": f"check FILE --against {TABLE} --jobs 1",
-    "check --against": f"check {ROOT}/fixtures/campaign --against FILE",
+    "check --against": f"check '{ROOT}/fixtures/campaign' --against FILE",
     "audit": "audit FILE",
     "simulate": "simulate FILE --load-ohm 36 --out OUT/a.csv",
     "simulate --profile": "simulate --profile FILE --load-ohm 36 --out OUT/a.csv",
@@ -57,7 +58,7 @@ COMMANDS = {
 
 def with_file(command: str, file: Path, out: Path) -> list[str]:
     """The arguments of a command on a file."""
-    return [word.replace(FILE, str(file)).replace(OUT, str(out)) for word in COMMANDS[command].split()]
+    return [word.replace(FILE, str(file)).replace(OUT, str(out)) for word in shlex.split(COMMANDS[command])]
 
 
 def _empty(path: Path) -> None:
