@@ -11,7 +11,7 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import text_to_path
 
 from winchcascade.report.axis_drawing import AxisDrawing, quicken
-from winchcascade.report.style import Room, house_style, label_panel, panel_figure
+from winchcascade.report.style import Margins, house_style, label_panel, panel_figure
 from winchcascade.report.svg_drawing import POINTS, svg_text
 from winchcascade.report.text_runs import EM, FONT, text_run, text_size
 from winchcascade.report.wording import SYMBOL, tex
@@ -24,7 +24,7 @@ SYMBOLS = sorted({tex(name) for name in SYMBOL})
 
 def example(y: tuple[float, float] = (-3.0, 1234.0), *, names: tuple[str, ...] = ()) -> Figure:
     """Two panels with ticks, grid and labels; with names the ticks of the upper one have them."""
-    figure, axes = panel_figure(3.0, 2, share="x", room=Room(left=0.2))
+    figure, axes = panel_figure(3.0, 2, share="x", margins=Margins(left=0.2))
     for ax, letter in zip(axes, "ab", strict=True):
         ax.plot([0.0, 7.3], y)
         label_panel(ax, letter, "Panel", x="Time (s)", y="Power (W)")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -112,8 +113,6 @@ def demo_command(
 ) -> None:
     """Reduce and diagnose the packaged campaign, simulated crane trials at seven loads, and write all reports."""
     one_thread_each()
-    from functools import partial
-
     from winchcascade.batch.demo import DIAGNOSIS_FILES, copy_campaign, diagnosis_of, has_diagnosis, keep_diagnosis
     from winchcascade.batch.plan import make_plan
     from winchcascade.batch.run_batch import REPORTS, Products, run_batch

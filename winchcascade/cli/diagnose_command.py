@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -124,7 +125,11 @@ def diagnose_command(
         if report.wanted:
             on_progress("writing reports")
             write_reports(
-                _maker(found, report.html), report, "diagnosis", of=f"diagnosis of {listed.name}", force=force
+                partial(_linked_report, found, report.html),
+                report,
+                "diagnosis",
+                of=f"diagnosis of {listed.name}",
+                force=force,
             )
     files = _files(results, predictions, written=bool(written), corrected=corrected)
     printed = Printed(lambda: diagnosis_text(found, files))
@@ -134,18 +139,13 @@ def diagnose_command(
         list_diagnosis(folder)
 
 
-def _maker(found: DiagnosisResult, html: Path | None) -> Callable[[], Report]:
-    """What makes the report, with links to the pages of a batch beside it."""
+def _linked_report(found: DiagnosisResult, html: Path | None) -> Report:
+    """The report, with links to the pages of a batch beside it."""
+    from winchcascade.report.results_index import INDEX, links_to
 
-    def make() -> Report:
-        from winchcascade.report.results_index import INDEX, links_to
-
-        made = report_maker_of(found)()
-        folder = Path() if html is None else html.parent
-        pages = [name for name in ("campaign.html", INDEX) if (folder / name).is_file() and is_marked(folder / name)]
-        return replace(made, links=links_to(pages))
-
-    return make
+    folder = Path() if html is None else html.parent
+    pages = [name for name in ("campaign.html", INDEX) if (folder / name).is_file() and is_marked(folder / name)]
+    return replace(report_maker_of(found)(), links=links_to(pages))
 
 
 def _suspects(names: Sequence[str] | None) -> Suspects:

@@ -12,7 +12,7 @@ from winchcascade.ingest.layout import Layout, decimal_sign, preamble_properties
 
 _END = "***End_of_Header***"
 _DELIMITERS = {"tab": "\t", "comma": ",", "semicolon": ";"}
-_ENTRY = re.compile(r"([^\t,;]*)([\t,;]?)(.*)", re.DOTALL)
+_SEPARATOR = re.compile(r"[\t,;]")
 _AXIS, _REMARKS = "X_Value", "Comment"
 _SAMPLE = 50
 """Number of rows from which the layout of a file is found."""
@@ -66,8 +66,11 @@ def _entry(line: str) -> tuple[str, str]:
     >>> _entry("Decimal_Separator\\t,"), _entry("Separator,Comma,,")
     (('Decimal_Separator', ','), ('Separator', 'Comma'))
     """
-    key, separator, rest = _ENTRY.fullmatch(line.strip("\r\n")).groups()  # type: ignore[union-attr]  # matches any line
-    return key.strip(), (rest.split(separator)[0] if separator else rest).strip()
+    first = _SEPARATOR.search(line)
+    if first is None:
+        return line.strip(), ""
+    key, value = line.split(first[0])[:2]
+    return key.strip(), value.strip()
 
 
 def _rows(lines: Sequence[str], delimiter: str) -> list[list[str]]:

@@ -20,7 +20,7 @@ from winchcascade.report.style import (
     LINE,
     LOAD_COLOURS,
     MARK_SIZE,
-    Room,
+    Margins,
     columns_within,
     cut_apart,
     label_panel,
@@ -59,8 +59,8 @@ def over_load(runs: Sequence[LogSummary]) -> Figure | None:
     """Draw mean powers and efficiencies over the load, with 95 % intervals; over the runs' order where loads are unknown."""
     if not runs:
         return None
-    room = Room(left=0.095, head=0.435, foot=0.493)
-    figure, (left, right) = panel_figure(2.9, 1, 2, room=room, gaps={"wspace": 0.26})
+    margins = Margins(left=0.095, head=0.435, foot=0.493)
+    figure, (left, right) = panel_figure(2.9, 1, 2, margins=margins, gaps={"wspace": 0.26})
     draw_over_load(left, runs, "power")
     draw_over_load(right, runs, "efficiency")
     return figure
@@ -182,8 +182,8 @@ def runs_over_speed(runs: Sequence[LogSummary], bins: Bins) -> Figure | None:
     names = [name for run, name in zip(drawn_runs(runs), _entries(runs), strict=True) if run.name in shown]
     place = {name: k for k, name in enumerate(dict.fromkeys(names))}
     head = 0.27 + LINE * lines_within(list(place), **_LEGEND)
-    room = Room(left=0.085, head=head, foot=0.46)
-    figure, axes = panel_figure(head + 2.42, 1, len(fields), room=room, gaps={"wspace": 0.34})
+    margins = Margins(left=0.085, head=head, foot=0.46)
+    figure, axes = panel_figure(head + 2.42, 1, len(fields), margins=margins, gaps={"wspace": 0.34})
     for k, (ax, (field, title, unit)) in enumerate(zip(axes, fields, strict=True)):
         unit = _curves(ax, names, [_curve(found, field) for found in shown.values()], unit)
         label_panel(ax, "abc"[k], title, x="Generator speed (rpm)", unit=unit)

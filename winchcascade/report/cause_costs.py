@@ -229,7 +229,7 @@ MOST_LOADS = 9
 """Loads in the waterfall figure at most; all are in the table."""
 
 BAR = 0.165
-"""Height of a bar with its room. [in]"""
+"""Height of a bar with its margin. [in]"""
 
 
 def _waterfall_words(found: ModelDiagnosis) -> str:
@@ -266,14 +266,14 @@ def waterfall_figure(found: ModelDiagnosis) -> Figure | None:
 
 
 def _waterfalls(found: ModelDiagnosis, table: Sequence[Contribution], bar: float) -> Figure | None:
-    from winchcascade.report.style import Room, panel_figure
+    from winchcascade.report.style import Margins, panel_figure
 
     if not table:
         return None
     bars, lines = len(table[0].parts) + 2, -(-len(table) // COLUMNS)
     height = lines * (bars * bar + 0.5) + 0.25
     gaps = {"wspace": 0.08, "hspace": 0.5 / (bars * bar)}
-    figure, panels = panel_figure(height, lines, COLUMNS, room=Room(left=0.2, head=0.24), gaps=gaps, share="y")
+    figure, panels = panel_figure(height, lines, COLUMNS, margins=Margins(left=0.2, head=0.24), gaps=gaps, share="y")
     draw_waterfalls(panels, found, table)
     for k, ax in enumerate(panels):
         ax.set_visible(k < len(table))

@@ -15,7 +15,7 @@ from winchcascade.core.cascade import PAPER
 from winchcascade.report.style import (
     COLOURS,
     Look,
-    Room,
+    Margins,
     cut_apart,
     is_narrow,
     label_panel,
@@ -29,7 +29,7 @@ PANEL = 1.02
 """Height of a panel: three of them fit below the summary of a page of A4. [in]"""
 
 _HEAD, _GAP = 0.3, 0.34
-"""Room above the first panel and between two panels. [in]"""
+"""Margin above the first panel, and space between two panels. [in]"""
 
 MOST_DRAWN = 16
 """Runs in a panel at most; of more, an even selection."""
@@ -47,8 +47,8 @@ def difference_figure(found: Comparison, metrics: Sequence[str]) -> Figure | Non
     runs = drawn(found)
     foot = 0.2 + max(map(text_width, _names(runs))) if _turned(len(runs)) else 0.5
     height = _HEAD + foot + PANEL * len(metrics) + _GAP * (len(metrics) - 1)
-    room = Room(left=0.115, head=_HEAD, foot=foot)
-    figure, axes = panel_figure(height, len(metrics), 1, room=room, gaps={"hspace": _GAP / PANEL}, share="x")
+    margins = Margins(left=0.115, head=_HEAD, foot=foot)
+    figure, axes = panel_figure(height, len(metrics), 1, margins=margins, gaps={"hspace": _GAP / PANEL}, share="x")
     draw_differences(axes, found, metrics)
     return figure
 

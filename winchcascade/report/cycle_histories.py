@@ -21,7 +21,15 @@ from winchcascade.report.diagnosis_figures import AFTER, DASHES
 from winchcascade.report.digits import significant
 from winchcascade.report.gap_words import NAMES, baseline_words
 from winchcascade.report.history_marks import REPAIRED, REPAIRED_HEIGHT, mark_repaired, repaired_spans
-from winchcascade.report.style import COLOURS, Room, label_upright, legend_above, line_entry, patch_entry, wide_figure
+from winchcascade.report.style import (
+    COLOURS,
+    Margins,
+    label_upright,
+    legend_above,
+    line_entry,
+    patch_entry,
+    wide_figure,
+)
 from winchcascade.report.traces import PANELS
 from winchcascade.report.wording import load_words
 
@@ -258,7 +266,7 @@ ABOVE, BELOW, APART, TITLE = 0.86, 0.4, 0.07, 0.3
 """Heights of the panel of a channel and of its residual, between the two, and of the title of the channel. [in]"""
 
 HEAD, FOOT = 0.25, 0.42
-"""Room above and below the panels. [in]"""
+"""Margins above and below the panels. [in]"""
 
 LINES: tuple[dict[str, Any], ...] = (
     {"color": COLOURS["ink"], "lw": 0.8},
@@ -273,7 +281,7 @@ def histories_figure(found: ModelDiagnosis, item: CycleHistory, word: str) -> Fi
     any_repaired = any(log.run.gaps for log in found.data.logs)
     channels = panel_channels(found)
     height = HEAD + FOOT + (TITLE + ABOVE + APART + BELOW) * len(channels)
-    figure, top, (left, right) = wide_figure(height), height - HEAD, Room(left=0.125).edges
+    figure, top, (left, right) = wide_figure(height), height - HEAD, Margins(left=0.125).edges
     for n, name in enumerate(channels):
         title, unit, factor = AXES[name]
         k = CHANNELS.index(name)

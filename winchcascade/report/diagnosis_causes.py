@@ -24,7 +24,7 @@ from winchcascade.report.diagnosis_names import display_of, number_words, probab
 from winchcascade.report.digits import MINUS, number, upper
 from winchcascade.report.style import (
     COLOURS,
-    Room,
+    Margins,
     broken,
     is_narrow,
     label_panel,
@@ -186,7 +186,7 @@ def profile_figure(found: ModelDiagnosis) -> Figure | None:
     profile = profile_of(found)
     if profile is None:
         return None
-    figure, (ax,) = panel_figure(2.7, room=Room(head=0.28))
+    figure, (ax,) = panel_figure(2.7, margins=Margins(head=0.28))
     ax.fill_between(profile.current, profile.low, profile.high, color=COLOURS["gen"], alpha=0.3, lw=0)
     ax.plot(profile.current, profile.left, color=COLOURS["gen"], lw=1.4)
     knots = np.array([x for x in ROLLOFF_KNOTS if x <= profile.current[-1]])
@@ -391,7 +391,7 @@ BESIDE = 2
 """Panels in a row."""
 
 PANEL, AROUND, BETWEEN = 1.12, 0.85, 0.62
-"""Height of a panel, room above and below all of them, and room between two rows. [in]"""
+"""Height of a panel, margins above and below all of them, and space between two rows. [in]"""
 
 NAMED_RUNS = 8
 """Up to so many runs each is named by its load."""
@@ -410,8 +410,8 @@ def stability_figure(found: DiagnosisResult) -> Figure | None:
         return None
     rows = -(-len(causes) // BESIDE)
     height = AROUND + PANEL * rows + BETWEEN * (rows - 1)
-    room, gaps = Room(left=0.075, head=0.52, foot=0.33), {"wspace": 0.2, "hspace": BETWEEN / PANEL}
-    figure, panels = panel_figure(height, rows, BESIDE, room=room, gaps=gaps)
+    margins, gaps = Margins(left=0.075, head=0.52, foot=0.33), {"wspace": 0.2, "hspace": BETWEEN / PANEL}
+    figure, panels = panel_figure(height, rows, BESIDE, margins=margins, gaps=gaps)
     for ax, cause in zip(panels, causes, strict=False):
         _run_by_run(ax, found, cause)
     for ax in panels[len(causes) :]:

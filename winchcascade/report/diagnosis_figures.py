@@ -38,7 +38,7 @@ from winchcascade.report.style import (
     COLOURS,
     LOAD_COLOURS,
     Entry,
-    Room,
+    Margins,
     is_narrow,
     label_panel,
     legend_above,
@@ -115,7 +115,7 @@ def _matrix(
     rows = [row for row in names if any(key[:2] == row for key in cells)]
     if not rows:
         return None
-    figure, (ax,) = panel_figure(0.3 + 0.235 * len(rows), room=Room(left=left, head=0.24, foot=0.04))
+    figure, (ax,) = panel_figure(0.3 + 0.235 * len(rows), margins=Margins(left=left, head=0.24, foot=0.04))
     _draw_matrix(ax, _by_load(found), rows, names, cells)
     return figure
 
@@ -173,7 +173,7 @@ def closure_bars(found: ModelDiagnosis) -> Figure | None:
     if found.closure is None:
         return None
     shown = {name: x for name, x in found.closure.channels.items() if x.noise > 0.0}
-    figure, (ax,) = panel_figure(0.8 + 0.235 * len(shown), room=Room(left=0.12))
+    figure, (ax,) = panel_figure(0.8 + 0.235 * len(shown), margins=Margins(left=0.12))
     for row, x in enumerate(shown.values()):
         before, after = x.before / x.noise, x.after / x.noise
         ax.plot([after, before], [row, row], color=COLOURS["loss"], lw=2.2, solid_capstyle="round", zorder=1)
@@ -224,8 +224,8 @@ def history(found: ModelDiagnosis, both: Sides, log: int, word: str) -> Figure |
     if not own:
         return None
     height = 0.75 + 0.9 * len(own)
-    room = Room(left=0.17, head=0.33, foot=0.4)
-    figure, axes = panel_figure(height, len(own), room=room, gaps={"hspace": 0.16}, share="x")
+    margins = Margins(left=0.17, head=0.33, foot=0.4)
+    figure, axes = panel_figure(height, len(own), margins=margins, gaps={"hspace": 0.16}, share="x")
     for ax, channel in zip(axes, own, strict=True):
         one = series(found, both, log, channel)
         shown = one.t <= one.t[0] + LONGEST
@@ -269,7 +269,7 @@ def over_speed_figure(found: ModelDiagnosis, both: Sides, word: str) -> Figure |
     panels = [panel for panel in PANELS if {*panel[2]} <= {*seen_channels(found)}]
     if not panels or not logs or found.rig.rpm_per_velocity is None:
         return None
-    figure, axes = panel_figure(3.1, 1, len(panels), room=Room(left=0.075, head=0.66), gaps={"wspace": 0.33})
+    figure, axes = panel_figure(3.1, 1, len(panels), margins=Margins(left=0.075, head=0.66), gaps={"wspace": 0.33})
     colours = dict(zip(logs, (LOAD_COLOURS[k] for k in (1, 3, 5)), strict=False))
     rated, shaded = found.rig.generator.speed_rated, False
     marks: tuple[dict[str, Any], ...] = (
@@ -317,7 +317,7 @@ def error_figure(found: ModelDiagnosis, both: Sides, word: str) -> Figure | None
     panels = error_panels(found)
     if not panels:
         return None
-    figure, axes = panel_figure(2.5, 1, len(panels), room=Room(right=0.972, head=0.5), gaps={"wspace": 0.26})
+    figure, axes = panel_figure(2.5, 1, len(panels), margins=Margins(right=0.972, head=0.5), gaps={"wspace": 0.26})
     rated = rated_dc_current(found) if panels[0] == "idc" else None
     for n, (ax, channel) in enumerate(zip(axes, panels, strict=True)):
         _errors(ax, found, both, channel)

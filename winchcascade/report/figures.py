@@ -36,7 +36,7 @@ from winchcascade.report.history_marks import (
 )
 from winchcascade.report.style import (
     COLOURS,
-    Room,
+    Margins,
     broken,
     dots,
     is_narrow,
@@ -86,8 +86,8 @@ _TURN, _DROP = 0.38, -0.3
 _LINE_OF_WORDS = 18
 """Characters in a line of what leaves an energy flow in a narrow figure."""
 
-_ROOM = Room(left=0.11)
-"""Room of the figures over time."""
+_MARGINS = Margins(left=0.11)
+"""Margins of the figures over time."""
 
 
 def powers_of(reduction: Reduction) -> dict[str, Signal]:
@@ -112,8 +112,8 @@ def _stage_style(stage: str) -> dict[str, Any]:
 def time_histories(reduction: Reduction, powers: dict[str, Signal]) -> Figure:
     """Draw every channel and the powers over the whole log, phases shaded, windows marked (the paper's Fig. 5)."""
     rows = history_rows(reduction, powers)
-    room = _ROOM._replace(head=_ROOM.head + STRIP)
-    figure, axes = panel_figure(0.75 + STRIP + 0.98 * rows, rows, room=room, gaps={"hspace": 0.42}, share="x")
+    margins = _MARGINS._replace(head=_MARGINS.head + STRIP)
+    figure, axes = panel_figure(0.75 + STRIP + 0.98 * rows, rows, margins=margins, gaps={"hspace": 0.42}, share="x")
     draw_histories(axes, reduction, powers)
     figure.align_ylabels(axes)
     return figure
@@ -162,8 +162,8 @@ def power_streams(reduction: Reduction, powers: dict[str, Signal]) -> Figure | N
     if not powers or not reduction.cycles:
         return None
     with_bins = bool(reduction.bins)
-    room = _ROOM._replace(head=0.275, foot=0.44)
-    figure, axes = panel_figure(2.75, 1, 1 + with_bins, room=room, gaps={"wspace": 0.27})
+    margins = _MARGINS._replace(head=0.275, foot=0.44)
+    figure, axes = panel_figure(2.75, 1, 1 + with_bins, margins=margins, gaps={"wspace": 0.27})
     one_cycle(axes[0], reduction, powers)
     if with_bins:
         over_speed(axes[1], reduction, powers)
@@ -352,7 +352,7 @@ def uncertainty_bars(known: Budget) -> Figure | None:
     names = sorted({n for p in parts.values() for n in p}, key=lambda n: (n == "repeatability", n))
     if not names:
         return None
-    figure, (ax,) = panel_figure(0.87 + 0.27 * len(metrics), room=Room(left=0.08, head=0.38, foot=0.55))
+    figure, (ax,) = panel_figure(0.87 + 0.27 * len(metrics), margins=Margins(left=0.08, head=0.38, foot=0.55))
     left = np.zeros(len(metrics))
     rows = np.arange(len(metrics))[::-1]
     for name in names:
@@ -393,9 +393,9 @@ def overlaid(reduction: Reduction, powers: dict[str, Signal], best: int | None, 
     columns += [(f"Power {tex(f'power_{s}')}", "W", powers[s]) for s in ("gen", "mech", "line") if s in powers][:1]
     if not cycles or not columns:
         return None
-    rows, room = -(-len(columns) // 2), _ROOM._replace(head=0.42)
+    rows, margins = -(-len(columns) // 2), _MARGINS._replace(head=0.42)
     gaps = {"hspace": 0.36, "wspace": 0.24}
-    figure, axes = panel_figure(0.5 + 1.55 * rows, rows, 2, room=room, gaps=gaps, share="x")
+    figure, axes = panel_figure(0.5 + 1.55 * rows, rows, 2, margins=margins, gaps=gaps, share="x")
     even = np.linspace(0, len(cycles) - 1, min(len(cycles), OVERLAID)).round().astype(int).tolist()
     chosen = [cycles[k] for k in even if cycles[k].cycle not in (best, worst)]
     chosen += [c for number in (worst, best) for c in cycles if c.cycle == number]
@@ -448,8 +448,8 @@ def trend(reduction: Reduction) -> Figure | None:
     groups = [row for row in (("Efficiency", "1", etas), ("Energy", "J", energies)) if row[2]]
     if not groups:
         return None
-    room = _ROOM._replace(head=0.25)
-    figure, axes = panel_figure(0.55 + 1.5 * len(groups), len(groups), room=room, gaps={"hspace": 0.3}, share="x")
+    margins = _MARGINS._replace(head=0.25)
+    figure, axes = panel_figure(0.55 + 1.5 * len(groups), len(groups), margins=margins, gaps={"hspace": 0.3}, share="x")
     for k, (ax, (title, unit, names)) in enumerate(zip(axes, groups, strict=True)):
         unit = trend_panel(ax, reduction, names, unit)
         label_panel(ax, "ab"[k], title, unit=unit)

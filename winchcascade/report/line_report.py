@@ -21,7 +21,7 @@ from winchcascade.report.diagnosis_sections import where_section, which_section
 from winchcascade.report.digits import number, significant, upper
 from winchcascade.report.line_words import LINE_MEANINGS, set_words
 from winchcascade.report.report_model import Section, picture, section
-from winchcascade.report.style import COLOURS, Room, label_panel, legend_above, line_entry, panel_figure, wide_figure
+from winchcascade.report.style import COLOURS, Margins, label_panel, legend_above, line_entry, panel_figure, wide_figure
 from winchcascade.report.table_model import Table, formatted_table, number_column, text_column
 
 
@@ -230,7 +230,7 @@ def power_history(found: LineDiagnosis, word: str) -> Figure | None:
     shown = (t >= own[0]) & (t <= own[-1])
     about = t[shown][np.argmax(np.abs(part.gap[shown]))]
     near = (t >= about - 0.5 * NEAR) & (t <= about + 0.5 * NEAR)
-    figure = wide_figure(4.5, Room(left=0.085, head=0.5))
+    figure = wide_figure(4.5, Margins(left=0.085, head=0.5))
     grid = figure.add_gridspec(2, 2, width_ratios=(2.1, 1.0), height_ratios=(1.7, 1.0), wspace=0.17, hspace=0.12)
     title = f"{'Two cycles' if middle.size > 1 else 'One cycle'} of {part.run.name}"
     for column, (here, text) in enumerate(((shown, title), (near, "Where they differ most"))):
@@ -261,7 +261,7 @@ def power_scatter(found: LineDiagnosis, word: str) -> Figure | None:
     measured = given + np.concatenate([part.gap for part in found.closure.parts])
     caused = measured - np.concatenate(found.closure.after)
     every = slice(None, None, max(measured.size // MARKS, 1))
-    figure, axes = panel_figure(3.1, 1, 2, room=Room(left=0.085, head=0.28), gaps={"wspace": 0.08}, share="xy")
+    figure, axes = panel_figure(3.1, 1, 2, margins=Margins(left=0.085, head=0.28), gaps={"wspace": 0.08}, share="xy")
     ends = [float(np.quantile(measured, q)) * KILO for q in (0.0005, 0.9995)]
     sides = ((given, "mech", upper(GIVEN)), (caused, "gen", upper(CAUSED)))
     for ax, letter, (predicted, colour, title) in zip(axes, "ab", sides, strict=True):
@@ -281,7 +281,7 @@ def sets_of(found: LineDiagnosis) -> list[Names]:
 def closed_bars(found: LineDiagnosis) -> Figure | None:
     """Draw the squared error of sets of causes on held-out cycles, over that without any."""
     sets, every = sets_of(found), found.lines.names
-    figure, (ax,) = panel_figure(0.45 + 0.3 * len(sets), room=Room(left=0.3, head=0.06, foot=0.4))
+    figure, (ax,) = panel_figure(0.45 + 0.3 * len(sets), margins=Margins(left=0.3, head=0.06, foot=0.4))
     for row, names in enumerate(sets):
         left = 100.0 * found.choice.error(names)
         ax.barh(row, left, height=0.6, color=COLOURS["gen" if names == found.chosen else "loss"], lw=0)
@@ -312,7 +312,7 @@ def power_by_cycle(found: LineDiagnosis, word: str) -> Figure | None:
         return None
     before, left = np.array([[KILO * np.sqrt(np.mean(x**2)) for x in pair] for pair in errors]).T
     x = np.arange(len(errors)) + (int(parts[0].cycle.min()) if len(parts) == 1 else 1)
-    figure, (ax,) = panel_figure(1.9, room=Room(left=0.085, head=0.26))
+    figure, (ax,) = panel_figure(1.9, margins=Margins(left=0.085, head=0.26))
     ax.vlines(x, left, before, color=COLOURS["loss"], lw=2.0)
     ax.plot(x, before, ls="none", ms=4.0, mew=1.0, **HOLLOW)
     ax.plot(x, left, ls="none", ms=4.0, **FILLED)

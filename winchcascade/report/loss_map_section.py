@@ -19,7 +19,7 @@ from winchcascade.report.loss_map_text import coefficients_table, loss_points_wo
 from winchcascade.report.provenance import data_point, provenance_table
 from winchcascade.report.publish import publish
 from winchcascade.report.report_model import Report, Section, picture, section
-from winchcascade.report.style import COLOURS, Room, house_style, panel_figure
+from winchcascade.report.style import COLOURS, Margins, house_style, panel_figure
 
 DOTS = 1500
 """Points that are drawn at most; of more, an even selection."""
@@ -27,7 +27,7 @@ DOTS = 1500
 LEVELS = 12
 """Steps of colour, and lines of constant power, at most."""
 
-_ROOM = Room(left=0.09, right=0.97)
+_MARGINS = Margins(left=0.09, right=0.97)
 
 _HEAT = LinearSegmentedColormap.from_list("loss", ["#fff3d6", "#f2a65a", "#b8432f", "#4a1230"])
 _GOOD = LinearSegmentedColormap.from_list("efficiency", ["#4a1230", "#3a7fc4", "#8fd3b6", "#fdf3b4"])
@@ -89,7 +89,7 @@ def publish_campaign_loss_map(report: Report, folder: Path, endings: Sequence[st
 
 def loss_figure(found: LossMap) -> Figure:
     """Heat map of the surface within the hull of the points, with the points."""
-    figure, (axes,) = panel_figure(3.4, room=_ROOM)
+    figure, (axes,) = panel_figure(3.4, margins=_MARGINS)
     points = found.points
     if len(found.hull) >= 3:
         torque, speed = np.meshgrid(found.torque, found.speed, indexing="ij")
@@ -104,7 +104,7 @@ def loss_figure(found: LossMap) -> Figure:
 
 def efficiency_figure(points: LossPoints) -> Figure:
     """Efficiency at the operating points, with lines of constant power."""
-    figure, (axes,) = panel_figure(3.4, room=_ROOM)
+    figure, (axes,) = panel_figure(3.4, margins=_MARGINS)
     taken = points.power_in - points.stored
     eta = np.divide(points.power_out, taken, out=np.full(taken.size, np.nan), where=taken > 0.0)
     rows = _selection(points)

@@ -33,7 +33,7 @@ from winchcascade.report.style import (
     MARKS,
     WIDTH,
     Entry,
-    Room,
+    Margins,
     axis_label,
     dots,
     figure_width,
@@ -112,7 +112,7 @@ def panels(
     head = 0.24 + (0.01 + LINE * named if named else 0.0) + (0.32 if gear is not None else 0.22)
     height = head + rows * 2.15 - 0.1 + (0.6 if columns == 1 else 0.0)
     gaps = {"wspace": {1: 0.2, 2: 0.24, 3: 0.36}[columns], "hspace": 0.5}
-    figure, grid = panel_figure(height, rows, columns, room=Room(right=0.972, head=head), gaps=gaps)
+    figure, grid = panel_figure(height, rows, columns, margins=Margins(right=0.972, head=head), gaps=gaps)
     shaded = False
     for ax, name, letter in zip(grid, given, _LETTERS if len(given) > 1 else ("",), strict=False):
         _panel(ax, letter, name, drawn, (clouds or {}).get(name), MOST_MARKS // columns)
@@ -184,7 +184,7 @@ def _mark(mark: Any) -> dict[str, Any]:
 # --------------------------------------------------------------------------------------------------- an open circuit
 def damper_sweep(sweep: Sweep, *, word: str, rated: float | None) -> Figure:
     """Draw the line tension in open circuit over generator speed, logged and simulated with several dampers (Fig. 11)."""
-    figure, (ax,) = panel_figure(2.9, room=Room(right=0.972, head=0.29))
+    figure, (ax,) = panel_figure(2.9, margins=Margins(right=0.972, head=0.29))
     entries: list[Any] = [(ax.plot(sweep.rpm, sweep.log, color=COLOURS["ink"], lw=1.4)[0], word)]
     for k, (factor, force) in enumerate(zip(sweep.factors, sweep.simulated, strict=True)):
         (drawn,) = ax.plot(
@@ -200,7 +200,7 @@ def damper_sweep(sweep: Sweep, *, word: str, rated: float | None) -> Figure:
 
 def back_emf_figure(fit: Regression, *, word: str) -> Figure:
     """Draw the DC voltage and the back-EMF of an open circuit over generator speed, with the line through zero (Fig. 12)."""
-    figure, (left, right) = panel_figure(2.6, 1, 2, room=Room(right=0.972, head=0.468), gaps={"wspace": 0.24})
+    figure, (left, right) = panel_figure(2.6, 1, 2, margins=Margins(right=0.972, head=0.468), gaps={"wspace": 0.24})
     ends = np.array([0.0, 1.05 * max(fit.rpm)])
     rig: dict[str, Any] = {"ls": (0, (5, 2)), "lw": 0.9}
     known = np.isfinite(fit.reference)
@@ -257,7 +257,7 @@ _BAR, _LANE, _PITCH = 0.52, -0.4, 0.42
 """Height of a bar, and the lane below it where the points of the log are, over the pitch of the bars; the pitch [in]."""
 
 _BESIDE = 0.16
-"""Room between the left edge, a label and its bar. [in]"""
+"""Space between the left edge, a label and its bar. [in]"""
 
 _POINTS = {"gen": ("D", "DC link"), "mech": ("s", "shaft")}
 
@@ -274,7 +274,7 @@ def budget_bars(names: Sequence[str], budgets: Sequence[LossBudget], *, word: st
     head, foot = 0.16 + 0.17 * -(-len(entries) // 7), 0.42
     widest = max(text_width(line) for name in names for line in name.split("\n"))
     height, left = head + foot + _PITCH * (len(names) + 0.1), max(0.125, (widest + _BESIDE) / WIDTH)
-    figure, (ax,) = panel_figure(height, room=Room(left, 0.905, head, foot))
+    figure, (ax,) = panel_figure(height, margins=Margins(left, 0.905, head, foot))
     rows = [float(k) for k in reversed(range(len(names)))]
     for row, budget in zip(rows, budgets, strict=True):
         _bar(ax, row, budget, present)

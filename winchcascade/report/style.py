@@ -193,8 +193,8 @@ def house_style() -> Iterator[None]:
         yield
 
 
-class Room(NamedTuple):
-    """Edges of the panels of a figure, as shares of the width of a report, and the room above and below them [in]."""
+class Margins(NamedTuple):
+    """Edges of the panels of a figure, as shares of the width of a report, and the margins above and below them [in]."""
 
     left: float = 0.09
     right: float = 0.985
@@ -208,11 +208,11 @@ class Room(NamedTuple):
         return self.left * scale, 1.0 - (1.0 - self.right) * scale
 
 
-def wide_figure(height: float, room: Room = Room()) -> Figure:  # noqa: B008  # a named tuple does not change
+def wide_figure(height: float, margins: Margins = Margins()) -> Figure:  # noqa: B008  # a named tuple does not change
     """An empty figure as wide as figures are drawn now and of some height [in]."""
     figure = Figure((figure_width(), height))
-    left, right = room.edges
-    figure.subplots_adjust(left, room.foot / height, max(right, left + 0.1), 1 - room.head / height)
+    left, right = margins.edges
+    figure.subplots_adjust(left, margins.foot / height, max(right, left + 0.1), 1 - margins.head / height)
     return figure
 
 
@@ -221,7 +221,7 @@ def panel_figure(
     rows: int = 1,
     columns: int = 1,
     *,
-    room: Room = Room(),  # noqa: B008
+    margins: Margins = Margins(),  # noqa: B008
     gaps: Mapping[str, float] | None = None,
     share: Literal["", "x", "y", "xy"] = "",
 ) -> tuple[Figure, list[Axes]]:
@@ -234,10 +234,10 @@ def panel_figure(
     share : axes that all panels have in common
     """
     if is_narrow() and columns > 1:
-        panel = (height - room.head - room.foot) / (rows + (rows - 1) * (gaps or {}).get("hspace", 0.2))
+        panel = (height - margins.head - margins.foot) / (rows + (rows - 1) * (gaps or {}).get("hspace", 0.2))
         rows, columns, gaps = rows * columns, 1, {"hspace": 0.5}
-        height = room.head + room.foot + panel * (rows + 0.5 * (rows - 1))
-    figure = wide_figure(height, room)
+        height = margins.head + margins.foot + panel * (rows + 0.5 * (rows - 1))
+    figure = wide_figure(height, margins)
     grid = figure.subplots(
         rows, columns, sharex="x" in share, sharey="y" in share, squeeze=False, gridspec_kw=dict(gaps or {})
     )
@@ -314,7 +314,7 @@ def columns_within(texts: Sequence[str], *, handle: float = 2.0, gap: float = 1.
 
     Parameters
     ----------
-    handle, gap : length of a key, and room between two columns, in sizes of the font
+    handle, gap : length of a key, and space between two columns, in sizes of the font
     """
     width = 0.98 * figure_width()
     size = float(matplotlib.rcParams["legend.fontsize"]) * _POINT

@@ -25,7 +25,7 @@ from winchcascade.report.diagnosis_names import display_of
 from winchcascade.report.digits import MINUS, number, places, significant
 from winchcascade.report.provenance import provenance_table
 from winchcascade.report.report_model import Note, Point, Report, Tile, picture, section
-from winchcascade.report.style import COLOURS, Room, house_style, legend_above, panel_figure
+from winchcascade.report.style import COLOURS, Margins, house_style, legend_above, panel_figure
 from winchcascade.report.table_model import Table, TableColumn, make_table, rows_of
 from winchcascade.report.trial_text import (
     HIDDEN,
@@ -258,7 +258,7 @@ def taken_figure(score: Score) -> Figure | None:
         place = rows.index(hidden_name(case)), columns.index(_column(case))
         counts[place] += 1
         wrong[place] += not case.went_well
-    figure, (ax,) = panel_figure(1.5 + 0.145 * len(rows), room=Room(left=0.2, head=1.35, foot=0.1))
+    figure, (ax,) = panel_figure(1.5 + 0.145 * len(rows), margins=Margins(left=0.2, head=1.35, foot=0.1))
     for i, j in zip(*np.nonzero(counts), strict=True):
         colour = COLOURS["mech" if wrong[i, j] else "gen"]
         ax.scatter(j, i, s=52, marker="s", color=colour, alpha=0.35, linewidths=0)
@@ -293,7 +293,7 @@ def coverage_figure(score: Score) -> Figure | None:
             found.append((p.effect, p.covered, [(v - p.truth) / size for v in (p.value, p.low, p.high)]))
     if not found:
         return None
-    figure, (ax,) = panel_figure(2.6, room=Room(head=0.234, foot=0.936))
+    figure, (ax,) = panel_figure(2.6, margins=Margins(head=0.234, foot=0.936))
     for k, (_, covered, (value, low, high)) in enumerate(found):
         colour = COLOURS["gen" if covered else "mech"]
         ax.plot([k, k], [low, high], color=colour, linewidth=1.1)

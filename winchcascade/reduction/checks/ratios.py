@@ -39,7 +39,7 @@ def ratio_findings(
     for name, (out, into) in cascade.ratios.items():
         if (name == cascade.overall and len(cascade.stages) > 2) or (open_circuit and cascade.undelivered(name)):
             continue
-        findings += _against(name, places[into], places[out], _signs_of(cascade.between(name)[0], run, rig), of)
+        findings += _against(name, places[into], places[out], _remedy(cascade.between(name)[0], run, rig), of)
         findings += _too_small(name, places[into], places[out]) if cascade.configured else []
     return findings
 
@@ -102,7 +102,7 @@ def _too_small(name: str, into: Sequence[Place], out: Sequence[Place]) -> Iterab
         )
 
 
-def _signs_of(name: str, run: Run, rig: Rig) -> str:
+def _remedy(name: str, run: Run, rig: Rig) -> str:
     """What to check of a stage whose power flows against the cascade."""
     stage = next(stage for stage in rig.cascade.stages if stage.name == name)
     product = stage.power(run.channels, rig.r_drum) or stage.powers[0]
