@@ -21,11 +21,10 @@ from winchcascade.core.jobs import all_at_once
 from winchcascade.diagnosis.causes import COVERED, LAW, joint_covariance
 from winchcascade.diagnosis.diagnosis_result import Contribution, ContributionKind, ContributionPart, NamedCause, Names
 from winchcascade.diagnosis.misfit import LOCAL, Fitted, Log
-from winchcascade.diagnosis.predict import CHANNELS, Course
+from winchcascade.diagnosis.predict import CHANNELS
 from winchcascade.diagnosis.suspects import Suspects, varied
 from winchcascade.reduction.efficiency import METRICS
 from winchcascade.reduction.reduce import metrics_within, reduce
-from winchcascade.rig.simulate import STEP
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -76,15 +75,13 @@ def windows_of(run: Run, rig: Rig, window: float | None, cycles: tuple[int, int]
 class WindowedLog(NamedTuple):
     """A log with its integration windows, (k, 2) [s], whose metrics are simulated many times.
 
-    `number` is that of the log. `offset` (n, 5) is what a fine step gives beyond the coarse one at the stamps, as the fit adds
-    it to blocks.
+    `number` is that of the log.
     """
 
     number: int
     log: Log
     rig: Rig
     windows: Signal
-    offset: Signal
 
     def simulated(self, model: Model, skew: Signal, zeros: Signal) -> Signal:
         """What `quantities_of` gives for a model, (14,); channels that the log lacks stay absent.
@@ -94,7 +91,7 @@ class WindowedLog(NamedTuple):
         skew, zeros : (5,) delay of the reading of each channel [s], and its zero
         """
         run, course = self.log.run, self.log.course
-        read = at_stamps(course, course.on_grid(model, skew=skew)) + self.offset + zeros
+        read = course.at_stamps(course.on_grid(model, skew=skew)) + self.log.offset_at_stamps + zeros
         channels = {"velocity": run.channels["velocity"]}
         for k, name in enumerate(CHANNELS):
             if name in run.channels or (name == "torque" and "power_mech" in run.channels):
@@ -102,22 +99,15 @@ class WindowedLog(NamedTuple):
         return quantities_of(msgspec.structs.replace(run, channels=channels), self.rig, self.windows)
 
 
-def at_stamps(course: Course, on_grid: Signal) -> Signal:
-    """Channels on the grid of a course, (n, 5), at the stamps of its log."""
-    return np.column_stack([np.interp(course.run.t, course.coarse.t, x) for x in on_grid.T])
-
-
 def windowed(data: Fitted, number: int, window: float | None = None) -> WindowedLog:
-    """Find the windows of one log of a fit, and what a fine step changes there.
+    """Find the windows of one log of a fit.
 
     Parameters
     ----------
     window : length of the windows [s]; by default the rule of the rig
     """
     log = data.logs[number]
-    fine, model = Course(log.run, log.course.blocks, STEP), data.nominal
-    offset = at_stamps(fine, fine.on_grid(model)) - at_stamps(log.course, log.course.on_grid(model))
-    return WindowedLog(number, log, data.rig, windows_of(log.run, data.rig, window, data.cycles[number]), offset)
+    return WindowedLog(number, log, data.rig, windows_of(log.run, data.rig, window, data.cycles[number]))
 
 
 # ------------------------------------------------------------------------------------------------------- the split
@@ -292,7 +282,7 @@ def contributions_of(
         return one, split_of(data, one, variants, covariance)
 
     lengths = enumerate(windows or [None] * len(data.logs))
-    accounts = [*all_at_once([partial(account, number, window) for number, window in lengths])]
+    accounts = all_at_once([partial(account, number, window) for number, window in lengths], data.sizes)
     loaded = [math.isfinite(one.log.run.load or math.inf) for one, _ in accounts]
     with_laws = with_uncertain_laws([split for _, split in accounts], loaded, data.rig.model.discrepancy)
     return tuple(

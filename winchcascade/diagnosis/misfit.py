@@ -93,15 +93,17 @@ class Noise(msgspec.Struct, frozen=True):
 class Log(msgspec.Struct, frozen=True):
     """One log of a fit.
 
-    `measured` (m, 5) are its blocks, `offset` (m, 5) what a fine step gives beyond the coarse one of the fit, `whitener`
-    (m, 5, 5) turns a block's residuals into independent ones of unit variance. `courses` (m, 5, 3) are what a discrepancy of
-    the model of 1 moves along each of `nuisances.COURSES`. SI units, columns of `predict.CHANNELS`.
+    `measured` (m, 5) are its blocks, `offset` (m, 5) what a fine step gives beyond the coarse one of the fit, at the stamps
+    `offset_at_stamps` (n, 5), `whitener` (m, 5, 5) turns a block's residuals into independent ones of unit variance. `courses`
+    (m, 5, 3) are what a discrepancy of the model of 1 moves along each of `nuisances.COURSES`. SI units, columns of
+    `predict.CHANNELS`.
     """
 
     run: Run
     course: Course
     measured: Signal
     offset: Signal
+    offset_at_stamps: Signal
     noise: Noise
     whitener: Signal
     courses: Signal
@@ -139,7 +141,9 @@ class Fitted:
         self.cycles = cycles or [None] * len(runs)
         blocks = [blocks_of(run, rig, span) for run, span in zip(runs, self.cycles, strict=True)]
         repeats = _repeats(runs, blocks, self.withheld)
-        self.logs = [_log(rig, self.nominal, *one) for one in zip(runs, blocks, repeats, strict=True)]
+        each = zip(runs, blocks, repeats, strict=True)
+        jobs = [partial(_log, rig, self.nominal, *one) for one in each]
+        self.logs = all_at_once(jobs, [run.t[-1] - run.t[0] for run in runs])
         for log in self.logs:
             log.course.most_kept = max(min(MOST_KEPT, ALL_KEPT // len(self.logs)), 2)
             log.course.keeps_derivatives = len(self.logs) <= MOST_DERIVATIVES
@@ -216,7 +220,8 @@ class Fitted:
         """Blocks that the model gives, (M, 5), with zeros of sensors and discrepancy of the model; of some logs where named."""
         models, skew, zeros, deviation = self.models(nu, effects), self.skew(nu), self.zeros(nu), self.discrepancy(nu)
         which = range(len(self.logs)) if logs is None else sorted(logs)
-        parts = all_at_once([partial(self.logs[k].course.predict, models[k], skew=skew) for k in which])
+        jobs = [partial(self.logs[k].course.predict, models[k], skew=skew) for k in which]
+        parts = all_at_once(jobs, [self.sizes[k] for k in which])
         return np.concatenate(
             [part + self.logs[k].offset + zeros[k] + deviation[k] for k, part in zip(which, parts, strict=True)]
         )
@@ -295,7 +300,7 @@ class Fitted:
         others = zip(*(self.models(*variant) for variant in variants), strict=True)
         each = zip(self.logs, self.models(nu, effects), others, strict=True)
         jobs = [partial(log.course.differences, model, other, skew, skews) for log, model, other in each]
-        return np.concatenate(all_at_once(jobs))
+        return np.concatenate(all_at_once(jobs, self.sizes))
 
 
 LOCAL = ("zero", "discrepancy")
@@ -395,31 +400,42 @@ def _log(rig: Rig, nominal: Model, run: Run, blocks: Blocks, repeats: float) -> 
         tell no more of the model than one
     """
     course = Course(run, blocks, COARSE)
-    coarse, fine = course.predict(nominal), Course(run, blocks, STEP).predict(nominal)
+    grid, finely = course.on_grid(nominal), Course(run, blocks, STEP)
+    fine_grid = finely.on_grid(nominal)
+    coarse, fine = course.block_mean(grid), finely.block_mean(fine_grid)
+    at_stamps = course.at_stamps(grid)
     nothing = np.zeros(run.t.size)
     measured = np.column_stack([blocks.mean(run.channels.get(name, nothing)) for name in CHANNELS])
     noise = with_extra(noise_of(course, nominal, coarse), blocks, measured - fine)
     level = _levels(blocks, fine)
-    deviation = rig.model.discrepancy * _in_a_block(course, nominal, level[blocks.phase])
+    deviation = rig.model.discrepancy * _in_a_block(blocks, at_stamps, level[blocks.phase])
     own = np.sqrt(noise.own**2 + repeats * deviation**2)
     noise = msgspec.structs.replace(noise, own=own, model=deviation)
-    return Log(run, course, measured, fine - coarse, noise, _whitener(noise), _courses(course, fine, level))
+    return Log(
+        run=run,
+        course=course,
+        measured=measured,
+        offset=fine - coarse,
+        offset_at_stamps=finely.at_stamps(fine_grid) - at_stamps,
+        noise=noise,
+        whitener=_whitener(noise),
+        courses=_courses(course, fine, level),
+    )
 
 
 OF_A_BLOCK = 0.25
 """Discrepancy of the model of a single block, as a share of that of its phase. [1]"""
 
 
-def _in_a_block(course: Course, nominal: Model, level: Signal) -> Signal:
+def _in_a_block(blocks: Blocks, at_stamps: Signal, level: Signal) -> Signal:
     """What a discrepancy of the model of 1 moves in single blocks, (m, 5), SI units.
 
     Parameters
     ----------
+    at_stamps : (n, 5) channels of the model of the rig file, SI units
     level : (m, 5) of each channel in its phase, SI units
     """
-    grid, run = course.on_grid(nominal), course.run
-    at_stamps = (np.interp(run.t, course.coarse.t, x) for x in grid.T)
-    scatter = np.column_stack([course.blocks.scatter(x) for x in at_stamps])
+    scatter = np.column_stack([blocks.scatter(x) for x in at_stamps.T])
     return np.hypot(WITHIN * scatter, OF_A_BLOCK * level)
 
 

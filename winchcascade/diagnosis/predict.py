@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-import msgspec
 import numpy as np
 
-from winchcascade.rig.kernel import LINE, SHAFT, Constants, LineMotion, constants, run_line, solve_shaft
-from winchcascade.rig.simulate import motion_of
+from winchcascade.rig.kernel import SHAFT, Constants, LineMotion, constants, solve_shaft
+from winchcascade.rig.readings import Averages, Shafts, records_of, run_differences, run_readings, sensor_numbers
+from winchcascade.rig.simulate import READ, motion_of
 from winchcascade.rig.tangent import MOST_WAYS, Tangent, direction, tangent_of
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from winchcascade.diagnosis.block_means import Blocks
     from winchcascade.rig.parts import Model
 
-CHANNELS = ("pressure", "force", "torque", "vdc", "idc")
+CHANNELS = READ
 """Channels that are compared, in the order of the columns of every block array."""
 
 COARSE = 2.5e-3
@@ -30,12 +30,8 @@ COARSE = 2.5e-3
 GRID = 0.01
 """Solutions are kept at this spacing. [s]"""
 
-
-class Kept(msgspec.Struct, frozen=True):
-    """What the sensors see of a solution of the shaft, on the grid, (n,) each: torque of the clutch [N m] and Vdc [V]."""
-
-    clutch: Signal
-    vdc: Signal
+SEEN = ("clutch", "vdc")
+"""Columns of `kernel.SHAFT` that the sensors depend on: torque of the clutch [N m] and DC voltage [V]."""
 
 
 class Course:
@@ -51,18 +47,24 @@ class Course:
         self.every = max(round(GRID / step), 1)
         self.coarse = _thinned(self.motion, self.every)
         self.matrix = _averaging(run, blocks, self.coarse.t)
+        self._averages = Averages(
+            self.matrix.indptr.astype(np.intp), self.matrix.indices.astype(np.intp), self.matrix.data
+        )
         self.most_kept, self.keeps_derivatives = MOST_KEPT, True
-        self._kept: dict[tuple[float | tuple[float, ...], ...], Kept] = {}
+        self._kept: dict[tuple[float | tuple[float, ...], ...], Signal] = {}
         self._tangent: Tangent | None = None
         self._latest: tuple[Constants, Signal] | None = None
 
-    def shaft(self, numbers: Constants, gain: float = 1.0) -> Kept:
-        """Solve the shaft, or take the solution of the same numbers; `gain` scales the line's velocity."""
+    def shaft(self, numbers: Constants, gain: float = 1.0) -> Signal:
+        """Solve the shaft, or take the solution of the same numbers: `SEEN` on the grid, (2, n).
+
+        `gain` scales the velocity of the line.
+        """
         key = (gain, *_of_the_shaft(numbers))
         if key not in self._kept:
             whole = self._solve(numbers, gain)
             self._latest = (numbers, whole) if gain == 1.0 and self.keeps_derivatives else None
-            solved = Kept(*(self._thin(whole, name) for name in Kept.__struct_fields__))
+            solved = whole[:: self.every, [SHAFT.index(name) for name in SEEN]].T.copy()
             while len(self._kept) >= self.most_kept:
                 del self._kept[next(iter(self._kept))]
         else:
@@ -72,10 +74,7 @@ class Course:
 
     def electrical(self, numbers: Constants, name: str) -> Signal:
         """Solve the shaft for one of the columns of `kernel.SHAFT`, on the grid, (n,)."""
-        return self._thin(self._solve(numbers), name)
-
-    def _thin(self, whole: Signal, name: str) -> Signal:
-        return whole[:: self.every, SHAFT.index(name)].copy()
+        return self._solve(numbers)[:: self.every, SHAFT.index(name)].copy()
 
     def _solve(self, numbers: Constants, gain: float = 1.0) -> Signal:
         return solve_shaft(self.motion.v * gain, self.motion.step, numbers)
@@ -105,17 +104,10 @@ class Course:
         skew : (5,) how late each channel is read [s]
         """
         numbers = constants(model, self.load)
-        kept = self.shaft(numbers, gain)
-        return self._read(model, numbers, (kept.clutch, kept.vdc), np.zeros(len(CHANNELS)) if skew is None else skew)
-
-    def _read(self, model: Model, numbers: Constants, solution: tuple[Signal, Signal], skew: Signal) -> Signal:
-        """What the sensors read, (n, 5), as `on_grid`, with torque of the clutch and Vdc of a solution of the shaft."""
-        at, sensors, (clutch, vdc) = self.coarse, model.sensors, solution
-        line = np.empty((at.t.size, len(LINE)))
-        run_line(at, numbers, clutch, line)
-        late = delayed(vdc, sensors.electrical_lag / at.step)
-        true = zip(CHANNELS, [*line.T[:ELECTRICAL], late, late / numbers.load], skew.tolist(), strict=True)
-        return np.column_stack([sensors.read(name, delayed(x, lag / at.step)) for name, x, lag in true])
+        found, solution = np.empty((len(CHANNELS), self.coarse.t.size)), self.shaft(numbers, gain)
+        sensors = sensor_numbers(model, np.zeros(len(CHANNELS)) if skew is None else skew, self.coarse.step)
+        run_readings(self.coarse, numbers, solution, sensors, found)
+        return found.T
 
     def differences(self, model: Model, others: Sequence[Model], skew: Signal, skews: Sequence[Signal]) -> Signal:
         """What other models, near to one, read beyond it, (m, 5, k) as means of blocks.
@@ -126,27 +118,45 @@ class Course:
         ----------
         skew, skews : (5,) delay of the reading of each channel, and the same for each of the others [s]
         """
-        here, found = constants(model, self.load), np.zeros((self.blocks.size, len(CHANNELS), len(others)))
-        kept = self.shaft(here)
-        as_here = self._read(model, here, (kept.clutch, kept.vdc), skew)
-        numbers = [constants(other, self.load) for other in others]
+        models, late = (model, *others), (skew, *skews)
+        numbers = [constants(one, self.load) for one in models]
+        sensors = np.array([sensor_numbers(*one, self.coarse.step) for one in zip(models, late, strict=True)])
+        found = np.empty((self.blocks.size, len(CHANNELS), len(others)))
+        same = [one == model and np.array_equal(at, skew) for one, at in zip(others, skews, strict=True)]
+        shafts = self._shafts(numbers, [False, *same])
+        run_differences(self.coarse, records_of(numbers), shafts, sensors, self._averages, found)
+        return found
+
+    def _shafts(self, numbers: Sequence[Constants], same: Sequence[bool]) -> Shafts:
+        """Solutions of the shaft for the first of some numbers and for others, to first order where that serves.
+
+        Parameters
+        ----------
+        same : whether a model reads nothing beyond the first
+        """
+        here = numbers[0]
+        solved, of = [self.shaft(here)], np.zeros(len(numbers), dtype=np.intp)
         near = [there for there in numbers if _of_the_shaft(there) != _of_the_shaft(here) and not _far(here, there)]
         tangent = self.tangent(here, near) if near else None
-        for k, late in enumerate(skews):
-            if others[k] == model and np.array_equal(late, skew):
-                continue
-            there = numbers[k]
-            solved = self.shaft(there) if _far(here, there) else kept
-            clutch, vdc = solved.clutch, solved.vdc
-            if tangent is not None and there in near:
-                by_clutch, by_vdc = tangent.change(there)
-                clutch, vdc = clutch + by_clutch, vdc + by_vdc
-            found[:, :, k] = self.block_mean(self._read(others[k], there, (clutch, vdc), late) - as_here)
-        return found
+        slopes = np.zeros((2, 0, solved[0].shape[1])) if tangent is None else tangent.slopes
+        moves = np.zeros((len(numbers), slopes.shape[1]))
+        for k, there in enumerate(numbers):
+            if same[k]:
+                of[k] = -1
+            elif _far(here, there):
+                of[k] = len(solved)
+                solved.append(self.shaft(there))
+            elif tangent is not None:
+                moves[k] = tangent.moves(there)
+        return Shafts(np.array(solved), slopes, of, moves)
 
     def predict(self, model: Model, gain: float = 1.0, skew: Signal | None = None) -> Signal:
         """What the sensors read, as means of the blocks, (m, 5), with the parameters of `on_grid`."""
         return self.block_mean(self.on_grid(model, gain, skew))
+
+    def at_stamps(self, on_grid: Signal) -> Signal:
+        """Signals on the grid, (n, k), at the stamps of the log."""
+        return np.column_stack([np.interp(self.run.t, self.coarse.t, x) for x in on_grid.T])
 
     def block_mean(self, on_grid: Signal) -> Signal:
         """Mean over the blocks of something on the grid, (m, ...)."""
@@ -155,9 +165,6 @@ class Course:
 
 _SHAFT_FROM = 17
 """Numbers of `Constants` from here on concern the shaft; `test_predict` holds it."""
-
-ELECTRICAL = CHANNELS.index("vdc")
-"""Channels from here on are electrical: their lag is common."""
 
 
 def _of_the_shaft(numbers: Constants) -> tuple[float | tuple[float, ...], ...]:
@@ -175,21 +182,6 @@ SOLVED_ANEW = ("friction", "c_dc", "averaged", "uncommutated", "quasi_static", "
 """Numbers of `Constants` whose changes are solved anew, not followed to first order."""
 
 
-def delayed(x: Signal, steps: float) -> Signal:
-    """A signal at even steps as it was so many steps before, by straight lines; its ends hold on."""
-    if steps == 0.0:
-        return x
-    whole = math.floor(steps)
-    with np.errstate(invalid="ignore"):  # a search may try numbers with which nothing can be simulated
-        late = x[:-1] + (1.0 - (steps - whole)) * (x[1:] - x[:-1])  # late[k] lies between x[k] and x[k + 1]
-    out = np.empty_like(x)
-    first = max(min(whole + 1, x.size), 0)
-    last = max(min(whole + x.size, x.size), 0)
-    out[:first], out[last:] = x[0], x[-1]
-    out[first:last] = late[first - whole - 1 : last - whole - 1]
-    return out
-
-
 MOST_KEPT = 16
 """So many solutions of a log are kept; the one that was used longest ago goes first."""
 
@@ -201,8 +193,8 @@ MOST_DERIVATIVES = 25
 
 
 def _thinned(motion: LineMotion, every: int) -> LineMotion:
-    t, x, v, a = (column[::every].copy() for column in (motion.t, motion.x, motion.v, motion.a))
-    return LineMotion(t, x, v, a, motion.step * every)
+    t, x, v, a, direction = (column[::every].copy() for column in motion[:-1])
+    return LineMotion(t, x, v, a, direction, motion.step * every)
 
 
 def _averaging(run: Run, blocks: Blocks, grid: Signal) -> csr_array:

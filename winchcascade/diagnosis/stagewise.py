@@ -8,12 +8,14 @@ residual on the simulation of the model along the same motion is subtracted.
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
 from winchcascade.core.integrate import white_noise
+from winchcascade.core.jobs import all_at_once
 from winchcascade.diagnosis.block_means import PHASES, scatter_about_course
 from winchcascade.diagnosis.diagnosis_result import StagePlace
 from winchcascade.diagnosis.gap_map import weigh
@@ -63,21 +65,31 @@ def stagewise(data: Fitted) -> tuple[StagePlace, ...]:
     """Compare every stage with what it makes of its own measured inputs, by the model of the rig file."""
     one = np.eye(len(data.nuisances))
     moved = {j: data.models(one[j], []) for j, n in enumerate(data.nuisances) if n.kind in ("rig", "law", "load")}
-    found: list[StagePlace] = []
-    spread = data.discrepancies()
-    for number, log in enumerate(data.logs):
-        run, course = log.run, log.course
-        path = along(run, course.coarse, course.shaft(constants(data.nominal, course.load)).clutch)
-        outputs: dict[str, StageOutput] = {
-            o.stage: o for o in outputs_along(run, data.nominal, path) if o.channel in run.channels
-        }
-        stages = _Stages(log, spread[data.rows[number]], data.nominal, path, outputs)
-        residual = _residual_of_the_laws(stages)
-        changes = list(_changes(data, number, {j: models[number] for j, models in moved.items()}, stages))
-        for name, output in outputs.items():
-            own = [(n, by[name]) for n, by in changes if name in by]
-            found += _places(stages, number, output, residual[name], own)
-    return tuple(found)
+    of_logs = [{j: models[number] for j, models in moved.items()} for number in range(len(data.logs))]
+    jobs = [partial(_of_a_log, data, number, own) for number, own in enumerate(of_logs)]
+    return tuple(place for places in all_at_once(jobs, data.sizes) for place in places)
+
+
+def _of_a_log(data: Fitted, number: int, moved: Mapping[int, Model]) -> list[StagePlace]:
+    """Compare every stage of one log.
+
+    Parameters
+    ----------
+    moved : models of the log, each with one nuisance moved by one standard uncertainty, by the number of the nuisance
+    """
+    log, found = data.logs[number], list[StagePlace]()
+    run, course = log.run, log.course
+    path = along(run, course.coarse, course.shaft(constants(data.nominal, course.load))[0])
+    outputs: dict[str, StageOutput] = {
+        o.stage: o for o in outputs_along(run, data.nominal, path) if o.channel in run.channels
+    }
+    stages = _Stages(log, data.discrepancies()[data.rows[number]], data.nominal, path, outputs)
+    residual = _residual_of_the_laws(stages)
+    changes = list(_changes(data, number, moved, stages))
+    for name, output in outputs.items():
+        own = [(n, by[name]) for n, by in changes if name in by]
+        found += _places(stages, number, output, residual[name], own)
+    return found
 
 
 def _residual_of_the_laws(stages: _Stages) -> dict[str, Signal]:

@@ -141,7 +141,7 @@ def _at_samples(found: ModelDiagnosis, log: int, nu: Signal, *, fitted: bool) ->
     data, one = found.data, found.data.logs[log]
     effects = found.found.best.effects(found.suspects) if fitted else []
     grid = one.course.on_grid(data.models(nu, effects)[log], skew=data.skew(nu))
-    return np.column_stack([np.interp(one.run.t, one.course.coarse.t, x) for x in grid.T])
+    return one.course.at_stamps(grid)
 
 
 def _of_a_run(found: ModelDiagnosis, log: int, chosen: Sequence[tuple[int, int]]) -> list[CycleHistory]:

@@ -46,12 +46,16 @@ LEAST_VOLUME = 0.01
 
 
 class LineMotion(NamedTuple):
-    """A line motion at even steps: times, displacement, velocity and acceleration, (n,) each, payout positive. SI units."""
+    """A line motion at even steps: times, displacement, velocity and acceleration, (n,) each, payout positive. SI units.
+
+    `direction` (n,) is that of friction: 1 in payout, -1 in haul-in, by a hyperbolic tangent between within `REST`.
+    """
 
     t: Signal
     x: Signal
     v: Signal
     a: Signal
+    direction: Signal
     step: float
 
 
@@ -255,21 +259,24 @@ def run_shaft(v: Signal, dt: float, c: Constants, table: Signal, out: Signal) ->
         # bridge at the present DC voltage and the predicted speed half-way
         half_way = max(omega + 0.5 * (omega - omega_before), 0.0)
         v_total = v_dc + 2.0 * c.v_diode
-        reactance = max(half_way * c.inductance, 1e-6)
-        i_b, i_s, b_v, s_v, b_full, s_full = weakened_bridge(
-            v_total, c.k_e * half_way * rpm, reactance, guess, c, table
-        )
+        v_full = c.k_e * half_way * rpm
+        i_b = i_s = b_h = s_h = b_v = s_v = em = brakes = 0.0
+        conducts = v_total < _SQRT2 * v_full  # most steps do not, and are then done in two thirds of the time
+        if conducts:
+            reactance = max(half_way * c.inductance, 1e-6)
+            i_b, i_s, b_v, s_v, b_full, s_full = weakened_bridge(v_total, v_full, reactance, guess, c, table)
+            # half-way, DC voltage and air-gap torque follow the speed there by the bridge's slopes
+            b_h, s_h = b_full * c.k_e * rpm, s_full * c.k_e * rpm
         guess = i_s
-        # half-way, DC voltage and air-gap torque follow the speed there by the bridge's slopes
-        b_h, s_h = b_full * c.k_e * rpm, s_full * c.k_e * rpm
         holds = 2.0 * c.c_dc / dt + 1.0 / c.load - b_v
         fills = (i_b - v_dc / c.load) / holds
-        per = 1.0 / half_way if half_way > 1.0 else 0.0
-        em = (v_total * i_b + 3.0 * c.r_s * i_s * i_s) * per
-        em_v = (i_b + v_total * b_v + 6.0 * c.r_s * i_s * s_v) * per
-        em_h = (v_total * b_h + 6.0 * c.r_s * i_s * s_h - em) * per
-        em += em_v * fills
-        brakes = max(em_h + em_v * b_h / holds, 0.0)
+        if conducts:
+            per = 1.0 / half_way if half_way > 1.0 else 0.0
+            em = (v_total * i_b + 3.0 * c.r_s * i_s * i_s) * per
+            em_v = (i_b + v_total * b_v + 6.0 * c.r_s * i_s * s_v) * per
+            em_h = (v_total * b_h + 6.0 * c.r_s * i_s * s_h - em) * per
+            em += em_v * fills
+            brakes = max(em_h + em_v * b_h / holds, 0.0)
         drum_half = 0.5 * (v[n] + v[min(n + 1, v.size - 1)]) / c.r_motion
         torque, twist, after = _turned((omega, half_way, drum_half), twist, (em, brakes), dt, c)
         # DC link
@@ -356,7 +363,7 @@ def run_line(motion: LineMotion, c: Constants, torque: Signal, out: Signal) -> N
     x, v, a, dt = motion.x, motion.v, motion.a, motion.step
     heat = log_volume = 0.0
     for n in range(v.size):
-        direction = math.tanh(v[n] / REST)
+        direction = motion.direction[n]
         # gas: isothermal, and hotter by the heat of compression that it still holds
         volume = max(c.volume - c.area * c.lead * x[n] / c.r_motion, LEAST_VOLUME * c.volume)
         gauge = c.pressure * (c.volume / volume) - ATMOSPHERE

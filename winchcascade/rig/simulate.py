@@ -61,7 +61,7 @@ def even_motion(t: Signal, v: Signal, step: float) -> LineMotion:
     even = t[0] + step * np.arange(int((t[-1] - t[0]) / step) + 1)
     curve = monotone_cubic(t, v)
     speed = curve(even)
-    return LineMotion(even, _integral(speed, step), speed, curve.slope(even), step)
+    return LineMotion(even, _integral(speed, step), speed, curve.slope(even), np.tanh(speed / REST), step)
 
 
 def _integral(y: Signal, step: float) -> Signal:
@@ -84,7 +84,7 @@ def energies(model: Model, motion: LineMotion, load: float, out: Signal) -> dict
     """
     c, got = constants(model, load), dict(zip(COLUMNS, out.T, strict=True))
     omega_drum, omega = motion.v / c.r_motion, got["omega_gen"]
-    direction = np.tanh(motion.v / REST)
+    direction = motion.direction
     push = c.lead * omega_drum * got["pressure"] * c.area
     slow = direction * np.exp(-((motion.v / c.stribeck_speed) ** 2))
     seal = (c.lead * c.seal_friction * direction + c.seal_stribeck * slow) * omega_drum

@@ -49,24 +49,22 @@ _OMEGA, _TWIST, _V_DC = SHAFT.index("omega_gen"), SHAFT.index("twist"), SHAFT.in
 class Tangent(msgspec.Struct, frozen=True):
     """Derivatives of a solution of the shaft, at some of its steps.
 
-    `clutch` and `vdc` (k, n) are those of the torque of the clutch [N m] and of the DC voltage [V] over each of `NUMBERS` and
-    then along each of `directions` of the roll-off; `numbers` are those of the solution itself.
+    `slopes` (2, k, n) are those of the torque of the clutch [N m] and of the DC voltage [V] over each of `NUMBERS` and then
+    along each of `directions` of the roll-off; `numbers` are those of the solution itself.
     """
 
     numbers: Constants
     directions: tuple[Direction, ...]
-    clutch: Signal
-    vdc: Signal
+    slopes: Signal
 
-    def change(self, numbers: Constants) -> tuple[Signal, Signal]:
-        """Change of torque of the clutch [N m] and DC voltage [V] to other numbers, (n,) each, to first order."""
-        moves = np.zeros(self.clutch.shape[0])
+    def moves(self, numbers: Constants) -> Signal:
+        """Differences of other numbers from its own and the share of each direction, (k,): what `slopes` are multiplied by."""
+        moves = np.zeros(self.slopes.shape[1])
         moves[:_FIRST_WAY] = [getattr(numbers, name) - getattr(self.numbers, name) for name in NUMBERS]
         way = direction(self.numbers, numbers)
         if any(way):
             moves[_FIRST_WAY + self.directions.index(way)] = 1.0
-        used = np.flatnonzero(moves)
-        return moves[used] @ self.clutch[used], moves[used] @ self.vdc[used]
+        return moves
 
 
 class _Solved(NamedTuple):
@@ -108,7 +106,7 @@ def tangent_of(
     kept = np.zeros((2, len(NUMBERS) + bent.shape[0], -(-v.size // every)))
     table = blended_table(numbers.averaged, numbers.uncommutated)
     run_tangent(_Solved(v, dt, numbers, table, solution), every, bent, kept)
-    return Tangent(numbers, tuple(ways), kept[0], kept[1])
+    return Tangent(numbers, tuple(ways), kept)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -1,0 +1,142 @@
+"""What the sensors of a rig read along a line motion, compiled: by one model, or by many that differ little from one."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from winchcascade.core.run import Signal
+from winchcascade.rig.kernel import LINE, Constants, LineMotion, run_line
+from winchcascade.rig.parts import ELECTRICAL, ROLLOFF_KNOTS, Model
+from winchcascade.rig.simulate import READ
+
+_LAG, _LATE, _FACTOR, _ZERO = range(4)
+_VDC, _IDC = (READ.index(name) for name in ELECTRICAL)
+
+
+class Averages(NamedTuple):
+    """Weighted sums of a signal: sum k takes `weights` from `first[k]` to `first[k + 1]` of the samples `places`."""
+
+    first: NDArray[np.intp]
+    places: NDArray[np.intp]
+    weights: Signal
+
+
+class Shafts(NamedTuple):
+    """Solutions of the shaft for some models, and derivatives by which others follow to first order.
+
+    `solved` (s, 2, n) are torque of the clutch [N m] and Vdc [V], `slopes` (2, w, n) their derivatives over w numbers. Model k
+    has the solution `of[k]`, and its numbers differ by `moves[k]`, (w,); where `of[k]` is negative, nothing differs.
+    """
+
+    solved: Signal
+    slopes: Signal
+    of: NDArray[np.intp]
+    moves: Signal
+
+
+def sensor_numbers(model: Model, skew: Signal, step: float) -> Signal:
+    """Lag and delay in steps, factor and zero of each sensor, (4, 5), SI units.
+
+    Parameters
+    ----------
+    skew : (5,) how late each channel is read [s]
+    step : of the solution that is read [s]
+    """
+    own = model.sensors
+    lag = [own.electrical_lag / step if name in ELECTRICAL else 0.0 for name in READ]
+    factor = [1.0 + own.gain.get(name, 0.0) for name in READ]
+    return np.array([lag, skew / step, factor, [own.zero.get(name, 0.0) for name in READ]])
+
+
+_RECORD = np.dtype(
+    [
+        (name, np.float64, (len(ROLLOFF_KNOTS),) if name in ("rolloff", "rolloff_slope") else ())
+        for name in Constants._fields
+    ]
+)
+"""Fields of `Constants` in a row."""
+
+
+def records_of(numbers: Sequence[Constants]) -> NDArray[np.void]:
+    """Numbers of several models as the records of an array, which compiled loops take, (k,)."""
+    return np.array(numbers, dtype=_RECORD)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _delayed(x: Signal, steps: float, out: Signal) -> None:
+    """A signal at even steps as it was so many steps before, by straight lines; its ends hold on."""
+    if steps == 0.0:
+        out[:] = x
+        return
+    whole, last = math.floor(steps), x.size - 1
+    share = 1.0 - (steps - whole)
+    for n in range(x.size):
+        k = n - whole - 1
+        if k < 0:
+            out[n] = x[0]
+        elif k >= last:
+            out[n] = x[last]
+        else:
+            out[n] = x[k] + share * (x[k + 1] - x[k])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def run_readings(motion: LineMotion, c: Constants, shaft: Signal, sensors: Signal, out: Signal) -> None:
+    """Read the sensors along a solution of the shaft.
+
+    Parameters
+    ----------
+    shaft : (2, n) torque of the clutch [N m] and Vdc [V]
+    sensors : (4, 5) as `sensor_numbers` gives them
+    out : (5, n) is filled with the channels `READ`, SI units
+    """
+    line, true, late = np.empty((motion.v.size, len(LINE))), np.empty(motion.v.size), np.empty(motion.v.size)
+    run_line(motion, c, shaft[0], line)
+    for k in range(len(READ)):
+        if k < _VDC:
+            true[:] = line[:, k]
+        else:
+            _delayed(shaft[1], sensors[_LAG, k], true)
+        if k == _IDC:
+            true /= c.load
+        _delayed(true, sensors[_LATE, k], late)
+        factor, zero = sensors[_FACTOR, k], sensors[_ZERO, k]
+        for n in range(late.size):
+            out[k, n] = late[n] * factor + zero
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def run_differences(
+    motion: LineMotion, numbers: NDArray[np.void], shafts: Shafts, sensors: Signal, averages: Averages, out: Signal
+) -> None:
+    """Compute what models read beyond the first of them, as averages.
+
+    Parameters
+    ----------
+    numbers : (k,) of the models
+    sensors : (k, 4, 5) as `sensor_numbers` gives them
+    out : (m, 5, k - 1) is filled with the averages of what all but the first model read beyond it
+    """
+    size = motion.v.size
+    here, there, shaft = np.empty((len(READ), size)), np.empty((len(READ), size)), np.empty((2, size))
+    run_readings(motion, numbers[0], shafts.solved[shafts.of[0]], sensors[0], here)
+    for k in range(1, numbers.size):
+        if shafts.of[k] < 0:
+            out[:, :, k - 1] = 0.0
+            continue
+        shaft[:] = shafts.solved[shafts.of[k]]
+        for j in range(shafts.moves.shape[1]):
+            if shafts.moves[k, j] != 0.0:
+                shaft += shafts.moves[k, j] * shafts.slopes[:, j]
+        run_readings(motion, numbers[k], shaft, sensors[k], there)
+        there -= here
+        for channel in range(len(READ)):
+            for m in range(averages.first.size - 1):
+                total = 0.0
+                for i in range(averages.first[m], averages.first[m + 1]):
+                    total += averages.weights[i] * there[channel, averages.places[i]]
+                out[m, channel, k - 1] = total
