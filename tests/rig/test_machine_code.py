@@ -31,7 +31,7 @@ def compiled():
 
 compile_model()
 before = compiled()
-names = ("run_shaft", "run_steady", "run_line", "run_readings", "run_differences", "run_tangent", "_inverse")
+names = ("run_shaft", "run_steady", "directions", "run_line", "run_readings", "run_differences", "run_tangent", "_inverse")
 assert all(before[name] for name in names)
 
 from winchcascade.batch.campaign_diagnosis import diagnose_listed

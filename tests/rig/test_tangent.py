@@ -18,7 +18,7 @@ from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 from winchcascade.rig.kernel import SHAFT, Constants, LineMotion, constants, run_shaft
 from winchcascade.rig.parts import Model, changed
 from winchcascade.rig.simulate import motion_of
-from winchcascade.rig.tangent import MOST_WAYS, NUMBERS, Tangent, direction, tangent_of
+from winchcascade.rig.tangent import MOST_WAYS, NUMBERS, STATE, Tangent, direction, tangent_of
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Signal
@@ -59,6 +59,10 @@ def solve(v: Signal, numbers: Constants) -> Signal:
     return out
 
 
+def state_of(out: Signal) -> Signal:
+    return np.ascontiguousarray(out[:, STATE])
+
+
 def seen(out: Signal) -> Signal:
     """Torque of the clutch and DC voltage where derivatives are kept, (2, n)."""
     return np.ascontiguousarray(out[::EVERY, [SHAFT.index("clutch"), SHAFT.index("vdc")]].T)
@@ -83,7 +87,7 @@ def test_derivatives_are_the_limit_of_differences(model: Model, name: str, load:
     numbers = constants(model, load)
     solution = solve(course.v, numbers)
     ways = {field: direction(numbers, constants(bent(model, ke_rolloff={field: 1e-4}), load)) for field in ROLLOFF}
-    tangent = tangent_of(course.v, STEP, numbers, solution, EVERY, list(ways.values()))
+    tangent = tangent_of(course.v, STEP, numbers, state_of(solution), EVERY, list(ways.values()))
     turning = solution[::EVERY, SHAFT.index("omega_gen")] > AT_REST
     for what in (*NUMBERS, *ways):
         if what in ways:
@@ -119,7 +123,7 @@ def test_currents_follow_the_angle_of_the_impedance() -> None:
 def test_nothing_changes_where_no_number_does() -> None:
     course = motion("r36ohm.csv", 36.0)
     numbers = constants(NOMINAL, 36.0)
-    tangent = tangent_of(course.v, STEP, numbers, solve(course.v, numbers), EVERY, [])
+    tangent = tangent_of(course.v, STEP, numbers, state_of(solve(course.v, numbers)), EVERY, [])
     assert not change(tangent, numbers).any()
 
 
@@ -127,9 +131,9 @@ def test_a_direction_that_was_not_carried_is_rejected() -> None:
     course = motion("r36ohm.csv", 36.0)
     numbers = constants(NOMINAL, 36.0)
     solution = solve(course.v, numbers)
-    tangent = tangent_of(course.v, STEP, numbers, solution, EVERY, [])
+    tangent = tangent_of(course.v, STEP, numbers, state_of(solution), EVERY, [])
     with pytest.raises(ValueError, match="not in tuple"):
         tangent.moves(constants(WORN, 36.0))
     way = direction(numbers, constants(WORN, 36.0))
     with pytest.raises(ValueError, match="directions of the roll-off"):
-        tangent_of(course.v, STEP, numbers, solution, EVERY, [way] * (MOST_WAYS + 1))
+        tangent_of(course.v, STEP, numbers, state_of(solution), EVERY, [way] * (MOST_WAYS + 1))

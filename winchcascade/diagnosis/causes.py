@@ -335,8 +335,7 @@ def _usual(data: Fitted) -> tuple[float, float]:
     fastest = max(float(np.quantile(log.run.channels["velocity"], 0.97)) for log in data.logs)
     lengths = []
     for log in data.logs:
-        blocks, motion = log.course.blocks, log.course.motion
-        x = np.interp(log.run.t, motion.t, motion.x)
+        blocks, x = log.course.blocks, log.course.displacement
         for cycle in np.unique(blocks.cycle[blocks.phase == 0]):
             own = np.flatnonzero((blocks.cycle == cycle) & (blocks.phase == 0))
             lengths.append(float(x[blocks.stop[own[-1]] - 1] - x[blocks.start[own[0]]]))

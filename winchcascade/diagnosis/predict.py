@@ -10,7 +10,7 @@ import numpy as np
 from winchcascade.rig.kernel import SHAFT, Constants, LineMotion, constants, solve_shaft
 from winchcascade.rig.readings import Averages, Shafts, records_of, run_differences, run_readings, sensor_numbers
 from winchcascade.rig.simulate import READ, motion_of
-from winchcascade.rig.tangent import MOST_WAYS, Tangent, direction, tangent_of
+from winchcascade.rig.tangent import MOST_WAYS, STATE, Tangent, direction, tangent_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,15 +37,17 @@ SEEN = ("clutch", "vdc")
 class Course:
     """The line motion of one log, ready to be simulated many times, and its blocks.
 
+    `v` is the velocity at every step [m/s], `coarse` the motion on the grid, `displacement` that of the line at the stamps [m].
+
     Solutions of the shaft are kept by the numbers that they depend on: an effect of the gas costs none anew.
     """
 
     def __init__(self, run: Run, blocks: Blocks, step: float = COARSE) -> None:
         self.run, self.blocks = run, blocks
         self.load = math.inf if run.load is None else run.load
-        self.motion = motion_of(run, step)
-        self.every = max(round(GRID / step), 1)
-        self.coarse = _thinned(self.motion, self.every)
+        motion, self.every, self.step = motion_of(run, step), max(round(GRID / step), 1), step
+        self.v, self.displacement = motion.v, np.interp(run.t, motion.t, motion.x)
+        self.coarse = _thinned(motion, self.every)
         self.matrix = _averaging(run, blocks, self.coarse.t)
         self._averages = Averages(
             self.matrix.indptr.astype(np.intp), self.matrix.indices.astype(np.intp), self.matrix.data
@@ -63,7 +65,7 @@ class Course:
         key = (gain, *_of_the_shaft(numbers))
         if key not in self._kept:
             whole = self._solve(numbers, gain)
-            self._latest = (numbers, whole) if gain == 1.0 and self.keeps_derivatives else None
+            self._latest = (numbers, whole[:, STATE].copy()) if gain == 1.0 else None
             solved = whole[:: self.every, [SHAFT.index(name) for name in SEEN]].T.copy()
             while len(self._kept) >= self.most_kept:
                 del self._kept[next(iter(self._kept))]
@@ -77,11 +79,11 @@ class Course:
         return self._solve(numbers)[:: self.every, SHAFT.index(name)].copy()
 
     def _solve(self, numbers: Constants, gain: float = 1.0) -> Signal:
-        return solve_shaft(self.motion.v * gain, self.motion.step, numbers)
+        return solve_shaft(self.v * gain, self.step, numbers)
 
     def tangent(self, numbers: Constants, others: Sequence[Constants]) -> Tangent:
         """Differentiate the shaft's solution of some numbers, so that all others follow to first order."""
-        known, motion = self._tangent, self.motion
+        known = self._tangent
         ways = [way for way in dict.fromkeys(direction(numbers, other) for other in others) if any(way)]
         if known is not None and _of_the_shaft(known.numbers) == _of_the_shaft(numbers):
             if all(way in known.directions for way in ways):
@@ -90,8 +92,8 @@ class Course:
         inert = numbers._replace(quasi_static=0.0)  # of a quasi-static shaft the same derivatives serve
         latest = self._latest  # as a rule the residuals were just computed here
         here = latest is not None and _of_the_shaft(latest[0]) == _of_the_shaft(inert)
-        moving = latest[1] if latest is not None and here else self._solve(inert)
-        found = tangent_of(motion.v, motion.step, numbers, moving, self.every, ways)
+        state = latest[1] if latest is not None and here else self._solve(inert)[:, STATE].copy()
+        found = tangent_of(self.v, self.step, numbers, state, self.every, ways)
         self._tangent = found if self.keeps_derivatives else None
         return found
 
@@ -189,7 +191,7 @@ ALL_KEPT = 1200
 """So many solutions of all logs of a fit are kept at most, but two of each: about 0.2 MB each."""
 
 MOST_DERIVATIVES = 25
-"""Up to so many logs keep their latest derivatives and the solution at every step: about 8 MB for each log."""
+"""Up to so many logs keep their latest derivatives, about 5 MB for each log."""
 
 
 def _thinned(motion: LineMotion, every: int) -> LineMotion:

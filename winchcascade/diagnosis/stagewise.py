@@ -66,16 +66,18 @@ def stagewise(data: Fitted) -> tuple[StagePlace, ...]:
     one = np.eye(len(data.nuisances))
     moved = {j: data.models(one[j], []) for j, n in enumerate(data.nuisances) if n.kind in ("rig", "law", "load")}
     of_logs = [{j: models[number] for j, models in moved.items()} for number in range(len(data.logs))]
-    jobs = [partial(_of_a_log, data, number, own) for number, own in enumerate(of_logs)]
+    spread = data.discrepancies()
+    jobs = [partial(_of_a_log, data, number, own, spread[data.rows[number]]) for number, own in enumerate(of_logs)]
     return tuple(place for places in all_at_once(jobs, data.sizes) for place in places)
 
 
-def _of_a_log(data: Fitted, number: int, moved: Mapping[int, Model]) -> list[StagePlace]:
+def _of_a_log(data: Fitted, number: int, moved: Mapping[int, Model], spread: Signal) -> list[StagePlace]:
     """Compare every stage of one log.
 
     Parameters
     ----------
     moved : models of the log, each with one nuisance moved by one standard uncertainty, by the number of the nuisance
+    spread : (m, 5, courses) standard deviation of the discrepancy of the model in its blocks, SI units
     """
     log, found = data.logs[number], list[StagePlace]()
     run, course = log.run, log.course
@@ -83,7 +85,7 @@ def _of_a_log(data: Fitted, number: int, moved: Mapping[int, Model]) -> list[Sta
     outputs: dict[str, StageOutput] = {
         o.stage: o for o in outputs_along(run, data.nominal, path) if o.channel in run.channels
     }
-    stages = _Stages(log, data.discrepancies()[data.rows[number]], data.nominal, path, outputs)
+    stages = _Stages(log, spread, data.nominal, path, outputs)
     residual = _residual_of_the_laws(stages)
     changes = list(_changes(data, number, moved, stages))
     for name, output in outputs.items():

@@ -351,6 +351,15 @@ def solve_shaft(v: Signal, dt: float, numbers: Constants) -> Signal:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def directions(v: Signal) -> Signal:
+    """Direction of friction at a velocity of the line, (n,): as `LineMotion` has it."""
+    found = np.empty_like(v)
+    for n in range(v.size):
+        found[n] = math.tanh(v[n] / REST)
+    return found
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def run_line(motion: LineMotion, c: Constants, torque: Signal, out: Signal) -> None:
     """Compute the line tension and its parts: gas, screw, losses and inertia at the drum, torque of the clutch.
 

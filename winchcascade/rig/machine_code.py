@@ -13,7 +13,7 @@ from winchcascade.rig.bridge import back_emfs, blended_table
 from winchcascade.rig.kernel import LINE, SHAFT, constants, run_line, run_steady
 from winchcascade.rig.readings import Averages, Shafts, records_of, run_differences, run_readings, sensor_numbers
 from winchcascade.rig.simulate import READ, even_motion, solve
-from winchcascade.rig.tangent import tangent_of
+from winchcascade.rig.tangent import STATE, tangent_of
 
 
 def compile_model() -> None:
@@ -24,7 +24,7 @@ def compile_model() -> None:
     shaft = np.ascontiguousarray(solve(model, motion, 36.0)[:, : len(SHAFT)])
     run_steady(motion.v, motion.step, numbers, table, np.empty_like(shaft))
     run_line(motion, numbers, shaft[:, 0].copy(), np.empty((motion.t.size, len(LINE))))
-    tangent = tangent_of(motion.v, motion.step, numbers, shaft, 1, [])
+    tangent = tangent_of(motion.v, motion.step, numbers, np.ascontiguousarray(shaft[:, STATE]), 1, [])
     solved, sensors = shaft[:, [0, 4]].T.copy(), sensor_numbers(model, np.zeros(len(READ)), motion.step)
     run_readings(motion, numbers, solved, sensors, np.empty((len(READ), motion.t.size)))
     shafts = Shafts(solved[None], tangent.slopes, np.zeros(1, dtype=np.intp), np.zeros((1, tangent.slopes.shape[1])))

@@ -21,7 +21,7 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import CHANNELS, LOAD_HEADER, SIMULATED_HEADERS, Run, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.rig.baseline import baseline
-from winchcascade.rig.kernel import COLUMNS, REST, SHAFT, TURN, LineMotion, constants, run_line, solve_shaft
+from winchcascade.rig.kernel import COLUMNS, SHAFT, TURN, LineMotion, constants, directions, run_line, solve_shaft
 from winchcascade.rig.parts import ELECTRICAL, Model
 
 SMOOTHING = 0.44
@@ -61,7 +61,7 @@ def even_motion(t: Signal, v: Signal, step: float) -> LineMotion:
     even = t[0] + step * np.arange(int((t[-1] - t[0]) / step) + 1)
     curve = monotone_cubic(t, v)
     speed = curve(even)
-    return LineMotion(even, _integral(speed, step), speed, curve.slope(even), np.tanh(speed / REST), step)
+    return LineMotion(even, _integral(speed, step), speed, curve.slope(even), directions(speed), step)
 
 
 def _integral(y: Signal, step: float) -> Signal:

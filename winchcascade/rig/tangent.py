@@ -43,7 +43,8 @@ on the fast shaft, slip of the shaft spring, its torque."""
 Direction = tuple[float, ...]
 """Change of the roll-off at every knot and of its slopes there, in a row."""
 
-_OMEGA, _TWIST, _V_DC = SHAFT.index("omega_gen"), SHAFT.index("twist"), SHAFT.index("vdc")
+STATE = tuple(SHAFT.index(name) for name in ("omega_gen", "twist", "vdc"))
+"""Columns of a solution of the shaft that its derivatives are computed from."""
 
 
 class Tangent(msgspec.Struct, frozen=True):
@@ -68,13 +69,13 @@ class Tangent(msgspec.Struct, frozen=True):
 
 
 class _Solved(NamedTuple):
-    """A solution of the shaft, (n, 8), with what `run_shaft` made it from, the table of the bridge included."""
+    """The state of a solution of the shaft, (n, 3), with what `run_shaft` made it from, the table of the bridge included."""
 
     v: Signal
     dt: float
     numbers: Constants
     table: Signal
-    rows: Signal
+    state: Signal
 
 
 def direction(here: Constants, there: Constants) -> Direction:
@@ -85,14 +86,14 @@ def direction(here: Constants, there: Constants) -> Direction:
 
 
 def tangent_of(
-    v: Signal, dt: float, numbers: Constants, solution: Signal, every: int, ways: Sequence[Direction]
+    v: Signal, dt: float, numbers: Constants, state: Signal, every: int, ways: Sequence[Direction]
 ) -> Tangent:
     """Differentiate a solution of `run_shaft`.
 
     Parameters
     ----------
     v, dt, numbers : as the solution was made with
-    solution : (n, 8) as `run_shaft` filled it
+    state : (n, 3) columns `STATE` of what `run_shaft` filled
     every : number of steps from one at which derivatives are kept to the next
     ways : directions of the roll-off
 
@@ -105,7 +106,7 @@ def tangent_of(
     bent = np.array(ways, dtype=np.float64).reshape(-1, 2, len(ROLLOFF_KNOTS))
     kept = np.zeros((2, len(NUMBERS) + bent.shape[0], -(-v.size // every)))
     table = blended_table(numbers.averaged, numbers.uncommutated)
-    run_tangent(_Solved(v, dt, numbers, table, solution), every, bent, kept)
+    run_tangent(_Solved(v, dt, numbers, table, state), every, bent, kept)
     return Tangent(numbers, tuple(ways), kept)
 
 
@@ -118,7 +119,7 @@ def run_tangent(solved: _Solved, every: int, bent: Signal, kept: Signal) -> None
     bent : (j, 2, knots) directions of the roll-off: change of the share at the knots, and of its slopes
     kept : (2, k, m) is filled with derivatives of the torque of the clutch and of the DC voltage
     """
-    v, dt, c, table, solution = solved.v, solved.dt, solved.numbers, solved.table, solved.rows
+    v, dt, c, table, state = solved.v, solved.dt, solved.numbers, solved.table, solved.state
     size = kept.shape[1]
     rpm = 30.0 / math.pi
     share = c.eta_mesh / c.gear
@@ -127,8 +128,8 @@ def run_tangent(solved: _Solved, every: int, bent: Signal, kept: Signal) -> None
     w = np.zeros(_ROWS * WIDE)
     guess = 0.0
     for n in range(v.size - 1):
-        omega, twist, v_dc = solution[n, _OMEGA], solution[n, _TWIST], solution[n, _V_DC]
-        omega_after, v_after = solution[n + 1, _OMEGA], solution[n + 1, _V_DC]
+        omega, twist, v_dc = state[n, 0], state[n, 1], state[n, 2]
+        omega_after, v_after = state[n + 1, 0], state[n + 1, 2]
         half_way, v_half, change = 0.5 * (omega + omega_after), 0.5 * (v_dc + v_after), v_after - v_dc
         # bridge: currents over speed and voltage half-way, and over its own numbers
         v_total = v_half + 2.0 * c.v_diode
