@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from winchcascade.rig.kernel import SHAFT, Constants, LineMotion, constants, solve_shaft
-from winchcascade.rig.readings import Averages, Shafts, records_of, run_differences, run_readings, sensor_numbers
+from winchcascade.rig.readings import (
+    Averages,
+    Shafts,
+    path_of,
+    records_of,
+    run_differences,
+    run_readings,
+    sensor_numbers,
+)
 from winchcascade.rig.simulate import READ, motion_of
 from winchcascade.rig.tangent import MOST_WAYS, STATE, Tangent, direction, tangent_of
 
@@ -48,6 +56,7 @@ class Course:
         motion, self.every, self.step = motion_of(run, step), max(round(GRID / step), 1), step
         self.v, self.displacement = motion.v, np.interp(run.t, motion.t, motion.x)
         self.coarse = _thinned(motion, self.every)
+        self._path = path_of(self.coarse)
         self.matrix = _averaging(run, blocks, self.coarse.t)
         self._averages = Averages(
             self.matrix.indptr.astype(np.intp), self.matrix.indices.astype(np.intp), self.matrix.data
@@ -108,7 +117,7 @@ class Course:
         numbers = constants(model, self.load)
         found, solution = np.empty((len(CHANNELS), self.coarse.t.size)), self.shaft(numbers, gain)
         sensors = sensor_numbers(model, np.zeros(len(CHANNELS)) if skew is None else skew, self.coarse.step)
-        run_readings(self.coarse, numbers, solution, sensors, found)
+        run_readings(self._path, numbers, solution, sensors, found)
         return found.T
 
     def differences(self, model: Model, others: Sequence[Model], skew: Signal, skews: Sequence[Signal]) -> Signal:
@@ -126,7 +135,7 @@ class Course:
         found = np.empty((self.blocks.size, len(CHANNELS), len(others)))
         same = [one == model and np.array_equal(at, skew) for one, at in zip(others, skews, strict=True)]
         shafts = self._shafts(numbers, [False, *same])
-        run_differences(self.coarse, records_of(numbers), shafts, sensors, self._averages, found)
+        run_differences(self._path, records_of(numbers), shafts, sensors, self._averages, found)
         return found
 
     def _shafts(self, numbers: Sequence[Constants], same: Sequence[bool]) -> Shafts:
@@ -195,8 +204,8 @@ MOST_DERIVATIVES = 25
 
 
 def _thinned(motion: LineMotion, every: int) -> LineMotion:
-    t, x, v, a, direction = (column[::every].copy() for column in motion[:-1])
-    return LineMotion(t, x, v, a, direction, motion.step * every)
+    t, x, v, a = (column[::every].copy() for column in motion[:-1])
+    return LineMotion(t, x, v, a, motion.step * every)
 
 
 def _averaging(run: Run, blocks: Blocks, grid: Signal) -> csr_array:

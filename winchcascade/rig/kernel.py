@@ -46,16 +46,12 @@ LEAST_VOLUME = 0.01
 
 
 class LineMotion(NamedTuple):
-    """A line motion at even steps: times, displacement, velocity and acceleration, (n,) each, payout positive. SI units.
-
-    `direction` (n,) is that of friction: 1 in payout, -1 in haul-in, by a hyperbolic tangent between within `REST`.
-    """
+    """A line motion at even steps: times, displacement, velocity and acceleration, (n,) each, payout positive. SI units."""
 
     t: Signal
     x: Signal
     v: Signal
     a: Signal
-    direction: Signal
     step: float
 
 
@@ -352,7 +348,7 @@ def solve_shaft(v: Signal, dt: float, numbers: Constants) -> Signal:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def directions(v: Signal) -> Signal:
-    """Direction of friction at a velocity of the line, (n,): as `LineMotion` has it."""
+    """Direction of friction at a velocity of the line, (n,): 1 in payout, -1 in haul-in, in between within `REST`. [1]"""
     found = np.empty_like(v)
     for n in range(v.size):
         found[n] = math.tanh(v[n] / REST)
@@ -360,19 +356,20 @@ def directions(v: Signal) -> Signal:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def run_line(motion: LineMotion, c: Constants, torque: Signal, out: Signal) -> None:
+def run_line(motion: LineMotion, direction: Signal, c: Constants, torque: Signal, out: Signal) -> None:
     """Compute the line tension and its parts: gas, screw, losses and inertia at the drum, torque of the clutch.
 
     Parameters
     ----------
     motion : of the line; only the heat of the gas depends on earlier steps
+    direction : (n,) as `directions` gives it, once for all models [1]
     torque : (n,) of the clutch [N m]
     out : (n, 4) is filled with `LINE`
     """
     x, v, a, dt = motion.x, motion.v, motion.a, motion.step
     heat = log_volume = 0.0
     for n in range(v.size):
-        direction = motion.direction[n]
+        sign = direction[n]
         # gas: isothermal, and hotter by the heat of compression that it still holds
         volume = max(c.volume - c.area * c.lead * x[n] / c.r_motion, LEAST_VOLUME * c.volume)
         gauge = c.pressure * (c.volume / volume) - ATMOSPHERE
@@ -383,15 +380,15 @@ def run_line(motion: LineMotion, c: Constants, torque: Signal, out: Signal) -> N
                 heat = (heat * (1.0 - fade) + (c.exponent - 1.0) * (squeezed - log_volume)) / (1.0 + fade)
             log_volume = squeezed
             gauge = (gauge + ATMOSPHERE) * math.exp(heat) - ATMOSPHERE
-        thrust = gauge * c.area + c.seal_friction * direction
+        thrust = gauge * c.area + c.seal_friction * sign
         slow = 0.0
         if c.stribeck != 0.0 or c.seal_stribeck != 0.0:
-            slow = direction * math.exp(-((v[n] / c.stribeck_speed) ** 2))
+            slow = sign * math.exp(-((v[n] / c.stribeck_speed) ** 2))
         screw = (c.lead * thrust + c.seal_stribeck * slow) * (
-            0.5 * (1.0 + direction) / c.eta_forward + 0.5 * (1.0 - direction) * c.eta_reverse
+            0.5 * (1.0 + sign) / c.eta_forward + 0.5 * (1.0 - sign) * c.eta_reverse
         )
-        drag = -c.clutch_drag * 0.5 * (1.0 - direction) * abs(direction)
-        lost = c.line_friction * direction + c.line_drag * v[n] / c.r_motion + c.stribeck * slow
+        drag = -c.clutch_drag * 0.5 * (1.0 - sign) * abs(sign)
+        lost = c.line_friction * sign + c.line_drag * v[n] / c.r_motion + c.stribeck * slow
         seen = torque[n] + drag
         force = (screw + seen + lost + c.inertia_drum * a[n] / c.r_motion) / (c.r_drum * (1.0 + c.layering * x[n]))
         out[n, 0], out[n, 1], out[n, 2], out[n, 3] = gauge, force, seen, screw

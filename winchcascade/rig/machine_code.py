@@ -10,8 +10,16 @@ import numpy as np
 from winchcascade.core.rig_toml import built_in
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.bridge import back_emfs, blended_table
-from winchcascade.rig.kernel import LINE, SHAFT, constants, run_line, run_steady
-from winchcascade.rig.readings import Averages, Shafts, records_of, run_differences, run_readings, sensor_numbers
+from winchcascade.rig.kernel import LINE, SHAFT, constants, directions, run_line, run_steady
+from winchcascade.rig.readings import (
+    Averages,
+    Shafts,
+    path_of,
+    records_of,
+    run_differences,
+    run_readings,
+    sensor_numbers,
+)
 from winchcascade.rig.simulate import READ, even_motion, solve
 from winchcascade.rig.tangent import STATE, tangent_of
 
@@ -23,13 +31,15 @@ def compile_model() -> None:
     numbers, table = constants(model, 36.0), blended_table(0.0, 0.0)
     shaft = np.ascontiguousarray(solve(model, motion, 36.0)[:, : len(SHAFT)])
     run_steady(motion.v, motion.step, numbers, table, np.empty_like(shaft))
-    run_line(motion, numbers, shaft[:, 0].copy(), np.empty((motion.t.size, len(LINE))))
+    run_line(motion, directions(motion.v), numbers, shaft[:, 0].copy(), np.empty((motion.t.size, len(LINE))))
     tangent = tangent_of(motion.v, motion.step, numbers, np.ascontiguousarray(shaft[:, STATE]), 1, [])
     solved, sensors = shaft[:, [0, 4]].T.copy(), sensor_numbers(model, np.zeros(len(READ)), motion.step)
-    run_readings(motion, numbers, solved, sensors, np.empty((len(READ), motion.t.size)))
+    run_readings(path_of(motion), numbers, solved, sensors, np.empty((len(READ), motion.t.size)))
     shafts = Shafts(solved[None], tangent.slopes, np.zeros(1, dtype=np.intp), np.zeros((1, tangent.slopes.shape[1])))
     averages = Averages(np.zeros(1, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0))
-    run_differences(motion, records_of([numbers]), shafts, sensors[None], averages, np.empty((0, len(READ), 0)))
+    run_differences(
+        path_of(motion), records_of([numbers]), shafts, sensors[None], averages, np.empty((0, len(READ), 0))
+    )
     back_emfs(motion.v, motion.v, 0.5, motion.v, table)
 
 

@@ -9,12 +9,24 @@ from numba import njit
 from numpy.typing import NDArray
 
 from winchcascade.core.run import Signal
-from winchcascade.rig.kernel import LINE, Constants, LineMotion, run_line
+from winchcascade.rig.kernel import LINE, Constants, LineMotion, directions, run_line
 from winchcascade.rig.parts import ELECTRICAL, ROLLOFF_KNOTS, Model
 from winchcascade.rig.simulate import READ
 
 _LAG, _LATE, _FACTOR, _ZERO = range(4)
 _VDC, _IDC = (READ.index(name) for name in ELECTRICAL)
+
+
+class Path(NamedTuple):
+    """A motion of the line, and the direction of friction along it, (n,): once for all models [1]."""
+
+    motion: LineMotion
+    direction: Signal
+
+
+def path_of(motion: LineMotion) -> Path:
+    """A motion with the direction of friction."""
+    return Path(motion, directions(motion.v))
 
 
 class Averages(NamedTuple):
@@ -85,7 +97,7 @@ def _delayed(x: Signal, steps: float, out: Signal) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def run_readings(motion: LineMotion, c: Constants, shaft: Signal, sensors: Signal, out: Signal) -> None:
+def run_readings(path: Path, c: Constants, shaft: Signal, sensors: Signal, out: Signal) -> None:
     """Read the sensors along a solution of the shaft.
 
     Parameters
@@ -94,8 +106,9 @@ def run_readings(motion: LineMotion, c: Constants, shaft: Signal, sensors: Signa
     sensors : (4, 5) as `sensor_numbers` gives them
     out : (5, n) is filled with the channels `READ`, SI units
     """
-    line, true, late = np.empty((motion.v.size, len(LINE))), np.empty(motion.v.size), np.empty(motion.v.size)
-    run_line(motion, c, shaft[0], line)
+    size = path.direction.size
+    line, true, late = np.empty((size, len(LINE))), np.empty(size), np.empty(size)
+    run_line(path.motion, path.direction, c, shaft[0], line)
     for k in range(len(READ)):
         if k < _VDC:
             true[:] = line[:, k]
@@ -111,7 +124,7 @@ def run_readings(motion: LineMotion, c: Constants, shaft: Signal, sensors: Signa
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def run_differences(
-    motion: LineMotion, numbers: NDArray[np.void], shafts: Shafts, sensors: Signal, averages: Averages, out: Signal
+    path: Path, numbers: NDArray[np.void], shafts: Shafts, sensors: Signal, averages: Averages, out: Signal
 ) -> None:
     """Compute what models read beyond the first of them, as averages.
 
@@ -121,9 +134,9 @@ def run_differences(
     sensors : (k, 4, 5) as `sensor_numbers` gives them
     out : (m, 5, k - 1) is filled with the averages of what all but the first model read beyond it
     """
-    size = motion.v.size
+    size = path.direction.size
     here, there, shaft = np.empty((len(READ), size)), np.empty((len(READ), size)), np.empty((2, size))
-    run_readings(motion, numbers[0], shafts.solved[shafts.of[0]], sensors[0], here)
+    run_readings(path, numbers[0], shafts.solved[shafts.of[0]], sensors[0], here)
     for k in range(1, numbers.size):
         if shafts.of[k] < 0:
             out[:, :, k - 1] = 0.0
@@ -132,7 +145,7 @@ def run_differences(
         for j in range(shafts.moves.shape[1]):
             if shafts.moves[k, j] != 0.0:
                 shaft += shafts.moves[k, j] * shafts.slopes[:, j]
-        run_readings(motion, numbers[k], shaft, sensors[k], there)
+        run_readings(path, numbers[k], shaft, sensors[k], there)
         there -= here
         for channel in range(len(READ)):
             for m in range(averages.first.size - 1):

@@ -21,7 +21,7 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import CHANNELS, LOAD_HEADER, SIMULATED_HEADERS, Run, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.rig.baseline import baseline
-from winchcascade.rig.kernel import COLUMNS, SHAFT, TURN, LineMotion, constants, directions, run_line, solve_shaft
+from winchcascade.rig.kernel import COLUMNS, REST, SHAFT, TURN, LineMotion, constants, directions, run_line, solve_shaft
 from winchcascade.rig.parts import ELECTRICAL, Model
 
 SMOOTHING = 0.44
@@ -61,7 +61,7 @@ def even_motion(t: Signal, v: Signal, step: float) -> LineMotion:
     even = t[0] + step * np.arange(int((t[-1] - t[0]) / step) + 1)
     curve = monotone_cubic(t, v)
     speed = curve(even)
-    return LineMotion(even, _integral(speed, step), speed, curve.slope(even), directions(speed), step)
+    return LineMotion(even, _integral(speed, step), speed, curve.slope(even), step)
 
 
 def _integral(y: Signal, step: float) -> Signal:
@@ -84,7 +84,7 @@ def energies(model: Model, motion: LineMotion, load: float, out: Signal) -> dict
     """
     c, got = constants(model, load), dict(zip(COLUMNS, out.T, strict=True))
     omega_drum, omega = motion.v / c.r_motion, got["omega_gen"]
-    direction = motion.direction
+    direction = np.tanh(motion.v / REST)
     push = c.lead * omega_drum * got["pressure"] * c.area
     slow = direction * np.exp(-((motion.v / c.stribeck_speed) ** 2))
     seal = (c.lead * c.seal_friction * direction + c.seal_stribeck * slow) * omega_drum
@@ -243,7 +243,7 @@ def solve(model: Model, motion: LineMotion, load: float) -> Signal:
     out = np.empty((motion.t.size, len(COLUMNS)))
     numbers = constants(model, load)
     out[:, : len(SHAFT)] = solve_shaft(motion.v, motion.step, numbers)
-    run_line(motion, numbers, out[:, 0], out[:, len(SHAFT) :])
+    run_line(motion, directions(motion.v), numbers, out[:, 0], out[:, len(SHAFT) :])
     return out
 
 

@@ -17,7 +17,7 @@ from winchcascade.core.integrate import median
 from winchcascade.core.run import Mask, Run, Signal
 from winchcascade.rig.backemf import RPM_LEAST, dc_currents, machine_state
 from winchcascade.rig.bridge import bridge_table, dc_voltages
-from winchcascade.rig.kernel import LINE, REST, TURN, LineMotion, constants, run_line
+from winchcascade.rig.kernel import LINE, REST, TURN, LineMotion, constants, directions, run_line
 from winchcascade.rig.parts import NO_ROLLOFF, ROLLOFF_KNOTS, Model, rolloff_curve
 from winchcascade.rig.simulate import load_of
 
@@ -140,7 +140,7 @@ def _pressure(run: Run, model: Model, motion: LineMotion) -> Signal:
     """Gauge pressure of the gas along the motion, (n,) at the stamps [Pa]."""
     line = np.empty((motion.t.size, len(LINE)))
     without_torque = np.zeros(motion.t.size)
-    run_line(motion, constants(model, load_of(run)), without_torque, line)
+    run_line(motion, directions(motion.v), constants(model, load_of(run)), without_torque, line)
     return np.interp(run.t, motion.t, line[:, LINE.index("pressure")])
 
 
