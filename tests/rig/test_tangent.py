@@ -18,7 +18,7 @@ from winchcascade.rig.effects.catalogue import EFFECTS, make_effect
 from winchcascade.rig.kernel import SHAFT, Constants, LineMotion, constants, run_shaft
 from winchcascade.rig.parts import Model, changed
 from winchcascade.rig.simulate import motion_of
-from winchcascade.rig.tangent import MOST_WAYS, NUMBERS, STATE, Tangent, direction, tangent_of
+from winchcascade.rig.tangent import MOST_WAYS, NUMBERS, Tangent, direction, state_of, tangent_of
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Signal
@@ -57,10 +57,6 @@ def solve(v: Signal, numbers: Constants) -> Signal:
     out = np.empty((v.size, len(SHAFT)))
     run_shaft(v, STEP, numbers, bridge_table(), out)
     return out
-
-
-def state_of(out: Signal) -> Signal:
-    return np.ascontiguousarray(out[:, STATE])
 
 
 def seen(out: Signal) -> Signal:

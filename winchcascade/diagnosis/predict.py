@@ -9,6 +9,7 @@ import numpy as np
 
 from winchcascade.rig.kernel import SHAFT, Constants, LineMotion, constants, solve_shaft
 from winchcascade.rig.readings import (
+    TRUE,
     Averages,
     Shafts,
     path_of,
@@ -18,7 +19,7 @@ from winchcascade.rig.readings import (
     sensor_numbers,
 )
 from winchcascade.rig.simulate import READ, motion_of
-from winchcascade.rig.tangent import MOST_WAYS, STATE, Tangent, direction, tangent_of
+from winchcascade.rig.tangent import MOST_WAYS, Tangent, direction, state_of, tangent_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -74,8 +75,8 @@ class Course:
         key = (gain, *_of_the_shaft(numbers))
         if key not in self._kept:
             whole = self._solve(numbers, gain)
-            self._latest = (numbers, whole[:, STATE].copy()) if gain == 1.0 else None
-            solved = whole[:: self.every, [SHAFT.index(name) for name in SEEN]].T.copy()
+            self._latest = (numbers, state_of(whole)) if gain == 1.0 else None
+            solved = np.stack([whole[:: self.every, SHAFT.index(name)] for name in SEEN])
             while len(self._kept) >= self.most_kept:
                 del self._kept[next(iter(self._kept))]
         else:
@@ -101,7 +102,7 @@ class Course:
         inert = numbers._replace(quasi_static=0.0)  # of a quasi-static shaft the same derivatives serve
         latest = self._latest  # as a rule the residuals were just computed here
         here = latest is not None and _of_the_shaft(latest[0]) == _of_the_shaft(inert)
-        state = latest[1] if latest is not None and here else self._solve(inert)[:, STATE].copy()
+        state = latest[1] if latest is not None and here else state_of(self._solve(inert))
         found = tangent_of(self.v, self.step, numbers, state, self.every, ways)
         self._tangent = found if self.keeps_derivatives else None
         return found
@@ -117,7 +118,7 @@ class Course:
         numbers = constants(model, self.load)
         found, solution = np.empty((len(CHANNELS), self.coarse.t.size)), self.shaft(numbers, gain)
         sensors = sensor_numbers(model, np.zeros(len(CHANNELS)) if skew is None else skew, self.coarse.step)
-        run_readings(self._path, numbers, solution, sensors, found)
+        run_readings(self._path, numbers, solution, sensors, np.empty((TRUE, self.coarse.t.size)), found)
         return found.T
 
     def differences(self, model: Model, others: Sequence[Model], skew: Signal, skews: Sequence[Signal]) -> Signal:

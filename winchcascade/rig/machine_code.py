@@ -12,6 +12,7 @@ from winchcascade.rig.baseline import baseline
 from winchcascade.rig.bridge import back_emfs, blended_table
 from winchcascade.rig.kernel import LINE, SHAFT, constants, directions, run_line, run_steady
 from winchcascade.rig.readings import (
+    TRUE,
     Averages,
     Shafts,
     path_of,
@@ -21,7 +22,7 @@ from winchcascade.rig.readings import (
     sensor_numbers,
 )
 from winchcascade.rig.simulate import READ, even_motion, solve
-from winchcascade.rig.tangent import STATE, tangent_of
+from winchcascade.rig.tangent import state_of, tangent_of
 
 
 def compile_model() -> None:
@@ -32,9 +33,11 @@ def compile_model() -> None:
     shaft = np.ascontiguousarray(solve(model, motion, 36.0)[:, : len(SHAFT)])
     run_steady(motion.v, motion.step, numbers, table, np.empty_like(shaft))
     run_line(motion, directions(motion.v), numbers, shaft[:, 0].copy(), np.empty((motion.t.size, len(LINE))))
-    tangent = tangent_of(motion.v, motion.step, numbers, np.ascontiguousarray(shaft[:, STATE]), 1, [])
+    tangent = tangent_of(motion.v, motion.step, numbers, state_of(shaft), 1, [])
     solved, sensors = shaft[:, [0, 4]].T.copy(), sensor_numbers(model, np.zeros(len(READ)), motion.step)
-    run_readings(path_of(motion), numbers, solved, sensors, np.empty((len(READ), motion.t.size)))
+    run_readings(
+        path_of(motion), numbers, solved, sensors, np.empty((TRUE, motion.t.size)), np.empty((len(READ), motion.t.size))
+    )
     shafts = Shafts(solved[None], tangent.slopes, np.zeros(1, dtype=np.intp), np.zeros((1, tangent.slopes.shape[1])))
     averages = Averages(np.zeros(1, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0))
     run_differences(

@@ -15,6 +15,10 @@ from winchcascade.rig.simulate import READ
 
 _LAG, _LATE, _FACTOR, _ZERO = range(4)
 _VDC, _IDC = (READ.index(name) for name in ELECTRICAL)
+_ELECTRICAL = len(LINE)
+
+TRUE = len(LINE) + len(ELECTRICAL)
+"""Rows of what sensors read before their errors: the columns of `kernel.LINE`, then Vdc and Idc."""
 
 
 class Path(NamedTuple):
@@ -79,47 +83,38 @@ def records_of(numbers: Sequence[Constants]) -> NDArray[np.void]:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _delayed(x: Signal, steps: float, out: Signal) -> None:
-    """A signal at even steps as it was so many steps before, by straight lines; its ends hold on."""
+def _recorded(x: Signal, steps: float, factor: float, zero: float, out: Signal) -> None:
+    """A signal at even steps, read so many steps late, by straight lines; its ends hold on."""
     if steps == 0.0:
-        out[:] = x
+        for n in range(x.size):
+            out[n] = x[n] * factor + zero
         return
     whole, last = math.floor(steps), x.size - 1
     share = 1.0 - (steps - whole)
     for n in range(x.size):
         k = n - whole - 1
-        if k < 0:
-            out[n] = x[0]
-        elif k >= last:
-            out[n] = x[last]
-        else:
-            out[n] = x[k] + share * (x[k + 1] - x[k])
+        then = x[0] if k < 0 else x[last] if k >= last else x[k] + share * (x[k + 1] - x[k])
+        out[n] = then * factor + zero
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def run_readings(path: Path, c: Constants, shaft: Signal, sensors: Signal, out: Signal) -> None:
+def run_readings(path: Path, c: Constants, shaft: Signal, sensors: Signal, true: Signal, out: Signal) -> None:
     """Read the sensors along a solution of the shaft.
 
     Parameters
     ----------
     shaft : (2, n) torque of the clutch [N m] and Vdc [V]
     sensors : (4, 5) as `sensor_numbers` gives them
+    true : (6, n) is used for what the sensors read
     out : (5, n) is filled with the channels `READ`, SI units
     """
-    size = path.direction.size
-    line, true, late = np.empty((size, len(LINE))), np.empty(size), np.empty(size)
-    run_line(path.motion, path.direction, c, shaft[0], line)
+    run_line(path.motion, path.direction, c, shaft[0], true[: len(LINE)].T)
+    for k in range(_VDC, len(READ)):
+        _recorded(shaft[1], sensors[_LAG, k], 1.0, 0.0, true[_ELECTRICAL + k - _VDC])
+    true[_ELECTRICAL + _IDC - _VDC] /= c.load
     for k in range(len(READ)):
-        if k < _VDC:
-            true[:] = line[:, k]
-        else:
-            _delayed(shaft[1], sensors[_LAG, k], true)
-        if k == _IDC:
-            true /= c.load
-        _delayed(true, sensors[_LATE, k], late)
-        factor, zero = sensors[_FACTOR, k], sensors[_ZERO, k]
-        for n in range(late.size):
-            out[k, n] = late[n] * factor + zero
+        place = k if k < _VDC else _ELECTRICAL + k - _VDC
+        _recorded(true[place], sensors[_LATE, k], sensors[_FACTOR, k], sensors[_ZERO, k], out[k])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -135,19 +130,24 @@ def run_differences(
     out : (m, 5, k - 1) is filled with the averages of what all but the first model read beyond it
     """
     size = path.direction.size
-    here, there, shaft = np.empty((len(READ), size)), np.empty((len(READ), size)), np.empty((2, size))
-    run_readings(path, numbers[0], shafts.solved[shafts.of[0]], sensors[0], here)
+    here, there, true = np.empty((len(READ), size)), np.empty((len(READ), size)), np.empty((TRUE, size))
+    shaft = np.empty((2, size))
+    run_readings(path, numbers[0], shafts.solved[shafts.of[0]], sensors[0], true, here)
     for k in range(1, numbers.size):
         if shafts.of[k] < 0:
             out[:, :, k - 1] = 0.0
             continue
         shaft[:] = shafts.solved[shafts.of[k]]
         for j in range(shafts.moves.shape[1]):
-            if shafts.moves[k, j] != 0.0:
-                shaft += shafts.moves[k, j] * shafts.slopes[:, j]
-        run_readings(path, numbers[k], shaft, sensors[k], there)
-        there -= here
+            move = shafts.moves[k, j]
+            if move != 0.0:
+                for row in range(2):
+                    for n in range(size):
+                        shaft[row, n] += move * shafts.slopes[row, j, n]
+        run_readings(path, numbers[k], shaft, sensors[k], true, there)
         for channel in range(len(READ)):
+            for n in range(size):
+                there[channel, n] -= here[channel, n]
             for m in range(averages.first.size - 1):
                 total = 0.0
                 for i in range(averages.first[m], averages.first[m + 1]):

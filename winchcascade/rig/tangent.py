@@ -43,7 +43,7 @@ on the fast shaft, slip of the shaft spring, its torque."""
 Direction = tuple[float, ...]
 """Change of the roll-off at every knot and of its slopes there, in a row."""
 
-STATE = tuple(SHAFT.index(name) for name in ("omega_gen", "twist", "vdc"))
+_STATE = tuple(SHAFT.index(name) for name in ("omega_gen", "twist", "vdc"))
 """Columns of a solution of the shaft that its derivatives are computed from."""
 
 
@@ -78,6 +78,14 @@ class _Solved(NamedTuple):
     state: Signal
 
 
+def state_of(solution: Signal) -> Signal:
+    """What derivatives need of a solution of `run_shaft`, (n, 3): speed of the fast shaft, twist and DC voltage."""
+    state = np.empty((solution.shape[0], len(_STATE)))
+    for k, column in enumerate(_STATE):
+        state[:, k] = solution[:, column]
+    return state
+
+
 def direction(here: Constants, there: Constants) -> Direction:
     """Change of the roll-off from one set of numbers to another."""
     return tuple(
@@ -93,7 +101,7 @@ def tangent_of(
     Parameters
     ----------
     v, dt, numbers : as the solution was made with
-    state : (n, 3) columns `STATE` of what `run_shaft` filled
+    state : (n, 3) as `state_of` gives it
     every : number of steps from one at which derivatives are kept to the next
     ways : directions of the roll-off
 
