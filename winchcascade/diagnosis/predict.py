@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from winchcascade.rig.kernel import SHAFT, Constants, LineMotion, constants, solve_shaft
+from winchcascade.rig.kernel import SHAFT, STATE, Constants, LineMotion, constants, solve_shaft
 from winchcascade.rig.readings import (
     TRUE,
     Averages,
@@ -19,7 +19,7 @@ from winchcascade.rig.readings import (
     sensor_numbers,
 )
 from winchcascade.rig.simulate import READ, motion_of
-from winchcascade.rig.tangent import MOST_WAYS, Tangent, direction, state_of, tangent_of
+from winchcascade.rig.tangent import MOST_WAYS, Tangent, direction, tangent_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -65,7 +65,8 @@ class Course:
         self.most_kept, self.keeps_derivatives = MOST_KEPT, True
         self._kept: dict[tuple[float | tuple[float, ...], ...], Signal] = {}
         self._tangent: Tangent | None = None
-        self._latest: tuple[Constants, Signal] | None = None
+        self._state = np.empty((self.v.size, len(STATE)))
+        self._latest: Constants | None = None  # the numbers whose solution has this state
 
     def shaft(self, numbers: Constants, gain: float = 1.0) -> Signal:
         """Solve the shaft, or take the solution of the same numbers: `SEEN` on the grid, (2, n).
@@ -74,9 +75,8 @@ class Course:
         """
         key = (gain, *_of_the_shaft(numbers))
         if key not in self._kept:
-            whole = self._solve(numbers, gain)
-            self._latest = (numbers, state_of(whole)) if gain == 1.0 else None
-            solved = np.stack([whole[:: self.every, SHAFT.index(name)] for name in SEEN])
+            solution = self._solve(numbers, gain)
+            solved = np.stack([solution[:, SHAFT.index(name)] for name in SEEN])
             while len(self._kept) >= self.most_kept:
                 del self._kept[next(iter(self._kept))]
         else:
@@ -86,10 +86,13 @@ class Course:
 
     def electrical(self, numbers: Constants, name: str) -> Signal:
         """Solve the shaft for one of the columns of `kernel.SHAFT`, on the grid, (n,)."""
-        return self._solve(numbers)[:: self.every, SHAFT.index(name)].copy()
+        return self._solve(numbers)[:, SHAFT.index(name)].copy()
 
     def _solve(self, numbers: Constants, gain: float = 1.0) -> Signal:
-        return solve_shaft(self.v * gain, self.step, numbers)
+        """Solve the shaft, (n, 8) on the grid, and keep the state at every step until the next call."""
+        self._latest = numbers if gain == 1.0 else None
+        v = self.v if gain == 1.0 else self.v * gain
+        return solve_shaft(v, self.step, numbers, self.every, self._state)
 
     def tangent(self, numbers: Constants, others: Sequence[Constants]) -> Tangent:
         """Differentiate the shaft's solution of some numbers, so that all others follow to first order."""
@@ -99,11 +102,9 @@ class Course:
             if all(way in known.directions for way in ways):
                 return known
             ways = list(dict.fromkeys((*ways, *known.directions)))[:MOST_WAYS]
-        inert = numbers._replace(quasi_static=0.0)  # of a quasi-static shaft the same derivatives serve
-        latest = self._latest  # as a rule the residuals were just computed here
-        here = latest is not None and _of_the_shaft(latest[0]) == _of_the_shaft(inert)
-        state = latest[1] if latest is not None and here else state_of(self._solve(inert))
-        found = tangent_of(self.v, self.step, numbers, state, self.every, ways)
+        if self._latest is None or _of_the_shaft(self._latest) != _of_the_shaft(numbers):
+            self._solve(numbers)  # seldom, as the residuals were just computed here
+        found = tangent_of(self.v, self.step, numbers, self._state, self.every, ways)
         self._tangent = found if self.keeps_derivatives else None
         return found
 

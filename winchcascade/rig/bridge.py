@@ -19,6 +19,10 @@ from winchcascade.rig.switched import PHI_HIGH, PHI_LOW, PHI_POINTS, S_POINTS, T
 
 _SQRT2 = math.sqrt(2.0)
 
+FASTMATH = {"contract", "arcp"}
+"""Of compiled loops: a product and a sum may be rounded once, and a division by a constant may be a product. Zeros and what is
+not a number stay as they are."""
+
 
 @cache
 def bridge_table() -> Signal:
@@ -57,7 +61,7 @@ def blended_table(averaged: float, uncommutated: float) -> Signal:
     return np.ascontiguousarray((1.0 - averaged) * bridge_table() + averaged * average)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", fastmath=FASTMATH)
 def _weights(x: float) -> tuple[float, float, float, float]:
     """Weights of four points in a row for a place between the middle two, 0 to 1 (Keys 1981, a = -1/2)."""
     return (
@@ -68,7 +72,7 @@ def _weights(x: float) -> tuple[float, float, float, float]:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", fastmath=FASTMATH)
 def _slopes(x: float) -> tuple[float, float, float, float]:
     """Derivatives of `_weights`."""
     return (
@@ -79,7 +83,7 @@ def _slopes(x: float) -> tuple[float, float, float, float]:
     )
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", inline="always", fastmath=FASTMATH)
 def bridge_slopes(
     v_total: float, v_ll: float, r_s: float, reactance: float, table: Signal
 ) -> tuple[float, float, float, float, float, float]:
@@ -121,7 +125,7 @@ def bridge_slopes(
     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", fastmath=FASTMATH)
 def bridge_state(
     v_total: float, v_ll: float, r_s: float, reactance: float, table: Signal
 ) -> tuple[float, float, float, float]:
@@ -150,7 +154,7 @@ MOST_STEPS = 60
 """Maximum number of steps: where the bridge cannot carry the current, the bracket is halved so many times."""
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", fastmath=FASTMATH)
 def _inverse(
     known: Signal, i_dc: Signal, r_s: float, reactance: Signal, table: Signal, of_voltage: bool
 ) -> tuple[Signal, Signal]:

@@ -17,12 +17,15 @@ from numba import njit
 
 from winchcascade.core.quantity import ATMOSPHERE
 from winchcascade.core.run import Signal
-from winchcascade.rig.bridge import blended_table, bridge_state
+from winchcascade.rig.bridge import FASTMATH, blended_table, bridge_state
 from winchcascade.rig.parts import ROLLOFF_KNOTS, Model, rolloff_curve
 
 SHAFT = ("clutch", "i_s", "torque_em", "i_bridge", "vdc", "idc", "omega_gen", "twist")
 """Output of `run_shaft` at every step: torque of the clutch [N m], stator current, rms [A], air-gap torque [N m], current of
 the bridge [A], DC voltage [V], current of the load [A], speed of the fast shaft [rad/s], twist of the shaft spring [rad]."""
+
+STATE = ("omega_gen", "twist", "vdc")
+"""State of the generator's side at every step, among the columns of `SHAFT`: derivatives are computed from it."""
 
 LINE = ("pressure", "force", "torque", "screw")
 """Output of `run_line` at every step: gauge pressure [Pa], line tension [N], torque that the sensor sees [N m], torque of the
@@ -125,7 +128,7 @@ def rolloff_slopes(rolloff: tuple[float, ...]) -> tuple[float, ...]:
     return tuple(rolloff_curve(rolloff).slope(ROLLOFF_KNOTS).tolist())
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", fastmath=FASTMATH)
 def rolloff_at(
     i_s: float, rolloff: tuple[float, ...] | Signal, slopes: tuple[float, ...] | Signal
 ) -> tuple[float, float]:
@@ -159,7 +162,7 @@ _SQRT2 = math.sqrt(2.0)
 
 
 # inline: the numbers of the parts would be copied at every call
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", inline="always", fastmath=FASTMATH)
 def weakened_bridge(
     v_total: float, v_full: float, reactance: float, guess: float, c: Constants, table: Signal
 ) -> tuple[float, float, float, float, float, float]:
@@ -199,7 +202,7 @@ def weakened_bridge(
     return i_b + by_b * steep * last, now + last, min(b_total, 0.0), s_total, b_full, s_full
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", fastmath=FASTMATH)
 def _turned(
     speeds: tuple[float, float, float], twist: float, machine: tuple[float, float], dt: float, c: Constants
 ) -> tuple[float, float, float]:
@@ -237,8 +240,8 @@ def _turned(
     return 0.0, 0.0, max(driven / (mass + losses), 0.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def run_shaft(v: Signal, dt: float, c: Constants, table: Signal, out: Signal) -> None:
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
+def run_shaft(v: Signal, dt: float, c: Constants, table: Signal, every: int, out: Signal, state: Signal) -> None:
     """Step the generator's side along a line motion: clutch, shaft, gear, machine, bridge and DC link.
 
     Parameters
@@ -246,9 +249,12 @@ def run_shaft(v: Signal, dt: float, c: Constants, table: Signal, out: Signal) ->
     v : (n,) velocity of the line at even steps, payout positive [m/s]
     dt : step [s]
     table : as `bridge_table` gives it
-    out : (n, 8) is filled with `SHAFT`; torque and currents are the mean of the half steps on either side
+    every : number of steps from one that is kept to the next
+    out : (m, 8) is filled with `SHAFT` at the steps that are kept; torque and currents are the mean of the half steps on
+        either side
+    state : (n, 3) is filled with `STATE` at every step; nothing is if it has no rows
     """
-    omega = omega_before = twist = v_dc = guess = 0.0
+    omega = omega_before = twist = v_dc = guess = before = 0.0
     middle_before = (0.0, 0.0, 0.0, 0.0)
     rpm = 30.0 / math.pi
     for n in range(v.size):
@@ -263,7 +269,7 @@ def run_shaft(v: Signal, dt: float, c: Constants, table: Signal, out: Signal) ->
             i_b, i_s, b_v, s_v, b_full, s_full = weakened_bridge(v_total, v_full, reactance, guess, c, table)
             # half-way, DC voltage and air-gap torque follow the speed there by the bridge's slopes
             b_h, s_h = b_full * c.k_e * rpm, s_full * c.k_e * rpm
-        guess = i_s
+        guess, before = max(2.0 * i_s - before, 0.0), i_s  # the stator current goes on as it went
         holds = 2.0 * c.c_dc / dt + 1.0 / c.load - b_v
         fills = (i_b - v_dc / c.load) / holds
         if conducts:
@@ -274,19 +280,24 @@ def run_shaft(v: Signal, dt: float, c: Constants, table: Signal, out: Signal) ->
             em += em_v * fills
             brakes = max(em_h + em_v * b_h / holds, 0.0)
         drum_half = 0.5 * (v[n] + v[min(n + 1, v.size - 1)]) / c.r_motion
-        torque, twist, after = _turned((omega, half_way, drum_half), twist, (em, brakes), dt, c)
+        torque, wound, after = _turned((omega, half_way, drum_half), twist, (em, brakes), dt, c)
         # DC link
         faster = 0.5 * (omega + after) - half_way
         change = max(2.0 * (fills + b_h * faster / holds), -v_dc)
         i_b = max(c.c_dc * change / dt + (v_dc + 0.5 * change) / c.load, 0.0)
         i_s = max(i_s + 0.5 * s_v * change + s_h * faster, 0.0)
         em += brakes * faster
-        out[n, 4], out[n, 5], out[n, 6], out[n, 7] = v_dc, v_dc / c.load, omega, twist
         middle = (torque, i_s, em, i_b)
         if n == 0:
             middle_before = middle
-        for k in range(4):
-            out[n, k] = 0.5 * (middle[k] + middle_before[k])
+        if n % every == 0:
+            row = n // every
+            for k in range(4):
+                out[row, k] = 0.5 * (middle[k] + middle_before[k])
+            out[row, 4], out[row, 5], out[row, 6], out[row, 7] = v_dc, v_dc / c.load, omega, twist
+        if state.size:
+            state[n, 0], state[n, 1], state[n, 2] = omega, twist, v_dc
+        twist = wound
         middle_before, omega_before, omega, v_dc = middle, omega, after, v_dc + change
 
 
@@ -294,16 +305,17 @@ _VOLTS = 1e-6
 """The last Newton step of a steady voltage is shorter than this. [V]"""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def run_steady(v: Signal, dt: float, c: Constants, table: Signal, out: Signal) -> None:
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
+def run_steady(v: Signal, dt: float, c: Constants, table: Signal, every: int, out: Signal) -> None:
     """Compute the generator's side in the steady state of each instant: a stiff shaft, no capacitor.
 
     Parameters
     ----------
-    v, dt, table, out : as `run_shaft` takes them
+    v, dt, table, every, out : as `run_shaft` takes them
     """
     v_dc = guess = 0.0
-    for n in range(v.size):
+    for row in range(out.shape[0]):
+        n = row * every
         omega = max(v[n] * c.gear / c.r_motion, 0.0)
         before, after = max(n - 1, 0), min(n + 1, v.size - 1)
         speeds_up = (v[after] - v[before]) * c.gear / c.r_motion / (dt * (after - before)) if omega > 0.0 else 0.0
@@ -325,28 +337,29 @@ def run_steady(v: Signal, dt: float, c: Constants, table: Signal, out: Signal) -
         em = ((v_dc + 2.0 * c.v_diode) * i_b + 3.0 * c.r_s * guess * guess) / omega if omega > 1.0 else 0.0
         lost = (c.b_rotor + c.windage * omega) * omega + c.friction * math.tanh(omega / TURN)
         lost += (1.0 - c.weightless) * c.inertia_rotor * speeds_up
-        out[n, 0], out[n, 1], out[n, 2], out[n, 3] = max(c.gear / c.eta_mesh * (em + lost), 0.0), guess, em, i_b
-        out[n, 4], out[n, 5], out[n, 6], out[n, 7] = v_dc, v_dc / c.load, omega, 0.0
+        out[row, 0], out[row, 1], out[row, 2], out[row, 3] = max(c.gear / c.eta_mesh * (em + lost), 0.0), guess, em, i_b
+        out[row, 4], out[row, 5], out[row, 6], out[row, 7] = v_dc, v_dc / c.load, omega, 0.0
 
 
-def solve_shaft(v: Signal, dt: float, numbers: Constants) -> Signal:
-    """Solve the generator's side along a line motion, (n, 8): the columns of `SHAFT`.
+def solve_shaft(v: Signal, dt: float, numbers: Constants, every: int = 1, state: Signal | None = None) -> Signal:
+    """Solve the generator's side along a line motion, (m, 8): the columns of `SHAFT`.
 
     Parameters
     ----------
-    v, dt : as `run_shaft` takes them
+    v, dt, every : as `run_shaft` takes them
+    state : (n, 3) is filled with `STATE` of the dynamic solution at every step, if it is given
     """
     table = blended_table(numbers.averaged, numbers.uncommutated)
-    out = np.empty((v.size, len(SHAFT)))
-    run_shaft(v, dt, numbers, table, out)
+    out = np.empty((-(-v.size // every), len(SHAFT)))
+    run_shaft(v, dt, numbers, table, every, out, np.empty((0, len(STATE))) if state is None else state)
     if numbers.quasi_static == 0.0:
         return out
     steady = np.empty_like(out)
-    run_steady(v, dt, numbers, table, steady)
+    run_steady(v, dt, numbers, table, every, steady)
     return (1.0 - numbers.quasi_static) * out + numbers.quasi_static * steady
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
 def directions(v: Signal) -> Signal:
     """Direction of friction at a velocity of the line, (n,): 1 in payout, -1 in haul-in, in between within `REST`. [1]"""
     found = np.empty_like(v)
@@ -355,7 +368,7 @@ def directions(v: Signal) -> Signal:
     return found
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
 def run_line(motion: LineMotion, direction: Signal, c: Constants, torque: Signal, out: Signal) -> None:
     """Compute the line tension and its parts: gas, screw, losses and inertia at the drum, torque of the clutch.
 

@@ -10,7 +10,7 @@ import numpy as np
 from winchcascade.core.rig_toml import built_in
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.bridge import back_emfs, blended_table
-from winchcascade.rig.kernel import LINE, SHAFT, constants, directions, run_line, run_steady
+from winchcascade.rig.kernel import LINE, SHAFT, STATE, constants, directions, run_line, run_steady, solve_shaft
 from winchcascade.rig.readings import (
     TRUE,
     Averages,
@@ -21,8 +21,8 @@ from winchcascade.rig.readings import (
     run_readings,
     sensor_numbers,
 )
-from winchcascade.rig.simulate import READ, even_motion, solve
-from winchcascade.rig.tangent import state_of, tangent_of
+from winchcascade.rig.simulate import READ, even_motion
+from winchcascade.rig.tangent import tangent_of
 
 
 def compile_model() -> None:
@@ -30,11 +30,13 @@ def compile_model() -> None:
     motion = even_motion(np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.5, 0.0]), 0.01)
     model = baseline(built_in())
     numbers, table = constants(model, 36.0), blended_table(0.0, 0.0)
-    shaft = np.ascontiguousarray(solve(model, motion, 36.0)[:, : len(SHAFT)])
-    run_steady(motion.v, motion.step, numbers, table, np.empty_like(shaft))
+    state = np.empty((motion.t.size, len(STATE)))
+    shaft = solve_shaft(motion.v, motion.step, numbers, 1, state)
+    run_steady(motion.v, motion.step, numbers, table, 1, np.empty_like(shaft))
     run_line(motion, directions(motion.v), numbers, shaft[:, 0].copy(), np.empty((motion.t.size, len(LINE))))
-    tangent = tangent_of(motion.v, motion.step, numbers, state_of(shaft), 1, [])
-    solved, sensors = shaft[:, [0, 4]].T.copy(), sensor_numbers(model, np.zeros(len(READ)), motion.step)
+    tangent = tangent_of(motion.v, motion.step, numbers, state, 1, [])
+    solved = shaft[:, [SHAFT.index("clutch"), SHAFT.index("vdc")]].T.copy()
+    sensors = sensor_numbers(model, np.zeros(len(READ)), motion.step)
     run_readings(
         path_of(motion), numbers, solved, sensors, np.empty((TRUE, motion.t.size)), np.empty((len(READ), motion.t.size))
     )

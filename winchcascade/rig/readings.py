@@ -9,6 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from winchcascade.core.run import Signal
+from winchcascade.rig.bridge import FASTMATH
 from winchcascade.rig.kernel import LINE, Constants, LineMotion, directions, run_line
 from winchcascade.rig.parts import ELECTRICAL, ROLLOFF_KNOTS, Model
 from winchcascade.rig.simulate import READ
@@ -82,7 +83,7 @@ def records_of(numbers: Sequence[Constants]) -> NDArray[np.void]:
     return np.array(numbers, dtype=_RECORD)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
 def _recorded(x: Signal, steps: float, factor: float, zero: float, out: Signal) -> None:
     """A signal at even steps, read so many steps late, by straight lines; its ends hold on."""
     if steps == 0.0:
@@ -97,7 +98,7 @@ def _recorded(x: Signal, steps: float, factor: float, zero: float, out: Signal) 
         out[n] = then * factor + zero
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
 def run_readings(path: Path, c: Constants, shaft: Signal, sensors: Signal, true: Signal, out: Signal) -> None:
     """Read the sensors along a solution of the shaft.
 
@@ -117,7 +118,7 @@ def run_readings(path: Path, c: Constants, shaft: Signal, sensors: Signal, true:
         _recorded(true[place], sensors[_LATE, k], sensors[_FACTOR, k], sensors[_ZERO, k], out[k])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
 def run_differences(
     path: Path, numbers: NDArray[np.void], shafts: Shafts, sensors: Signal, averages: Averages, out: Signal
 ) -> None:

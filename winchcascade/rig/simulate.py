@@ -21,7 +21,18 @@ from winchcascade.core.rig_toml import built_in
 from winchcascade.core.run import CHANNELS, LOAD_HEADER, SIMULATED_HEADERS, Run, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.rig.baseline import baseline
-from winchcascade.rig.kernel import COLUMNS, REST, SHAFT, TURN, LineMotion, constants, directions, run_line, solve_shaft
+from winchcascade.rig.kernel import (
+    COLUMNS,
+    LINE,
+    REST,
+    SHAFT,
+    TURN,
+    LineMotion,
+    constants,
+    directions,
+    run_line,
+    solve_shaft,
+)
 from winchcascade.rig.parts import ELECTRICAL, Model
 
 SMOOTHING = 0.44
@@ -240,11 +251,10 @@ def load_of(run: Run) -> float:
 
 def solve(model: Model, motion: LineMotion, load: float) -> Signal:
     """Step a model along a motion, (n, 12): the columns of `kernel.COLUMNS` at every step."""
-    out = np.empty((motion.t.size, len(COLUMNS)))
     numbers = constants(model, load)
-    out[:, : len(SHAFT)] = solve_shaft(motion.v, motion.step, numbers)
-    run_line(motion, directions(motion.v), numbers, out[:, 0], out[:, len(SHAFT) :])
-    return out
+    shaft, line = solve_shaft(motion.v, motion.step, numbers), np.empty((motion.t.size, len(LINE)))
+    run_line(motion, directions(motion.v), numbers, shaft[:, SHAFT.index("clutch")].copy(), line)
+    return np.hstack([shaft, line])
 
 
 def _between(motion: LineMotion, t: Signal, out: Signal) -> Signal:

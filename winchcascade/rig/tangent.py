@@ -12,8 +12,8 @@ import numpy as np
 from numba import njit
 
 from winchcascade.core.run import Signal
-from winchcascade.rig.bridge import blended_table, bridge_slopes
-from winchcascade.rig.kernel import MOST_RETURNED, SHAFT, TURN, Constants, rolloff_at, weakened_bridge
+from winchcascade.rig.bridge import FASTMATH, blended_table, bridge_slopes
+from winchcascade.rig.kernel import MOST_RETURNED, TURN, Constants, rolloff_at, weakened_bridge
 from winchcascade.rig.parts import ROLLOFF_KNOTS
 
 NUMBERS = (
@@ -42,9 +42,6 @@ on the fast shaft, slip of the shaft spring, its torque."""
 
 Direction = tuple[float, ...]
 """Change of the roll-off at every knot and of its slopes there, in a row."""
-
-_STATE = tuple(SHAFT.index(name) for name in ("omega_gen", "twist", "vdc"))
-"""Columns of a solution of the shaft that its derivatives are computed from."""
 
 
 class Tangent(msgspec.Struct, frozen=True):
@@ -78,14 +75,6 @@ class _Solved(NamedTuple):
     state: Signal
 
 
-def state_of(solution: Signal) -> Signal:
-    """What derivatives need of a solution of `run_shaft`, (n, 3): speed of the fast shaft, twist and DC voltage."""
-    state = np.empty((solution.shape[0], len(_STATE)))
-    for k, column in enumerate(_STATE):
-        state[:, k] = solution[:, column]
-    return state
-
-
 def direction(here: Constants, there: Constants) -> Direction:
     """Change of the roll-off from one set of numbers to another."""
     return tuple(
@@ -101,7 +90,7 @@ def tangent_of(
     Parameters
     ----------
     v, dt, numbers : as the solution was made with
-    state : (n, 3) as `state_of` gives it
+    state : (n, 3) as `kernel.solve_shaft` fills it
     every : number of steps from one at which derivatives are kept to the next
     ways : directions of the roll-off
 
@@ -118,7 +107,7 @@ def tangent_of(
     return Tangent(numbers, tuple(ways), kept)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
 def run_tangent(solved: _Solved, every: int, bent: Signal, kept: Signal) -> None:
     """Compute derivatives along a solution, step by step as `run_shaft` made it.
 
