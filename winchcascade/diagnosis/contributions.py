@@ -83,15 +83,17 @@ class WindowedLog(NamedTuple):
     rig: Rig
     windows: Signal
 
-    def simulated(self, model: Model, skew: Signal, zeros: Signal) -> Signal:
+    def simulated(self, model: Model, skew: Signal, zeros: Signal, solution: Signal | None = None) -> Signal:
         """What `quantities_of` gives for a model, (14,); channels that the log lacks stay absent.
 
         Parameters
         ----------
         skew, zeros : (5,) delay of the reading of each channel [s], and its zero
+        solution : as `Course.on_grid` takes it
         """
         run, course = self.log.run, self.log.course
-        read = course.at_stamps(course.on_grid(model, skew=skew)) + self.log.offset_at_stamps + zeros
+        on_grid = course.on_grid(model, skew=skew, solution=solution)
+        read = course.at_stamps(on_grid) + self.log.offset_at_stamps + zeros
         channels = {"velocity": run.channels["velocity"]}
         for k, name in enumerate(CHANNELS):
             if name in run.channels or (name == "torque" and "power_mech" in run.channels):
@@ -232,15 +234,21 @@ def split_of(data: Fitted, one: WindowedLog, variants: Variants, covariance: Sig
 
 
 def _values(data: Fitted, one: WindowedLog, variants: Variants) -> Signal:
-    """Quantities of one run by every variant, (variants, 14); what does not concern the run is not simulated again."""
+    """Quantities of one run by every variant, (variants, 14); what does not concern the run is not simulated again.
+
+    Where one nuisance moves, the shaft follows to first order.
+    """
     known: dict[bytes, list[tuple[Model, Signal]]] = {}
-    found = []
-    for (nu, _), models in zip(variants.given, variants.models, strict=True):
-        model, skew, zeros = models[one.number], data.skew(nu), data.zeros(nu)[one.number]
+    found, models = [], [of_logs[one.number] for of_logs in variants.models]
+    fitted = len(models) - len(variants.moved) - 1
+    near = one.log.course.near_solutions(models[fitted], models[fitted + 1 :])
+    solutions = [*[None] * (fitted + 1), *near]
+    for (nu, _), model, solution in zip(variants.given, models, solutions, strict=True):
+        skew, zeros = data.skew(nu), data.zeros(nu)[one.number]
         alike = known.setdefault(skew.tobytes() + zeros.tobytes(), [])
         values = next((values for other, values in alike if other == model), None)
         if values is None:
-            values = one.simulated(model, skew, zeros)
+            values = one.simulated(model, skew, zeros, solution)
             alike.append((model, values))
         found.append(values)
     return np.array(found)

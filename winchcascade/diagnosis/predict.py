@@ -108,16 +108,20 @@ class Course:
         self._tangent = found if self.keeps_derivatives else None
         return found
 
-    def on_grid(self, model: Model, gain: float = 1.0, skew: Signal | None = None) -> Signal:
+    def on_grid(
+        self, model: Model, gain: float = 1.0, skew: Signal | None = None, solution: Signal | None = None
+    ) -> Signal:
         """What the sensors read along the course, (n, 5) on the grid: columns of `CHANNELS`, SI units.
 
         Parameters
         ----------
         gain : scales the velocity that drives the shaft [1]
         skew : (5,) how late each channel is read [s]
+        solution : (2, n) of the shaft if it is known, as `near_solutions` gives it
         """
-        numbers = constants(model, self.load)
-        found, solution = np.empty((len(CHANNELS), self.coarse.t.size)), self.shaft(numbers, gain)
+        numbers, found = constants(model, self.load), np.empty((len(CHANNELS), self.coarse.t.size))
+        if solution is None:
+            solution = self.shaft(numbers, gain)
         sensors = sensor_numbers(model, np.zeros(len(CHANNELS)) if skew is None else skew, self.coarse.step)
         run_readings(self._path, numbers, solution, sensors, np.empty((TRUE, self.coarse.t.size)), found)
         return found.T
@@ -140,6 +144,12 @@ class Course:
         run_differences(self._path, records_of(numbers), shafts, sensors, self._averages, found)
         return found
 
+    def near_solutions(self, model: Model, others: Sequence[Model]) -> Signal:
+        """Solutions of the shaft for models near to one, (k, 2, n), to first order where that serves."""
+        numbers = [constants(one, self.load) for one in (model, *others)]
+        found = self._shafts(numbers, [False] * len(numbers))
+        return np.asarray(found.solved[found.of[1:]] + np.tensordot(found.moves[1:], found.slopes, axes=(1, 1)))
+
     def _shafts(self, numbers: Sequence[Constants], same: Sequence[bool]) -> Shafts:
         """Solutions of the shaft for the first of some numbers and for others, to first order where that serves.
 
@@ -149,19 +159,26 @@ class Course:
         """
         here = numbers[0]
         solved, of = [self.shaft(here)], np.zeros(len(numbers), dtype=np.intp)
-        near = [there for there in numbers if _of_the_shaft(there) != _of_the_shaft(here) and not _far(here, there)]
+        near = [there for there in numbers if _of_the_shaft(there) != _of_the_shaft(here) and not self._far(here, there)]
         tangent = self.tangent(here, near) if near else None
         slopes = np.zeros((2, 0, solved[0].shape[1])) if tangent is None else tangent.slopes
         moves = np.zeros((len(numbers), slopes.shape[1]))
         for k, there in enumerate(numbers):
             if same[k]:
                 of[k] = -1
-            elif _far(here, there):
+            elif self._far(here, there):
                 of[k] = len(solved)
                 solved.append(self.shaft(there))
             elif tangent is not None:
                 moves[k] = tangent.moves(there)
         return Shafts(np.array(solved), slopes, of, moves)
+
+    def _far(self, here: Constants, there: Constants) -> bool:
+        """Whether a number differs that no first order serves: dry friction stops a shaft for good. In an open circuit, a
+        capacitor that differs by its tolerance empties by another exponential. Simplifications have no derivative.
+        """
+        anew = SOLVED_ANEW if math.isfinite(self.load) else (*SOLVED_ANEW, "c_dc")
+        return any(getattr(here, name) != getattr(there, name) for name in anew)
 
     def predict(self, model: Model, gain: float = 1.0, skew: Signal | None = None) -> Signal:
         """What the sensors read, as means of the blocks, (m, 5), with the parameters of `on_grid`."""
@@ -184,14 +201,7 @@ def _of_the_shaft(numbers: Constants) -> tuple[float | tuple[float, ...], ...]:
     return numbers[_SHAFT_FROM:]
 
 
-def _far(here: Constants, there: Constants) -> bool:
-    """Whether a number differs that no first order serves: dry friction stops a shaft for good, and a capacitor that differs
-    by its tolerance empties by another exponential. Simplifications have no derivative.
-    """
-    return any(getattr(here, name) != getattr(there, name) for name in SOLVED_ANEW)
-
-
-SOLVED_ANEW = ("friction", "c_dc", "averaged", "uncommutated", "quasi_static", "weightless")
+SOLVED_ANEW = ("friction", "averaged", "uncommutated", "quasi_static", "weightless")
 """Numbers of `Constants` whose changes are solved anew, not followed to first order."""
 
 
