@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from winchcascade.core.errors import LogError
-from winchcascade.core.jobs import Outcome, processes, run_behind, run_here
+from winchcascade.core.jobs import Outcome, linear_algebra_on_one_thread, processes, run_behind, run_here
 
 
 class Task(NamedTuple):
@@ -185,3 +186,13 @@ def test_interrupts_that_are_ignored_stay_ignored() -> None:
         assert len(list(found)) == 3
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def test_linear_algebra_has_one_thread_within_a_diagnosis_and_as_many_as_before_after_it() -> None:
+    def threads() -> set[int]:
+        return {library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"}
+
+    with threadpool_limits(2, user_api="blas"):
+        with linear_algebra_on_one_thread():
+            assert threads() == {1}
+        assert threads() == {2}

@@ -59,6 +59,19 @@ def one_thread_each() -> None:
         os.environ.setdefault(name, "1")
 
 
+@contextmanager
+def linear_algebra_on_one_thread() -> Iterator[None]:
+    """Keep linear algebra on one thread while the context or the decorated function lasts, also where it is imported already.
+
+    Its matrices are small and the threads of `all_at_once` use the processors: more threads make each solve slower, by a
+    factor of a hundred where other programs run.
+    """
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1, user_api="blas"):
+        yield
+
+
 def side_by_side(one: Callable[[], A], other: Callable[[], B], *, samples: int) -> tuple[A, B]:
     """Run two jobs and give both results, on a thread each where the arrays are long enough to gain by it.
 

@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.errors import LogError, OptionError
+from winchcascade.core.jobs import linear_algebra_on_one_thread
 from winchcascade.diagnosis.causes import causes_of, plan_run, probabilities
 from winchcascade.diagnosis.closure import ModelClosure, alarms_of, close
 from winchcascade.diagnosis.contributions import by_cost, contributions_of, reordered, without
@@ -57,6 +58,7 @@ class ModelDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     contributions: tuple[Contribution, ...] = ()
 
 
+@linear_algebra_on_one_thread()
 def diagnose(
     runs: Sequence[Run],
     rig: Rig,

@@ -159,7 +159,9 @@ class Course:
         """
         here = numbers[0]
         solved, of = [self.shaft(here)], np.zeros(len(numbers), dtype=np.intp)
-        near = [there for there in numbers if _of_the_shaft(there) != _of_the_shaft(here) and not self._far(here, there)]
+        near = [
+            there for there in numbers if _of_the_shaft(there) != _of_the_shaft(here) and not self._far(here, there)
+        ]
         tangent = self.tangent(here, near) if near else None
         slopes = np.zeros((2, 0, solved[0].shape[1])) if tangent is None else tangent.slopes
         moves = np.zeros((len(numbers), slopes.shape[1]))

@@ -82,13 +82,12 @@ class Jacobian(msgspec.Struct, frozen=True):
         return Jacobian(self.size, self.dense * rows[:, None], self.at, local)
 
     def normal(self, w: Signal) -> Signal:
-        """Columns times columns, each row weighted, (size, size) for weights (n,)."""
-        found = np.zeros((self.size, self.size))
+        """Columns times columns, each row weighted, (size, size) for weights (n,), which are not negative."""
+        found, root = np.zeros((self.size, self.size)), np.sqrt(w)
         if not self.local:
-            found[np.ix_(self.at, self.at)] = (self.dense * w[:, None]).T @ self.dense
+            found[np.ix_(self.at, self.at)] = _squared(self.dense * root[:, None])
         for part in self.local:
-            both = np.hstack([self.dense[part.rows], part.columns])
-            product = (both * w[part.rows, None]).T @ both
+            product = _squared(np.hstack([self.dense[part.rows], part.columns]) * root[part.rows, None])
             take = np.concatenate((np.arange(self.at.size), self.at.size + part.take))
             at = np.concatenate((self.at, part.at))
             found[np.ix_(at, at)] += product[np.ix_(take, take)]
@@ -110,6 +109,11 @@ class Jacobian(msgspec.Struct, frozen=True):
             np.add.at(own, part.take, step[part.at])
             found[part.rows] += part.columns @ own
         return found
+
+
+def _squared(columns: Signal) -> Signal:
+    """Columns times columns, (k, k) of (n, k): NumPy computes one triangle, as both factors are the same array."""
+    return np.asarray(columns.T @ columns)
 
 
 class Bounds(msgspec.Struct, frozen=True):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from winchcascade.core.jobs import linear_algebra_on_one_thread
 from winchcascade.diagnosis.diagnosis_result import (
     HALF,
     MOSTLY,
@@ -43,6 +44,7 @@ class LineDiagnosis(DiagnosisResult, frozen=True, kw_only=True):
     again: dict[str, Reported]
 
 
+@linear_algebra_on_one_thread()
 def diagnose_line(
     entries: Entries,
     rig: Rig,
