@@ -349,15 +349,17 @@ def search(data: Fitted, suspects: Suspects, on_progress: Callable[[str], None] 
     """
     rig_alone = RigProblem(data, suspects, ())
     null = fit_set(rig_alone, quick=True)
-    if scale_of(null) < HOPELESS:
+    fits_nearly = scale_of(null) < HOPELESS
+    if fits_nearly:
         null = fit_set(rig_alone, null)
     best, scale = null, scale_of(null)
     fits: dict[Names, Fit] = {(): null}
-    nothing = np.zeros_like(null.nu)  # the first expansion is made about the model of the rig file
-    as_given = msgspec.structs.replace(null, nu=nothing, z=data.residual(nothing, []))
-    linear, start = linearise(data, suspects, as_given)
-    for name, begin in _usual_starts(data, suspects, start):
+    nothing = np.zeros_like(null.nu)
+    as_given = msgspec.structs.replace(null, nu=nothing, z=data.residual(nothing, []), j_nu=None, columns={})
+    for name, begin in _usual_starts(data, suspects, as_given):
         _refit(data, suspects, fits, (name,), begin, quick=False)
+    # where the rig cannot fit without causes, tolerances moved in place of these: it is expanded about its file instead
+    linear, start = linearise(data, suspects, null if fits_nearly else as_given)
     visited: dict[Names, Linear] = {(): linear}
     for _ in range(ROUNDS):
         on_progress(f"{len(fits)} sets fitted, best so far: {', '.join(best.names) or 'none'}")
@@ -391,7 +393,7 @@ def _usual_starts(data: Fitted, suspects: Suspects, as_given: Fit) -> list[tuple
 
     Parameters
     ----------
-    as_given : the model of the rig file, with its columns
+    as_given : the model of the rig file
     """
     if scale_of(as_given) < HOPELESS:
         return []
@@ -402,9 +404,8 @@ def _usual_starts(data: Fitted, suspects: Suspects, as_given: Fit) -> list[tuple
         if _loss_of_one(data, nu, effect) < limit
     ]
     lower = sorted(one for one in tried if one[0] < limit)[:REFITTED]
-    no_columns = msgspec.structs.replace(as_given, j_nu=None, columns={})
     return [
-        (name, msgspec.structs.replace(no_columns, names=(name,), place={name: slice(0, 1)}, x=np.array([value])))
+        (name, msgspec.structs.replace(as_given, names=(name,), place={name: slice(0, 1)}, x=np.array([value])))
         for _, name, value in lower
     ]
 
