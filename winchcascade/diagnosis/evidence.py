@@ -349,8 +349,7 @@ def search(data: Fitted, suspects: Suspects, on_progress: Callable[[str], None] 
     """
     rig_alone = RigProblem(data, suspects, ())
     null = fit_set(rig_alone, quick=True)
-    fits_nearly = scale_of(null) < HOPELESS
-    if fits_nearly:
+    if scale_of(null) < HOPELESS:
         null = fit_set(rig_alone, null)
     best, scale = null, scale_of(null)
     fits: dict[Names, Fit] = {(): null}
@@ -358,8 +357,7 @@ def search(data: Fitted, suspects: Suspects, on_progress: Callable[[str], None] 
     as_given = msgspec.structs.replace(null, nu=nothing, z=data.residual(nothing, []), j_nu=None, columns={})
     for name, begin in _usual_starts(data, suspects, as_given):
         _refit(data, suspects, fits, (name,), begin, quick=False)
-    # where the rig cannot fit without causes, tolerances moved in place of these: it is expanded about its file instead
-    linear, start = linearise(data, suspects, null if fits_nearly else as_given)
+    linear, start = _first_expansion(data, suspects, null, as_given)
     visited: dict[Names, Linear] = {(): linear}
     for _ in range(ROUNDS):
         on_progress(f"{len(fits)} sets fitted, best so far: {', '.join(best.names) or 'none'}")
@@ -380,6 +378,19 @@ def search(data: Fitted, suspects: Suspects, on_progress: Callable[[str], None] 
     best = max((fits[names] for names in visited), key=lambda fit: fit.evidence(scale) - CLEARLY * len(fit.names))
     best, linear = _smallest(data, suspects, fits, best, visited[best.names], scale)
     return Found(best, null, fits, linear, scale)
+
+
+def _first_expansion(data: Fitted, suspects: Suspects, null: Fit, as_given: Fit) -> tuple[Linear, Fit]:
+    """The expansion about the fit without causes if it shows that none is needed, else about the model of the rig file.
+
+    Where the rig cannot do without causes, tolerances moved in place of these, and the fit may be far from the right one.
+    """
+    scale = scale_of(null)
+    if scale < HOPELESS:
+        linear, start = linearise(data, suspects, null)
+        if not _promising(linear, scale, ()):
+            return linear, start
+    return linearise(data, suspects, as_given)
 
 
 def _top(fits: Mapping[Names, Fit]) -> tuple[Fit, float]:
