@@ -14,13 +14,13 @@ Shape = Literal["rectangular", "normal"]
 
 
 LEAKAGE = 2.0
-"""In open circuit the bleed resistance carries a current: more than so many times that current is a load."""
+"""Ratio of a current to that of the bleed resistance in open circuit, above which a load is connected. [1]"""
 
 BLEED = 1000.0
 """Bleed resistance where the rig file states none: no open circuit has less. [ohm]"""
 
 CERTAIN = 5.0
-"""An offset is significant from so many standard uncertainties of the sensor's zero."""
+"""Number of standard uncertainties of the zero of a sensor from which an offset is significant."""
 
 
 NORMAL = 1.959963984540054

@@ -160,7 +160,7 @@ class Watch(Protocol):
     """Callbacks that report the progress of a piece of work."""
 
     def begin(self, kept: int, todo: int) -> None:
-        """So many parts of it are done already, so many are to be done."""
+        """Report how many parts are done already and how many remain."""
 
     def done(self, name: str, fault: str | None) -> None:
         """One more is done, or failed for a reason."""
@@ -347,7 +347,7 @@ def run_there(work: Callable[[Job], Done], jobs: Sequence[Job], *, scheduler: st
 
 
 class Workers(msgspec.Struct, frozen=True):
-    """Who does the work: so many processes of this machine, or a Dask scheduler at an address."""
+    """Where jobs run: on a number of processes of this machine, or on a Dask scheduler at an address."""
 
     processes: int = 1
     scheduler: str | None = None

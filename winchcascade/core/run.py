@@ -125,7 +125,7 @@ class Finding(msgspec.Struct, frozen=True):
     columns: tuple[str, ...] = ()
 
     def lost_share(self, samples: int) -> float:
-        """Share of the samples that it took out, of a log of so many rows; rows that were never logged count as samples too.
+        """Share of the samples that it removed from a log with this number of rows; rows that were never logged count, too.
 
         >>> Finding("dropped_samples", "", "", removed=30).lost_share(10), Finding("spike", "", "", removed=1).lost_share(10)
         (0.75, 0.1)

@@ -234,7 +234,7 @@ def _cells(row: dict[str, Any], columns: Mapping[str, PrintedColumn], place: str
 
 
 def _rounded(raw: Mapping[str, Any], key: str, decimals: int, place: str) -> float:
-    """Read a number that is printed with so many decimals."""
+    """Read a number that is printed with a given number of decimals."""
     value: float = _get(raw, key, _Number, place)
     if abs(value - round(value, decimals)) > 1e-9 * max(10.0**-decimals, value * 1e-3):
         raise TableError(

@@ -44,7 +44,7 @@ MOVING = 0.03
 """Slower than this, friction only bounds the force. [m/s]"""
 
 MOST_NOISE = 3.0
-"""So many standard deviations of its noise the smoothed velocity reaches now and then."""
+"""Number of standard deviations of its noise that the smoothed velocity reaches occasionally."""
 
 CREEPING = 0.002
 """Below this speed the velocity's noise moves nothing. [m/s]"""
@@ -452,7 +452,7 @@ def _whitener(noise: Noise) -> Signal:
 
 
 def velocity_noise(run: Run, samples: int = 1) -> float:
-    """Standard deviation of a mean of so many samples of the smoothed velocity. [m/s]"""
+    """Standard deviation of a mean over a number of samples of the smoothed velocity. [m/s]"""
     half = int(0.5 * SMOOTHING * run.fs + 1e-6)
     kernel = 3.0 * half * half + 3.0 * half - 1.0 - 5.0 * np.arange(-half, half + 1.0) ** 2
     passed = np.convolve(np.full(samples, 1.0 / samples), kernel / kernel.sum())

@@ -208,13 +208,13 @@ SOLVED_ANEW = ("friction", "averaged", "uncommutated", "quasi_static", "weightle
 
 
 MOST_KEPT = 16
-"""So many solutions of a log are kept; the one that was used longest ago goes first."""
+"""Maximum number of solutions kept for a log; the one that was used longest ago is dropped first."""
 
 ALL_KEPT = 1200
-"""So many solutions of all logs of a fit are kept at most, but two of each: about 0.2 MB each."""
+"""Maximum number of solutions kept for all logs of a fit, about 0.2 MB each; at least two are kept for each log."""
 
 MOST_DERIVATIVES = 25
-"""Up to so many logs keep their latest derivatives, about 5 MB for each log."""
+"""Maximum number of logs for which the latest derivatives are kept, about 5 MB for each log."""
 
 
 def _thinned(motion: LineMotion, every: int) -> LineMotion:

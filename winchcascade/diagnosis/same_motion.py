@@ -22,13 +22,13 @@ AT_ONCE = 0.1
 """Smaller shifts between log and simulation, in intervals of the log, are noise of the velocity and count as none. [1]"""
 
 BEYOND = 1.5
-"""A simulation stands still further than so many of its intervals before its beginning and after its end. [1]"""
+"""Number of intervals before the beginning and after the end of a simulation beyond which its line is at rest. [1]"""
 
 NEAR = 0.5
 """The shift is refined within this, as the correlation of logs that begin or end within a motion deviates. [s]"""
 
 FINER = 1.5
-"""A simulation with so many samples for each of the log is averaged over the intervals of the log. [1]"""
+"""Minimum number of samples of a simulation for each of the log from which it is averaged over the intervals of the log. [1]"""
 
 
 def onto_log(simulation: Run, log: Run, counted: slice) -> Run:

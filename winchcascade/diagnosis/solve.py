@@ -72,7 +72,7 @@ class Jacobian(msgspec.Struct, frozen=True):
         )
 
     def split(self, first: int) -> tuple[Jacobian, Signal]:
-        """The first so many numbers, and the dense columns of the others, (n, k)."""
+        """The numbers before `first`, and the dense columns of the others, (n, k)."""
         own = self.at < first
         return Jacobian(first, self.dense[:, own], self.at[own], self.local), self.dense[:, ~own]
 
@@ -180,7 +180,7 @@ def normal_equations(z: Signal, j: Jacobian, nu: Signal) -> tuple[Signal, Signal
 
 
 def quadratic(curve: Signal, slope: Signal, nuisances: int) -> Quadratic:
-    """Eliminate the first so many numbers, which are nuisances, from normal equations."""
+    """Eliminate the nuisances, which come first, from normal equations."""
     n = nuisances
     inner, across = curve[:n, :n], curve[:n, n:]
     solved = np.linalg.solve(inner, np.column_stack([slope[:n], across])).astype(np.float64)
@@ -194,7 +194,8 @@ def best_step(z: Signal, j: Jacobian, x: Signal, bounds: Bounds, nuisances: int)
 
     Parameters
     ----------
-    nuisances : the first so many numbers have unit priors about 0 and seldom reach their bounds, so that they are eliminated
+    nuisances : number of nuisances, which come first; they have unit priors about 0 and rarely reach their bounds, so that
+        they are eliminated
     """
     within = bounds.about(x)
     curve, slope = normal_equations(z, j, x[:nuisances])
@@ -310,7 +311,7 @@ class Solution(NamedTuple):
 
 
 WORN = 2000.0
-"""Columns are found anew before a fit ends if they served to improve the objective by so many times what counts as settled."""
+"""Improvement of the objective, in units of what counts as settled, after which columns are renewed before a fit ends. [1]"""
 
 SHARES = (1.0, 0.4, 0.15, 0.05)
 """Shares of a step that are tried until one lowers the objective."""

@@ -21,7 +21,7 @@ LATEST = 1e17
 """A stamp beyond this is no time: three thousand million years. [s]"""
 
 CROWDED = 1.5
-"""So many times the samples that fit between two stamps are too many."""
+"""Number of samples between two stamps, over the number that fits there, from which there are too many. [1]"""
 
 LOST = 1.5
 """An interval longer than this many usual ones has lost samples."""
@@ -79,7 +79,7 @@ _PERIODS = (60.0, 3600.0, 43_200.0, 86_400.0)
 """Where counters and clocks begin again: powers of two and of ten in their own unit; minute, hour, half day and day. [s]"""
 
 _NEAR_END = 3.0
-"""A counter begins again within so many intervals of its end and of zero, unless samples were lost there."""
+"""Number of intervals, from its end and from zero, within which a counter begins again, unless samples were lost there."""
 
 
 def read_clock(stamps: Signal, where: str, *, unit: float = 1.0) -> Clock:

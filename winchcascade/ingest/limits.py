@@ -48,7 +48,7 @@ class Limits(msgspec.Struct, frozen=True):
 
 
 def limits_for(size: int) -> Limits:
-    """Set the limits for a file of so many bytes; OptionError for a setting that is no positive number."""
+    """Set the limits for a file of this size in bytes; OptionError for a setting that is no positive number."""
     memory = _setting(MEMORY_SETTING, max(LEAST_MEMORY, MEMORY_PER_BYTE * size) / MB) * MB
     return Limits(
         int(memory),

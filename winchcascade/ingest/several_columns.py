@@ -22,7 +22,7 @@ FOLLOWS = 0.8
 """Smallest correlation with the other channels of a column that is chosen. [1]"""
 
 CLEARER = 3.0
-"""The lack of correlation of the second best column is at least so many times that of the chosen one. [1]"""
+"""Minimum ratio of the lack of correlation of the second best column to that of the chosen one. [1]"""
 
 APART = 0.05
 """The correlation of the second best column is lower by at least this. [1]"""

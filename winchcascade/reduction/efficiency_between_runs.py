@@ -26,7 +26,7 @@ FAR = 0.01
 """Smallest distance of interest: twice the 0.005 to which an efficiency can be stated at best. [1]"""
 
 MOST_FAR = 3
-"""At most one log in so many may lie far from the others; if more do, it is unclear which the others are."""
+"""Minimum number of logs for each one that lies far from the others; with more of these the usual value is unclear."""
 
 MOST_PAIRED = 30
 """Maximum number of logs of which pairs are tried: of more the others outvote two that were swapped."""

@@ -170,7 +170,7 @@ def energy_noise(run: Run, rig: Rig, windows: Sequence[Window]) -> dict[str, flo
 
 
 def _averaged(x: Signal, count: int) -> Signal:
-    """Means of so many samples each."""
+    """Means over groups of samples of equal size."""
     means: Signal = x[: x.size // count * count].reshape(-1, count).mean(axis=1)
     return means
 

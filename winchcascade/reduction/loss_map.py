@@ -46,7 +46,7 @@ FOLDS = 10
 """Parts of the points that are held out one after the other, where there are too few logs and cycles to hold these out."""
 
 CLUSTERS = 12
-"""With at least so many cycles the errors of the points of one cycle are taken to depend on each other."""
+"""Minimum number of cycles from which the errors of the points of one cycle are taken as correlated."""
 
 
 class Coefficient(msgspec.Struct, frozen=True):

@@ -32,7 +32,7 @@ BESIDE_GAP = 1e-6
 """Time between a gap and a span that does not touch it. [s]"""
 
 FEWEST = 2.0
-"""A stretch between two gaps that is shorter than so many sampling intervals is left out."""
+"""Minimum length of a stretch between two gaps, in sampling intervals; shorter ones are left out."""
 
 
 class Detected(msgspec.Struct, frozen=True):

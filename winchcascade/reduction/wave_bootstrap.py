@@ -27,7 +27,7 @@ FEWEST = 8
 """Fewer waves give no interval: their blocks would be the sample itself."""
 
 SIGNIFICANT = 2.0
-"""Autocorrelations below so many standard deviations count as none (Politis and White 2004, Sec. 3.2: about 2)."""
+"""Number of standard deviations below which an autocorrelation counts as zero (Politis and White 2004, Sec. 3.2: about 2)."""
 
 TINY = 1e-9
 """No record is shorter. [s]"""

@@ -151,7 +151,7 @@ CLOSE = 1e-9
 """The last Newton step is shorter than this share of the voltage; its error is about the square of that."""
 
 MOST_STEPS = 60
-"""Maximum number of steps: where the bridge cannot carry the current, the bracket is halved so many times."""
+"""Maximum number of steps. Where the bridge cannot carry the current, the bracket is halved at each step."""
 
 
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH)

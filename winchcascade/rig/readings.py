@@ -85,7 +85,7 @@ def records_of(numbers: Sequence[Constants]) -> NDArray[np.void]:
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
 def _recorded(x: Signal, steps: float, factor: float, zero: float, out: Signal) -> None:
-    """A signal at even steps, read so many steps late, by straight lines; its ends hold on."""
+    """A signal at even steps, read late by `steps`, which need not be whole, by straight lines; its ends are extended."""
     if steps == 0.0:
         for n in range(x.size):
             out[n] = x[n] * factor + zero

@@ -181,7 +181,7 @@ def _jumps(bends: Bends) -> Index:
     least = LEAST_SHARE * bends.usual.span
     if bends.x.size < 2 or least <= 0.0:
         return bends.found[:0]
-    if NOISE * bends.usual.noise >= least:  # so many codes that they pass for noise, or nothing but noise
+    if NOISE * bends.usual.noise >= least:  # the codes are too many to differ from noise, or there is only noise
         return np.flatnonzero(np.abs(np.diff(bends.x)) > least)
     return bends.steps(least, bends.found[:0])
 

@@ -19,7 +19,7 @@ LONGEST = 0.2
 """A glitch lasts no longer: five samples at 25 Hz. Stops of the crane and saturated sensors do. [s]"""
 
 FEWEST = 5
-"""Values that nothing measured can be are a glitch of up to so many samples even where these last longer."""
+"""Maximum number of samples of a glitch whose values no sensor can give."""
 
 LEAST_SHARE = 0.1
 """Minimum size of either of its jumps, as a share of the range in which the channel moves. [1]"""
@@ -45,10 +45,10 @@ RESOLVED = 3
 repeats one value exactly."""
 
 FAR = 5.0
-"""A value beyond the range of the channel by so many times that range is no measurement, whatever the other channels do."""
+"""Distance of a value from the range of the channel, in ranges, beyond which it is no measurement. [1]"""
 
 STILL = 20.0
-"""A channel whose range is not so many times its usual curvature holds noise alone, whose range means nothing."""
+"""Minimum range of a channel over its usual curvature: below it the channel contains only noise. [1]"""
 
 MOST = 0.01
 """A channel that jumps away and back in a larger share of its samples does so by itself: pulses, a chopper."""

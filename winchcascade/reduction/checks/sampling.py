@@ -171,7 +171,7 @@ FEWEST = 8
 """Smallest number of steps that shows an interval."""
 
 COARSE_STEP = 3.0
-"""Steps of a channel that is held are mostly larger than so many of its smallest: those of a coarse resolution are not."""
+"""Minimum ratio of most steps of a channel that is held to its smallest step; a coarse resolution has smaller steps. [1]"""
 
 
 def _update_interval(x: Signal) -> int:
