@@ -106,6 +106,22 @@ class Constants(NamedTuple):
     weightless: float
 
 
+class DrivenShaft(NamedTuple):
+    """The generator's side and what drives it: velocity of the line at even steps, (n,), payout positive [m/s], the step [s],
+    the numbers of the parts, and the table of the bridge as `bridge_table` gives it.
+    """
+
+    v: Signal
+    dt: float
+    numbers: Constants
+    table: Signal
+
+
+def driven_shaft(v: Signal, dt: float, numbers: Constants) -> DrivenShaft:
+    """The generator's side along a line motion, with the table of its bridge."""
+    return DrivenShaft(v, dt, numbers, blended_table(numbers.averaged, numbers.uncommutated))
+
+
 def constants(model: Model, load: float) -> Constants:
     """Put the numbers of a model together for one load; inf is an open circuit, which the bleed alone discharges. [ohm]"""
     winch, gas, shaft, machine = model.winch, model.restoring, model.drivetrain, model.generator
@@ -241,19 +257,17 @@ def _turned(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
-def run_shaft(v: Signal, dt: float, c: Constants, table: Signal, every: int, out: Signal, state: Signal) -> None:
+def run_shaft(driven: DrivenShaft, every: int, out: Signal, state: Signal) -> None:
     """Step the generator's side along a line motion: clutch, shaft, gear, machine, bridge and DC link.
 
     Parameters
     ----------
-    v : (n,) velocity of the line at even steps, payout positive [m/s]
-    dt : step [s]
-    table : as `bridge_table` gives it
     every : number of steps from one that is kept to the next
     out : (m, 8) is filled with `SHAFT` at the steps that are kept; torque and currents are the mean of the half steps on
         either side
     state : (n, 3) is filled with `STATE` at every step; nothing is if it has no rows
     """
+    v, dt, c, table = driven.v, driven.dt, driven.numbers, driven.table
     omega = omega_before = twist = v_dc = guess = before = 0.0
     middle_before = (0.0, 0.0, 0.0, 0.0)
     rpm = 30.0 / math.pi
@@ -306,13 +320,14 @@ _VOLTS = 1e-6
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
-def run_steady(v: Signal, dt: float, c: Constants, table: Signal, every: int, out: Signal) -> None:
+def run_steady(driven: DrivenShaft, every: int, out: Signal) -> None:
     """Compute the generator's side in the steady state of each instant: a stiff shaft, no capacitor.
 
     Parameters
     ----------
-    v, dt, table, every, out : as `run_shaft` takes them
+    every, out : as `run_shaft` takes them
     """
+    v, dt, c, table = driven.v, driven.dt, driven.numbers, driven.table
     v_dc = guess = 0.0
     for row in range(out.shape[0]):
         n = row * every
@@ -346,16 +361,16 @@ def solve_shaft(v: Signal, dt: float, numbers: Constants, every: int = 1, state:
 
     Parameters
     ----------
-    v, dt, every : as `run_shaft` takes them
+    v, dt : as `DrivenShaft` has them
+    every : number of steps from one that is kept to the next
     state : (n, 3) is filled with `STATE` of the dynamic solution at every step, if it is given
     """
-    table = blended_table(numbers.averaged, numbers.uncommutated)
-    out = np.empty((-(-v.size // every), len(SHAFT)))
-    run_shaft(v, dt, numbers, table, every, out, np.empty((0, len(STATE))) if state is None else state)
+    driven, out = driven_shaft(v, dt, numbers), np.empty((-(-v.size // every), len(SHAFT)))
+    run_shaft(driven, every, out, np.empty((0, len(STATE))) if state is None else state)
     if numbers.quasi_static == 0.0:
         return out
     steady = np.empty_like(out)
-    run_steady(v, dt, numbers, table, every, steady)
+    run_steady(driven, every, steady)
     return (1.0 - numbers.quasi_static) * out + numbers.quasi_static * steady
 
 

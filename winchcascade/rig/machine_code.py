@@ -10,7 +10,17 @@ import numpy as np
 from winchcascade.core.rig_toml import built_in
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.bridge import back_emfs, blended_table
-from winchcascade.rig.kernel import LINE, SHAFT, STATE, constants, directions, run_line, run_steady, solve_shaft
+from winchcascade.rig.kernel import (
+    LINE,
+    SHAFT,
+    STATE,
+    constants,
+    directions,
+    driven_shaft,
+    run_line,
+    run_steady,
+    solve_shaft,
+)
 from winchcascade.rig.readings import (
     TRUE,
     Averages,
@@ -32,7 +42,7 @@ def compile_model() -> None:
     numbers, table = constants(model, 36.0), blended_table(0.0, 0.0)
     state = np.empty((motion.t.size, len(STATE)))
     shaft = solve_shaft(motion.v, motion.step, numbers, 1, state)
-    run_steady(motion.v, motion.step, numbers, table, 1, np.empty_like(shaft))
+    run_steady(driven_shaft(motion.v, motion.step, numbers), 1, np.empty_like(shaft))
     run_line(motion, directions(motion.v), numbers, shaft[:, 0].copy(), np.empty((motion.t.size, len(LINE))))
     tangent = tangent_of(motion.v, motion.step, numbers, state, 1, [])
     solved = shaft[:, [SHAFT.index("clutch"), SHAFT.index("vdc")]].T.copy()

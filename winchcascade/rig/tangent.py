@@ -5,15 +5,22 @@ One pass costs about as much as two solutions, for any number of derivatives; di
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import msgspec
 import numpy as np
 from numba import njit
 
 from winchcascade.core.run import Signal
-from winchcascade.rig.bridge import FASTMATH, blended_table, bridge_slopes
-from winchcascade.rig.kernel import MOST_RETURNED, TURN, Constants, rolloff_at, weakened_bridge
+from winchcascade.rig.bridge import FASTMATH, bridge_slopes
+from winchcascade.rig.kernel import (
+    MOST_RETURNED,
+    TURN,
+    Constants,
+    DrivenShaft,
+    driven_shaft,
+    rolloff_at,
+    weakened_bridge,
+)
 from winchcascade.rig.parts import ROLLOFF_KNOTS
 
 NUMBERS = (
@@ -65,16 +72,6 @@ class Tangent(msgspec.Struct, frozen=True):
         return moves
 
 
-class _Solved(NamedTuple):
-    """The state of a solution of the shaft, (n, 3), with what `run_shaft` made it from, the table of the bridge included."""
-
-    v: Signal
-    dt: float
-    numbers: Constants
-    table: Signal
-    state: Signal
-
-
 def direction(here: Constants, there: Constants) -> Direction:
     """Change of the roll-off from one set of numbers to another."""
     return tuple(
@@ -89,7 +86,7 @@ def tangent_of(
 
     Parameters
     ----------
-    v, dt, numbers : as the solution was made with
+    v, dt, numbers : as the solution was computed with
     state : (n, 3) as `kernel.solve_shaft` fills it
     every : number of steps from one at which derivatives are kept to the next
     ways : directions of the roll-off
@@ -102,21 +99,21 @@ def tangent_of(
         raise ValueError(f"{len(ways)} directions of the roll-off; at most {MOST_WAYS} are computed at once.")
     bent = np.array(ways, dtype=np.float64).reshape(-1, 2, len(ROLLOFF_KNOTS))
     kept = np.zeros((2, len(NUMBERS) + bent.shape[0], -(-v.size // every)))
-    table = blended_table(numbers.averaged, numbers.uncommutated)
-    run_tangent(_Solved(v, dt, numbers, table, state), every, bent, kept)
+    run_tangent(driven_shaft(v, dt, numbers), state, every, bent, kept)
     return Tangent(numbers, tuple(ways), kept)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FASTMATH)
-def run_tangent(solved: _Solved, every: int, bent: Signal, kept: Signal) -> None:
+def run_tangent(driven: DrivenShaft, state: Signal, every: int, bent: Signal, kept: Signal) -> None:
     """Compute derivatives along a solution, step by step as `run_shaft` made it.
 
     Parameters
     ----------
+    state : (n, 3) as `kernel.solve_shaft` fills it
     bent : (j, 2, knots) directions of the roll-off: change of the share at the knots, and of its slopes
     kept : (2, k, m) is filled with derivatives of the torque of the clutch and of the DC voltage
     """
-    v, dt, c, table, state = solved.v, solved.dt, solved.numbers, solved.table, solved.state
+    v, dt, c, table = driven.v, driven.dt, driven.numbers, driven.table
     size = kept.shape[1]
     rpm = 30.0 / math.pi
     share = c.eta_mesh / c.gear
