@@ -137,6 +137,7 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED, draws: int = DRAWS) -
     errors = 1 + len(model.sources) + len(model.stages)
     of_repeats, *strata = _strata_of(seed, draws, errors)
     spread = _spread(reduction, model, known, strata, seed, draws) if reduction.complete else {}
+    repeats = {n: _student(draws, n - 1)[of_repeats] for n in {model.rows[metric].size for metric in spread} if n > 1}
     drawn, whole, alone = {}, {}, {}
     for metric, x in spread.items():
         scatter = known.repeatability[metric] or 0.0
@@ -146,8 +147,7 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED, draws: int = DRAWS) -
         drawn[metric] = math.hypot(sensors, scatter)
         alone[metric] = whole[metric] = _interval(x, middle, sensors)
         if scatter:
-            repeated = scatter * _student(draws, model.rows[metric].size - 1)[of_repeats] + x
-            whole[metric] = _interval(repeated, middle, drawn[metric])
+            whole[metric] = _interval(scatter * repeats[model.rows[metric].size] + x, middle, drawn[metric])
     within = LINEAR_WITHIN * math.sqrt(max(1.0, DRAWS / draws))
     method: dict[str, Method] = {
         m: "gum" if abs(u - known.mean.value(m)) <= within * u else "monte_carlo" for m, u in drawn.items()

@@ -120,6 +120,8 @@ def single_spikes(bends: Bends) -> Index:
 
 def _begins(x: Signal, least: float) -> bool:
     """Whether the first sample is a spike, compared with the mirrored beginning of the log."""
+    if abs(x[0] - x[1]) <= least:  # most logs
+        return False
     mirrored = np.concatenate((x[2:0:-1], x[: 4 * AROUND]))
     return bool(_is_spike(mirrored, np.array([2]), least)[0])
 

@@ -66,7 +66,8 @@ def text_blocks(path: Path, encoding: str, skip: int) -> Iterator[Bytes]:
     decoder = codecs.getincrementaldecoder(encoding)(errors="replace") if encoding[:6] in ("utf-16", "utf-32") else None
     rest, old_mac = b"", False
     with path.open("rb", buffering=0) as file:
-        while data := file.read(BLOCK):
+        most = min(BLOCK, max(_HEAD, os.fstat(file.fileno()).st_size))  # a large buffer costs more than a short log
+        while data := file.read(most):
             if data[0] == 0 and not data.strip(b"\0"):
                 data = data[:1]  # one byte suffices for the megabytes that a logger reserved and never wrote
             if decoder is not None:

@@ -391,8 +391,6 @@ def recorded_step(phased: PhasedRun, name: str) -> float:
             logged &= (t[1:] <= begin) | (t[:-1] >= end)
         courses.append(change[logged])
         levels.append(run.channels[name][rows])
-    if switches(np.concatenate(levels)):
-        return 0.0
     changes = np.abs(np.concatenate(courses))
     changes = np.sort(changes[changes > ROUNDED * float(np.max(np.abs(phased.run.channels[name])))])
     if changes.size < FEWEST_CHANGES:
@@ -406,4 +404,4 @@ def recorded_step(phased: PhasedRun, name: str) -> float:
     alike = sum(
         np.count_nonzero((np.abs(np.diff(d)) < MULTIPLE * step) & (np.abs(d[1:]) > 0.5 * step)) for d in courses
     )
-    return 0.0 if alike > STRAIGHT * few.size else step
+    return 0.0 if alike > STRAIGHT * few.size or switches(np.concatenate(levels)) else step

@@ -120,8 +120,10 @@ def _significant_zero(phased: PhasedRun, channel: str, spans: list[Span]) -> flo
     read = _samples(phased, channel, spans)
     if read.size < FEWEST:
         return None
+    if abs(median(read)) < CERTAIN * u_zero:  # most sensors
+        return None
     zero, u = median_and_error(read)
-    return zero if abs(zero) >= max(CERTAIN * u_zero, CLEAR * u) else None
+    return zero if abs(zero) >= CLEAR * u else None
 
 
 def _computed(phased: PhasedRun, spans: list[Span]) -> list[Finding]:
