@@ -15,7 +15,7 @@ import numpy as np
 
 from winchcascade.core.accuracy import ErrorSource, error_sources
 from winchcascade.core.cascade import Cascade
-from winchcascade.core.integrate import integrals
+from winchcascade.core.integrate import integrals_of
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Index, Mask, Signal
 from winchcascade.reduction.efficiency import NOTHING, Metrics
@@ -127,18 +127,17 @@ def _stage_integrals(reduction: Reduction) -> dict[str, StageEnergy]:
     """Integrate what the energies of each measured stage are made of, over the window and the whole of every cycle."""
     run, rig, cycles = reduction.run, reduction.rig, reduction.cycles
     spans = spans_of([c.window for c in cycles], [c.phases for c in cycles], [c.net for c in cycles])
-    alone: dict[str, dict[str, Signal]] = {}
     products = {stage.name: stage.power(run.channels, rig.r_drum) for stage in rig.cascade.stages}
+    channels = dict.fromkeys(name for product in products.values() if product for name in product.channels)
+    streams = [run.channels[name].__getitem__ for name in channels]
+    whole = integrals_of(run.t, streams, np.concatenate(list(spans.values()))).reshape(len(channels), len(spans), -1)
+    alone = {name: dict(zip(spans, of_spans, strict=True)) for name, of_spans in zip(channels, whole, strict=True)}
     stages = {}
     for part, (stage, span) in rig.cascade.parts.items():
         energy, product = [c.metrics[f"energy_{part}"] for c in cycles], products[stage]
         if product is None or all(joule is None for joule in energy):
             continue
         names = product.channels
-        for name in names:
-            if name not in alone:
-                whole = integrals(run.t, run.channels[name].__getitem__, np.concatenate(list(spans.values())))
-                alone[name] = dict(zip(spans, np.split(whole, len(spans)), strict=True))
         t = spans[span][:, 1] - spans[span][:, 0]
         scale = SIGN.get(part, 1.0) * product.scale(rig.r_drum)
         stages[part] = StageEnergy(
