@@ -43,9 +43,22 @@ def quantile(x: Signal, q: float) -> float:
     return float(part[low] + (place - low) * (part[high] - part[low]))
 
 
+def quantiles_in_place(x: Signal, shares: Sequence[float]) -> list[float]:
+    """Quantiles of finite values as `quantile` gives them, without a copy: the values are put into another order."""
+    places = [q * (x.size - 1) for q in shares]
+    ends = [(int(place), min(int(place) + 1, x.size - 1)) for place in places]
+    x.partition([k for pair in ends for k in pair])
+    return [float(x[low] + (place - low) * (x[high] - x[low])) for place, (low, high) in zip(places, ends, strict=True)]
+
+
 def median(x: Signal) -> float:
     """Median of finite values; x must not be empty."""
     return quantile(x, 0.5)
+
+
+def largest(x: Signal) -> float:
+    """Largest magnitude of finite values, without a copy; x must not be empty."""
+    return max(float(x.max()), -float(x.min()))
 
 
 def median_and_error(x: Signal) -> tuple[float, float]:

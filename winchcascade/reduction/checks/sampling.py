@@ -19,7 +19,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.cascade import ELECTRICAL
-from winchcascade.core.integrate import integrals, median, quantile
+from winchcascade.core.integrate import integrals, largest, median, quantile
 from winchcascade.core.run import Finding, Run, Signal
 from winchcascade.ingest.checks.channel_findings import text_of
 from winchcascade.reduction.efficiency import NOTHING, ratio, runs_idle
@@ -392,7 +392,7 @@ def recorded_step(phased: PhasedRun, name: str) -> float:
         courses.append(change[logged])
         levels.append(run.channels[name][rows])
     changes = np.abs(np.concatenate(courses))
-    changes = np.sort(changes[changes > ROUNDED * float(np.max(np.abs(phased.run.channels[name])))])
+    changes = np.sort(changes[changes > ROUNDED * largest(phased.run.channels[name])])
     if changes.size < FEWEST_CHANGES:
         return 0.0
     step = changes[int(SMALL * changes.size)]
