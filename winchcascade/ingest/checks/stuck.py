@@ -145,9 +145,7 @@ def _held(x: Signal, t: Signal) -> tuple[Index, Index]:
 
 def _among(mask: Mask, first: Index, last: Index) -> Index:
     """Samples of each stretch at which a mask is set."""
-    edges = np.column_stack((first, last)).ravel()[: -1 if last[-1] == mask.size else None]
-    count: Index = np.add.reduceat(mask, edges, dtype=np.intp)[::2]
-    return count
+    return np.array([np.count_nonzero(mask[a:b]) for a, b in zip(first.tolist(), last.tolist(), strict=True)])
 
 
 def _apart(first: Index, last: Index, v: Signal, line: ObservedMotion, channels: Mapping[str, Signal]) -> Mask:
