@@ -40,6 +40,7 @@ def main() -> None:
         sys.stdout.flush()
         if code == _INTERRUPTED:
             raise KeyboardInterrupt
+        gc.freeze()  # the search for unused objects at the end of the process takes a tenth of the time of `reduce`
         sys.exit(code)
     except KeyboardInterrupt:
         _exit_with(f"interrupted; {_KEPT}", code=_INTERRUPTED)

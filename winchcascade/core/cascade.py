@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -211,6 +211,7 @@ def efficiency_name(into: str, out: str) -> str:
     return _PAPER_NAMES.get((into, out)) or f"eta_{into}_{out}"
 
 
+@cache
 def field_of(metric: str) -> str:
     """Name of a metric in written files: with its unit.
 

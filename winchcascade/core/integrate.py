@@ -7,7 +7,7 @@ white noise.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -43,9 +43,22 @@ def quantile(x: Signal, q: float) -> float:
     return float(part[low] + (place - low) * (part[high] - part[low]))
 
 
+def quantiles_in_place(x: Signal, shares: Sequence[float]) -> list[float]:
+    """Quantiles of finite values as `quantile` gives them, without a copy: the values are put into another order."""
+    places = [q * (x.size - 1) for q in shares]
+    ends = [(int(place), min(int(place) + 1, x.size - 1)) for place in places]
+    x.partition([k for pair in ends for k in pair])
+    return [float(x[low] + (place - low) * (x[high] - x[low])) for place, (low, high) in zip(places, ends, strict=True)]
+
+
 def median(x: Signal) -> float:
     """Median of finite values; x must not be empty."""
     return quantile(x, 0.5)
+
+
+def largest(x: Signal) -> float:
+    """Largest magnitude of finite values, without a copy; x must not be empty."""
+    return max(float(x.max()), -float(x.min()))
 
 
 def median_and_error(x: Signal) -> tuple[float, float]:
@@ -103,39 +116,47 @@ def integrals(t: Signal, stream: Stream, windows: Signal) -> Signal:
     >>> integrals(np.array([0.0, 1.0, 2.0]), x.__getitem__, np.array([[0.5, 1.5]])).tolist()
     [2.0]
     """
-    at = np.clip(np.searchsorted(t, windows, side="right") - 1, 0, t.size - 2)
+    return integrals_of(t, [stream], windows)[0]
+
+
+def integrals_of(t: Signal, streams: Sequence[Stream], windows: Signal) -> Signal:
+    """Integrate several signals over the same windows, (m, k): as `integrals`, with the places of the windows found once."""
+    at = np.minimum(np.maximum(np.searchsorted(t, windows, side="right") - 1, 0), t.size - 2)
     ends = at.ravel()
     order = np.argsort(ends, kind="stable")
-    whole = np.empty(ends.size)
-    whole[order] = running(t, stream, ends[order])
-    return np.diff(whole.reshape(-1, 2) + _within(t, stream, at, windows))[:, 0]
+    whole = np.empty((len(streams), ends.size))
+    whole[:, order] = _running(t, streams, ends[order])
+    into = windows - t[at]
+    half_share = 0.5 * (into / (t[at + 1] - t[at]))
+    for row, stream in zip(whole, streams, strict=True):  # on to each end, along the straight line between two samples
+        before, after = stream(at), stream(at + 1)
+        row += (into * (before + half_share * (after - before))).ravel()
+    return np.asarray(whole[:, 1::2] - whole[:, ::2])
 
 
 def running(t: Signal, stream: Stream, ends: Index) -> Signal:
     """Integrate a signal from the first of some samples, (k,) in rising order, to each of them, (k,)."""
-    steps = np.zeros(ends.size)
+    return _running(t, [stream], ends)[0]
+
+
+def _running(t: Signal, streams: Sequence[Stream], ends: Index) -> Signal:
+    steps = np.zeros((len(streams), ends.size))
     if ends.size == 0:
         return steps
     for start in range(int(ends[0]), int(ends[-1]), BLOCK):
         stop = min(start + BLOCK, int(ends[-1]))
-        x = stream(slice(start, stop + 1))
-        area = np.zeros(x.size)  # one more than there are steps, so that a cut may lie at the very end
-        np.multiply(x[1:] + x[:-1], np.diff(t[start : stop + 1]), out=area[:-1])
+        interval = np.diff(t[start : stop + 1])
         first, last = np.searchsorted(ends, (start, stop), side="right")
         cuts = np.concatenate(([0], ends[first:last] - start))
-        parts = np.add.reduceat(area, cuts)
-        parts[:-1][cuts[1:] == cuts[:-1]] = 0.0  # reduceat gives the sample itself for a part without length
-        steps[first : last + 1] += parts[: ends.size - first]
-    return np.cumsum(0.5 * steps)
-
-
-def _within(t: Signal, stream: Stream, at: Index, instant: Signal) -> Signal:
-    """Integral from sample `at` to an instant before the next one, along the straight line between the two."""
-    before, after = stream(at), stream(at + 1)
-    into = instant - t[at]
-    share = into / (t[at + 1] - t[at])
-    part: Signal = into * (before + 0.5 * share * (after - before))
-    return part
+        without_length = np.flatnonzero(cuts[1:] == cuts[:-1])
+        area = np.zeros(interval.size + 1)  # one more than there are steps, so that a cut may lie at the very end
+        for row, stream in zip(steps, streams, strict=True):
+            x = stream(slice(start, stop + 1))
+            np.multiply(x[1:] + x[:-1], interval, out=area[:-1])
+            parts = np.add.reduceat(area, cuts)
+            parts[without_length] = 0.0  # reduceat gives the sample itself for a part without length
+            row[first : last + 1] += parts[: ends.size - first]
+    return np.cumsum(0.5 * steps, axis=1)
 
 
 def means(t: Signal, stream: Stream, windows: Signal) -> Signal:

@@ -46,7 +46,6 @@ def local_quadratic(t: Signal, x: Signal, width: float) -> Signal:
     half = int(width / 2 / usual + 1e-6)
     if half < 1:
         return x.copy()
-    smoothed = x.copy()
     if t.size > 2 * half:  # a width of more intervals than the log has would make as many weights
         k = np.arange(
             -half, half + 1.0
@@ -54,6 +53,8 @@ def local_quadratic(t: Signal, x: Signal, width: float) -> Signal:
         weights = 3.0 * (3.0 * half * half + 3.0 * half - 1.0 - 5.0 * k * k)
         weights /= (2.0 * half - 1.0) * (2.0 * half + 1.0) * (2.0 * half + 3.0)
         smoothed = np.convolve(x, weights, mode="same")
+    else:
+        smoothed = x.copy()
     by_fit = _near(_uneven(t, usual), half, t.size)
     smoothed[by_fit] = _fit(t, x, by_fit, max(width / 2, usual) * (1 + 1e-6))
     return smoothed

@@ -267,8 +267,12 @@ def _known_units(row: Sequence[str]) -> int:
 
 def decimal_sign(rows: Sequence[Sequence[str]]) -> str:
     """Decimal sign: a comma if more numbers hold a comma than a point."""
-    numbers = [c for row in rows for c in row if looks_like_a_number(c)]
-    return "," if sum("," in c for c in numbers) > sum("." in c for c in numbers) else "."
+
+    def numbers_with(sign: str) -> int:
+        return sum(sign in cell and looks_like_a_number(cell) for row in rows for cell in row)
+
+    commas = numbers_with(",")
+    return "," if commas and commas > numbers_with(".") else "."
 
 
 def preamble_properties(above: Sequence[str]) -> dict[str, str]:

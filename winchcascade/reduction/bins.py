@@ -99,33 +99,34 @@ def bin_powers(
         the torque [N m]
     width : of a bin [rpm]
     """
-    rows = np.flatnonzero(driven)
-    if rows.size == 0:
+    if not driven.any():
         return ()
-    number = np.floor(speed[rows] * (rpm / width)).astype(np.intp)
-    low = int(number.min())
-    number -= low
-    count = np.bincount(number)
-    found = {s: None if x is None else _mean_and_error(rows, number, x, count) for s, x in powers.items()}
+    per = rpm / width
+    ends = np.array([speed.min(initial=np.inf, where=driven), speed.max(initial=-np.inf, where=driven)])
+    low, high = sorted(np.floor(ends * per).astype(np.intp).tolist())
+    count = np.zeros(high - low + 1, dtype=np.intp)
+    sums = {name: (x, np.zeros((2, count.size))) for name, x in powers.items() if x is not None}
+    for start in range(0, driven.size, BLOCK):
+        part = slice(start, start + BLOCK)
+        rows = np.flatnonzero(driven[part])
+        number = np.floor(speed[part][rows] * per).astype(np.intp) - low
+        count += np.bincount(number, minlength=count.size)
+        for stream, total in sums.values():
+            x = stream(part)[rows]
+            total[0] += np.bincount(number, weights=x, minlength=count.size)
+            total[1] += np.bincount(number, weights=x * x, minlength=count.size)
+    found = {name: _mean_and_error(*total, count) for name, (_, total) in sums.items()}
     bins = []
     for k in np.flatnonzero(count).tolist():
-        mean = {name: None if both is None else float(both[0][k]) for name, both in found.items()}
-        error = {name: None if both is None or count[k] < 2 else float(both[1][k]) for name, both in found.items()}
+        mean = {name: float(found[name][0][k]) if name in found else None for name in powers}
+        error = {name: float(found[name][1][k]) if name in found and count[k] > 1 else None for name in powers}
         torque, torque_error = mean.pop(TORQUE, None), error.pop(TORQUE, None)
         bins.append(Bin((low + k) * width, (low + k + 1) * width, int(count[k]), mean, error, torque, torque_error))
     return tuple(bins)
 
 
-def _mean_and_error(rows: Index, number: Index, power: Stream, count: Index) -> tuple[Signal, Signal]:
-    """Mean and standard error of a power in each bin, summed block by block."""
-    total, square = np.zeros(count.size), np.zeros(count.size)
-    for start in range(int(rows[0]), int(rows[-1]) + 1, BLOCK):
-        first, last = np.searchsorted(rows, (start, start + BLOCK))
-        if first == last:
-            continue
-        x = power(slice(start, start + BLOCK))[rows[first:last] - start]
-        total += np.bincount(number[first:last], weights=x, minlength=count.size)
-        square += np.bincount(number[first:last], weights=x * x, minlength=count.size)
+def _mean_and_error(total: Signal, square: Signal, count: Index) -> tuple[Signal, Signal]:
+    """Mean and standard error of a power in each bin, from the sums of its samples and of their squares."""
     n = np.maximum(count, 1)
     mean = total / n
     error: Signal = np.sqrt(np.maximum(square / n - mean * mean, 0.0) / np.maximum(n - 1, 1))

@@ -100,15 +100,27 @@ def changes_within(
     bridged : what bridging gaps may have changed of each cycle's energy, by stage [J]
     run : an open circuit has no efficiency of interest
     """
+    without_noise = compare_cycles(cycles, rig, bridged, run, noise={})
+    if not any(found.chance <= ALPHA for found in without_noise):  # noise makes a change less significant
+        return []
     return [_finding(found) for found in compare_cycles(cycles, rig, bridged, run) if found.reported]
 
 
 def compare_cycles(
-    cycles: Sequence[CycleResult], rig: Rig, bridged: Mapping[str, tuple[float, ...]], run: Run
+    cycles: Sequence[CycleResult],
+    rig: Rig,
+    bridged: Mapping[str, tuple[float, ...]],
+    run: Run,
+    *,
+    noise: Mapping[str, float] | None = None,
 ) -> list[CycleComparison]:
     """Compare the cycles of a log by each efficiency, parameters as of `changes_within`.
 
     Every split into first and last cycles is compared, every cycle with the others, and a straight line is fitted to all.
+
+    Parameters
+    ----------
+    noise : of the energies of the stages as `energy_noise` gives it, which is the default [1]
     """
     if run.open_circuit or not rig.cascade.neighbours:
         return []
@@ -116,7 +128,8 @@ def compare_cycles(
     last, overall = cascade.neighbours[-1], cascade.overall
     if runs_idle([c.metrics[last] if c.metrics[overall] is None else c.metrics[overall] for c in whole]):
         return []
-    noise = energy_noise(run, rig, [c.window for c in whole])
+    if noise is None:
+        noise = energy_noise(run, rig, [c.window for c in whole])
     ratios = cascade.ratios
     given = {m: [k for k, c in enumerate(cycles) if c.complete and c.metrics[m] is not None] for m in ratios}
     tested = [m for m in cascade.neighbours if len(given[m]) > 1] or [overall] * (len(given[overall]) > 1)

@@ -10,13 +10,14 @@ fill the space of the errors evenly, so that 8191 of them determine an interval 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache, lru_cache
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import msgspec
 import numpy as np
 
+from winchcascade.core.accuracy import ErrorSource
 from winchcascade.core.errors import OptionError
 from winchcascade.core.run import Index, Signal
 from winchcascade.reduction.efficiency import Metrics
@@ -64,6 +65,10 @@ MOST_CYCLES = 250
 LINEAR_WITHIN = 0.02
 """Where the standard uncertainties of Monte Carlo and budget differ by more than this share, the Monte Carlo's is stated. Fewer
 draws than 8191 may differ by more: the share grows with the inverse of the square root of their number."""
+
+INNER = 1.5
+"""Part of a distribution in which no end of an interval is sought, in standard deviations on either side of the mean: 6.7 % of
+a rectangular or a normal distribution lie beyond either side of it, and more of Student's."""
 
 SMALL = 0.1
 """Errors that change no energy by more than this share act linearly to within a percent."""
@@ -130,18 +135,19 @@ def uncertainty(reduction: Reduction, *, seed: int = SEED, draws: int = DRAWS) -
     model = error_model(reduction)
     known = budget(reduction, model)
     errors = 1 + len(model.sources) + len(model.stages)
-    strata = iter((_kept_strata if draws == DRAWS else _strata)(seed, draws, errors))
-    of_repeats = next(strata)
-    spread = _spread(reduction, model, known, strata, draws) if reduction.complete else {}
+    of_repeats, *strata = _strata_of(seed, draws, errors)
+    spread = _spread(reduction, model, known, strata, seed, draws) if reduction.complete else {}
+    repeats = {n: _student(draws, n - 1)[of_repeats] for n in {model.rows[metric].size for metric in spread} if n > 1}
     drawn, whole, alone = {}, {}, {}
     for metric, x in spread.items():
         scatter = known.repeatability[metric] or 0.0
-        about = x - x.mean()
-        drawn[metric] = math.sqrt(float(about @ about) / x.size + scatter**2)
+        middle = float(x.mean())
+        about = x - middle
+        sensors = math.sqrt(float(about @ about) / x.size)
+        drawn[metric] = math.hypot(sensors, scatter)
+        alone[metric] = whole[metric] = _interval(x, middle, sensors)
         if scatter:
-            whole[metric] = _interval(scatter * _student(draws, model.rows[metric].size - 1)[of_repeats] + x)
-        alone[metric] = _interval(x)
-        whole.setdefault(metric, alone[metric])
+            whole[metric] = _interval(scatter * repeats[model.rows[metric].size] + x, middle, drawn[metric])
     within = LINEAR_WITHIN * math.sqrt(max(1.0, DRAWS / draws))
     method: dict[str, Method] = {
         m: "gum" if abs(u - known.mean.value(m)) <= within * u else "monte_carlo" for m, u in drawn.items()
@@ -168,6 +174,10 @@ def _strata(seed: int, draws: int, errors: int) -> tuple[Index, ...]:
 
 _kept_strata = lru_cache(maxsize=8)(_strata)
 """Strata of the default number of draws, which are the same for every log of a batch."""
+
+
+def _strata_of(seed: int, draws: int, errors: int) -> tuple[Index, ...]:
+    return (_kept_strata if draws == DRAWS else _strata)(seed, draws, errors)
 
 
 @cache
@@ -216,21 +226,28 @@ def _student(draws: int, freedom: int = MOST_FREEDOM) -> Signal:
     return quantiles
 
 
-def _interval(x: Signal) -> Interval:
-    """Interval that leaves 2.5 % of the draws on either side; puts the draws into another order."""
+def _interval(x: Signal, middle: float, spread: float) -> Interval:
+    """Interval that leaves 2.5 % of the draws on either side.
+
+    Only the draws in the tails are put in order, unless these hold less than 2.5 % of all.
+
+    Parameters
+    ----------
+    middle, spread : mean and standard deviation of the draws, roughly
+    """
     k = round(0.025 * x.size)
-    x.partition(k)  # numpy finds a single place several times as fast as two at once
-    low, above = float(x[k]), x[k:]
-    above.partition(above.size - 1 - k)
-    return Interval(low, float(above[above.size - 1 - k]))
+    low, high = x[x < middle - INNER * spread], x[x > middle + INNER * spread]
+    if min(low.size, high.size) <= k:
+        low = high = x
+    return Interval(float(np.partition(low, k)[k]), float(np.partition(high, high.size - 1 - k)[high.size - 1 - k]))
 
 
 def _spread(
-    reduction: Reduction, model: ErrorModel, known: Budget, strata: Iterator[Index], draws: int
+    reduction: Reduction, model: ErrorModel, known: Budget, strata: Sequence[Index], seed: int, draws: int
 ) -> dict[str, Signal]:
     """Means of the metrics for drawn errors, (draws,) each; nothing for a metric without an accuracy."""
     ratios = model.cascade.all_ratios
-    drawn = _draw(model, strata, draws)
+    drawn = _draw(model, strata, seed, draws)
     spread = {}
     for metric in model.cascade.all_metrics:
         if known.mean[metric] is None:
@@ -256,47 +273,67 @@ class _Drawn(msgspec.Struct, frozen=True):
     stage: StageEnergy
     parts: Signal
     weights: Signal
-    factor: Signal | float
+    factor: Signal
 
 
-def _draw(model: ErrorModel, strata: Iterator[Index], draws: int) -> dict[str, _Drawn]:
-    """Energies that channels without errors would have given, (1 + gain) x + zero being read of x."""
-    errors: dict[tuple[str, str], Signal] = {}
-    rectangular = _rectangular(draws)
-    for s in model.sources:
-        drawn_error = s.u * _student(draws)[next(strata)] if s.limit is None else s.limit * rectangular[next(strata)]
-        errors[s.channel, s.part] = errors.get((s.channel, s.part), 0.0) + drawn_error  # sensor and acquisition system
+def _draw(model: ErrorModel, strata: Sequence[Index], seed: int, draws: int) -> dict[str, _Drawn]:
+    """Energies that channels without errors would have given, (1 + gain) x + zero being read of x.
+
+    Parameters
+    ----------
+    strata : of each source, and then of each stage
+    """
+    of_gaps = iter(strata[len(model.sources) :])
     limit = sampling_limit(model.stages) or 1.0
+    powers = tuple(_Power(stage.first, stage.second, stage.scale, stage.by_radius) for stage in model.stages.values())
+    weights = (_kept_weights if draws == DRAWS else _weights)(model.sources, powers, seed, draws)
     drawn = {}
-    known: dict[tuple[str, str, bool, float], tuple[Signal, Signal | float]] = {}
-    for name, stage in model.stages.items():
+    for (name, stage), power in zip(model.stages.items(), powers, strict=True):
         rows = model.rows[f"energy_{name}"]
         energy = abs(float(np.sum(stage.energy[rows])))
         share = float(np.sqrt(np.sum(stage.bridged[rows] ** 2) / 3.0)) / energy if energy > 0 else 0.0
         parts = np.column_stack((stage.xy, stage.x, stage.y, stage.t, stage.sampled / limit))
+        weight, factor = weights[power]
         if share > 0.0:  # by what bridged gaps may have changed
-            changed = 1.0 + share * _student(draws)[next(strata)]
-            drawn[name] = _Drawn(stage, parts, *_weighted(stage, errors, changed, draws))
-            continue
-        alike = stage.first, stage.second or "", stage.by_radius, stage.scale  # several spans of the same power
-        if alike not in known:
-            known[alike] = _weighted(stage, errors, 1.0, draws)
-        drawn[name] = _Drawn(stage, parts, *known[alike])
+            factor = factor * (1.0 + share * _student(draws)[next(of_gaps)])
+        drawn[name] = _Drawn(stage, parts, weight, factor)
     return drawn
 
 
-def _weighted(
-    stage: StageEnergy, errors: Mapping[tuple[str, str], Signal], factor: Signal | float, draws: int
-) -> tuple[Signal, Signal | float]:
-    """Weights and factor of the energies of a stage for drawn errors, as `_Drawn` holds them, from a factor of its own."""
-    for channel in (stage.first, stage.second or "", R_DRUM if stage.by_radius else ""):
-        factor = factor / (1.0 + errors.get((channel, "gain"), 0.0))
-    zero_x, zero_y = (errors.get((channel or "", "zero"), 0.0) for channel in (stage.first, stage.second))
-    weights = np.empty((5, draws))
-    for row, weight in enumerate((1.0, -zero_y, -zero_x, zero_x * zero_y)):
-        weights[row] = stage.scale * weight
-    weights[4] = errors.get((SAMPLING, "gain"), 0.0)
-    return weights, factor
+class _Power(NamedTuple):
+    """What an energy is the integral of, as of `StageEnergy`; several spans may share it."""
+
+    first: str
+    second: str | None
+    scale: float
+    by_radius: bool
+
+
+def _weights(
+    sources: tuple[ErrorSource, ...], powers: tuple[_Power, ...], seed: int, draws: int
+) -> dict[_Power, tuple[Signal, Signal]]:
+    """Weights and factor of each power for drawn errors, as `_Drawn` holds them."""
+    errors: dict[tuple[str, str], Signal] = {}
+    rectangular = _rectangular(draws)
+    for s, stratum in zip(sources, _strata_of(seed, draws, 1 + len(sources))[1:], strict=True):
+        drawn_error = s.u * _student(draws)[stratum] if s.limit is None else s.limit * rectangular[stratum]
+        errors[s.channel, s.part] = errors.get((s.channel, s.part), 0.0) + drawn_error  # sensor and acquisition system
+    found = {}
+    for power in dict.fromkeys(powers):
+        factor = np.ones(draws)
+        for channel in (power.first, power.second or "", R_DRUM if power.by_radius else ""):
+            factor = factor / (1.0 + errors.get((channel, "gain"), 0.0))
+        zero_x, zero_y = (errors.get((channel or "", "zero"), 0.0) for channel in (power.first, power.second))
+        weights = np.empty((5, draws))
+        for row, weight in enumerate((1.0, -zero_y, -zero_x, zero_x * zero_y)):
+            weights[row] = power.scale * weight
+        weights[4] = errors.get((SAMPLING, "gain"), 0.0)
+        found[power] = weights, factor
+    return found
+
+
+_kept_weights = lru_cache(maxsize=4)(_weights)
+"""Weights of the default number of draws, which are the same for all logs of a batch with the same sensors and channels."""
 
 
 def _ratio(out: _Drawn, into: _Drawn, rows: Index, mean: float) -> Signal:

@@ -99,7 +99,8 @@ def _reciprocating(phased: PhasedRun) -> str:
     ends = np.array([(wave.onset, wave.haul_in[1]) for wave in waves if wave.haul_in is not None])
     period = median(ends[:, 1] - ends[:, 0])
     first, last = np.searchsorted(run.t, (ends[0, 0], ends[-1, 1]))
-    resting = float(np.mean(np.abs(v_smooth[first:last]) < v_onset))
+    between = v_smooth[first:last]
+    resting = float(np.mean((between < v_onset) & (between > -v_onset)))
     if period > SEA_PERIOD or resting > RESTS:
         return ""
     return (

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.cascade import BUILT_IN
-from winchcascade.core.integrate import Stream, extremes, integrals, means
+from winchcascade.core.integrate import Stream, extremes, integrals, integrals_of
 from winchcascade.core.run import Signal
 from winchcascade.reduction.phased_run import PhasedRun, span_end
 from winchcascade.reduction.phases import Cycle
@@ -182,9 +182,10 @@ def _means(phased: PhasedRun, names: Sequence[str], windows: Signal) -> list[lis
     signals |= {
         f"power_{stage.name}": stage.stream(run.channels, phased.rig.r_drum) for stage in phased.rig.cascade.stages
     }
+    known = {k: x for k, name in enumerate(names) if (x := signals.get(name)) is not None}
+    length = windows[:, 1] - windows[:, 0]
     columns = np.full((len(windows), len(names)), np.nan)
-    for k, name in enumerate(names):
-        x = signals.get(name)
-        if x is not None:
-            columns[:, k] = means(run.t, x, windows)
+    columns[:, list(known)] = (
+        integrals_of(run.t, list(known.values()), windows) / np.where(length > 0, length, np.nan)
+    ).T
     return [[value if math.isfinite(value) else None for value in row] for row in columns.tolist()]

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from winchcascade.core.cascade import Product, Stage
 from winchcascade.core.errors import LogError, OptionError
-from winchcascade.core.integrate import integrals
+from winchcascade.core.integrate import integrals, largest
 from winchcascade.core.jobs import side_by_side
 from winchcascade.core.rig_file import Rig, WindowRule
 from winchcascade.core.rig_toml import built_in
@@ -255,7 +255,7 @@ def _bins(phased: PhasedRun, windows: Sequence[Window]) -> tuple[Bin, ...]:
     if found is None:
         return ()
     speed, rpm = found
-    most = float(np.max(np.abs(speed))) * rpm / rig.thresholds.rpm_bin
+    most = largest(speed) * rpm / rig.thresholds.rpm_bin
     if most > MOST_BINS:
         raise OptionError(
             f"{run.name}: {most:.3g} bins of {rig.thresholds.rpm_bin:g} rpm; expected at most {MOST_BINS}. Check gear_ratio, "

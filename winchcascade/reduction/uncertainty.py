@@ -15,7 +15,7 @@ import numpy as np
 
 from winchcascade.core.accuracy import ErrorSource, error_sources
 from winchcascade.core.cascade import Cascade
-from winchcascade.core.integrate import integrals
+from winchcascade.core.integrate import integrals_of
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Index, Mask, Signal
 from winchcascade.reduction.efficiency import NOTHING, Metrics
@@ -127,18 +127,17 @@ def _stage_integrals(reduction: Reduction) -> dict[str, StageEnergy]:
     """Integrate what the energies of each measured stage are made of, over the window and the whole of every cycle."""
     run, rig, cycles = reduction.run, reduction.rig, reduction.cycles
     spans = spans_of([c.window for c in cycles], [c.phases for c in cycles], [c.net for c in cycles])
-    alone: dict[str, dict[str, Signal]] = {}
     products = {stage.name: stage.power(run.channels, rig.r_drum) for stage in rig.cascade.stages}
+    channels = dict.fromkeys(name for product in products.values() if product for name in product.channels)
+    streams = [run.channels[name].__getitem__ for name in channels]
+    whole = integrals_of(run.t, streams, np.concatenate(list(spans.values()))).reshape(len(channels), len(spans), -1)
+    alone = {name: dict(zip(spans, of_spans, strict=True)) for name, of_spans in zip(channels, whole, strict=True)}
     stages = {}
     for part, (stage, span) in rig.cascade.parts.items():
         energy, product = [c.metrics[f"energy_{part}"] for c in cycles], products[stage]
         if product is None or all(joule is None for joule in energy):
             continue
         names = product.channels
-        for name in names:
-            if name not in alone:
-                whole = integrals(run.t, run.channels[name].__getitem__, np.concatenate(list(spans.values())))
-                alone[name] = dict(zip(spans, np.split(whole, len(spans)), strict=True))
         t = spans[span][:, 1] - spans[span][:, 0]
         scale = SIGN.get(part, 1.0) * product.scale(rig.r_drum)
         stages[part] = StageEnergy(
@@ -173,22 +172,19 @@ def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
     cascade = model.cascade
     given = [m for m in cascade.all_metrics if reduction.mean[m] is not None]
     stated = [m for m in cascade.all_metrics if _stages_of(cascade, m) <= measured]
-    reach, gains = _reach(model, np.array([c.complete for c in reduction.cycles], dtype=bool))
+    slopes = _energy_slopes(model)
+    reach, gains = _reach(model, slopes, np.array([c.complete for c in reduction.cycles], dtype=bool))
     undetermined = [m for m in stated if m in given and _is_undetermined(cascade, m, reach, gains)]
     stated = [m for m in stated if m not in undetermined]
     rows: list[BudgetRow] = []
     square = {m: np.zeros(len(reduction.cycles)) for m in stated}
     mean_square = dict.fromkeys(stated, 0.0)
-    errors = energy_errors(model)
-    for shared in (True, False):
-        alike = [(source, of) for source, of in errors if (source is not None) == shared]
-        if not alike:
-            continue
-        joules = {name: np.array([of[name] for _, of in alike]) for name in stages}
+    for sources, joules in _errors_alike(model, slopes):
+        shared = sources != (None,)
         changed = _of_metrics(joules, model, stated, independent=not shared)
         of = {m: _of_mean(x[:, rows_of[m]], shared=shared) for m, x in changed.items() if m in given}
         rows += [
-            BudgetRow(source, Metrics({m: float(u[k]) for m, u in of.items()})) for k, (source, _) in enumerate(alike)
+            BudgetRow(source, Metrics({m: float(u[k]) for m, u in of.items()})) for k, source in enumerate(sources)
         ]
         for m, x in changed.items():
             square[m] += np.sum(x**2, axis=0)
@@ -215,16 +211,16 @@ def budget(reduction: Reduction, model: ErrorModel | None = None) -> Budget:
     )
 
 
-def _reach(model: ErrorModel, complete: Mask) -> tuple[dict[str, float], dict[str, float]]:
+def _reach(
+    model: ErrorModel, slopes: Mapping[str, Signal], complete: Mask
+) -> tuple[dict[str, float], dict[str, float]]:
     """Largest share of the energy of each stage, in any cycle, that all errors together could change, and that gains could."""
     most = np.array([NORMAL_REACH * s.u if s.limit is None else s.limit for s in model.sources])
     is_gain = np.array([s.part == "gain" for s in model.sources], dtype=bool)
     reach, gains = {}, {}
     for name, stage in model.stages.items():
         energy = np.maximum(np.abs(stage.energy), NOTHING)
-        share = np.max(
-            (np.abs(_energy_slopes(model, stage)) / energy)[:, complete & (stage.t > 0)], axis=1, initial=0.0
-        )
+        share = np.max((np.abs(slopes[name]) / energy)[:, complete & (stage.t > 0)], axis=1, initial=0.0)
         reach[name], gains[name] = float(most @ share), float(np.sum(most[is_gain & (share > 0.0)]))
     return reach, gains
 
@@ -292,31 +288,44 @@ def energy_errors(model: ErrorModel) -> list[tuple[ErrorSource | None, dict[str,
 
     The last row, without a source, is what bridged gaps may have changed, as a standard uncertainty.
     """
-    stages = model.stages.items()
-    errors: list[tuple[ErrorSource | None, dict[str, Signal]]] = [
-        (source, {name: source.u * _energy_slope(source, stage) for name, stage in stages}) for source in model.sources
+    return [
+        (source, {name: changed[k] for name, changed in joules.items()})
+        for sources, joules in _errors_alike(model, _energy_slopes(model))
+        for k, source in enumerate(sources)
     ]
-    if any(stage.bridged.any() for _, stage in stages):
-        errors.append((None, {name: stage.bridged / math.sqrt(3.0) for name, stage in stages}))
-    return errors
 
 
-def _energy_slopes(model: ErrorModel, stage: StageEnergy) -> Signal:
-    """Change of a stage's energy with each of n sources, (n, k)."""
-    return np.array([_energy_slope(source, stage) for source in model.sources]).reshape(-1, stage.xy.size)
+def _errors_alike(
+    model: ErrorModel, slopes: Mapping[str, Signal]
+) -> list[tuple[tuple[ErrorSource | None, ...], dict[str, Signal]]]:
+    """The n sources that act on all cycles at once, and None for the bridged gaps, which do not; each with the changes of the
+    energies by one standard uncertainty, (n, k). [J]
+    """
+    u = np.array([source.u for source in model.sources])[:, None]
+    errors: list[tuple[tuple[ErrorSource | None, ...], dict[str, Signal]]] = []
+    if model.sources:
+        errors.append((model.sources, {name: u * slope for name, slope in slopes.items()}))
+    bridged = {name: stage.bridged[None] / math.sqrt(3.0) for name, stage in model.stages.items()}
+    return [*errors, ((None,), bridged)] if any(part.any() for part in bridged.values()) else errors
 
 
-def _energy_slope(source: ErrorSource, stage: StageEnergy) -> Signal:
-    """Change of a stage's energy with a source, (k,): what is read too high has to be taken off."""
-    if source.channel == R_DRUM:
-        return -stage.energy if stage.by_radius else np.zeros_like(stage.xy)
-    if source.channel == SAMPLING:
-        return stage.sampled / (source.limit or 1.0)
-    if source.channel not in (stage.first, stage.second):
-        return np.zeros_like(stage.xy)
-    if source.part == "gain":
-        return -stage.energy
-    return -stage.scale * (stage.y if source.channel == stage.first else stage.x)
+def _energy_slopes(model: ErrorModel) -> dict[str, Signal]:
+    """Change of the energy of each stage with each of n sources, (n, k)."""
+    return {name: _stage_slopes(model.sources, stage) for name, stage in model.stages.items()}
+
+
+def _stage_slopes(sources: Sequence[ErrorSource], stage: StageEnergy) -> Signal:
+    """Change of a stage's energy with each of n sources, (n, k): what is read too high has to be taken off."""
+    slopes = np.zeros((len(sources), stage.xy.size))
+    for slope, source in zip(slopes, sources, strict=True):
+        if source.channel == SAMPLING:
+            slope[:] = stage.sampled / (source.limit or 1.0)
+        elif source.channel == R_DRUM:
+            slope[:] = -stage.energy if stage.by_radius else 0.0
+        elif source.channel in (stage.first, stage.second):
+            other = stage.y if source.channel == stage.first else stage.x
+            slope[:] = -stage.energy if source.part == "gain" else -stage.scale * other
+    return slopes
 
 
 def _of_metrics(

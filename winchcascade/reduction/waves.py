@@ -26,11 +26,14 @@ def find_waves(t: Signal, v_smooth: Signal, v_onset: float) -> list[Cycle]:
     [(0.5, 1.5), (2.5, 3.5), (4.5, 5.5), (6.5, 7.5)]
     """
     side = (v_smooth > v_onset).astype(np.int8) - (v_smooth < -v_onset).astype(np.int8)
-    fast = np.flatnonzero(side)
-    if fast.size == 0:
+    edges = np.concatenate(([0], np.flatnonzero(side[1:] != side[:-1]) + 1, [side.size]))
+    start, stop = edges[:-1], edges[1:]
+    fast = side[start] != 0
+    start, stop = start[fast], stop[fast]
+    if start.size == 0:
         return []
-    turns = np.flatnonzero(np.diff(side[fast])) + 1
-    first, last = fast[np.append(0, turns)], fast[np.append(turns - 1, fast.size - 1)]
+    turns = np.flatnonzero(np.diff(side[start])) + 1
+    first, last = start[np.append(0, turns)], stop[np.append(turns - 1, start.size - 1)] - 1
     waves = []
     for k in range(first.size - 1):
         up, down, slow = int(first[k]), int(first[k + 1]), int(last[k + 1]) + 1

@@ -8,7 +8,7 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import ENOUGH, positive_median, quantile
+from winchcascade.core.integrate import ENOUGH, positive_median, quantiles_in_place
 from winchcascade.core.run import Index, Mask, Signal
 
 LEAST_SHARE = 0.019
@@ -96,7 +96,7 @@ def find_bends(x: Signal) -> Bends:
         return Bends(x, place, Usual(0.0, 0.0, 0.0), np.empty(0, dtype=np.intp))
     some = x[:: max(1, x.size // 20_000)]  # without a few wild values
     noise = positive_median(np.abs(np.diff(x[:ENOUGH], 2)))
-    usual = Usual(quantile(some, 0.005), quantile(some, 0.995), noise)
+    usual = Usual(*quantiles_in_place(some.copy(), [0.005, 0.995]), noise)
     found = []
     for start in range(0, x.size - 2, _BLOCK):
         step = np.diff(x[start : start + _BLOCK + 2])
@@ -120,6 +120,8 @@ def single_spikes(bends: Bends) -> Index:
 
 def _begins(x: Signal, least: float) -> bool:
     """Whether the first sample is a spike, compared with the mirrored beginning of the log."""
+    if abs(x[0] - x[1]) <= least:  # most logs
+        return False
     mirrored = np.concatenate((x[2:0:-1], x[: 4 * AROUND]))
     return bool(_is_spike(mirrored, np.array([2]), least)[0])
 

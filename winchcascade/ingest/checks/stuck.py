@@ -80,7 +80,10 @@ class ObservedMotion(msgspec.Struct, frozen=True):
     def position(self) -> Signal:
         """Where the line is, by integration. [m]"""
         position = np.zeros(self.v.size)
-        np.cumsum(0.5 * (self.v[1:] + self.v[:-1]) * np.diff(self.t), out=position[1:])
+        travel = self.v[1:] + self.v[:-1]
+        travel *= np.diff(self.t)
+        travel *= 0.5
+        np.cumsum(travel, out=position[1:])
         return position
 
 
@@ -142,10 +145,7 @@ def _held(x: Signal, t: Signal) -> tuple[Index, Index]:
 
 def _among(mask: Mask, first: Index, last: Index) -> Index:
     """Samples of each stretch at which a mask is set."""
-    total = np.zeros(mask.size + 1, dtype=np.intp)
-    np.cumsum(mask, out=total[1:])
-    count: Index = total[last] - total[first]
-    return count
+    return np.array([np.count_nonzero(mask[a:b]) for a, b in zip(first.tolist(), last.tolist(), strict=True)])
 
 
 def _apart(first: Index, last: Index, v: Signal, line: ObservedMotion, channels: Mapping[str, Signal]) -> Mask:
@@ -194,10 +194,13 @@ def _loaded(first: Index, last: Index, line: ObservedMotion, channels: Mapping[s
 def _unmoved(name: str, first: Index, last: Index, x: Signal, line: ObservedMotion) -> Mask:
     """Whether a channel that depends on where the line is holds still while the line travels."""
     stuck = np.zeros(first.size, dtype=bool)
+    during_motion = np.flatnonzero(_among(line.out | line.back, first, last) >= FEWEST).tolist()
+    if not during_motion:
+        return stuck
     position = line.position()
     share = 1.0 if name == "displacement" else _range(x) / max(float(np.ptp(position)), 1e-9)
     least = max(TRAVEL, STEPS * smallest_step(x) / share if share else 0.0)
-    for k in np.flatnonzero(_among(line.out | line.back, first, last) >= FEWEST).tolist():
+    for k in during_motion:
         a, b = first[k], last[k]
         seconds, moved = _blocks(line.t[a:b], position[a:b], 1.0)
         stuck[k] = np.abs(moved[np.abs(moved) > line.v_onset * seconds]).sum() > least

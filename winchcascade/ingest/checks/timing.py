@@ -14,7 +14,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from winchcascade.core.integrate import BLOCK, GAUSS, median, quantile, running, smallest_step
+from winchcascade.core.integrate import BLOCK, ENOUGH, GAUSS, median, quantiles_in_place, running, smallest_step
 from winchcascade.core.rig_file import Thresholds
 from winchcascade.core.run import Finding, Index, Mask, Signal
 from winchcascade.ingest.checks.agreement import MOVING
@@ -238,16 +238,17 @@ def find_jumps(t: Signal, channels: Mapping[str, Signal], v_onset: float) -> lis
     course = _course(t, channels["displacement"], channels.get("velocity"))
     if course.t.size < 4 * SIDE:
         return []
-    longest = 1.5 * median(np.diff(course.t))
-    size = np.concatenate(
-        [
-            np.abs(some.beyond[(some.interval < longest) & some.joined & (np.abs(some.speed) > v_onset)])
-            for _, some in course.blocks()
-        ]
-    )
-    if size.size < 4 * SIDE:
+    every = max(1, course.t.size // ENOUGH)
+    longest = 1.5 * median(course.t[1::every] - course.t[:-1:every])
+    size, count = np.empty(course.t.size), 0  # memory that is not used costs nothing
+    for _, some in course.blocks():
+        moving = np.abs(some.beyond[(some.interval < longest) & some.joined & (np.abs(some.speed) > v_onset)])
+        size[count : count + moving.size] = moving
+        count += moving.size
+    if count < 4 * SIDE:
         return []
-    least = max(STANDS_OUT * quantile(size, 0.95), DEVIATIONS * GAUSS * median(size), STEPS * smallest_step(course.x))
+    usual, large_size = quantiles_in_place(size[:count], [0.5, 0.95])
+    least = max(STANDS_OUT * large_size, DEVIATIONS * GAUSS * usual, STEPS * smallest_step(course.x))
     found: list[int] = []
     for first, some in course.blocks():
         large = np.abs(some.beyond) > np.maximum(least, ROW * np.abs(some.speed) * some.interval)

@@ -34,8 +34,11 @@ from winchcascade.ingest.dialects import read_header
 from winchcascade.ingest.layout import Layout, find_encoding, find_layout
 from winchcascade.ingest.source import LogSource, LogTable, without_notes
 
-BLOCK = 1 << 22
+BLOCK = 1 << 20
 """Bytes that are parsed at a time."""
+
+LONG = 1 << 22
+"""Bytes from which a file is parsed by threads."""
 
 Bytes = bytes | memoryview
 """Text as bytes, or a view of a part of it."""
@@ -66,7 +69,8 @@ def text_blocks(path: Path, encoding: str, skip: int) -> Iterator[Bytes]:
     decoder = codecs.getincrementaldecoder(encoding)(errors="replace") if encoding[:6] in ("utf-16", "utf-32") else None
     rest, old_mac = b"", False
     with path.open("rb", buffering=0) as file:
-        while data := file.read(BLOCK):
+        most = min(BLOCK, max(_HEAD, os.fstat(file.fileno()).st_size))  # a large buffer costs more than a short log
+        while data := file.read(most):
             if data[0] == 0 and not data.strip(b"\0"):
                 data = data[:1]  # one byte suffices for the megabytes that a logger reserved and never wrote
             if decoder is not None:
@@ -90,7 +94,6 @@ def text_blocks(path: Path, encoding: str, skip: int) -> Iterator[Bytes]:
 
 
 _HEAD = 1 << 18
-_PIECE = 1 << 20
 _MINUS_SIGN = "\u2212".encode()
 _D_EXPONENT = re.compile(rb"(?<=[\d.])[dD](?=[-+]?\d)")
 """As Fortran writes it."""
@@ -187,7 +190,7 @@ def _parsed(path: Path, encoding: str, layout: Layout, used: Sequence[int], text
     size = path.stat().st_size
     if size > len(first) and parser.rows:
         parser.expect(int(1.05 * size / len(first) * parser.rows) + 1000)
-    for table in in_parallel(parser.parse, blocks) if size > BLOCK else map(parser.parse, blocks):
+    for table in in_parallel(parser.parse, blocks) if size > LONG else map(parser.parse, blocks):
         parser.store(table)
     return parser
 
@@ -275,7 +278,7 @@ class _Parser(msgspec.Struct):
             pa.BufferReader(pa.py_buffer(block)),
             read_options=csv.ReadOptions(
                 column_names=[str(k) for k in range(self.layout.width)],
-                block_size=max(_PIECE, len(block)),
+                block_size=max(BLOCK, len(block)),
                 use_threads=False,
             ),
             parse_options=csv.ParseOptions(delimiter=self.layout.delimiter, quote_char='"' if quoted else False),
@@ -286,7 +289,7 @@ class _Parser(msgspec.Struct):
                 decimal_point=self.layout.decimal,
                 check_utf8=False,
             ),
-            memory_pool=pa.system_memory_pool() if len(block) < _PIECE else None,  # the default pool starts slowly
+            memory_pool=pa.system_memory_pool(),  # the default pool starts slowly, and keeps memory that is not used
         )
 
     def _mended(self, text: bytes) -> bytes:

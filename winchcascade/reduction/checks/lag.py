@@ -227,6 +227,8 @@ def _aligned(pair: _Pair, applied: float) -> Signal | None:
     t = pair.t[half:-half]
     x, *others = (signal[half:-half] for signal in (pair.x, *pair.beside, pair.y))
     slope = (pair.x[2 * half :] - pair.x[: -2 * half]) / (pair.t[2 * half :] - pair.t[: -2 * half])
+    if applied == 0.0:
+        return np.array([x, slope, *others])
     kept = (t - applied >= t[0]) & (t - applied <= t[-1])
     if np.count_nonzero(kept) < FEWEST:
         return None

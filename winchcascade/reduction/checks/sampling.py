@@ -19,7 +19,7 @@ import msgspec
 import numpy as np
 
 from winchcascade.core.cascade import ELECTRICAL
-from winchcascade.core.integrate import integrals, median, quantile
+from winchcascade.core.integrate import integrals, largest, median, quantile
 from winchcascade.core.run import Finding, Run, Signal
 from winchcascade.ingest.checks.channel_findings import text_of
 from winchcascade.reduction.efficiency import NOTHING, ratio, runs_idle
@@ -391,10 +391,8 @@ def recorded_step(phased: PhasedRun, name: str) -> float:
             logged &= (t[1:] <= begin) | (t[:-1] >= end)
         courses.append(change[logged])
         levels.append(run.channels[name][rows])
-    if switches(np.concatenate(levels)):
-        return 0.0
     changes = np.abs(np.concatenate(courses))
-    changes = np.sort(changes[changes > ROUNDED * float(np.max(np.abs(phased.run.channels[name])))])
+    changes = np.sort(changes[changes > ROUNDED * largest(phased.run.channels[name])])
     if changes.size < FEWEST_CHANGES:
         return 0.0
     step = changes[int(SMALL * changes.size)]
@@ -406,4 +404,4 @@ def recorded_step(phased: PhasedRun, name: str) -> float:
     alike = sum(
         np.count_nonzero((np.abs(np.diff(d)) < MULTIPLE * step) & (np.abs(d[1:]) > 0.5 * step)) for d in courses
     )
-    return 0.0 if alike > STRAIGHT * few.size else step
+    return 0.0 if alike > STRAIGHT * few.size or switches(np.concatenate(levels)) else step

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from winchcascade.core.accuracy import CERTAIN
-from winchcascade.core.integrate import median, median_and_error
+from winchcascade.core.integrate import largest, median, median_and_error
 from winchcascade.core.quantity import ATMOSPHERE
 from winchcascade.core.rig_file import Rig
 from winchcascade.core.run import Finding, Signal
@@ -120,8 +120,10 @@ def _significant_zero(phased: PhasedRun, channel: str, spans: list[Span]) -> flo
     read = _samples(phased, channel, spans)
     if read.size < FEWEST:
         return None
+    if abs(median(read)) < CERTAIN * u_zero:  # most sensors
+        return None
     zero, u = median_and_error(read)
-    return zero if abs(zero) >= max(CERTAIN * u_zero, CLEAR * u) else None
+    return zero if abs(zero) >= CLEAR * u else None
 
 
 def _computed(phased: PhasedRun, spans: list[Span]) -> list[Finding]:
@@ -131,7 +133,7 @@ def _computed(phased: PhasedRun, spans: list[Span]) -> list[Finding]:
     v_dc, i_dc = (_samples(phased, name, spans) for name in ("vdc", "idc"))
     if v_dc.size < 2 * FEWEST:
         return []
-    top = float(np.max(np.abs(phased.run.channels["vdc"])))
+    top = largest(phased.run.channels["vdc"])
     below = np.mean(v_dc < 0.0)
     v_dc, i_dc = np.diff(v_dc, 2), np.diff(i_dc, 2)  # without what a slow motion gives both
     size = float(np.linalg.norm(v_dc) * np.linalg.norm(i_dc))
