@@ -20,6 +20,9 @@ FS = 25.0
 NOISE = {"velocity": 2e-3, "pressure": 300.0, "force": 4.0, "torque": 0.15, "vdc": 0.2, "idc": 5e-3}
 """Standard deviations of white noise, about those of the crane's logs. SI units."""
 
+DECIMALS = 4
+"""Digits of a noisy displacement in metres after the point, as in the crane's logs."""
+
 
 def crane_velocity(t: Signal, speed: float, cycles: int) -> Signal:
     """Payouts of about 9 m with a smooth start, holds of 6 s and haul-ins, every 36 s. [m/s]"""
@@ -51,6 +54,7 @@ def made_log(model: Model | None = None, seed: int | None = None, **motion: floa
         rng = np.random.default_rng(seed)
         for name, sd in NOISE.items():
             channels[name] = channels[name] + rng.normal(0.0, sd, run.t.size)
+        channels["displacement"] = np.round(channels["displacement"], DECIMALS)
     return msgspec.structs.replace(run, channels=channels, simulated=seed is None)
 
 

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import savgol_filter
 
-from winchcascade.core.smooth import EVEN, local_quadratic
+from winchcascade.core.smooth import EVEN, local_quadratic, rate_weights
 
 EXACT = 1e-9
 """A quadratic is fitted by a quadratic to rounding."""
@@ -60,3 +60,15 @@ def test_stamps_that_crowd_carry_the_quadratic_all_the_same() -> None:
 def test_a_width_of_many_more_intervals_than_samples_takes_no_memory() -> None:
     t = 1e-12 * np.arange(20.0)
     assert local_quadratic(t, t, 1.0) == pytest.approx(t, abs=1e-15)
+
+
+@given(st.integers(1, 12), st.floats(1e-3, 1e3), st.tuples(*[st.floats(-5, 5)] * 4))
+def test_the_rate_of_a_cubic_survives_whatever_the_noise(
+    half: int, share: float, c: tuple[float, float, float, float]
+) -> None:
+    step, k = 0.1, np.arange(-half, half + 1.0)
+    t = step * k
+    of_rate, of_position = rate_weights(half, step, 1.0, share * step)
+    rate, position = c[1] + c[2] * t + c[3] * t**2, c[0] + c[1] * t + c[2] * t**2 / 2 + c[3] * t**3 / 3
+    assert of_rate @ rate + of_position @ position == pytest.approx(c[1], abs=1e-8)
+    assert np.sum(of_position) == pytest.approx(0.0, abs=1e-8)  # where the position begins does not matter

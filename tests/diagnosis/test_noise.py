@@ -13,9 +13,10 @@ from winchcascade.core.integrate import white_noise
 from winchcascade.core.rig_toml import built_in
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.diagnosis.block_means import PHASES, blocks_of
-from winchcascade.diagnosis.misfit import NOISELESS, noise_of, velocity_noise, with_extra
+from winchcascade.diagnosis.misfit import NOISELESS, noise_of, with_extra
 from winchcascade.diagnosis.predict import CHANNELS, Course
 from winchcascade.rig.baseline import baseline
+from winchcascade.rig.line_velocity import line_velocity
 
 WITHIN = 0.15
 """The noise of a log of two minutes is found to this share."""
@@ -44,7 +45,7 @@ def test_the_noise_of_the_smoothed_velocity_is_that_of_its_block_means() -> None
     blocks = blocks_of(quiet, built_in())
     off = noisy.channels["velocity"] - quiet.channels["velocity"]
     actual = float(np.std(blocks.mean(local_quadratic(quiet.t, off, 11.0 / FS))))
-    assert velocity_noise(noisy, round(float(np.median(blocks.count)))) == pytest.approx(actual, rel=WITHIN)
+    assert line_velocity(noisy).noise(round(float(np.median(blocks.count)))) == pytest.approx(actual, rel=WITHIN)
 
 
 def test_a_channel_says_nothing_where_the_model_leaves_it_open(fixtures: Path) -> None:

@@ -47,17 +47,55 @@ def local_quadratic(t: Signal, x: Signal, width: float) -> Signal:
     if half < 1:
         return x.copy()
     if t.size > 2 * half:  # a width of more intervals than the log has would make as many weights
-        k = np.arange(
-            -half, half + 1.0
-        )  # weights of the value at the middle of even samples: Savitzky and Golay, Table I
-        weights = 3.0 * (3.0 * half * half + 3.0 * half - 1.0 - 5.0 * k * k)
-        weights /= (2.0 * half - 1.0) * (2.0 * half + 1.0) * (2.0 * half + 3.0)
-        smoothed = np.convolve(x, weights, mode="same")
+        smoothed = np.convolve(x, smoothing_weights(half), mode="same")
     else:
         smoothed = x.copy()
     by_fit = _near(_uneven(t, usual), half, t.size)
     smoothed[by_fit] = _fit(t, x, by_fit, max(width / 2, usual) * (1 + 1e-6))
     return smoothed
+
+
+def smoothing_weights(half: int) -> Signal:
+    """Weights of the value at the middle of 2 half + 1 even samples (Savitzky and Golay 1964, Table I)."""
+    k = np.arange(-half, half + 1.0)
+    weights = 3.0 * (3.0 * half * half + 3.0 * half - 1.0 - 5.0 * k * k)
+    return weights / ((2.0 * half - 1.0) * (2.0 * half + 1.0) * (2.0 * half + 3.0))
+
+
+def rate_weights(half: int, step: float, u_rate: float, u_position: float) -> tuple[Signal, Signal]:
+    """Weights of the rate at the middle of 2 half + 1 even samples of a rate and of its position.
+
+    A quadratic of the rate and the cubic of the position that it integrates to are fitted by weighted least squares.
+
+    Parameters
+    ----------
+    step : between two samples [s]
+    u_rate, u_position : white noise of the two, above 0
+
+    Returns
+    -------
+    (2 half + 1,) weights of the rate [1] and of the position [1/s]
+
+    Examples
+    --------
+    >>> rate, position = rate_weights(2, 1.0, 1.0, 1e6)
+    >>> bool(np.allclose(rate, smoothing_weights(2)) and np.allclose(position, 0.0))
+    True
+    """
+    k = np.arange(-half, half + 1.0)
+    share = u_position / (u_rate * step)
+    one, nothing = np.ones_like(k), np.zeros_like(k)
+    rate = np.column_stack([one, k, k**2 / 2.0, nothing])
+    position = np.column_stack([k, k**2 / 2.0, k**3 / 6.0, one])
+    solution = np.linalg.pinv(np.vstack([rate * min(share, 1.0), position / max(share, 1.0)]))[0]
+    return solution[: k.size] * min(share, 1.0), solution[k.size :] / max(share, 1.0) / step
+
+
+def evenly_stamped(t: Signal, half: int) -> Mask:
+    """Samples with `half` neighbours on either side, all at the usual interval, (n,)."""
+    even = np.ones(t.size, dtype=bool)
+    even[_near(_uneven(t, median(np.diff(t[:_BLOCK]))), half, t.size)] = False
+    return even
 
 
 def _uneven(t: Signal, usual: float) -> Index:

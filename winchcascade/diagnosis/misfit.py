@@ -21,8 +21,9 @@ from winchcascade.diagnosis.predict import ALL_KEPT, CHANNELS, COARSE, MOST_DERI
 from winchcascade.diagnosis.solve import Jacobian, Local
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.kernel import constants
+from winchcascade.rig.line_velocity import line_velocity
 from winchcascade.rig.parts import Model, changed, possible
-from winchcascade.rig.simulate import SMOOTHING, STEP
+from winchcascade.rig.simulate import STEP
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -451,14 +452,6 @@ def _whitener(noise: Noise) -> Signal:
     return inverse * noise.seen[:, None, :]
 
 
-def velocity_noise(run: Run, samples: int = 1) -> float:
-    """Standard deviation of a mean over a number of samples of the smoothed velocity. [m/s]"""
-    half = int(0.5 * SMOOTHING * run.fs + 1e-6)
-    kernel = 3.0 * half * half + 3.0 * half - 1.0 - 5.0 * np.arange(-half, half + 1.0) ** 2
-    passed = np.convolve(np.full(samples, 1.0 / samples), kernel / kernel.sum())
-    return white_noise(run.channels["velocity"]) * float(np.sqrt(np.sum(passed**2)))
-
-
 def noise_of(course: Course, model: Model, predicted: Signal) -> Noise:
     """Noise of a log's blocks as estimated from its own samples, before it is compared with any model's values.
 
@@ -474,21 +467,27 @@ def noise_of(course: Course, model: Model, predicted: Signal) -> Noise:
     least = NOISELESS * np.max(np.abs(predicted), axis=0) if run.simulated else 0.0
     bare = np.maximum(white / np.sqrt(blocks.count)[:, None], least)
     samples = max(round(float(np.median(blocks.count))), 1)
-    drive = slope * velocity_noise(run, samples)
-    return Noise(_seen(course, model, speed), bare, bare, drive, np.zeros_like(bare))
+    velocity = line_velocity(run)
+    drive = slope * velocity.noise(samples)
+    return Noise(_seen(course, model, speed, velocity.noise()), bare, bare, drive, np.zeros_like(bare))
 
 
-def _seen(course: Course, model: Model, speed: Signal) -> NDArray[np.bool_]:
+def _seen(course: Course, model: Model, speed: Signal, u_velocity: float) -> NDArray[np.bool_]:
     """Where a channel depends on the model: force and torque while the line moves, as friction only bounds them at rest, the
     voltage of an open circuit while the bridge conducts, and that of a machine at rest unless the noise of the velocity alone
     would make the bridge conduct.
+
+    Parameters
+    ----------
+    speed : (m,) of the line in each block [m/s]
+    u_velocity : noise of the smoothed velocity [m/s]
     """
     blocks, hold = course.blocks, course.blocks.phase == HOLD
     seen = np.tile([name in course.run.channels for name in CHANNELS], (blocks.size, 1))
     force, torque, vdc, idc = (CHANNELS.index(name) for name in ("force", "torque", "vdc", "idc"))
     seen[:, [force, torque]] &= ((np.abs(speed) > MOVING) & ~hold)[:, None]
     generator, numbers = model.generator, constants(model, course.load)
-    rpm = MOST_NOISE * velocity_noise(course.run) * numbers.gear / numbers.r_drum * 30.0 / math.pi
+    rpm = MOST_NOISE * u_velocity * numbers.gear / numbers.r_drum * 30.0 / math.pi
     if generator.k_e * rpm > 2.0 * generator.v_diode:
         seen[:, [vdc, idc]] &= (np.abs(speed) > MOVING)[:, None]
     if np.isinf(course.load):

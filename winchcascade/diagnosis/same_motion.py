@@ -10,7 +10,7 @@ import numpy as np
 from winchcascade.core.errors import LogError
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.rig.simulate import SMOOTHING
+from winchcascade.rig.line_velocity import SMOOTHING
 
 if TYPE_CHECKING:
     from winchcascade.core.run import Run, Signal

@@ -10,8 +10,8 @@ from winchcascade.core.errors import LogError
 from winchcascade.core.run import Run, Signal
 from winchcascade.core.smooth import local_quadratic
 from winchcascade.rig.bridge import back_emfs, bridge_table
+from winchcascade.rig.line_velocity import SMOOTHING
 from winchcascade.rig.parts import Model
-from winchcascade.rig.simulate import SMOOTHING
 
 RPM_LEAST = 1000.0
 """The regression begins at this generator speed (Sec. 4.2). [rpm]"""

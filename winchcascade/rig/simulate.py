@@ -33,15 +33,12 @@ from winchcascade.rig.kernel import (
     run_line,
     solve_shaft,
 )
+from winchcascade.rig.line_velocity import line_velocity
 from winchcascade.rig.parts import ELECTRICAL, Model
-
-SMOOTHING = 0.44
-"""Width of the local quadratic: it removes the noise of an encoder, and braking keeps its edges (0.36 to 0.52 s do). A width in
-samples would blur the motion of a log at 5 or 10 Hz. [s]"""
 
 
 def motion_of(run: Run, step: float) -> LineMotion:
-    """Take the motion of a log: its velocity, smoothed over `SMOOTHING`, and the displacement that it integrates to.
+    """Take the motion of a log: its smoothed velocity, as `line_velocity` gives it, and the displacement that it integrates to.
 
     The displacement begins where that of the log does (0 without that channel), and follows its drift, so that gas and force
     follow the true payout.
@@ -50,7 +47,7 @@ def motion_of(run: Run, step: float) -> LineMotion:
     ----------
     step : of the simulation [s]
     """
-    motion = even_motion(run.t, local_quadratic(run.t, run.channels["velocity"], SMOOTHING), step)
+    motion = even_motion(run.t, line_velocity(run).value, step)
     measured = run.channels.get("displacement")
     if measured is None:
         return motion

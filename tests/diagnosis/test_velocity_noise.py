@@ -1,0 +1,55 @@
+"""Noise of a coarse velocity in a fit: what it does to an inertia, and that a precise displacement prevents it."""
+
+import msgspec
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter1d
+
+from winchcascade.core.rig_toml import built_in
+from winchcascade.core.run import Run
+from winchcascade.diagnosis.entries import bound_to
+from winchcascade.diagnosis.evidence import RigProblem, fit_set
+from winchcascade.diagnosis.misfit import Fitted
+from winchcascade.rig.effects.catalogue import EFFECTS
+from winchcascade.rig.simulate import simulate
+
+EVERY, FINE = 10, 1e-2
+"""Samples of the true motion for each of the log, and their interval, so that the log has 10 Hz. [1, s]"""
+
+NOISE = {"velocity": 0.015, "pressure": 1e3, "force": 4.0, "torque": 0.4, "vdc": 0.25, "idc": 0.015}
+"""White noise: that of the velocity is five times as large as usual. SI units."""
+
+UNBIASED = 0.2
+"""Largest change of the inertia that is found where there is none. [1]"""
+
+
+def slow_log(seed: int) -> Run:
+    """A log of 10 Hz of the model of the built-in rig: two slow payouts against 4.5 ohm, hardly faster than the noise."""
+    t = np.arange(0.0, 130.0, FINE)
+    corners = np.array([4.0, 6.0, 35.0, 36.0, 44.0, 45.5, 52.0, 53.5])
+    speeds = np.array([0.0, 0.3, 0.3, 0.0, 0.0, -1.2, -1.2, 0.0])
+    v = gaussian_filter1d(sum(np.interp(t - 65.0 * k, corners, speeds) for k in range(2)), 0.3 / FINE)
+    x = np.concatenate(([0.0], np.cumsum(0.5 * FINE * (v[1:] + v[:-1]))))
+    whole = simulate(Run("made.csv", t, {"displacement": x, "velocity": v}, 1.0 / FINE, t.size, load=4.5)).run
+    channels, rng = {name: values[::EVERY] for name, values in whole.channels.items()}, np.random.default_rng(seed)
+    channels |= {name: channels[name] + rng.normal(0.0, sd, channels[name].size) for name, sd in NOISE.items()}
+    channels["displacement"] = np.round(channels["displacement"], 4)
+    stamps = t[::EVERY]
+    return msgspec.structs.replace(
+        whole, t=stamps, channels=channels, fs=1.0 / (EVERY * FINE), samples=stamps.size, simulated=False
+    )
+
+
+def found_inertia(run: Run) -> float:
+    """Relative change of the rotor's inertia by the best fit. [1]"""
+    rig = built_in()
+    problem = RigProblem(Fitted([run], rig), bound_to(EFFECTS, rig, [run]), ("rotor_inertia",))
+    return float(fit_set(problem).x[0])
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+def test_a_precise_displacement_keeps_noise_of_the_velocity_from_lowering_an_inertia(seed: int) -> None:
+    run = slow_log(seed)
+    without = msgspec.structs.replace(run, channels={k: x for k, x in run.channels.items() if k != "displacement"})
+    assert abs(found_inertia(run)) < UNBIASED
+    assert found_inertia(without) < -2.0 * UNBIASED  # the acceleration and the residual contain the same noise

@@ -1,0 +1,103 @@
+"""Velocity of the line that drives a model: smoothed, and taken from the displacement too where that is more precise."""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+import numpy as np
+
+from winchcascade.core.integrate import GAUSS, median, white_noise
+from winchcascade.core.run import Mask, Run, Signal
+from winchcascade.core.smooth import evenly_stamped, local_quadratic, rate_weights, smoothing_weights
+
+SMOOTHING = 0.44
+"""Width of the local quadratic: it removes the noise of an encoder, and braking keeps its edges (0.36 to 0.52 s do). A width in
+samples would blur the motion of a log at 5 or 10 Hz. [s]"""
+
+INDEPENDENT = 0.15
+"""A displacement is used if its white noise is below this share of that of the velocity times the interval. One that a logger
+sums from its velocity by trapezoids has 0.19 of it, as sqrt(10 / 4 / 70), and cannot improve the velocity. [1]"""
+
+CONSISTENT = (0.7, 1.5)
+"""Range of the difference between the velocities without and with the displacement, as a root mean square over what the noise
+of both channels makes. Below it the displacement follows from the velocity: summed by trapezoids it gives 0.25 to 0.6. Above it
+the two differ by more than noise: by a delay, a scale, or play. [1]"""
+
+
+class LineVelocity(msgspec.Struct, frozen=True):
+    """Smoothed velocity of a log at its stamps, (n,) [m/s], and what its noise follows from.
+
+    `of_velocity` [1] and `of_displacement` [1/s] are the weights of 2 h + 1 neighbouring samples, `u_velocity` [m/s] and
+    `u_displacement` [m] the white noise of these; without a precise displacement its weights are 0.
+    """
+
+    value: Signal
+    of_velocity: Signal
+    of_displacement: Signal
+    u_velocity: float
+    u_displacement: float
+
+    def noise(self, samples: int = 1) -> float:
+        """Standard deviation of a mean over a number of samples. [m/s]"""
+        mean = np.full(samples, 1.0 / samples)
+        parts = (
+            u * float(np.sqrt(np.sum(np.convolve(mean, weights) ** 2)))
+            for u, weights in ((self.u_velocity, self.of_velocity), (self.u_displacement, self.of_displacement))
+            if u > 0.0
+        )
+        return math.hypot(*parts)
+
+
+def line_velocity(run: Run) -> LineVelocity:
+    """Smooth the velocity of a log over `SMOOTHING`, with its displacement where that is more precise and independent.
+
+    Both enter one fit around each sample: a quadratic of the velocity and the cubic of the displacement that it integrates to,
+    each weighted by its noise. Noise of the velocity does not average out of a diagnosis: an effect and the residual respond to
+    the same noise, so that their product has a mean (errors in variables; Carroll, Ruppert, Stefanski and Crainiceanu 2006).
+    """
+    velocity = run.channels["velocity"]
+    half = int(0.5 * SMOOTHING * run.fs + 1e-6)
+    kernel = smoothing_weights(half)
+    alone = LineVelocity(
+        value=local_quadratic(run.t, velocity, SMOOTHING),
+        of_velocity=kernel,
+        of_displacement=np.zeros_like(kernel),
+        u_velocity=white_noise(velocity),
+        u_displacement=0.0,
+    )
+    return _with_displacement(run, alone) or alone
+
+
+def _with_displacement(run: Run, alone: LineVelocity) -> LineVelocity | None:
+    """The velocity with the displacement; None where that is absent, less precise, or contradicts the velocity."""
+    velocity, displacement = run.channels["velocity"], run.channels.get("displacement")
+    half, interval = alone.of_velocity.size // 2, 1.0 / run.fs
+    if displacement is None or half < 1:
+        return None
+    of_stamps = GAUSS * median(np.abs(np.diff(run.t, 2))) / math.sqrt(6.0) * float(np.max(np.abs(alone.value)))
+    u_velocity, u_displacement = alone.u_velocity, math.hypot(white_noise(displacement), of_stamps)
+    if not 0.0 < u_displacement < INDEPENDENT * u_velocity * interval:
+        return None
+    usable = _usable(run, half)
+    if np.count_nonzero(usable) < 0.5 * run.t.size:
+        return None
+    a, b = rate_weights(half, interval, u_velocity, u_displacement)
+    both = np.convolve(velocity, a[::-1], "same") + np.convolve(displacement, b[::-1], "same")
+    difference = float(np.sqrt(np.mean((both - alone.value)[usable] ** 2)))
+    expected = math.hypot(
+        u_velocity * float(np.linalg.norm(a - alone.of_velocity)), u_displacement * float(np.linalg.norm(b))
+    )
+    if not CONSISTENT[0] < difference / expected < CONSISTENT[1]:
+        return None
+    return LineVelocity(np.where(usable, both, alone.value), a, b, u_velocity, u_displacement)
+
+
+def _usable(run: Run, half: int) -> Mask:
+    """Samples whose neighbours within `half` are evenly stamped and were not bridged, in velocity and displacement."""
+    usable = evenly_stamped(run.t, half)
+    for channel in ("velocity", "displacement"):
+        for last_good, first_good in run.gaps.get(channel, np.zeros((0, 2))):
+            begin, end = np.searchsorted(run.t, last_good, "right"), np.searchsorted(run.t, first_good, "left")
+            usable[max(begin - half, 0) : end + half] = False
+    return usable
