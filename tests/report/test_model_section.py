@@ -36,9 +36,8 @@ from winchcascade.report.model_section import (
     modelled,
     run_section,
 )
-from winchcascade.report.report_model import Note, Picture, Report, Section
+from winchcascade.report.report_model import Note, Picture, Report, Section, Table
 from winchcascade.report.style import COLOURS, house_style
-from winchcascade.report.table_model import Table
 from winchcascade.rig.baseline import baseline
 from winchcascade.rig.effects.catalogue import make_effect
 from winchcascade.rig.open_rig import load_rig

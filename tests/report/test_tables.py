@@ -19,7 +19,7 @@ from winchcascade.reduction.reduce import reduce
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report import tables
 from winchcascade.report.digits import MINUS
-from winchcascade.report.table_model import Table
+from winchcascade.report.report_model import Table
 
 ROUNDING = 0.17
 """Half of the last digit that an uncertainty allows, in units of it, at most (0.5 / 2.95)."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from winchcascade.core.version import __version__
-from winchcascade.report.provenance import made_at
+from winchcascade.report.report_model import made_at
 from winchcascade.report.rows import RUN_ENDS, Row
 
 TABLES = ("runs", "cycles", "bins", "findings")

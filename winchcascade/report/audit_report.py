@@ -7,13 +7,22 @@ from functools import partial
 from winchcascade.core.published_table import PublishedTable
 from winchcascade.core.table_toml import table_place
 from winchcascade.report import audit_text as words
+from winchcascade.report.audit_text import law_sentences, point_summary, unread_sentences
 from winchcascade.report.digits import NumberText, number, upper
-from winchcascade.report.point_audit_text import law_sentences, point_summary, unread_sentences
-from winchcascade.report.provenance import file_digest, provenance_table
-from winchcascade.report.report_model import Note, Point, Report, Section, Tone, section
-from winchcascade.report.table_model import Table, TableColumn, items_table
-from winchcascade.report.typesetting import page_text
-from winchcascade.report.wording import SYMBOL, load_words
+from winchcascade.report.report_model import (
+    Note,
+    Point,
+    Report,
+    Section,
+    Table,
+    TableColumn,
+    Tone,
+    file_digest,
+    items_table,
+    provenance_table,
+    section,
+)
+from winchcascade.report.wording import SYMBOL, load_words, page_text
 from winchcascade.tables.attainable import AttainableRanges, SuspectResult
 from winchcascade.tables.attainable_row import AttainableRow, Cell
 from winchcascade.tables.audit import Audit, Contradiction, RecoveredWindow

@@ -27,17 +27,32 @@ from winchcascade.report.campaign_record import (
     runs_by_load,
     window_text,
 )
-from winchcascade.report.campaign_waves import CampaignWaves, campaign_waves, campaign_waves_section
 from winchcascade.report.digits import interval_text, percent, stated, with_uncertainty
 from winchcascade.report.glossary import symbols_section
 from winchcascade.report.model_account import Account
 from winchcascade.report.model_section import Named, campaign_section
-from winchcascade.report.provenance import data_point, provenance_table
 from winchcascade.report.records import FindingRecord, read_results
-from winchcascade.report.report_model import Note, Picture, Point, Report, Section, Tile, picture, section
+from winchcascade.report.report_model import (
+    Limit,
+    Note,
+    Picture,
+    Point,
+    Report,
+    Section,
+    Table,
+    TableColumn,
+    Tile,
+    data_point,
+    make_table,
+    picture,
+    provenance_table,
+    row_limit,
+    rows_of,
+    section,
+)
 from winchcascade.report.style import house_style
-from winchcascade.report.table_model import Limit, Table, TableColumn, make_table, row_limit, rows_of
 from winchcascade.report.tables import decimals_of, metrics_note, unit_of
+from winchcascade.report.wave_section import CampaignWaves, campaign_waves, campaign_waves_section
 from winchcascade.report.wording import SYMBOL
 
 SEED = 20260

@@ -15,8 +15,16 @@ from winchcascade.report.cause_words import named
 from winchcascade.report.diagnosis_words import word_of
 from winchcascade.report.digits import NumberText, number
 from winchcascade.report.gap_words import has_own_simulation
-from winchcascade.report.report_model import Picture, Section, picture, section
-from winchcascade.report.table_model import Table, formatted_table, number_column, text_column
+from winchcascade.report.report_model import (
+    Picture,
+    Section,
+    Table,
+    formatted_table,
+    number_column,
+    picture,
+    section,
+    text_column,
+)
 from winchcascade.report.text_table import aligned_lines, table_lines
 from winchcascade.report.wording import SYMBOL, load_words, tex
 

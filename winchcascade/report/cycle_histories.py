@@ -16,11 +16,9 @@ from matplotlib.figure import Figure
 from winchcascade.core.run import Signal
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.predict import CHANNELS
-from winchcascade.report.diagnosis_data import HAUL_IN, OUT, by_load, most_telling, seen_channels
-from winchcascade.report.diagnosis_figures import AFTER, DASHES
+from winchcascade.report.diagnosis_figures import AFTER, DASHES, HAUL_IN, OUT, by_load, most_telling, seen_channels
 from winchcascade.report.digits import significant
 from winchcascade.report.gap_words import NAMES, baseline_words
-from winchcascade.report.history_marks import REPAIRED, REPAIRED_HEIGHT, mark_repaired, repaired_spans
 from winchcascade.report.style import (
     COLOURS,
     Margins,
@@ -30,7 +28,7 @@ from winchcascade.report.style import (
     patch_entry,
     wide_figure,
 )
-from winchcascade.report.traces import PANELS
+from winchcascade.report.time_histories import PANELS, REPAIRED, REPAIRED_HEIGHT, mark_repaired, repaired_spans
 from winchcascade.report.wording import load_words
 
 MOST_CYCLES = 24

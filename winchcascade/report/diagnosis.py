@@ -17,9 +17,12 @@ from winchcascade.report.cause_words import (
     alternatives_words,
     cause_words,
     check_words,
+    cycles_of,
+    flipped_words,
     meaning_words,
     minor_words,
     named,
+    small_words,
     stability_words,
 )
 from winchcascade.report.cycle_histories import (
@@ -38,25 +41,38 @@ from winchcascade.report.diagnosis_causes import (
     threshold_words,
     thresholds,
 )
-from winchcascade.report.diagnosis_data import Sides, most_telling, sides
-from winchcascade.report.diagnosis_method import METHOD, STAGE_BY_STAGE, YARDSTICKS, line_method
-from winchcascade.report.diagnosis_names import apart_words, phase_words, probability_words, share_words
-from winchcascade.report.diagnosis_sections import where_section, which_section
+from winchcascade.report.diagnosis_figures import Sides, most_telling, sides
+from winchcascade.report.diagnosis_tables import where_section, which_section
+from winchcascade.report.diagnosis_words import METHOD, STAGE_BY_STAGE, YARDSTICKS, line_method
 from winchcascade.report.digits import significant
 from winchcascade.report.gap_words import (
     NAMES,
     about_words,
+    apart_words,
     baseline_words,
     own_simulation_words,
+    phase_words,
+    probability_words,
+    share_words,
     simulated_words,
 )
 from winchcascade.report.glossary import symbols_section
 from winchcascade.report.line_report import line_how_far, line_logs_table, line_where, line_which
-from winchcascade.report.line_words import cycles_of, flipped_words, small_words
-from winchcascade.report.provenance import data_point, file_digest, provenance_table
-from winchcascade.report.report_model import Note, Point, Report, Section, Tile, picture, section
+from winchcascade.report.report_model import (
+    Note,
+    Point,
+    Report,
+    Section,
+    Tile,
+    data_point,
+    file_digest,
+    make_table,
+    picture,
+    provenance_table,
+    section,
+    text_column,
+)
 from winchcascade.report.style import house_style
-from winchcascade.report.table_model import make_table, text_column
 from winchcascade.report.wording import load_words
 
 

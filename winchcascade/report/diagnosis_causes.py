@@ -19,9 +19,9 @@ from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, NamedCause,
 from winchcascade.diagnosis.evidence import Linear
 from winchcascade.diagnosis.suspects import freedom, with_values
 from winchcascade.report.cause_words import runs_with_number, shown_as
-from winchcascade.report.diagnosis_data import stator_current
-from winchcascade.report.diagnosis_names import display_of, number_words, probability_words
+from winchcascade.report.diagnosis_figures import stator_current
 from winchcascade.report.digits import MINUS, number, upper
+from winchcascade.report.gap_words import display_of, number_words, probability_words
 from winchcascade.report.style import (
     COLOURS,
     Margins,
@@ -34,7 +34,7 @@ from winchcascade.report.style import (
     patch_entry,
     wide_figure,
 )
-from winchcascade.report.text_runs import text_size
+from winchcascade.report.svg_drawing import text_size
 from winchcascade.report.wording import load_words
 from winchcascade.rig.effects.effect import Change, Display, Effect
 from winchcascade.rig.effects.generator import share_of_k_e

@@ -25,9 +25,8 @@ from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.diagnosis.suspects import Suspects
 from winchcascade.reduction.efficiency import FIELDS
 from winchcascade.report import diagnosis_words as words
-from winchcascade.report.cause_words import SILENT, entry_sentence, trend_sentence
+from winchcascade.report.cause_words import SILENT, entry_sentence, samples_of, trend_sentence
 from winchcascade.report.gap_words import about_text, arises_sentence, differs_text, has_own_simulation, where_sentence
-from winchcascade.report.line_words import samples_of
 from winchcascade.rig.effects.effect import WrongEntry
 
 SCHEMA = "winchcascade/diagnosis/1"

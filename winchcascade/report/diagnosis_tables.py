@@ -1,4 +1,4 @@
-"""Tables of the report of a diagnosis."""
+"""Tables of the report of a diagnosis, and the sections that it has with and without a model of the rig."""
 
 from __future__ import annotations
 
@@ -18,11 +18,31 @@ from winchcascade.report import diagnosis_words as words
 from winchcascade.report.cause_words import meaning_words, named, numbers_of
 from winchcascade.report.diagnosis_causes import threshold_words, thresholds
 from winchcascade.report.diagnosis_figures import worst_first
-from winchcascade.report.diagnosis_names import nuisance_words, phase_words, probability_words, share_words, signed
 from winchcascade.report.digits import number, significant, uncertain
-from winchcascade.report.gap_words import NAMES, about_words, alarm_meaning, baseline_words, differs_words
+from winchcascade.report.gap_words import (
+    NAMES,
+    about_words,
+    alarm_meaning,
+    baseline_words,
+    differs_words,
+    nuisance_words,
+    phase_words,
+    probability_words,
+    share_words,
+    signed,
+)
 from winchcascade.report.model_account import COMPARED
-from winchcascade.report.table_model import Table, TableColumn, formatted_table, number_column, row_limit, text_column
+from winchcascade.report.report_model import (
+    Block,
+    Section,
+    Table,
+    TableColumn,
+    formatted_table,
+    number_column,
+    row_limit,
+    section,
+    text_column,
+)
 from winchcascade.report.wording import load_words
 
 MOST_PLACES, MOST_NUISANCES = 12, 10
@@ -366,3 +386,16 @@ def diagnosed_logs_table(found: ModelDiagnosis) -> Table | None:
         ),
         rows,
     )
+
+
+def where_section(found: ModelDiagnosis | LineDiagnosis, *blocks: Block | None) -> Section:
+    """Where the gap lies."""
+    return section(
+        "where", "Where a gap was looked for" if found.verdict == "no_gap" else "Where the gap lies", *blocks
+    )
+
+
+def which_section(found: ModelDiagnosis | LineDiagnosis, *blocks: Block | None) -> Section:
+    """Causes, what was compared to find them, and alternative explanations."""
+    heading = "Which causes, and how sure" if found.causes else "What was tried"
+    return section("which", heading, causes_table(found), *blocks, rivals_table(found))

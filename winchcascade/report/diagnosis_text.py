@@ -14,11 +14,25 @@ from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report import diagnosis_words as words
 from winchcascade.report.cause_costs import cost_lines, cost_title, no_energy_words
-from winchcascade.report.cause_words import CauseNumber, check_words, minor_words, numbers_of, trend_words
-from winchcascade.report.diagnosis_names import probability_words, share_words
+from winchcascade.report.cause_words import (
+    CauseNumber,
+    check_words,
+    flipped_words,
+    minor_words,
+    numbers_of,
+    slope_words,
+    small_words,
+    trend_words,
+)
 from winchcascade.report.digits import significant
-from winchcascade.report.gap_words import NAMES, alarm_words, differs_words, own_simulation_words
-from winchcascade.report.line_words import flipped_words, slope_words, small_words
+from winchcascade.report.gap_words import (
+    NAMES,
+    alarm_words,
+    differs_words,
+    own_simulation_words,
+    probability_words,
+    share_words,
+)
 from winchcascade.report.model_account import COMPARED
 from winchcascade.report.screen import Tone, length, line_width, table_width, toned
 from winchcascade.report.text_table import aligned_lines, file_lines, headed, table_lines

@@ -19,11 +19,21 @@ from winchcascade.report import figures, tables
 from winchcascade.report.digits import interval_text, number, percent, places, significant, uncertain, upper
 from winchcascade.report.glossary import symbols_section
 from winchcascade.report.model_section import Modelled, modelled, run_section
-from winchcascade.report.provenance import data_point, file_digest, provenance_table
-from winchcascade.report.report_model import Note, Point, Report, Section, Tile, picture, section
+from winchcascade.report.report_model import (
+    Note,
+    Point,
+    Report,
+    Section,
+    Table,
+    Tile,
+    data_point,
+    file_digest,
+    picture,
+    provenance_table,
+    section,
+)
 from winchcascade.report.style import house_style
-from winchcascade.report.table_model import Table
-from winchcascade.report.traces import readout
+from winchcascade.report.time_histories import readout
 from winchcascade.report.wave_text import power_interval
 from winchcascade.report.wording import (
     SYMBOL,

@@ -20,20 +20,6 @@ from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.reduction.uncertainty import Budget
 from winchcascade.report.digits import significant
 from winchcascade.report.glossary import PLACES
-from winchcascade.report.history_marks import (
-    REPAIRED,
-    STRIP,
-    key_above,
-    mark_repaired,
-    name_phases,
-    name_within,
-    phase_entries,
-    power_sources,
-    raise_head,
-    repaired_spans,
-    room_for_names,
-    shade_phases,
-)
 from winchcascade.report.style import (
     COLOURS,
     Margins,
@@ -48,7 +34,25 @@ from winchcascade.report.style import (
     wide_figure,
 )
 from winchcascade.report.tables import budgeted
-from winchcascade.report.traces import clock_zero, end_of, envelope, panels_of, time_label
+from winchcascade.report.time_histories import (
+    REPAIRED,
+    STRIP,
+    clock_zero,
+    end_of,
+    envelope,
+    key_above,
+    mark_repaired,
+    name_phases,
+    name_within,
+    panels_of,
+    phase_entries,
+    power_sources,
+    raise_head,
+    repaired_spans,
+    room_for_names,
+    shade_phases,
+    time_label,
+)
 from winchcascade.report.wording import by_sensor, span_word, tex
 
 DRAWN = 3000

@@ -132,7 +132,7 @@ def diagnosis_frame(found: DiagnosisResult, table: str, units: Units = "si") -> 
 
 def comparison_frame(found: Comparison, units: Units = "si") -> pd.DataFrame:
     """A row for each difference of a comparison; the unit of its numbers is in its column `unit`."""
-    from winchcascade.report.comparison_record import difference_rows_of
+    from winchcascade.report.comparison_text import difference_rows_of
 
     _check_units(units)
     numbers = ("a", "b", "difference", "low_95", "high_95", "standard_uncertainty", "repeatability", "sensors")
@@ -278,8 +278,8 @@ def _cause_unit(found: DiagnosisResult, effect: str, parameter: str, units: Unit
     if units == "si":
         return unit, 1.0
     from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-    from winchcascade.report.diagnosis_names import display_of
-    from winchcascade.report.line_words import LINE_NUMBERS
+    from winchcascade.report.cause_words import LINE_NUMBERS
+    from winchcascade.report.gap_words import display_of
 
     how = LINE_NUMBERS[effect] if isinstance(found, LineDiagnosis) else display_of(effect, parameter, unit)
     return how.unit.strip(), how.factor

@@ -7,9 +7,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 from winchcascade.core.cascade import Cascade, efficiency_name
-from winchcascade.report.report_model import Section, picture, section
-from winchcascade.report.table_model import Table, items_table
-from winchcascade.report.table_model import TableColumn as Column
+from winchcascade.report.report_model import Section, Table, items_table, picture, section
+from winchcascade.report.report_model import TableColumn as Column
 from winchcascade.report.wording import SYMBOL, tex
 
 if TYPE_CHECKING:
@@ -158,7 +157,7 @@ def _arrow(ax: Axes, ends: tuple[float, float], y: float, text: str, *, turned: 
 def _size(ax: Axes, text: str, room: float) -> float:
     """Size at which a text has room between two places of a drawing. [pt]"""
     from winchcascade.report.style import figure_width
-    from winchcascade.report.text_runs import text_size
+    from winchcascade.report.svg_drawing import text_size
 
     low, high = ax.get_xlim()
     inches = room / (high - low) * 0.98 * figure_width()

@@ -10,19 +10,26 @@ from winchcascade.diagnosis.diagnosis_result import Names
 from winchcascade.diagnosis.line.line_data import CyclePart
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report import diagnosis_words as words
+from winchcascade.report.cause_words import LINE_MEANINGS, set_words
 from winchcascade.report.diagnosis_figures import DASHES, FILLED, HOLLOW
-from winchcascade.report.diagnosis_names import (
+from winchcascade.report.diagnosis_tables import where_section, which_section
+from winchcascade.report.digits import number, significant, upper
+from winchcascade.report.gap_words import (
     phase_words,
     probability_words,
     share_words,
     signed,
 )
-from winchcascade.report.diagnosis_sections import where_section, which_section
-from winchcascade.report.digits import number, significant, upper
-from winchcascade.report.line_words import LINE_MEANINGS, set_words
-from winchcascade.report.report_model import Section, picture, section
+from winchcascade.report.report_model import (
+    Section,
+    Table,
+    formatted_table,
+    number_column,
+    picture,
+    section,
+    text_column,
+)
 from winchcascade.report.style import COLOURS, Margins, label_panel, legend_above, line_entry, panel_figure, wide_figure
-from winchcascade.report.table_model import Table, formatted_table, number_column, text_column
 
 
 def line_where(found: LineDiagnosis) -> Section:

@@ -16,9 +16,8 @@ from winchcascade.core.run import Index, Signal
 from winchcascade.reduction.loss_map import LossMap
 from winchcascade.reduction.loss_points import LossPoints, columns_at
 from winchcascade.report.loss_map_text import coefficients_table, loss_points_words
-from winchcascade.report.provenance import data_point, provenance_table
 from winchcascade.report.publish import publish
-from winchcascade.report.report_model import Report, Section, picture, section
+from winchcascade.report.report_model import Report, Section, data_point, picture, provenance_table, section
 from winchcascade.report.style import COLOURS, Margins, house_style, panel_figure
 
 DOTS = 1500

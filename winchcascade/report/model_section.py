@@ -30,9 +30,18 @@ from winchcascade.report.model_account import (
     speed_width,
 )
 from winchcascade.report.model_data import ModelComparison, compare_with_baseline
-from winchcascade.report.report_model import Block, Note, Picture, Section, picture, section
+from winchcascade.report.report_model import (
+    Block,
+    Note,
+    Picture,
+    Section,
+    Table,
+    TableColumn,
+    make_table,
+    picture,
+    section,
+)
 from winchcascade.report.style import cut_apart
-from winchcascade.report.table_model import Table, TableColumn, make_table
 from winchcascade.report.wording import load_words
 
 TETHER = ("pressure_kgcm2", "force_n", "power_gen_w")

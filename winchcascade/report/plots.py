@@ -1,23 +1,27 @@
-"""Plots of results on axes of your own, or on new ones that a notebook shows; drawn by the functions of the reports."""
+"""Results in a notebook: plots on axes of your own or on new ones, and summaries as HTML, both made as in the reports."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import singledispatch
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from winchcascade.comparison.comparison_result import Comparison
 from winchcascade.core.errors import OptionError, check_choice
+from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
+from winchcascade.reduction.reduction_result import Reduction
+from winchcascade.report.campaign_record import CampaignReduction
+from winchcascade.report.publish import table_html
 from winchcascade.report.style import COLOURS, figure_width, house_style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-    from winchcascade.comparison.comparison_result import Comparison
-    from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
-    from winchcascade.reduction.reduction_result import Reduction
-    from winchcascade.report.campaign_reduction import CampaignReduction
+    from winchcascade.report.report_model import Table
+
 
 Plot = Callable[[Any], None]
 """What draws on one Axes, or on an array of them."""
@@ -119,8 +123,8 @@ def plot_comparison(found: Comparison, what: str, ax: Axes | None = None) -> Axe
     the Axes, an array with one for each efficiency, (n,), if none was given: with one given, that of the whole cascade, or else
     the first, alone is drawn
     """
-    from winchcascade.report import comparison_figures as figures
-    from winchcascade.report.comparison_words import drawn_metrics
+    from winchcascade.report import comparison_report as figures
+    from winchcascade.report.comparison_text import drawn_metrics
 
     check_choice("plot", what, ("efficiency",), "plot of this result")
     metrics = drawn_metrics(found)
@@ -162,3 +166,65 @@ def _drawn(
         if rows == 1 and title.startswith("("):  # the letter of a panel among others
             found[0].set_title(title.partition(") ")[2], loc="left", pad=3)
     return found[0] if rows == 1 else found  # type: ignore[no-any-return]
+
+
+def summary_html(result: Reduction | DiagnosisResult | CampaignReduction | Comparison) -> str:
+    """The heading and the main table of a result as HTML without scripts; every text is escaped."""
+    return table_html(_heading(result), _table(result))
+
+
+@singledispatch
+def _heading(result: object) -> str:
+    """What the result is of, in one line."""
+    return repr(result)
+
+
+@_heading.register(Comparison)
+def _(result: Comparison) -> str:
+    return f"{result.b.name} minus {result.a.name}: {len(result.runs)} runs"
+
+
+@_heading.register(DiagnosisResult)
+def _(result: DiagnosisResult) -> str:
+    return f"Diagnosis of {result.title}: {result.verdict.replace('_', ' ')}"
+
+
+@singledispatch
+def _table(result: object) -> Table | None:
+    """The main table of a result; None where it has none."""
+    raise TypeError(f"no table of a {type(result).__name__}")
+
+
+@_table.register(Reduction)
+def _(result: Reduction) -> Table:
+    from winchcascade.reduction.montecarlo import uncertainty
+    from winchcascade.report.tables import cycles_table
+
+    return cycles_table(result, uncertainty(result))
+
+
+@_table.register(CampaignReduction)
+def _(result: CampaignReduction) -> Table | None:
+    from winchcascade.report.campaign import logs_efficiencies_table
+    from winchcascade.report.campaign_record import runs_by_load
+
+    runs = runs_by_load(result.summary.reduced)
+    return logs_efficiencies_table(runs) if runs else None
+
+
+@_table.register(Comparison)
+def _(result: Comparison) -> Table | None:
+    from winchcascade.report.comparison_report import differences_table
+    from winchcascade.report.comparison_text import headline_metrics
+
+    return differences_table("efficiencies", result, headline_metrics(result))
+
+
+@_table.register(DiagnosisResult)
+def _(result: DiagnosisResult) -> Table | None:
+    from winchcascade.diagnosis.diagnose import ModelDiagnosis
+    from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
+    from winchcascade.report.diagnosis_tables import causes_table
+
+    assert isinstance(result, ModelDiagnosis | LineDiagnosis)  # there are no others
+    return causes_table(result)

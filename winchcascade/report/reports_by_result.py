@@ -9,7 +9,7 @@ from winchcascade.core.errors import OptionError
 
 if TYPE_CHECKING:
     from winchcascade.reduction.reduction_result import Reduction
-    from winchcascade.report.campaign_reduction import CampaignReduction
+    from winchcascade.report.campaign_record import CampaignReduction
     from winchcascade.report.report_model import Report
 
 _MAKERS = {
@@ -53,7 +53,7 @@ def _of_reduction(result: Reduction, *, command: str) -> Report:
 
 def _of_campaign(result: CampaignReduction, *, command: str) -> Report:
     from winchcascade.report.campaign import campaign_report
-    from winchcascade.report.campaign_waves import campaign_waves
+    from winchcascade.report.wave_section import campaign_waves
 
     waves = campaign_waves(result.records.items())
     return campaign_report(result.summary, result.bins, linked=False, command=command, waves=waves)

@@ -16,12 +16,21 @@ from winchcascade.report.digits import NumberText, number, upper
 from winchcascade.report.document import histories_section
 from winchcascade.report.figures import powers_of
 from winchcascade.report.glossary import PLACES, symbols_section
-from winchcascade.report.provenance import data_point, provenance_table
-from winchcascade.report.report_model import Point, Report, Tile, section
+from winchcascade.report.report_model import (
+    Point,
+    Report,
+    Table,
+    TableColumn,
+    Tile,
+    data_point,
+    items_table,
+    make_table,
+    provenance_table,
+    section,
+)
 from winchcascade.report.style import house_style
-from winchcascade.report.table_model import Table, TableColumn, items_table, make_table
 from winchcascade.report.terminal import LEDGER_WORDS, energy_shares, energy_span
-from winchcascade.report.traces import readout
+from winchcascade.report.time_histories import readout
 from winchcascade.report.wording import load_words, subscripts_of
 from winchcascade.rig.simulate import Simulation
 

@@ -28,7 +28,7 @@ from winchcascade.report.digits import (
     stated,
     uncertain,
 )
-from winchcascade.report.table_model import (
+from winchcascade.report.report_model import (
     ROW_UNIT,
     Limit,
     Table,
@@ -39,7 +39,7 @@ from winchcascade.report.table_model import (
     row_limit,
     rows_of,
 )
-from winchcascade.report.traces import clock_zero
+from winchcascade.report.time_histories import clock_zero
 from winchcascade.report.wording import SYMBOL, label, net_reasons, not_known, of_phase, source_name, span_word
 
 LISTED_CYCLES = Limit(60)

@@ -21,12 +21,22 @@ from winchcascade.blind.score import (
     taken_as,
 )
 from winchcascade.core.campaign_file import Origin, banner
-from winchcascade.report.diagnosis_names import display_of
 from winchcascade.report.digits import MINUS, number, places, significant
-from winchcascade.report.provenance import provenance_table
-from winchcascade.report.report_model import Note, Point, Report, Tile, picture, section
+from winchcascade.report.gap_words import display_of
+from winchcascade.report.report_model import (
+    Note,
+    Point,
+    Report,
+    Table,
+    TableColumn,
+    Tile,
+    make_table,
+    picture,
+    provenance_table,
+    rows_of,
+    section,
+)
 from winchcascade.report.style import COLOURS, Margins, house_style, legend_above, panel_figure
-from winchcascade.report.table_model import Table, TableColumn, make_table, rows_of
 from winchcascade.report.trial_text import (
     HIDDEN,
     closure_sentence,

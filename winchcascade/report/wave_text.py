@@ -13,7 +13,7 @@ from winchcascade.core.cascade import field_of
 from winchcascade.reduction.wave_bootstrap import DRAWS, FEWEST, SEED, EnergyError, RatioOfSums
 from winchcascade.reduction.wave_energies import WaveClass, WaveEnergies
 from winchcascade.report.digits import NumberText, interval_text, significant
-from winchcascade.report.table_model import Limit, Table, TableColumn, items_table
+from winchcascade.report.report_model import Limit, Table, TableColumn, items_table
 from winchcascade.report.text_table import indented, listing, metric_steps, plain_cell, wrapped
 from winchcascade.report.wording import SYMBOL
 

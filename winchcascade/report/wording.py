@@ -1,8 +1,9 @@
-"""Sentences about the uncertainty of a reduction, for the terminal and the reports."""
+"""Words that terminal and pages share: symbols, loads, windows, uncertainties; and how pages set sentences of the terminal."""
 
 from __future__ import annotations
 
 import math
+import re
 from typing import TYPE_CHECKING
 
 from msgspec.structs import asdict
@@ -11,6 +12,7 @@ from winchcascade.core.accuracy import ACQUISITION, ErrorSource
 from winchcascade.core.quantity import KGF
 from winchcascade.reduction.efficiency import NET_METRICS
 from winchcascade.reduction.uncertainty import R_DRUM, SAMPLING, Budget, shares
+from winchcascade.report.digits import RAISED
 from winchcascade.report.report_model import SUBSCRIPTS
 
 if TYPE_CHECKING:
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
     from winchcascade.core.cascade import Cascade
     from winchcascade.core.rig_file import WindowRule
     from winchcascade.reduction.reduction_result import CycleResult, Reduction
+
 
 SENSORS = {
     "force": "force cell",
@@ -193,3 +196,38 @@ def not_known(known: Budget) -> list[str]:
         )
         if wanted
     ]
+
+
+_SET: tuple[tuple[str, str], ...] = (
+    (r"(?<=\d) ohm\b", "\u00a0Ω"),
+    (r"\b(N|m)\.(?=m\b|s/rad)", r"\1·"),
+    (r"\bR2\b", "R²"),
+    (r" \+- ", " ± "),
+    (r"(?<=\d)\.\.(?=-?\d)", " to "),
+    (r"(?<![\w.)\]-])-(?=\d)", "\u2212"),
+    (r"`([^`]*)`", r"\1"),
+)
+"""What the terminal writes with plain letters, and how a page sets it."""
+
+
+def page_text(text: str, kept: str = "") -> str:
+    """A sentence of the terminal as a page sets it: symbols for names of metrics, signs and units, no marks of commands.
+
+    Parameters
+    ----------
+    kept : name of a file in it, which stays as it is
+
+    Examples
+    --------
+    >>> page_text("36 ohm: eta_pto drops by -0.01 N.m.s/rad, `diagnose` finds 1..2e-05")
+    '36\\xa0Ω: η_pto drops by −0.01 N·m·s/rad, diagnose finds 1 to 2×10⁻⁵'
+    >>> page_text("-5.csv gives -5", "-5.csv")
+    '-5.csv gives −5'
+    """
+    if kept:
+        return kept.join(page_text(part) for part in text.split(kept))
+    for plain, shown in _SET:
+        text = re.sub(plain, shown, text)
+    text = re.sub(r"(?<=\d)e([-+]\d+)", lambda found: f"×10{str(int(found[1])).translate(RAISED)}", text)
+    metrics = "|".join(sorted(SYMBOL, key=len, reverse=True))
+    return re.sub(rf"\b(?:{metrics})\b", lambda found: SYMBOL[found[0]], text)
