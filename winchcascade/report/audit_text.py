@@ -7,12 +7,14 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from winchcascade.core.published_table import PublishedTable, Span, load_text, unit_suffix
+from winchcascade.core.table_toml import table_place
 from winchcascade.core.version import __version__
+from winchcascade.report.report_model import file_digest
 from winchcascade.report.screen import toned
 from winchcascade.report.text_table import headed, indented, table_lines, wrapped
 from winchcascade.rig.effects.effect import Field
 from winchcascade.tables.attainable import Ability, AttainableRanges, SuspectResult
-from winchcascade.tables.attainable_row import RAMPS, STARTED, AttainableRow, Cell
+from winchcascade.tables.attainable_row import RAMPS, STARTED, AttainableRow
 from winchcascade.tables.audit import Audit, Contradiction, percent
 from winchcascade.tables.claims import ClaimVerdict
 from winchcascade.tables.effect_search import Values
@@ -34,6 +36,15 @@ def title_lines(table: PublishedTable | PointTable) -> list[str]:
 def table_record(table: PublishedTable | PointTable) -> dict[str, str]:
     """Which table it is, as records have it."""
     return {"name": table.name, "title": table.title, "source": table.source, "path": table.path}
+
+
+def table_rows(table: PublishedTable | PointTable) -> list[tuple[str, str]]:
+    """Which table it is, as the provenance of a report has it."""
+    return [
+        ("Published table", table_place(table.path) or table.name),
+        ("SHA-256 of the table", file_digest(table.path)),
+        ("Source", table.source),
+    ]
 
 
 def load_record(load: float) -> dict[str, float | bool]:
@@ -114,7 +125,22 @@ def audit_record(audit: Audit) -> dict[str, Any]:
             "product": known.bounds.product,
             "assumed": known.assumed,
         },
-        "contradictions": [_contradiction_record(item) for item in audit.contradictions],
+        "contradictions": [
+            {
+                "kind": item.kind,
+                **({} if item.load is None else load_record(item.load)),
+                "cells": item.cells,
+                "metric": item.metric,
+                "printed": item.printed,
+                "unit": item.unit,
+                "allowed": _span_record(item.allowed),
+                "missed_by": item.missed_by,
+                "sentence": item.sentence,
+                "repairs": [{"metric": r.metric, "low": r.low, "high": r.high} for r in item.repairs],
+                "line": item.line,
+            }
+            for item in audit.contradictions
+        ],
         "claims": [
             {
                 "verdict": claim.verdict,
@@ -171,22 +197,6 @@ def shared_windows(audit: Audit) -> list[str]:
     return found + ([f"no fewer than {len(audit.shared)} windows fit all rows"] if len(audit.shared) > 1 else [])
 
 
-def _contradiction_record(item: Contradiction) -> dict[str, Any]:
-    return {
-        "kind": item.kind,
-        **({} if item.load is None else load_record(item.load)),
-        "cells": item.cells,
-        "metric": item.metric,
-        "printed": item.printed,
-        "unit": item.unit,
-        "allowed": _span_record(item.allowed),
-        "missed_by": item.missed_by,
-        "sentence": item.sentence,
-        "repairs": [{"metric": r.metric, "low": r.low, "high": r.high} for r in item.repairs],
-        "line": item.line,
-    }
-
-
 def _span_record(span: Span | None) -> tuple[float, float] | None:
     return None if span is None else (span.low, span.high)
 
@@ -208,8 +218,7 @@ def attainable_text(ranges: AttainableRanges) -> str:
     if ranges.rows:
         head = ["ohm", "m/s", *(text for metric in metrics for text in (f" {metric}", "range", "past"))]
         points = _range([100.0 * cell.allowed for cell in cells], ".1f")
-        omit = ("m/s", "range", *metrics[:1])
-        lines += ["", *_columns([head, *(_row(row, metrics) for row in ranges.rows)], omit)]
+        lines += ["", *_columns([head, *(_row(row, metrics) for row in ranges.rows)], ("m/s", "range", *metrics[:1]))]
         lines += indented(
             "past: percentage points beyond the nearer end of the range; in brackets where rounding and repeatability "
             f"({points} points) bridge it"
@@ -258,13 +267,13 @@ def _row(row: AttainableRow, metrics: Sequence[str]) -> list[str]:
         if cell is None:
             texts += ["-", "", ""]
         else:
-            texts += [f"{'~' * cell.derived}{cell.printed:.3f}", f"{cell.low:.3f}-{cell.high:.3f}", _off(cell)]
+            text = f"{100.0 * cell.gap:+.1f}"
+            texts += [
+                f"{'~' * cell.derived}{cell.printed:.3f}",
+                f"{cell.low:.3f}-{cell.high:.3f}",
+                ("0" if float(text) == 0.0 else text if cell.outside else f"({text})"),
+            ]
     return texts
-
-
-def _off(cell: Cell) -> str:
-    text = f"{100.0 * cell.gap:+.1f}"
-    return "0" if float(text) == 0.0 else text if cell.outside else f"({text})"
 
 
 def _verdict(ranges: AttainableRanges, metric: str) -> list[str]:
@@ -317,13 +326,16 @@ def _neither(ranges: AttainableRanges) -> list[str]:
     parts.sort(key=lambda part: (-part[0], part[1]))
     some = "; ".join(f"{name} {', '.join(shares)}" for most, name, shares in parts if most >= _NOTHING)
     nothing = ", ".join(name for most, name, _ in parts if most < _NOTHING)
-    sentence = (
-        f"{'explain neither' if len(metrics) > 1 else 'do not explain it'} alone; at a plausible value they take away so "
-        f"much of what is out of reach of {' and of '.join(metrics)}: {some}"
-    )
     return [
         "",
-        *(wrapped(sentence) if some else []),
+        *(
+            wrapped(
+                f"{'explain neither' if len(metrics) > 1 else 'do not explain it'} alone; at a plausible value they take away "
+                f"so much of what is out of reach of {' and of '.join(metrics)}: {some}"
+            )
+            if some
+            else []
+        ),
         *(wrapped(f"take away nothing: {nothing}") if nothing else []),
     ]
 
@@ -397,32 +409,31 @@ def attainable_record(ranges: AttainableRanges) -> dict[str, Any]:
         "ok": ranges.ok,
         "deviation_eta": ranges.scatter,
         "notes": ranges.notes,
-        "rows": [_row_record(row) for row in ranges.rows],
+        "rows": [
+            {
+                **load_record(row.load),
+                "window_s": row.window,
+                "speed_mps": [row.speeds.low, row.speeds.high],
+                "efficiencies": {
+                    cell.metric: {
+                        "printed": cell.printed,
+                        "derived": cell.derived,
+                        "allowed": cell.allowed,
+                        "reach": [cell.low, cell.high],
+                        "nominal": cell.nominal,
+                        "standard_uncertainty": cell.u,
+                        "off": cell.gap,
+                        "outside": cell.outside,
+                    }
+                    for cell in row.cells
+                },
+            }
+            for row in ranges.rows
+        ],
         "not_judged": [{**load_record(item.load), "reason": item.reason} for item in ranges.not_judged],
         "effects": [_mover_record(ranges, mover) for mover in found.suspects],
         "sets": [_values_record(values) for values in found.sets],
         "closest": None if found.closest is None else _values_record(found.closest),
-    }
-
-
-def _row_record(row: AttainableRow) -> dict[str, Any]:
-    return {
-        **load_record(row.load),
-        "window_s": row.window,
-        "speed_mps": [row.speeds.low, row.speeds.high],
-        "efficiencies": {
-            cell.metric: {
-                "printed": cell.printed,
-                "derived": cell.derived,
-                "allowed": cell.allowed,
-                "reach": [cell.low, cell.high],
-                "nominal": cell.nominal,
-                "standard_uncertainty": cell.u,
-                "off": cell.gap,
-                "outside": cell.outside,
-            }
-            for cell in row.cells
-        },
     }
 
 

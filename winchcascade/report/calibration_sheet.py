@@ -15,8 +15,9 @@ from winchcascade.core.quantity import KGF, Quantity
 from winchcascade.core.run import Signal
 from winchcascade.core.version import __version__
 from winchcascade.diagnosis.calibrate import Calibration, Number
-from winchcascade.report.digits import number, places, significant, uncertain, upper
+from winchcascade.report.digits import NumberText, number, places, significant, uncertain, upper
 from winchcascade.report.report_model import (
+    ItemTable,
     Note,
     Point,
     Report,
@@ -26,12 +27,10 @@ from winchcascade.report.report_model import (
     Tile,
     data_point,
     file_digest,
-    items_table,
-    make_table,
+    pairs_table,
     picture,
-    provenance_table,
+    provenance_section,
     section,
-    text_column,
 )
 from winchcascade.report.screen import toned
 from winchcascade.report.text_table import data_lines, headed, indented, table_lines, wrapped
@@ -129,10 +128,14 @@ def calibration_record(calibration: Calibration) -> dict[str, Any]:
     }
 
 
+def _texts(n: Number) -> list[NumberText]:
+    """A number before and as found, and the ends of its interval, with the digits that its uncertainty allows."""
+    return [number(x, places(n.u) if n.u > 0.0 else 6) for x in (n.before, n.value, n.low, n.high)]
+
+
 def _row(n: Number) -> tuple[str, ...]:
-    """A number with the digits that its uncertainty allows, a very small one as a power of ten."""
-    decimals = places(n.u) if n.u > 0.0 else 6
-    before, value, low, high = (number(x, decimals) for x in (n.before, n.value, n.low, n.high))
+    """A number in the terminal."""
+    before, value, low, high = _texts(n)
     return (n.name, before.replace("–", "-"), value, f"{low} to {high}", n.unit, n.how)
 
 
@@ -245,22 +248,40 @@ def calibration_report(calibration: Calibration, *, command: str = "") -> Report
     from winchcascade.report.style import house_style
 
     run, rig = calibration.run, calibration.rig
+    found, new = findings(calibration), [n for n in calibration.numbers if n.new]
     with house_style():
-        sections = (
-            section("results", "Results", _numbers(calibration), _note(together_words(calibration))),
-            _fit(calibration),
-            section("conditions", "Conditions", _conditions(calibration)),
-            section("method", "Method", *METHOD),
-            section("findings", "Findings", _findings(calibration)),
-            section("provenance", "Provenance", _provenance(calibration, command)),
-        )
+        fit = _fit(calibration)
     return Report(
         kind="Calibration of a rig in open circuit",
         title=rig.name,
         subtitle=" · ".join(part for part in (rig.title, f"log {run.name}", run.about) if part),
-        tiles=tuple(_tile(n) for n in calibration.numbers if n.new)[:3],
-        points=_points(calibration),
-        sections=sections,
+        tiles=tuple(map(_tile, new[:3])),
+        points=(
+            data_point([run.origin]),
+            Point(
+                "Calibrated", f"{', '.join(n.name for n in new) or 'no number'} of rig {rig.name}, from log {run.name}."
+            ),
+            Point("Against the rig file", f"{page_text(comparison(calibration))}."),
+            *(Point("Finding", f"{upper(page_text(text))}.", "warn") for text in found),
+            *([] if found else [Point("Findings", "None.", "good")]),
+        ),
+        sections=(
+            section("results", "Results", _NUMBERS.of(calibration.numbers), _note(together_words(calibration))),
+            fit,
+            section("conditions", "Conditions", _conditions(calibration)),
+            section("method", "Method", *METHOD),
+            section("findings", "Findings", _findings(calibration)),
+            provenance_section(
+                [
+                    ("Log file", run.path),
+                    ("SHA-256 of the log", run.sha256),
+                    ("Table in the file", run.table or ""),
+                    ("Rig file", rig.path or rig.name),
+                    ("SHA-256 of the rig file", file_digest(rig.path)),
+                ],
+                command,
+            ),
+        ),
         banner=banner([run.origin]),
     )
 
@@ -270,45 +291,26 @@ def _note(text: str) -> Note:
 
 
 def _tile(n: Number) -> Tile:
-    decimals = places(n.u) if n.u > 0.0 else 6
-    low, high = (number(x, decimals) for x in (n.low, n.high))
+    _, value, low, high = _texts(n)
     unit = "" if n.unit == "1" else f" {page_text(n.unit)}"
-    return Tile(n.name, n.section, f"{number(n.value, decimals)}{unit}", f"95 %: {low} to {high}{unit}")
+    return Tile(n.name, n.section, f"{value}{unit}", f"95 %: {low} to {high}{unit}")
 
 
-def _points(calibration: Calibration) -> tuple[Point, ...]:
-    """What was calibrated, how it compares with the rig file, and whether anything speaks against it."""
-    found = findings(calibration)
-    new = ", ".join(n.name for n in calibration.numbers if n.new) or "no number"
-    return (
-        data_point([calibration.run.origin]),
-        Point("Calibrated", f"{new} of rig {calibration.rig.name}, from log {calibration.run.name}."),
-        Point("Against the rig file", f"{page_text(comparison(calibration))}."),
-        *(Point("Finding", f"{upper(page_text(text))}.", "warn") for text in found),
-        *([] if found else [Point("Findings", "None.", "good")]),
-    )
-
-
-def _numbers(calibration: Calibration) -> Table:
-    """Every number with its uncertainty, beside the one of the rig file."""
-    columns: list[TableColumn[Number]] = [
+_NUMBERS = ItemTable[Number](
+    "calibrated-numbers",
+    "Calibrated numbers of the rig.",
+    [
         TableColumn("Number", text=True, of=lambda n: f"{n.section}.{n.name}"),
-        TableColumn("Rig file", of=lambda n: number(n.before, _decimals(n))),
-        TableColumn("Found", of=lambda n: number(n.value, _decimals(n))),
+        TableColumn("Rig file", of=lambda n: _texts(n)[0]),
+        TableColumn("Found", of=lambda n: _texts(n)[1]),
         TableColumn("Standard uncertainty", of=lambda n: uncertain(n.u)),
-        TableColumn("95 % interval, from", of=lambda n: number(n.low, _decimals(n))),
-        TableColumn("to", of=lambda n: number(n.high, _decimals(n))),
+        TableColumn("95 % interval, from", of=lambda n: _texts(n)[2]),
+        TableColumn("to", of=lambda n: _texts(n)[3]),
         TableColumn("Unit", text=True, of=lambda n: page_text(n.unit)),
         TableColumn("State", text=True, of=lambda n: "calibrated" if n.new else "as before"),
         TableColumn("Method", text=True, of=lambda n: page_text(n.how)),
-    ]
-    found = items_table("calibrated-numbers", "Calibrated numbers of the rig.", columns, calibration.numbers)
-    assert found is not None  # the back-EMF constant is always there
-    return found
-
-
-def _decimals(n: Number) -> int:
-    return places(n.u) if n.u > 0.0 else 6
+    ],
+)
 
 
 def _fit(calibration: Calibration) -> Section:
@@ -342,26 +344,29 @@ def _fit(calibration: Calibration) -> Section:
 def _conditions(calibration: Calibration) -> Table:
     """The run that was used, and the ranges within which the numbers were found."""
     run, fit = calibration.run, calibration.regression
-    rows = [
-        ("Log", run.name),
-        ("Date of the log (first stamp)", run.first_stamp or "not in the log"),
-        ("Load", f"open circuit ({run.load_source})"),
-        ("Samples", f"{run.samples} at {run.fs:.6g} Hz, {run.t[-1] - run.t[0]:.1f} s"),
-        ("Samples of the regression", f"{fit.rpm.size}"),
-        ("Generator speed of the regression", f"{fit.rpm.min():.0f} to {fit.rpm.max():.0f} rpm"),
-        ("DC voltage of the regression", f"{fit.vdc.min():.1f} to {fit.vdc.max():.1f} V"),
-        *(
-            (title, f"{_range(run.channels[name] * factor)} {unit}")
-            for name, title, factor, unit in (
-                ("velocity", "Line velocity", 1.0, "m/s"),
-                ("force", "Line tension", 1.0, "N"),
-                ("pressure", "Accumulator pressure, gauge", 1.0 / (KGF * 1e4), "kg/cm²"),
-            )
-            if name in run.channels
-        ),
-        ("Temperature", "not recorded"),
-    ]
-    return make_table("conditions", "Conditions of the calibration.", (text_column("Item"), text_column("Value")), rows)
+    return pairs_table(
+        "conditions",
+        "Conditions of the calibration.",
+        [
+            ("Log", run.name),
+            ("Date of the log (first stamp)", run.first_stamp or "not in the log"),
+            ("Load", f"open circuit ({run.load_source})"),
+            ("Samples", f"{run.samples} at {run.fs:.6g} Hz, {run.t[-1] - run.t[0]:.1f} s"),
+            ("Samples of the regression", f"{fit.rpm.size}"),
+            ("Generator speed of the regression", f"{fit.rpm.min():.0f} to {fit.rpm.max():.0f} rpm"),
+            ("DC voltage of the regression", f"{fit.vdc.min():.1f} to {fit.vdc.max():.1f} V"),
+            *(
+                (title, f"{_range(run.channels[name] * factor)} {unit}")
+                for name, title, factor, unit in (
+                    ("velocity", "Line velocity", 1.0, "m/s"),
+                    ("force", "Line tension", 1.0, "N"),
+                    ("pressure", "Accumulator pressure, gauge", 1.0 / (KGF * 1e4), "kg/cm²"),
+                )
+                if name in run.channels
+            ),
+            ("Temperature", "not recorded"),
+        ],
+    )
 
 
 def _range(x: Signal) -> str:
@@ -375,19 +380,6 @@ def _findings(calibration: Calibration) -> Table | Note:
     """What speaks against the numbers, and what is wrong with the log."""
     rows = [("calibration", page_text(text)) for text in findings(calibration)]
     rows += [(f"log, {f.kind.replace('_', ' ')}", f"{f.message}; {f.action}") for f in calibration.run.findings]
-    if not rows:
-        return Note("Nothing speaks against the numbers, and no fault was found in the log.")
-    columns = (text_column("Of"), text_column("What was found"))
-    return make_table("findings", "Findings about the calibration and about the log.", columns, rows)
-
-
-def _provenance(calibration: Calibration, command: str) -> Table:
-    run, rig = calibration.run, calibration.rig
-    rows = [
-        ("Log file", run.path),
-        ("SHA-256 of the log", run.sha256),
-        ("Table in the file", run.table or ""),
-        ("Rig file", rig.path or rig.name),
-        ("SHA-256 of the rig file", file_digest(rig.path)),
-    ]
-    return provenance_table(rows, command)
+    caption = "Findings about the calibration and about the log."
+    none = Note("Nothing speaks against the numbers, and no fault was found in the log.")
+    return pairs_table("findings", caption, rows, ("Of", "What was found")) if rows else none

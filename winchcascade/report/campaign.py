@@ -45,15 +45,14 @@ from winchcascade.report.report_model import (
     data_point,
     make_table,
     picture,
-    provenance_table,
+    provenance_section,
     row_limit,
     rows_of,
     section,
 )
 from winchcascade.report.style import house_style
-from winchcascade.report.tables import decimals_of, metrics_note, unit_of
 from winchcascade.report.wave_section import CampaignWaves, campaign_waves, campaign_waves_section
-from winchcascade.report.wording import SYMBOL
+from winchcascade.report.wording import SYMBOL, decimals_of, metrics_note, unit_of
 
 SEED = 20260
 """Seed of the draws from which the probability follows that a load is the best."""
@@ -116,7 +115,16 @@ def campaign_report(
                 logs_net_table(runs),
             ),
             *([] if waves is None else [campaign_waves_section(waves)]),
-            section("speed", "Over generator speed", _over_speed(runs, bins)),
+            section(
+                "speed", "Over generator speed",
+                picture(
+                    figures.runs_over_speed(runs, bins), "speed",
+                    "Means of the payouts of each run in bins of generator speed; markers distinguish the loads."
+                    + (" Logs of one load look alike." if figures.look_alike(runs) else "")
+                    + (f" {figures.DRAWN_RUNS} runs, evenly chosen." if len(runs) > figures.DRAWN_RUNS else ""),
+                    "Curves of binned torque and power over generator speed, one for each run.",
+                ),
+            ),
             *model,
             section("repeatability", "Repeatability", logs_repeatability_table(runs)),
             section(
@@ -125,7 +133,7 @@ def campaign_report(
                 faults_table(failed),
             ),
             *((symbols_section(cascade_of(runs)),) if runs else ()),
-            section("provenance", "Provenance", _provenance(campaign, runs, command)),
+            _provenance(campaign, runs, command),
         )  # fmt: skip
     return Report(
         kind="Campaign",
@@ -153,18 +161,6 @@ def _over_load(loaded: Sequence[LogSummary]) -> Picture | None:
         + (_NOT_JOINED if len(figures.comparable(loaded)) > 1 else "")
         + "Where η_pto is highest, most of the line's energy reaches the DC link.",
         "Points of powers and efficiencies over the load; the values are in the tables.",
-    )
-
-
-def _over_speed(runs: Sequence[LogSummary], bins: figures.Bins) -> Picture | None:
-    """Torque and power over generator speed, and what the figure shows."""
-    return picture(
-        figures.runs_over_speed(runs, bins),
-        "speed",
-        "Means of the payouts of each run in bins of generator speed; markers distinguish the loads."
-        + (" Logs of one load look alike." if figures.look_alike(runs) else "")
-        + (f" {figures.DRAWN_RUNS} runs, evenly chosen." if len(runs) > figures.DRAWN_RUNS else ""),
-        "Curves of binned torque and power over generator speed, one for each run.",
     )
 
 
@@ -281,8 +277,13 @@ def _points(runs: Sequence[LogSummary], failed: Sequence[FailedLog], loaded: Seq
     mixed = mixed_windows(runs)
     points += [Point("Windows", mixed, "warn")] if mixed else []
     total, whole = sum(run.cycles for run in runs), sum(run.complete for run in runs)
-    text = f"{len(runs)} of {len(runs) + len(failed)} reduced, {whole} of {total} cycles complete."
-    points.append(Point("Logs", text, "warn" if failed or whole < total else "plain"))
+    points.append(
+        Point(
+            "Logs",
+            f"{len(runs)} of {len(runs) + len(failed)} reduced, {whole} of {total} cycles complete.",
+            "warn" if failed or whole < total else "plain",
+        )
+    )
     best = best_load(loaded)
     if best is not None:
         first, second = (f"{_name(run)} with {{}}{_mean(eta, run)}" for run in (best.run, best.following))
@@ -303,19 +304,21 @@ def _points(runs: Sequence[LogSummary], failed: Sequence[FailedLog], loaded: Seq
     return points
 
 
-def _provenance(campaign: CampaignRecord, runs: Sequence[LogSummary], command: str) -> Table:
+def _provenance(campaign: CampaignRecord, runs: Sequence[LogSummary], command: str) -> Section:
     finite = sorted({run.load for run in runs if run.load is not None and math.isfinite(run.load)})
     results = ", ".join(run.result for run in runs)
     if len(results) > LISTED:
         results = f"runs/NAME.json of the NAME of each of the {len(runs)} logs in campaign.json"
-    rows = [
-        ("Campaign", campaign.title),
-        ("Data", origin_words([run.origin for run in runs])),
-        ("Logs", f"{len(campaign.runs)}; hash, rig and window of each are in its own report and its result"),
-        ("Results", f"{results}; other files in runs are of other calls" if runs else ""),
-        ("Loads", ", ".join(f"{load:g}" for load in finite[:20]) + (" Ω" if finite else "")),
-    ]
-    return provenance_table(rows, command)
+    return provenance_section(
+        [
+            ("Campaign", campaign.title),
+            ("Data", origin_words([run.origin for run in runs])),
+            ("Logs", f"{len(campaign.runs)}; hash, rig and window of each are in its own report and its result"),
+            ("Results", f"{results}; other files in runs are of other calls" if runs else ""),
+            ("Loads", ", ".join(f"{load:g}" for load in finite[:20]) + (" Ω" if finite else "")),
+        ],
+        command,
+    )
 
 
 # ---------------------------------------------------------------------------------------------------------- the tables
@@ -358,9 +361,13 @@ def energies_table(runs: Sequence[LogSummary], *, linked: bool = True) -> Table:
     """Mean energies and powers of every log with their standard uncertainties (the layout of Table 2)."""
     cascade = cascade_of(runs)
     given = _given(runs, [f"{kind}_{stage}" for stage in cascade.names for kind in ("energy", "power")])
-    caption = "Mean energies over the integration window and mean powers in it, ± standard uncertainty."
-    columns = [_LOG, _LOAD, _WINDOW, _CYCLES, *_metric_columns(given)]
-    table = _table("energies", caption, columns, runs, metrics_note(cascade, given).strip())
+    table = _table(
+        "energies",
+        "Mean energies over the integration window and mean powers in it, ± standard uncertainty.",
+        [_LOG, _LOAD, _WINDOW, _CYCLES, *_metric_columns(given)],
+        runs,
+        metrics_note(cascade, given).strip(),
+    )
     return _linked(table, runs) if linked else table
 
 
@@ -378,26 +385,32 @@ def logs_efficiencies_table(runs: Sequence[LogSummary]) -> Table:
     columns = [_LOG, _LOAD, _WINDOW]
     for m, column in zip(given, _metric_columns(given), strict=True):
         columns += [column, TableColumn("95 % interval", of=partial(_interval, m))]
-    caption = "Efficiencies: means of the cycles' ratios, ± standard uncertainty, and 95 % intervals."
-    note = (
+    return _table(
+        "efficiencies",
+        "Efficiencies: means of the cycles' ratios, ± standard uncertainty, and 95 % intervals.",
+        columns,
+        runs,
         f"{metrics_note(cascade, given)}Errors of the sensors are common to all runs with the same sensors, so differences "
-        f"between loads are better known than each value. {INTERVALS}"
+        f"between loads are better known than each value. {INTERVALS}",
     )
-    return _table("efficiencies", caption, columns, runs, note)
 
 
 def logs_net_table(runs: Sequence[LogSummary]) -> Table | None:
     """Net energies of whole cycles of every log, means with their standard uncertainties; None where no log has any."""
     given = _given(runs, cascade_of(runs).net_metrics)
-    caption = (
-        "Whole cycles: line energy of the payout, line energy returned in haul-in, and net line energy from onset to "
-        "next onset, ± standard uncertainty."
+    return (
+        _table(
+            "net",
+            "Whole cycles: line energy of the payout, line energy returned in haul-in, and net line energy from onset to "
+            "next onset, ± standard uncertainty.",
+            [_LOG, _LOAD, *_metric_columns(given)],
+            runs,
+            f"These energies do not depend on the integration window. {_NET_RATIO if 'eta_net' in given else ''}"
+            "The report of each log states why it has none; in open circuit they are not evaluated.",
+        )
+        if given
+        else None
     )
-    note = (
-        f"These energies do not depend on the integration window. {_NET_RATIO if 'eta_net' in given else ''}"
-        "The report of each log states why it has none; in open circuit they are not evaluated."
-    )
-    return _table("net", caption, [_LOG, _LOAD, *_metric_columns(given)], runs, note) if given else None
 
 
 _NET_RATIO = "η_net = E_gen, cycle / E_net. "
@@ -408,14 +421,21 @@ def logs_repeatability_table(runs: Sequence[LogSummary]) -> Table | None:
     several = [run for run in runs if run.complete > 1]
     metrics = cascade_of(runs).metrics
     given = [m for m in metrics if any(_deviation(field_of(m), run) is not None for run in several)]
-    columns = [
-        _LOG,
-        _LOAD,
-        _CYCLES,
-        *(TableColumn(SYMBOL[m], "%", 2, of=partial(_deviation, field_of(m))) for m in given),
-    ]
-    caption = "Repeatability: largest deviation of any cycle from the mean of its run, in percent of the mean."
-    return _table("repeatability", caption, columns, several) if given else None
+    return (
+        _table(
+            "repeatability",
+            "Repeatability: largest deviation of any cycle from the mean of its run, in percent of the mean.",
+            [
+                _LOG,
+                _LOAD,
+                _CYCLES,
+                *(TableColumn(SYMBOL[m], "%", 2, of=partial(_deviation, field_of(m))) for m in given),
+            ],
+            several,
+        )
+        if given
+        else None
+    )
 
 
 def _deviation(field: str, run: LogSummary) -> float | None:
@@ -424,17 +444,20 @@ def _deviation(field: str, run: LogSummary) -> float | None:
 
 def logs_table(runs: Sequence[LogSummary], *, linked: bool = True) -> Table:
     """Every log: its cycles, and what was found wrong with it."""
-    columns = [
-        _LOG,
-        _LOAD,
-        _WINDOW,
-        TableColumn("Data", text=True, of=lambda run: KINDS[run.origin.measured]),
-        TableColumn("Complete cycles", of=lambda run: f"{run.complete} of {run.cycles}"),
-        TableColumn("Data lost", "%", of=lambda run: percent(run.removed_share, 2)),
-        TableColumn("Findings", text=True, of=_findings),
-    ]
-    caption = "Logs: complete cycles, share of the samples that findings took out, number and kinds of findings."
-    table = _table("logs", caption, columns, runs)
+    table = _table(
+        "logs",
+        "Logs: complete cycles, share of the samples that findings took out, number and kinds of findings.",
+        [
+            _LOG,
+            _LOAD,
+            _WINDOW,
+            TableColumn("Data", text=True, of=lambda run: KINDS[run.origin.measured]),
+            TableColumn("Complete cycles", of=lambda run: f"{run.complete} of {run.cycles}"),
+            TableColumn("Data lost", "%", of=lambda run: percent(run.removed_share, 2)),
+            TableColumn("Findings", text=True, of=_findings),
+        ],
+        runs,
+    )
     return _linked(table, runs) if linked else table
 
 
@@ -450,8 +473,16 @@ def between_table(found: Sequence[tuple[str, FindingRecord]]) -> Table | None:
         TableColumn("Finding", text=True, of=lambda one: f"{one[1].kind.replace('_', ' ')}: {one[1].message}"),
         TableColumn("What to do", text=True, of=lambda one: one[1].action),
     ]
-    caption = "Logs that lie apart from the others. The data are kept; the operator decides."
-    return make_table("between", caption, columns, rows_of(columns, found[: row_limit(MOST_RUNS)])) if found else None
+    return (
+        make_table(
+            "between",
+            "Logs that lie apart from the others. The data are kept; the operator decides.",
+            columns,
+            rows_of(columns, found[: row_limit(MOST_RUNS)]),
+        )
+        if found
+        else None
+    )
 
 
 def faults_table(failed: Sequence[FailedLog]) -> Table | None:

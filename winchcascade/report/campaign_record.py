@@ -265,8 +265,11 @@ def altered_lines(altered: Sequence[str]) -> list[str]:
     """One line that names files which were changed after they were made, and so were made again; none if there are none."""
     more = f" and {len(altered) - MOST_ALTERED} more" if len(altered) > MOST_ALTERED else ""
     names = ", ".join(map(one_line, altered[:MOST_ALTERED]))
-    text = f"made again, as the content did not match the digest of the earlier call: {names}{more}"
-    return wrapped(text, piped=None) if altered else []
+    return (
+        wrapped(f"made again, as the content did not match the digest of the earlier call: {names}{more}", piped=None)
+        if altered
+        else []
+    )
 
 
 def named_fault(run: FailedLog) -> str:
@@ -324,8 +327,15 @@ def _marked(runs: Sequence[LogSummary]) -> list[str]:
     """The sentence on the rows that are marked: how many, and with which kinds of findings."""
     found = [run for run in runs if run.findings]
     kinds = ", ".join(sorted({kind for run in found for kind in run.findings}))
-    text = f"! findings in {len(found)} of {len(runs)} logs, listed in each log's report and JSON: {kinds}"
-    return headed(wrapped(text), "!", "warning") if found else []
+    return (
+        headed(
+            wrapped(f"! findings in {len(found)} of {len(runs)} logs, listed in each log's report and JSON: {kinds}"),
+            "!",
+            "warning",
+        )
+        if found
+        else []
+    )
 
 
 def _between(campaign: CampaignRecord) -> list[str]:

@@ -226,8 +226,9 @@ ABOUT = (
 
 def _beside(part: ContributionPart) -> str:
     """A part with half its interval."""
-    text = f"{points_words(part.value)} ± {number(0.5 * (part.high - part.low), 2)}"
-    return NumberText(text, part.value, part.low, part.high)
+    return NumberText(
+        f"{points_words(part.value)} ± {number(0.5 * (part.high - part.low), 2)}", part.value, part.low, part.high
+    )
 
 
 COLUMNS = 3
@@ -303,8 +304,11 @@ def draw_waterfalls(panels: Sequence[Axes], found: ModelDiagnosis, table: Sequen
         _waterfall(ax, costs, span)
         ax.set_title(load_words(costs.load), loc="left", pad=3)
         ax.set_xlabel(f"{tex(table[0].metric)} (%)")
-    names = [given_head(found), *(part_name(found, part) for part in table[0].parts), word_of(found)]
-    panels[0].set(yticks=range(bars), yticklabels=names, ylim=(bars - 0.45, -0.55))
+    panels[0].set(
+        yticks=range(bars),
+        yticklabels=[given_head(found), *(part_name(found, part) for part in table[0].parts), word_of(found)],
+        ylim=(bars - 0.45, -0.55),
+    )
 
 
 def _extent(costs: Contribution) -> tuple[float, float]:

@@ -14,11 +14,11 @@ import msgspec
 from winchcascade.core.campaign_file import banner, joint_origin, origin_record, origin_words
 from winchcascade.core.plain_text import one_line
 from winchcascade.core.published_table import PublishedTable
-from winchcascade.core.table_toml import table_place
 from winchcascade.core.version import __version__
-from winchcascade.report.audit_text import load_record, table_record, title_lines
+from winchcascade.report.audit_text import load_record, table_record, table_rows, title_lines
 from winchcascade.report.digits import MINUS, NumberText, upper
 from winchcascade.report.report_model import (
+    ItemTable,
     Note,
     Point,
     Report,
@@ -26,17 +26,14 @@ from winchcascade.report.report_model import (
     TableColumn,
     Tile,
     data_point,
-    file_digest,
-    items_table,
-    make_table,
-    provenance_table,
+    pairs_table,
+    provenance_section,
     section,
-    text_column,
 )
 from winchcascade.report.screen import toned
 from winchcascade.report.text_table import at_most, data_lines, headed, indented, table_lines, wrapped
 from winchcascade.report.wording import SYMBOL, load_words, page_text
-from winchcascade.tables.check import CellCheck, Check, Outcome, RowKey
+from winchcascade.tables.check import CellCheck, Check, RowKey
 from winchcascade.tables.point_table import PointTable
 
 CHECK_SCHEMA = "winchcascade/check/1"
@@ -58,7 +55,7 @@ def check_text(check: Check) -> str:
         cells = [cell for cell in check.cells if (cell.row, cell.log) == (row, log)]
         lines += wrapped(f"{row.text}: {'no run' if log is None else log}")
         if log is not None:
-            head = _head(check)
+            head = ("metric", "printed", "found", "differs", "allowed", *(_PARTS[part] for part in _parts(check)), "")
             lines += table_lines(
                 [head, *(_toned(_cell_row(check, cell), cell.ok) for cell in cells)],
                 left=(0, len(head) - 1), close=(6, 7, 8)[: len(_parts(check)) - 1], indent="  ", omit=_LESS,
@@ -212,10 +209,6 @@ def _parts(check: Check) -> list[str]:
     return [part for part in _PARTS if part != "means" or any(cell.means for cell in check.cells)]
 
 
-def _head(check: Check) -> tuple[str, ...]:
-    return ("metric", "printed", "found", "differs", "allowed", *(_PARTS[part] for part in _parts(check)), "")
-
-
 def _cell_row(check: Check, cell: CellCheck) -> tuple[str, ...]:
     """One line of the table of cells; without a measured value there is none to compare."""
     parts = _parts(check)
@@ -272,77 +265,89 @@ VERDICTS = {"ok": "agrees", "miss": "differs", "not_measured": "not measured", "
 
 def check_report(check: Check, *, command: str = "") -> Report:
     """Make the rows of the report of a check."""
-    table = check.table
-    sections = (
-        section("differences", "Cells that do not agree", *_misses(check)),
-        section("cells", "Every cell", _cells(check)),
-        section("findings", "Findings", _findings_table(check)),
-        section("provenance", "Provenance", _provenance(check, command)),
-    )
+    table, factors = check.table, check.factors
+    counts = Counter(cell.outcome for cell in check.cells)
+    whole = f"of {len(check.cells)} cells"
+    without = f"{counts['no_run']} without a run" if counts["no_run"] else whole
+    rows = [(_row_words(row), text) for row, found in check.findings.items() for text in found]
     return Report(
         kind="Check against a published table",
         title=table.title or table.name,
         subtitle=" · ".join(part for part in (table.name, table.source) if part),
-        tiles=_tiles(check),
-        points=_points(check),
-        sections=sections,
+        tiles=(
+            Tile("Cells that agree", "", str(counts["ok"]), whole),
+            Tile("Cells that differ", "", str(counts["miss"]), whole),
+            Tile("Cells not measured", "", str(counts["not_measured"]), without),
+        ),
+        points=(
+            Point("Outcome", f"{upper(check_summary(check))}.", "good" if check.ok else "warn"),
+            data_point(check.origins),
+            Point("Tolerance", f"{upper(recipe(check))}."),
+            *(
+                [Point("Logs", f"{len(rows)} findings in {len(check.findings)} logs; see Findings.", "warn")]
+                if rows
+                else []
+            ),
+            *(Point("Note", text, "warn") for text in check.notes),
+        ),
+        sections=(
+            section(
+                "differences",
+                "Cells that do not agree",
+                *(Note(page_text(miss_sentence(cell), one_line(cell.log or ""))) for cell in check.misses),
+                None if check.misses else Note("All cells agree."),
+            ),
+            section("cells", "Every cell", _cells(check)),
+            section(
+                "findings",
+                "Findings",
+                pairs_table("findings", "Findings in the logs.", rows, ("Row", "What was found in its log"))
+                if rows
+                else Note("No fault was found in the logs."),
+            ),
+            provenance_section(
+                [
+                    *table_rows(table),
+                    ("Logs", ", ".join(dict.fromkeys(cell.log for cell in check.cells if cell.log))),
+                    (
+                        "Factors",
+                        f"rounding {factors.rounding:g}, deviation {factors.deviation:g}, uncertainty "
+                        f"{factors.uncertainty:g}",
+                    ),
+                ],
+                command,
+            ),
+        ),
         banner=banner(check.origins),
     )
 
 
-def _tiles(check: Check) -> tuple[Tile, ...]:
-    counts = Counter(cell.outcome for cell in check.cells)
-    names: tuple[tuple[Outcome, str], ...] = (
-        ("ok", "cells that agree"),
-        ("miss", "cells that differ"),
-        ("not_measured", "cells not measured"),
-    )
-    whole = f"of {len(check.cells)} cells"
-    without = f"{counts['no_run']} without a run" if counts["no_run"] else whole
-    return tuple(
-        Tile(upper(name), "", str(counts[key]), without if key == "not_measured" else whole) for key, name in names
-    )
-
-
-def _points(check: Check) -> tuple[Point, ...]:
-    found = sum(len(findings) for findings in check.findings.values())
-    return (
-        Point("Outcome", f"{upper(check_summary(check))}.", "good" if check.ok else "warn"),
-        data_point(check.origins),
-        Point("Tolerance", f"{upper(recipe(check))}."),
-        *([Point("Logs", f"{found} findings in {len(check.findings)} logs; see Findings.", "warn")] if found else []),
-        *(Point("Note", text, "warn") for text in check.notes),
-    )
-
-
-def _misses(check: Check) -> tuple[Note, ...]:
-    notes = [Note(page_text(miss_sentence(cell), one_line(cell.log or ""))) for cell in check.misses]
-    return tuple(notes) or (Note("All cells agree."),)
-
-
 def _cells(check: Check) -> Table:
     """Every cell: published, found, difference, tolerance with its parts, verdict."""
-    parts = ["rounding", "deviation", "uncertainty", *(["means"] if any(c.means for c in check.cells) else [])]
-    heads = {"uncertainty": "2 u"}
-    columns: list[TableColumn[CellCheck]] = [
-        TableColumn("Row", text=True, of=lambda c: _row_words(c.row)),
-        TableColumn("Quantity", text=True, of=lambda c: SYMBOL.get(c.metric, c.metric)),
-        TableColumn("Unit", text=True, of=lambda c: "" if c.column.unit == "1" else c.column.unit),
-        TableColumn("Published", of=lambda c: _text(c, c.printed, 0)),
-        TableColumn("Found", of=partial(_value, "measured", 1)),
-        TableColumn("Difference", of=partial(_value, "difference", 1)),
-        TableColumn("Allowed", of=partial(_value, "tolerance", 1)),
-        TableColumn("Verdict", text=True, of=lambda c: VERDICTS[c.outcome]),
-        *(TableColumn(head, of=partial(_value, "missed_by", 1)) for head in ("Beyond by",) if check.misses),
-        *(TableColumn(upper(heads.get(part, part)), of=partial(_value, part, 1)) for part in parts),
-        TableColumn("Log", text=True, of=lambda c: "" if c.log is None else one_line(Path(c.log).name)),
-    ]
-    found = items_table(
-        "cells", "Published and found values of every cell.", columns, check.cells,
+    return ItemTable[CellCheck](
+        "cells",
+        "Published and found values of every cell." if check.cells else "No cell was compared.",
+        [
+            TableColumn("Row", text=True, of=lambda c: _row_words(c.row)),
+            TableColumn("Quantity", text=True, of=lambda c: SYMBOL.get(c.metric, c.metric)),
+            TableColumn("Unit", text=True, of=lambda c: "" if c.column.unit == "1" else c.column.unit),
+            TableColumn("Published", of=lambda c: _text(c, c.printed, 0)),
+            TableColumn("Found", of=partial(_value, "measured")),
+            TableColumn("Difference", of=partial(_value, "difference")),
+            TableColumn("Allowed", of=partial(_value, "tolerance")),
+            TableColumn("Verdict", text=True, of=lambda c: VERDICTS[c.outcome]),
+            *([TableColumn("Beyond by", of=partial(_value, "missed_by"))] if check.misses else []),
+            *(
+                TableColumn("2 u" if part == "uncertainty" else upper(part), of=partial(_value, part))
+                for part in _parts(check)
+            ),
+            TableColumn("Log", text=True, of=lambda c: "" if c.log is None else one_line(Path(c.log).name)),
+        ],
         note="A cell agrees if the difference is not larger than what is allowed: the sum of rounding, deviation and 2 u, "
-        "with u the standard uncertainty.",
-    )  # fmt: skip
-    return found or make_table("cells", "No cell was compared.", columns, [])
+        "with u the standard uncertainty."
+        if check.cells
+        else "",
+    ).always(check.cells)
 
 
 def _row_words(row: RowKey) -> str:
@@ -350,12 +355,11 @@ def _row_words(row: RowKey) -> str:
     return row.text if row.load is None else load_words(row.load)
 
 
-def _value(name: str, more: int, cell: CellCheck) -> NumberText | None:
-    """A number of a cell with more decimals than are published; None without a measured value."""
+def _value(name: str, cell: CellCheck) -> NumberText | None:
+    """A number of a cell with one decimal more than is published; None without a measured value."""
     value: float | None = getattr(cell, name)
-    if value is None or cell.measured is None:
-        return None
-    return _text(cell, value, more, sign="+" if name == "difference" else "")
+    sign = "+" if name == "difference" else ""
+    return None if value is None or cell.measured is None else _text(cell, value, 1, sign=sign)
 
 
 def _text(cell: CellCheck, value: float, more: int, *, sign: str = "") -> NumberText:
@@ -364,26 +368,3 @@ def _text(cell: CellCheck, value: float, more: int, *, sign: str = "") -> Number
     if value and float(text) == 0.0:
         text = f"{value:{sign}.1g}"
     return NumberText(text.replace("-", MINUS), value)
-
-
-def _findings_table(check: Check) -> Table | Note:
-    rows: list[tuple[RowKey, str]] = [(row, text) for row, found in check.findings.items() for text in found]
-    if not rows:
-        return Note("No fault was found in the logs.")
-    columns = (text_column("Row"), text_column("What was found in its log"))
-    return make_table("findings", "Findings in the logs.", columns, [(_row_words(row), text) for row, text in rows])
-
-
-def _provenance(check: Check, command: str) -> Table:
-    table, factors = check.table, check.factors
-    rows = [
-        ("Published table", table_place(table.path) or table.name),
-        ("SHA-256 of the table", file_digest(table.path)),
-        ("Source", table.source),
-        ("Logs", ", ".join(dict.fromkeys(cell.log for cell in check.cells if cell.log))),
-        (
-            "Factors",
-            f"rounding {factors.rounding:g}, deviation {factors.deviation:g}, uncertainty {factors.uncertainty:g}",
-        ),
-    ]
-    return provenance_table(rows, command)

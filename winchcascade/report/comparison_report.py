@@ -38,12 +38,12 @@ from winchcascade.report.comparison_text import (
     run_words,
     sensors_words,
     significance,
-    unit_cell,
     value_cell,
     zero_cell,
 )
 from winchcascade.report.digits import number, places, uncertain, upper
 from winchcascade.report.report_model import (
+    ItemTable,
     Limit,
     Note,
     Point,
@@ -52,9 +52,8 @@ from winchcascade.report.report_model import (
     TableColumn,
     Tile,
     data_point,
-    items_table,
     picture,
-    provenance_table,
+    provenance_section,
     section,
 )
 from winchcascade.report.style import (
@@ -69,14 +68,14 @@ from winchcascade.report.style import (
     panel_figure,
     text_width,
 )
-from winchcascade.report.wording import SYMBOL, load_words, subscripts_of, tex
+from winchcascade.report.wording import SYMBOL, load_words, subscripts_of, tex, unit_of
 
 LISTED_ROWS = Limit(400, "more, in the JSON")
 """Rows that a table of the report lists."""
 
 _RUN: TableColumn[DifferenceRow] = TableColumn("Run", text=True, of=lambda row: run_label(row.runs))
 _METRIC: TableColumn[DifferenceRow] = TableColumn("Metric", text=True, of=lambda row: SYMBOL[row.of.metric])
-_UNIT: TableColumn[DifferenceRow] = TableColumn("Unit", text=True, of=lambda row: unit_cell(row.of) or "1")
+_UNIT: TableColumn[DifferenceRow] = TableColumn("Unit", text=True, of=lambda row: unit_of(row.of.metric) or "1")
 
 
 def make_comparison_report(found: Comparison, gate: Gate | None = None, *, command: str = "") -> Report:
@@ -101,13 +100,20 @@ def make_comparison_report(found: Comparison, gate: Gate | None = None, *, comma
         ),
         section(
             "method", "How the intervals come about", *map(Note, (f"95 % intervals are {method_words()}", *_METHOD)),
-            Note(f"Sensors are {sensors_words(found)}."), parts_table(found, etas or others),
+            Note(f"Sensors are {sensors_words(found)}."), _PARTS.of(difference_rows(found, etas or others)),
         ),
         section(
             "runs", "Runs and notes", runs_table(found),
             *(Note(f"{upper(note_words(note, len(found.runs)))}.") for note in found.notes),
         ),
-        section("provenance", "Provenance", _provenance(found, command)),
+        provenance_section(
+            [
+                (f"{side} {what}", text)
+                for side, of in (("A", found.a), ("B", found.b))
+                for what, text in (("is", of.name), ("data", origin_words([run.origin for run in of.runs])))
+            ],
+            command,
+        ),
     )  # fmt: skip
     return Report(
         kind="Comparison",
@@ -144,21 +150,30 @@ _CAPTIONS = {
 def differences_table(name: str, found: Comparison, metrics: Sequence[str]) -> Table | None:
     """Means of both sides and their differences with intervals, run by run; None without a metric."""
     rows = difference_rows(found, metrics)
-    columns: list[TableColumn[DifferenceRow]] = [
-        _METRIC,
-        _RUN,
-        *([_UNIT] if any(unit_cell(row.of) for row in rows) else []),
-        *difference_columns("B − A"),
-        TableColumn("B/A − 1", "%", of=lambda row: relative_cell(row.of)),
-        TableColumn("Excludes 0", text=True, of=lambda row: zero_cell(row.of)),
-    ]
-    caption = f"Means of A and B, and their differences with 95 % intervals (Student's t): {_CAPTIONS[name]}."
-    return items_table(f"{name}-differences", caption, columns, rows, limit=LISTED_ROWS)
+    return ItemTable[DifferenceRow](
+        f"{name}-differences",
+        f"Means of A and B, and their differences with 95 % intervals (Student's t): {_CAPTIONS[name]}.",
+        [
+            _METRIC,
+            _RUN,
+            *([_UNIT] if any(unit_of(row.of.metric) for row in rows) else []),
+            *difference_columns("B − A"),
+            TableColumn("B/A − 1", "%", of=lambda row: relative_cell(row.of)),
+            TableColumn("Excludes 0", text=True, of=lambda row: zero_cell(row.of)),
+        ],
+        limit=LISTED_ROWS,
+    ).of(rows)
 
 
-def parts_table(found: Comparison, metrics: Sequence[str]) -> Table | None:
-    """What the standard uncertainty of each difference is made of."""
-    columns: list[TableColumn[DifferenceRow]] = [
+def _scatter_interval(row: DifferenceRow) -> str:
+    ends, u = row.of.interval_repeatability, digits_of(row.of)
+    return "–" if ends is None or not u else f"{number(ends[0], places(u))} to {number(ends[1], places(u))}"
+
+
+_PARTS = ItemTable[DifferenceRow](
+    "parts",
+    "Standard uncertainties of the differences and their effective degrees of freedom.",
+    [
         _METRIC,
         _RUN,
         _UNIT,
@@ -169,15 +184,9 @@ def parts_table(found: Comparison, metrics: Sequence[str]) -> Table | None:
         TableColumn("Together", of=lambda row: uncertain(row.of.uncertainty)),
         TableColumn("Degrees of freedom", of=lambda row: freedom_cell(row.of)),
         TableColumn("Interval of the scatter alone", of=_scatter_interval),
-    ]
-    rows = difference_rows(found, metrics)
-    caption = "Standard uncertainties of the differences and their effective degrees of freedom."
-    return items_table("parts", caption, columns, rows, limit=LISTED_ROWS)
-
-
-def _scatter_interval(row: DifferenceRow) -> str:
-    ends, u = row.of.interval_repeatability, digits_of(row.of)
-    return "–" if ends is None or not u else f"{number(ends[0], places(u))} to {number(ends[1], places(u))}"
+    ],
+    limit=LISTED_ROWS,
+)
 
 
 def runs_table(found: Comparison) -> Table | None:
@@ -189,37 +198,44 @@ def runs_table(found: Comparison) -> Table | None:
         for run in (runs.a if side == "A" else runs.b)
     ]
     logs += [("alone", side, run) for side, alone in (("A", found.alone_a), ("B", found.alone_b)) for run in alone]
-    columns: list[TableColumn[tuple[str, str, ComparedRun]]] = [
-        TableColumn("Run", text=True, of=lambda row: row[0]),
-        TableColumn("Side", text=True, of=lambda row: row[1]),
-        TableColumn("Log", text=True, of=lambda row: row[2].name),
-        TableColumn("Load", text=True, of=lambda row: load_words(row[2].load, unknown="–")),
-        TableColumn("Rig", text=True, of=lambda row: row[2].rig),
-        TableColumn("Window", text=True, of=lambda row: rule_text(row[2])),
-        TableColumn("Mean window", "s", 2, of=lambda row: row[2].window_length),
-        TableColumn("Plateau", "m/s", 3, of=lambda row: row[2].speed),
-        TableColumn("Cycles", of=lambda row: row[2].complete),
-        TableColumn("Findings", of=lambda row: row[2].findings),
-    ]
-    caption = "Logs of both sides; the plateau is the mean of the payouts."
-    return items_table("runs", caption, columns, logs, limit=LISTED_ROWS)
+    return ItemTable[tuple[str, str, ComparedRun]](
+        "runs",
+        "Logs of both sides; the plateau is the mean of the payouts.",
+        [
+            TableColumn("Run", text=True, of=lambda row: row[0]),
+            TableColumn("Side", text=True, of=lambda row: row[1]),
+            TableColumn("Log", text=True, of=lambda row: row[2].name),
+            TableColumn("Load", text=True, of=lambda row: load_words(row[2].load, unknown="–")),
+            TableColumn("Rig", text=True, of=lambda row: row[2].rig),
+            TableColumn("Window", text=True, of=lambda row: rule_text(row[2])),
+            TableColumn("Mean window", "s", 2, of=lambda row: row[2].window_length),
+            TableColumn("Plateau", "m/s", 3, of=lambda row: row[2].speed),
+            TableColumn("Cycles", of=lambda row: row[2].complete),
+            TableColumn("Findings", of=lambda row: row[2].findings),
+        ],
+        limit=LISTED_ROWS,
+    ).of(logs)
 
 
 def gate_table(gate: Gate) -> Table | None:
     """Drop of each run against the limit."""
-    columns: list[TableColumn[Drop]] = [
-        TableColumn("Run", text=True, of=lambda drop: load_words(drop.load, unknown=drop.label)),
-        TableColumn("Drop", decimals=4, of=lambda drop: drop.value),
-        TableColumn("Outcome", text=True, of=lambda drop: "failed" if drop.fails else "passed"),
-        TableColumn("95 % interval of the drop", of=_drop_interval),
-        TableColumn("Against the limit", text=True, of=lambda drop: upper(interval_verdict(drop))),
-    ]
-    caption = f"Drops of {SYMBOL[gate.metric]} against the limit of {gate.limit:g}; the estimate decides."
-    return items_table("gate", caption, columns, gate.drops, limit=LISTED_ROWS)
-
-
-def _drop_interval(drop: Drop) -> str:
-    return "–" if drop.interval is None else f"{number(drop.interval[0], 4)} to {number(drop.interval[1], 4)}"
+    return ItemTable[Drop](
+        "gate",
+        f"Drops of {SYMBOL[gate.metric]} against the limit of {gate.limit:g}; the estimate decides.",
+        [
+            TableColumn("Run", text=True, of=lambda drop: load_words(drop.load, unknown=drop.label)),
+            TableColumn("Drop", decimals=4, of=lambda drop: drop.value),
+            TableColumn("Outcome", text=True, of=lambda drop: "failed" if drop.fails else "passed"),
+            TableColumn(
+                "95 % interval of the drop",
+                of=lambda drop: (
+                    "–" if (ends := drop.interval) is None else f"{number(ends[0], 4)} to {number(ends[1], 4)}"
+                ),
+            ),
+            TableColumn("Against the limit", text=True, of=lambda drop: upper(interval_verdict(drop))),
+        ],
+        limit=LISTED_ROWS,
+    ).of(gate.drops)
 
 
 def _short(name: str, other: str) -> str:
@@ -247,29 +263,21 @@ def _tiles(found: Comparison) -> tuple[Tile, ...]:
 
 
 def _points(found: Comparison, gate: Gate | None, etas: Sequence[str]) -> list[Point]:
-    points = [data_point([run.origin for run in (*found.a.runs, *found.b.runs)])]
-    if gate is not None:
-        points.append(Point("Limit", f"{upper(gate_words(gate, SYMBOL[gate.metric]))}.", "good" if gate.ok else "warn"))
-    points += [Point("Difference", f"{significance(found, m, run_label)}.") for m in etas]
-    points.append(Point("Sensors", f"{upper(sensors_words(found))}."))
     both = (("A", found.alone_a), ("B", found.alone_b))
     alone = [f"{side}: {run_words([run.name for run in runs])}" for side, runs in both if runs]
-    points += [Point("Unmatched", f"{'; '.join(alone)}.", "warn")] if alone else []
-    points += [
-        Point(upper(note.kind.replace("_", " ")), f"{upper(note_words(note, len(found.runs)))}.", "warn")
-        for note in found.notes
-        if note.is_warning
+    limit = "" if gate is None else gate_words(gate, SYMBOL[gate.metric])
+    return [
+        data_point([run.origin for run in (*found.a.runs, *found.b.runs)]),
+        *([] if gate is None else [Point("Limit", f"{upper(limit)}.", "good" if gate.ok else "warn")]),
+        *(Point("Difference", f"{significance(found, m, run_label)}.") for m in etas),
+        Point("Sensors", f"{upper(sensors_words(found))}."),
+        *([Point("Unmatched", f"{'; '.join(alone)}.", "warn")] if alone else []),
+        *(
+            Point(upper(note.kind.replace("_", " ")), f"{upper(note_words(note, len(found.runs)))}.", "warn")
+            for note in found.notes
+            if note.is_warning
+        ),
     ]
-    return points
-
-
-def _provenance(found: Comparison, command: str) -> Table:
-    rows = [
-        (f"{side} {what}", text)
-        for side, of in (("A", found.a), ("B", found.b))
-        for what, text in (("is", of.name), ("data", origin_words([run.origin for run in of.runs])))
-    ]
-    return provenance_table(rows, command)
 
 
 PANEL = 1.02

@@ -19,9 +19,8 @@ from winchcascade.core.version import __version__
 from winchcascade.report.digits import NumberText, interval_text, number, places, stated, with_sign
 from winchcascade.report.report_model import Limit, TableColumn
 from winchcascade.report.screen import PIPED, toned
-from winchcascade.report.tables import decimals_of, unit_of
 from winchcascade.report.text_table import headed, listing, wrapped
-from winchcascade.report.wording import SYMBOL, load_words
+from winchcascade.report.wording import SYMBOL, decimals_of, load_words, unit_of
 
 LISTED = 6
 """Runs that a sentence names."""
@@ -189,11 +188,6 @@ def of_windows(found: Comparison) -> list[str]:
     return [m for m in other_metrics(found) if m not in whole]
 
 
-def unit_cell(one: Difference) -> str:
-    """Unit of a difference."""
-    return unit_of(one.metric)
-
-
 # ------------------------------------------------------------------------------------------------------------ the gate
 _COMPATIBLE = {
     "beyond": "all of its interval {} lies beyond the limit",
@@ -251,7 +245,7 @@ _LESS = ("freedom", "A, B", "unit")
 _COLUMNS: tuple[TableColumn[DifferenceRow], ...] = (
     TableColumn("metric", of=lambda row: row.of.metric),
     TableColumn("run", of=lambda row: one_line(row.runs.label)),
-    TableColumn("unit", of=lambda row: unit_cell(row.of)),
+    TableColumn("unit", of=lambda row: unit_of(row.of.metric)),
     *difference_columns("B - A"),
     TableColumn("freedom", of=lambda row: freedom_cell(row.of)),
     TableColumn("excludes 0", of=lambda row: zero_cell(row.of)),
@@ -267,7 +261,7 @@ def comparison_text(found: Comparison, gate: Gate | None = None) -> str:
         *wrapped(f"intervals: 95 %, {method_words()}"),
     ]
     for name, alone in (("A", found.alone_a), ("B", found.alone_b)):
-        lines += wrapped(f"alone in {name}: {_names(alone)}") if alone else []
+        lines += wrapped(f"alone in {name}: {run_words([run.name for run in alone])}") if alone else []
     for metrics in (headline_metrics(found), of_windows(found)):
         lines += ["", *_table(found, metrics)] if metrics else []
     more = len(of_windows(found)) < len(other_metrics(found))
@@ -307,13 +301,9 @@ def _side_lines(found: Comparison, side: ComparedSide) -> list[str]:
     return headed(text, "not measured", "warning")
 
 
-def _names(runs: Sequence[ComparedRun]) -> str:
-    return run_words([run.name for run in runs])
-
-
 def _table(found: Comparison, metrics: Sequence[str]) -> list[str]:
     rows = difference_rows(found, metrics)
-    columns = _COLUMNS if any(unit_cell(row.of) for row in rows) else [c for c in _COLUMNS if c.name != "unit"]
+    columns = _COLUMNS if any(unit_of(row.of.metric) for row in rows) else [c for c in _COLUMNS if c.name != "unit"]
     return listing(columns, rows, LISTED_ROWS, omit=_LESS)
 
 
@@ -348,7 +338,17 @@ def comparison_record(found: Comparison, gate: Gate | None = None) -> dict[str, 
             {"kind": note.kind, "message": note.message, "runs": list(note.runs), "details": list(note.details)}
             for note in found.notes
         ],
-        "gate": None if gate is None else _gate(gate),
+        "gate": None if gate is None else {
+            "metric": gate.metric,
+            "max_drop": gate.limit,
+            "ok": gate.ok,
+            "drops": [
+                {"label": drop.label, "load_ohm": _ohms(drop.load), "drop": drop.value, "interval_95": drop.interval,
+                 "verdict": drop.verdict}
+                for drop in gate.drops
+            ],
+            "without": list(gate.without),
+        },
     }  # fmt: skip
 
 
@@ -409,17 +409,3 @@ def _log(run: ComparedRun) -> dict[str, Any]:
 
 def _ohms(load: float | None) -> float | None:
     return None if load is None or math.isinf(load) else load
-
-
-def _gate(gate: Gate) -> dict[str, Any]:
-    return {
-        "metric": gate.metric,
-        "max_drop": gate.limit,
-        "ok": gate.ok,
-        "drops": [
-            {"label": drop.label, "load_ohm": _ohms(drop.load), "drop": drop.value, "interval_95": drop.interval,
-             "verdict": drop.verdict}
-            for drop in gate.drops
-        ],
-        "without": list(gate.without),
-    }  # fmt: skip

@@ -304,13 +304,15 @@ def histories_figure(found: ModelDiagnosis, item: CycleHistory, word: str) -> Fi
         else:
             below.set_xlabel(TIME)
     simulated = [line_entry(baseline_words(found), "mech", lw=1.0, ls=DASHES), line_entry(AFTER, "gen", lw=1.2)]
-    entries = [
-        line_entry(word, "ink", lw=0.8),
-        *simulated[: len(item.sides) - 1],
-        patch_entry("payout", "payout", lw=0),
-        *([patch_entry(REPAIRED, "repaired", lw=0)] if any_repaired else []),
-    ]
-    legend_above(figure, entries)
+    legend_above(
+        figure,
+        [
+            line_entry(word, "ink", lw=0.8),
+            *simulated[: len(item.sides) - 1],
+            patch_entry("payout", "payout", lw=0),
+            *([patch_entry(REPAIRED, "repaired", lw=0)] if any_repaired else []),
+        ],
+    )
     for ax in figure.axes:
         ax.yaxis.set_label_coords(-0.7 * left / (right - left), 0.5)
     return figure

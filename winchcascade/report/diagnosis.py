@@ -66,11 +66,10 @@ from winchcascade.report.report_model import (
     Tile,
     data_point,
     file_digest,
-    make_table,
+    pairs_table,
     picture,
-    provenance_table,
+    provenance_section,
     section,
-    text_column,
 )
 from winchcascade.report.style import house_style
 from winchcascade.report.wording import load_words
@@ -82,7 +81,21 @@ def make_diagnosis_report(found: ModelDiagnosis | LineDiagnosis, *, command: str
     traces, lead = "", None
     with house_style():
         if isinstance(found, LineDiagnosis):
-            sections = _line_sections(found)
+            sections: tuple[Section, ...] = (
+                line_where(found),
+                line_which(found),
+                line_how_far(found),
+                _next(
+                    found,
+                    "The sharpest next motion.",
+                    "Reel-out in steps of speed, reel-out in steps of line tension, out and back at one speed, and a swinging "
+                    "speed were tried. The difference is what remains of it once the numbers of the other explanation have "
+                    "adapted as far as these logs allow; of motions with about the same difference, the one with the minimum "
+                    "effort is named.",
+                ),
+                _method(line_method(found)),
+                symbols_section(found.rig.cascade, cycles=False, diagnosed=True),
+            )
             size = f"{cycles_of(found)} cycles"
             rig = f"{found.rig.name}: line tension, speed and winch power, no model"
         else:
@@ -105,13 +118,22 @@ def make_diagnosis_report(found: ModelDiagnosis | LineDiagnosis, *, command: str
 
 def _sections(found: ModelDiagnosis, shown: Sequence[CycleHistory]) -> tuple[Section, ...]:
     both = sides(found)
+    word, after = words.word_of(found), ", and with the fitted effects" if found.causes else ""
     return (
         _where(found),
         _which(found),
         cost_section(found),
         _how_far(found, both),
         *(_histories(found, item) for item in shown),
-        _over_speed(found, both),
+        section(
+            "speed", "Current, torque and power over speed",
+            picture(
+                figures.over_speed_figure(found, both, word), "speed",
+                f"Payouts at a light, a middle and a heavy load: {word}, {simulated_words(found)}{after} "
+                "(the paper's Figs 18a, 18c and 18d). Means of blocks in bins of 250 rpm.",
+                "Lines of the logs and marks of the simulations over generator speed.",
+            ),
+        ),
         _next(
             found,
             "The sharpest next run.",
@@ -130,23 +152,6 @@ def _sections(found: ModelDiagnosis, shown: Sequence[CycleHistory]) -> tuple[Sec
         _method(METHOD),
         symbols_section(found.rig.cascade, cycles=False, diagnosed=True),
     )  # fmt: skip
-
-
-def _line_sections(found: LineDiagnosis) -> tuple[Section, ...]:
-    return (
-        line_where(found),
-        line_which(found),
-        line_how_far(found),
-        _next(
-            found,
-            "The sharpest next motion.",
-            "Reel-out in steps of speed, reel-out in steps of line tension, out and back at one speed, and a swinging speed "
-            "were tried. The difference is what remains of it once the numbers of the other explanation have adapted as far "
-            "as these logs allow; of motions with about the same difference, the one with the minimum effort is named.",
-        ),
-        _method(line_method(found)),
-        symbols_section(found.rig.cascade, cycles=False, diagnosed=True),
-    )
 
 
 # ---------------------------------------------------------------------------------------------- the page for a decision
@@ -180,8 +185,15 @@ def _extremes(found: ModelDiagnosis) -> list[Tile]:
     if found.remainder is None or not found.remainder.alarms:
         return [*tiles, Tile("Effects tried", "", f"{len(found.suspects)}", "none is named")]
     alarm = found.remainder.alarms[0]
-    what = f"{tables.SIGNS[alarm.kind]}: {about_words(alarm.about, words.files_of(found))}"
-    return [*tiles, Tile("Strongest sign", f"limit {alarm.limit:g}", significant(alarm.size, 2), what)]
+    return [
+        *tiles,
+        Tile(
+            "Strongest sign",
+            f"limit {alarm.limit:g}",
+            significant(alarm.size, 2),
+            f"{tables.SIGNS[alarm.kind]}: {about_words(alarm.about, words.files_of(found))}",
+        ),
+    ]
 
 
 def _points(found: ModelDiagnosis | LineDiagnosis) -> tuple[Point, ...]:
@@ -385,19 +397,6 @@ def _how_far(found: ModelDiagnosis, both: Sides) -> Section:
     )  # fmt: skip
 
 
-def _over_speed(found: ModelDiagnosis, both: Sides) -> Section:
-    word, after = words.word_of(found), ", and with the fitted effects" if found.causes else ""
-    return section(
-        "speed", "Current, torque and power over speed",
-        picture(
-            figures.over_speed_figure(found, both, word), "speed",
-            f"Payouts at a light, a middle and a heavy load: {word}, {simulated_words(found)}{after} "
-            "(the paper's Figs 18a, 18c and 18d). Means of blocks in bins of 250 rpm.",
-            "Lines of the logs and marks of the simulations over generator speed.",
-        ),
-    )  # fmt: skip
-
-
 def _next(found: DiagnosisResult, caption: str, how: str) -> Section:
     """What to test next.
 
@@ -414,8 +413,7 @@ def _next(found: DiagnosisResult, caption: str, how: str) -> Section:
         ("Distinguishes", " from ".join(plan.separates)),
         ("They would differ by", f"{apart_words(plan.expected_z)} standard deviations"),
     )
-    plan_table = make_table("experiment", caption, (text_column("Item"), text_column("Value")), rows)
-    return section("next", "What to test next", plan_table, Note(how))
+    return section("next", "What to test next", pairs_table("experiment", caption, rows), Note(how))
 
 
 def _method(texts: Sequence[str]) -> Section:
@@ -442,4 +440,4 @@ def _provenance(found: ModelDiagnosis | LineDiagnosis, command: str) -> Section:
         ("Fits", fits),
         ("Seed of the resampled cycles", str(found.seed)),
     ]
-    return section("provenance", "Provenance", logs, provenance_table(rows, command))
+    return provenance_section(rows, command, logs)

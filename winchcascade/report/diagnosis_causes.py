@@ -416,12 +416,14 @@ def stability_figure(found: DiagnosisResult) -> Figure | None:
         _run_by_run(ax, found, cause)
     for ax in panels[len(causes) :]:
         ax.set_axis_off()
-    entries = [
-        line_entry("one run alone, 95 %", "ink", marker="o", ms=3.5, lw=1.1),
-        line_entry("joint fit", "gen", lw=1.2),
-        patch_entry("its interval, 95 %", "gen", alpha=0.25, lw=0),
-    ]
-    legend_above(figure, entries)
+    legend_above(
+        figure,
+        [
+            line_entry("one run alone, 95 %", "ink", marker="o", ms=3.5, lw=1.1),
+            line_entry("joint fit", "gen", lw=1.2),
+            patch_entry("its interval, 95 %", "gen", alpha=0.25, lw=0),
+        ],
+    )
     return figure
 
 

@@ -435,17 +435,19 @@ def over_speed_figure(found: ModelDiagnosis, both: Sides, word: str) -> Figure |
         ax.set(xlim=(0.0, None), ylim=(0.0, None))
         shaded |= shade_over_speed(ax, None if rated is None else rated.value * 30.0 / math.pi)
         label_panel(ax, "abc"[n], title, x="Generator speed (rpm)", unit=unit)
-    kinds = [
-        line_entry(word, lw=1.2),
-        *(
-            line_entry(name, **mark)
-            for name, mark in zip(
-                (baseline_words(found), AFTER)[: 2 if both.after is not None else 1], marks, strict=False
-            )
-        ),
-        *([patch_entry("over rated speed", "over")] if shaded else []),
-    ]
-    legend_above(figure, kinds)
+    legend_above(
+        figure,
+        [
+            line_entry(word, lw=1.2),
+            *(
+                line_entry(name, **mark)
+                for name, mark in zip(
+                    (baseline_words(found), AFTER)[: 2 if both.after is not None else 1], marks, strict=False
+                )
+            ),
+            *([patch_entry("over rated speed", "over")] if shaded else []),
+        ],
+    )
     legend_above(figure, [line_entry(load_words(found.runs[k].load), c, lw=1.2) for k, c in colours.items()], line=1)
     return figure
 

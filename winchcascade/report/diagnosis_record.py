@@ -11,7 +11,6 @@ from winchcascade.core.campaign_file import joint_origin, origin_record
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import (
     DiagnosisResult,
-    Experiment,
     Minor,
     NamedCause,
     Place,
@@ -22,7 +21,6 @@ from winchcascade.diagnosis.entries import effect_name
 from winchcascade.diagnosis.line.line_closure import LineRemainder
 from winchcascade.diagnosis.line.line_data import CyclePart
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
-from winchcascade.diagnosis.suspects import Suspects
 from winchcascade.reduction.efficiency import FIELDS
 from winchcascade.report import diagnosis_words as words
 from winchcascade.report.cause_words import SILENT, entry_sentence, samples_of, trend_sentence
@@ -68,7 +66,16 @@ def as_json(found: ModelDiagnosis | LineDiagnosis) -> dict[str, Any]:
         **({} if isinstance(found, LineDiagnosis) else {"contributions": _contributions(found)}),
         "closure": _closure(found),
         "remainder": None if found.remainder is None else _remainder(found.remainder),
-        "next_experiment": None if found.experiment is None else _experiment(found.experiment, found.suspects),
+        "next_experiment": None
+        if found.experiment is None
+        else {
+            "loads": [] if found.experiment.load is None else [_load(found.experiment.load)],
+            "profile": words.profile_words(found.experiment),
+            "speed_mps": rounded_number(found.experiment.speed),
+            **({"length_m": rounded_number(found.experiment.length)} if found.experiment.motion == "cycle" else {}),
+            "separates": [found.suspects[name].name for name in found.experiment.separates],
+            "expected_z": rounded_number(found.experiment.expected_z),
+        },
         **(_choice(found) if isinstance(found, LineDiagnosis) else {}),
     }
 
@@ -279,17 +286,6 @@ def _remainder(left: Remainder) -> dict[str, Any]:
             {"kind": alarm.kind, "where": about_text(alarm.about), "size": alarm.size, "limit": alarm.limit}
             for alarm in left.alarms
         ],
-    }
-
-
-def _experiment(plan: Experiment, suspects: Suspects) -> dict[str, Any]:
-    return {
-        "loads": [] if plan.load is None else [_load(plan.load)],
-        "profile": words.profile_words(plan),
-        "speed_mps": rounded_number(plan.speed),
-        **({"length_m": rounded_number(plan.length)} if plan.motion == "cycle" else {}),
-        "separates": [suspects[name].name for name in plan.separates],
-        "expected_z": rounded_number(plan.expected_z),
     }
 
 

@@ -104,33 +104,6 @@ def causes_table(found: ModelDiagnosis | LineDiagnosis) -> Table | None:
     )  # fmt: skip
 
 
-def rivals_table(found: ModelDiagnosis | LineDiagnosis) -> Table | None:
-    """What distinguishes each cause from its alternatives in these logs."""
-    return formatted_table(
-        "rivals",
-        f"Alternatives: {words.phrases_of(found).suspect}s that would {words.phrases_of(found).alike} about as well in place "
-        "of a cause, and where the two predictions differ most.",
-        (
-            text_column("Effect"),
-            text_column("Alternative"),
-            number_column("Probability", "of the alternative"),
-            text_column("What it is"),
-            text_column("They differ most in"),
-        ),
-        [
-            (
-                named(found, cause.effect),
-                named(found, rival.effect),
-                probability_words(rival.probability),
-                meaning_words(found, rival.effect),
-                differs_words(rival.differs),
-            )
-            for cause in found.causes
-            for rival in cause.rivals
-        ],
-    )
-
-
 # --------------------------------------------------------------------------------------------------------------- the map
 def places_table(found: ModelDiagnosis) -> Table | None:
     """The places of the map with the largest gap, with their yardsticks."""
@@ -398,4 +371,32 @@ def where_section(found: ModelDiagnosis | LineDiagnosis, *blocks: Block | None) 
 def which_section(found: ModelDiagnosis | LineDiagnosis, *blocks: Block | None) -> Section:
     """Causes, what was compared to find them, and alternative explanations."""
     heading = "Which causes, and how sure" if found.causes else "What was tried"
-    return section("which", heading, causes_table(found), *blocks, rivals_table(found))
+    return section(
+        "which",
+        heading,
+        causes_table(found),
+        *blocks,
+        formatted_table(
+            "rivals",
+            f"Alternatives: {words.phrases_of(found).suspect}s that would {words.phrases_of(found).alike} about as well in "
+            "place of a cause, and where the two predictions differ most.",
+            (
+                text_column("Effect"),
+                text_column("Alternative"),
+                number_column("Probability", "of the alternative"),
+                text_column("What it is"),
+                text_column("They differ most in"),
+            ),
+            [
+                (
+                    named(found, cause.effect),
+                    named(found, rival.effect),
+                    probability_words(rival.probability),
+                    meaning_words(found, rival.effect),
+                    differs_words(rival.differs),
+                )
+                for cause in found.causes
+                for rival in cause.rivals
+            ],
+        ),
+    )

@@ -93,26 +93,37 @@ def diagnosis_text(found: ModelDiagnosis | LineDiagnosis, files: Sequence[Path |
         steady = trend_words(found)
         rest = entry("checked", words.checked_words(found) if found.verdict == "no_gap" else "")
         rest += entry("not needed", words.not_needed_words(found))
-    lines = [
-        *_verdict(found),
-        "",
-        *entry("verdict", words.verdict_words(found)),
-        *headed(entry("data", origin_words(words.origins_of(found))), "not measured", "warning"),
-        *entry("note", note),
-        *(line for k, text in enumerate(own_simulation_words(found)) for line in entry("" if k else "yours", text)),
-        *entry("where", words.where_words(found)),
-        *entry("", arises),
-        *_causes(found),
-        *([] if isinstance(found, LineDiagnosis) else _costs(found)),
-        *entry("how sure", words.sure_words(found)),
-        *entry("minor", minor_words(found)),
-        *_how_far(found, means),
-        *entry("steady", steady),
-        *entry("what next", words.experiment_words(found)),
-        *_residual(found),
-        *rest,
-    ]
-    return plain("\n".join(lines)) + "\n" + file_lines("files", files, INDENT)
+    return (
+        plain(
+            "\n".join(
+                [
+                    *_verdict(found),
+                    "",
+                    *entry("verdict", words.verdict_words(found)),
+                    *headed(entry("data", origin_words(words.origins_of(found))), "not measured", "warning"),
+                    *entry("note", note),
+                    *(
+                        line
+                        for k, text in enumerate(own_simulation_words(found))
+                        for line in entry("" if k else "yours", text)
+                    ),
+                    *entry("where", words.where_words(found)),
+                    *entry("", arises),
+                    *_causes(found),
+                    *([] if isinstance(found, LineDiagnosis) else _costs(found)),
+                    *entry("how sure", words.sure_words(found)),
+                    *entry("minor", minor_words(found)),
+                    *_how_far(found, means),
+                    *entry("steady", steady),
+                    *entry("what next", words.experiment_words(found)),
+                    *_residual(found),
+                    *rest,
+                ]
+            )
+        )
+        + "\n"
+        + file_lines("files", files, INDENT)
+    )
 
 
 def _verdict(found: DiagnosisResult) -> list[str]:
@@ -143,7 +154,14 @@ def _causes(found: DiagnosisResult) -> list[str]:
         return []
     numbers = [n for cause in found.causes for n in numbers_of(found, cause)]
     wide = _fitting([("cause", "effect", *_HEAD), *((n.label, n.effect, *_values(n)) for n in numbers)])
-    stacked = [("effect", *_HEAD), *(row for n in numbers for row in _stacked(n))]
+    stacked = [
+        ("effect", *_HEAD),
+        *(
+            row
+            for n in numbers
+            for row in [(n.label, *_values(n)), *([(f"  {n.effect}", *[""] * len(_HEAD))] if n.effect else [])]
+        ),
+    ]
     lines = (
         wide
         or _fitting(stacked)
@@ -182,11 +200,6 @@ _LESS = ("what changes", "prob.")
 def _values(n: CauseNumber) -> tuple[str, ...]:
     """Entries of a number of a cause below `_HEAD`."""
     return n.what, n.value, n.beside, n.probability
-
-
-def _stacked(n: CauseNumber) -> list[tuple[str, ...]]:
-    """A row with the plain name of the effect, then one with its identifier."""
-    return [(n.label, *_values(n)), *([(f"  {n.effect}", *[""] * len(_HEAD))] if n.effect else [])]
 
 
 def _fitting(rows: Sequence[Sequence[str]]) -> list[str]:

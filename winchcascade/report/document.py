@@ -24,12 +24,11 @@ from winchcascade.report.report_model import (
     Point,
     Report,
     Section,
-    Table,
     Tile,
     data_point,
     file_digest,
     picture,
-    provenance_table,
+    provenance_section,
     section,
 )
 from winchcascade.report.style import house_style
@@ -43,6 +42,7 @@ from winchcascade.report.wording import (
     not_known,
     span_word,
     subscripts_of,
+    unit_of,
     window_words,
 )
 
@@ -92,12 +92,31 @@ def make_report(
     with house_style():
         sections = _sections(reduction, found, model, command)
     subtitle = " · ".join(part for part in (_about(reduction), run.about) if part)
+    n, of = len(reduction.complete), len(reduction.cycles)
+    cycles = f"{n} of {of} complete; integration window: {window_words(reduction.window)}."
+    parts = ", ".join(f"{SYMBOL[m]}: {100.0 * share:.0f} % {name}" for m, share, name in decisive(found.budget))
+    rest = ". ".join(upper(sentence) for sentence in not_known(found.budget))
+    texts = [f"What makes most of the variance: {parts}." if parts else "", f"{rest}." if rest else ""]
+    text = " ".join(text for text in texts if text)
     return Report(
         kind="Reduction of a log",
         title=run.name,
         subtitle=subtitle,
         tiles=_tiles(reduction, found),
-        points=tuple(_points(reduction, found)),
+        points=(
+            data_point([reduction.run.origin]),
+            Point("Cycles", cycles, "plain" if n == of else "warn"),
+            *_best_points(reduction),
+            *_net_points(reduction, found),
+            _log_point(reduction),
+            *([Point("Uncertainty", text, "warn" if found.budget.unknown else "plain")] if text else []),
+            *(
+                [Point("Intervals", tables.interval_type(reduction))]
+                if found.interval_95 and reduction.rig.phases.repeats
+                else []
+            ),
+            *([Point("Rig", reduction.rig.note)] if reduction.rig.note else []),
+        ),
         sections=sections,
         traces=readout(reduction, figures.powers_of(reduction)),
         banner=banner([run.origin]),
@@ -123,14 +142,14 @@ def _tiles(reduction: Reduction, found: Uncertainty) -> tuple[Tile, ...]:
             Tile(
                 SYMBOL[m],
                 _name(cascade, m).removesuffix(", per cycle"),
-                f"{tables.whole_text(reduction, m)} {tables.unit_of(m)}".strip(),
+                f"{tables.whole_text(reduction, m)} {unit_of(m)}".strip(),
                 "all cycles together",
             )
             for m in given
         )
     tiles = []
     for m in given:
-        unit, interval, u = tables.unit_of(m), found.interval_95.get(m), found.standard[m]
+        unit, interval, u = unit_of(m), found.interval_95.get(m), found.standard[m]
         scatter = found.budget.repeatability[m]
         text = "uncertainty unknown"
         if interval is not None and u:
@@ -185,26 +204,6 @@ def best_and_worst(reduction: Reduction) -> tuple[CycleResult, CycleResult, str]
     return None
 
 
-def _points(reduction: Reduction, found: Uncertainty) -> list[Point]:
-    """What a reader must know after ten seconds, in sentences."""
-    n, of = len(reduction.complete), len(reduction.cycles)
-    cycles = f"{n} of {of} complete; integration window: {window_words(reduction.window)}."
-    return [
-        data_point([reduction.run.origin]),
-        Point("Cycles", cycles, "plain" if n == of else "warn"),
-        *_best_points(reduction),
-        *_net_points(reduction, found),
-        _log_point(reduction),
-        *_uncertainty_points(found),
-        *(
-            [Point("Intervals", tables.interval_type(reduction))]
-            if found.interval_95 and reduction.rig.phases.repeats
-            else []
-        ),
-        *([Point("Rig", reduction.rig.note)] if reduction.rig.note else []),
-    ]
-
-
 def _best_points(reduction: Reduction) -> list[Point]:
     """The best and the worst cycle, with as many digits as show how they differ, four at least."""
     extremes = best_and_worst(reduction)
@@ -255,14 +254,6 @@ def lost_share(reduction: Reduction) -> float:
     return lost / max(float(run.t[-1] - run.t[0]), step)
 
 
-def _uncertainty_points(found: Uncertainty) -> list[Point]:
-    parts = ", ".join(f"{SYMBOL[m]}: {100.0 * share:.0f} % {name}" for m, share, name in decisive(found.budget))
-    rest = ". ".join(upper(sentence) for sentence in not_known(found.budget))
-    texts = [f"What makes most of the variance: {parts}." if parts else "", f"{rest}." if rest else ""]
-    text = " ".join(text for text in texts if text)
-    return [Point("Uncertainty", text, "warn" if found.budget.unknown else "plain")] if text else []
-
-
 def _sections(reduction: Reduction, found: Uncertainty, model: Modelled, command: str) -> tuple[Section, ...]:
     powers = figures.powers_of(reduction)
     sections = (
@@ -277,7 +268,7 @@ def _sections(reduction: Reduction, found: Uncertainty, model: Modelled, command
             "findings", "Findings", tables.findings_table(reduction) or Note("No fault was found in the log.")
         ),
         symbols_section(reduction.rig.cascade),
-        section("provenance", "Provenance", _provenance(reduction, found, command)),
+        _provenance(reduction, found, command),
     )  # fmt: skip
     return tuple(s for s in sections if s.blocks)
 
@@ -410,23 +401,28 @@ _REPAIRED = " Marks at the lower edge: samples of a channel that is shown were r
 _NOT_SHADED = "Phases are not shaded: they would be too narrow to see."
 
 
-def _provenance(reduction: Reduction, found: Uncertainty, command: str) -> Table:
+def _provenance(reduction: Reduction, found: Uncertainty, command: str) -> Section:
     """Where every number comes from, so that it can be made again."""
     run, rig = reduction.run, reduction.rig
     load = load_words(run.load, unknown="unknown")
-    rows = [
-        ("Log", run.path or run.name),
-        ("Table in the log", run.table or ""),
-        ("SHA-256 of the log", run.sha256 or "–"),
-        ("Samples", f"{run.samples} at {run.fs:.6g} Hz, {float(run.t[-1] - run.t[0]):.1f} s"),
-        ("Campaign", run.about),
-        ("Data", origin_words([run.origin])),
-        ("Load", f"{load} ({run.load_source})" if run.load is not None else load),
-        ("Rig", f"{rig.name} ({rig.path})" if rig.path else rig.name),
-        ("Source of the rig's numbers", rig.source),
-        ("SHA-256 of the rig file", file_digest(rig.path)),
-        ("Drum radius", "not published" if rig.r_drum is None else f"{rig.r_drum:g} m"),
-        ("Integration window", reduction.window if isinstance(reduction.window, str) else f"{reduction.window:g} s"),
-        ("Monte Carlo", f"{found.draws} draws, seed {found.seed}"),
-    ]
-    return provenance_table(rows, command)
+    return provenance_section(
+        [
+            ("Log", run.path or run.name),
+            ("Table in the log", run.table or ""),
+            ("SHA-256 of the log", run.sha256 or "–"),
+            ("Samples", f"{run.samples} at {run.fs:.6g} Hz, {float(run.t[-1] - run.t[0]):.1f} s"),
+            ("Campaign", run.about),
+            ("Data", origin_words([run.origin])),
+            ("Load", f"{load} ({run.load_source})" if run.load is not None else load),
+            ("Rig", f"{rig.name} ({rig.path})" if rig.path else rig.name),
+            ("Source of the rig's numbers", rig.source),
+            ("SHA-256 of the rig file", file_digest(rig.path)),
+            ("Drum radius", "not published" if rig.r_drum is None else f"{rig.r_drum:g} m"),
+            (
+                "Integration window",
+                reduction.window if isinstance(reduction.window, str) else f"{reduction.window:g} s",
+            ),
+            ("Monte Carlo", f"{found.draws} draws, seed {found.seed}"),
+        ],
+        command,
+    )

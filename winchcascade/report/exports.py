@@ -33,21 +33,6 @@ ENDINGS = ("csv", "tex", "md")
 """Files of a table."""
 
 
-def table_files(table: Table, label: str, *, subscripts: Sequence[str] = SUBSCRIPTS) -> dict[str, str]:
-    """The files of a table by their ending.
-
-    Parameters
-    ----------
-    label : by which a LaTeX document refers to the table
-    subscripts : what may stand low behind a letter and an underscore
-    """
-    return {
-        "csv": csv_text(table),
-        "tex": latex_text(table, label, subscripts),
-        "md": markdown_text(table),
-    }
-
-
 def heads(table: Table) -> list[str]:
     """Names of the columns with their units; a column that only has a sign is named after the one before it."""
     names: list[str] = []
@@ -307,7 +292,11 @@ def write_exports(make: Callable[[], Report], files: ReportFiles, name: str, *, 
         report = report or _drawn(make, None)[0]
         texts: Contents = {}
         for table in (b for s in report.sections for b in s.blocks if isinstance(b, Table)):
-            for ending, text in table_files(table, f"{stem}-{table.id}", subscripts=report.subscripts).items():
+            for ending, text in {
+                "csv": csv_text(table),
+                "tex": latex_text(table, f"{stem}-{table.id}", report.subscripts),
+                "md": markdown_text(table),
+            }.items():
                 texts[f"{stem}_{table.id}.{ending}"] = text.encode(), table.caption
         _write(texts, tables, f"tables of {of}", force=force)
 

@@ -132,7 +132,9 @@ def _fit_panel(figure: Figure, ax: Axes) -> None:
     ax.set_title(lines, loc="left", pad=3.0 + _legend_beside(figure, ax, lines), fontsize=size)
     ax.set_xlabel(_broken(figure, ax.get_xlabel(), float(ax.xaxis.label.get_fontsize()), room - left))
     _break_names(figure, ax, room)
-    _part_ticks(figure, ax)
+    extents = [_extent(figure, label) for label in ax.get_xticklabels() if label.get_text() and label.get_visible()]
+    if any(a.x1 > b.x0 for a, b in pairwise(extents)):
+        ax.tick_params(axis="x", rotation=90)
 
 
 def _broken(figure: Figure, text: str, size: float, width: float) -> str:
@@ -164,13 +166,6 @@ def _break_names(figure: Figure, ax: Axes, room: float) -> None:
         size = float(labels[0].get_fontsize())
         names = [_broken(figure, label.get_text(), size, _NAMES * room) for label in labels]
         ax.set_yticks(ax.get_yticks(), names, fontsize=size)
-
-
-def _part_ticks(figure: Figure, ax: Axes) -> None:
-    """Turn numbers below a panel that touch each other."""
-    extents = [_extent(figure, label) for label in ax.get_xticklabels() if label.get_text() and label.get_visible()]
-    if any(a.x1 > b.x0 for a, b in pairwise(extents)):
-        ax.tick_params(axis="x", rotation=90)
 
 
 ENDINGS = ("svg", "pdf", "png")

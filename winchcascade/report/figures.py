@@ -212,8 +212,13 @@ def over_speed(ax: Axes, reduction: Reduction, powers: dict[str, Signal]) -> Non
         means = [(0.5 * (b.rpm_low + b.rpm_high), y * short) for b in bins if (y := b.power.get(stage)) is not None]
         ax.plot(*np.array(means).reshape(-1, 2).T, lw=1.3, **_stage_style(stage))
     ax.set_xlim(min(0.0, bins[0].rpm_low), highest)
-    title = f"{span_word(reduction).capitalize()}s; lines: means in bins of {rig.thresholds.rpm_bin:g} rpm"
-    label_panel(ax, "b", title, x="Generator speed (rpm)", y=f"Power ({unit})")
+    label_panel(
+        ax,
+        "b",
+        f"{span_word(reduction).capitalize()}s; lines: means in bins of {rig.thresholds.rpm_bin:g} rpm",
+        x="Generator speed (rpm)",
+        y=f"Power ({unit})",
+    )
     ax.legend(loc="upper left")
 
 
@@ -306,8 +311,15 @@ def _flow_of(reduction: Reduction, steps: Sequence[_Step], texts: Mapping[str, s
                 "",
             )
             goes_on = "" if (value := mean.get(eta)) is None else f"{tex(eta)} = {value:.3f}"
-        text = f"{tex(step.metric)} = {texts.get(step.metric) or significant(joule, 4)} J\n{step.where}"
-        flow.append(_Flow(joule, step.stage, text, leaves, goes_on))
+        flow.append(
+            _Flow(
+                joule,
+                step.stage,
+                f"{tex(step.metric)} = {texts.get(step.metric) or significant(joule, 4)} J\n{step.where}",
+                leaves,
+                goes_on,
+            )
+        )
     return flow
 
 

@@ -76,7 +76,8 @@ def run_frame(run: Run, units: Units = "si", channels: Mapping[str, Channel] = C
     columns = {"time_s": run.t}
     for name, x in run.channels.items():
         unit, factor = _shown(si_unit(channels[name].dimension) if name in channels else "1", units)
-        columns[_named(name, unit)] = x * factor
+        short = _SHORT.get(unit, unit.lower().replace("/", "p").replace(".", ""))
+        columns[(f"{name}_{short}" if short else name)] = x * factor
     return pd.DataFrame(columns)
 
 
@@ -127,7 +128,10 @@ def diagnosis_frame(found: DiagnosisResult, table: str, units: Units = "si") -> 
         rows, columns = _stability_rows(as_json(found)["causes"], found, units), _STABILITY
     else:
         rows, columns = _contribution_rows(as_json(found).get("contributions", []), units), _CONTRIBUTIONS
-    return _frame([row | _load(row) for row in rows], arrow_schema(columns))
+    return _frame(
+        [row | ({"load_ohm": float(row["load_ohm"])} if row.get("load_ohm") is not None else {}) for row in rows],
+        arrow_schema(columns),
+    )
 
 
 def comparison_frame(found: Comparison, units: Units = "si") -> pd.DataFrame:
@@ -159,12 +163,6 @@ def _frame(rows: Sequence[Mapping[str, object]], schema: Any) -> pd.DataFrame:
 def _shown(unit: str, units: Units) -> tuple[str, float]:
     """The unit in which numbers are given, and the factor from that of SI."""
     return _DISPLAY.get(unit, (unit, 1.0)) if units == "display" else (unit, 1.0)
-
-
-def _named(name: str, unit: str) -> str:
-    """Name of a column with its unit, such as `velocity_mps`."""
-    short = _SHORT.get(unit, unit.lower().replace("/", "p").replace(".", ""))
-    return f"{name}_{short}" if short else name
 
 
 def _with_units(frame: pd.DataFrame, units: Units) -> pd.DataFrame:
@@ -207,11 +205,6 @@ def _samples(reduction: Reduction, units: Units) -> pd.DataFrame:
     frame["phase"] = pd.Series(phase, dtype="str")
     frame["in_window"] = inside
     return frame
-
-
-def _load(row: Mapping[str, Any]) -> dict[str, float | None]:
-    """Load of a row of a diagnosis as a number. [ohm]"""
-    return {"load_ohm": float(row["load_ohm"])} if row.get("load_ohm") is not None else {}
 
 
 def _scaled(row: Mapping[str, Any], names: Iterable[str], factor: float) -> dict[str, float | None]:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 from winchcascade.core.cascade import Cascade, efficiency_name
-from winchcascade.report.report_model import Section, Table, items_table, picture, section
+from winchcascade.report.report_model import ItemTable, Section, picture, section
 from winchcascade.report.report_model import TableColumn as Column
 from winchcascade.report.wording import SYMBOL, tex
 
@@ -72,7 +71,11 @@ def symbols_section(cascade: Cascade, *, cycles: bool = True, diagnosed: bool = 
             f"The cascade: power flows from {ways}. E is an energy, P a power, η the share of the energy that comes out.",
             f"Boxes of the stages from left to right: {ways}; the arrows between them carry the efficiencies.",
         ),
-        _table(rows),
+        ItemTable[Symbol]("symbols", "Symbols of this report.", [
+        Column("Symbol", text=True, of=lambda row: row.text),
+        Column("Meaning", text=True, of=lambda row: row.meaning),
+        Column("Unit", text=True, of=lambda row: row.unit),
+    ]).of(rows),
     )  # fmt: skip
 
 
@@ -86,15 +89,6 @@ def cascade_symbols(cascade: Cascade) -> list[Symbol]:
         Symbol(SYMBOL[eta], f"Efficiency: energy of {place[out]} over that of {place[into]}", "1")
         for eta, (out, into) in cascade.ratios.items()
     ]
-
-
-def _table(rows: Sequence[Symbol]) -> Table | None:
-    columns: list[Column[Symbol]] = [
-        Column("Symbol", text=True, of=lambda row: row.text),
-        Column("Meaning", text=True, of=lambda row: row.meaning),
-        Column("Unit", text=True, of=lambda row: row.unit),
-    ]
-    return items_table("symbols", "Symbols of this report.", columns, rows)
 
 
 # ----------------------------------------------------------------------------------------------------------- the drawing

@@ -6,7 +6,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from winchcascade.core.run import Signal
-from winchcascade.diagnosis.diagnosis_result import Names
 from winchcascade.diagnosis.line.line_data import CyclePart
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report import diagnosis_words as words
@@ -280,14 +279,12 @@ def power_scatter(found: LineDiagnosis, word: str) -> Figure | None:
     return figure
 
 
-def sets_of(found: LineDiagnosis) -> list[Names]:
-    """Sets that show what each cause closes: none, each cause alone, the chosen ones, and all suspects."""
-    return list(dict.fromkeys([(), *((cause.effect,) for cause in found.causes), found.chosen, found.lines.names]))
-
-
 def closed_bars(found: LineDiagnosis) -> Figure | None:
     """Draw the squared error of sets of causes on held-out cycles, over that without any."""
-    sets, every = sets_of(found), found.lines.names
+    sets, every = (
+        list(dict.fromkeys([(), *((cause.effect,) for cause in found.causes), found.chosen, found.lines.names])),
+        found.lines.names,
+    )
     figure, (ax,) = panel_figure(0.45 + 0.3 * len(sets), margins=Margins(left=0.3, head=0.06, foot=0.4))
     for row, names in enumerate(sets):
         left = 100.0 * found.choice.error(names)

@@ -18,7 +18,7 @@ from winchcascade.core.version import __version__
 from winchcascade.reduction.loss_map import CONDITION_MAX, Coefficient, LossMap
 from winchcascade.report.digits import interval_text, number, percent, places, significant, uncertain
 from winchcascade.report.matlab_file import matlab_bytes
-from winchcascade.report.report_model import Table, TableColumn, items_table
+from winchcascade.report.report_model import ItemTable, Table, TableColumn
 from winchcascade.report.text_table import table_lines, wrapped
 
 COLUMN_WORDS = {
@@ -129,13 +129,12 @@ def coefficients_table(found: LossMap) -> Table | None:
         TableColumn("Such as", text=True, of=lambda c: MEANING[c.term]),
     ]
     note = ". ".join(sentence[0].upper() + sentence[1:] for sentence in quality_words(found))
-    return items_table(
+    return ItemTable[Coefficient](
         "loss-coefficients",
         "Surface of the loss over torque and speed of the shaft: the sum of these columns times their coefficients.",
         columns,
-        found.surface.coefficients,
         note=f"{note}. Columns are left out while the condition number exceeds {CONDITION_MAX:g}.{_intervals_words(found)}",
-    )
+    ).of(found.surface.coefficients)
 
 
 def _intervals_words(found: LossMap) -> str:
@@ -200,15 +199,8 @@ def write_loss_map(found: LossMap, path: Path, source: str, *, force: bool = Fal
     OutputError : the file cannot be written, or is not this tool's own and `force` does not allow to replace it
     """
     check_ending(path)
-    record = loss_map_record(found, source)
-    made = {".csv": _csv, ".mat": _mat, ".json": _json}[path.suffix.casefold()]
-    write_content(path, made(record), force=force)
-
-
-def loss_map_record(found: LossMap, source: str) -> dict[str, Any]:
-    """Breakpoints and table with their units and source, the surface, its quality and the points."""
     surface, points = found.surface, found.points
-    return {
+    record = {
         "schema": SCHEMA,
         "written_by": f"winchcascade/{__version__}",
         "source": source,
@@ -248,6 +240,8 @@ def loss_map_record(found: LossMap, source: str) -> dict[str, Any]:
             "duration_s": points.duration,
         },
     }
+    made = {".csv": _csv, ".mat": _mat, ".json": _json}[path.suffix.casefold()]
+    write_content(path, made(record), force=force)
 
 
 def _csv(record: dict[str, Any]) -> bytes:

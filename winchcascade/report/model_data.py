@@ -105,7 +105,10 @@ def compare(reduction: Reduction, model: Model, *, changed: str = "") -> ModelCo
         return LeftOut(str(fault).removeprefix(f"{run.name}: "))
     if not all(np.isfinite(x).all() for x in simulation.run.channels.values()):
         return LeftOut("along this motion the model gives no finite numbers; check unit and scale of the velocity.")
-    whole, plateaus = ~_bridged(run), [c.summary.payout.plateau for c in cycles]
+    bridged = np.zeros(run.t.size, dtype=bool)
+    for before, after in (gap for gaps in run.gaps.values() for gap in gaps):
+        bridged[np.searchsorted(run.t, before, side="right") : np.searchsorted(run.t, after, side="left")] = True
+    whole, plateaus = ~bridged, [c.summary.payout.plateau for c in cycles]
     return ModelComparison(
         run=run,
         rig=reduction.rig,
@@ -170,11 +173,3 @@ def _within(t: Signal, spans: Sequence[tuple[float, float]]) -> Mask:
     for begin, end in spans:
         inside[np.searchsorted(t, begin, side="left") : np.searchsorted(t, end, side="right")] = True
     return inside
-
-
-def _bridged(run: Run) -> Mask:
-    """Samples of which any channel was bridged, (n,)."""
-    bridged = np.zeros(run.t.size, dtype=bool)
-    for before, after in (gap for gaps in run.gaps.values() for gap in gaps):
-        bridged[np.searchsorted(run.t, before, side="right") : np.searchsorted(run.t, after, side="left")] = True
-    return bridged

@@ -346,12 +346,13 @@ def _budget_picture(names: Sequence[str], budgets: Sequence[LossBudget], account
         f"; points below it: shares of the {words.logged} energy of the line that reach {reached}" if reached else ""
     )
     bleed = "; in open circuit the DC link feeds its bleed alone" if any(a.open_circuit for a in accounts) else ""
-    caption = (
+    return _picture(
+        figures.budget_bars(names, budgets, word=accounts[0].word),
+        "model-budget",
         f"Simulated loss budget ({_simulated_with(accounts)}): where the energy of the simulated line goes within the "
         "integration window, as a mean over the cycles; beside each bar that energy. The stroke across a bar is what reaches "
-        f"the torque sensor{points}. Inertia is that of rotor and drum{bleed}."
+        f"the torque sensor{points}. Inertia is that of rotor and drum{bleed}.",
     )
-    return _picture(figures.budget_bars(names, budgets, word=accounts[0].word), "model-budget", caption)
 
 
 # ---------------------------------------------------------------------------------------------------------- the tables

@@ -163,17 +163,26 @@ def make_table(
     )
 
 
-def items_table(
-    name: str,
-    caption: str,
-    columns: Sequence[TableColumn[T]],
-    items: Sequence[T],
-    *,
-    limit: Limit | None = None,
-    note: str = "",
-) -> Table | None:
-    """A table with a row for each item, as many as the limit allows; None without items."""
-    return make_table(name, caption, columns, rows_of(columns, items, limit), note=note) if items else None
+class ItemTable(msgspec.Struct, Generic[T], frozen=True):
+    """Declaration of a table with a row for each item: its name, its caption and its columns.
+
+    `limit` is how many items it lists.
+    """
+
+    name: str
+    caption: str
+    columns: Sequence[TableColumn[T]]
+    note: str = ""
+    limit: Limit | None = None
+
+    def of(self, items: Sequence[T]) -> Table | None:
+        """The table of some items, as many as the limit allows; None without items."""
+        return self.always(items) if items else None
+
+    def always(self, items: Sequence[T], below: Sequence[Sequence[Cell]] = ()) -> Table:
+        """The table of some items, also without any; `below` are rows that summarise the others."""
+        rows = rows_of(self.columns, items, self.limit)
+        return make_table(self.name, self.caption, self.columns, rows, below=below, note=self.note)
 
 
 def text_column(name: str, unit: str = "") -> TableColumn[object]:
@@ -249,6 +258,11 @@ def section(name: str, heading: str, *blocks: Block | None) -> Section:
     return Section(name, heading, tuple(b for b in blocks if b is not None))
 
 
+def filled(*sections: Section) -> tuple[Section, ...]:
+    """Those of some sections that have blocks."""
+    return tuple(s for s in sections if s.blocks)
+
+
 class Tile(msgspec.Struct, frozen=True):
     """One number of the summary: its name, value, 95 % interval, and what it is."""
 
@@ -309,8 +323,13 @@ def data_point(origins: Sequence[Origin]) -> Point:
     return Point("Data", upper(text), "warn" if made else "plain")
 
 
-def provenance_table(rows: Sequence[tuple[str, str]], command: str) -> Table:
-    """Where every number comes from: items with their values, those without one left out, and how the report was made."""
+def provenance_section(rows: Sequence[tuple[str, str]], command: str, *before: Table | None) -> Section:
+    """Where every number comes from: items with their values, those without one left out, and how the report was made.
+
+    Parameters
+    ----------
+    before : tables that stand before that of the items
+    """
     import platform
 
     import numpy
@@ -321,10 +340,17 @@ def provenance_table(rows: Sequence[tuple[str, str]], command: str) -> Table:
         ("Command", command),
         ("Made on", made_at().strftime("%Y-%m-%d %H:%M:%S UTC")),
     )
-    columns = (text_column("Item"), text_column("Value"))
-    return make_table(
-        "provenance", "What the report was made from, and how.", columns, [row for row in (*rows, *made) if row[1]]
+    given = [row for row in (*rows, *made) if row[1]]
+    return section(
+        "provenance", "Provenance", *before, pairs_table("provenance", "What the report was made from, and how.", given)
     )
+
+
+def pairs_table(
+    name: str, caption: str, rows: Sequence[Sequence[Cell]], heads: tuple[str, str] = ("Item", "Value")
+) -> Table:
+    """A table of two columns of texts."""
+    return make_table(name, caption, [text_column(head) for head in heads], rows)
 
 
 def made_at() -> datetime:

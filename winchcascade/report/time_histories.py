@@ -98,14 +98,6 @@ def phase_spans(reduction: Reduction) -> list[tuple[str, int, float, float]]:
     return found
 
 
-def window_spans(reduction: Reduction) -> list[tuple[str, float, float]]:
-    """Names of the integration windows with their begin and end. [s]"""
-    return [
-        (f"integration window{'' if c.complete else ' of an incomplete cycle'}", c.window.onset, c.window.cutoff)
-        for c in reduction.cycles
-    ]
-
-
 def name_phases(ax: Axes, reduction: Reduction, zero: float) -> bool:
     """Write the names of the phases above a panel where they have room, payouts with the number of their cycle.
 
@@ -306,7 +298,17 @@ def readout(reduction: Reduction, powers: Mapping[str, Signal]) -> str:
         "cycles": [[c.cycle, c.phases.onset - zero - 1.0, end_of(c) + 0.5 - zero] for c in cycles],
         "spans": [
             [name, round(a - zero, 3), round(b - zero, 3)]
-            for name, a, b in (*spans, *window_spans(reduction))
+            for name, a, b in (
+                *spans,
+                *[
+                    (
+                        f"integration window{'' if c.complete else ' of an incomplete cycle'}",
+                        c.window.onset,
+                        c.window.cutoff,
+                    )
+                    for c in reduction.cycles
+                ],
+            )
             if a <= last
         ],
         "times": np.round((run.t if whole else run.t[starts]) - zero, 3).tolist(),

@@ -117,29 +117,35 @@ def trial_text(score: Score, place: Path) -> str:
     wrong = [case for case in score.cases if not case.went_well and case.outcome != "missing"]
     cases = [(f"  {c.case}", hidden_words(c), c.outcome.replace("_", " "), said_words(c)) for c in wrong]
     head = ("  injected", "cases", "named", "otherwise taken for (cases)")
-    lines = [
-        *wrapped(f"trial {place}: {len(score.cases)} cases, seed {score.seed}", piped=None),
-        *wrapped(f"answers: SHA-256 {score.sealed_sha256}", piped=None),
-        *data_lines([Origin(False, ORIGIN)], None),
-        "",
-        *_aligned([(name, *count_cells(count)) for name, count in totals(score) if count.of], _COUNTS, _LESS),
-        "",
-        "single effects named, by strength:",
-        *_aligned(
-            [(f"  {strength:g}", *count_cells(count)) for strength, count in score.strengths.items()], _COUNTS, _LESS
-        ),
-        "",
-        "closure, computed again from the predictions:",
-        *indented(closure_sentence(score)),
-        "",
-        "what each was taken for:",
-        *_aligned([head, *((f"  {hidden}", *cells) for hidden, *cells in taken_rows(score))]),
-        "",
-        *(wrapped("cases that were not named, misnamed or reported without a cause:") if wrong else []),
-        *(_aligned(cases, ("case", "injected", "outcome", "diagnosis"), ("injected",)) if wrong else []),
-        *([] if wrong else [toned(_ALL_WELL, "good")]),
-    ]
-    return "\n".join(lines) + "\n"
+    return (
+        "\n".join(
+            [
+                *wrapped(f"trial {place}: {len(score.cases)} cases, seed {score.seed}", piped=None),
+                *wrapped(f"answers: SHA-256 {score.sealed_sha256}", piped=None),
+                *data_lines([Origin(False, ORIGIN)], None),
+                "",
+                *_aligned([(name, *count_cells(count)) for name, count in totals(score) if count.of], _COUNTS, _LESS),
+                "",
+                "single effects named, by strength:",
+                *_aligned(
+                    [(f"  {strength:g}", *count_cells(count)) for strength, count in score.strengths.items()],
+                    _COUNTS,
+                    _LESS,
+                ),
+                "",
+                "closure, computed again from the predictions:",
+                *indented(closure_sentence(score)),
+                "",
+                "what each was taken for:",
+                *_aligned([head, *((f"  {hidden}", *cells) for hidden, *cells in taken_rows(score))]),
+                "",
+                *(wrapped("cases that were not named, misnamed or reported without a cause:") if wrong else []),
+                *(_aligned(cases, ("case", "injected", "outcome", "diagnosis"), ("injected",)) if wrong else []),
+                *([] if wrong else [toned(_ALL_WELL, "good")]),
+            ]
+        )
+        + "\n"
+    )
 
 
 _COUNTS, _LESS = ("counted", "cases", "share", "95 %"), ("95 %", "share")

@@ -14,13 +14,13 @@ from winchcascade.reduction.wave_energies import WaveEnergies, classes_of_payout
 from winchcascade.report.digits import interval_text, significant
 from winchcascade.report.records import RunRecord
 from winchcascade.report.report_model import (
+    ItemTable,
     Limit,
     Note,
     Picture,
     Section,
     Table,
     TableColumn,
-    items_table,
     picture,
     section,
 )
@@ -168,12 +168,11 @@ def campaign_waves_lines(record: dict[str, Any]) -> list[str]:
 
 def campaign_waves_section(found: CampaignWaves) -> Section:
     """Waves of all logs together over their payout, by class, and each log beside the others."""
-    first, *rest = wave_blocks(found.together, _cascade(found.together))
+    first, *rest = wave_blocks(
+        found.together,
+        Cascade(tuple(BUILT_IN.get(name) or Stage(name, ()) for name in found.together.record_energy), configured=True),
+    )
     return section("waves", "Waves", first, _logs_table(found), *rest, *(Note(text) for text in found.left_out))
-
-
-def _cascade(waves: WaveEnergies) -> Cascade:
-    return Cascade(tuple(BUILT_IN.get(name) or Stage(name, ()) for name in waves.record_energy), configured=True)
 
 
 def _logs_table(found: CampaignWaves) -> Any:
@@ -204,5 +203,9 @@ def _logs_table(found: CampaignWaves) -> Any:
             TableColumn(SYMBOL[name], "", 3, of=efficiency(name)),
             TableColumn(f"95 % of {SYMBOL[name]}", "", text=True, of=interval(name)),
         ]
-    caption = "Mean powers of the whole record of each log, and ratios of the sums of its waves."
-    return items_table("wave-logs", caption, columns, found.logs, limit=LISTED_LOGS)
+    return ItemTable[LogWaves](
+        "wave-logs",
+        "Mean powers of the whole record of each log, and ratios of the sums of its waves.",
+        columns,
+        limit=LISTED_LOGS,
+    ).of(found.logs)

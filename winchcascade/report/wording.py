@@ -69,6 +69,26 @@ SYMBOL = _Symbols({
 """Symbols of the metrics; what follows the underscore is set low."""
 
 
+def unit_of(metric: str) -> str:
+    """Unit of a metric, "" for an efficiency."""
+    return {"energy": "J", "power": "W"}.get(metric.partition("_")[0], "")
+
+
+def decimals_of(metric: str) -> int:
+    """Decimals of a metric whose uncertainty is unknown."""
+    return 3 if metric.startswith("eta") else 0
+
+
+def metrics_note(cascade: Cascade, given: Sequence[str]) -> str:
+    """What the symbols of some metrics mean."""
+    stages = [
+        f"{s.name}, {s.where}" for s in cascade.stages if f"energy_{s.name}" in given or f"power_{s.name}" in given
+    ]
+    ratios = [f"{SYMBOL[m]} = {SYMBOL[up]} / {SYMBOL[low]}" for m, (up, low) in cascade.ratios.items() if m in given]
+    subscripts = f"Subscripts: {'; '.join(stages)}" if stages else ""
+    return "".join(f"{text}. " for text in (subscripts, ", ".join(ratios)) if text)
+
+
 def subscripts_of(cascade: Cascade) -> tuple[str, ...]:
     """Subscripts of the symbols of a cascade, longer ones first."""
     own = {SYMBOL[m].partition("_")[2] for m in cascade.all_metrics}
