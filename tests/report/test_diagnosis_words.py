@@ -11,8 +11,7 @@ from winchcascade.diagnosis.diagnose import ModelDiagnosis
 from winchcascade.diagnosis.diagnosis_result import Alarm, Alternative, Experiment, Remainder, Reported, Spot
 from winchcascade.diagnosis.nuisances import Nuisance
 from winchcascade.report.cause_words import cause_words
-from winchcascade.report.diagnosis_record import as_json
-from winchcascade.report.diagnosis_text import diagnosis_lines, diagnosis_text
+from winchcascade.report.diagnosis_text import as_json, diagnosis_lines, diagnosis_text
 from winchcascade.report.diagnosis_words import (
     arises_words,
     checked_words,

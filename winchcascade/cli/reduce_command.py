@@ -67,7 +67,7 @@ def reduce_command(
     require_payouts(reduction)
     mapped = None if loss_map is None else _write_loss_map(reduction, loss_map, force=force)
     if parquet is not None:
-        from winchcascade.report.rows import write_parquet
+        from winchcascade.report.frames import write_parquet
 
         write_parquet(reduction, parquet, force=force)
     found = None

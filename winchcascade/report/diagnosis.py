@@ -56,7 +56,6 @@ from winchcascade.report.gap_words import (
     share_words,
     simulated_words,
 )
-from winchcascade.report.glossary import symbols_section
 from winchcascade.report.line_report import line_how_far, line_logs_table, line_where, line_which
 from winchcascade.report.report_model import (
     Note,
@@ -72,7 +71,7 @@ from winchcascade.report.report_model import (
     section,
 )
 from winchcascade.report.style import house_style
-from winchcascade.report.wording import load_words
+from winchcascade.report.wording import load_words, symbols_section
 
 
 def make_diagnosis_report(found: ModelDiagnosis | LineDiagnosis, *, command: str = "") -> Report:

@@ -17,7 +17,6 @@ from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.reduction.wave_energies import wave_energies
 from winchcascade.report import figures, tables
 from winchcascade.report.digits import interval_text, number, percent, places, significant, uncertain, upper
-from winchcascade.report.glossary import symbols_section
 from winchcascade.report.model_section import Modelled, modelled, run_section
 from winchcascade.report.report_model import (
     Note,
@@ -42,6 +41,7 @@ from winchcascade.report.wording import (
     not_known,
     span_word,
     subscripts_of,
+    symbols_section,
     unit_of,
     window_words,
 )

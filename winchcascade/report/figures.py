@@ -19,7 +19,6 @@ from winchcascade.reduction.bins import engaged, generator_speed
 from winchcascade.reduction.reduction_result import CycleResult, Reduction
 from winchcascade.reduction.uncertainty import Budget
 from winchcascade.report.digits import significant
-from winchcascade.report.glossary import PLACES
 from winchcascade.report.style import (
     COLOURS,
     Margins,
@@ -53,7 +52,7 @@ from winchcascade.report.time_histories import (
     shade_phases,
     time_label,
 )
-from winchcascade.report.wording import by_sensor, span_word, tex
+from winchcascade.report.wording import PLACES, by_sensor, span_word, tex
 
 DRAWN = 3000
 """Points of a trace that are drawn at most: two for each pixel of a wide screen."""

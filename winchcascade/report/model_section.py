@@ -24,12 +24,13 @@ from winchcascade.report.model_account import (
     Account,
     ChannelDifference,
     LossBudget,
+    ModelComparison,
     abscissas,
     account_of,
+    compare_with_baseline,
     quantities,
     speed_width,
 )
-from winchcascade.report.model_data import ModelComparison, compare_with_baseline
 from winchcascade.report.report_model import (
     Block,
     Note,

@@ -208,8 +208,7 @@ def _(result: CampaignReduction) -> Table | None:
     from winchcascade.report.campaign import logs_efficiencies_table
     from winchcascade.report.campaign_record import runs_by_load
 
-    runs = runs_by_load(result.summary.reduced)
-    return logs_efficiencies_table(runs) if runs else None
+    return logs_efficiencies_table(runs_by_load(result.summary.reduced))
 
 
 @_table.register(Comparison)

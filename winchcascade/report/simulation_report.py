@@ -15,7 +15,6 @@ from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.report.digits import NumberText, number, upper
 from winchcascade.report.document import histories_section
 from winchcascade.report.figures import powers_of
-from winchcascade.report.glossary import PLACES, symbols_section
 from winchcascade.report.report_model import (
     ItemTable,
     Point,
@@ -31,7 +30,7 @@ from winchcascade.report.report_model import (
 from winchcascade.report.style import house_style
 from winchcascade.report.terminal import LEDGER_WORDS, energy_shares, energy_span
 from winchcascade.report.time_histories import readout
-from winchcascade.report.wording import load_words, subscripts_of
+from winchcascade.report.wording import PLACES, load_words, subscripts_of, symbols_section
 from winchcascade.rig.simulate import Simulation
 
 
