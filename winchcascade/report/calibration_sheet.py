@@ -62,7 +62,8 @@ def calibration_text(calibration: Calibration, written: Path | None = None) -> s
     written : the rig file that was made of it
     """
     run, rig = calibration.run, one_line(calibration.rig.name)
-    found = findings(calibration)
+    found, many = findings(calibration), len(run.findings)
+    kept = ", ".join(n.name for n in calibration.numbers if not n.new)
     lines = [
         *wrapped(
             f"{one_line(run.name)}: open circuit ({one_line(run.load_source)}), {run.samples} samples at {run.fs:.6g} Hz; "
@@ -78,12 +79,9 @@ def calibration_text(calibration: Calibration, written: Path | None = None) -> s
         *wrapped(f"against rig {rig}: {comparison(calibration)}"),
         f"findings: {toned(f'{len(found)}', 'warning') if found else toned('none', 'good')}",
         *(line for text in found for line in headed(indented(text), text.split(":")[0], "warning")),
+        *(wrapped(f"the log itself has {many}: `winchcascade reduce` lists what is wrong with it") if many else []),
+        *([] if written is None else wrapped(f"rig file: {written}" + (f" ({kept} as before)" if kept else ""))),
     ]
-    if run.findings:
-        lines += wrapped(f"the log itself has {len(run.findings)}: `winchcascade reduce` lists what is wrong with it")
-    if written is not None:
-        kept = ", ".join(n.name for n in calibration.numbers if not n.new)
-        lines += wrapped(f"rig file: {written}" + (f" ({kept} as before)" if kept else ""))
     return "\n".join(lines) + "\n"
 
 
@@ -171,19 +169,16 @@ def together_words(calibration: Calibration) -> str:
 def comparison(calibration: Calibration) -> str:
     """How the numbers found anew compare with those of the rig file."""
     agree, differ = [], []
-    for n in calibration.numbers:
-        if not n.new or not math.isfinite(n.before):
-            continue
+    for n in (n for n in calibration.numbers if n.new and math.isfinite(n.before)):
         given: Quantity | None = getattr(getattr(calibration.rig, n.section), n.name)
         z = (n.value - n.before) / math.hypot(n.u, (given.tolerance if given else None) or 0.0)
-        if abs(z) <= BEYOND:
-            agree.append(n.name)
-            continue
         share = 100.0 * abs(n.value / n.before - 1.0) if n.before else math.nan
-        differ.append(
+        beyond = (
             f"{n.name} is {significant(share, 2)} % {'above' if z > 0 else 'below'} it, {abs(z):.0f} standard uncertainties of "
             "both together"
         )
+        agree += [n.name] if abs(z) <= BEYOND else []
+        differ += [beyond] if abs(z) > BEYOND else []
     sentences = [f"{_and(agree)} agree{'s' if len(agree) == 1 else ''} within the tolerances"] if agree else []
     return "; ".join([*sentences, *differ]) or "nothing to compare"
 

@@ -49,8 +49,7 @@ _LESS = (", ".join(_PARTS.values()), "allowed")
 
 def check_text(check: Check) -> str:
     """Every cell with printed and found value, difference, tolerance and its parts."""
-    lines = [*title_lines(check.table), *wrapped(f"tolerance: {recipe(check)}")]
-    lines += [*data_lines(check.origins), ""]
+    lines = [*title_lines(check.table), *wrapped(f"tolerance: {recipe(check)}"), *data_lines(check.origins), ""]
     for row, log in dict.fromkeys((cell.row, cell.log) for cell in check.cells):
         cells = [cell for cell in check.cells if (cell.row, cell.log) == (row, log)]
         lines += wrapped(f"{row.text}: {'no run' if log is None else log}")
@@ -60,10 +59,8 @@ def check_text(check: Check) -> str:
                 [head, *(_toned(_cell_row(check, cell), cell.ok) for cell in cells)],
                 left=(0, len(head) - 1), close=(6, 7, 8)[: len(_parts(check)) - 1], indent="  ", omit=_LESS,
             )  # fmt: skip
-        found = _findings(check, row)
-        lines += [*(line for text in found for line in headed(indented(text), "!", "warning")), ""]
-    for note in check.notes:
-        lines += headed(wrapped(f"note: {note}"), "note", "warning")
+        lines += [*(line for text in _findings(check, row) for line in headed(indented(text), "!", "warning")), ""]
+    lines += [line for note in check.notes for line in headed(wrapped(f"note: {note}"), "note", "warning")]
     return "\n".join([*lines, toned(check_summary(check), "good" if check.ok else "contradiction")]) + "\n"
 
 
@@ -126,10 +123,12 @@ def github_annotations(check: Check, table_path: str | Path) -> str:
     found += [("warning", row.line, f"{row.text} findings", "\n".join(_findings(check, row))) for row in check.findings]
     file = f"file={_property(str(table_path))}"
     lines = [
-        f"::{kind} {file}{'' if line is None else f',line={line}'},title={_property(title)}::{_message(text)}"
-        for kind, line, title, text in found
+        *(
+            f"::{kind} {file}{'' if line is None else f',line={line}'},title={_property(title)}::{_message(text)}"
+            for kind, line, title, text in found
+        ),
+        *(f"::notice::{_message(one_line(note))}" for note in check.notes),
     ]
-    lines += [f"::notice::{_message(one_line(note))}" for note in check.notes]
     return "".join(f"{line}\n" for line in lines)
 
 
@@ -199,9 +198,8 @@ def recipe(check: Check) -> str:
         (factors.uncertainty, "2 standard uncertainties u of the mean"),
     )
     texts = [part if factor == 1 else f"{factor:g} x {part}" for factor, part in parts]
-    if isinstance(table, PointTable) and table.tolerance:
-        texts.append(f"{100.0 * table.tolerance:g} % that means may differ by")
-    return " + ".join(texts)
+    means = table.tolerance if isinstance(table, PointTable) else 0.0
+    return " + ".join(texts + ([f"{100.0 * means:g} % that means may differ by"] if means else []))
 
 
 def _parts(check: Check) -> list[str]:
@@ -242,13 +240,12 @@ def _by(missed: float, cell: CellCheck) -> str:
 
 def check_summary(check: Check) -> str:
     """How many cells agree, and why others do not."""
-    outcomes = Counter(cell.outcome for cell in check.misses)
-    unmeasured, without = outcomes["not_measured"], outcomes["no_run"]
-    off = len(check.misses) - unmeasured - without
-    counts = ((off, "differs" if off == 1 else "differ"), (unmeasured, "not measured"), (without, "without a run"))
+    found, all_cells = Counter(cell.outcome for cell in check.misses), len(check.cells)
+    words = ("differs" if found["miss"] == 1 else "differ", "not measured", "without a run")
+    counts = zip((found["miss"], found["not_measured"], found["no_run"]), words, strict=True)
     named = ", ".join(f"{n} {what}" for n, what in counts if n)
-    missed = f"{len(check.cells) - len(check.misses)} of {len(check.cells)} cells agree; {named}"
-    return f"all {len(check.cells)} cells agree" if check.ok else missed
+    missed = f"{all_cells - len(check.misses)} of {all_cells} cells agree; {named}"
+    return f"all {all_cells} cells agree" if check.ok else missed
 
 
 def _message(text: str) -> str:

@@ -19,7 +19,7 @@ from winchcascade.core.version import __version__
 from winchcascade.report.digits import NumberText, interval_text, number, places, stated, with_sign
 from winchcascade.report.report_model import Limit, TableColumn
 from winchcascade.report.screen import PIPED, toned
-from winchcascade.report.text_table import headed, listing, wrapped
+from winchcascade.report.text_table import headed, listing, paragraphs, wrapped
 from winchcascade.report.wording import SYMBOL, decimals_of, load_words, unit_of
 
 LISTED = 6
@@ -83,9 +83,8 @@ def zero_cell(one: Difference) -> str:
 
 def freedom_cell(one: Difference) -> str:
     """Effective degrees of freedom, rounded down as tables of Student's distribution are used."""
-    if one.freedom is None:
-        return "–"
-    return "∞" if math.isinf(one.freedom) or one.freedom > 1e4 else f"{math.floor(one.freedom + 1e-9)}"
+    freedom = one.freedom
+    return "–" if freedom is None else "∞" if freedom > 1e4 else f"{math.floor(freedom + 1e-9)}"
 
 
 def relative_cell(one: Difference) -> NumberText:
@@ -260,22 +259,23 @@ def comparison_text(found: Comparison, gate: Gate | None = None) -> str:
         *wrapped(f"sensors: {sensors_words(found)}"),
         *wrapped(f"intervals: 95 %, {method_words()}"),
     ]
-    for name, alone in (("A", found.alone_a), ("B", found.alone_b)):
-        lines += wrapped(f"alone in {name}: {run_words([run.name for run in alone])}") if alone else []
+    lines += paragraphs(
+        f"alone in {name}: {run_words([run.name for run in alone])}"
+        for name, alone in (("A", found.alone_a), ("B", found.alone_b))
+        if alone
+    )
     for metrics in (headline_metrics(found), of_windows(found)):
         lines += ["", *_table(found, metrics)] if metrics else []
     more = len(of_windows(found)) < len(other_metrics(found))
     lines += ["energies of whole cycles: in --json and --html"] if more else []
-    lines += [""] + [line for m in headline_metrics(found) for line in wrapped(_plain(significance(found, m), m))]
+    lines += ["", *paragraphs(_plain(significance(found, m), m) for m in headline_metrics(found))]
     for note in found.notes:
         mark = "! note" if note.is_warning else "note"
         text = wrapped(f"{mark}: {note_words(note, len(found.runs))}.")
         lines += headed(text, mark, "warning") if note.is_warning else text
     if gate is not None:
-        lines += ["", *_failed(gate)]
-        lines += [
-            toned(line, "good" if gate.ok else "contradiction") for line in wrapped(f"--max-drop {gate_words(gate)}")
-        ]
+        outcome = wrapped(f"--max-drop {gate_words(gate)}")
+        lines += ["", *_failed(gate), *(toned(line, "good" if gate.ok else "contradiction") for line in outcome)]
     return "\n".join(lines) + "\n"
 
 
@@ -373,13 +373,17 @@ def difference_record(one: Difference) -> dict[str, Any]:
 
 def difference_rows_of(found: Comparison) -> list[Mapping[str, Any]]:
     """A row for each difference, for frames."""
-    rows: list[Mapping[str, Any]] = []
-    for runs in found.runs:
-        for one in runs.differences:
-            low, high = one.interval or (None, None)
-            record = difference_record(one) | {"low_95": low, "high_95": high}
-            rows.append({"run": runs.label, "load_ohm": runs.load, "metric": field_of(one.metric), **record})
-    return rows
+    return [
+        {
+            "run": runs.label,
+            "load_ohm": runs.load,
+            "metric": field_of(one.metric),
+            **difference_record(one),
+            **dict(zip(("low_95", "high_95"), one.interval or (None, None), strict=True)),
+        }
+        for runs in found.runs
+        for one in runs.differences
+    ]
 
 
 def _side_record(side: ComparedSide) -> dict[str, Any]:

@@ -7,6 +7,7 @@ JSON null.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -86,11 +87,13 @@ def _joules(found: LossMap) -> str:
 def quality_words(found: LossMap) -> list[str]:
     """How well the surface meets the points, what they do not distinguish, and what was left out."""
     surface, mean = found.surface, float(abs(found.points.loss).mean())
-    held = surface.held_out
-    sentences = []
-    if surface.freedom == 0:
-        sentences = ["as many coefficients as points: the surface meets them exactly, and no interval is known"]
-    sentences += [
+    held, exact = (
+        surface.held_out,
+        "as many coefficients as points: the surface meets them exactly, and no interval is known",
+    )
+    without = dict.fromkeys(c.contained_in for c in surface.coefficients if c.value is None)
+    return [
+        *([exact] if surface.freedom == 0 else []),
         f"residual {significant(surface.residual)} W"
         + (
             ", too few points to hold any out"
@@ -104,19 +107,22 @@ def quality_words(found: LossMap) -> list[str]:
             if surface.condition == surface.condition_all
             else f"; {_all_five(surface.condition_all)} of all five columns"
         ),
+        *(_left_out_words(surface.coefficients, others) for others in without),
+        *(f"points left out, {reason}: {count}" for reason, count in found.points.left_out.items()),
+        *(
+            ["the points lie on one line over torque and speed: the table holds no value"]
+            if len(found.hull) < 3
+            else []
+        ),
     ]
-    without: dict[tuple[str, ...], list[str]] = {}
-    for c in surface.coefficients:
-        if c.value is None:
-            without.setdefault(c.contained_in, []).append(COLUMN_WORDS[c.term])
-    for others, columns in without.items():
-        alike = " and ".join(COLUMN_WORDS[name] for name in others)
-        where = f" from {alike}, whose coefficients stand for them too" if alike else ""
-        sentences.append(f"left out, as these points do not distinguish them{where}: {', '.join(columns)}")
-    sentences += [f"points left out, {reason}: {count}" for reason, count in found.points.left_out.items()]
-    if len(found.hull) < 3:
-        sentences.append("the points lie on one line over torque and speed: the table holds no value")
-    return sentences
+
+
+def _left_out_words(coefficients: Sequence[Coefficient], others: tuple[str, ...]) -> str:
+    """Columns that are left out, as the points do not distinguish them from some others."""
+    columns = ", ".join(COLUMN_WORDS[c.term] for c in coefficients if c.value is None and c.contained_in == others)
+    alike = " and ".join(COLUMN_WORDS[name] for name in others)
+    where = f" from {alike}, whose coefficients stand for them too" if alike else ""
+    return f"left out, as these points do not distinguish them{where}: {columns}"
 
 
 def coefficients_table(found: LossMap) -> Table | None:
@@ -240,8 +246,12 @@ def write_loss_map(found: LossMap, path: Path, source: str, *, force: bool = Fal
             "duration_s": points.duration,
         },
     }
-    made = {".csv": _csv, ".mat": _mat, ".json": _json}[path.suffix.casefold()]
-    write_content(path, made(record), force=force)
+    made: dict[str, Callable[[], bytes]] = {
+        ".csv": lambda: _csv(record),
+        ".mat": lambda: matlab_bytes("loss_map", record),
+        ".json": lambda: json_bytes(_plain(record)),
+    }
+    write_content(path, made[path.suffix.casefold()](), force=force)
 
 
 def _csv(record: dict[str, Any]) -> bytes:
@@ -257,18 +267,12 @@ def _csv(record: dict[str, Any]) -> bytes:
         "# NaN: outside of the hull of the operating points",
         f"# surface: {terms}",
         ",".join(["torque_nm\\speed_rad_s", *(f"{x:.9g}" for x in record["speed_rad_s"])]),
+        *(
+            ",".join([f"{torque:.9g}", *("NaN" if math.isnan(x) else f"{x:.9g}" for x in row)])
+            for torque, row in zip(record["torque_nm"], record["loss_w"], strict=True)
+        ),
     ]
-    for torque, row in zip(record["torque_nm"], record["loss_w"], strict=True):
-        lines.append(",".join([f"{torque:.9g}", *("NaN" if math.isnan(x) else f"{x:.9g}" for x in row)]))
     return ("\n".join(lines) + "\n").encode()
-
-
-def _mat(record: dict[str, Any]) -> bytes:
-    return matlab_bytes("loss_map", record)
-
-
-def _json(record: dict[str, Any]) -> bytes:
-    return json_bytes(_plain(record))
 
 
 def _plain(value: Any) -> Any:

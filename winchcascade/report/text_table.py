@@ -179,6 +179,11 @@ def wrapped(text: str, indent: str = "", piped: int | None = PIPED) -> list[str]
     return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
 
 
+def paragraphs(texts: Iterable[str], indent: str = "") -> list[str]:
+    """Sentences, each in lines that fit into the terminal."""
+    return [line for text in texts for line in wrapped(text, indent)]
+
+
 def indented(text: str) -> list[str]:
     """A sentence in lines two columns in."""
     return wrapped(text, indent="  ")

@@ -66,20 +66,18 @@ def closure_sentence(score: Score) -> str:
     both = [(case.closure.share, case.share_claimed) for case in score.cases]
     apart = [100.0 * abs(found - said) for found, said in both if found is not None and said is not None]
     faults = sum(case.closure.fault is not None for case in score.cases)
-    sentences = []
-    if shares:
-        wide = sum(share > WIDELY for share in shares)
-        sentences.append(
-            f"Where the effect was named, {share_text(median(shares))} of the gap is closed on withheld logs (median of "
-            f"{len(shares)} cases; {share_text(min(shares))} at least; above {100 * WIDELY:g} % in {wide})."
-        )
-    if apart:
-        sentences.append(
-            f"The claims deviate by {median(apart):.1f} percentage points (median), by {max(apart):.1f} at most."
-        )
-    if faults:
-        sentences.append(f"{faults} cases have no usable predictions.")
-    return " ".join(sentences) or "There is no prediction to compute it from."
+    wide = sum(share > WIDELY for share in shares)
+    sentences = (
+        f"Where the effect was named, {share_text(median(shares))} of the gap is closed on withheld logs (median of "
+        f"{len(shares)} cases; {share_text(min(shares))} at least; above {100 * WIDELY:g} % in {wide})."
+        if shares
+        else "",
+        f"The claims deviate by {median(apart):.1f} percentage points (median), by {max(apart):.1f} at most."
+        if apart
+        else "",
+        f"{faults} cases have no usable predictions." if faults else "",
+    )
+    return " ".join(filter(None, sentences)) or "There is no prediction to compute it from."
 
 
 def share_text(value: float) -> str:
@@ -103,12 +101,15 @@ def hidden_order(score: Score) -> list[str]:
 
 def taken_rows(score: Score) -> list[tuple[str, str, str, str]]:
     """By what was injected: how many cases, how many were named, and what the others were taken for."""
-    rows = []
-    for hidden in hidden_order(score):
-        row = score.taken_for[hidden]
-        others = [f"{name} ({n})" for name, n in sorted(row.items(), key=lambda x: -x[1]) if name != hidden]
-        rows.append((hidden, str(sum(row.values())), str(row.get(hidden, 0)), ", ".join(others) or "-"))
-    return rows
+    return [
+        (
+            hidden,
+            str(sum(row.values())),
+            str(row.get(hidden, 0)),
+            ", ".join(f"{name} ({n})" for name, n in sorted(row.items(), key=lambda x: -x[1]) if name != hidden) or "-",
+        )
+        for hidden, row in ((hidden, score.taken_for[hidden]) for hidden in hidden_order(score))
+    ]
 
 
 # -------------------------------------------------------------------------------------------------------- the terminal
