@@ -174,7 +174,15 @@ def _physics(ranges: AttainableRanges) -> tuple[Section, ...]:
             "physics", "What the rig can attain",
             _note(words.basis(ranges)),
             *(Note(page_text(text), "Note") for text in ranges.notes),
-            _ranges(ranges, metrics),
+            ItemTable[AttainableRow](
+        "attainable",
+        "Published efficiencies beside what the rig can attain.",
+        [
+            TableColumn("Row", text=True, of=lambda r: load_words(r.load)),
+            TableColumn("Line speed", "m/s", of=lambda r: _fixed_span(r.speeds.low, r.speeds.high, 2)),
+            *(column for metric in metrics for column in _range_columns(metric)),
+        ],
+    ).of(ranges.rows),
             *(Note(f"{load_words(item.load)}: {page_text(item.reason)}", "Not judged") for item in ranges.not_judged),
             *map(_note, verdicts),
         ),
@@ -184,18 +192,6 @@ def _physics(ranges: AttainableRanges) -> tuple[Section, ...]:
             *(_note(text, "All within reach") for text in sets),
         ),
     )  # fmt: skip
-
-
-def _ranges(ranges: AttainableRanges, metrics: list[str]) -> Table | None:
-    return ItemTable[AttainableRow](
-        "attainable",
-        "Published efficiencies beside what the rig can attain.",
-        [
-            TableColumn("Row", text=True, of=lambda r: load_words(r.load)),
-            TableColumn("Line speed", "m/s", of=lambda r: _fixed_span(r.speeds.low, r.speeds.high, 2)),
-            *(column for metric in metrics for column in _range_columns(metric)),
-        ],
-    ).of(ranges.rows)
 
 
 def _range_columns(metric: str) -> list[TableColumn[AttainableRow]]:
@@ -208,16 +204,20 @@ def _range_columns(metric: str) -> list[TableColumn[AttainableRow]]:
         TableColumn(SYMBOL[metric], of=lambda r: None if (c := cell(r)) is None else number(c.printed, 3)),
         TableColumn("Attainable", of=lambda r: None if (c := cell(r)) is None else _fixed_span(c.low, c.high, 3)),
         TableColumn("Beyond", "points", of=lambda r: None if (c := cell(r)) is None else number(100.0 * c.gap, 1)),
-        TableColumn("Verdict", text=True, of=lambda r: "" if (c := cell(r)) is None else _reach_words(c)),
+        TableColumn(
+            "Verdict",
+            text=True,
+            of=lambda r: (
+                ""
+                if (c := cell(r)) is None
+                else ("out of reach" if c.outside else "within reach" if c.gap == 0.0 else "within rounding")
+            ),
+        ),
     ]
 
 
 def _fixed_span(low: float, high: float, decimals: int) -> NumberText:
     return NumberText(f"{number(low, decimals)} to {number(high, decimals)}", low, high)
-
-
-def _reach_words(cell: Cell) -> str:
-    return "out of reach" if cell.outside else "within reach" if cell.gap == 0.0 else "within rounding"
 
 
 def _effects(ranges: AttainableRanges) -> Table | None:

@@ -13,7 +13,7 @@ from winchcascade.report.report_model import file_digest
 from winchcascade.report.screen import toned
 from winchcascade.report.text_table import headed, indented, paragraphs, table_lines, wrapped
 from winchcascade.rig.effects.effect import Field
-from winchcascade.tables.attainable import Ability, AttainableRanges, SuspectResult
+from winchcascade.tables.attainable import Ability, AttainableRanges
 from winchcascade.tables.attainable_row import RAMPS, STARTED, AttainableRow
 from winchcascade.tables.audit import Audit, Contradiction, percent
 from winchcascade.tables.claims import ClaimVerdict
@@ -432,34 +432,33 @@ def attainable_record(ranges: AttainableRanges) -> dict[str, Any]:
             for row in ranges.rows
         ],
         "not_judged": [{**load_record(item.load), "reason": item.reason} for item in ranges.not_judged],
-        "effects": [_mover_record(ranges, mover) for mover in found.suspects],
+        "effects": [
+            {
+                "effect": mover.effect,
+                "stage": mover.stage,
+                "fields": {
+                    field.name: {"unit": field.unit, "absent": field.absent, "plausible": [field.low, field.high]}
+                    for field in mover.fields
+                },
+                "can": {
+                    one.metric: {
+                        "verdict": one.verdict,
+                        "closed": one.closed,
+                        "needed": [
+                            {**load_record(row.load), "value": value}
+                            for row, value in zip(ranges.rows, one.needed, strict=True)
+                        ]
+                        if one.needed
+                        else None,
+                    }
+                    for one in mover.abilities
+                },
+                "best": None if mover.best is None else _values_record(mover.best),
+            }
+            for mover in found.suspects
+        ],
         "sets": [_values_record(values) for values in found.sets],
         "closest": None if found.closest is None else _values_record(found.closest),
-    }
-
-
-def _mover_record(ranges: AttainableRanges, mover: SuspectResult) -> dict[str, Any]:
-    return {
-        "effect": mover.effect,
-        "stage": mover.stage,
-        "fields": {
-            field.name: {"unit": field.unit, "absent": field.absent, "plausible": [field.low, field.high]}
-            for field in mover.fields
-        },
-        "can": {
-            one.metric: {
-                "verdict": one.verdict,
-                "closed": one.closed,
-                "needed": [
-                    {**load_record(row.load), "value": value}
-                    for row, value in zip(ranges.rows, one.needed, strict=True)
-                ]
-                if one.needed
-                else None,
-            }
-            for one in mover.abilities
-        },
-        "best": None if mover.best is None else _values_record(mover.best),
     }
 
 

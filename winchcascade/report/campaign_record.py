@@ -202,10 +202,7 @@ def rule_of(run: LogSummary) -> str:
 
 def window_rules(runs: Sequence[LogSummary]) -> dict[str, list[LogSummary]]:
     """Logs by the rule of their windows: auto, payout, or a fixed length."""
-    found: dict[str, list[LogSummary]] = {}
-    for run in runs:
-        found.setdefault(rule_of(run), []).append(run)
-    return found
+    return {rule: [run for run in runs if rule_of(run) == rule] for rule in dict.fromkeys(map(rule_of, runs))}
 
 
 def mixed_windows(runs: Sequence[LogSummary]) -> str:
@@ -230,16 +227,18 @@ def campaign_text(campaign: CampaignRecord, out: Path, *, kept: int, altered: Se
     runs = runs_by_load(campaign.reduced)
     mixed = mixed_windows(runs)
     earlier = f", {kept} of them by an earlier call" if kept else ""
-    lines = wrapped(f"{campaign.title}: {len(runs)} of {len(campaign.runs)} logs reduced{earlier}", piped=None)
-    lines += data_lines([run.origin for run in runs]) if runs else []
-    lines += ["", *_table(runs), *_marked(runs), *_between(campaign), ""] if runs else [""]
-    lines += [*headed(wrapped(f"note: windows of {mixed}"), "note", "warning"), ""] if mixed else []
+    lines = [
+        *wrapped(f"{campaign.title}: {len(runs)} of {len(campaign.runs)} logs reduced{earlier}", piped=None),
+        *(data_lines([run.origin for run in runs]) if runs else []),
+        "",
+        *([*_table(runs), *_marked(runs), *_between(campaign), ""] if runs else []),
+        *([*headed(wrapped(f"note: windows of {mixed}"), "note", "warning"), ""] if mixed else []),
+    ]
     if campaign.waves is not UNSET:
         from winchcascade.report.wave_section import campaign_waves_lines
 
         lines += [*campaign_waves_lines(campaign.waves), ""]
-    lines += altered_lines(altered)
-    lines += _fault_lines(campaign, out)
+    lines += [*altered_lines(altered), *_fault_lines(campaign, out)]
     named = [
         ("index", out / "index.html"),
         ("report", out / "campaign.html"), ("", out / "campaign.pdf"), ("workbook", out / "campaign.xlsx"),

@@ -118,33 +118,25 @@ def numbers_of(found: DiagnosisResult, cause: NamedCause, *, again: bool = False
     again : the numbers of a winch without a model as the withheld cycles alone give them
     """
     numbers = []
-    label = found.suspects[cause.effect].label
-    about = (
-        cause.effect,
-        label,
-        cause.stage,
-        probability_words(cause.probability),
-        alternatives_words(cause, ", ") or "none",
-    )
-    for name, value in cause.parameters.items():
-        if isinstance(found, LineDiagnosis):
-            how, value = LINE_NUMBERS[cause.effect], found.again[cause.effect] if again else value
-            text, interval = number_words(how, value, 3)
-            interval = interval if value.high > value.low else "at the end of what is plausible"
-        else:
-            how = display_of(cause.effect, name, value.unit)
-            text, interval = number_words(how, value)
+    for k, (name, value) in enumerate(cause.parameters.items()):
+        line = isinstance(found, LineDiagnosis)
+        value = found.again[cause.effect] if again and isinstance(found, LineDiagnosis) else value
+        how = LINE_NUMBERS[cause.effect] if line else display_of(cause.effect, name, value.unit)
+        text, interval = number_words(how, value, 3 if line else 5)
+        interval = "at the end of what is plausible" if line and value.high <= value.low else interval
         numbers.append(
             CauseNumber(
-                *about[:3],
-                how.what,
-                text,
-                interval + range_words(value),
-                interval.removesuffix(how.unit).rstrip() + range_words(value),
-                *about[3:],
+                effect="" if k else cause.effect,
+                label="" if k else found.suspects[cause.effect].label,
+                stage="" if k else cause.stage,
+                what=how.what,
+                value=text,
+                interval=interval + range_words(value),
+                beside=interval.removesuffix(how.unit).rstrip() + range_words(value),
+                probability="" if k else probability_words(cause.probability),
+                alternatives="" if k else alternatives_words(cause, ", ") or "none",
             )
         )
-        about = ("",) * 5
     return numbers
 
 

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -61,6 +60,7 @@ from winchcascade.report.style import (
     Look,
     Margins,
     cut_apart,
+    evenly,
     house_style,
     is_narrow,
     label_panel,
@@ -315,9 +315,7 @@ def _turned(runs: int) -> bool:
 
 def drawn(found: Comparison) -> list[MatchedRuns]:
     """The runs that are drawn, from the heaviest load to the open circuit."""
-    runs = [*reversed(found.runs)]
-    even = np.linspace(0, len(runs) - 1, min(len(runs), MOST_DRAWN)).round().astype(int)
-    return [runs[k] for k in even.tolist()]
+    return evenly([*reversed(found.runs)], MOST_DRAWN)
 
 
 def _names(runs: Sequence[MatchedRuns]) -> list[str]:

@@ -22,6 +22,7 @@ from winchcascade.report.gap_words import NAMES, baseline_words
 from winchcascade.report.style import (
     COLOURS,
     Margins,
+    evenly,
     label_upright,
     legend_above,
     line_entry,
@@ -111,18 +112,11 @@ def chosen_cycles(found: ModelDiagnosis, gaps: dict[tuple[int, int], float]) -> 
     if len(gaps) <= MOST_CYCLES:
         return sorted(gaps)
     each = {k: sorted(cycle for log, cycle in gaps if log == k) for k in by_load(found)}
-    logs = _evenly([k for k, cycles in each.items() if cycles], MOST_CYCLES)
+    logs = evenly([k for k, cycles in each.items() if cycles], MOST_CYCLES)
     share, shown = max(MOST_CYCLES // len(logs), 1), most_telling(found)
     worst = max(gaps, key=lambda pair: (pair[0] == shown, gaps[pair]))
-    chosen = {(k, cycle) for k in logs for cycle in _evenly(each[k], share)}
+    chosen = {(k, cycle) for k in logs for cycle in evenly(each[k], share)}
     return sorted({*chosen, worst})
-
-
-def _evenly(items: Sequence[int], most: int) -> list[int]:
-    """Items that are evenly spread, at most so many, the first and the last among them."""
-    if len(items) <= most:
-        return list(items)
-    return [items[k] for k in np.unique(np.linspace(0, len(items) - 1, most).round().astype(int)).tolist()]
 
 
 def baseline_of(found: ModelDiagnosis, log: int) -> Signal:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from winchcascade.core.campaign_file import banner
 from winchcascade.diagnosis.diagnose import ModelDiagnosis
-from winchcascade.diagnosis.diagnosis_result import DiagnosisResult
+from winchcascade.diagnosis.diagnosis_result import DiagnosisResult, NamedCause
 from winchcascade.diagnosis.gap_map import STANDS_OUT
 from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
 from winchcascade.report import diagnosis_figures as figures
@@ -156,20 +156,34 @@ def _sections(found: ModelDiagnosis, shown: Sequence[CycleHistory]) -> tuple[Sec
 # ---------------------------------------------------------------------------------------------- the page for a decision
 def _tiles(found: ModelDiagnosis | LineDiagnosis) -> tuple[Tile, ...]:
     """Verdict, leading cause, and share that is closed; without a cause, with a model, the size of the gap."""
-    count = len(found.causes)
-    named = "no significant gap" if found.verdict == "no_gap" else "no cause named"
-    if count:
-        named = f"{count} cause{'s' if count > 1 else ''} named"
-    tiles = [Tile("Verdict", "", words.VERDICTS[found.verdict], named)]
-    for lead in found.causes[:1]:
-        label, likely = found.suspects[lead.effect].label, f"probability {probability_words(lead.probability)}"
-        tiles.append(Tile("Leading cause", likely, label, f"{lead.effect}: {cause_words(found, lead)}"))
-    if found.closure is not None:
-        share, interval = share_words(found.closure.share), f"95 %: {words.interval_words(found.closure)}"
-        tiles.append(Tile("Gap closed", f"on held-out {words.phrases_of(found).item}s", share, interval))
-    if not found.causes and not isinstance(found, LineDiagnosis):
-        tiles += _extremes(found)
-    return tuple(tiles)
+    count, closure = len(found.causes), found.closure
+    none = "no significant gap" if found.verdict == "no_gap" else "no cause named"
+    named = f"{count} cause{'s' if count > 1 else ''} named" if count else none
+    return (
+        Tile("Verdict", "", words.VERDICTS[found.verdict], named),
+        *(
+            Tile(
+                "Leading cause",
+                f"probability {probability_words(lead.probability)}",
+                found.suspects[lead.effect].label,
+                f"{lead.effect}: {cause_words(found, lead)}",
+            )
+            for lead in found.causes[:1]
+        ),
+        *(
+            []
+            if closure is None
+            else [
+                Tile(
+                    "Gap closed",
+                    f"on held-out {words.phrases_of(found).item}s",
+                    share_words(closure.share),
+                    f"95 %: {words.interval_words(closure)}",
+                )
+            ]
+        ),
+        *([] if found.causes or isinstance(found, LineDiagnosis) else _extremes(found)),
+    )
 
 
 def _extremes(found: ModelDiagnosis) -> list[Tile]:
@@ -254,20 +268,18 @@ def _cause_points(found: DiagnosisResult) -> list[Point]:
         names = ", ".join(named(found, cause.effect) for cause in found.causes)
         checks = " ".join(text for cause in found.causes if (text := check_words(found, cause)))
         return [Point("Causes", f"{names}; the table of causes has their numbers. {checks}".rstrip())]
-    points = []
-    for k, cause in enumerate(found.causes, start=1):
-        what, others = meaning_words(found, cause.effect), alternatives_words(cause, " or ")
-        name, numbers = named(found, cause.effect), cause_words(found, cause)
-        text = (
-            f"{name}: {what[:1].lower()}{what[1:].rstrip('.')}. Found: {numbers}. {check_words(found, cause)}".rstrip()
-        )
-        points.append(
-            Point(
-                f"Cause {k}" if len(found.causes) > 1 else "Cause",
-                f"{text} Or in its place {others}." if others else text,
-            )
-        )
-    return points
+    return [
+        Point(f"Cause {k}" if len(found.causes) > 1 else "Cause", _cause_text(found, cause))
+        for k, cause in enumerate(found.causes, start=1)
+    ]
+
+
+def _cause_text(found: DiagnosisResult, cause: NamedCause) -> str:
+    """What a cause is, its numbers and its alternatives."""
+    what, others = meaning_words(found, cause.effect), alternatives_words(cause, " or ")
+    name, numbers = named(found, cause.effect), cause_words(found, cause)
+    text = f"{name}: {what[:1].lower()}{what[1:].rstrip('.')}. Found: {numbers}. {check_words(found, cause)}".rstrip()
+    return f"{text} Or in its place {others}." if others else text
 
 
 EXAMPLES = ("copper_heating", "gear_mesh_loss", "line_friction", "precharge")

@@ -76,12 +76,11 @@ def cause_rows(found: ModelDiagnosis) -> list[Row]:
     rows = []
     for cause in found.causes:
         effect = found.suspects[cause.effect]
-        free = freedom(effect)
-        ends = [with_values(effect, x).reported for x in (free.absent, free.low, free.high)]
-        rows += [
-            Row(cause, name, value, ends[0], min(ends), max(ends), tolerance_of(found, effect))
-            for name, value in cause.parameters.items()
+        ends = [
+            with_values(effect, x).reported for x in (freedom(effect).absent, freedom(effect).low, freedom(effect).high)
         ]
+        known = (ends[0], min(ends), max(ends), tolerance_of(found, effect))
+        rows += [Row(cause, name, value, *known) for name, value in cause.parameters.items()]
     return rows
 
 

@@ -170,12 +170,15 @@ def closure_table(found: ModelDiagnosis) -> Table | None:
     """Root mean squares before and after on the withheld logs, beside the noise."""
     if found.closure is None:
         return None
-    rows = []
-    for name, x in found.closure.channels.items():
-        unit, factor = COMPARED[name]
-        values = (significant(v * factor, 2) for v in (x.before, x.after, x.noise))
-        ratios = (significant(v / x.noise, 2) if x.noise else "–" for v in (x.before, x.after))
-        rows.append((NAMES[name], unit, *values, *ratios))
+    rows = [
+        (
+            NAMES[name],
+            COMPARED[name][0],
+            *(significant(v * COMPARED[name][1], 2) for v in (x.before, x.after, x.noise)),
+            *(significant(v / x.noise, 2) if x.noise else "–" for v in (x.before, x.after)),
+        )
+        for name, x in found.closure.channels.items()
+    ]
     loads = ", ".join(load_words(found.data.logs[k].run.load) for k in found.closure.withheld)
     return formatted_table(
         "closure",
@@ -334,19 +337,7 @@ def thresholds_table(found: ModelDiagnosis) -> Table | None:
 
 def diagnosed_logs_table(found: ModelDiagnosis) -> Table | None:
     """Every log: its load, its part in the diagnosis, and its hash."""
-    rows = []
-    for k, log in enumerate(found.data.logs):
-        once = found.closure is not None and k in found.closure.withheld
-        part = "withheld" if k in found.data.withheld else "left out once" if once else "in every fit"
-        rows.append(
-            (
-                log.run.name,
-                load_words(log.run.load),
-                part,
-                f"{log.course.blocks.cycle.max(initial=0)}",
-                log.run.sha256 or "–",
-            )
-        )
+    once = () if found.closure is None else found.closure.withheld
     return formatted_table(
         "logs",
         "Logs of the campaign.",
@@ -357,7 +348,16 @@ def diagnosed_logs_table(found: ModelDiagnosis) -> Table | None:
             number_column("Cycles"),
             text_column("SHA-256"),
         ),
-        rows,
+        [
+            (
+                log.run.name,
+                load_words(log.run.load),
+                "withheld" if k in found.data.withheld else "left out once" if k in once else "in every fit",
+                f"{log.course.blocks.cycle.max(initial=0)}",
+                log.run.sha256 or "–",
+            )
+            for k, log in enumerate(found.data.logs)
+        ],
     )
 
 

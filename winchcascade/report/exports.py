@@ -35,11 +35,8 @@ ENDINGS = ("csv", "tex", "md")
 
 def heads(table: Table) -> list[str]:
     """Names of the columns with their units; a column that only has a sign is named after the one before it."""
-    names: list[str] = []
-    for k, name in enumerate(table.head):
-        full = f"{table.head[k - 1]} {name}" if name == "±" and k else name
-        names.append(f"{full} ({table.units[k]})" if table.units[k] else full)
-    return names
+    names = [f"{table.head[k - 1]} {name}" if name == "±" and k else name for k, name in enumerate(table.head)]
+    return [f"{name} ({unit})" if unit else name for name, unit in zip(names, table.units, strict=True)]
 
 
 # ---------------------------------------------------------------------------------------------------------------- as CSV
@@ -64,22 +61,17 @@ def _spread(name: str, cells: Sequence[Cell]) -> tuple[list[str], list[list[Cell
     if any(text.form == PLUS_MINUS for text in texts):
         ends = [name, f"{name}, standard uncertainty"]
     names = {1: [name], 2: ends, 3: [name, *ends]}[most]
-    rows: list[list[Cell]] = []
-    for cell in cells:
-        own = list(cell.values) if isinstance(cell, NumberText) else [cell]
-        unit = [cell.unit if isinstance(cell, NumberText) else ""] if united else []
-        rows.append([*own, *[None] * (most - len(own)), *unit])
-    return [*names, *([f"{name}, unit"] if united else [])], rows
+
+    def values(cell: Cell) -> list[Cell]:
+        own, unit = (list(cell.values), cell.unit) if isinstance(cell, NumberText) else ([cell], "")
+        return [*own, *[None] * (most - len(own)), *([unit] if united else [])]
+
+    return [*names, *([f"{name}, unit"] if united else [])], [values(cell) for cell in cells]
 
 
 def _apart(names: Sequence[str]) -> list[str]:
     """Names of columns, numbered where one comes again, so that each is found by its name."""
-    seen: dict[str, int] = {}
-    found = []
-    for name in names:
-        seen[name] = seen.get(name, 0) + 1
-        found.append(name if seen[name] == 1 else f"{name}, {seen[name]}")
-    return found
+    return [f"{name}, {names[:k].count(name) + 1}" if name in names[:k] else name for k, name in enumerate(names)]
 
 
 def _written(cell: Cell) -> str:

@@ -24,6 +24,7 @@ from winchcascade.report.style import (
     Margins,
     broken,
     dots,
+    evenly,
     is_narrow,
     label_panel,
     look_of,
@@ -143,8 +144,7 @@ def draw_histories(axes: Sequence[Axes], reduction: Reduction, powers: Mapping[s
             _trace(axes[-1], t, x * short, gid=f"trace-power_{stage}", **_stage_style(stage))
         label_panel(axes[-1], ascii_lowercase[rows - 1], "Power", unit=unit)
         axes[-1].legend(loc="lower right", ncols=3, bbox_to_anchor=(1.0, 0.98), borderaxespad=0.0)
-    axes[-1].set_xlabel(time_label(run))
-    axes[-1].set_xlim(t[0], t[-1])
+    axes[-1].set(xlabel=time_label(run), xlim=(t[0], t[-1]))
     shaded = len(reduction.cycles) <= SHADED_CYCLES
     sources = [(name,) for name, *_ in panels] + [power_sources(reduction, powers)] * bool(powers)
     repaired = [repaired_spans(run, source) for source in sources]
@@ -344,8 +344,7 @@ def _draw_flow(ax: Axes, flow: Sequence[_Flow], lowest: float) -> None:
         ax.text((begin + end) / 2, top - after / 2, item.goes_on, ha="center", va="center", fontsize=9)
         turn = begin + _TURN * (end - begin) + (h - after) / 2
         ax.text(turn, _DROP - 0.04, item.leaves, ha="center", va="top", fontsize=size - 0.5)
-    ax.set_xlim(-0.9, 11.2)
-    ax.set_ylim(lowest, 1.62)
+    ax.set(xlim=(-0.9, 11.2), ylim=(lowest, 1.62))
 
 
 def _leaving(begin: float, turn: float, low: float, high: float) -> PathPatch:
@@ -411,8 +410,7 @@ def overlaid(reduction: Reduction, powers: dict[str, Signal], best: int | None, 
     rows, margins = -(-len(columns) // 2), _MARGINS._replace(head=0.42)
     gaps = {"hspace": 0.36, "wspace": 0.24}
     figure, axes = panel_figure(0.5 + 1.55 * rows, rows, 2, margins=margins, gaps=gaps, share="x")
-    even = np.linspace(0, len(cycles) - 1, min(len(cycles), OVERLAID)).round().astype(int).tolist()
-    chosen = [cycles[k] for k in even if cycles[k].cycle not in (best, worst)]
+    chosen = [c for c in evenly(cycles, OVERLAID) if c.cycle not in (best, worst)]
     chosen += [c for number in (worst, best) for c in cycles if c.cycle == number]
     parts = [(c, slice(*np.searchsorted(run.t, (c.phases.onset - 1.0, end_of(c))).tolist())) for c in chosen]
     longest = max(min(end_of(c), float(run.t[-1])) - c.phases.onset for c in chosen)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +19,7 @@ from winchcascade.core.files import check_replaceable, write_whole
 from winchcascade.core.quantity import KGF, si_unit
 from winchcascade.core.run import CHANNELS, Channel, Run, Units
 from winchcascade.core.store import make_one
+from winchcascade.diagnosis.diagnosis_result import NamedCause
 from winchcascade.reduction.efficiency import FIELDS, Metrics
 from winchcascade.reduction.energies import NetSpan
 from winchcascade.reduction.phase_summary import HaulInSummary, PlateauSummary
@@ -185,8 +186,7 @@ def _flat_run(record: RunRecord) -> Row:
         mean, u, deviation = mean | own.mean, u | own.standard_uncertainty, deviation | own.max_deviation_percent
         intervals = intervals | own.interval_95
     for field in mean:
-        low, high = intervals[field] or (None, None)
-        values = (mean[field], u[field], low, high, deviation[field])
+        values = (mean[field], u[field], *(intervals[field] or (None, None)), deviation[field])
         row |= {f"{field}{end}": value for end, value in zip(RUN_ENDS, values, strict=True)}
     return row
 
@@ -351,19 +351,19 @@ def diagnosis_frame(found: DiagnosisResult, table: str, units: Units = "si") -> 
     assert isinstance(found, ModelDiagnosis | LineDiagnosis)  # there are no others
     check_choice("to_pandas", table, DIAGNOSIS_TABLES, "table")
     _check_units(units)
-    rows: Iterable[dict[str, Any]]
-    if table == "map":
-        rows, columns = _place_rows(map_record(found), units), _PLACES
-    elif table == "causes":
-        rows, columns = _cause_rows(as_json(found)["causes"], found, units), _CAUSES
-    elif table == "stability":
-        rows, columns = _stability_rows(as_json(found)["causes"], found, units), _STABILITY
-    else:
-        rows, columns = _contribution_rows(as_json(found).get("contributions", []), units), _CONTRIBUTIONS
-    return _frame(
-        [row | ({"load_ohm": float(row["load_ohm"])} if row.get("load_ohm") is not None else {}) for row in rows],
-        arrow_schema(columns),
-    )
+    tables: dict[str, tuple[dict[str, type], Callable[[], list[dict[str, Any]]]]] = {
+        "map": (_PLACES, lambda: _place_rows(map_record(found), units)),
+        "causes": (_CAUSES, lambda: _cause_rows(as_json(found)["causes"], found, units)),
+        "stability": (_STABILITY, lambda: _stability_rows(as_json(found)["causes"], found, units)),
+        "contributions": (
+            _CONTRIBUTIONS,
+            lambda: _contribution_rows(as_json(found).get("contributions", []), units),
+        ),
+    }
+    columns, rows_of_table = tables[table]
+    found_rows = rows_of_table()
+    loads = ({"load_ohm": float(row["load_ohm"])} if row.get("load_ohm") is not None else {} for row in found_rows)
+    return _frame([row | load for row, load in zip(found_rows, loads, strict=True)], arrow_schema(columns))
 
 
 def comparison_frame(found: Comparison, units: Units = "si") -> pd.DataFrame:
@@ -372,10 +372,7 @@ def comparison_frame(found: Comparison, units: Units = "si") -> pd.DataFrame:
 
     _check_units(units)
     numbers = ("a", "b", "difference", "low_95", "high_95", "standard_uncertainty", "repeatability", "sensors")
-    rows = []
-    for row in difference_rows_of(found):
-        unit, factor = _metric_unit(row["metric"], units)
-        rows.append({**row, **_scaled(row, numbers, factor), "unit": unit or "1"})
+    rows = [_in_unit(row, numbers, *_metric_unit(row["metric"], units)) for row in difference_rows_of(found)]
     return _frame(rows, arrow_schema(_COMPARED))
 
 
@@ -402,12 +399,9 @@ def _with_units(frame: pd.DataFrame, units: Units) -> pd.DataFrame:
     if units == "si":
         return frame
     ratios = [name for name in frame.columns if name.startswith("eta_") and not name.endswith(RUN_ENDS[-1])]
-    names = {}
-    for name in ratios:
-        end = next((end for end in RUN_ENDS[1:] if name.endswith(end)), "")
-        names[name] = f"{name.removesuffix(end)}_percent{end}"
-        frame[name] = 100.0 * frame[name]
-    return frame.rename(columns=names)
+    ends = {name: next((end for end in RUN_ENDS[1:] if name.endswith(end)), "") for name in ratios}
+    frame[ratios] = 100.0 * frame[ratios]
+    return frame.rename(columns={name: f"{name.removesuffix(end)}_percent{end}" for name, end in ends.items()})
 
 
 def _samples(reduction: Reduction, units: Units) -> pd.DataFrame:
@@ -444,24 +438,24 @@ def _scaled(row: Mapping[str, Any], names: Iterable[str], factor: float) -> dict
     return {name: None if row[name] is None else row[name] * factor for name in names if name in row}
 
 
+def _in_unit(row: Mapping[str, Any], names: Iterable[str], unit: str, factor: float) -> dict[str, Any]:
+    """A row with some of its numbers in another unit, which it states."""
+    return {**row, **_scaled(row, names, factor), "unit": unit}
+
+
 def _place_rows(places: Iterable[dict[str, Any]], units: Units) -> list[dict[str, Any]]:
-    found = []
-    for place in places:
-        unit, factor = _shown(si_unit(CHANNELS[place["channel"]].dimension), units)
-        numbers = _scaled(place, ("bias", "rms", "noise", "u_noise", "u_repeat", "u_tolerance"), factor)
-        found.append(place | numbers | {"unit": unit})
-    return found
+    numbers = ("bias", "rms", "noise", "u_noise", "u_repeat", "u_tolerance")
+    return [_in_unit(p, numbers, *_shown(si_unit(CHANNELS[p["channel"]].dimension), units)) for p in places]
 
 
 def _contribution_rows(contributions: Iterable[dict[str, Any]], units: Units) -> list[dict[str, Any]]:
     """A row for each part; a metric without parts has one row without them."""
-    found = []
-    for one in contributions:
-        unit, factor = _metric_unit(one["metric"], units)
-        whole = one | _scaled(one, ("as_given", "measured"), factor) | {"unit": unit}
-        parts = one["parts"] or [dict.fromkeys(("effect", "kind", *_PARAMETER))]
-        found += [{**whole, **part, **_scaled(part, _PARAMETER, factor)} for part in parts]
-    return found
+    numbers = ("as_given", "measured", *_PARAMETER)
+    return [
+        _in_unit(one | part, numbers, *_metric_unit(one["metric"], units))
+        for one in contributions
+        for part in one["parts"] or [dict.fromkeys(("effect", "kind", *_PARAMETER))]
+    ]
 
 
 def _metric_unit(metric: str, units: Units) -> tuple[str, float]:
@@ -475,30 +469,36 @@ def _metric_unit(metric: str, units: Units) -> tuple[str, float]:
 
 def _cause_rows(causes: Iterable[dict[str, Any]], found: DiagnosisResult, units: Units) -> list[dict[str, Any]]:
     """A row for each number of each cause."""
-    rows = []
-    for cause, named in zip(causes, found.causes, strict=True):
-        alternatives = ", ".join(rival["effect"] for rival in cause["rivals"])
-        for name, number in cause["parameters"].items():
-            unit, factor = _cause_unit(found, named.effect, name, units)
-            row = {**cause, "parameter": name, "alternatives": alternatives}
-            rows.append({**row, **number, **_scaled(number, _PARAMETER, factor), "unit": unit})
-    return rows
+    return [
+        _in_unit(
+            {
+                **cause,
+                "parameter": name,
+                "alternatives": ", ".join(rival["effect"] for rival in cause["rivals"]),
+                **number,
+            },
+            _PARAMETER,
+            *_cause_unit(found, named, name, units),
+        )
+        for cause, named in zip(causes, found.causes, strict=True)
+        for name, number in cause["parameters"].items()
+    ]
 
 
 def _stability_rows(causes: Iterable[dict[str, Any]], found: DiagnosisResult, units: Units) -> list[dict[str, Any]]:
     """A row for each run of each cause that is estimated run by run, by the first of its numbers."""
-    rows = []
-    for cause, named in zip(causes, found.causes, strict=True):
-        name = next(iter(cause["parameters"]))
-        unit, factor = _cause_unit(found, named.effect, name, units)
-        about = {"effect": cause["effect"], "parameter": name, "unit": unit}
-        rows += [{**one, **_scaled(one, _PARAMETER, factor), **about} for one in cause.get("stability", [])]
-    return rows
+    return [
+        _in_unit(
+            {**one, "effect": cause["effect"], "parameter": name}, _PARAMETER, *_cause_unit(found, named, name, units)
+        )
+        for cause, named in zip(causes, found.causes, strict=True)
+        for name in [*cause["parameters"]][:1]
+        for one in cause.get("stability", [])
+    ]
 
 
-def _cause_unit(found: DiagnosisResult, effect: str, parameter: str, units: Units) -> tuple[str, float]:
+def _cause_unit(found: DiagnosisResult, named: NamedCause, parameter: str, units: Units) -> tuple[str, float]:
     """Unit of a number of a cause, and the factor to it from that of the JSON."""
-    named = next(cause for cause in found.causes if cause.effect == effect)
     unit = named.parameters[parameter].unit
     if units == "si":
         return unit, 1.0
@@ -506,5 +506,6 @@ def _cause_unit(found: DiagnosisResult, effect: str, parameter: str, units: Unit
     from winchcascade.report.cause_words import LINE_NUMBERS
     from winchcascade.report.gap_words import display_of
 
+    effect = named.effect
     how = LINE_NUMBERS[effect] if isinstance(found, LineDiagnosis) else display_of(effect, parameter, unit)
     return how.unit.strip(), how.factor

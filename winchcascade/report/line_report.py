@@ -90,11 +90,13 @@ MOST_SETS = 12
 
 def line_suspects_table(found: LineDiagnosis) -> Table | None:
     """What each suspect is, and what it closes alone and is worth beside the others."""
-    choice, rows = found.choice, []
-    for name in found.lines.names:
+    choice = found.choice
+
+    def worth(name: str) -> float:
+        """Error that one more or one less suspect beside the causes makes. [%]"""
         other = tuple(n for n in found.lines.names if (n in found.chosen) != (n == name))
-        worth = (100.0 if name in found.chosen else -100.0) * (choice.error(other) - choice.error(found.chosen))
-        rows.append((name, LINE_MEANINGS[name], share_words(1.0 - choice.error((name,))), f"{number(worth, 1)} %"))
+        return (100.0 if name in found.chosen else -100.0) * (choice.error(other) - choice.error(found.chosen))
+
     return formatted_table(
         "suspects",
         "What each suspect closes alone, and beside the causes.",
@@ -102,7 +104,10 @@ def line_suspects_table(found: LineDiagnosis) -> Table | None:
             text_column("Suspect"), text_column("What it is"), number_column("Closes alone", "of the squared error"),
             number_column("Beside the causes", "with it, or lost without it"),
         ),
-        rows,
+        [
+            (name, LINE_MEANINGS[name], share_words(1.0 - choice.error((name,))), f"{number(worth(name), 1)} %")
+            for name in found.lines.names
+        ],
         "Shares of the squared error on held-out cycles. A share below zero predicts worse than nothing.",
     )  # fmt: skip
 

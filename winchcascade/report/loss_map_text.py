@@ -19,7 +19,7 @@ from winchcascade.core.version import __version__
 from winchcascade.reduction.loss_map import CONDITION_MAX, Coefficient, LossMap
 from winchcascade.report.digits import interval_text, number, percent, places, significant, uncertain
 from winchcascade.report.matlab_file import matlab_bytes
-from winchcascade.report.report_model import ItemTable, Table, TableColumn
+from winchcascade.report.report_model import ItemTable, Table, TableColumn, rows_of
 from winchcascade.report.text_table import table_lines, wrapped
 
 COLUMN_WORDS = {
@@ -47,15 +47,12 @@ UNIT_WORDS = {
 
 def loss_map_lines(found: LossMap) -> list[str]:
     """A loss map in the terminal: where its points lie, its coefficients, and how good it is."""
-    head = ("loss over", "coefficient", "95 % interval", "unit", "such as")
-    rows = [
-        (COLUMN_WORDS[c.term], _value(c), _interval(c), UNIT_WORDS[c.unit], MEANING[c.term])
-        for c in found.surface.coefficients
-    ]
+    cells = rows_of(_COEFFICIENTS, found.surface.coefficients)
+    rows = [[column.name.lower() for column in _COEFFICIENTS], *(list(map(str, row)) for row in cells)]
     return [
         *wrapped(f"loss map {loss_points_words(found)}", piped=80),
         "",
-        *table_lines([head, *rows], left=(0, 3, 4), omit=("such as", "95 % interval")),
+        *table_lines(rows, left=(0, 3, 4), omit=("such as", "95 % interval")),
         "",
         *(line for sentence in quality_words(found) for line in wrapped(sentence, piped=80)),
     ]
@@ -125,20 +122,22 @@ def _left_out_words(coefficients: Sequence[Coefficient], others: tuple[str, ...]
     return f"left out, as these points do not distinguish them{where}: {columns}"
 
 
+_COEFFICIENTS: tuple[TableColumn[Coefficient], ...] = (
+    TableColumn("Loss over", text=True, of=lambda c: COLUMN_WORDS[c.term]),
+    TableColumn("Coefficient", of=lambda c: _value(c)),
+    TableColumn("95 % interval", of=lambda c: _interval(c)),
+    TableColumn("Unit", text=True, of=lambda c: UNIT_WORDS[c.unit]),
+    TableColumn("Such as", text=True, of=lambda c: MEANING[c.term]),
+)
+
+
 def coefficients_table(found: LossMap) -> Table | None:
     """Coefficients of the surface with their intervals."""
-    columns: list[TableColumn[Coefficient]] = [
-        TableColumn("Loss over", text=True, of=lambda c: COLUMN_WORDS[c.term]),
-        TableColumn("Coefficient", of=_value),
-        TableColumn("95 % interval", of=_interval),
-        TableColumn("Unit", text=True, of=lambda c: UNIT_WORDS[c.unit]),
-        TableColumn("Such as", text=True, of=lambda c: MEANING[c.term]),
-    ]
     note = ". ".join(sentence[0].upper() + sentence[1:] for sentence in quality_words(found))
     return ItemTable[Coefficient](
         "loss-coefficients",
         "Surface of the loss over torque and speed of the shaft: the sum of these columns times their coefficients.",
-        columns,
+        _COEFFICIENTS,
         note=f"{note}. Columns are left out while the condition number exceeds {CONDITION_MAX:g}.{_intervals_words(found)}",
     ).of(found.surface.coefficients)
 

@@ -146,8 +146,7 @@ def _panel(
         )  # fmt: skip
     if letter:
         label_panel(ax, letter, shown.title)
-    ax.set_xlabel(shown.over)
-    ax.set_ylabel(f"{shown.symbol} ({unit})" if shown.symbol else axis_label(shown.title, unit))
+    ax.set(xlabel=shown.over, ylabel=f"{shown.symbol} ({unit})" if shown.symbol else axis_label(shown.title, unit))
     if name == "resistance_ohm":
         ax.set_ylim(0.0, 1.12 * max(max(c.log + c.simulated) for _, _, c in curves))
     elif name == "eta_gen":

@@ -42,20 +42,27 @@ def plot_reduction(reduction: Reduction, what: str, ax: Axes | None = None) -> A
         rows = 1 if ax is not None else figures.history_rows(reduction, powers)
         draw: Plot = lambda axes: figures.draw_histories(np.ravel(axes).tolist(), reduction, powers)  # noqa: E731
         return _drawn(draw, ax, rows=rows, height=2.9 if rows == 1 else 1.2, share={"sharex": "col"})
-    lacking = {
-        "power": "" if powers and reduction.cycles else "a cycle and a power",
-        "speed": "" if reduction.bins else "the speed of the generator in a complete cycle",
-        "efficiency": ""
-        if figures.known_ratios(reduction) and reduction.complete
-        else "an efficiency of a complete cycle",
-    }[what]
-    _require(what, lacking)
-    plots: dict[str, Plot] = {
-        "power": lambda one: figures.one_cycle(one, reduction, powers),
-        "speed": lambda one: figures.over_speed(one, reduction, powers),
-        "efficiency": lambda one: _efficiencies(one, reduction),
+    efficient = bool(figures.known_ratios(reduction) and reduction.complete)
+    plots: dict[str, tuple[Plot, bool, str]] = {
+        "power": (
+            lambda one: figures.one_cycle(one, reduction, powers),
+            bool(powers and reduction.cycles),
+            "a cycle and a power",
+        ),
+        "speed": (
+            lambda one: figures.over_speed(one, reduction, powers),
+            bool(reduction.bins),
+            "the speed of the generator in a complete cycle",
+        ),
+        "efficiency": (
+            lambda one: _efficiencies(one, reduction),
+            efficient,
+            "an efficiency of a complete cycle",
+        ),
     }
-    return _drawn(plots[what], ax)
+    draw, given, needed = plots[what]
+    _require(what, "" if given else needed)
+    return _drawn(draw, ax)
 
 
 def _efficiencies(ax: Axes, reduction: Reduction) -> None:
@@ -170,60 +177,45 @@ def _drawn(
 
 def summary_html(result: Reduction | DiagnosisResult | CampaignReduction | Comparison) -> str:
     """The heading and the main table of a result as HTML without scripts; every text is escaped."""
-    return table_html(_heading(result), _table(result))
+    return table_html(*_heading_and_table(result))
 
 
 @singledispatch
-def _heading(result: object) -> str:
-    """What the result is of, in one line."""
-    return repr(result)
-
-
-@_heading.register(Comparison)
-def _(result: Comparison) -> str:
-    return f"{result.b.name} minus {result.a.name}: {len(result.runs)} runs"
-
-
-@_heading.register(DiagnosisResult)
-def _(result: DiagnosisResult) -> str:
-    return f"Diagnosis of {result.title}: {result.verdict.replace('_', ' ')}"
-
-
-@singledispatch
-def _table(result: object) -> Table | None:
-    """The main table of a result; None where it has none."""
+def _heading_and_table(result: object) -> tuple[str, Table | None]:
+    """What the result is of, in one line, and its main table; None where it has none."""
     raise TypeError(f"no table of a {type(result).__name__}")
 
 
-@_table.register(Reduction)
-def _(result: Reduction) -> Table:
+@_heading_and_table.register(Reduction)
+def _(result: Reduction) -> tuple[str, Table | None]:
     from winchcascade.reduction.montecarlo import uncertainty
     from winchcascade.report.tables import cycles_table
 
-    return cycles_table(result, uncertainty(result))
+    return repr(result), cycles_table(result, uncertainty(result))
 
 
-@_table.register(CampaignReduction)
-def _(result: CampaignReduction) -> Table | None:
+@_heading_and_table.register(CampaignReduction)
+def _(result: CampaignReduction) -> tuple[str, Table | None]:
     from winchcascade.report.campaign import logs_efficiencies_table
     from winchcascade.report.campaign_record import runs_by_load
 
-    return logs_efficiencies_table(runs_by_load(result.summary.reduced))
+    return repr(result), logs_efficiencies_table(runs_by_load(result.summary.reduced))
 
 
-@_table.register(Comparison)
-def _(result: Comparison) -> Table | None:
+@_heading_and_table.register(Comparison)
+def _(result: Comparison) -> tuple[str, Table | None]:
     from winchcascade.report.comparison_report import differences_table
     from winchcascade.report.comparison_text import headline_metrics
 
-    return differences_table("efficiencies", result, headline_metrics(result))
+    heading = f"{result.b.name} minus {result.a.name}: {len(result.runs)} runs"
+    return heading, differences_table("efficiencies", result, headline_metrics(result))
 
 
-@_table.register(DiagnosisResult)
-def _(result: DiagnosisResult) -> Table | None:
+@_heading_and_table.register(DiagnosisResult)
+def _(result: DiagnosisResult) -> tuple[str, Table | None]:
     from winchcascade.diagnosis.diagnose import ModelDiagnosis
     from winchcascade.diagnosis.line.line_diagnose import LineDiagnosis
     from winchcascade.report.diagnosis_tables import causes_table
 
     assert isinstance(result, ModelDiagnosis | LineDiagnosis)  # there are no others
-    return causes_table(result)
+    return f"Diagnosis of {result.title}: {result.verdict.replace('_', ' ')}", causes_table(result)

@@ -111,21 +111,19 @@ def cycles_table(reduction: Reduction, found: Uncertainty) -> Table:
     n = len(reduction.complete)
     more = "; the mean's uncertainty adds the repeatability" if n > 1 else ""
     incomplete = "" if n == len(reduction.cycles) else " A cycle in brackets is incomplete and not in the mean."
-    columns: list[TableColumn[CycleResult]] = [
-        _CYCLE,
-        TableColumn("Window", "s", 2, of=lambda c: c.window.cutoff - c.window.onset),
-        *_metric_columns(reduction, found, given),
-    ]
-    return make_table(
+    return ItemTable[CycleResult](
         "cycles",
         f"Cycles: energies E over the integration window,{'' if apart else ' mean powers P in it,'} efficiencies η."
         + incomplete,
-        columns,
-        rows_of(columns, reduction.cycles, LISTED_CYCLES),
-        below=_means(reduction, found, given, n),
-        note=metrics_note(cascade, given)
+        [
+            _CYCLE,
+            TableColumn("Window", "s", 2, of=lambda c: c.window.cutoff - c.window.onset),
+            *_metric_columns(reduction, found, given),
+        ],
+        metrics_note(cascade, given)
         + (f"Digits of a cycle are those that the sensors' errors allow{more}." if found.method else ""),
-    )
+        LISTED_CYCLES,
+    ).always(reduction.cycles, _means(reduction, found, given, n))
 
 
 def powers_table(reduction: Reduction, found: Uncertainty) -> Table | None:
@@ -134,13 +132,10 @@ def powers_table(reduction: Reduction, found: Uncertainty) -> Table | None:
     given = _given(reduction, [m for m in cascade.metrics if m.startswith("power")])
     if len(cascade.stages) <= TOGETHER or not given:
         return None
-    return make_table(
-        "mean-powers",
-        "Mean powers P in the integration window.",
-        columns := [_CYCLE, *_metric_columns(reduction, found, given)],
-        rows_of(columns, reduction.cycles, LISTED_CYCLES),
-        below=[(row[0], *row[2:]) for row in _means(reduction, found, given, len(reduction.complete))],
-    )
+    below = [(row[0], *row[2:]) for row in _means(reduction, found, given, len(reduction.complete))]
+    columns = [_CYCLE, *_metric_columns(reduction, found, given)]
+    table = ItemTable("mean-powers", "Mean powers P in the integration window.", columns, limit=LISTED_CYCLES)
+    return table.always(reduction.cycles, below)
 
 
 def net_table(reduction: Reduction, found: Uncertainty) -> Table | None:
@@ -151,20 +146,21 @@ def net_table(reduction: Reduction, found: Uncertainty) -> Table | None:
     reasons = net_reasons(reduction.cycles)
     missing = f"Without net energies: {'; '.join(reasons[:MOST_REASONS])}. " if reasons else ""
     ratio = "; η_net = E_gen, cycle / E_net" if "eta_net" in given else ""
-    columns: list[TableColumn[CycleResult]] = [
-        _CYCLE,
-        TableColumn("Onset to onset", "s", 2, of=lambda c: c.net.end - c.net.begin),
-        *_metric_columns(reduction, found, given),
-    ]
-    return make_table(
+    return ItemTable[CycleResult](
         "net",
         "Whole cycles: line energy of the payout, line energy returned in haul-in, and net line energy from onset to "
         "next onset.",
-        columns,
-        rows_of(columns, reduction.cycles, LISTED_CYCLES),
-        below=_means(reduction, found, given, sum(c.metrics.energy_net is not None for c in reduction.complete)),
-        note=f"{missing}These energies do not depend on the integration window{ratio}. The zero of the force cell cancels in "
+        [
+            _CYCLE,
+            TableColumn("Onset to onset", "s", 2, of=lambda c: c.net.end - c.net.begin),
+            *_metric_columns(reduction, found, given),
+        ],
+        f"{missing}These energies do not depend on the integration window{ratio}. The zero of the force cell cancels in "
         "E_net, its gain does not.",
+        LISTED_CYCLES,
+    ).always(
+        reduction.cycles,
+        _means(reduction, found, given, sum(c.metrics.energy_net is not None for c in reduction.complete)),
     )
 
 

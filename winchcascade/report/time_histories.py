@@ -91,11 +91,16 @@ def shade_phases(ax: Axes, panel: int, cycles: Sequence[CycleResult], zero: floa
 
 def phase_spans(reduction: Reduction) -> list[tuple[str, int, float, float]]:
     """Name of every phase, the number of its cycle, its begin and its end. [s]"""
-    word, found = span_word(reduction), []
-    for c in reduction.cycles:
-        spans = {word: (c.phases.onset, c.phases.payout_end), "hold": c.phases.hold, "haul-in": c.phases.haul_in}
-        found += [(name, c.cycle, *span) for name, span in spans.items() if span is not None]
-    return found
+    named = [
+        (c, name, span)
+        for c in reduction.cycles
+        for name, span in (
+            (span_word(reduction), (c.phases.onset, c.phases.payout_end)),
+            ("hold", c.phases.hold),
+            ("haul-in", c.phases.haul_in),
+        )
+    ]
+    return [(name, c.cycle, *span) for c, name, span in named if span is not None]
 
 
 def name_phases(ax: Axes, reduction: Reduction, zero: float) -> bool:

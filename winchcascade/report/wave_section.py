@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -11,7 +12,7 @@ import numpy as np
 from winchcascade.core.cascade import BUILT_IN, Cascade, Stage
 from winchcascade.reduction.reduction_result import Reduction
 from winchcascade.reduction.wave_energies import WaveEnergies, classes_of_payout, joined_waves, wave_energies
-from winchcascade.report.digits import interval_text, significant
+from winchcascade.report.digits import NumberText, interval_text, significant
 from winchcascade.report.records import RunRecord
 from winchcascade.report.report_model import (
     ItemTable,
@@ -175,37 +176,39 @@ def campaign_waves_section(found: CampaignWaves) -> Section:
     return section("waves", "Waves", first, _logs_table(found), *rest, *(Note(text) for text in found.left_out))
 
 
-def _logs_table(found: CampaignWaves) -> Any:
+def _logs_table(found: CampaignWaves) -> Table | None:
     waves = found.together
-
-    def power(stage: str) -> Any:
-        return lambda log: significant(p, 4) if (p := log.waves.record_power.get(stage)) is not None else None
-
-    def efficiency(name: str) -> Any:
-        return lambda log: None if (eta := log.waves.efficiency.get(name)) is None else eta.value
-
-    def interval(name: str) -> Any:
-        def cell(log: LogWaves) -> str | None:
-            eta = log.waves.efficiency.get(name)
-            return None if eta is None or eta.interval is None else interval_text(*eta.interval, eta.u_waves or 1e-3)
-
-        return cell
-
-    columns: list[TableColumn[LogWaves]] = [
-        TableColumn("Log", text=True, of=lambda log: log.name),
-        TableColumn("Load", text=True, of=lambda log: load_words(log.load, unknown="–")),
-        TableColumn("Waves", of=lambda log: sum(log.waves.counts)),
-        TableColumn("Record", "s", 1, of=lambda log: log.waves.record_duration),
-        *(TableColumn(SYMBOL[f"power_{stage}"], "W", of=power(stage)) for stage in waves.record_energy),
-    ]
-    for name in waves.efficiency:
-        columns += [
-            TableColumn(SYMBOL[name], "", 3, of=efficiency(name)),
-            TableColumn(f"95 % of {SYMBOL[name]}", "", text=True, of=interval(name)),
-        ]
     return ItemTable[LogWaves](
         "wave-logs",
         "Mean powers of the whole record of each log, and ratios of the sums of its waves.",
-        columns,
+        [
+            TableColumn("Log", text=True, of=lambda log: log.name),
+            TableColumn("Load", text=True, of=lambda log: load_words(log.load, unknown="–")),
+            TableColumn("Waves", of=lambda log: sum(log.waves.counts)),
+            TableColumn("Record", "s", 1, of=lambda log: log.waves.record_duration),
+            *(TableColumn(SYMBOL[f"power_{stage}"], "W", of=partial(_power, stage)) for stage in waves.record_energy),
+            *(column for name in waves.efficiency for column in _efficiency_columns(name)),
+        ],
         limit=LISTED_LOGS,
     ).of(found.logs)
+
+
+def _power(stage: str, log: LogWaves) -> NumberText | None:
+    """Mean power of the record of a log."""
+    power = log.waves.record_power.get(stage)
+    return None if power is None else significant(power, 4)
+
+
+def _efficiency_columns(name: str) -> list[TableColumn[LogWaves]]:
+    """An efficiency of all waves of a log, and its interval."""
+
+    def interval(log: LogWaves) -> str | None:
+        eta = log.waves.efficiency.get(name)
+        return None if eta is None or eta.interval is None else interval_text(*eta.interval, eta.u_waves or 1e-3)
+
+    return [
+        TableColumn(
+            SYMBOL[name], "", 3, of=lambda log: None if (eta := log.waves.efficiency.get(name)) is None else eta.value
+        ),
+        TableColumn(f"95 % of {SYMBOL[name]}", "", text=True, of=interval),
+    ]

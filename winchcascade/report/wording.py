@@ -185,15 +185,17 @@ LISTED_CYCLES = 6
 def net_reasons(cycles: Sequence[CycleResult]) -> list[str]:
     """Which cycles have no net energies, and why: one sentence for each reason, that of the most cycles first."""
     by_reason: dict[str, list[int]] = {}
-    for cycle in cycles:
-        if cycle.net.reason is not None:
-            by_reason.setdefault(cycle.net.reason, []).append(cycle.cycle)
-    sentences = []
-    for reason, found in sorted(by_reason.items(), key=lambda item: -len(item[1])):
-        more = f" and {len(found) - LISTED_CYCLES} more" if len(found) > LISTED_CYCLES else ""
-        named = f"cycle{'s' * (len(found) > 1)} {', '.join(map(str, found[:LISTED_CYCLES]))}{more}"
-        sentences.append(f"{'all cycles' if 1 < len(found) == len(cycles) else named}: {reason}")
-    return sentences
+    for cycle in (cycle for cycle in cycles if cycle.net.reason is not None):
+        by_reason.setdefault(cycle.net.reason or "", []).append(cycle.cycle)
+    ranked = sorted(by_reason.items(), key=lambda item: -len(item[1]))
+    return [f"{_named_cycles(found, len(cycles))}: {reason}" for reason, found in ranked]
+
+
+def _named_cycles(numbers: Sequence[int], of: int) -> str:
+    """Some of so many cycles, by their numbers."""
+    more = f" and {len(numbers) - LISTED_CYCLES} more" if len(numbers) > LISTED_CYCLES else ""
+    named = f"cycle{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers[:LISTED_CYCLES]))}{more}"
+    return "all cycles" if 1 < len(numbers) == of else named
 
 
 def not_known(known: Budget) -> list[str]:
