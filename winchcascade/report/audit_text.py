@@ -11,7 +11,7 @@ from winchcascade.core.table_toml import table_place
 from winchcascade.core.version import __version__
 from winchcascade.report.report_model import file_digest
 from winchcascade.report.screen import toned
-from winchcascade.report.text_table import headed, indented, paragraphs, table_lines, wrapped
+from winchcascade.report.text_table import headed, indented, joined, paragraphs, table_lines, wrapped
 from winchcascade.rig.effects.effect import Field
 from winchcascade.tables.attainable import Ability, AttainableRanges
 from winchcascade.tables.attainable_row import RAMPS, STARTED, AttainableRow
@@ -57,35 +57,36 @@ def audit_text(audit: Audit) -> str:
     cells, claims = len(audit.contradictions), len(audit.contradicted)
     ranked = sorted(audit.claims, key=lambda claim: claim.verdict != "contradicted")
     confirmed = sum(claim.verdict == "confirmed" for claim in audit.claims)
-    lines = [
-        *title_lines(audit.table),
-        *paragraphs(bound_sentences(audit)),
-        "",
-        *wrapped(f"cells that contradict each other: {cells or 'none'}"),
-        *(
-            line
-            for item in audit.contradictions
-            for text, indent in ((item.sentence, "  "), (remedy(item) if item.kind == "row" else "", "    "))
-            for line in wrapped(text, indent)
-        ),
-        *(
-            ["", *wrapped(f"claims of the text: {len(audit.claims)}, contradicted: {claims or 'none'}")]
-            if audit.claims
-            else []
-        ),
-        *(
-            line
-            for claim in ranked
-            if claim.verdict in _VERDICTS
-            for line in headed(_claim_lines(claim), _VERDICTS["contradicted"], "contradiction")
-        ),
-        *(indented(f"confirmed: {confirmed}, each in the JSON") if confirmed else []),
-        *(["", "windows recovered from energy over power:"] if audit.windows else []),
-        *(paragraphs(window_sentences(audit), "  ") if audit.windows else []),
-        "",
-        _summary(audit_summary(audit), not audit.contradictions and not audit.contradicted),
-    ]
-    text = "\n".join(lines) + "\n"
+    text = joined(
+        [
+            *title_lines(audit.table),
+            *paragraphs(bound_sentences(audit)),
+            "",
+            *wrapped(f"cells that contradict each other: {cells or 'none'}"),
+            *(
+                line
+                for item in audit.contradictions
+                for text, indent in ((item.sentence, "  "), (remedy(item) if item.kind == "row" else "", "    "))
+                for line in wrapped(text, indent)
+            ),
+            *(
+                ["", *wrapped(f"claims of the text: {len(audit.claims)}, contradicted: {claims or 'none'}")]
+                if audit.claims
+                else []
+            ),
+            *(
+                line
+                for claim in ranked
+                if claim.verdict in _VERDICTS
+                for line in headed(_claim_lines(claim), _VERDICTS["contradicted"], "contradiction")
+            ),
+            *(indented(f"confirmed: {confirmed}, each in the JSON") if confirmed else []),
+            *(["", "windows recovered from energy over power:"] if audit.windows else []),
+            *(paragraphs(window_sentences(audit), "  ") if audit.windows else []),
+            "",
+            _summary(audit_summary(audit), not audit.contradictions and not audit.contradicted),
+        ]
+    )
     return text if audit.physics is None else text + attainable_text(audit.physics)
 
 
@@ -122,7 +123,7 @@ def contradictions_text(audit: Audit) -> str:
     if audit.physics is not None:
         metrics = dict.fromkeys(cell.metric for _, cell in audit.physics.outside)
         lines += [line for metric in metrics for line in _verdict(audit.physics, metric)]
-    return "".join(f"{line}\n" for line in lines)
+    return joined(lines)
 
 
 def audit_record(audit: Audit) -> dict[str, Any]:
@@ -241,7 +242,7 @@ def attainable_text(ranges: AttainableRanges) -> str:
         )
     lines += [line for metric in metrics for line in ("", *_verdict(ranges, metric))]
     lines += [] if ranges.ok else [*_neither(ranges), *_details(ranges), *_sets(ranges)]
-    return "\n".join([*lines, "", _summary(f"physics: {attainable_summary(ranges)}", ranges.ok)]) + "\n"
+    return joined([*lines, "", _summary(f"physics: {attainable_summary(ranges)}", ranges.ok)])
 
 
 def attainable_summary(ranges: AttainableRanges) -> str:
@@ -477,17 +478,18 @@ def point_audit_text(audit: PointAudit) -> str:
     """What a table of operating points contradicts in itself."""
     table, broken = audit.table, audit.broken
     more = [f"and {len(broken) - _MOST_SHOWN} more"] if len(broken) > _MOST_SHOWN else []
-    lines = [
-        *title_lines(table),
-        *paragraphs(law_sentences(audit)),
-        "",
-        f"{len(table.rows)} rows, {audit.laws} cells compared",
-        *paragraphs(unread_sentences(audit)),
-        *paragraphs([*_broken_sentences(audit, _MOST_SHOWN), *more], "  "),
-        "",
-        _summary(point_summary(audit), audit.ok),
-    ]
-    return "\n".join(lines) + "\n"
+    return joined(
+        [
+            *title_lines(table),
+            *paragraphs(law_sentences(audit)),
+            "",
+            f"{len(table.rows)} rows, {audit.laws} cells compared",
+            *paragraphs(unread_sentences(audit)),
+            *paragraphs([*_broken_sentences(audit, _MOST_SHOWN), *more], "  "),
+            "",
+            _summary(point_summary(audit), audit.ok),
+        ]
+    )
 
 
 def law_sentences(audit: PointAudit) -> list[str]:
@@ -518,7 +520,7 @@ def point_summary(audit: PointAudit) -> str:
 
 def broken_laws_text(audit: PointAudit) -> str:
     """Column faults and contradictions alone."""
-    return "".join(f"{line}\n" for line in paragraphs(_broken_sentences(audit), "  "))
+    return joined(paragraphs(_broken_sentences(audit), "  "))
 
 
 def _broken_sentences(audit: PointAudit, most: int | None = None) -> list[str]:

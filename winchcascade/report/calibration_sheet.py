@@ -33,7 +33,7 @@ from winchcascade.report.report_model import (
     section,
 )
 from winchcascade.report.screen import toned
-from winchcascade.report.text_table import data_lines, headed, indented, table_lines, wrapped
+from winchcascade.report.text_table import data_lines, headed, indented, joined, table_lines, wrapped
 from winchcascade.report.wording import page_text
 from winchcascade.rig.backemf import RPM_LEAST, BackEmf
 
@@ -64,25 +64,26 @@ def calibration_text(calibration: Calibration, written: Path | None = None) -> s
     run, rig = calibration.run, one_line(calibration.rig.name)
     found, many = findings(calibration), len(run.findings)
     kept = ", ".join(n.name for n in calibration.numbers if not n.new)
-    lines = [
-        *wrapped(
-            f"{one_line(run.name)}: open circuit ({one_line(run.load_source)}), {run.samples} samples at {run.fs:.6g} Hz; "
-            f"rig {rig}"
-        ),
-        *data_lines([run.origin]),
-        "",
-        *table_lines([_HEAD, *(_row(n) for n in calibration.numbers)], left=(0, 4, 5), omit=("how", "before")),
-        "",
-        *wrapped(regression_words(calibration.regression)),
-        *wrapped(eq8_words(calibration.regression, calibration)),
-        *wrapped(together_words(calibration)),
-        *wrapped(f"against rig {rig}: {comparison(calibration)}"),
-        f"findings: {toned(f'{len(found)}', 'warning') if found else toned('none', 'good')}",
-        *(line for text in found for line in headed(indented(text), text.split(":")[0], "warning")),
-        *(wrapped(f"the log itself has {many}: `winchcascade reduce` lists what is wrong with it") if many else []),
-        *([] if written is None else wrapped(f"rig file: {written}" + (f" ({kept} as before)" if kept else ""))),
-    ]
-    return "\n".join(lines) + "\n"
+    return joined(
+        [
+            *wrapped(
+                f"{one_line(run.name)}: open circuit ({one_line(run.load_source)}), {run.samples} samples at {run.fs:.6g} Hz; "
+                f"rig {rig}"
+            ),
+            *data_lines([run.origin]),
+            "",
+            *table_lines([_HEAD, *(_row(n) for n in calibration.numbers)], left=(0, 4, 5), omit=("how", "before")),
+            "",
+            *wrapped(regression_words(calibration.regression)),
+            *wrapped(eq8_words(calibration.regression, calibration)),
+            *wrapped(together_words(calibration)),
+            *wrapped(f"against rig {rig}: {comparison(calibration)}"),
+            f"findings: {toned(f'{len(found)}', 'warning') if found else toned('none', 'good')}",
+            *(line for text in found for line in headed(indented(text), text.split(":")[0], "warning")),
+            *(wrapped(f"the log itself has {many}: `winchcascade reduce` lists what is wrong with it") if many else []),
+            *([] if written is None else wrapped(f"rig file: {written}" + (f" ({kept} as before)" if kept else ""))),
+        ]
+    )
 
 
 def calibration_record(calibration: Calibration) -> dict[str, Any]:

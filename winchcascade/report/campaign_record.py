@@ -23,7 +23,7 @@ from winchcascade.report.digits import stated, uncertain
 from winchcascade.report.records import FindingRecord, Interval95, Numbers, RunRecord
 from winchcascade.report.report_model import Limit, TableColumn
 from winchcascade.report.screen import toned
-from winchcascade.report.text_table import at_most, data_lines, headed, listing, metric_steps, wrapped
+from winchcascade.report.text_table import at_most, data_lines, headed, joined, listing, metric_steps, wrapped
 from winchcascade.report.wording import load_words
 
 if TYPE_CHECKING:
@@ -245,12 +245,12 @@ def campaign_text(campaign: CampaignRecord, out: Path, *, kept: int, altered: Se
         ("record", out / "campaign.json"), ("tables", out / "dataset"), ("each log", out / "runs"),
     ]  # fmt: skip
     lines += [f"{name + ':' if name else '':<10}{path}" for name, path in named if path.exists()]
-    return "\n".join(lines) + "\n"
+    return joined(lines)
 
 
 def fault_text(campaign: CampaignRecord, out: Path) -> str:
     """Logs that could not be reduced, and why."""
-    return "".join(f"{line}\n" for line in _fault_lines(campaign, out))
+    return joined(_fault_lines(campaign, out))
 
 
 def _fault_lines(campaign: CampaignRecord, out: Path) -> list[str]:

@@ -146,10 +146,10 @@ def minor_words(found: DiagnosisResult) -> str:
     for one in found.minor:
         (name, value), effect, largest = next(iter(one.parameters.items())), found.suspects[one.effect], one.largest
         text, _ = number_words(display_of(one.effect, name, value.unit), value)
-        what = largest.name
+        what, size = largest.name, f"{abs(largest.change):.2g}"
         if largest.phase is not None:
             what = f"the mean of {NAMES[largest.name]} in {phase_words(largest.phase)}"
-        size = f"{abs(largest.change):.2g}" if largest.phase is None else f"{100.0 * abs(largest.change):.2g} %"
+            size = f"{100.0 * abs(largest.change):.2g} %"
         texts.append(f"{effect.label} ({one.effect}), {text}, changes {what} by {size} at most")
     return f"Significant but too small to matter: {'; '.join(texts)}." if texts else ""
 

@@ -31,7 +31,7 @@ from winchcascade.report.report_model import (
     section,
 )
 from winchcascade.report.screen import toned
-from winchcascade.report.text_table import at_most, data_lines, headed, indented, table_lines, wrapped
+from winchcascade.report.text_table import at_most, data_lines, headed, indented, joined, table_lines, wrapped
 from winchcascade.report.wording import SYMBOL, load_words, page_text
 from winchcascade.tables.check import CellCheck, Check, RowKey
 from winchcascade.tables.point_table import PointTable
@@ -61,7 +61,7 @@ def check_text(check: Check) -> str:
             )  # fmt: skip
         lines += [*(line for text in _findings(check, row) for line in headed(indented(text), "!", "warning")), ""]
     lines += [line for note in check.notes for line in headed(wrapped(f"note: {note}"), "note", "warning")]
-    return "\n".join([*lines, toned(check_summary(check), "good" if check.ok else "contradiction")]) + "\n"
+    return joined([*lines, toned(check_summary(check), "good" if check.ok else "contradiction")])
 
 
 def missed_text(check: Check) -> str:
@@ -129,7 +129,7 @@ def github_annotations(check: Check, table_path: str | Path) -> str:
         ),
         *(f"::notice::{_message(one_line(note))}" for note in check.notes),
     ]
-    return "".join(f"{line}\n" for line in lines)
+    return joined(lines)
 
 
 def check_record(check: Check) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from winchcascade.core.version import __version__
 from winchcascade.report.digits import NumberText, interval_text, number, places, stated, with_sign
 from winchcascade.report.report_model import Limit, TableColumn
 from winchcascade.report.screen import PIPED, toned
-from winchcascade.report.text_table import headed, listing, paragraphs, wrapped
+from winchcascade.report.text_table import headed, joined, listing, paragraphs, wrapped
 from winchcascade.report.wording import SYMBOL, decimals_of, load_words, unit_of
 
 LISTED = 6
@@ -230,9 +230,8 @@ def gate_words(gate: Gate, metric: str = "") -> str:
     name = metric or gate.metric
     runs = f"{len(gate.drops)} run{'s' * (len(gate.drops) != 1)}"
     without = f"; {run_words(gate.without)} without {name}" if gate.without else ""
-    if gate.ok:
-        return f"passed: {name} drops by more than {gate.limit:g} in none of {runs}{without}"
-    return f"failed: {name} drops by more than {gate.limit:g} in {len(gate.failed)} of {runs}{without}"
+    outcome, drops = ("passed", "none") if gate.ok else ("failed", f"{len(gate.failed)}")
+    return f"{outcome}: {name} drops by more than {gate.limit:g} in {drops} of {runs}{without}"
 
 
 LISTED_ROWS = Limit(60, "more, all in --json")
@@ -276,12 +275,12 @@ def comparison_text(found: Comparison, gate: Gate | None = None) -> str:
     if gate is not None:
         outcome = wrapped(f"--max-drop {gate_words(gate)}")
         lines += ["", *_failed(gate), *(toned(line, "good" if gate.ok else "contradiction") for line in outcome)]
-    return "\n".join(lines) + "\n"
+    return joined(lines)
 
 
 def failed_text(gate: Gate) -> str:
     """The drops that are larger than the limit, one sentence each."""
-    return "".join(f"{line}\n" for line in _failed(gate, piped=None))
+    return joined(_failed(gate, piped=None))
 
 
 def _failed(gate: Gate, piped: int | None = PIPED) -> list[str]:

@@ -178,19 +178,14 @@ def _averaged(x: Signal, step: int) -> Signal:
 
 def zeros_words(found: ModelDiagnosis, item: CycleHistory) -> str:
     """Which zeros of the sensors of a run are taken off its logged values."""
-    texts = []
-    for k, name in enumerate(CHANNELS):
-        if item.zeros[k] and name in found.data.logs[item.log].run.channels:
-            _, unit, factor = AXES[name]
-            texts.append(f"{NAMES[name]} {significant(float(item.zeros[k]) * factor, 2)} {unit}")
+    texts = [
+        f"{NAMES[name]} {significant(float(zero) * AXES[name][2], 2)} {AXES[name][1]}"
+        for name, zero in zip(CHANNELS, item.zeros, strict=True)
+        if zero and name in found.data.logs[item.log].run.channels
+    ]
     return (
         f"Zeros of the sensors, by the joint fit, are taken off the logged values: {', '.join(texts)}." if texts else ""
     )
-
-
-def panel_channels(found: ModelDiagnosis) -> list[str]:
-    """Channels that have a panel."""
-    return seen_channels(found)
 
 
 def item_words(found: ModelDiagnosis, item: CycleHistory) -> str:
@@ -207,14 +202,10 @@ def histories_json(found: ModelDiagnosis, items: Sequence[CycleHistory], first: 
     first : number of the one that the page shows first
     logged : what the values of the log are called
     """
-    sets, names = [], panel_channels(found)
+    sets, names = [], seen_channels(found)
     for item in items:
         order = " | ".join((logged, baseline_words(found), AFTER)[: len(item.sides)])
-        traces: list[dict[str, object] | None] = []
-        for name in names:
-            k, factor = CHANNELS.index(name), AXES[name][2]
-            columns = np.array([x[:, k] for x in item.sides]) * factor
-            traces.append(None if np.isnan(columns).any() else _packed(columns))
+        curves = (np.array([x[:, CHANNELS.index(name)] for x in item.sides]) * AXES[name][2] for name in names)
         sets.append(
             {
                 "name": item_words(found, item),
@@ -223,7 +214,7 @@ def histories_json(found: ModelDiagnosis, items: Sequence[CycleHistory], first: 
                 "spans": [[name, round(a, 3), round(b, 3)] for name, (a, b) in item.phases.items()],
                 "repaired": [[[round(t, 3) for t in span] for span in item.repaired.get(name, ())] for name in names],
                 "times": _packed(item.t[None]),
-                "traces": traces,
+                "traces": [None if np.isnan(columns).any() else _packed(columns) for columns in curves],
             }
         )
     t = items[first].t
@@ -271,7 +262,7 @@ LINES: tuple[dict[str, Any], ...] = (
 def histories_figure(found: ModelDiagnosis, item: CycleHistory, word: str) -> Figure:
     """Draw one cycle; what a page exchanges has a name with the number of its panel: `trace-0-1`, `span-0`, `xaxis-0`."""
     any_repaired = any(log.run.gaps for log in found.data.logs)
-    channels = panel_channels(found)
+    channels = seen_channels(found)
     height = HEAD + FOOT + (TITLE + ABOVE + APART + BELOW) * len(channels)
     figure, top, (left, right) = wide_figure(height), height - HEAD, Margins(left=0.125).edges
     for n, name in enumerate(channels):

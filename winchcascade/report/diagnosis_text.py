@@ -242,16 +242,21 @@ def _how_far(found: ModelDiagnosis | LineDiagnosis, means: str) -> list[str]:
     """
     if found.closure is None:
         return []
-    rows = [("channel", "before", "after", "noise", "")]
-    for name, x in found.closure.channels.items():
-        unit, factor = COMPARED.get(name, ("kW", 1e-3))
-        before, after, noise = (
-            significant(v * factor, 2).rjust(0 if name in COMPARED else NARROWEST) for v in (x.before, x.after, x.noise)
+    shown = [(name, *COMPARED.get(name, ("kW", 1e-3)), x) for name, x in found.closure.channels.items()]
+    rows = [
+        (
+            NAMES[name],
+            *(
+                significant(v * factor, 2).rjust(0 if name in COMPARED else NARROWEST)
+                for v in (x.before, x.after, x.noise)
+            ),
+            unit,
         )
-        rows.append((NAMES[name], before, after, noise, unit))
+        for name, unit, factor, x in shown
+    ]
     return [
         *entry("how far", words.closure_words(found)),
-        *table_lines(rows, left=(0, 4), indent=" " * INDENT),
+        *table_lines([("channel", "before", "after", "noise", ""), *rows], left=(0, 4), indent=" " * INDENT),
         *entry("", f"(root mean squares of {means})"),
     ]
 
@@ -260,13 +265,13 @@ def _residual(found: DiagnosisResult) -> list[str]:
     """What the causes leave, and the signs of something unexplained."""
     if found.remainder is None:
         return []
-    lines = entry("residual", words.remainder_words(found))
-    if isinstance(found, LineDiagnosis):
-        return lines
-    for alarm in found.remainder.alarms[1:MOST_ALARMS]:
-        lines += entry("", f"{alarm_words(alarm, words.files_of(found))}.")
-    more = len(found.remainder.alarms) - MOST_ALARMS
-    return lines + (entry("", f"... {more} more, all in --json") if more > 0 else [])
+    alarms = () if isinstance(found, LineDiagnosis) else found.remainder.alarms
+    more = len(alarms) - MOST_ALARMS
+    return [
+        *entry("residual", words.remainder_words(found)),
+        *(line for a in alarms[1:MOST_ALARMS] for line in entry("", f"{alarm_words(a, words.files_of(found))}.")),
+        *(entry("", f"... {more} more, all in --json") if more > 0 else []),
+    ]
 
 
 SCHEMA = "winchcascade/diagnosis/1"

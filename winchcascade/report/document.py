@@ -147,31 +147,42 @@ def _tiles(reduction: Reduction, found: Uncertainty) -> tuple[Tile, ...]:
             )
             for m in given
         )
-    tiles = []
-    for m in given:
-        unit, interval, u = unit_of(m), found.interval_95.get(m), found.standard[m]
-        scatter = found.budget.repeatability[m]
-        text = "uncertainty unknown"
-        if interval is not None and u:
-            text = f"95 %: {interval_text(interval.low, interval.high, u)} {unit}".strip()
-        elif scatter:
-            text = f"± {f'{uncertain(scatter)} {unit}'.rstrip()} by repeatability alone"
-        value = f"{tables.mean_text(reduction, found, m)} {unit}".strip()
-        tiles.append(Tile(SYMBOL[m], _name(cascade, m), value, text))
-    return tuple(tiles)
+    return tuple(
+        Tile(
+            SYMBOL[m],
+            _name(cascade, m),
+            f"{tables.mean_text(reduction, found, m)} {unit_of(m)}".strip(),
+            _interval_words(found, m),
+        )
+        for m in given
+    )
+
+
+def _interval_words(found: Uncertainty, metric: str) -> str:
+    """The 95 % interval of a mean, or what is known of its uncertainty in its place."""
+    unit, interval, u = unit_of(metric), found.interval_95.get(metric), found.standard[metric]
+    if interval is not None and u:
+        return f"95 %: {interval_text(interval.low, interval.high, u)} {unit}".strip()
+    scatter = found.budget.repeatability[metric]
+    return f"± {f'{uncertain(scatter)} {unit}'.rstrip()} by repeatability alone" if scatter else "uncertainty unknown"
 
 
 def _wave_tiles(reduction: Reduction, etas: Sequence[str]) -> tuple[Tile, ...]:
     """Efficiencies of all waves together, and mean powers of the record where there are fewer than three."""
     found = wave_energies(reduction)
-    tiles = []
-    for eta in (name for name in etas if name in found.efficiency):
-        ratio = found.efficiency[eta]
-        if ratio.value is not None:
-            text = "too few waves for an interval"
-            if ratio.interval is not None:
-                text = f"95 %: {ratio.interval[0]:.3f} to {ratio.interval[1]:.3f}"
-            tiles.append(Tile(SYMBOL[eta], "all waves together", f"{ratio.value:.3f}", text))
+    ratios = ((eta, found.efficiency[eta]) for eta in etas if eta in found.efficiency)
+    tiles = [
+        Tile(
+            SYMBOL[eta],
+            "all waves together",
+            f"{ratio.value:.3f}",
+            "too few waves for an interval"
+            if ratio.interval is None
+            else f"95 %: {ratio.interval[0]:.3f} to {ratio.interval[1]:.3f}",
+        )
+        for eta, ratio in ratios
+        if ratio.value is not None
+    ]
     powers = [
         Tile(
             SYMBOL[f"power_{stage}"],

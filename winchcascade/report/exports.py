@@ -358,15 +358,11 @@ def _check(path: Path, known: Exported | None, of: str, *, force: bool) -> None:
         raise OutputError(f"{path}: is a folder; expected the name of a file to be free. Choose another folder.")
     if force or not path.exists():
         return
-    if known is None:
-        what = "was not written by winchcascade"
-    elif not _is_own(path, known):
-        what = "was changed since winchcascade wrote it"
-    elif known.of != of:
-        what = f"belongs to the {known.of}"
-    else:
-        return
-    raise OutputError(f"{path}: exists and {what}; choose another folder or add --force.")
+    own = known is not None and _is_own(path, known)
+    what = f"belongs to the {known.of}" if known is not None and own else "was changed since winchcascade wrote it"
+    what = "was not written by winchcascade" if known is None else what
+    if not own or (known is not None and known.of != of):
+        raise OutputError(f"{path}: exists and {what}; choose another folder or add --force.")
 
 
 def _is_own(path: Path, known: Exported) -> bool:

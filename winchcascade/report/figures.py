@@ -305,10 +305,7 @@ def _flow_of(reduction: Reduction, steps: Sequence[_Step], texts: Mapping[str, s
             lost = mean.get(step.leaving) or joule - after
             words = broken(step.leaves, _LINE_OF_WORDS) if is_narrow() else step.leaves
             leaves = f"{words}:{apart}{significant(lost)} J, {100 * lost / whole:.1f} % of {tex(steps[0].metric)}"
-            eta = next(
-                (n for n, pair in ratios.items() if pair == (following.metric, step.metric)),
-                "",
-            )
+            eta = next((n for n, pair in ratios.items() if pair == (following.metric, step.metric)), "")
             goes_on = "" if (value := mean.get(eta)) is None else f"{tex(eta)} = {value:.3f}"
         flow.append(
             _Flow(
@@ -437,9 +434,8 @@ def _overlaid_style(c: CycleResult, best: int | None, worst: int | None) -> dict
         return {"color": COLOURS["line"], "lw": 1.1, "label": f"best, cycle {best}"}
     if c.cycle == worst:
         return {"color": COLOURS["mech"], "lw": 1.1, "ls": (0, (4, 1.2)), "label": f"worst, cycle {worst}"}
-    if not c.complete:
-        return {"color": COLOURS["soft"], "lw": 0.7, "ls": ":", "label": "incomplete"}
-    return {"color": COLOURS["soft"], "lw": 0.7, "label": "other cycles" if best else "complete"}
+    label = ("other cycles" if best else "complete") if c.complete else "incomplete"
+    return {"color": COLOURS["soft"], "lw": 0.7, "ls": "-" if c.complete else ":", "label": label}
 
 
 def stage_of(cascade: Cascade, metric: str) -> str:

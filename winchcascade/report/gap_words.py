@@ -344,10 +344,9 @@ def own_simulation_words(found: DiagnosisResult) -> list[str]:
     own = found.own_simulation if isinstance(found, ModelDiagnosis) else None
     if own is None:
         return []
-    if not own.forms:
-        return ["Your simulation agrees with the model of the rig file within its tolerances."]
     causes = {cause.effect for cause in found.causes}
-    return [_form_words(form, own, named=form.likely in causes) for form in own.forms]
+    forms = [_form_words(form, own, named=form.likely in causes) for form in own.forms]
+    return forms or ["Your simulation agrees with the model of the rig file within its tolerances."]
 
 
 def _form_words(form: ModelForm, own: OwnSimulation, *, named: bool) -> str:

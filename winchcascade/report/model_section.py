@@ -199,9 +199,10 @@ def campaign_section(logs: Sequence[Named], word: str) -> Section | None:
     """
     given = [log._replace(account=replace(log.account, word=word)) for log in logs if not log.account.why]
     left_out = [log for log in logs if log.account.why]
-    blocks: list[Block | None] = [Note(_reasons(left_out, alone=not given))] if left_out else []
-    if given:
-        blocks += [Note(_aim(word)), *_campaign_pictures(given), *_campaign_tables(given)]
+    blocks: list[Block | None] = [
+        *([Note(_reasons(left_out, alone=not given))] if left_out else []),
+        *([Note(_aim(word)), *_campaign_pictures(given), *_campaign_tables(given)] if given else []),
+    ]
     return section("model", _words(word).heading, *blocks) if blocks else None
 
 
@@ -298,14 +299,10 @@ def shown_words(names: Sequence[str]) -> str:
     """
     over = " over generator speed"
     words = [SHOWN[name].what for name in names]
-    if all(w.endswith(over) for w in words):
-        words = [w.removesuffix(over) for w in words]
-    else:
-        over = ""
-    if len(names) > 1:
-        words = [f"{w} ({letter})" for letter, w in zip("abcdefgh", words, strict=False)]
-    text = ", ".join(words) + over
-    return f"{upper(text)}."
+    shared = over if all(w.endswith(over) for w in words) else ""
+    letters = [f" ({letter})" if len(names) > 1 else "" for letter in "abcdefgh"[: len(names)]]
+    text = ", ".join(f"{w.removesuffix(shared)}{letter}" for w, letter in zip(words, letters, strict=True))
+    return f"{upper(text + shared)}."
 
 
 def _simulated_with(accounts: Sequence[Account]) -> str:
@@ -369,12 +366,12 @@ def _differences_table(
     names = [name for name in COMPARED if any(name in account.differences for account in accounts)]
     if not names:
         return None
-    note = "".join(f"{_CALLED[name]}. " for name in names if name in _CALLED)
-    note += "A bias below zero: the simulation lies above the log."
-    if any(account.open_circuit for account in accounts):
-        note += " In open circuit torque and Idc are not compared."
-    if any(account.cycles < account.total for account in accounts):
-        note += " Of a long log the first complete cycles are compared."
+    notes = (
+        *(f"{_CALLED[name]}." for name in names if name in _CALLED),
+        "A bias below zero: the simulation lies above the log.",
+        "In open circuit torque and Idc are not compared." if any(a.open_circuit for a in accounts) else "",
+        "Of a long log the first complete cycles are compared." if any(a.cycles < a.total for a in accounts) else "",
+    )
     return make_table(
         "differences",
         f"{_words(accounts[0].word).table} − simulated over the payouts: mean (bias) and root mean square (rms).",
@@ -395,7 +392,7 @@ def _differences_table(
             )
             for first, a in zip(firsts, accounts, strict=True)
         ],
-        note=note,
+        note=" ".join(filter(None, notes)),
     )
 
 

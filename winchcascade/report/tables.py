@@ -263,24 +263,23 @@ def _phases_table(
 
 def bins_table(reduction: Reduction) -> Table | None:
     """Mean powers in bins of generator speed; None where that speed is unknown."""
-    columns: list[TableColumn[Bin]] = [
-        TableColumn(
-            "Generator speed", "rpm", text=True, of=lambda b: f"{number(b.rpm_low, 0)} to {number(b.rpm_high, 0)}"
-        ),
-        TableColumn("Samples", of=lambda b: b.count),
-    ]
-    for stage in (s for s in reduction.rig.cascade.names if any(b.power.get(s) is not None for b in reduction.bins)):
-        columns += _power_columns(stage)
+    stages = [s for s in reduction.rig.cascade.names if any(b.power.get(s) is not None for b in reduction.bins)]
     shown = reduction.bins[:: max(1, -(-len(reduction.bins) // (row_limit(MOST_BINS) or len(reduction.bins) or 1)))]
     return ItemTable[Bin](
         "bins",
         f"Mean powers of the {span_word(reduction)}s in bins of generator speed, with the standard error of their samples.",
-        columns,
+        [
+            TableColumn(
+                "Generator speed", "rpm", text=True, of=lambda b: f"{number(b.rpm_low, 0)} to {number(b.rpm_high, 0)}"
+            ),
+            TableColumn("Samples", of=lambda b: b.count),
+            *(column for stage in stages for column in _power_columns(stage)),
+        ],
         note=(
             "" if len(shown) == len(reduction.bins) else f"{len(shown)} of {len(reduction.bins)} bins, evenly chosen. "
         )
         + "The standard error takes samples as independent, which smooth motion makes too small.",
-    ).of(shown if len(columns) > 2 else ())
+    ).of(shown if stages else ())
 
 
 def _power_columns(stage: str) -> list[TableColumn[Bin]]:

@@ -16,6 +16,7 @@ from winchcascade.report.text_table import (
     at_most,
     data_lines,
     headed,
+    joined,
     listing,
     metric_steps,
     plain_cell,
@@ -83,7 +84,7 @@ def reduction_text(reduction: Reduction) -> str:
         )
         for finding in quality
     ]
-    return "\n".join([*lines, *at_most(blocks, _MOST_FINDINGS, "more, all in --json", "  ")]) + "\n"
+    return joined([*lines, *at_most(blocks, _MOST_FINDINGS, "more, all in --json", "  ")])
 
 
 _CYCLE: TableColumn[CycleResult] = TableColumn("cycle", of=label)
@@ -214,9 +215,9 @@ def _title(reduction: Reduction) -> list[str]:
 
 def _load(reduction: Reduction) -> str:
     run = reduction.run
-    if run.load is None:
-        return "load unknown" if "vdc" in run.channels else ""
-    return f"{load_words(run.load, 'ohm', before='load ')} ({one_line(run.load_source)})"
+    unknown = "load unknown" if "vdc" in run.channels else ""
+    known = f"{load_words(run.load, 'ohm', before='load ')} ({one_line(run.load_source)})"
+    return unknown if run.load is None else known
 
 
 def _duration(run: Run) -> str:
@@ -248,23 +249,20 @@ def simulation_text(simulation: Simulation) -> str:
     run, shares = simulation.run, energy_shares(simulation)
     line = dict(shares).get("line", 0.0)
     load = load_words(run.load, "ohm", before="load ")
-    return (
-        "\n".join(
-            [
-                *wrapped(f"{run.name}: simulated at {load}, {run.samples} samples, {_duration(run)}", piped=None),
-                *wrapped(f"energies: {energy_span(simulation)}; share: of the energy of the line"),
-                "",
-                *table_lines(
-                    [
-                        ("energy", "J", "share", "what it is"),
-                        *((n, f"{e:.0f}", f"{e / line:.1%}" if line else "-", LEDGER_WORDS[n]) for n, e in shares),
-                    ],
-                    left=(0, 3),
-                    omit=("what it is",),
-                ),
-            ]
-        )
-        + "\n"
+    return joined(
+        [
+            *wrapped(f"{run.name}: simulated at {load}, {run.samples} samples, {_duration(run)}", piped=None),
+            *wrapped(f"energies: {energy_span(simulation)}; share: of the energy of the line"),
+            "",
+            *table_lines(
+                [
+                    ("energy", "J", "share", "what it is"),
+                    *((n, f"{e:.0f}", f"{e / line:.1%}" if line else "-", LEDGER_WORDS[n]) for n, e in shares),
+                ],
+                left=(0, 3),
+                omit=("what it is",),
+            ),
+        ]
     )
 
 

@@ -179,6 +179,11 @@ def wrapped(text: str, indent: str = "", piped: int | None = PIPED) -> list[str]
     return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
 
 
+def joined(lines: Iterable[str]) -> str:
+    """Lines as a text, each with its end."""
+    return "".join(f"{line}\n" for line in lines)
+
+
 def paragraphs(texts: Iterable[str], indent: str = "") -> list[str]:
     """Sentences, each in lines that fit into the terminal."""
     return [line for text in texts for line in wrapped(text, indent)]

@@ -283,18 +283,10 @@ def readout(reduction: Reduction, powers: Mapping[str, Signal]) -> str:
     whole = run.t.size <= READ_OUT
     rows = []
     for title, unit, x, factor, sources in shown:
-        row: dict[str, object] = {"name": title, "unit": unit}
-        if whole:
-            row["x"] = _short(x * factor)
-        else:
-            row |= {
-                "low": _short(np.minimum.reduceat(x, starts) * factor),
-                "high": _short(np.maximum.reduceat(x, starts) * factor),
-            }
-        repaired = repaired_spans(run, sources)
-        if repaired:
-            row["repaired"] = [[round(edge - zero, 3) for edge in span] for span in repaired]
-        rows.append(row)
+        ends = {} if whole else {"low": np.minimum.reduceat(x, starts), "high": np.maximum.reduceat(x, starts)}
+        values = {name: _short(part * factor) for name, part in (ends or {"x": x}).items()}
+        repaired = [[round(edge - zero, 3) for edge in span] for span in repaired_spans(run, sources)]
+        rows.append({"name": title, "unit": unit, **values, **({"repaired": repaired} if repaired else {})})
     last = end_of(cycles[-1]) if cycles else 0.0
     spans = [(f"{name} of cycle {number}", a, b) for name, number, a, b in phase_spans(reduction)]
     page = {

@@ -14,7 +14,7 @@ from winchcascade.reduction.wave_bootstrap import DRAWS, FEWEST, SEED, EnergyErr
 from winchcascade.reduction.wave_energies import WaveClass, WaveEnergies
 from winchcascade.report.digits import NumberText, interval_text, significant
 from winchcascade.report.report_model import ItemTable, Limit, Table, TableColumn
-from winchcascade.report.text_table import indented, listing, metric_steps, plain_cell, wrapped
+from winchcascade.report.text_table import indented, listing, metric_steps, paragraphs, plain_cell, wrapped
 from winchcascade.report.wording import SYMBOL
 
 MOST_CLASSES = 40
@@ -30,7 +30,7 @@ def wave_lines(found: WaveEnergies) -> list[str]:
         power = found.power.get(stage, RatioOfSums(watt))
         interval = _interval(power, lambda low, high, u: f"{interval_text(low, high, u)} W", _unknown(found, (stage,)))
         lines += indented(f"P_{stage} {significant(watt, 4)} W, mean of the record{interval}")
-    lines += [line for name, eta in found.efficiency.items() for line in indented(f"{name} {_ratio(found, name, eta)}")]
+    lines += paragraphs((f"{name} {_ratio(found, name, eta)}" for name, eta in found.efficiency.items()), "  ")
     columns: list[TableColumn[WaveClass]] = [
         TableColumn("payout", unit, text=True, of=lambda c: _range(c.payout)),
         TableColumn("period", "s", text=True, of=lambda c: _range(c.period)),
